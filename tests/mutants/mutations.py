@@ -199,10 +199,15 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "fitting/causes/evidence.py": (
         "tests/fitting/test_evidence.py tests/stages/test_gain.py",
         (
-            ("logs.std(ddof=1) / np.sqrt(len(logs))", "logs.std(ddof=1)"),
-            ("0.5 * np.log(np.maximum(self.before", "np.log(np.maximum(self.before"),
             ("return gain - rank * float(np.log(rows))", "return gain - float(np.log(rows))"),
             ("return gain - rank * float(np.log(rows))", "return gain - 2 * rank"),
+        ),
+    ),
+    "fitting/causes/left_out_folds.py": (
+        "tests/fitting/test_evidence.py tests/stages/test_gain.py",
+        (
+            ("logs.std(ddof=1) / np.sqrt(len(logs))", "logs.std(ddof=1)"),
+            ("0.5 * np.log(np.maximum(self.before", "np.log(np.maximum(self.before"),
         ),
     ),
     "fitting/tables/allan_terms.py": (

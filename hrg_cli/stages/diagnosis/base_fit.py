@@ -11,8 +11,8 @@ import numpy as np
 
 from ...errors import HrgError
 from ...fitting.causes import extended_fit
-from ...fitting.causes.extended import Point
 from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.fit_point import Point
 from ...records import Wave
 from .data import freedom_of, is_averaged_well, prepare
 from .drive_log import blind_to_lateness, fit_lateness

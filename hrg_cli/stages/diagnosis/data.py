@@ -11,8 +11,9 @@ import numpy as np
 
 from ...effects.effect import branch, frame
 from ...errors import HrgError
-from ...fitting.causes.extended import MeasuredRuns, Point
-from ...fitting.causes.extended_fit import CoordinatePriors
+from ...fitting.causes.coordinate_priors import CoordinatePriors
+from ...fitting.causes.fit_point import Point
+from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.envelopes import envelope_runs, propagator
 from ...fitting.envelopes.base_fit import (
     Known,

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...effects.effect import frame
-from ...fitting.causes import extended_fit
-from ...fitting.causes.extended import RungeKuttaStage, generators, times
+from ...fitting.causes import whitened_rows
 from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.slow_equation import RungeKuttaStage, generators, times
 from ...fitting.causes.wave_frame import real
 from .drive_scatter import has_log, soften
 
@@ -46,7 +46,7 @@ class Ripple:
     def of(cls, fit: ExtendedFit) -> Ripple:
         """Beside a fit, from its residual; without a quadrature loop nothing is seen, and nothing
         answers."""
-        doings = extended_fit.flatten_rows(fit.series, _doings(fit))
+        doings = whitened_rows.flatten_rows(fit.series, _doings(fit))
         nulled = bool(fit.series.quadrature_drive.any())
         return cls(doings, ANY_PHASE * _seen(fit, doings) if nulled else 0.0)
 

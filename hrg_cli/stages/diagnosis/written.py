@@ -17,11 +17,12 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import HrgError
-from ...fitting.causes import evidence
-from ...fitting.causes.extended import jump_times
-from ...fitting.causes.extended_fit import ExtendedFit, flatten_rows
+from ...fitting.causes import designs
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.layout import OWN
+from ...fitting.causes.slow_equation import jump_times
 from ...fitting.causes.wave_frame import real
+from ...fitting.causes.whitened_rows import flatten_rows
 from ...fitting.envelopes.envelope_runs import envelopes_of
 from ...fitting.samples.demodulator import MOVING_PERIODS
 from ...records import Wave, collect
@@ -196,7 +197,7 @@ def hold_written(
         own = (
             fit.design.own[k][2].reshape(-1, 4, OWN)[inside[series.weight[k] > 0]].reshape(-1, OWN)
         )
-        change[k] = evidence.solve(own, (real(said - u) * weight).ravel())[0]
+        change[k] = designs.solve(own, (real(said - u) * weight).ravel())[0]
     # what nobody knows of the runs (the way through a step of the rate) counts neither for the fit
     # nor for the file
     figures = [
