@@ -19,12 +19,27 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from . import fast_loop
 from .coefficients import Coefficients, analytic, state_of, velocity
 from .electronics import Electronics, board
+from .loop_values import (
+    AXIS_COS,
+    AXIS_SIN,
+    MEMORY,
+    PX,
+    PY,
+    Forces,
+    Gains,
+    Loops,
+    Motion,
+    Rows,
+    X,
+    Y,
+)
 from .noise import Noise
 from .noise_source import NoiseSource
 from .plant import POLYNOMIAL, Block, Control, Environment, Plant, Samples
@@ -58,132 +73,170 @@ def run(
     electrical angle mθ near which the loops take the wave's at first; (mθ, φ) and (mθ + π, φ + π)
     are one wave, but a parasitic force is coherent with φ.
     """
-    mechanics = plant.mechanics
-    omega = mechanics.omega_rad_s
-    nonlinear = bool(np.any(plant.polynomial)) or plant.extra is not None
-    steps_a_period = (
-        _STEPS_A_PERIOD_NONLINEAR if nonlinear else _STEPS_A_PERIOD if control.forced else 0.0
-    )
-    substeps = max(1, math.ceil(steps_a_period * mechanics.frequency_hz * step_s))
-    h = step_s / substeps
-    table = Coefficients(environment, plant)
-    memory = np.zeros(12)
-    z0, w0 = state_of(table, np.zeros(1), start[None], omega)
-    n0 = table.damping(np.zeros(1))[0]
-    memory[0:2] = z0[0]
-    memory[2:4] = (table.omega(np.zeros(1))[0] * w0[0] - n0 @ z0[0]) / omega
-    memory[6:8] = math.cos(start_angle_rad), math.sin(start_angle_rad)
-    knot_stride = table.knot_stride(h)
-    advance = fast_loop.compiled(plant.extra)
-    gains = np.array(
-        [
-            control.main_amplitude,
-            mechanics.damping_rate_1_s * control.main_amplitude,
-            control.amplitude_gain_1_s,
-            control.amplitude_integral_1_s2,
-            control.quadrature_gain_1_s,
-            control.quadrature_integral_1_s2,
-            math.cos(control.main_phase_error_rad),
-            math.sin(control.main_phase_error_rad),
-            math.cos(control.quadrature_phase_error_rad),
-            math.sin(control.quadrature_phase_error_rad),
-        ]
-    )
-    drive_kind, loop_kind = (
-        ("force", "parametric").index(control.drive),
-        ("off", "finite", "spring").index(control.quadrature_loop),
-    )
-    kinds = np.array([int(control.forced), drive_kind, loop_kind])
-    drive_matrix = np.asarray(control.drive_matrix, complex)
-    parasitic = np.asarray(control.parasitic_force, complex)
-    off = np.asarray(control.on_off, float).reshape(-1, 2)
-    off = off[np.argsort(off[:, 0], kind="stable")] if len(off) else off
-    polynomial = np.asarray(plant.polynomial, float)
-    assert len(polynomial) == len(POLYNOMIAL)
-    e_A = np.array([math.cos(start_angle_rad), math.sin(start_angle_rad)])
-    source = NoiseSource(
-        noise or Noise(),
-        mechanics,
-        h,
-        substeps,
-        count * substeps,
-        random or np.random.default_rng(),
-        electronics is not None,
-    )
-    desk = board(
-        electronics,
-        control,
-        mechanics,
-        h,
-        float(np.angle(e_A @ start)),
-        start_angle_rad,
-        source.electronic,
-    )
+    engine = _Engine(
+        environment, plant, control, start, step_s, count, start_angle_rad, electronics,
+        noise or Noise(), random or np.random.default_rng(),
+    )  # fmt: skip
+    knocks = _knocks(plant, step_s)
+    for first in range(0, count, CHUNK):
+        yield engine.block(first, engine.samples(first, min(CHUNK, count - first), knocks))
 
-    def samples(first: int, n: int) -> tuple[Array, ...]:
-        """Displacement, velocity, drive, command and read-out noise (2, n) of the next n
-        samples."""
-        knots = table.knots(first * substeps, n * substeps, h, knot_stride)
-        propagators, local = table.propagators(knots, h, omega)
-        rows = fast_loop.Rows(
-            np.empty((2, n)),
-            np.empty((2, n)),
-            np.zeros((2, n), complex),
-            np.zeros((2, n)),
-            np.zeros((2, n)),
+
+class _Knock(NamedTuple):
+    """A jump of the velocity (2,) between two samples; `felt`: samples done when it is."""
+
+    felt: int
+    time_s: float
+    change: Array
+
+
+def _knocks(plant: Plant, step_s: float) -> list[_Knock]:
+    """The plant's knocks in the order of time."""
+    found = [
+        _Knock(math.floor(at / step_s) + 1, at, change) for at, change in plant.kicks if at >= 0
+    ]
+    return sorted(found, key=lambda knock: knock.time_s)
+
+
+class _Engine:
+    """One run: its plant in its environment, its control, and what goes on from one block of samples
+    to the next (state, board, noise)."""
+
+    def __init__(
+        self, environment: Environment, plant: Plant, control: Control, start: Array, step_s: float,
+        count: int, start_angle_rad: float, electronics: Electronics | None, noise: Noise,
+        random: np.random.Generator,
+    ) -> None:  # fmt: skip
+        mechanics = plant.mechanics
+        self.omega, self.step_s = mechanics.omega_rad_s, step_s
+        self.control, self.loops = control, _loops(control, mechanics.damping_rate_1_s)
+        self.nonlinear = bool(np.any(plant.polynomial)) or plant.extra is not None
+        self.polynomial = np.asarray(plant.polynomial, float)
+        assert len(self.polynomial) == len(POLYNOMIAL)
+
+        self.substeps = _substeps(self.nonlinear, control.forced, mechanics.frequency_hz * step_s)
+        self.h = step_s / self.substeps
+        self.table = Coefficients(environment, plant)
+        self.stride = self.table.knot_stride(self.h)
+        self.advance = fast_loop.compiled(plant.extra)
+
+        e_A = np.array([math.cos(start_angle_rad), math.sin(start_angle_rad)])
+        self.memory = self._memory(start, e_A)
+        self.source = NoiseSource(
+            noise,
+            mechanics,
+            self.h,
+            self.substeps,
+            count * self.substeps,
+            random,
+            electronics is not None,
         )
-        motion = fast_loop.Motion(
-            first * substeps, n, substeps, h, omega, knots - first * substeps, propagators, local
+        self.board = board(
+            electronics, control, mechanics, self.h, float(np.angle(e_A @ start)), start_angle_rad,
+            self.source.electronic,
+        )  # fmt: skip
+
+    def _memory(self, start: Array, e_A: Array) -> Array:
+        """The loop's memory at t = 0, for envelopes (2,) and the side of e_A (2,)."""
+        begin = np.zeros(1)
+        z0, w0 = state_of(self.table, begin, start[None], self.omega)
+        N = self.table.damping(begin)[0]
+        memory = np.zeros(MEMORY)
+        memory[X : Y + 1] = z0[0]
+        memory[PX : PY + 1] = (self.table.omega(begin)[0] * w0[0] - N @ z0[0]) / self.omega
+        memory[AXIS_COS], memory[AXIS_SIN] = e_A
+        return memory
+
+    def samples(self, first: int, n: int, knocks: list[_Knock]) -> Rows:
+        """The next n samples; the knocks felt among them are taken off the list."""
+        parts, done = [], first
+        while knocks and knocks[0].felt <= first + n:
+            knock = knocks.pop(0)
+            if knock.felt > done:
+                parts.append(self._between_knocks(done, knock.felt - done))
+                done = knock.felt
+            self.memory[X : PY + 1] += _carried(
+                self.table, knock.time_s, knock.felt * self.step_s, knock.change, self.omega
+            )
+        if done < first + n:
+            parts.append(self._between_knocks(done, first + n - done))
+        if len(parts) == 1:
+            return parts[0]
+        return Rows(*(np.concatenate(rows, axis=1) for rows in zip(*parts, strict=True)))
+
+    def _between_knocks(self, first: int, n: int) -> Rows:
+        """The next n samples by the compiled loop."""
+        step, steps = first * self.substeps, n * self.substeps
+        knots = self.table.knots(step, steps, self.h, self.stride)
+        propagators, local = self.table.propagators(knots, self.h, self.omega)
+        rows = Rows(
+            z=np.empty((2, n)),
+            v=np.empty((2, n)),
+            drive=np.zeros((2, n), complex),
+            command=np.zeros((2, n)),
+            noise=np.zeros((2, n)),
         )
-        forces = fast_loop.Forces(polynomial, nonlinear, *source.kicks(n * substeps))
-        commanded = control.logged((first * substeps + np.arange(n * substeps)) * h)
-        loops = fast_loop.Loops(kinds, gains, drive_matrix, parasitic, off, commanded)
-        advance(
-            memory,
-            motion,
-            forces,
-            loops,
-            desk,
-            source.electronics(first * substeps, n * substeps),
+        commanded = self.control.logged((step + np.arange(steps)) * self.h)
+        self.advance(
+            self.memory,
+            Motion(step, n, self.substeps, self.h, self.omega, knots - step, propagators, local),
+            Forces(self.polynomial, self.nonlinear, *self.source.kicks(steps)),
+            self.loops._replace(commanded=commanded),
+            self.board,
+            self.source.electronics(step, steps),
             rows,
         )
-        return rows.z, rows.v, rows.drive, rows.command, rows.noise
+        return rows
 
-    # (samples done when the knock is felt, its state there), in time order
-    knocks = sorted(
-        ((math.floor(at / step_s) + 1, at, change) for at, change in plant.kicks if at >= 0),
-        key=lambda knock: knock[1],
-    )
-    for first in range(0, count, CHUNK):
-        n = min(CHUNK, count - first)
-        parts, done = [], first
-        while knocks and knocks[0][0] <= first + n:
-            after, instant, change = knocks.pop(0)
-            if after > done:
-                parts.append(samples(done, after - done))
-                done = after
-            memory[:4] += _carried(table, instant, after * step_s, change, omega)
-        if done < first + n:
-            parts.append(samples(done, first + n - done))
-        z, v, drive, command, noisy = (
-            parts[0]
-            if len(parts) == 1
-            else (np.concatenate(rows, axis=1) for rows in zip(*parts, strict=True))
-        )
-        del parts
-        t = np.arange(first, first + n) * step_s
-        seen = noisy if source.readout else None
-        samples_of = Samples(
+    def block(self, first: int, rows: Rows) -> Block:
+        """The rows with their times and environment; velocity and envelopes are made when asked
+        for."""
+        t = np.arange(first, first + rows.z.shape[1]) * self.step_s
+        of_state = self.table, t, rows.z, rows.v, self.omega
+        samples = Samples(
             t,
-            z,
-            v,
-            drive,
-            table.temperature(t),
-            table.rate(t),
-            functools.partial(_velocity, table, t, z, v, omega),
-            seen,
+            rows.z,
+            rows.v,
+            rows.drive,
+            self.table.temperature(t),
+            self.table.rate(t),
+            functools.partial(_velocity, *of_state),
+            rows.noise if self.source.readout else None,
         )
-        yield Block(samples_of, command, functools.partial(_envelopes, table, t, z, v, omega))
+        return Block(samples, rows.command, functools.partial(_envelopes, *of_state))
+
+
+def _substeps(nonlinear: bool, forced: bool, periods_a_sample: float) -> int:
+    """Steps a sample, so many that the kicks' harmonics stay apart."""
+    a_period = _STEPS_A_PERIOD_NONLINEAR if nonlinear else _STEPS_A_PERIOD if forced else 0.0
+    return max(1, math.ceil(a_period * periods_a_sample))
+
+
+def _loops(control: Control, damping_rate_1_s: float) -> Loops:
+    """The control as the loop takes it, without a log's rows."""
+    off = np.asarray(control.on_off, float).reshape(-1, 2)
+    gains = Gains(
+        amplitude=float(control.main_amplitude),
+        feed_forward=float(damping_rate_1_s * control.main_amplitude),
+        amplitude_gain_1_s=float(control.amplitude_gain_1_s),
+        amplitude_integral_1_s2=float(control.amplitude_integral_1_s2),
+        quadrature_gain_1_s=float(control.quadrature_gain_1_s),
+        quadrature_integral_1_s2=float(control.quadrature_integral_1_s2),
+        main_cos=math.cos(control.main_phase_error_rad),
+        main_sin=math.sin(control.main_phase_error_rad),
+        quadrature_cos=math.cos(control.quadrature_phase_error_rad),
+        quadrature_sin=math.sin(control.quadrature_phase_error_rad),
+    )
+    return Loops(
+        forced=control.forced,
+        parametric=control.drive == "parametric",
+        quadrature_loop=("off", "finite", "spring").index(control.quadrature_loop),
+        gains=gains,
+        drive_matrix=np.asarray(control.drive_matrix, complex),
+        parasitic=np.asarray(control.parasitic_force, complex),
+        off=off[np.argsort(off[:, 0], kind="stable")],
+        commanded=np.zeros((0, 2)),
+    )
 
 
 def _velocity(table: Coefficients, t: Array, z: Array, v: Array, omega: float) -> Array:

@@ -6,12 +6,52 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from types import FunctionType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from .electronics import Board, look, passed, rounded, turn_oscillator
+from .board_reading import (
+    demodulate_window,
+    follow_axis,
+    look,
+    passed,
+    read,
+    regulate_on_board,
+    rounded,
+    take_commands,
+    turn_oscillator,
+)
+from .compilation import bound, compile_all
+from .electronics import LOOPS_ON_BOARD, OSCILLATOR_COS, OSCILLATOR_SIN, SILENT, Board
+from .loop_forces import (
+    command_ideally,
+    command_of_board,
+    make_force,
+    pull_of_spring,
+    reach_mode,
+    regulate,
+    see_envelopes,
+    stokes_of,
+)
+from .loop_values import (
+    DAMPING,
+    FORCE_X_COS,
+    FORCE_X_SIN,
+    FORCE_Y_COS,
+    FORCE_Y_SIN,
+    LOOP_SPRING,
+    OMEGA,
+    PX,
+    PY,
+    TURNING,
+    Disturbance,
+    Forces,
+    Loops,
+    Motion,
+    Rows,
+    X,
+    Y,
+)
 from .plant import Acceleration
 
 Array = np.ndarray
@@ -22,76 +62,6 @@ def _no_extra(_t: float, _x: float, _y: float, _vx: float, _vy: float) -> tuple[
 
 
 _extra: Any = _no_extra
-
-
-class Motion(NamedTuple):
-    """Steps to make and the linear motion over them: knots (step numbers), exact propagators and
-    what the loops need there."""
-
-    first: int
-    """Number of the first step since t = 0."""
-    samples: int
-    substeps: int
-    """Steps a sample."""
-    h: float
-    """Length of a step."""
-    scale: float
-    """ω by which the momentum is divided."""
-    knots: Array
-    propagators: Array
-    local: Array
-
-
-class Forces(NamedTuple):
-    """Kicks that no loop makes: polynomial terms (9,), whether these or a further acceleration act,
-    and random ones a step (n, 2).
-
-    `thermal` act always, `rough` (of the drive's electronics) while the drive is on; changes of the
-    momentum over `scale`, empty for none.
-    """
-
-    polynomial: Array
-    nonlinear: bool
-    thermal: Array
-    rough: Array
-
-
-class Loops(NamedTuple):
-    """The control: kinds (driven, drive, quadrature loop), gains (10,), drive matrix, parasitic
-    force, intervals without drive, and a_ΦA, a_ΦB a step (n, 2) where a log is replayed, else
-    empty."""
-
-    kinds: Array
-    gains: Array
-    drive_matrix: Array
-    parasitic: Array
-    off: Array
-    commanded: Array
-
-
-class Disturbance(NamedTuple):
-    """Electronic noise over the same steps: white (n, 2), and knots of 1/f envelopes (k, 8) with
-    their stride and first step.
-
-    Columns of the knots: read-out C, S in phase and in quadrature, then the drive's likewise.
-    Without noise the arrays are empty.
-    """
-
-    white: Array
-    knots: Array
-    stride: int
-    first: int
-
-
-class Rows(NamedTuple):
-    """What is kept of every sample: displacement, velocity over ω, force, command, read-out noise,
-    (2, n) each."""
-
-    z: Array
-    v: Array
-    drive: Array
-    command: Array
-    noise: Array
 
 
 def _disturbed(
@@ -139,6 +109,41 @@ def _acceleration(
     ] * qb, ay + along_z * y + along_v * vy - c[7] * qb + c[8] * qa
 
 
+def _accelerate(
+    t: float, x: float, y: float, px: float, py: float, turning: float, h: float, polynomial: Array
+) -> tuple[float, float]:
+    """Acceleration by what is not linear in the middle of a kick of length h: at the velocity p + KΩJz
+    half a kick later."""
+    vx, vy = px + turning * y, py - turning * x
+    ax, ay = _acceleration(t, x, y, vx, vy, polynomial)
+    return _acceleration(t, x, y, vx + 0.5 * h * ax, vy + 0.5 * h * ay, polynomial)
+
+
+def _find_knot(i: int, knot: int, knots: Array) -> int:
+    """The knot before step i, from an earlier one."""
+    while knot + 2 < len(knots) and i >= knots[knot + 1]:
+        knot += 1
+    return knot
+
+
+def _interpolate(knot: int, f: float, table: Array, out: Array) -> None:
+    """The coefficients (k,) a part f of the way from a knot's to the next one's, of a table
+    (m, k)."""
+    for k in range(len(out)):
+        out[k] = table[knot, k] + f * (table[knot + 1, k] - table[knot, k])
+
+
+def _velocity(
+    x: float, y: float, px: float, py: float, held: tuple[float, float], local: Array
+) -> tuple[float, float]:
+    """Velocity over ω from the momentum in amplitudes a second, less `held`, what of it is the
+    sampled force's."""
+    d, omega = DAMPING, local[OMEGA]
+    vx = px + local[d] * x + local[d + 1] * y - held[0]
+    vy = py + local[d + 2] * x + local[d + 3] * y - held[1]
+    return vx / omega, vy / omega
+
+
 def advance(
     memory: Array,
     motion: Motion,
@@ -148,202 +153,130 @@ def advance(
     disturbance: Disturbance,
     rows: Rows,
 ) -> None:
-    """The samples of `motion`; `memory`: x, y, p_x, p_y (over scale), two loop integrals, the last
-    e_A and force."""
-    first, n, substeps, h, scale = (
-        motion.first,
-        motion.samples,
-        motion.substeps,
-        motion.h,
-        motion.scale,
-    )
-    knots, propagators, local = motion.knots, motion.propagators, motion.local
-    polynomial, nonlinear, thermal = forces.polynomial, forces.nonlinear, forces.thermal
-    kinds, gains, drive_matrix, parasitic, off, commanded = (
-        loops.kinds,
-        loops.gains,
-        loops.drive_matrix,
-        loops.parasitic,
-        loops.off,
-        loops.commanded,
-    )
-    replayed = len(commanded) > 0
-    z, v, drive, command = rows.z, rows.v, rows.drive, rows.command
-    brownian, rough = len(thermal) > 0, len(forces.rough) > 0
-    settings, state = board.settings, board.state
-    x, y, px, py = memory[0], memory[1], memory[2], memory[3]
-    gx, gy = memory[8] + 1j * memory[9], memory[10] + 1j * memory[11]
-    moving = len(knots) > 1
-    P = propagators[0].copy()
-    q = local[0].copy()
-    at, gap = 0, 0
-    forced = kinds[0] == 1
-    for i in range(n * substeps):
+    """The samples of `motion` into `rows`; `memory` (MEMORY,) goes on from the block before."""
+    # Fields of a tuple are taken once: in the loop each would be counted as a reference.
+    first, substeps, h, scale = motion.first, motion.substeps, motion.h, motion.scale
+    knots, table = motion.knots, motion.local
+    exact = motion.propagators.reshape(len(knots), 16)
+    polynomial, thermal, rough = forces.polynomial, forces.thermal, forces.rough
+    gains, off, kind, commanded = loops.gains, loops.off, loops.quadrature_loop, loops.commanded
+    drive_matrix, parasitic = loops.drive_matrix, loops.parasitic
+    settings, state, waiting = board.settings, board.state, board.waiting
+    z, v, drive, command_rows, noise = rows.z, rows.v, rows.drive, rows.command, rows.noise
+
+    x, y, px, py = memory[X], memory[Y], memory[PX], memory[PY]
+    gx = memory[FORCE_X_COS] + 1j * memory[FORCE_X_SIN]
+    gy = memory[FORCE_Y_COS] + 1j * memory[FORCE_Y_SIN]
+    step, local = exact[0].copy(), table[0].copy()
+    P = step.reshape(4, 4)
+    knot, gap = 0, 0
+    for i in range(motion.samples * substeps):
         t = (first + i) * h
-        if moving:
-            while at + 2 < len(knots) and i >= knots[at + 1]:
-                at += 1
-            f = (i - knots[at]) / (knots[at + 1] - knots[at])
-            for a in range(4):
-                for b in range(4):
-                    P[a, b] = propagators[at, a, b] + f * (
-                        propagators[at + 1, a, b] - propagators[at, a, b]
-                    )
-            for a in range(len(q)):
-                q[a] = local[at, a] + f * (local[at + 1, a] - local[at, a])
-        omega = q[0]
+        if len(knots) > 1:
+            knot = _find_knot(i, knot, knots)
+            f = (i - knots[knot]) / (knots[knot + 1] - knots[knot])
+            _interpolate(knot, f, exact, step)
+            _interpolate(knot, f, table, local)
+        omega = local[OMEGA]
+
         ax, ay = 0.0, 0.0
-        if nonlinear:
-            vx, vy = scale * px + q[5] * y, scale * py - q[5] * x
-            ax, ay = _acceleration(t, x, y, vx, vy, polynomial)
-            ax, ay = _acceleration(t, x, y, vx + 0.5 * h * ax, vy + 0.5 * h * ay, polynomial)
-        fx, fy, hx, hy = 0j, 0j, 0j, 0j
-        sampled = 0.0
-        main, quadrature = 0.0, 0.0
-        noise_x, noise_y, rough_x, rough_y, on = 0.0, 0.0, 0j, 0j, False
-        if board.kind > 0:
-            noise_x, noise_y, rough_x, rough_y = _disturbed(i, disturbance, state[0], state[1])
-        if forced:
+        if forces.nonlinear:
+            ax, ay = _accelerate(t, x, y, scale * px, scale * py, local[TURNING], h, polynomial)
+
+        noise_x, noise_y, rough_x, rough_y = 0.0, 0.0, 0j, 0j
+        if board.kind != SILENT:
+            noise_x, noise_y, rough_x, rough_y = _disturbed(
+                i, disturbance, state[OSCILLATOR_COS], state[OSCILLATOR_SIN]
+            )
+
+        on = False
+        if loops.forced:
             while gap < len(off) and t >= off[gap, 1]:
                 gap += 1
             on = not (gap < len(off) and t >= off[gap, 0])
-            if board.kind == 2:
+            if board.kind == LOOPS_ON_BOARD:
                 look(
                     first + i,
                     x + noise_x,
                     y + noise_y,
                     h,
                     on,
-                    kinds,
+                    kind,
                     gains,
                     settings,
                     state,
-                    board.waiting,
+                    waiting,
                 )
-            if on:
-                # The loops look at the middle of the kick, as expected from the last one. There the
-                # momentum holds the force's part of u' too, by a factor that sampling makes ωh·cot
-                # ωh; left inside, it would ripple at 2ω through the gains.
-                angle = omega * h
-                sampled = angle / math.tan(angle)
-                step = math.cos(angle) + 1j * math.sin(angle)
-                gx, gy = gx * step, gy * step
-                ex = scale * px - angle * gx.imag - sampled * gx.real - q[10] * x - q[11] * y
-                ey = scale * py - angle * gy.imag - sampled * gy.real - q[12] * x - q[13] * y
-                # not p/ω: of a split resonator that would ripple at 2ω, too
-                wx, wy = q[6] * ex + q[7] * ey, q[8] * ex + q[9] * ey
-                ux, uy = x - 1j * wx, y - 1j * wy
-                s0, s1 = x * x + wx * wx + y * y + wy * wy, x * x + wx * wx - y * y - wy * wy
-                s2, s3 = 2 * (x * y + wx * wy), 2 * (x * wy - wx * y)
-                s12 = math.sqrt(s1 * s1 + s2 * s2)
-                a_A = math.sqrt((s0 + s12) / 2)
-                if board.kind == 2:
-                    main, quadrature = state[22], state[23]
-                    cos, sin, spring = state[24], state[25], state[26]
-                    turn = state[0] + 1j * state[1]
-                    late = gains[6] - 1j * gains[7]
-                    acting = settings[12] if settings[1] == 0 or state[12] == 1 else 0.0
-                    if kinds[1] == 0:
-                        fx, fy = turn * late * main * cos, turn * late * main * sin
-                    else:
-                        pump = turn * turn * late * (main / state[28])
-                        fx, fy = pump * ux.conjugate(), pump * uy.conjugate()
-                    if kinds[2] == 1:
-                        side = -1j * turn * (gains[8] - 1j * gains[9]) * quadrature
-                        fx -= side * sin
-                        fy += side * cos
-                    elif kinds[2] == 2:
-                        c2, s2e = cos * cos - sin * sin, 2 * cos * sin
-                        ax -= 2 * omega * spring * (-s2e * x + c2 * y)
-                        ay -= 2 * omega * spring * (c2 * x + s2e * y)
-                    hx = (drive_matrix[0, 0] * fx + drive_matrix[0, 1] * fy) * acting + (
-                        parasitic[0] + rough_x
-                    ) * turn
-                    hy = (drive_matrix[1, 0] * fx + drive_matrix[1, 1] * fy) * acting + (
-                        parasitic[1] + rough_y
-                    ) * turn
-                    ax -= 2 * omega * rounded(hx.imag, settings[10], settings[11])
-                    ay -= 2 * omega * rounded(hy.imag, settings[10], settings[11])
-                    hx, hy = hx * passed(abs(hx), settings[11]), hy * passed(abs(hy), settings[11])
-                elif a_A > 0.0 and s12 > 0.0:
-                    a_B = s3 / (2 * a_A)
-                    if s1 > 0:
-                        cos = math.sqrt((1 + s1 / s12) / 2)
-                        sin = s2 / s12 / (2 * cos)
-                    else:
-                        sin = math.sqrt((1 - s1 / s12) / 2)
-                        cos = s2 / s12 / (2 * sin)
-                    if cos * memory[6] + sin * memory[7] < 0:
-                        cos, sin = -cos, -sin
-                    memory[6], memory[7] = cos, sin
-                    turn = (cos * ux + sin * uy) / a_A
-                    if replayed:
-                        main, quadrature = commanded[i, 0], commanded[i, 1]
-                    else:
-                        error = gains[0] - a_A
-                        main = gains[1] + gains[2] * error + memory[4]
-                        memory[4] += gains[3] * error * h
-                        if kinds[2] == 1:
-                            quadrature = -gains[4] * a_B - memory[5]
-                            memory[5] += gains[5] * a_B * h
-                        elif kinds[2] == 2:
-                            quadrature = -gains[4] * a_B - memory[5] * a_A
-                            memory[5] += gains[5] * a_B / a_A * h
-                    if kinds[2] == 2:
-                        spring = -quadrature / a_A
-                        c2, s2e = s1 / s12, s2 / s12
-                        ax -= 2 * omega * spring * (-s2e * x + c2 * y)
-                        ay -= 2 * omega * spring * (c2 * x + s2e * y)
-                    late = gains[6] - 1j * gains[7]
-                    if kinds[1] == 0:
-                        fx, fy = turn * late * main * cos, turn * late * main * sin
-                    else:
-                        pump = turn * turn * late * (main / a_A)
-                        fx, fy = pump * ux.conjugate(), pump * uy.conjugate()
-                    if kinds[2] == 1:
-                        side = -1j * turn * (gains[8] - 1j * gains[9]) * quadrature
-                        fx -= side * sin
-                        fy += side * cos
-                    hx = (
-                        drive_matrix[0, 0] * fx
-                        + drive_matrix[0, 1] * fy
-                        + (parasitic[0] + rough_x) * turn
-                    )
-                    hy = (
-                        drive_matrix[1, 0] * fx
-                        + drive_matrix[1, 1] * fy
-                        + (parasitic[1] + rough_y) * turn
-                    )
-                    ax -= 2 * omega * hx.imag
-                    ay -= 2 * omega * hy.imag
+
+        fx, fy, hx, hy, main, quadrature, sampled = 0j, 0j, 0j, 0j, 0.0, 0.0, 0.0
+        if on:
+            # the loops look at the middle of the kick
+            angle = omega * h
+            sampled = angle / math.tan(angle)
+            ux, uy = see_envelopes(x, y, scale * px, scale * py, gx, gy, angle, sampled, local)
+            if board.kind == LOOPS_ON_BOARD:
+                command = command_of_board(state)
+            else:
+                command = command_ideally(i, ux, uy, h, kind, gains, commanded, memory)
+            main, quadrature = command.main, command.quadrature
+
+            fx, fy = make_force(command, ux, uy, loops.parametric, kind, gains)
+            hx, hy = reach_mode(
+                fx,
+                fy,
+                command.turn,
+                rough_x,
+                rough_y,
+                drive_matrix,
+                parasitic,
+                settings,
+                state,
+            )
+            if kind == LOOP_SPRING:
+                sx, sy = pull_of_spring(x, y, omega, command)
+                ax -= sx
+                ay -= sy
+            pull, push = hx.imag, hy.imag
+            if board.kind == LOOPS_ON_BOARD:
+                pull = rounded(pull, settings.drive_step, settings.drive_limit)
+                push = rounded(push, settings.drive_step, settings.drive_limit)
+                hx *= passed(abs(hx), settings.drive_limit)
+                hy *= passed(abs(hy), settings.drive_limit)
+            ax -= 2 * omega * pull
+            ay -= 2 * omega * push
         gx, gy = hx, hy
-        if first + i == 0:
+
+        # At t = 0 nothing was kicked yet: the kick there is half a one, and the momentum takes on
+        # what a force that has always acted would hold in it.
+        at_start = first + i == 0
+        if at_start:
             px += sampled * gx.real / scale
             py += sampled * gy.real / scale
         kick = h / scale
         if i % substeps == 0:
             m = i // substeps
-            mx, my = px + 0.5 * kick * ax, py + 0.5 * kick * ay
-            if first + i == 0:
-                mx, my = px, py
+            mx, my = px, py
+            if not at_start:
+                mx, my = px + 0.5 * kick * ax, py + 0.5 * kick * ay
+            held = (sampled * gx.real, sampled * gy.real)
             z[0, m], z[1, m] = x, y
-            v[0, m] = (scale * mx + q[1] * x + q[2] * y - sampled * gx.real) / omega
-            v[1, m] = (scale * my + q[3] * x + q[4] * y - sampled * gy.real) / omega
+            v[0, m], v[1, m] = _velocity(x, y, scale * mx, scale * my, held, local)
             drive[0, m], drive[1, m] = fx, fy
-            command[0, m], command[1, m] = main, quadrature
-        if first + i == 0:
+            command_rows[0, m], command_rows[1, m] = main, quadrature
+        if at_start:
             kick *= 0.5
         px += kick * ax
         py += kick * ay
-        if brownian:
+        if len(thermal) > 0:
             px += thermal[i, 0]
             py += thermal[i, 1]
-        if rough and on:
-            px += forces.rough[i, 0]
-            py += forces.rough[i, 1]
-        if board.kind > 0:
-            rows.noise[0, i // substeps] += noise_x / substeps
-            rows.noise[1, i // substeps] += noise_y / substeps
+        if on and len(rough) > 0:
+            px += rough[i, 0]
+            py += rough[i, 1]
+
+        if board.kind != SILENT:
+            noise[0, i // substeps] += noise_x / substeps
+            noise[1, i // substeps] += noise_y / substeps
             turn_oscillator(state)
         x, y, px, py = (
             P[0, 0] * x + P[0, 1] * y + P[0, 2] * px + P[0, 3] * py,
@@ -351,8 +284,23 @@ def advance(
             P[2, 0] * x + P[2, 1] * y + P[2, 2] * px + P[2, 3] * py,
             P[3, 0] * x + P[3, 1] * y + P[3, 2] * px + P[3, 3] * py,
         )
-    memory[0], memory[1], memory[2], memory[3] = x, y, px, py
-    memory[8], memory[9], memory[10], memory[11] = gx.real, gx.imag, gy.real, gy.imag
+    memory[X], memory[Y], memory[PX], memory[PY] = x, y, px, py
+    memory[FORCE_X_COS], memory[FORCE_X_SIN] = gx.real, gx.imag
+    memory[FORCE_Y_COS], memory[FORCE_Y_SIN] = gy.real, gy.imag
+
+
+PARTS = (
+    *(rounded, passed, turn_oscillator, stokes_of),
+    *(take_commands, read, demodulate_window, follow_axis, regulate_on_board, look),
+    *(_disturbed, _find_knot, _interpolate, _velocity),
+    *(regulate, command_ideally, command_of_board, see_envelopes),
+    *(make_force, pull_of_spring, reach_mode),
+)
+"""What `advance` calls whatever acceleration it is compiled with, callees first."""
+WITH_ACCELERATION = (_acceleration, _accelerate, advance)
+_CONTROL = (regulate, command_ideally, command_of_board, see_envelopes, make_force)
+OPENED = frozenset(f.__name__ for f in (stokes_of, *_CONTROL, pull_of_spring, reach_mode))
+"""Written into the loop where they are called: as calls they would cost it a quarter."""
 
 
 @functools.lru_cache(maxsize=16)
@@ -362,47 +310,28 @@ def compiled(extra: Acceleration | None) -> Callable[..., None]:
     try:
         from numba import njit
     except ImportError:
-        return _bound(advance, _acceleration=_bound(_acceleration, _extra=extra or _no_extra))
+        bent = bound(_acceleration, _extra=extra or _no_extra)
+        return bound(advance, _accelerate=bound(_accelerate, _acceleration=bent))
     inner = _no_extra if extra is None else extra
     compiled_extra = inner if hasattr(inner, "py_func") else njit(inner)
     if extra is None:
+        kept = functools.partial(njit, cache=True)
         try:
-            return _bind_and_compile(njit(cache=True), compiled_extra)
+            return _loop_of(kept, PARTS + WITH_ACCELERATION, _extra=compiled_extra)["advance"]
         except RuntimeError:  # no folder to cache in
             pass
-    return _bind_and_compile(njit, compiled_extra)
-
-
-def _bind_and_compile(jit: Any, extra: Any) -> Callable[..., None]:
-    return jit(
-        _bound(advance, _acceleration=jit(_bound(_acceleration, _extra=extra)), **_board_parts())
-    )
+    return _loop_of(njit, WITH_ACCELERATION, _extra=compiled_extra, **_parts())["advance"]
 
 
 @functools.lru_cache(maxsize=1)
-def _board_parts() -> dict[str, Any]:
-    """What the loop calls of the board and its noise, compiled once whatever acceleration it is
-    bound with."""
+def _parts() -> dict[str, Any]:
+    """The parts compiled once, whatever acceleration the loop is bound with."""
     from numba import njit
 
-    def made(jit: Any) -> dict[str, Any]:
-        convert = jit(rounded)
-        parts = {
-            "_disturbed": _disturbed,
-            "passed": passed,
-            "turn_oscillator": turn_oscillator,
-            "look": _bound(look, rounded=convert),
-        }
-        return {"rounded": convert} | {name: jit(part) for name, part in parts.items()}
-
     try:
-        return made(njit(cache=True))
+        return _loop_of(functools.partial(njit, cache=True), PARTS)
     except RuntimeError:  # no folder to cache in
-        return made(njit)
+        return _loop_of(njit, PARTS)
 
 
-def _bound(function: Any, **names: Any) -> Any:
-    """A copy of the function in whose globals some names stand for others."""
-    copy = FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
-    copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
-    return copy
+_loop_of = functools.partial(compile_all, opened=OPENED)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .fast_loop import Disturbance
+from .loop_values import Disturbance
 from .noise import Flicker, FlickerSeries, Noise, thermal_kicks
 from .resonator import Mechanics
 

@@ -1,31 +1,24 @@
-"""The slow engine: the envelopes' equation u' = L(t) u + control + slow terms of the effects,
-turned into samples.
+"""The slow engine: the envelopes' equation of `slow_motion`, turned into samples.
 
-L is the solvent of the second-order equation (`resonator.solvent`), so both engines follow the same
-physics to second order in the small rates over ω. The linear part is stepped by its exact
-exponential, the rest by the Runge–Kutta rule of fourth order around it (Lawson); samples between
-the steps come from the cubic through values and derivatives.
+Both engines follow the same physics to second order in the small rates over ω. Samples between the
+steps come from the cubic through values and derivatives.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from .coefficients import Coefficients
-from .control import Drive, drive, is_on, principal
 from .fast_engine import CHUNK
-from .plant import Block, Control, Environment, Plant, Samples, SlowState
+from .plant import Block, Control, Environment, Plant, Samples
 from .resonator import J, exponential, solvent
+from .slow_motion import Memory, Motion, PlantAt, SlowTerms, row_of
 
 Array = np.ndarray
-SlowTerm = Callable[[Array, SlowState], Array]
-"""(u (..., 2), state) -> du/dt (..., 2), or the measured u."""
-PlantAt = Callable[[Environment], Plant]
 _STEP_ANGLE = 0.05
 """|largest rate| × step."""
 _LONGEST_STEP_S = 0.02
@@ -33,53 +26,6 @@ _LONGEST_STEP_PERIODS = 10.0
 _SWITCHED_STEP_S = 0.001
 _CORNER_ERROR = 1e-6
 """Angle by which a step may miss a corner of the environment."""
-_DERIVATIVE_S = 1e-3
-
-
-@dataclass
-class SlowTerms:
-    """The effects' slow terms: of the environment (true from logged), of the motion and of the
-    read-out."""
-
-    environment: Sequence[Callable[[SlowState], SlowState]] = ()
-    motion: Sequence[SlowTerm] = ()
-    readout: Sequence[SlowTerm] = ()
-    jumps: Sequence[Callable[[SlowState], tuple[float, Array]]] = ()
-    """Instants at which the envelopes jump."""
-
-
-class _Clock:
-    """The environment as an effect may see it at any times: temperature with its slope and branch,
-    rate and turned angle."""
-
-    def __init__(self, environment: Environment, plant: Plant) -> None:
-        self._t, self._T = (
-            np.asarray(environment.time_s, float),
-            np.asarray(environment.temperature_degc, float),
-        )
-        self._rate = np.asarray(environment.rate_rad_s, float)
-        steps = np.diff(self._t)
-        self._slope = np.diff(self._T) / np.where(steps > 0, steps, np.inf)
-        signs = np.sign(self._slope)
-        last = np.maximum.accumulate(np.where(signs != 0, np.arange(len(signs)), -1))
-        self._branch = np.where(last >= 0, signs[np.maximum(last, 0)], 0.0)
-        self._angle = np.concatenate(
-            [[0.0], np.cumsum(steps * (self._rate[1:] + self._rate[:-1]) / 2)]
-        )
-        self._plant = plant
-
-    def state(self, t: Array) -> SlowState:
-        """What of the environment an effect's slow term may look at, at times t."""
-        rate = np.interp(t, self._t, self._rate)
-        cell = np.clip(np.searchsorted(self._t, t, side="right") - 1, 0, len(self._slope) - 1)
-        angle = self._angle[cell] + (t - self._t[cell]) * (self._rate[cell] + rate) / 2
-        omega_r = self._plant.mechanics.omega_rad_s
-        temperature = np.interp(t, self._t, self._T)
-        nothing = np.zeros(len(t))
-        return SlowState(
-            self._plant.mechanics, t, temperature, self._slope[cell], self._branch[cell], rate, angle,
-            np.zeros((len(t), 2), complex), nothing, nothing, omega_r,
-        )  # fmt: skip
 
 
 def run(
@@ -94,83 +40,116 @@ def run(
 ) -> Iterator[Block]:
     """As `fast_engine.run`, from the envelopes. plant_at: the linear plant in any environment, as
     the effects may change it."""
-    motion = _Motion(environment, plant_at, control, terms)
-    omega_r = motion.plant.mechanics.omega_rad_s
-    stride = _stride(environment, motion.plant, control, step_s)
-    h = stride * step_s
-    u, memory = (
-        np.asarray(start, complex),
-        _Memory(np.zeros(2), np.array([np.cos(start_angle_rad), np.sin(start_angle_rad)])),
-    )
+    motion = Motion(environment, plant_at, control, terms)
+    stride = samples_a_step(environment, motion.plant, control, step_s)
+    memory = Memory(np.zeros(2), np.array([np.cos(start_angle_rad), np.sin(start_angle_rad)]))
+    u = np.asarray(start, complex)
     for first in range(0, count, CHUNK):
         n = min(CHUNK, count - first)
-        steps = -(-n // stride)
-        t = (first + np.arange(steps + 1) * stride) * step_s
-        nodes, corrections = motion.generators(t)
-        halves = motion.propagator(t[:-1], h / 2), motion.propagator(t[:-1] + h / 2, h / 2)
-        middle = motion.generators(t[:-1] + h / 2)[1]
-        at_nodes, at_middles = motion.state(t), motion.state(t[:-1] + h / 2)
-        path, slope = np.empty((steps + 1, 2), complex), np.empty((steps + 1, 2), complex)
-        jumps: list[tuple[int, float, Array]] = []
-        force, command, phase = (
-            np.zeros((steps + 1, 2), complex),
-            np.zeros((steps + 1, 2)),
-            np.zeros(steps + 1),
-        )
-        for k in range(steps + 1):
-            du, action, phase[k] = motion.look(_row(at_nodes, k), u, memory, corrections[k])
-            path[k], slope[k] = u, nodes[k] @ u + du
-            if action is not None:
-                force[k], command[k] = action.force, action.command
-            if k == steps:
-                break
-            inside = motion.switches[(motion.switches > t[k]) & (motion.switches < t[k + 1])]
-            if len(inside):
-                u = motion.across(t[k], t[k + 1], inside, u, memory)
-            elif motion.lively:
-                moments = _row(at_nodes, k), _row(at_middles, k), _row(at_nodes, k + 1)
-                u = motion.step(
-                    h,
-                    moments,
-                    (halves[0][k], halves[1][k]),
-                    (corrections[k], middle[k], corrections[k + 1]),
-                    u,
-                    memory,
-                )
-            else:
-                u = halves[1][k] @ (halves[0][k] @ u)
-            for instant, jump in motion.jumps:
-                if t[k] < instant <= t[k + 1]:
-                    jumps.append((k, instant, jump))
-                    u = u + exponential(nodes[k], t[k + 1] - instant) @ jump
-        times = (first + np.arange(n)) * step_s
-        cell, part = np.divmod(np.arange(n), stride)
-        x = (part / stride)[:, None]
-        values = _interpolate(path, slope, nodes, h, t, times, (cell, x), jumps)
-        drives = force[cell] * (1 - x) + force[cell + 1] * x
-        commands = command[cell] * (1 - x) + command[cell + 1] * x
-        state = replace(
-            motion.state(times),
-            drive=drives,
-            forced=np.any(commands != 0, axis=1).astype(float),
-            phase_rad=phase[cell],
-        )
-        seen = values
-        for term in terms.readout:
-            seen = term(seen, state)
-        turn = np.exp(1j * np.mod(omega_r * times, 2 * np.pi))[:, None]
-        q = (seen * turn).T
-        changing = slope[cell] * (1 - x) + slope[cell + 1] * x
-        samples = Samples(
-            times,
-            q.real,
-            -q.imag,
-            (drives * turn).T,
-            state.temperature_degc,
-            state.rate_rad_s,
-            functools.partial(_velocity, values, changing, turn, omega_r),
-        )
-        yield Block(samples, commands.T, values.__getitem__)
+        t = (first + np.arange(-(-n // stride) + 1) * stride) * step_s
+        path, u = follow(motion, t, stride * step_s, u, memory)
+        yield sample(path, motion, terms, (first + np.arange(n)) * step_s, stride)
+
+
+@dataclass
+class Path:
+    """The envelopes at the nodes of one chunk, one step of h seconds apart."""
+
+    time_s: Array
+    """(m,)"""
+    h: float
+    generators: Array
+    """(m, 2, 2) L"""
+    envelopes: Array
+    """(m, 2)"""
+    slope: Array
+    """(m, 2) du/dt"""
+    force: Array
+    """(m, 2) on the envelopes, before `drive_matrix`."""
+    command: Array
+    """(m, 2) a_ΦA and a_ΦB."""
+    phase_rad: Array
+    """(m,)"""
+    jumps: list[tuple[int, float, Array]]
+    """(cell, instant, change (2,))"""
+
+
+def follow(motion: Motion, t: Array, h: float, u: Array, memory: Memory) -> tuple[Path, Array]:
+    """The path over nodes t (m,) from u (2,), and u at the last of them."""
+    count, steps = len(t), len(t) - 1
+    L, corrections = motion.generators(t)
+    halves = motion.propagator(t[:-1], h / 2), motion.propagator(t[:-1] + h / 2, h / 2)
+    middle = motion.generators(t[:-1] + h / 2)[1]
+    at_nodes, at_middles = motion.state(t), motion.state(t[:-1] + h / 2)
+    path = Path(
+        t,
+        h,
+        L,
+        envelopes=np.empty((count, 2), complex),
+        slope=np.empty((count, 2), complex),
+        force=np.zeros((count, 2), complex),
+        command=np.zeros((count, 2)),
+        phase_rad=np.zeros(count),
+        jumps=[],
+    )
+    for k in range(count):
+        now = row_of(at_nodes, k)
+        du, action, path.phase_rad[k] = motion.look(now, u, memory, corrections[k])
+        path.envelopes[k], path.slope[k] = u, L[k] @ u + du
+        if action is not None:
+            path.force[k], path.command[k] = action.force, action.command
+        if k == steps:
+            break
+
+        switched = motion.switches[(motion.switches > t[k]) & (motion.switches < t[k + 1])]
+        if len(switched):
+            u = motion.across(t[k], t[k + 1], switched, u, memory)
+        elif motion.lively:
+            moments = now, row_of(at_middles, k), row_of(at_nodes, k + 1)
+            beside = corrections[k], middle[k], corrections[k + 1]
+            u = motion.step(h, moments, (halves[0][k], halves[1][k]), beside, u, memory)
+        else:
+            u = halves[1][k] @ (halves[0][k] @ u)
+
+        for instant, jump in motion.jumps:
+            if t[k] < instant <= t[k + 1]:
+                path.jumps.append((k, instant, jump))
+                u = u + exponential(L[k], t[k + 1] - instant) @ jump
+    return path, u
+
+
+def sample(path: Path, motion: Motion, terms: SlowTerms, times: Array, stride: int) -> Block:
+    """The samples at times (n,), `stride` of them a step, as the read-out sees them."""
+    cell, part = np.divmod(np.arange(len(times)), stride)
+    x = (part / stride)[:, None]
+
+    def between(values: Array) -> Array:
+        return np.asarray(values[cell] * (1 - x) + values[cell + 1] * x)
+
+    envelopes = _interpolate(path, times, cell, x)
+    drives, commands = between(path.force), between(path.command)
+    state = replace(
+        motion.state(times),
+        drive=drives,
+        forced=np.any(commands != 0, axis=1).astype(float),
+        phase_rad=path.phase_rad[cell],
+    )
+    seen = envelopes
+    for term in terms.readout:
+        seen = term(seen, state)
+    omega_r = motion.plant.mechanics.omega_rad_s
+    turn = np.exp(1j * np.mod(omega_r * times, 2 * np.pi))[:, None]
+    q = (seen * turn).T
+    samples = Samples(
+        times,
+        q.real,
+        -q.imag,
+        (drives * turn).T,
+        state.temperature_degc,
+        state.rate_rad_s,
+        functools.partial(_velocity, envelopes, between(path.slope), turn, omega_r),
+    )
+    return Block(samples, commands.T, envelopes.__getitem__)
 
 
 def _velocity(u: Array, slope: Array, turn: Array, omega: float) -> Array:
@@ -178,203 +157,28 @@ def _velocity(u: Array, slope: Array, turn: Array, omega: float) -> Array:
     return np.asarray(((1j * u + slope / omega) * turn).real.T)
 
 
-def _interpolate(
-    path: Array,
-    slope: Array,
-    nodes: Array,
-    h: float,
-    t: Array,
-    times: Array,
-    places: tuple[Array, Array],
-    jumps: list[tuple[int, float, Array]],
-) -> Array:
-    """The envelopes (n, 2) at times between the nodes t: cubics, broken at the jumps (cell, instant,
-    size); places: cell and part of it, (n,) and (n, 1), of each time."""
-    cell, x = places
-    values = _hermite(path, slope * h, cell, x)
-    for k, instant, jump in jumps:
-        end, bent = _undo_jump(
-            path, slope, nodes, k, exponential(nodes[k], t[k + 1] - instant) @ jump
-        )
+def _interpolate(path: Path, times: Array, cell: Array, x: Array) -> Array:
+    """The envelopes (n, 2) at times: cubics, broken at the jumps; cell (n,) and part of it (n, 1) of
+    each time."""
+    u, L, h = path.envelopes, path.generators, path.h
+    values = _hermite(u, path.slope * h, cell, x)
+    for k, instant, jump in path.jumps:
+        end, bent = _undo_jump(path, k, exponential(L[k], path.time_s[k + 1] - instant) @ jump)
         own = cell == k
         values[own] = _hermite(end, bent * h, cell[own], x[own])
         late = own & (times >= instant)
-        values[late] += np.einsum("nij,j->ni", exponential(nodes[k], times[late] - instant), jump)
+        values[late] += np.einsum("nij,j->ni", exponential(L[k], times[late] - instant), jump)
     return values
 
 
-def _undo_jump(
-    path: Array, slope: Array, nodes: Array, k: int, gained: Array
-) -> tuple[Array, Array]:
-    """Path and slope (steps + 1, 2) to where cell k would have ended without its jump, which
-    `gained` (2,) by then: the cubic is drawn to there, and what jumps goes on from it."""
-    end, bent = path.copy(), slope.copy()
+def _undo_jump(path: Path, k: int, gained: Array) -> tuple[Array, Array]:
+    """Envelopes and slope (m, 2) to where cell k would have ended without its jump, which `gained`
+    (2,) by then: the cubic is drawn to there, and what jumps goes on from it."""
+    u, slope, L = path.envelopes, path.slope, path.generators
+    end, bent = u.copy(), slope.copy()
     end[k + 1] -= gained
-    bent[k + 1] = nodes[k + 1] @ end[k + 1] + slope[k + 1] - nodes[k + 1] @ path[k + 1]
+    bent[k + 1] = L[k + 1] @ end[k + 1] + slope[k + 1] - L[k + 1] @ u[k + 1]
     return end, bent
-
-
-@dataclass
-class _Memory:
-    """What the loops remember: their two integrals and the last e_A."""
-
-    integral: Array
-    near: Array
-
-
-class _Motion:
-    """The right-hand side u' = L u + control + slow terms in its environment, and one step of
-    it."""
-
-    def __init__(
-        self, environment: Environment, plant_at: PlantAt, control: Control, terms: SlowTerms
-    ) -> None:
-        self._plant_at, self._control, self._terms = plant_at, control, terms
-        self.plant = plant_at(environment)
-        self._clock = _Clock(environment, self.plant)
-        self._feed = self.plant.mechanics.damping_rate_1_s
-        self.lively = control.forced or len(terms.motion) > 0
-        self.switches = np.unique(control.on_off) if control.forced else np.zeros(0)
-        self.jumps = [jump(self._clock.state(np.zeros(1))) for jump in terms.jumps]
-        self.jumps = sorted(
-            ((at, np.reshape(change, 2)) for at, change in self.jumps if at > 0),
-            key=lambda one: one[0],
-        )
-
-    def state(self, t: Array) -> SlowState:
-        """What the effects see at times t, the environment made true by theirs; nothing of the wave
-        or the drive yet."""
-        state = self._clock.state(t)
-        for change in self._terms.environment:
-            state = change(state)
-        return state
-
-    def generators(self, t: Array) -> tuple[Array, Array]:
-        """L (n, 2, 2) at times t, and the matrix by which a force's envelope is corrected, f + C f.
-
-        With frequency and damping that move, L² + 2ΓL gains L' − (KΩ)'J = −N' + jW'/2ω. A force
-        enters as (2jω_r + 2Γ + L)⁻¹(2jωf − f'), f' ≈ KΩJ f + j(ω − ω_r) f: f turns with the wave.
-        """
-        omega_r = self.plant.mechanics.omega_rad_s
-        matrices = []
-        for moment in (t, t - _DERIVATIVE_S, t + _DERIVATIVE_S):
-            state = self.state(moment)
-            there = self._plant_at(
-                Environment(
-                    moment,
-                    state.temperature_degc,
-                    state.rate_rad_s,
-                    state.temperature_degc,
-                    state.rate_rad_s,
-                )
-            )
-            matrices.append(
-                (
-                    there.damping,
-                    there.stiffness,
-                    (there.scale_factor * state.rate_rad_s)[:, None, None] * J,
-                )
-            )
-        (N, W, turning), before, after = matrices
-        L = solvent(N - turning, W, omega_r)
-        omega = np.sqrt((W[:, 0, 0] + W[:, 1, 1]) / 2)[:, None, None]
-        moved = (1j * (after[1] - before[1]) / (2 * omega) - (after[0] - before[0])) / (
-            2 * _DERIVATIVE_S
-        )
-        L = L - moved / (2j * omega)
-        return L, -(2 * N - turning + L - 1j * (omega - omega_r) * np.eye(2)) / (2j * omega)
-
-    def propagator(self, t: Array, h: float) -> Array:
-        """The linear motion from t to t + h (n, 2, 2): Magnus, fourth order, (L₁+L₂)/2 + (√3
-        h/12)[L₂, L₁] at the Gauss points."""
-        offset = h / (2 * np.sqrt(3))
-        L1, L2 = self.generators(t + h / 2 - offset)[0], self.generators(t + h / 2 + offset)[0]
-        return exponential((L1 + L2) / 2 + np.sqrt(3) * h / 12 * (L2 @ L1 - L1 @ L2), h)
-
-    def _beside(
-        self, on: bool, moment: SlowState, correction: Array, u: Array, integral: Array, near: Array
-    ) -> tuple[Array, Array, Drive | None]:
-        """du/dt beside L u, the integrals' change, and the drive."""
-        now = float(moment.time_s[0])
-        action = drive(self._control, self._feed, u, integral, near, now) if on else None
-        du = action.du + correction @ action.du if action else np.zeros(2, complex)
-        if self._terms.motion:
-            force = action.force if action else np.zeros(2, complex)
-            phase = np.angle(near @ u)
-            state = replace(
-                moment, drive=force[None], forced=np.array([float(on)]), phase_rad=np.array([phase])
-            )
-            for term in self._terms.motion:
-                du = du + term(u[None], state)[0]
-        return du, action.integral_rate if action else np.zeros(2), action
-
-    def look(
-        self, moment: SlowState, u: Array, memory: _Memory, correction: Array
-    ) -> tuple[Array, Drive | None, float]:
-        """du/dt beside L u, the drive and the wave's phase at a node."""
-        _, _, memory.near, _, turn = principal(u, memory.near)
-        if not self.lively:
-            return np.zeros(2, complex), None, float(np.angle(turn))
-        on = is_on(self._control, float(moment.time_s[0]))
-        du, _, action = self._beside(on, moment, correction, u, memory.integral, memory.near)
-        return du, action, float(np.angle(turn))
-
-    def step(
-        self,
-        h: float,
-        moments: Sequence[SlowState],
-        halves: Sequence[Array],
-        corrections: Sequence[Array],
-        u: Array,
-        memory: _Memory,
-    ) -> Array:
-        """u after h, the drive on or off throughout: the fourth-order Runge–Kutta rule around two
-        half exponentials, integrals too."""
-        I, near = memory.integral, memory.near
-        begin, middle, end = zip(moments, corrections)
-        on = is_on(self._control, float(moments[1].time_s[0]))
-        E1, E2 = halves
-        k1, i1, _ = self._beside(on, *begin, u, I, near)
-        base = E1 @ u
-        k2, i2, _ = self._beside(on, *middle, base + h / 2 * (E1 @ k1), I + h / 2 * i1, near)
-        k3, i3, _ = self._beside(on, *middle, base + h / 2 * k2, I + h / 2 * i2, near)
-        k4, i4, _ = self._beside(on, *end, E2 @ (base + h * k3), I + h * i3, near)
-        memory.integral = I + h / 6 * (i1 + 2 * i2 + 2 * i3 + i4)
-        return E2 @ (base + h / 6 * (E1 @ k1) + h / 3 * (k2 + k3)) + h / 6 * k4
-
-    def across(
-        self, start: float, stop: float, switches: Array, u: Array, memory: _Memory
-    ) -> Array:
-        """u after a step within which the drive is switched."""
-        edges = np.concatenate([[start], switches, [stop]])
-        for a, b in pairwise(edges):
-            h = b - a
-            t = a + h * np.array([0.0, 0.5, 1.0])
-            _, corrections = self.generators(t)
-            states = self.state(t)
-            halves = self.propagator(a + h * np.array([0.0, 0.5]), h / 2)
-            u = self.step(
-                h, [_row(states, k) for k in range(3)], list(halves), list(corrections), u, memory
-            )
-        return u
-
-
-def _row(state: SlowState, k: int) -> SlowState:
-    """One time's state, every column of length 1."""
-    at = slice(k, k + 1)
-    return SlowState(
-        state.mechanics,
-        state.time_s[at],
-        state.temperature_degc[at],
-        state.temperature_rate_degc_s[at],
-        state.branch[at],
-        state.rate_rad_s[at],
-        state.table_angle_rad[at],
-        state.drive[at],
-        state.forced[at],
-        state.phase_rad[at],
-        state.omega_r_rad_s,
-    )
 
 
 def _hermite(path: Array, step: Array, cell: Array, x: Array) -> Array:
@@ -384,7 +188,7 @@ def _hermite(path: Array, step: Array, cell: Array, x: Array) -> Array:
     return a + x * (da + x * (3 * (b - a) - 2 * da - db + x * (2 * (a - b) + da + db)))
 
 
-def _stride(environment: Environment, plant: Plant, control: Control, step_s: float) -> int:
+def samples_a_step(environment: Environment, plant: Plant, control: Control, step_s: float) -> int:
     """Samples a slow step: a power of two, so that a chunk holds whole steps."""
     table = Coefficients(environment, plant)
     t = np.asarray(environment.time_s, float)

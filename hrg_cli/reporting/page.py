@@ -11,61 +11,28 @@ import base64
 import hashlib
 import itertools
 import re
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from .. import store
 from ..errors import HrgError
 from ..limits import Row
-from ..records import (
-    KINDS,
-    Calibration,
-    Compensated,
-    Diagnosis,
-    Periods,
-    Record,
-    Recording,
-    Resonator,
-    Wave,
-)
+from ..records import KINDS
 from ..version import __version__
-from .answer import Answer, answer
-from .figures import calibration, diagnosis, recording, result, wave
-from .figures.answer import before_and_after
-from .figures.drawing import Plot, png, style, svg
-from .living import as_text, living_data
-from .methods import cited, methods
-from .page_content import STEPS, ShownStep, list_steps, list_tables
-from .page_table import PageTable, cell
-from .surface import surface_data
-from .tables import facts
+from .figures.drawing import png
+from .living import as_text
+from .methods import cited
+from .page_answers import Shown, answer_gyros, draw_answer
+from .page_content import STEPS, ShownStep, list_steps
+from .page_figures import draw_file, draw_files, look_beside
+from .page_files import PageEntry, describe_file, each_once
 from .text import number, plain
 
 FOLDER = Path(__file__).parent
 SCRIPTS = ("page.js", "plots.js", "living.js", "surface.js")
-PAGE_BYTES = 2_600_000
-"""Figures beyond this are left out of the page, least important first, and the page says so."""
-DRAWN_OF_A_KIND = 4
-"""Files of one kind whose figures are drawn; the others are in the tables."""
-ROWS_HELD = 200_000
-"""Rows of a series held in memory for its figures; of longer ones every k-th is taken."""
-RESULTS_FIRST = (
-    "diagnosis",
-    "calibration",
-    "resonator",
-    "compensated",
-    "wave",
-    "recording",
-    "periods",
-)
-
-
 SHADES = {
     "sound": "valid",
     "fault found": "refused",
@@ -74,52 +41,6 @@ SHADES = {
     "not examined": "skipped",
 }
 """Health of a gyro -> the page's colour for it."""
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A figure on the page."""
-
-    anchor: str
-    title: str
-    words: str
-    svg: Markup
-
-
-@dataclass
-class PageEntry:
-    """One file on the page."""
-
-    name: str
-    anchor: str
-    record: Record
-    size: int
-    sha256: str
-    facts: list[tuple[str, str]]
-    tables: list[PageTable]
-    sources: list[tuple[str, str, str, str]] = field(default_factory=list)
-    pictures: list[Picture] = field(default_factory=list)
-    left_out: int = 0
-
-    @property
-    def provenance(self) -> dict[str, Any]:
-        """Provenance as text."""
-        p = self.record.provenance
-        return {
-            "history": [plain(h) for h in p.history],
-            "settings": plain(p.settings),
-            "created": plain(p.created),
-            "generated_by": plain(p.generated_by),
-        }
-
-
-@dataclass(frozen=True)
-class Beside:
-    """What the other files on the page say about a file: truth by run, and the runs whose periods
-    are shown."""
-
-    truths: dict[str, Recording]
-    demodulated: frozenset[str]
 
 
 def build_report(
@@ -133,113 +54,20 @@ def build_report(
     limits. HrgError: no file, a file is missing, damaged or not an hrg file.
     """
     full = full or truth
-    entries = [_entry(path, index, full) for index, path in enumerate(_unique(paths))]
-    answers = _answers(_unique(paths), entries, rows)
+    entries = [describe_file(path, index, full) for index, path in enumerate(each_once(paths))]
+    answers = answer_gyros(each_once(paths), entries, rows)
     if full:
-        _draw_all(_unique(paths), entries, truth)
+        draw_files(each_once(paths), entries, truth)
     _link_sources(entries)
     return _render(entries, answers, truth, full)
-
-
-def _draw_all(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> None:
-    """The figures of every file, results first, as long as there is room."""
-    beside = _beside(paths, entries, truth)
-    order = sorted(range(len(entries)), key=lambda i: RESULTS_FIRST.index(entries[i].record.kind))
-    drawn: dict[str, int] = {}
-    room = PAGE_BYTES
-    for index in order:
-        entry = entries[index]
-        kind = entry.record.kind
-        drawn[kind] = drawn.get(kind, 0) + 1
-        if drawn[kind] > DRAWN_OF_A_KIND:
-            entry.left_out = -1
-            continue
-        for plot in _plots(paths[index], beside):
-            picture = _picture(plot, f"f{index}-{plot.key}")
-            if len(picture.svg) > room:
-                entry.left_out += 1
-                continue
-            room -= len(picture.svg)
-            entry.pictures.append(picture)
-
-
-def _picture(plot: Plot, anchor: str) -> Picture:
-    return Picture(anchor, plain(plot.title), plain(plot.words), Markup(svg(plot, anchor)))
-
-
-@dataclass(frozen=True)
-class Shown:
-    """The answer of one gyro on the page: its figures, the data of those that move, the paragraph
-    for a report."""
-
-    answer: Answer
-    anchor: str
-    pictures: list[Picture]
-    living: dict[str, Any] | None
-    surface: dict[str, Any] | None
-    methods: str
-
-
-def _answers(paths: Sequence[Path], entries: list[PageEntry], rows: Sequence[Row]) -> list[Shown]:
-    """The answer of every gyro that has a result, in the files' order."""
-    gyros: dict[str, dict[str, Path]] = {}
-    counts: dict[str, dict[str, int]] = {}
-    for path, entry in zip(paths, entries):
-        gyro = str(getattr(entry.record, "gyro_id", ""))
-        counts.setdefault(gyro, {})[entry.record.kind] = (
-            counts.get(gyro, {}).get(entry.record.kind, 0) + 1
-        )
-        if entry.record.kind in (
-            "diagnosis",
-            "calibration",
-            "resonator",
-            "compensated",
-        ) and not _is_extended(entry.record):
-            gyros.setdefault(gyro, {})[entry.record.kind] = path
-    found = []
-    for place, (gyro, files) in enumerate(gyros.items(), start=1):
-        records = {kind: store.read_any(path) for kind, path in files.items()}
-        made = answer(
-            list(records.values()), rows, {kind: path.name for kind, path in files.items()}
-        )
-        if made is None:
-            continue
-        pictures, living, surface = [], None, None
-        with style():
-            drawn: list[Plot | None] = []
-            if isinstance(told := records.get("diagnosis"), Diagnosis):
-                drawn.append(before_and_after(told, made.departure, made.causes))
-                living = living_data(told)
-            if isinstance(tables_of := records.get("calibration"), Calibration):
-                drawn += calibration.calibration_plots(tables_of, first_only=True)
-                surface = surface_data(tables_of)
-            pictures = [
-                _picture(plot, f"answer-{place}-{plot.key}") for plot in drawn if plot is not None
-            ]
-        found.append(
-            Shown(
-                made,
-                f"answer-{place}",
-                pictures,
-                living,
-                surface,
-                methods(list(records.values()), counts[gyro]),
-            )
-        )
-    return found
-
-
-def _is_extended(record: Record) -> bool:
-    """A resonator made beside a diagnosis, which the diagnosis speaks for."""
-    return isinstance(record, Resonator) and record.method == "extended model"
 
 
 def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -> list[Path]:
     """Every figure as PNG in `folder` (made when missing), named FILE-FIGURE.png; the paths
     written. HrgError: as `build_report`."""
     folder = Path(folder)
-    entries = [_entry(path, index, False) for index, path in enumerate(_unique(paths))]
-    beside = _beside(paths, entries, truth)
+    entries = [describe_file(path, index, False) for index, path in enumerate(each_once(paths))]
+    beside = look_beside(paths, entries, truth)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -249,8 +77,8 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
         ) from error
     written: list[Path] = []
     used: set[str] = set()
-    for path in _unique(paths):
-        for plot in itertools.chain(_answer_plot(path), _plots(path, beside)):
+    for path in each_once(paths):
+        for plot in itertools.chain(draw_answer(path), draw_file(path, beside)):
             name = re.sub(r"[^A-Za-z0-9._-]", "_", f"{path.stem}-{plot.key}").lstrip(".")[:120]
             while name in used:
                 name += "_"
@@ -262,122 +90,15 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
     return written
 
 
-def _answer_plot(path: Path) -> Iterator[Plot]:
-    """The answer's figure of a diagnosis."""
-    if store.kind_of(path) is Diagnosis:
-        record = store.read(path, Diagnosis)
-        made = answer([record])
-        with style():
-            plot = (
-                before_and_after(record, made.departure, made.causes) if made is not None else None
-            )
-            if plot is not None:
-                yield plot
-
-
 def status_of(paths: Sequence[Path]) -> tuple[str, list[str]]:
     """Worst status of these files and every reason, each with its file's name."""
     order = ["valid", "suspect", "refused"]
     worst, reasons = "valid", []
-    for path in _unique(paths):
+    for path in each_once(paths):
         with store.open_record(path, store.kind_of(path)) as record:
             worst = max(worst, record.status, key=order.index)
             reasons += [f"{path.name}: {reason}" for reason in record.status_reasons]
     return worst, reasons
-
-
-def _unique(paths: Sequence[Path]) -> list[Path]:
-    found = list(dict.fromkeys(Path(p) for p in paths))
-    if not found:
-        raise HrgError("no file to report on; name one or more files that hrg wrote")
-    return found
-
-
-def _entry(path: Path, index: int, full: bool) -> PageEntry:
-    with store.open_record(path, store.kind_of(path)) as record:
-        record = _thinned(record) if full or not isinstance(record, Periods | Wave) else record
-        shown = [(plain(name), cell(value)) for name, value in facts(record).items()]
-        kept = record
-        found_tables = list_tables(kept) if full else []
-    bare = _bare(kept)
-    return PageEntry(
-        plain(path.name),
-        f"file-{index + 1}",
-        bare,
-        path.stat().st_size,
-        store.sha256(path),
-        shown,
-        found_tables,
-    )
-
-
-def _bare(record: Record) -> Record:
-    """The record without its rows."""
-    nothing: dict[str, Any] = {
-        name: np.empty((0,) * len(spec.dims))
-        for name, spec in record.columns().items()
-        if spec.dims
-    }
-    return replace(record, **nothing)
-
-
-def _thinned(record: Record) -> Record:
-    """The record in memory (a recording stays on disk), every k-th row of a very long one."""
-    if isinstance(record, Recording):
-        return record
-    step = max(1, -(-len(record) // ROWS_HELD))
-    columns = [
-        name
-        for name, spec in record.columns().items()
-        if spec.dims and spec.dims[0] == "row" and getattr(record, name) is not None
-    ]
-    if not columns:
-        return record
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in columns}
-    block = step * (1 << 16)
-    for start in range(0, len(record), block):
-        for name in columns:
-            parts[name].append(np.asarray(getattr(record, name)[start : start + block])[::step])
-    joined: dict[str, Any] = {
-        name: np.concatenate(values) for name, values in parts.items() if values
-    }
-    return replace(record, **joined)
-
-
-def _beside(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> Beside:
-    truths = {}
-    for path, entry in zip(_unique(paths), entries):
-        if truth and isinstance(entry.record, Recording):
-            with store.open_record(path, Recording) as record:
-                if record.truth_time_s is not None and len(record.truth_time_s):
-                    truths[record.run_id] = replace(
-                        record, c=np.empty(0), s=np.empty(0), time_s=None
-                    )
-    return Beside(
-        truths,
-        frozenset(entry.record.run_id for entry in entries if isinstance(entry.record, Periods)),
-    )
-
-
-def _plots(path: Path, beside: Beside) -> Iterator[Plot]:
-    """The figures of a file, drawn one after another."""
-    with store.open_record(path, store.kind_of(path)) as record, style():
-        record = _thinned(record)
-        draw = _DRAW[type(record)]
-        yield from draw(record, beside)
-
-
-_DRAW: dict[type[Record], Callable[..., list[Plot]]] = {
-    Recording: lambda r, beside: recording.plots(r, bool(beside.truths)),
-    Periods: lambda r, _: recording.period_plots(r),
-    Wave: lambda r, beside: wave.plots(
-        r, beside.truths.get(r.run_id), r.run_id not in beside.demodulated
-    ),
-    Resonator: lambda r, _: result.resonator_plots(r),
-    Calibration: lambda r, _: calibration.calibration_plots(r),
-    Compensated: lambda r, _: result.compensated_plots(r),
-    Diagnosis: lambda r, _: diagnosis.diagnosis_plots(r),
-}
 
 
 def _link_sources(entries: list[PageEntry]) -> None:

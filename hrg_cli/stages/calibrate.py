@@ -13,34 +13,25 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..fitting.checks import failures
-from ..fitting.tables.increments import Path, path_of
 from ..fitting.tables.joint import Fitted, TableLayout, fit
 from ..records import Calibration, Resonator, Wave
 from .calibration import late_log
 from .calibration.accuracy_stages import LadderSettings
 from .calibration.checks import noisy_angles, stray_harmonics
-from .calibration.choice import (
-    Wanted,
-    answers,
-    choose_best,
-    compare_variants,
-    explain_choice,
-    list_possible,
-)
+from .calibration.choice import answers, choose_best, explain_choice, list_possible
 from .calibration.chosen import LEAST_REPEATED, Chosen
+from .calibration.comparison import compare_variants
 from .calibration.factors import build
 from .calibration.folds import choose_folds, choose_limits
 from .calibration.ladder import climb
+from .calibration.preparation import KnownRates, need_one_gyro, prepare
 from .calibration.prices import an_hour_more
-from .calibration.programme import choose_nodes, examine
 from .calibration.resonators import ResonatorCoefficients, pool_resonators
 from .calibration.stability import say_unstable
+from .calibration.summary import summary as summary
+from .calibration.variant_solutions import Wanted
 from .calibration.variants import FACTORS
 from .figures_of_merit import trade_figures
-from .one_gyro import of_one_gyro
-from .rate_table import is_rate_table
-from .rate_table import summary as table_summary
-from .usable import not_refused, with_known_rates
 
 Array = np.ndarray
 LARGEST_LIMIT = 4
@@ -164,50 +155,38 @@ def calibrate(
     """
     waves = list(waves)
     given = [resonator] if isinstance(resonator, Resonator) else list(resonator or [])
-    _same_gyro(waves, given)
+    need_one_gyro(waves, given)
     if model == "physical" and not given:
         raise HrgError(
             "model physical takes its coefficients from a resonator file; run `hrg identify` on"
             " free runs and give it with --resonator"
         )
     limits = _looked_at(harmonics, scale_factor_harmonics, interpolation)
-    rates = rates_rad_s or {}
-    usable = with_known_rates(not_refused(waves), rates)
-    waves = usable.waves
-    with usable.blamed():
-        paths = [
-            path_of(
-                w,
-                harmonics=max(limits),
-                rate_rad_s=rates.get(w.run_id, rate_rad_s if w.rate_rad_s is None else None),
-                earth_rate_rad_s=earth_rate_rad_s,
-            )
-            for w in waves
-        ]
-    forced, free, remarks = _of_the_drive(paths)
-    table_nodes, low, high, words = choose_nodes(forced, axis, nodes)
     needed = 1 if harmonics is None else harmonics
-    findings = examine(forced, table_nodes, axis, needed)
-    refusals = [*usable.refusals, *(f.sentence for f in findings if f.refuses)]
-    remarks += words + [f.sentence for f in findings if not f.refuses]
+    rates = KnownRates(rates_rad_s or {}, rate_rad_s, earth_rate_rad_s)
+    runs = prepare(waves, rates, axis, nodes, max(limits), needed)
+    refusals, remarks = list(runs.refusals), list(runs.remarks)
 
     # every table, measured part and suspected cause is free: what is left is the noise at which
     # each variant is judged
-    factors, widths = build(forced, table_nodes, axis, interpolation, FACTORS)
-    mode_number = waves[0].mode_number
-    layout = TableLayout(table_nodes, axis, mode_number, *limits, interpolation, factors, widths)
-    fitted, free, late = late_log.follow(fit(forced, layout), free)
+    factors, widths = build(runs.forced, runs.nodes, axis, interpolation, FACTORS)
+    layout = TableLayout(
+        runs.nodes, axis, waves[0].mode_number, *limits, interpolation, factors, widths
+    )
+    fitted, free, late = late_log.follow(fit(runs.forced, layout), runs.free)
     if late is not None and late.taken_s:
         remarks.insert(0, late.sentence)
+
     folds, held_out_by = choose_folds(fitted, needed)
     coefficients, why_not = _of_resonators(
-        given, model, axis, table_nodes, low, high, interpolation
+        given, model, axis, runs.nodes, *runs.valid, interpolation
     )
-    possible_names, not_tried = list_possible(layout, coefficients, why_not)
-    names = _to_try(model, possible_names, not_tried, bool(refusals), factors)
+    possible, not_tried = list_possible(layout, coefficients, why_not)
+    names = _to_try(model, possible, not_tried, bool(refusals), factors)
     wanted = Wanted(harmonics, scale_factor_harmonics, seed, not refusals)
     tried = answers(fitted, folds, names, wanted, coefficients)
     answer = choose_best(tried) if model == "auto" else tried[0]
+
     chosen = Chosen.of(fitted, folds, answer, wanted, programmes)
     if stable_only:
         chosen = chosen.stable_alone()
@@ -216,10 +195,9 @@ def calibrate(
         chosen = chosen.smoothed()
     answer, strays = chosen.answer, stray_harmonics(fitted, fitted.solution)
     if not refusals:
-        remarks += noisy_angles(fitted, answer.limits[0])
-        remarks += [s["sentence"] for s in strays if s["significant"]]
-        remarks += say_unstable(chosen.stability, chosen.dropped)
+        remarks += _doubts_of(chosen, strays)
         (refusals if answer.tried.foreign else remarks).extend(answer.failed)
+
     details = chosen.details(bootstrap, seed) | {
         "held_out_by": held_out_by,
         "band_limit_scores": choose_limits(fitted, harmonics, scale_factor_harmonics)[2],
@@ -239,15 +217,28 @@ def calibrate(
         details["ladder"], details["final_analysis"] = climb(
             _with_loops(fitted), free, folds, settings, chosen.penalty
         )
-    record = chosen.record(waves, (low, high), details)
+    record = chosen.record(runs.usable.waves, runs.valid, details)
     if not refusals:
-        told_of_tables = {
-            "trade": trade_figures(record, fitted.paths),
-            "hour": an_hour_more(record, fitted.paths),
-        }
-        record = record.replace(details=json.dumps(details | told_of_tables))
-    noted = record.judged(usable.notes, "valid").judged(usable.doubts, "suspect")
-    return noted.judged(refusals, "refused").judged(remarks, "suspect")
+        record = _with_use(record, details, fitted)
+    return runs.judge(record, refusals, remarks)
+
+
+def _doubts_of(chosen: Chosen, strays: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What the answer's residuals and its repeats between programmes speak against."""
+    return [
+        *noisy_angles(chosen.fitted, chosen.answer.limits[0]),
+        *(s["sentence"] for s in strays if s["significant"]),
+        *say_unstable(chosen.stability, chosen.dropped),
+    ]
+
+
+def _with_use(record: Calibration, details: dict[str, Any], fitted: Fitted) -> Calibration:
+    """The record with the figures of merit of its tables, and what an hour more would buy."""
+    use = {
+        "trade": trade_figures(record, fitted.paths),
+        "hour": an_hour_more(record, fitted.paths),
+    }
+    return record.replace(details=json.dumps(details | use))
 
 
 def _looked_at(
@@ -261,19 +252,6 @@ def _looked_at(
         for asked in (harmonics, scale_factor_harmonics)
     )
     return drift, scale
-
-
-def _of_the_drive(paths: Sequence[Path]) -> tuple[list[Path], list[Path], list[str]]:
-    """Forced runs, free runs, and what to say: where no run is forced, the free ones take their
-    place."""
-    forced, free = [p for p in paths if p.forced], [p for p in paths if not p.forced]
-    if forced:
-        return forced, free, []
-    return (
-        free,
-        [],
-        ["no run is forced: the tables are those of free runs, without the drive's own errors"],
-    )
 
 
 def _to_try(
@@ -334,80 +312,3 @@ def _of_resonators(
     if disagree and model == "physical":
         raise HrgError(disagree[0])
     return (None, disagree[0]) if disagree else (found, None)
-
-
-def summary(record: Calibration) -> dict[str, Any]:
-    """The JSON of a calibration (docs/reference/json.md)."""
-    if is_rate_table(record):
-        return table_summary(record)
-    details = json.loads(record.details)
-    figures = details["figures"]
-    out = {
-        "drift_rms_rad_s": {
-            key: figures["drift"][key]["value"] for key in ("before", "after", "held_out")
-        },
-        "scale_factor_rms_ppm": {
-            key: figures["scale"][key]["value"] for key in ("before", "after", "held_out")
-        },
-        "harmonics": details["harmonics"],
-        "scale_factor_harmonics": details["scale_factor_harmonics"],
-        "scale_factor": details["scale_factor"],
-        "model": record.model,
-        "nodes": [float(n) for n in record.node],
-        "held_out_by": details["held_out_by"],
-        "ladder": [
-            {"stage": s["stage"], **_values(s), **({"note": s["note"]} if "note" in s else {})}
-            for s in details.get("ladder", [])
-        ],
-    }
-    out |= {key: details[key] for key in ("trade", "hour") if key in details}
-    if "final_analysis" in details:
-        analysis = details["final_analysis"]
-        out |= {
-            key: analysis[key]
-            for key in (
-                "loops",
-                "readout_matrix",
-                "factors",
-                "significant",
-                "correlated",
-                "false_rate",
-            )
-        }
-    out |= {
-        key: details[key]
-        for key in ("choice", "checks", "noise", "resonator", "rate_log")
-        if details.get(key) is not None
-    }
-    if details.get("stability") is not None:
-        out["stability"] = details["stability"]
-    if "variants" in details:
-        own = ("coefficients", "held_out_chi2_per_row", "passed", "why_not")
-        out["variants"] = [
-            {"model": s["stage"], **{key: s[key] for key in own}, **_values(s)}
-            for s in details["variants"]
-        ]
-    return out
-
-
-def _values(row: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "drift_rms_rad_s": row["drift"]["value"],
-        "scale_factor_rms_ppm": row["scale"]["value"],
-        "drift_interval_rad_s": [row["drift"]["low"], row["drift"]["high"]],
-        "scale_factor_interval_ppm": [row["scale"]["low"], row["scale"]["high"]],
-    }
-
-
-def _same_gyro(waves: Sequence[Wave], resonators: Sequence[Resonator]) -> None:
-    if not waves:
-        raise HrgError("calibrate needs at least one wave file of a forced run; none was given")
-    of_one_gyro(waves, "calibrate")
-    for resonator in resonators:
-        of_one_gyro(waves, "calibrate", resonator)
-    modes = sorted({w.mode_number for w in waves})
-    if len(modes) > 1:
-        raise HrgError(
-            f"runs of mode numbers {modes} were given, one was expected; correct mode_number of the"
-            " recordings"
-        )

@@ -21,9 +21,10 @@ from ..effects import EFFECTS, find
 from ..effects.effect import INSTANT, Effect
 from ..errors import HrgError
 from ..fitting import checks
-from ..fitting.causes import extended_fit
-from ..fitting.causes.extended import Active, jump_times
+from ..fitting.causes import extended_fit, motion_budget
 from ..fitting.causes.extended_fit import ExtendedFit
+from ..fitting.causes.fit_point import Active
+from ..fitting.causes.slow_equation import jump_times
 from ..fitting.envelopes import envelope_runs
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.base_fit import Cut, cut_at_losses, fit_base, fit_together
@@ -160,9 +161,9 @@ def _of_usable(asked: Asked) -> Diagnosis:
             raise HrgError("; ".join(one.sentence for one in stuck)) from error
         return refuse(asked.waves, base, asked.searched, stuck, asked.resonator)
     try:
-        with extended_fit.limit_motions(MOTIONS_EACH * len(asked.searched)):
+        with motion_budget.limit_motions(MOTIONS_EACH * len(asked.searched)):
             return _diagnosed(asked)
-    except extended_fit.WorkSpentError as spent:
+    except motion_budget.WorkSpentError as spent:
         base = asked.fit(asked.waves)
         return stop_search(asked.waves, base, asked.searched, asked.resonator, str(spent))
 

@@ -16,21 +16,12 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.tables.dwells import (
-    choose_powers,
-    covariance_of,
-    design,
-    find_spikes,
-    held_out_rms,
-    lay_nodes,
-    least_count,
-)
+from ..fitting.tables.dwells import covariance_of, lay_nodes, least_count
 from ..fourier import coefficients_at
 from ..records import Calibration
+from .calibration.dwells import Dwells, figures_of, fit_without_spikes, rows_of
 
 Array = np.ndarray
-LARGEST_SHARE = 0.2
-"""Share of the rows that may be spikes; if more stand out, it is the curve that is wrong."""
 SPIKES_SUSPECT = 0.05
 """Part of the rows that are spikes from which the table is suspect."""
 
@@ -113,7 +104,7 @@ def rate_table(
     >>> bool(abs(tables.scale_factor[0, 0] - 1) < 1e-3), bool(abs(tables.drift_rad_s[0, 0] + 0.005) < 1e-3)
     (True, True)
     """
-    y, omega, degc = _rows(
+    y, omega, degc = rows_of(
         table,
         (output, rate, temperature),
         (temperature_bits, temperature_scale, temperature_offset_degc),
@@ -131,43 +122,16 @@ def rate_table(
         if temperature is not None
         else np.zeros(1)
     )
-    step = least_count(y)
+    dwells = Dwells(y, omega, degc, nodes, interpolation, turning)
+    curve = fit_without_spikes(dwells, largest_power, spike_sigma)
+    X = curve.X[curve.keep]
+    covariance = covariance_of(X, y[curve.keep] - X @ curve.coefficients, least_count(y))
 
-    def curve(keep: Array) -> tuple[list[int], dict[str, float], Array, Array]:
-        powers, scores = choose_powers(
-            y[keep], omega[keep], degc[keep], nodes, interpolation, turning, largest_power
-        )
-        X = design(omega, degc, nodes, interpolation, turning, powers)
-        return powers, scores, X, np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
-
-    keep, too_many = np.ones(len(y), bool), 0
-    for _ in range(20):
-        powers, scores, X, fits = curve(keep)
-        now = ~find_spikes(X, y - X @ fits, keep, spike_sigma, step)
-        if (now == keep).all():
-            break
-        if (~now).sum() > LARGEST_SHARE * len(y):
-            too_many, keep = int((~now).sum()), np.ones(len(y), bool)
-            powers, scores, X, fits = curve(keep)
-            break
-        keep = now
-    covariance = covariance_of(X[keep], y[keep] - X[keep] @ fits, step)
     count = len(nodes)
-    drift = -fits[:count]
-    gain = fits[count : 2 * count] if turning else np.ones(count)
-    sizes = covariance[: 2 * count, : 2 * count] if turning else covariance[:count, :count]
-    blocks = np.zeros((2 * count, 2 * count))
-    order = (
-        np.concatenate([2 * np.arange(count), 2 * np.arange(count) + 1])
-        if turning
-        else 2 * np.arange(count)
-    )
-    sign = np.concatenate([-np.ones(count), np.ones(count)])[: len(order)]
-    blocks[np.ix_(order, order)] = sizes * np.outer(sign, sign)
-    std = np.sqrt(np.maximum(np.diag(blocks), 0)).reshape(count, 2)
-    details = _details(
-        y, omega, degc, keep, nodes, interpolation, turning, powers, fits, scores, scale
-    )
+    drift = -curve.coefficients[:count]
+    gain = curve.coefficients[count : 2 * count] if turning else np.ones(count)
+    of_tables = _covariance_of_tables(covariance, count, turning)
+    std = np.sqrt(np.maximum(np.diag(of_tables), 0)).reshape(count, 2)
     record = Calibration(
         temperature_degc=nodes,
         wave_angle_rad=np.zeros(1),
@@ -179,7 +143,7 @@ def rate_table(
         drift_harmonics_std=std[:, :1],
         scale_factor_harmonics=gain[:, None],
         scale_factor_harmonics_std=std[:, 1:],
-        covariance=blocks,
+        covariance=of_tables,
         interpolation=interpolation,
         gyro_id=gyro_id,
         node_min=float(degc.min()) if temperature is not None else -np.inf,
@@ -187,10 +151,29 @@ def rate_table(
         rate_min_rad_s=float(omega.min()),
         rate_max_rad_s=float(omega.max()),
         correction="rate = (output/nominal_scale + D - sum c_p rate^p) / K",
-        details=json.dumps(details),
+        details=json.dumps(figures_of(dwells, curve, scale)),
     )
+    known = bool(np.isfinite(covariance).all())
+    return _remarked(record, curve.keep, spike_sigma, turning).judged(
+        _doubts(known, curve.too_many, len(y), spike_sigma)
+    )
+
+
+def _covariance_of_tables(covariance: Array, count: int, turning: bool) -> Array:
+    """Covariance (2j, 2j) of D and K node by node, from that of the fit's −D of all nodes and K of
+    all nodes; K that was not fitted has none."""
+    out = np.zeros((2 * count, 2 * count))
+    of_drift = 2 * np.arange(count)
+    places = np.concatenate([of_drift, of_drift + 1]) if turning else of_drift
+    sign = np.concatenate([-np.ones(count), np.ones(count)])[: len(places)]
+    out[np.ix_(places, places)] = covariance[: len(places), : len(places)] * np.outer(sign, sign)
+    return out
+
+
+def _doubts(known: bool, too_many: int, rows: int, spike_sigma: float) -> list[str]:
+    """What makes the table suspect: a scatter that cannot be known, more spikes than spikes are."""
     doubts = []
-    if not np.isfinite(covariance).all():
+    if not known:
         doubts.append(
             "the rows lie on the fitted curve to the last digit: what they scatter by cannot be"
             " known, and no standard deviation is stated; give rows with more digits, or repeat the"
@@ -198,11 +181,11 @@ def rate_table(
         )
     if too_many:
         doubts.append(
-            f"{too_many} of {len(y)} rows lie beyond {spike_sigma:g} robust standard deviations: so"
+            f"{too_many} of {rows} rows lie beyond {spike_sigma:g} robust standard deviations: so"
             " many are no spikes, and none was left out; the table's curve is not the gyro's: give"
             " a smaller node_spacing_degc, or more rows"
         )
-    return _remarked(record, keep, spike_sigma, turning).judged(doubts)
+    return doubts
 
 
 def _remarked(record: Calibration, keep: Array, spike_sigma: float, turning: bool) -> Calibration:
@@ -280,87 +263,3 @@ def summary(record: Calibration) -> dict[str, Any]:
 def is_rate_table(record: Calibration) -> bool:
     """Whether a calibration was made from a table of dwells."""
     return "nominal_scale" in json.loads(record.details)
-
-
-def _rows(
-    table: Mapping[str, Any],
-    names: tuple[str, str | None, str | None],
-    word: tuple[int | None, float, float],
-) -> tuple[Array, Array, Array]:
-    """Output, rate in rad/s and temperature in °C (n,) of the rows in which all are finite.
-
-    names: their columns, None: not there; word: bits of the temperature's two's complement or None,
-    its scale and its offset. HrgError: fewer than ten rows.
-    """
-    output, rate, temperature = names
-    y = _column(table, output)
-    omega = np.zeros(len(y)) if rate is None else _column(table, rate)
-    degc = np.zeros(len(y))
-    if temperature is not None:
-        bits, scale, offset = word
-        read = _column(table, temperature)
-        if bits is not None:
-            read = np.where(read >= 2.0 ** (bits - 1), read - 2.0**bits, read)
-        degc = read * scale + offset
-    good = np.isfinite(y) & np.isfinite(omega) & np.isfinite(degc)
-    if good.sum() < 10:
-        raise HrgError(
-            f"the table has {int(good.sum())} finite rows of {len(y)}, at least ten were expected;"
-            " check the columns' names and units"
-        )
-    return y[good], omega[good], degc[good]
-
-
-def _column(table: Mapping[str, Any], name: str) -> Array:
-    if name not in table:
-        raise HrgError(f"the table has no column {name!r}; it has {', '.join(map(str, table))}")
-    return np.asarray(table[name], float)
-
-
-def _details(
-    y: Array, omega: Array, degc: Array, keep: Array, nodes: Array, interpolation: str, turning: bool, powers: list[int], fits: Array,
-    scores: dict[str, float], scale: float,
-) -> dict[str, Any]:  # fmt: skip
-    X = design(omega, degc, nodes, interpolation, turning, powers)
-    residual = (y - X @ fits)[keep]
-    plain = (
-        np.stack([np.ones(keep.sum()), omega[keep]], axis=1)
-        if turning
-        else np.ones((int(keep.sum()), 1))
-    )
-    constant = y[keep] - plain @ np.linalg.lstsq(plain, y[keep], rcond=None)[0]
-    out: dict[str, Any] = {
-        "nominal_scale": scale,
-        "powers": powers,
-        "power_coefficients": fits[2 * len(nodes) :].tolist() if turning else [],
-        "held_out_by_power": scores,
-        "rows": len(y),
-        "rejected": int((~keep).sum()),
-        "residual_rms_rad_s": {
-            "before": float(np.sqrt(np.mean(constant**2))),
-            "after": float(np.sqrt(np.mean(residual**2))),
-            "held_out": held_out_rms(y[keep], X[keep]),
-        },
-    }
-    if turning:
-        gain = fits[len(nodes) : 2 * len(nodes)]
-        largest = float(np.abs(omega).max())
-        grid = np.linspace(omega.min(), omega.max(), 201)
-        bend = sum(
-            (c * grid**p for p, c in zip(powers, out["power_coefficients"])), np.zeros(len(grid))
-        )
-        straight = np.polyfit(grid, bend, 1)
-        out["nonlinearity_ppm"] = float(
-            np.abs(bend - np.polyval(straight, grid)).max() / largest * 1e6
-        )
-        even = sum(
-            (c * largest**p for p, c in zip(powers, out["power_coefficients"]) if p % 2 == 0), 0.0
-        )
-        out["asymmetry_ppm"] = float(2 * even / largest * 1e6)
-        if len(nodes) > 1:
-            out["scale_factor_coefficient_ppm_per_degc"] = float(
-                np.polyfit(nodes, gain, 1)[0] / gain.mean() * 1e6
-            )
-    if len(nodes) > 1:
-        out["bias_coefficient_rad_s_per_degc"] = float(np.polyfit(nodes, -fits[: len(nodes)], 1)[0])
-    return out

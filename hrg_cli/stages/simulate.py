@@ -14,7 +14,7 @@ from pydantic import Field
 from .. import effects as catalogue
 from ..effects.effect import no_term, same_signal, same_state
 from ..errors import HrgError
-from ..physics import fast_engine, slow_engine
+from ..physics import fast_engine, slow_engine, slow_motion
 from ..physics.plant import Block, Environment, Plant, Readout, linear_plant
 from ..records import Recording
 from .simulation.blocks import record_blocks
@@ -201,7 +201,7 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
         world.temperature_degc + logged.logged_temperature_degc - world.logged_temperature_degc
     )
     world.rate_rad_s = world.rate_rad_s + logged.logged_rate_rad_s - world.logged_rate_rad_s
-    terms = slow_engine.SlowTerms(
+    terms = slow_motion.SlowTerms(
         [
             partial(effect.slow_environment, p)
             for effect, p in active

@@ -18,9 +18,9 @@ import numpy as np
 from ..effects import find
 from ..effects.effect import INSTANT, OF_EVERY_RUN, RUN, Effect
 from ..errors import UsageError
-from ..fitting.causes import extended_fit
-from ..fitting.causes.extended import state_of
+from ..fitting.causes import extended_fit, fit_point, scales, whitened_rows
 from ..fitting.causes.extended_fit import ExtendedFit
+from ..fitting.causes.fit_point import state_of
 from ..fitting.causes.wave_frame import real
 from ..records import Wave, collect
 from ..stages.demodulate import demodulate
@@ -123,7 +123,7 @@ def hide(name: str, random: np.random.Generator, noise: float) -> Hiding:
         z = float(
             np.linalg.norm(
                 _beside(
-                    extended_fit.flatten_rows(
+                    whitened_rows.flatten_rows(
                         fit.series, real(seen) * fit.series.weight[..., None]
                     ),
                     fit,
@@ -149,8 +149,8 @@ def direction_of(
 ) -> dict[str, float]:
     """A random direction of the parameters, its length one σ; parameters that these runs do not
     show stay neutral."""
-    steps = extended_fit.steps_of(effect, fit.series)
-    S = extended_fit.sensitivity(fit.flow, effect, neutral, steps)
+    steps = scales.steps_of(effect, fit.series)
+    S = whitened_rows.sensitivity(fit.flow, effect, neutral, steps)
     free = information(fit, S)
     whole, size = np.sum(S**2, axis=0), np.maximum(np.diag(free), 0.0)
     shown = size > FAINT**2 * whole
@@ -182,7 +182,7 @@ def setting_in(
         changed = effect.slow_readout(
             {**neutral, parameter.name: middle}, u, state_of(fit.series, fit.point)
         )
-        column = extended_fit.flatten_rows(fit.series, real((changed - u) * weight))
+        column = whitened_rows.flatten_rows(fit.series, real((changed - u) * weight))
         low, high = (
             (middle, high) if information(fit, column[:, None])[0, 0] < size**2 else (low, middle)
         )
@@ -215,7 +215,7 @@ def base_fit(
     fit = fit_rate_steps(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
     for name, values in beside.items():
         fit = extended_fit.fit(
-            fit.series, extended_fit.add_effect(fit.point, find(name), values), fit.freedom
+            fit.series, fit_point.add_effect(fit.point, find(name), values), fit.freedom
         )
     return fit
 

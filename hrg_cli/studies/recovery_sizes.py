@@ -15,7 +15,7 @@ import numpy as np
 from ..effects import EFFECTS, find
 from ..effects.effect import REFERENCE_TEMPERATURE, RUN, Effect
 from ..errors import HrgError
-from ..fitting.causes import extended_fit, scales
+from ..fitting.causes import extended_fit, fit_point, scales
 from ..fitting.causes.extended_fit import ExtendedFit
 from ..records import Recording, Wave
 from ..stages.diagnosis.base_priors import freedom_of
@@ -127,7 +127,7 @@ def fit_background(
         with contextlib.suppress(extended_fit.DivergedError):
             fit = extended_fit.fit(
                 fit.series,
-                extended_fit.add_effect(fit.point, effect, effect.values(values)),
+                fit_point.add_effect(fit.point, effect, effect.values(values)),
                 fit.freedom,
             )
     return fit

@@ -3,7 +3,10 @@
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from hrg_cli.fitting.causes.extended import MeasuredRuns, Point, RungeKuttaStage, predict
+from hrg_cli.fitting.causes.fit_point import Point
+from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
+from hrg_cli.fitting.causes.slow_equation import RungeKuttaStage
+from hrg_cli.fitting.causes.slow_prediction import predict
 
 OMEGA, FACTOR, FASTEST, LENGTH_S = 2 * np.pi * 401.0, 0.55, 9.0, 0.6
 P = np.array([0.8, 0.03, 0.04, 0.78, -1.04, FACTOR, 1.0])

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.causes import evidence
+from hrg_cli.fitting.causes import designs, evidence, left_out_folds
 
 
 def problem(seed=0, rows=400, base=5, size=0.0):
@@ -14,7 +14,7 @@ def problem(seed=0, rows=400, base=5, size=0.0):
     J = random.standard_normal((rows, base))
     S = random.standard_normal((rows, 1))
     r = random.standard_normal(rows) + size * S[:, 0]
-    Q = evidence.factor_design(evidence.Design.of(J)).basis
+    Q = designs.factor_design(designs.Design.of(J)).basis
     return J, Q, S, Q.off(r)
 
 
@@ -101,14 +101,14 @@ def test_a_design_in_blocks_is_solved_as_the_whole():
     J[blocks[1][0], blocks[1][1].start] = 0.0  # one run shows nothing of one of its parameters
     J[:, -1] += 1e3 * J[:, 0] / np.linalg.norm(J[:, 0])
     r, prior = random.standard_normal(len(J)), random.standard_normal((2, J.shape[1]))
-    parts = evidence.factor_design(evidence.Design.of(J, blocks))
+    parts = designs.factor_design(designs.Design.of(J, blocks))
     assert parts.basis.shape == (
         len(J),
         np.linalg.matrix_rank(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)),
     )
     np.testing.assert_allclose(parts.basis.along(parts.basis.off(J / 1e6)), 0, atol=1e-9)
     step, covariance = parts.solve(r, 0 * prior, np.zeros(2))
-    whole, its = evidence.solve(J, r)
+    whole, its = designs.solve(J, r)
     np.testing.assert_allclose(step, whole, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(covariance, its, rtol=1e-7, atol=1e-9 * np.abs(its).max())
     assert evidence.score("s", r, r[:, None], parts.basis).gain == pytest.approx(
@@ -120,8 +120,8 @@ def test_blocks_beside_what_is_unknown_over_all_of_them_are_solved_as_the_whole(
     """A direction over several runs that nobody knows: the steps are those of J less its part along
     it, which no longer stands in blocks."""
     J, blocks, random = in_runs(5)
-    unknown = evidence.orthonormal(random.standard_normal((len(J), 2)))
-    design = evidence.Design.of(J, blocks)
+    unknown = designs.orthonormal(random.standard_normal((len(J), 2)))
+    design = designs.Design.of(J, blocks)
     shared = design.shared - unknown @ (unknown.T @ design.shared)
     design = replace(design, shared=shared, unknown=unknown)
     whole = J - unknown @ (unknown.T @ J)
@@ -130,9 +130,9 @@ def test_blocks_beside_what_is_unknown_over_all_of_them_are_solved_as_the_whole(
     r = random.standard_normal(len(J))
     r -= unknown @ (unknown.T @ r)
     np.testing.assert_allclose(design.along(r), whole.T @ r, rtol=1e-6, atol=1e-9 * np.abs(J).max())
-    factored = evidence.factor_design(design)
+    factored = designs.factor_design(design)
     step, covariance = factored.solve(r, np.zeros((1, J.shape[1])), np.zeros(1))
-    wanted, its = evidence.solve(whole, r)
+    wanted, its = designs.solve(whole, r)
     np.testing.assert_allclose(step, wanted, rtol=1e-7, atol=1e-10)
     np.testing.assert_allclose(covariance, its, rtol=1e-6, atol=1e-9 * np.abs(its).max())
     np.testing.assert_allclose(factored.basis.along(r - whole @ wanted), 0, atol=1e-8)
@@ -140,7 +140,7 @@ def test_blocks_beside_what_is_unknown_over_all_of_them_are_solved_as_the_whole(
 
 def test_the_smooth_part_in_blocks_is_the_score_of_the_whole():
     J, blocks, random = in_runs(3)
-    basis = evidence.factor_design(evidence.Design.of(J, blocks)).basis
+    basis = designs.factor_design(designs.Design.of(J, blocks)).basis
     r = random.standard_normal(len(J))
     smooth = [(rows, random.standard_normal((50, 6))) for rows, _ in blocks]
     smooth[0][1][:, 0] = J[blocks[0]][:, 0]  # one column that the run's own can do
@@ -190,7 +190,9 @@ def test_held_out_error_of_one_fold_is_that_of_a_refit_without_it():
     X, y = random.standard_normal((60, 3)), random.standard_normal(60)
     best = np.linalg.lstsq(X, y, rcond=None)[0]
     folds = np.array_split(np.arange(60), 4)
-    left = evidence.predict_folds(y - X @ best, X, {k: np.zeros((15, 0)) for k in range(4)}, folds)
+    left = left_out_folds.predict_folds(
+        y - X @ best, X, {k: np.zeros((15, 0)) for k in range(4)}, folds
+    )
     for fold in folds:
         rest = np.setdiff1d(np.arange(60), fold)
         again = np.linalg.lstsq(X[rest], y[rest], rcond=None)[0]

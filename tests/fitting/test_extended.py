@@ -6,8 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from hrg_cli.effects import find
-from hrg_cli.fitting.causes import evidence, extended, extended_fit
-from hrg_cli.fitting.causes.extended import MeasuredRuns, Point
+from hrg_cli.fitting.causes import (
+    coordinate_priors,
+    descent,
+    designs,
+    extended,
+    slow_prediction,
+    whitened_rows,
+)
+from hrg_cli.fitting.causes.fit_point import Point
+from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.causes.sensitivities import base_sensitivities, propagation
 from hrg_cli.fitting.causes.wave_frame import real
 
@@ -45,26 +53,28 @@ def programme(runs=3, rows=90):
 
 def test_all_steps_at_once_are_the_steps_row_by_row():
     series, point = programme()
-    rule = extended._Rule(series, point)
+    rule = slow_prediction.Rule(series, point)
     marched = rule.marched(point.start)
-    motion = extended.predict(series, point).motion
+    motion = slow_prediction.predict(series, point).motion
     np.testing.assert_allclose(motion, marched, atol=1e-11)
-    near = extended.predict(series, replace(point, p=point.p * 1.02, start=point.start * 0.98))
-    again = extended.predict(series, point, propagation(near).near).motion
+    near = slow_prediction.predict(
+        series, replace(point, p=point.p * 1.02, start=point.start * 0.98)
+    )
+    again = slow_prediction.predict(series, point, propagation(near).near).motion
     np.testing.assert_allclose(again, marched, atol=1e-11)
 
 
 def test_sensitivities_are_differences_of_whole_predictions():
     series, point = programme()
-    flow = propagation(extended.predict(series, point))
+    flow = propagation(slow_prediction.predict(series, point))
     for effect, values in point.active:
         steps = {p.name: 1e-3 * abs(values[p.name]) for p in effect.fitted()}
-        own = extended_fit.sensitivity(flow, effect, values, steps)
+        own = whitened_rows.sensitivity(flow, effect, values, steps)
         for k, (name, size) in enumerate(steps.items()):
             seen = []
             for sign in (1, -1):
                 changed = values | {name: values[name] + sign * size}
-                there = extended.predict(
+                there = slow_prediction.predict(
                     series,
                     replace(
                         point,
@@ -72,7 +82,7 @@ def test_sensitivities_are_differences_of_whole_predictions():
                     ),
                 )
                 seen.append(
-                    extended_fit.flatten_rows(
+                    whitened_rows.flatten_rows(
                         series, extended.real(there.seen * series.weight[..., None])
                     )
                 )
@@ -88,12 +98,13 @@ def test_sensitivities_of_the_coordinates_are_differences_too():
     point = replace(
         point, active=tuple(pair for pair in point.active if pair[0].name != "thermal_damping")
     )
-    shared, _ = base_sensitivities(propagation(extended.predict(series, point)))
+    shared, _ = base_sensitivities(propagation(slow_prediction.predict(series, point)))
     for k in range(7):
         size = 1e-4
         p = np.eye(7)[k] * size
         up, down = (
-            extended.predict(series, replace(point, p=point.p + sign * p)).seen for sign in (1, -1)
+            slow_prediction.predict(series, replace(point, p=point.p + sign * p)).seen
+            for sign in (1, -1)
         )
         difference = extended.real((up - down) * series.weight[..., None]) / (2 * size)
         assert (
@@ -108,9 +119,9 @@ def test_an_effect_that_only_rounds_is_not_seen():
         quadrature_drive=0 * series.quadrature_drive,
         quadrature_impulse=0 * series.quadrature_impulse,
     )
-    flow = propagation(extended.predict(still, replace(point, active=())))
+    flow = propagation(slow_prediction.predict(still, replace(point, active=())))
     effect = find("quadrature_drive_phase_error")
-    assert not extended_fit.sensitivity(flow, effect, effect.values(), {"phase_rad": 1e-5}).any()
+    assert not whitened_rows.sensitivity(flow, effect, effect.values(), {"phase_rad": 1e-5}).any()
 
 
 def test_a_design_beside_what_is_unsettled_over_several_runs_is_differences_too():
@@ -118,15 +129,15 @@ def test_a_design_beside_what_is_unsettled_over_several_runs_is_differences_too(
     off: blocks of one run each would mix the runs' own columns."""
     series, point = programme()
     count = 4 * int(np.count_nonzero(series.weight))
-    free = evidence.orthonormal(np.random.default_rng(1).standard_normal((count, 1)))
-    series = replace(series, unsettled=evidence.Basis((), free))
-    freedom = extended_fit.CoordinatePriors(np.zeros(7), np.full(7, np.inf))
-    layout = extended_fit.layout_of(series, point, freedom)
-    design = extended_fit.design_of(propagation(extended.predict(series, point)), layout)
+    free = designs.orthonormal(np.random.default_rng(1).standard_normal((count, 1)))
+    series = replace(series, unsettled=designs.Basis((), free))
+    freedom = coordinate_priors.CoordinatePriors(np.zeros(7), np.full(7, np.inf))
+    layout = whitened_rows.layout_of(series, point, freedom)
+    design = whitened_rows.design_of(propagation(slow_prediction.predict(series, point)), layout)
 
     def judged(step):
-        there = extended.predict(series, extended_fit.move_point(point, layout, step, False))
-        return extended_fit.flatten_rows(series, real(there.seen) * series.weight[..., None])
+        there = slow_prediction.predict(series, descent.move_point(point, layout, step, False))
+        return whitened_rows.flatten_rows(series, real(there.seen) * series.weight[..., None])
 
     whole = design.whole()
     for k in (*range(layout.run(0).start, layout.run(1).stop), layout.coordinates[2]):

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from hrg_cli.fitting.causes import extended
-from hrg_cli.fitting.causes.extended import MeasuredRuns, Point
+from hrg_cli.fitting.causes import slow_equation, slow_prediction
+from hrg_cli.fitting.causes.fit_point import Point
+from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.physics.resonator import Mechanics
 
 FREQUENCY_HZ, A_PERIOD, LENGTH_S, PERIODS = 300.0, 48, 0.8, 6
@@ -133,10 +134,10 @@ def test_the_model_shows_what_demodulation_shows_under_a_force(gain_1_s):
         p = extended.coordinates.from_mechanics(mechanics, second_order)
         start = measured[:1]
         for _ in range(3):  # the start whose shown envelope is the measured one
-            at_start = extended.predict(series, Point(p, start, np.zeros(1))).seen[:, 0]
+            at_start = slow_prediction.predict(series, Point(p, start, np.zeros(1))).seen[:, 0]
             start = start + measured[:1] - at_start
         point = Point(p, start, np.zeros(1))
-        predicted = extended.predict(series, point)
+        predicted = slow_prediction.predict(series, point)
         return predicted.seen[0] - measured, predicted.seen[0] - predicted.motion[0]
 
     off, lead = missed(1.0)
@@ -150,6 +151,6 @@ def test_the_model_shows_what_demodulation_shows_under_a_force(gain_1_s):
 def test_the_drive_shows_at_once_and_moves_nothing_twice():
     """With its second order the model of a sudden force jumps by jf/2ω where it sets in."""
     split = np.array([0.0, 0, 0, *SPLIT, FACTOR, 1.0])
-    felt = extended.second_order_force(split, FREQUENCY_HZ)
+    felt = slow_equation.second_order_force(split, FREQUENCY_HZ)
     np.testing.assert_allclose(felt, -mirror(*SPLIT) / OMEGA)
-    assert extended.lead_of_force(FREQUENCY_HZ) == pytest.approx(1j / (2 * OMEGA))
+    assert slow_equation.lead_of_force(FREQUENCY_HZ) == pytest.approx(1j / (2 * OMEGA))

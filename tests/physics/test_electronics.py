@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from hrg_cli.physics import ellipse, fast_engine
-from hrg_cli.physics.electronics import Electronics, rounded
+from hrg_cli.physics.board_reading import rounded
+from hrg_cli.physics.electronics import Electronics
 from hrg_cli.physics.noise import Noise
 from hrg_cli.physics.plant import Control, Environment, ThermalCourses, linear_plant
 from hrg_cli.physics.resonator import Mechanics

@@ -4,7 +4,7 @@ other."""
 import numpy as np
 import pytest
 
-from hrg_cli.physics import ellipse, fast_engine, fast_loop, slow_engine
+from hrg_cli.physics import ellipse, fast_engine, fast_loop, slow_engine, slow_motion
 from hrg_cli.physics.coefficients import Coefficients, state_of
 from hrg_cli.physics.plant import Control, Environment, Plant, ThermalCourses, linear_plant
 from hrg_cli.physics.resonator import J, Mechanics, reflection
@@ -40,7 +40,7 @@ def slow(mechanics, environment, u0, fs, seconds, control=None, courses=PLAIN):
         environment,
         lambda e: linear_plant(mechanics, courses, e),
         control or Control(),
-        slow_engine.SlowTerms(),
+        slow_motion.SlowTerms(),
         u0,
         1 / fs,
         round(seconds * fs),

@@ -13,7 +13,7 @@ import records_by_hand as by_hand
 from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.records import Provenance
-from hrg_cli.reporting import page
+from hrg_cli.reporting import page, page_figures
 from hrg_cli.reporting.page_content import list_steps, translate_parameter
 from hrg_cli.reporting.surface import surface_data
 from hrg_cli.units import DEGREE_PER_HOUR
@@ -109,7 +109,7 @@ def test_truth_is_read_only_when_asked(files, whole):
 
 def test_page_stays_small(files, whole, monkeypatch):
     assert len(whole.encode()) < 3_000_000
-    monkeypatch.setattr(page, "PAGE_BYTES", 60_000)
+    monkeypatch.setattr(page_figures, "PAGE_BYTES", 60_000)
     small = page.build_report(files[2:4], full=True)
     assert len(small.encode()) < 60_000 + 60_000 and "to keep the page small" in small
 
@@ -234,7 +234,7 @@ def test_any_recording_gives_a_page(tmp_path, change):
 
 
 def test_of_many_files_the_first_are_drawn(tmp_path, monkeypatch):
-    monkeypatch.setattr(page, "DRAWN_OF_A_KIND", 1)
+    monkeypatch.setattr(page_figures, "DRAWN_OF_A_KIND", 1)
     paths = [tmp_path / f"wave-{k:02}.h5" for k in range(12)]
     for k, path in enumerate(paths):
         store.write(path, by_hand.wave(run=f"run-{k}", count=40))

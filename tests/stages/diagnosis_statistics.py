@@ -9,7 +9,7 @@ from diagnosis_programme import programme, waves
 
 from hrg_cli.effects import find
 from hrg_cli.effects.effect import RUN
-from hrg_cli.fitting.causes import extended_fit
+from hrg_cli.fitting.causes import extended_fit, fit_point, scales, whitened_rows
 from hrg_cli.fitting.causes.wave_frame import real
 from hrg_cli.stages.diagnosis.base_priors import freedom_of
 from hrg_cli.stages.diagnosis.data import prepare
@@ -96,11 +96,11 @@ def sized(effect, fit, z, random):
         for _ in range(50):
             middle = (low + high) / 2
             change = real((effect.slow_readout({"inverse_level": middle}, u, None) - u) * weight)
-            size = np.linalg.norm(beside(extended_fit.flatten_rows(fit.series, change)))
+            size = np.linalg.norm(beside(whitened_rows.flatten_rows(fit.series, change)))
             low, high = (middle, high) if size < z else (low, middle)
         return {"inverse_level": low}
-    steps = extended_fit.steps_of(effect, fit.series)
-    S = extended_fit.sensitivity(fit.flow, effect, values, steps)
+    steps = scales.steps_of(effect, fit.series)
+    S = whitened_rows.sensitivity(fit.flow, effect, values, steps)
     free, whole = beside(S), np.linalg.norm(S, axis=0)
     size = np.linalg.norm(free, axis=0)
     if (
@@ -144,7 +144,7 @@ def hidden(name, seed, z=None):
         fit = base_of(measured({**table, "effects": effects}, name))
         for other, values in effects.items():
             fit = extended_fit.fit(
-                fit.series, extended_fit.add_effect(fit.point, find(other), values), fit.freedom
+                fit.series, fit_point.add_effect(fit.point, find(other), values), fit.freedom
             )
         effects[name] = sized(find(name), fit, z, random)
     return effects, measured({**table, "effects": effects}, name)
@@ -183,7 +183,7 @@ def true_gain(runs, effects):
                         dataclasses.replace(p, fitted=False) for p in effect.parameters
                     ),
                 )
-            point = extended_fit.add_effect(point, effect, effect.values(values))
+            point = fit_point.add_effect(point, effect, effect.values(values))
         point = extended_fit.fit(base.series, point, base.freedom).point
     gain = held_out(base, extended_fit.fit(base.series, point, base.freedom)).errors
     return float(gain.before.mean() / gain.after.mean())

@@ -8,7 +8,7 @@ import pytest
 from synthetic_waves import run_down
 
 from hrg_cli.effects import EFFECTS
-from hrg_cli.fitting.causes import extended_fit
+from hrg_cli.fitting.causes import motion_budget
 from hrg_cli.stages import diagnose as stage
 from hrg_cli.stages.diagnose import diagnose
 
@@ -41,7 +41,7 @@ def test_a_search_that_was_stopped_names_nothing(monkeypatch):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_wave_that_jumps_ends_within_its_bound(seed):
     motions = stage.MOTIONS_EACH * SEARCHED
-    with extended_fit.limit_motions(10 * motions):
+    with motion_budget.limit_motions(10 * motions):
         found = diagnose(runs(jumps=3, seed=seed))
     assert json.loads(found.report)["verdict"] in ("unexplained", "partly explained")
 
@@ -55,12 +55,12 @@ def test_sound_runs_stay_far_below(monkeypatch):
 
 def test_the_limit_counts_the_motions_of_all_fits(monkeypatch):
     """Not those outside, and the inner limit is its own."""
-    spent = extended_fit._spend_motion
-    with extended_fit.limit_motions(3):
+    spent = motion_budget.spend_motion
+    with motion_budget.limit_motions(3):
         for _ in range(3):
             spent()
-        with extended_fit.limit_motions(1):
+        with motion_budget.limit_motions(1):
             spent()
-        with pytest.raises(extended_fit.WorkSpentError, match="after 3 fitted motions"):
+        with pytest.raises(motion_budget.WorkSpentError, match="after 3 fitted motions"):
             spent()
     spent()

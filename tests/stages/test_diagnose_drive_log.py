@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from hrg_cli.fitting.causes import extended, extended_fit
-from hrg_cli.fitting.causes.extended import MeasuredRuns, Point
-from hrg_cli.fitting.causes.extended_fit import CoordinatePriors
+from hrg_cli.fitting.causes import extended_fit, slow_prediction, whitened_rows
+from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
+from hrg_cli.fitting.causes.fit_point import Point
+from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.stages.diagnosis import drive_log
 
 P = np.array([1.5, 0.1, 0.05, 0.9, -0.4, 0.55, 1.0])
@@ -42,7 +43,7 @@ def programme(late_s, seed=0):
             held_amplitude=np.nan * one, held_slope=0 * one, turn_rad_s=np.zeros(2), reference_frequency_hz=900.0, mode_number=2,
         )  # fmt: skip
 
-    true = extended.predict(series(late_s), Point(P, start, np.zeros(2))).seen
+    true = slow_prediction.predict(series(late_s), Point(P, start, np.zeros(2))).seen
     random = np.random.default_rng(seed)
     noise = NOISE * (random.normal(size=true.shape) + 1j * random.normal(size=true.shape))
     return replace(series(0.0), envelope=true + noise), Point(P, start, np.zeros(2))
@@ -71,6 +72,6 @@ def test_no_lateness_is_found_in_a_log_that_is_right():
     assert abs(timed.series.drive_late_s) < 2e-5
     blind = drive_log.blind_to_lateness(timed)
     assert blind.dof == timed.dof - 1
-    column = extended_fit.flatten_rows(blind.series, drive_log.of_lateness(blind))
-    before = extended_fit.flatten_rows(timed.series, drive_log.of_lateness(timed))
+    column = whitened_rows.flatten_rows(blind.series, drive_log.of_lateness(blind))
+    before = whitened_rows.flatten_rows(timed.series, drive_log.of_lateness(timed))
     assert np.linalg.norm(column) < 1e-6 * np.linalg.norm(before)

@@ -6,8 +6,9 @@ import numpy as np
 
 from hrg_cli.effects.effect import frame
 from hrg_cli.fitting.causes import extended_fit
-from hrg_cli.fitting.causes.extended import MeasuredRuns, Point
-from hrg_cli.fitting.causes.extended_fit import CoordinatePriors
+from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
+from hrg_cli.fitting.causes.fit_point import Point
+from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.fitting.samples.course import impulse, mean_of
 from hrg_cli.physics.ellipse import wave

@@ -12,9 +12,10 @@ import pytest
 
 from hrg_cli.effects.effect import frame
 from hrg_cli.fitting.causes import extended_fit
-from hrg_cli.fitting.causes.evidence import Softened
-from hrg_cli.fitting.causes.extended import MeasuredRuns, Point
-from hrg_cli.fitting.causes.extended_fit import CoordinatePriors
+from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
+from hrg_cli.fitting.causes.designs import Softened
+from hrg_cli.fitting.causes.fit_point import Point
+from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.causes.sensitivities import base_sensitivities
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.fitting.samples.course import impulse, mean_of, means_of_values

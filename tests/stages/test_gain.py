@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.causes.evidence import HeldOut
+from hrg_cli.fitting.causes.left_out_folds import HeldOut
 from hrg_cli.stages.diagnosis.gain import _root, folds_of
 
 FOLDS, DRAWS = 16, 600

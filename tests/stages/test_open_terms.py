@@ -9,7 +9,7 @@ import pytest
 from diagnosis_programme import programme, waves
 from diagnosis_statistics import base_of
 
-from hrg_cli.fitting.causes import extended_fit
+from hrg_cli.fitting.causes import scales, whitened_rows
 from hrg_cli.stages.diagnosis.open_terms import (
     PLACES,
     covariates,
@@ -34,8 +34,8 @@ def test_a_terms_columns_are_the_sensitivities_of_the_effect_it_becomes(fit):
         for place in PLACES:
             ((_, columns, _),) = columns_of(fit, [(place, some[name])])
             effect = effect_of(place, some[name], "open")
-            steps = extended_fit.steps_of(effect, fit.series)
-            own = extended_fit.sensitivity(fit.flow, effect, effect.values(), steps)
+            steps = scales.steps_of(effect, fit.series)
+            own = whitened_rows.sensitivity(fit.flow, effect, effect.values(), steps)
             assert np.allclose(columns, own, rtol=0, atol=1e-3 * np.abs(columns).max()), (
                 place.name,
                 name,

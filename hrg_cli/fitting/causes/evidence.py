@@ -3,237 +3,25 @@ nothing of gyros.
 
 Notation: r (N,) whitened residual of a base model with Jacobian J (N, k), S (N, m) a candidate's
 sensitivities, all over σ. With Q an orthonormal basis of J: s⊥ = S − Q Qᵀ S, T = |P_{s⊥} r|² is the
-fall of χ² the candidate buys with `rank` parameters. J is mostly blocks: what belongs to one run
-has rows of its own, and is taken off there alone.
+fall of χ² the candidate buys with `rank` parameters.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
+from .designs import Basis
+
 Array = np.ndarray
 BLIND = 3e-4
 """Independence |s⊥|/|s| below which a candidate counts as invisible beside the base model."""
-CLEAR_RANK = 1e-6
-"""Ratio of a triangle's pivots above which the rank is full beyond doubt; below it singular values
-decide."""
 TOGETHER = 16
 """Columns of candidates multiplied with one another in one matrix product."""
-
-
-Block = tuple[slice, slice]
-"""Rows and columns of a design that belong to one another alone: outside them the columns are
-zero."""
-
-
-@dataclass(frozen=True)
-class Design:
-    """A design J (N, k) kept in its parts: `shared` columns (N, s) at `places` (s,), and blocks
-    (rows, columns, values) of one run each; all of them less their part along `unknown` (N, u).
-
-    Memory grows with the rows, not with rows times runs. What is unknown may reach over all runs:
-    a block less its part along it would be a block no more, so that part is taken off where the
-    design is used. The shared columns stand without it.
-    """
-
-    shared: Array
-    places: Array
-    own: tuple[tuple[slice, slice, Array], ...] = ()
-    unknown: Array | None = None
-    """Orthonormal columns (N, u); None for none."""
-
-    @classmethod
-    def of(cls, J: Array, blocks: Sequence[Block] = ()) -> Design:
-        """The parts of a whole matrix (N, k)."""
-        alone = np.zeros(J.shape[1], bool)
-        for _, columns in blocks:
-            alone[columns] = True
-        return cls(
-            J[:, ~alone],
-            np.flatnonzero(~alone),
-            tuple((rows, columns, J[rows, columns]) for rows, columns in blocks),
-        )
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(N, k)."""
-        return len(self.shared), len(self.places) + sum(
-            values.shape[1] for _, _, values in self.own
-        )
-
-    def times(self, step: Array) -> Array:
-        """J step, (N,)."""
-        out = self.shared @ step[self.places]
-        for rows, columns, values in self.own:
-            out[rows] += values @ step[columns]
-        return self._off(out)
-
-    def along(self, S: Array) -> Array:
-        """Jᵀ S of columns (N, …), (k, …)."""
-        S = self._off(S)
-        out = np.zeros((self.shape[1], *S.shape[1:]))
-        out[self.places] = self.shared.T @ S
-        for rows, columns, values in self.own:
-            out[columns] = values.T @ S[rows]
-        return out
-
-    def whole(self) -> Array:
-        """J (N, k) as one matrix, where its size does not matter."""
-        out = np.zeros(self.shape)
-        out[:, self.places] = self.shared
-        for rows, columns, values in self.own:
-            out[rows, columns] = values
-        return self._off(out)
-
-    def sizes(self) -> Array:
-        """Lengths of the columns, (k,)."""
-        out = np.zeros(self.shape[1])
-        out[self.places] = np.einsum("ij,ij->j", self.shared, self.shared)
-        for rows, columns, values in self.own:
-            out[columns] = np.einsum("ij,ij->j", values, values)
-            if self.unknown is not None:
-                out[columns] -= np.sum((self.unknown[rows].T @ values) ** 2, axis=0)
-        return np.sqrt(np.maximum(out, 0.0))
-
-    def _off(self, S: Array) -> Array:
-        """Columns (N, …) less their part along what is unknown."""
-        return S if self.unknown is None else S - self.unknown @ (self.unknown.T @ S)
-
-
-@dataclass(frozen=True)
-class Basis:
-    """An orthonormal basis (N, k): parts that live on some rows alone, and `shared` ones (N, s)
-    perpendicular to these."""
-
-    own: tuple[tuple[slice, Array], ...]
-    shared: Array
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(N, k)."""
-        return len(self.shared), self.shared.shape[1] + sum(Q.shape[1] for _, Q in self.own)
-
-    def along(self, S: Array) -> Array:
-        """Components (k, …) of columns (N, …)."""
-        return np.concatenate([*(Q.T @ S[rows] for rows, Q in self.own), self.shared.T @ S])
-
-    def off(self, S: Array) -> Array:
-        """Columns (N, …) less their part along the basis."""
-        return self.off_own(S) - self.shared @ (self.shared.T @ S)
-
-    def off_own(self, S: Array) -> Array:
-        """Columns (N, …) less their part along what lives on some rows alone."""
-        out = S.copy()
-        for rows, Q in self.own:
-            out[rows] -= Q @ (Q.T @ S[rows])
-        return out
-
-
-@dataclass(frozen=True)
-class Softened:
-    """What may be off by a known covariance 1 + Q Λ Qᵀ, in parts that live on some rows alone:
-    orthonormal Q (N, k) and variances λ (k,), each among rows that the parts before it whitened."""
-
-    own: tuple[tuple[slice, Array, Array], ...]
-
-    def off(self, S: Array) -> Array:
-        """Columns (N, …) whitened, (1 + Q Λ Qᵀ)^{−1/2} S."""
-        out = S.copy()
-        for rows, Q, power in self.own:
-            along = Q.T @ out[rows]
-            out[rows] -= Q @ (along.T * (1 - 1 / np.sqrt(1 + power))).T
-        return out
-
-    def over(self, level: float) -> Softened:
-        """The same where every σ is `level` times as large."""
-        return Softened(tuple((rows, Q, power / level**2) for rows, Q, power in self.own))
-
-
-@dataclass(frozen=True)
-class Factored:
-    """A design J (N, k) = Q T: T (rank, k), in whose few rows all is solved that asks for J alone,
-    and an orthonormal basis Q of J and of what is unknown."""
-
-    basis: Basis
-    triangle: Array
-
-    def solve(
-        self,
-        residual: Array,
-        prior: Array,
-        prior_residual: Array,
-        wall: Array | None = None,
-        distance: float = 0.0,
-    ) -> tuple[Array, Array]:
-        """Least-squares step (k,) and covariance (k, k) with prior rows (m, k); blind directions
-        stay put.
-
-        wall (k,): the step is held to wall·step = `distance` (an equality, by elimination); the
-        covariance is then that along the wall.
-        """
-        rows = np.concatenate([self.triangle, prior])
-        right = np.concatenate([self.basis.along(residual), prior_residual])
-        if wall is None:
-            return solve(rows, right)
-        first = wall * (distance / float(wall @ wall))
-        along = np.linalg.qr(wall[:, None], mode="complete")[0][:, 1:]
-        step, covariance = solve(rows @ along, right - rows @ first)
-        return first + along @ step, along @ covariance @ along.T
-
-
-def factor_design(design: Design, tolerance: float = 1e-10) -> Factored:
-    """The design as basis times triangle, its blocks of rows and columns first; the rank is that of
-    the columns at unit length."""
-    size = design.sizes()
-    nothing = size == 0
-    size[nothing] = 1.0
-    count = design.shape[1]
-    own, upper = [], []
-    for rows, columns, values in design.own:
-        Q, part = _split(values / size[columns], tolerance)
-        own.append((rows, Q))
-        upper.append(np.zeros((len(part), count)))
-        upper[-1][:, columns] = part
-    first = Basis(tuple(own), np.zeros((len(design.shared), 0)))
-    unknown = np.zeros((len(design.shared), 0)) if design.unknown is None else design.unknown
-    # the blocks stand with their part along what is unknown, which therefore comes into the basis
-    left = np.column_stack([unknown, design.shared / size[design.places]])
-    beside = first.along(left)
-    left = first.off(left)
-    again = first.along(left)  # what little is left holds the rounding of what was taken off
-    Q, part = _split(first.off(left), tolerance)
-    reach = np.concatenate([beside + again, part])
-    triangle = np.concatenate([*upper, np.zeros((len(part), count))])
-    triangle[:, design.places] = reach[:, unknown.shape[1] :]
-    off = orthonormal(reach[:, : unknown.shape[1]])
-    triangle -= off @ (off.T @ triangle)
-    # a column of nothing stays so: its rounding would be taken for a direction
-    return Factored(Basis(tuple(own), Q), np.where(nothing, 0.0, triangle * size))
-
-
-def _split(J: Array, tolerance: float) -> tuple[Array, Array]:
-    """Orthonormal (N, r) and (r, k) whose product is J; directions weaker than `tolerance` of the
-    strongest are none."""
-    if J.shape[1] == 0:
-        return J, np.zeros((0, 0))
-    Q, R = np.linalg.qr(J)
-    pivots = np.abs(np.diag(R))
-    if len(J) >= J.shape[1] and pivots.min() > CLEAR_RANK * pivots.max():
-        return Q, R
-    U, s, Vt = np.linalg.svd(J, full_matrices=False)
-    keep = s > tolerance * s[0]
-    return U[:, keep], s[keep, None] * Vt[keep]
-
-
-def orthonormal(J: Array, tolerance: float = 1e-10) -> Array:
-    """Orthonormal basis (N, rank) of the columns of J, each scaled to unit length first."""
-    size = np.linalg.norm(J, axis=0)
-    return _split(J[:, size > 0] / size[size > 0], tolerance)[0]
 
 
 @dataclass(frozen=True)
@@ -470,78 +258,6 @@ def correlations(scores: Sequence[Score]) -> Array:
     for i, a in enumerate(scores):
         for j in range(i):
             out[i, j] = out[j, i] = correlate_spaces(a, scores[j])
-    return out
-
-
-def solve(J: Array, residual: Array) -> tuple[Array, Array]:
-    """Least-squares step (k,) and covariance (k, k) of a whitened problem; blind directions stay
-    put."""
-    size = np.linalg.norm(J, axis=0)
-    size[size == 0] = 1.0
-    U, s, Vt = np.linalg.svd(J / size, full_matrices=False)
-    keep = s > 1e-9 * s[0]
-    inverse = Vt[keep].T / s[keep] / size[:, None]
-    return inverse @ (U[:, keep].T @ residual), inverse @ inverse.T
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """Prediction of data that were not fitted: mean squared whitened residual per held-out fold
-    with and without the extension."""
-
-    before: Array
-    after: Array
-
-    @property
-    def ratio(self) -> float:
-        """rms before over rms after."""
-        return float(np.sqrt(self.before.mean() / max(self.after.mean(), 1e-300)))
-
-    @property
-    def std(self) -> float:
-        """Standard deviation of the ratio, from the scatter over the folds."""
-        logs = 0.5 * np.log(np.maximum(self.before, 1e-300) / np.maximum(self.after, 1e-300))
-        return (
-            float(self.ratio * logs.std(ddof=1) / np.sqrt(len(logs)))
-            if len(logs) > 1
-            else float("inf")
-        )
-
-
-def predict_folds(
-    residual: Array,
-    shared: Array,
-    own: Mapping[int, Array],
-    folds: Sequence[Array],
-    prior: Array | None = None,
-) -> Array:
-    """Residual (N,) of every fold when the shared columns are fitted on the other folds, linearised
-    at the optimum.
-
-    residual (N,) at the joint optimum; shared (N, k); own[f] (N_f, q) columns that belong to fold f
-    alone (fitted on it in both cases); folds: index arrays. The joint optimum is moved to the
-    optimum without the fold by one exact linear step.
-    """
-    out = residual.copy()
-    both = np.column_stack([shared, residual])
-    bases = [
-        orthonormal(own[f]) if own[f].shape[1] else np.zeros((len(rows), 0))
-        for f, rows in enumerate(folds)
-    ]
-    parts = [
-        both[rows] - basis @ (basis.T @ both[rows])
-        for rows, basis in zip(folds, bases, strict=True)
-    ]
-    parts = [np.linalg.qr(part, mode="r") for part in parts]
-    pull = [] if prior is None else [np.column_stack([prior, np.zeros(len(prior))])]
-    for number, (fold, basis) in enumerate(zip(folds, bases, strict=True)):
-        others = [parts[k] for k in range(len(folds)) if k != number]
-        equations = np.concatenate(others + pull) if others else np.zeros((0, both.shape[1]))
-        step = (
-            solve(equations[:, :-1], equations[:, -1])[0] if others else np.zeros(shared.shape[1])
-        )
-        left = residual[fold] - shared[fold] @ step
-        out[fold] = left - basis @ (basis.T @ left)
     return out
 
 

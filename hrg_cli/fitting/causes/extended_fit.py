@@ -1,123 +1,34 @@
-"""Gauss–Newton of the extended model over all runs: shared coordinates, each run's start and
-frequency, the effects' parameters."""
+"""The extended model fitted to all runs: shared coordinates, each run's start and frequency, the
+effects' parameters; its optimum, and what of it others ask for."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ...effects.effect import Effect
-from ...errors import HrgError
 from ..envelopes.coordinates import COORDINATES, COUNT
-from . import evidence
-from .evidence import Basis, Design, Factored
-from .extended import MeasuredRuns, Near, Point, Prediction, predict
-from .layout import FREQUENCY, FitColumns
-from .scales import amplitude_of, steps_of
-from .sensitivities import (
-    Propagation,
-    Wanted,
-    base_sensitivities,
-    effect_sensitivities,
-    propagation,
-)
+from .coordinate_priors import CoordinatePriors
+from .damping_bound import passive_damping
+from .descent import DivergedError, cost_of, descend, linearise, no_motion
+from .designs import Basis, Design, Factored
+from .fit_point import Point
+from .layout import FitColumns
+from .measured_runs import MeasuredRuns
+from .motion_budget import spend_motion
+from .sensitivities import Propagation, Wanted, propagation
+from .slow_prediction import Near, Prediction, predict
 from .wave_frame import directions, imaginary, real
+from .whitened_rows import layout_of, sensitivities, whiten_rows
 
-__all__ = [
-    "CoordinatePriors",
-    "DivergedError",
-    "ExtendedFit",
-    "WorkSpentError",
-    "add_effect",
-    "amplitude_of",
-    "fit",
-    "limit_motions",
-    "remove_effect",
-    "steps_of",
-]
+__all__ = ["DivergedError", "ExtendedFit", "along_wave", "fit", "on_rows", "unsettled_part"]
 
 Array = np.ndarray
 MOST_STEPS = 15
-SHORTEST = 1 / 128
-"""Part of a step that is tried last before the step is bent."""
-DAMPED = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
-"""Lengths of the damping rows, over those of the columns, where a whole step leads nowhere."""
-DAMPING = ("damping", "damping_cos", "damping_sin")
-"""Coordinates whose cone ν ≥ |νδμ| a passive resonator stays in."""
-
-
-class DivergedError(HrgError, ArithmeticError):
-    """The start is so far off that the model's motion has no end there."""
-
-
-class WorkSpentError(Exception):
-    """All motions that a search may compute are computed; no `HrgError`, which fits are given up
-    for one by one."""
-
-
-_left: ContextVar[list[int] | None] = ContextVar("motions left", default=None)
-
-
-@contextmanager
-def limit_motions(motions: int) -> Iterator[None]:
-    """Fits within may compute so many motions together: the work of a search that leads nowhere
-    ends, at the same place on every machine.
-
-    WorkSpentError: from the fit that asks for one more.
-    """
-    token = _left.set([motions, motions])
-    try:
-        yield
-    finally:
-        _left.reset(token)
-
-
-def _spend_motion() -> None:
-    left = _left.get()
-    if left is None:
-        return
-    left[0] -= 1
-    if left[0] < 0:
-        raise WorkSpentError(f"the search for causes was stopped after {left[1]} fitted motions")
-
-
-@dataclass(frozen=True)
-class CoordinatePriors:
-    """Gaussian priors on the coordinates: mean (7,), std (7,); inf: none, 0: held."""
-
-    mean: Array
-    std: Array
-    offset_std: float = np.inf
-    """Wander of the runs' frequencies about the mean of their kind (free, forced), rad/s; inf:
-    every run has a frequency of its own."""
-    passive: bool = True
-    """The fit stays where a resonator without a supply can be: the damping is nowhere negative, ν ≥
-    |νδμ|."""
-    loose: CoordinatePriors | None = None
-    """What takes its place once the misfit is no longer gross enough to bend what is weakly known;
-    None: the same."""
-
-    def holding(self, name: str, value: float) -> CoordinatePriors:
-        """The same with one coordinate held at a value."""
-        mean, std = self.mean.copy(), self.std.copy()
-        mean[COORDINATES.index(name)], std[COORDINATES.index(name)] = value, 0.0
-        return replace(self, mean=mean, std=std)
-
-    def strays(self, series: MeasuredRuns) -> Array:
-        """Rows (R, R) of the runs' offsets that this prior pulls to zero; none where they are
-        free."""
-        if not np.isfinite(self.offset_std):
-            return np.zeros((0, len(series.names)))
-        forced = series.forced[:, 0] > 0
-        alike = forced[:, None] == forced
-        return (np.eye(len(forced)) - alike / alike.sum(axis=1)) / self.offset_std
 
 
 @dataclass(frozen=True)
@@ -252,7 +163,7 @@ def unsettled_part(fit: ExtendedFit) -> Array:
     series = fit.series
     if series.unsettled is None:
         return np.zeros_like(fit.prediction.seen)
-    whole = _whitened_rows(series, fit.prediction.residual())
+    whole = whiten_rows(series, fit.prediction.residual())
     scale = np.where(series.weight > 0, series.weight, 1.0)
     return np.asarray(imaginary(on_rows(fit, whole - fit.residual)) / scale[..., None])
 
@@ -261,163 +172,6 @@ def along_wave(fit: ExtendedFit, values: Array) -> Array:
     """The same along the wave's own directions: amplitude, phase, angle, ellipticity."""
     own = real(directions(fit.prediction.seen))
     return np.asarray(np.einsum("rnki,rni...->rnk...", own, on_rows(fit, values)))
-
-
-def flatten_rows(series: MeasuredRuns, values: Array) -> Array:
-    """(R, n, 4, …) -> rows with weight only, (N, …), whitened and off what is unsettled."""
-    rows = _whitened_rows(series, values)
-    return rows if series.unsettled is None else series.unsettled.off(rows)
-
-
-def flatten_own(series: MeasuredRuns, values: Array) -> Array:
-    """The same of columns of every run's own, side by side in one array: off what is unsettled in a
-    run alone, for what reaches over several would mix their columns."""
-    rows = _whitened_rows(series, values)
-    return rows if series.unsettled is None else series.unsettled.off_own(rows)
-
-
-def _whitened_rows(series: MeasuredRuns, values: Array) -> Array:
-    keep = series.weight > 0
-    if keep.all():
-        rows = values.reshape(-1, *values.shape[3:])
-    else:
-        rows = values[np.broadcast_to(keep[..., None], values.shape[:3])]
-    return rows if series.scatter is None else series.scatter.off(rows)
-
-
-def sensitivity(
-    flow: Propagation, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]
-) -> Array:
-    """An effect's sensitivities over σ, (N, K)."""
-    return sensitivities(flow, [(effect, values, steps)])[0]
-
-
-def sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Array]:
-    """Of many effects, (N, K) each."""
-    return [
-        flatten_rows(flow.prediction.series, columns)
-        for columns in effect_sensitivities(flow, wanted)
-    ]
-
-
-def layout_of(series: MeasuredRuns, point: Point, freedom: CoordinatePriors) -> FitColumns:
-    """What a fit of this point moves."""
-    effects = tuple(
-        (e.name, names) for e, _ in point.active if (names := tuple(p.name for p in e.fitted()))
-    )
-    return FitColumns(
-        tuple(k for k in range(COUNT) if freedom.std[k] > 0), len(series.names), effects
-    )
-
-
-def design_of(flow: Propagation, layout: FitColumns) -> Design:
-    """Whitened design of coordinates, runs and active effects."""
-    series, point = flow.prediction.series, flow.prediction.point
-    of_all, of_each = base_sensitivities(flow)
-    shared, own = flatten_rows(series, of_all), flatten_own(series, of_each)
-    wanted = [
-        (e, v, _fitted_steps(e, v, series)) for e, v in point.active if layout.parameters(e.name)
-    ]
-    beside = sensitivities(flow, wanted) if wanted else []
-    ends = np.cumsum([0, *4 * np.count_nonzero(series.weight > 0, axis=1)])
-    rows = [slice(int(first), int(last)) for first, last in pairwise(ends)]
-    blocks = tuple((one, layout.run(k), own[one]) for k, one in enumerate(rows))
-    return Design(
-        np.concatenate([shared[:, list(layout.coordinates)], *beside], axis=1),
-        layout.shared,
-        blocks,
-        None if series.unsettled is None else series.unsettled.shared,
-    )
-
-
-def _fitted_steps(
-    effect: Effect, values: Mapping[str, float], series: MeasuredRuns
-) -> dict[str, float]:
-    """Difference steps sized by the value where the effect stands."""
-    return {
-        name: 1e-3 * abs(values[name]) or size for name, size in steps_of(effect, series).items()
-    }
-
-
-def move_point(point: Point, layout: FitColumns, step: Array, passive: bool = True) -> Point:
-    """The point after a step (k,) in everything fitted; `passive`: brought back into the damping's
-    cone."""
-    p, start, offset = point.p.copy(), point.start.copy(), point.offset_rad_s.copy()
-    p[list(layout.coordinates)] += step[: len(layout.coordinates)]
-    for number in range(layout.runs):
-        own = step[layout.run(number)]
-        start[number] += imaginary(own[:FREQUENCY])
-        offset[number] += own[FREQUENCY]
-    active = []
-    for effect, values in point.active:
-        change = (
-            dict(zip(layout.parameters(effect.name), step[layout.effect(effect.name)], strict=True))
-            if effect.fitted()
-            else {}
-        )
-        active.append(
-            (effect, {name: value + float(change.get(name, 0.0)) for name, value in values.items()})
-        )
-    return Point(passive_damping(p) if passive else p, start, offset, tuple(active))
-
-
-def passive_damping(p: Array) -> Array:
-    """Coordinates whose damping is the nearest one that is nowhere negative: ν ≥ |νδμ|."""
-    out, split = p.copy(), float(np.hypot(p[1], p[2]))
-    if p[0] >= split:
-        return out
-    least = max(0.0, (float(p[0]) + split) / 2)
-    out[0] = least
-    out[1:3] *= least / split if split > 0 else 0.0
-    return out
-
-
-def wall_ahead(point: Point, layout: FitColumns, step: Array) -> tuple[Array, float] | None:
-    """The damping's bound that a step would cross, as wall·step = distance; None where the step
-    stays inside.
-
-    Of the cone ν = |νδμ| the tangent at the direction of the split behind the step.
-    """
-    p = point.p.copy()
-    p[list(layout.coordinates)] += step[: len(layout.coordinates)]
-    split = float(np.hypot(p[1], p[2]))
-    if p[0] >= split * (1 - 1e-12):
-        return None
-    normal = np.array([1.0, *(-p[1:3] / split if split > 0 else (0.0, 0.0))])
-    wall = np.zeros(layout.count)
-    for name, part in zip(DAMPING, normal, strict=True):
-        if (column := layout.coordinate(name)) is not None:
-            wall[column] = part
-    return (wall, -float(normal @ point.p[:3])) if wall.any() else None
-
-
-def list_pulled(freedom: CoordinatePriors) -> Array:
-    """Coordinates with a prior that is neither absent nor a value held."""
-    return np.flatnonzero(np.isfinite(freedom.std) & (freedom.std > 0))
-
-
-def coordinate_rows(freedom: CoordinatePriors, layout: FitColumns) -> Array:
-    """Rows (m, k) of the coordinates' priors over all columns."""
-    own = list_pulled(freedom)
-    return layout.beside([layout.coordinates.index(k) for k in own], np.diag(1 / freedom.std[own]))
-
-
-def prior_rows(freedom: CoordinatePriors, layout: FitColumns, series: MeasuredRuns) -> Array:
-    """Rows (m, k) that pull the coordinates and the runs' offsets to their priors."""
-    strays = freedom.strays(series)
-    offsets = layout.beside([layout.frequency(k) for k in range(layout.runs)], strays)
-    return np.concatenate([coordinate_rows(freedom, layout), offsets])
-
-
-def prior_residual(freedom: CoordinatePriors, point: Point, series: MeasuredRuns) -> Array:
-    """How far the point is from the priors, (m,) in the order of `prior_rows`."""
-    k = list_pulled(freedom)
-    return np.concatenate(
-        [
-            (freedom.mean[k] - point.p[k]) / freedom.std[k],
-            -(freedom.strays(series) @ point.offset_rad_s),
-        ]
-    )
 
 
 def fit(
@@ -440,20 +194,20 @@ def fit(
     point = replace(point, p=np.where(freedom.std == 0, freedom.mean, p))
     settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
     with np.errstate(over="ignore", invalid="ignore"):
-        _spend_motion()
+        spend_motion()
         prediction = predict(
             series, point, _measured_motion(series, point) if near is None else near
         )
-        value = _cost(prediction, freedom)
+        value = cost_of(prediction, freedom)
         if not np.isfinite(value):
-            raise _no_motion(series, point)
+            raise no_motion(series, point)
         converged, steps = False, 0
         while True:
-            here = _linearise(prediction, layout, freedom)
+            here = linearise(prediction, layout, freedom)
             if converged or steps == most:
                 break
             steps += 1
-            trial, now, whole = _descend(here, freedom, value, settled)
+            trial, now, whole = descend(here, freedom, value, settled)
             if not now <= value:
                 # a step that neither lowers nor raises χ² by more than matters has nowhere to go
                 converged = now <= value + settled * value
@@ -480,118 +234,3 @@ def _measured_motion(series: MeasuredRuns, point: Point) -> Near | None:
     if not series.forced.any():
         return None
     return propagation(Prediction(series, point, series.envelope, series.envelope)).near
-
-
-def _cost(prediction: Prediction, freedom: CoordinatePriors) -> float:
-    """χ² with the priors' part; infinite where the motion has no end."""
-    if not np.all(np.isfinite(prediction.seen)):
-        return np.inf
-    series = prediction.series
-    pull = prior_residual(freedom, prediction.point, series)
-    return float(np.sum(flatten_rows(series, prediction.residual()) ** 2) + np.sum(pull**2))
-
-
-def _no_motion(series: MeasuredRuns, point: Point) -> DivergedError:
-    taken = ", ".join(effect.name for effect, _ in point.active)
-    return DivergedError(
-        f"{', '.join(series.names)}: the model{f' with {taken}' if taken else ''} finds no fit to"
-        " these runs together; diagnose free and forced runs apart, or leave out the run that"
-        " differs most"
-    )
-
-
-@dataclass(frozen=True)
-class _Linear:
-    """The model about a point: its flow, design and residual, the Gauss–Newton step, and what the
-    damping's bound costs on its way."""
-
-    flow: Propagation
-    design: Design
-    residual: Array
-    layout: FitColumns
-    factored: Factored
-    priors: tuple[Array, Array]
-    step: Array
-    covariance: Array
-    lost: float
-
-    @property
-    def expected(self) -> float:
-        """Fall of χ² that the whole step promises."""
-        return float(np.sum(self.design.times(self.step) ** 2))
-
-
-def _linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePriors) -> _Linear:
-    """The model about a prediction. DivergedError: its slopes are no numbers."""
-    series = prediction.series
-    flow = propagation(prediction)
-    design = design_of(flow, layout)
-    residual = flatten_rows(series, prediction.residual())
-    factored = evidence.factor_design(design)
-    if not np.all(np.isfinite(factored.triangle)):
-        raise _no_motion(series, prediction.point)
-    priors = (
-        prior_rows(freedom, layout, series),
-        prior_residual(freedom, prediction.point, series),
-    )
-    step, covariance = factored.solve(residual, *priors)
-    wall = wall_ahead(prediction.point, layout, step) if freedom.passive else None
-    lost = 0.0
-    if wall is not None:
-        free = step
-        step, _ = factored.solve(residual, *priors, *wall)
-        lost = _fall(design, residual, free) - _fall(design, residual, step)
-    return _Linear(flow, design, residual, layout, factored, priors, step, covariance, lost)
-
-
-def _descend(
-    here: _Linear, freedom: CoordinatePriors, value: float, settled: float
-) -> tuple[Prediction, float, bool]:
-    """(prediction, cost, whether the whole step was taken) of the first part of the step that does
-    not raise the cost; where none does, of Levenberg's and Marquardt's path."""
-    start = here.flow.prediction
-
-    def after(step: Array) -> tuple[Prediction, float]:
-        _spend_motion()
-        trial = predict(
-            start.series,
-            move_point(start.point, here.layout, step, freedom.passive),
-            here.flow.near,
-        )
-        return trial, _cost(trial, freedom)
-
-    size = 1.0
-    while size >= SHORTEST:
-        trial, now = after(size * here.step)
-        if now <= value + settled * value:
-            return trial, now, size == 1.0
-        size /= 2
-    rows, right = here.priors
-    sizes = np.diag(np.sqrt(np.sum(here.factored.triangle**2, axis=0) + np.sum(rows**2, axis=0)))
-    for damping in DAMPED:
-        step, _ = here.factored.solve(
-            here.residual,
-            np.vstack([rows, damping * sizes]),
-            np.concatenate([right, np.zeros(len(sizes))]),
-        )
-        trial, now = after(step)
-        if now < value:
-            break
-    return trial, now, False
-
-
-def _fall(design: Design, residual: Array, step: Array) -> float:
-    """By how much a step lowers χ² in the linear model."""
-    change = design.times(step)
-    return float(2 * residual @ change - change @ change)
-
-
-def add_effect(point: Point, effect: Effect, values: Mapping[str, float]) -> Point:
-    """The point with one more effect (or another value of it)."""
-    others = tuple(pair for pair in point.active if pair[0].name != effect.name)
-    return replace(point, active=(*others, (effect, dict(values))))
-
-
-def remove_effect(point: Point, name: str) -> Point:
-    """The point without an effect."""
-    return replace(point, active=tuple(pair for pair in point.active if pair[0].name != name))

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...effects.effect import Effect, Parameter, no_term, same_signal, same_state
 from ...physics.plant import SlowState
-from .extended import MeasuredRuns
+from .measured_runs import MeasuredRuns
 
 Array = np.ndarray
 CATALOGUE_HZ = 5000.0

@@ -11,18 +11,9 @@ import numpy as np
 from ...effects.effect import Effect, frame, no_term, same_signal, same_state
 from ..envelopes import coordinates
 from ..envelopes.coordinates import COUNT
-from .extended import (
-    MeasuredRuns,
-    Near,
-    Prediction,
-    RungeKuttaStage,
-    accumulate_steps,
-    generators,
-    half_turns,
-    jump,
-    second_order_force,
-    times,
-)
+from .measured_runs import MeasuredRuns
+from .slow_equation import RungeKuttaStage, generators, jump, second_order_force, times
+from .slow_prediction import Near, Prediction, accumulate_steps, half_turns
 from .wave_frame import imaginary, real, real_matrix
 
 Array = np.ndarray

@@ -13,12 +13,14 @@ from ...fitting.tables.joint import Fitted, Model, chi_square
 from ...records import Calibration, Wave
 from .accuracy_stages import list_first_stages
 from .checks import interpolation_doubt
-from .choice import TriedVariant, Wanted, solve_again
+from .choice import TriedVariant, solve_again
 from .figures import cells, figure_rows, predictions
 from .folds import choose_smoothness
 from .guards import say_noise
 from .record import record_of
-from .stability import drop_unstable, repeat_of_harmonics, thermal_memory
+from .stability import drop_unstable, repeat_of_harmonics
+from .thermal_memory import thermal_memory
+from .variant_solutions import Wanted
 from .variants import measured_details, variant
 
 Array = np.ndarray

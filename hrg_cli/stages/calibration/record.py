@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.joint import Fitted, TableSolution
+from ...fitting.tables.joint import Fitted, TableLayout, TableSolution
 from ...fourier import harmonic_basis
 from ...records import Calibration, Wave
 
@@ -31,39 +31,14 @@ def record_of(
     scales the covariance."""
     layout = fitted.layout
     sizes = [1 + 2 * k for k in limits]
-    everything = np.arange(layout.size)
-    keep = np.concatenate(
-        [
-            np.concatenate(
-                [
-                    everything[part(j)][:size]
-                    for part, size in zip((layout.drift, layout.scale), sizes)
-                ]
-            )
-            for j in range(len(layout.nodes))
-        ]
-    )
-    covariance = solution.covariance[np.ix_(keep, keep)] * chi2
+    covariance = _covariance_of_stored(layout, solution, sizes) * chi2
     drift, scale = (
         table[:, :size] for table, size in zip(layout.tables(solution.coefficients), sizes)
     )
     angles = np.arange(TABLE_ANGLES) * np.pi / layout.mode_number / TABLE_ANGLES
     of_drift, of_scale = (harmonic_basis(angles, k, layout.mode_number) for k in limits)
-    width = sum(sizes)
-    std = np.sqrt(np.maximum(np.diag(covariance), 0)).reshape(len(layout.nodes), width)
-
-    def table_std(basis: Array, first: int) -> Array:
-        parts = [
-            slice(j * width + first, j * width + first + basis.shape[1])
-            for j in range(len(layout.nodes))
-        ]
-        return np.stack(
-            [
-                np.sqrt(np.maximum(np.einsum("ai,ij,aj->a", basis, covariance[p, p], basis), 0))
-                for p in parts
-            ]
-        )
-
+    count = len(layout.nodes)
+    std = np.sqrt(np.maximum(np.diag(covariance), 0)).reshape(count, sum(sizes))
     rates = [float(extreme(p.rate_rad_s)) for p in fitted.paths for extreme in (np.min, np.max)]
     temperature = layout.axis == "temperature"
     return Calibration(
@@ -71,9 +46,9 @@ def record_of(
         frequency_hz=None if temperature else layout.nodes,
         wave_angle_rad=angles,
         drift_rad_s=drift @ of_drift.T,
-        drift_rad_s_std=table_std(of_drift, 0),
+        drift_rad_s_std=_table_std(of_drift, covariance, count, 0),
         scale_factor=scale @ of_scale.T,
-        scale_factor_std=table_std(of_scale, sizes[0]),
+        scale_factor_std=_table_std(of_scale, covariance, count, sizes[0]),
         drift_harmonics=drift,
         drift_harmonics_std=std[:, : sizes[0]],
         scale_factor_harmonics=scale,
@@ -91,3 +66,27 @@ def record_of(
         rate_max_rad_s=max(rates),
         details=json.dumps(details),
     )
+
+
+def _covariance_of_stored(layout: TableLayout, solution: TableSolution, sizes: list[int]) -> Array:
+    """Covariance of the first harmonics of drift and scale factor, node by node."""
+    everything = np.arange(layout.size)
+    keep = [
+        everything[part(j)][:size]
+        for j in range(len(layout.nodes))
+        for part, size in zip((layout.drift, layout.scale), sizes)
+    ]
+    places = np.concatenate(keep)
+    return np.asarray(solution.covariance[np.ix_(places, places)])
+
+
+def _table_std(basis: Array, covariance: Array, nodes: int, first: int) -> Array:
+    """Standard deviations (nodes, angles) of a table: basis (angles, h) of its coefficients, which
+    stand at `first` of each node's."""
+    width = len(covariance) // nodes
+    out = []
+    for node in range(nodes):
+        own = slice(node * width + first, node * width + first + basis.shape[1])
+        variance = np.einsum("ai,ij,aj->a", basis, covariance[own, own], basis)
+        out.append(np.sqrt(np.maximum(variance, 0)))
+    return np.stack(out)

@@ -1,26 +1,22 @@
-"""Structural stability: which harmonics of the tables repeat between programmes, and thermal lag
-against hysteresis."""
+"""Structural stability: which harmonics of the tables repeat between programmes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...fitting.checks import CHANCE
 from ...fitting.tables.increments import Path
-from ...fitting.tables.joint import PIECES, Fitted, Model, TableLayout, fit, piece_of, solve
-from ...fourier import coefficients_at
-from .column_spaces import solve_columns
+from ...fitting.tables.joint import PIECES, Fitted, TableLayout, piece_of
 
 Array = np.ndarray
 NOT_REPEATED = 0.01
 """Probability, over all harmonics together, below which a harmonic is said not to repeat."""
 LEAST_SWEEP_DEGC_S = 1e-4
-INSEPARABLE = 0.98
-"""Correlation of two thermal factors above which this programme does not separate them."""
+SINGULAR = 1e-7
+"""Smallest eigenvalue of a programme's scaled normal matrix from which its offset is held."""
 
 
 def labels(paths: Sequence[Path], programmes: Mapping[str, str] | None) -> tuple[Array, str]:
@@ -76,56 +72,37 @@ def repeat_of_harmonics(
     """
     label, told_by = labels(fitted.paths, programmes)
     layout = fitted.layout
-    drift_limit, scale_limit = (
-        min(drift_limit, layout.drift_harmonics),
-        min(scale_limit, layout.scale_harmonics),
+    drift_limit = min(drift_limit, layout.drift_harmonics)
+    scale_limit = min(scale_limit, layout.scale_harmonics)
+    names, offsets, covariances, skipped = _offsets_by_programme(
+        fitted, coefficients, label, drift_limit, scale_limit
     )
-    matrix = np.concatenate(
-        [
-            layout.part("drift", drift_limit, one_node=True),
-            layout.part("scale", scale_limit, one_node=True),
-        ],
-        axis=1,
-    )
-    offsets, covariances, names, skipped = [], [], [], []
-    for name in sorted({str(v) for v in label.ravel()} - {""}):
-        A, b, _, rows = fitted.pieces.sum(label == name)
-        if rows == 0:
-            continue
-        G = matrix.T @ A @ matrix
-        scale = np.sqrt(np.maximum(np.diag(G), 1e-300))
-        values, vectors = np.linalg.eigh(G / np.outer(scale, scale))
-        if values.min() < 1e-7:
-            skipped.append(name)
-            continue
-        inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
-        offsets.append(inverse @ (matrix.T @ (b - A @ coefficients)))
-        covariances.append(inverse * fitted.chi2_per_dof)
-        names.append(name)
     if len(names) < 2:
         return None
+
+    groups = [("drift", k) for k in range(drift_limit + 1)]
+    groups += [("scale", k) for k in range(scale_limit + 1)]
     table: list[dict[str, Any]] = []
-    groups = [("drift", k) for k in range(drift_limit + 1)] + [
-        ("scale", k) for k in range(scale_limit + 1)
-    ]
     place = 0
     for kind, k in groups:
         own = slice(place, place + (2 if k else 1))
         place = own.stop
+        scatter = _scatter(np.array([o[own] for o in offsets]), [c[own, own] for c in covariances])
+        amplitude = _amplitude(layout, coefficients, kind, k)
+        name = harmonic_name(layout, kind, k)
+        repeats = bool(scatter["p_value"] * len(groups) > NOT_REPEATED)
+        # an offset that scatters more than the harmonic itself makes predictions worse, not better
+        small = scatter["scatter"] ** 2 * (1 + 1 / len(names)) < amplitude**2
         table.append(
             {
                 "kind": kind,
                 "harmonic": k,
-                **_scatter(np.array([o[own] for o in offsets]), [c[own, own] for c in covariances]),
+                **scatter,
+                "amplitude": amplitude,
+                "name": name,
+                "repeats": repeats,
+                "stable": bool(repeats or small),
             }
-        )
-        table[-1]["amplitude"] = _amplitude(layout, coefficients, kind, k)
-    for row in table:
-        row["name"] = harmonic_name(layout, row["kind"], row["harmonic"])
-        row["repeats"] = bool(row["p_value"] * len(table) > NOT_REPEATED)
-        # an offset that scatters more than the harmonic itself makes predictions worse, not better
-        row["stable"] = bool(
-            row["repeats"] or row["scatter"] ** 2 * (1 + 1 / len(names)) < row["amplitude"] ** 2
         )
     return {
         "told_by": told_by,
@@ -133,6 +110,38 @@ def repeat_of_harmonics(
         "not_enough_alone": skipped,
         "harmonics": table,
     }
+
+
+def _offsets_by_programme(
+    fitted: Fitted, coefficients: Array, label: Array, drift_limit: int, scale_limit: int
+) -> tuple[list[str], list[Array], list[Array], list[str]]:
+    """Programmes, each one's offset (h,) from the joint tables with its covariance, and those whose
+    runs alone do not hold one."""
+    layout = fitted.layout
+    drift = layout.part("drift", drift_limit, one_node=True)
+    matrix = np.concatenate([drift, layout.part("scale", scale_limit, one_node=True)], axis=1)
+    names, offsets, covariances, skipped = [], [], [], []
+    for name in sorted({str(v) for v in label.ravel()} - {""}):
+        A, b, _, rows = fitted.pieces.sum(label == name)
+        if rows == 0:
+            continue
+        inverse = _inverse(matrix.T @ A @ matrix)
+        if inverse is None:
+            skipped.append(name)
+            continue
+        offsets.append(inverse @ (matrix.T @ (b - A @ coefficients)))
+        covariances.append(inverse * fitted.chi2_per_dof)
+        names.append(name)
+    return names, offsets, covariances, skipped
+
+
+def _inverse(G: Array) -> Array | None:
+    """The inverse of a normal matrix, scaled to a unit diagonal; None where it is singular."""
+    scale = np.sqrt(np.maximum(np.diag(G), 1e-300))
+    values, vectors = np.linalg.eigh(G / np.outer(scale, scale))
+    if values.min() < SINGULAR:
+        return None
+    return np.asarray((vectors / values) @ vectors.T / np.outer(scale, scale))
 
 
 def say_unstable(found: dict[str, Any] | None, dropped: Sequence[str]) -> list[str]:
@@ -206,100 +215,3 @@ def drop_unstable(
         else:
             dropped.append(row["name"])
     return np.concatenate(parts, axis=1), dropped
-
-
-def thermal_memory(fitted: Fitted, model: Model, coefficients: Array) -> dict[str, Any] | None:
-    """Lag of the thermometer τ (D and K at T + τ·dT/dt) against hysteresis w (at T + w·sign dT/dt);
-    None without sweeps.
-
-    Both are first-order shifts of the temperature; one ramp speed cannot tell them apart (PHYSICS
-    §2 iv): then said so.
-    """
-    layout = fitted.layout
-    speeds = np.concatenate([sweep(p) for p in fitted.paths])
-    if (
-        len(layout.nodes) < 2
-        or layout.axis != "temperature"
-        or np.abs(speeds).max(initial=0.0) < LEAST_SWEEP_DEGC_S
-    ):
-        return None
-    drift, scale = layout.tables(coefficients)
-    step = 0.05 * float(np.ptp(layout.nodes))
-
-    def slope(path: Path) -> Array:
-        x, basis = (
-            layout.abscissa(path),
-            path.angle_basis(max(layout.drift_harmonics, layout.scale_harmonics)),
-        )
-
-        def derivative(table: Array) -> Array:
-            up, down = (
-                coefficients_at(x + sign * step, layout.nodes, table, _kind(layout))
-                for sign in (1, -1)
-            )
-            return np.asarray(((up - down) / (2 * step) * basis[:, : table.shape[1]]).sum(axis=1))
-
-        return derivative(drift) - path.rate_rad_s * derivative(scale)
-
-    def lag(path: Path) -> Array:
-        return (slope(path) * sweep(path))[:, None]
-
-    def hysteresis(path: Path) -> Array:
-        speed = sweep(path)
-        return (slope(path) * np.tanh(speed / LEAST_SWEEP_DEGC_S))[:, None]
-
-    wide = replace(
-        layout,
-        factors={**layout.factors, "lag": lag, "hysteresis": hysteresis},
-        factor_columns={**layout.factor_columns, "lag": 1, "hysteresis": 1},
-    )
-    grown = np.concatenate([model.matrix, np.zeros((2, model.matrix.shape[1]))])
-    extra = wide.of_factors("lag", "hysteresis")
-    # what memory the tables leave must not count as noise
-    refitted = fit(
-        fitted.paths, wide, Model("memory", np.concatenate([grown, extra], axis=1)), fitted
-    )
-    A, b, _, _ = refitted.pieces.sum()
-    own = np.diag(extra.T @ A @ extra)
-    rest = extra.T @ A @ extra - extra.T @ A @ solve_columns(A, grown, A @ extra)
-    left = np.sqrt(np.maximum(np.diag(rest), 0) / np.where(own > 0, own, 1))
-    correlation = (
-        float(rest[0, 1] / np.sqrt(rest[0, 0] * rest[1, 1])) if (np.diag(rest) > 0).all() else 1.0
-    )
-    out: dict[str, Any] = {
-        "independence": {"lag": float(left[0]), "hysteresis": float(left[1])},
-        "correlation": correlation,
-    }
-    for name, unit in (("lag", "s"), ("hysteresis", "degC")):
-        alone = Model(name, np.concatenate([grown, wide.of_factors(name)], axis=1))
-        solution = solve(A, b, alone)
-        place = wide.factor(name).start
-        std = float(np.sqrt(solution.covariance[place, place] * refitted.chi2_per_dof))
-        out[name] = {
-            "value": float(solution.coefficients[place]),
-            "std": std,
-            "units": unit,
-            "assuming": "the other is zero",
-        }
-    if abs(correlation) > INSEPARABLE or left.min() < 0.02:
-        out["separable"] = False
-        out["sentence"] = (
-            "thermal lag and hysteresis cannot be told apart by this programme; "
-            "add a sweep at another speed (a half or a third), or steps with soaks"
-        )
-        return out
-    both = solve(A, b, Model("both", np.concatenate([grown, extra], axis=1)))
-    for name in ("lag", "hysteresis"):
-        place = wide.factor(name).start
-        std = float(np.sqrt(both.covariance[place, place] * refitted.chi2_per_dof))
-        out[name] |= {
-            "value": float(both.coefficients[place]),
-            "std": std,
-            "assuming": "nothing of the other",
-        }
-    out["separable"] = True
-    return out
-
-
-def _kind(layout: TableLayout) -> str:
-    return "linear" if layout.interpolation in ("linear", "monotone") else "cubic"

@@ -11,8 +11,8 @@ import numpy as np
 
 from ...errors import HrgError
 from ...fitting.causes import extended_fit
-from ...fitting.causes.extended import Point
 from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.fit_point import Point
 from ...records import Wave
 from .base_priors import freedom_of
 from .data import is_averaged_well, prepare

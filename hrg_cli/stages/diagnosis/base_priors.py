@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...fitting.causes.extended import MeasuredRuns, Point
-from ...fitting.causes.extended_fit import CoordinatePriors
+from ...fitting.causes.coordinate_priors import CoordinatePriors
+from ...fitting.causes.fit_point import Point
+from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.envelopes.base_fit import nominal_scale_factor
 from ...fitting.envelopes.coordinates import (
     DAMPING,

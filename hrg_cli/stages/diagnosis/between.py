@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.causes import evidence, extended_fit
+from ...fitting.causes import evidence, extended_fit, fit_point
 from ...fitting.causes.extended_fit import ExtendedFit
 from .case import Case
 from .inquiry import NoiseLevel
@@ -81,7 +81,7 @@ def _adopt_pattern(
     # turns away
     point = replace(fit.point, offset_rad_s=best.offsets.value - known.response @ size)
     again = extended_fit.fit(
-        fit.series, extended_fit.add_effect(point, best.variant.effect, values), freedom
+        fit.series, fit_point.add_effect(point, best.variant.effect, values), freedom
     )
     S = fit.sensitivities([best.variant.wanted])[0]
     score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)

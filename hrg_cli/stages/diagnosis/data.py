@@ -11,7 +11,8 @@ import numpy as np
 
 from ...effects.effect import frame
 from ...errors import HrgError
-from ...fitting.causes.extended import MeasuredRuns, Point
+from ...fitting.causes.fit_point import Point
+from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.envelopes import envelope_runs, propagator
 from ...fitting.envelopes.coordinates import (
     DAMPING,

@@ -13,10 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...fitting.causes import extended_fit
-from ...fitting.causes.evidence import Basis
-from ...fitting.causes.extended import MeasuredRuns, RungeKuttaStage
+from ...fitting.causes import extended_fit, whitened_rows
+from ...fitting.causes.designs import Basis
 from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.measured_runs import MeasuredRuns
+from ...fitting.causes.slow_equation import RungeKuttaStage
 from ...fitting.causes.wave_frame import real
 from ...fitting.samples.course import impulse, mean_of
 from ...records import Wave
@@ -44,11 +45,11 @@ def fit_lateness(fit: ExtendedFit) -> ExtendedFit:
         return fit
     before = 1 / (REACH * row_length_s(fit.series)) ** 2
     for _ in range(ROUNDS):
-        column = fit.basis.off(extended_fit.flatten_rows(fit.series, of_lateness(fit)))
+        column = fit.basis.off(whitened_rows.flatten_rows(fit.series, of_lateness(fit)))
         if _is_beside_the_point(fit, column):
             break
         told = fit.basis.off(
-            extended_fit.flatten_rows(fit.series, of_lateness(fit, beyond_scatter))
+            whitened_rows.flatten_rows(fit.series, of_lateness(fit, beyond_scatter))
         )
         along, power = float(told @ column), max(float(told @ told), np.finfo(float).tiny)
         information = along**2 / power + before
@@ -72,7 +73,7 @@ def blind_to_lateness(fit: ExtendedFit) -> ExtendedFit:
     series = fit.series
     if not has_log(series):
         return fit
-    column = extended_fit.flatten_rows(series, of_lateness(fit))
+    column = whitened_rows.flatten_rows(series, of_lateness(fit))
     size = float(np.linalg.norm(column))
     if size == 0:
         return fit

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...effects.effect import frame
-from ...fitting.causes import extended_fit
-from ...fitting.causes.extended import RungeKuttaStage, generators, times
+from ...fitting.causes import whitened_rows
 from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.slow_equation import RungeKuttaStage, generators, times
 from ...fitting.causes.wave_frame import real
 from .drive_scatter import has_log, soften
 from .loop_gain import bound_gains
@@ -54,7 +54,7 @@ class Ripple:
         Any gross misfit might be taken for an answer: beside one the gains alone tell, and a loop
         whose gain is not known answers nothing.
         """
-        doings = extended_fit.flatten_rows(fit.series, _doings(fit))
+        doings = whitened_rows.flatten_rows(fit.series, _doings(fit))
         if not fit.series.quadrature_drive.any():
             return cls(doings, 0.0, 0.0)
         seen = np.inf if is_gross(fit) else ANY_PHASE * _seen(fit, doings)

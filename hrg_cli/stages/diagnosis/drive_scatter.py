@@ -20,10 +20,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...effects.effect import frame
-from ...fitting.causes import evidence, extended_fit
-from ...fitting.causes.evidence import Basis, Softened
-from ...fitting.causes.extended import MeasuredRuns
+from ...fitting.causes import designs, extended_fit, whitened_rows
+from ...fitting.causes.designs import Basis, Softened
 from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.causes.sensitivities import base_sensitivities
 from ...fitting.causes.wave_frame import directions, real
 
@@ -157,9 +157,9 @@ def corner_hz(fit: ExtendedFit) -> float:
 def _runs(fit: ExtendedFit, scatter: Scatter) -> list[_Run]:
     """The runs whose scatter counts."""
     series = fit.series
-    doings = extended_fit.flatten_rows(series, _doings(fit, scatter.size))
-    shared = extended_fit.flatten_rows(series, base_sensitivities(fit.flow)[0])
-    slow = extended_fit.flatten_rows(series, _slow(fit))
+    doings = whitened_rows.flatten_rows(series, _doings(fit, scatter.size))
+    shared = whitened_rows.flatten_rows(series, base_sensitivities(fit.flow)[0])
+    slow = whitened_rows.flatten_rows(series, _slow(fit))
     out = []
     for k, (rows, _, own) in enumerate(fit.design.own):
         if scatter.walk[k] > LEAST:
@@ -205,7 +205,7 @@ def _part(residual: Array, runs: Sequence[_Run]) -> float:
     """The part q of the scatter, from the mean of q² over all that the residual leaves possible."""
     powers, squares = [], []
     for run in runs:
-        beside = evidence.orthonormal(run.beside, INDEPENDENT)
+        beside = designs.orthonormal(run.beside, INDEPENDENT)
         Q, power = _directions(run.doings - beside @ (beside.T @ run.doings))
         powers.append(power)
         squares.append((Q.T @ residual[run.rows]) ** 2)
@@ -232,5 +232,5 @@ def _whitened(known: Basis | None, soft: Softened) -> Basis | None:
     for rows, Q in known.own:
         whole = np.zeros((known.shape[0], Q.shape[1]))
         whole[rows] = Q
-        own.append((rows, evidence.orthonormal(soft.off(whole)[rows], INDEPENDENT)))
+        own.append((rows, designs.orthonormal(soft.off(whole)[rows], INDEPENDENT)))
     return Basis(tuple(own), soft.off(known.shared))

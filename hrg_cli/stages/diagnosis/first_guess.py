@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...effects.effect import frame
-from ...fitting.causes.extended import times
+from ...fitting.causes.slow_equation import times
 from ...fitting.causes.wave_frame import real
 from ...fitting.envelopes import coordinates, propagator
 from ...fitting.envelopes.base_fit import Known, freedom, start_from_propagator

@@ -20,10 +20,14 @@ from typing import Any
 import numpy as np
 
 from ...fitting.causes import extended_fit
-from ...fitting.causes.extended import MeasuredRuns, Point, predict
-from ...fitting.causes.extended_fit import CoordinatePriors, ExtendedFit, design_of, layout_of
+from ...fitting.causes.coordinate_priors import CoordinatePriors
+from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.fit_point import Point
+from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.causes.sensitivities import propagation
+from ...fitting.causes.slow_prediction import predict
 from ...fitting.causes.wave_frame import real
+from ...fitting.causes.whitened_rows import design_of, layout_of
 from ...physics import ellipse
 from .case import Case
 from .refits import leave_out

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...fitting.causes import extended_fit
+from ...fitting.causes import damping_bound, extended_fit, scales
 from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.envelopes.coordinates import DAMPING, DAMPING_SPLIT
 from .case import Case
@@ -56,7 +56,7 @@ def least_damping(fit: ExtendedFit) -> tuple[float, float]:
     p = fit.point.p
     size = float(np.hypot(*p[DAMPING_SPLIT]))
     slope = np.array([1.0, *(-p[DAMPING_SPLIT] / size if size > 0 else (0.0, 0.0))])
-    index = [fit.layout.coordinate(name) for name in extended_fit.DAMPING]
+    index = [fit.layout.coordinate(name) for name in damping_bound.DAMPING]
     there = [k for k in range(3) if index[k] is not None]
     rows = [column for column in index if column is not None]
     variance = slope[there] @ fit.covariance[np.ix_(rows, rows)] @ slope[there] if there else 0.0
@@ -80,7 +80,7 @@ def take_better_form(case: Case) -> Case:
             if len(search.found) == 1
             else adopt(search.base, place.score, place.variant)
         )
-        inflate, amplitude = noise.slow**0.5, extended_fit.amplitude_of(old.series)
+        inflate, amplitude = noise.slow**0.5, scales.amplitude_of(old.series)
         low, low_std = least_damping(old)
         forbidden = _forbidden(old, noise)
         free = fit_shape(old, FREE)

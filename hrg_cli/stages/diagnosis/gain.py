@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from ...effects.effect import frame
-from ...fitting.causes import evidence
-from ...fitting.causes.evidence import HeldOut
-from ...fitting.causes.extended_fit import ExtendedFit, coordinate_rows, on_rows
+from ...fitting.causes import left_out_folds
+from ...fitting.causes.coordinate_priors import coordinate_rows
+from ...fitting.causes.extended_fit import ExtendedFit, on_rows
+from ...fitting.causes.left_out_folds import HeldOut
 from ...fitting.causes.wave_frame import imaginary
 from ...units import DEGREE_PER_HOUR
 
@@ -64,11 +65,11 @@ def predict_folds(fit: ExtendedFit, kind: str, folds: list[Array]) -> Array:
     prior = coordinate_rows(fit.freedom, fit.layout)
     if kind == "runs":
         own = {number: _own(fit, rows) for number, rows in enumerate(folds)}
-        return evidence.predict_folds(
+        return left_out_folds.predict_folds(
             fit.residual, fit.design.shared, own, folds, prior[:, fit.design.places]
         )
     own = {number: np.zeros((len(rows), 0)) for number, rows in enumerate(folds)}
-    return evidence.predict_folds(fit.residual, fit.design.whole(), own, folds, prior)
+    return left_out_folds.predict_folds(fit.residual, fit.design.whole(), own, folds, prior)
 
 
 def _own(fit: ExtendedFit, rows: Array) -> Array:

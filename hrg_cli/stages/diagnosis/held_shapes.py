@@ -12,7 +12,7 @@ import contextlib
 
 import numpy as np
 
-from ...fitting.causes import extended_fit
+from ...fitting.causes import extended_fit, fit_point
 from ...fitting.causes.extended_fit import ExtendedFit
 
 SHAPE = "power"
@@ -44,7 +44,7 @@ def _at(fit: ExtendedFit, name: str, power: float) -> ExtendedFit | None:
     """The model refitted with another power of a cause."""
     effect, values = next(pair for pair in fit.point.active if pair[0].name == name)
     with contextlib.suppress(extended_fit.DivergedError):
-        point = extended_fit.add_effect(fit.point, effect, {**values, SHAPE: power})
+        point = fit_point.add_effect(fit.point, effect, {**values, SHAPE: power})
         again = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
         return again if again.converged else None
     return None

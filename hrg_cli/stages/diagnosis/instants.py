@@ -20,9 +20,9 @@ import numpy as np
 from ...effects import EFFECTS
 from ...effects.effect import INSTANT, RUN, Effect
 from ...effects.jumps import FEWEST
-from ...fitting.causes import evidence, extended_fit
-from ...fitting.causes.extended import MeasuredRuns
+from ...fitting.causes import designs, evidence, extended_fit, fit_point
 from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.measured_runs import MeasuredRuns
 from .beside_misfit import Spectrum, independent
 from .case import Case
 from .refits import leave_out
@@ -148,7 +148,7 @@ def with_held(fit: ExtendedFit, effect: Effect, values: Mapping[str, float]) -> 
         effect,
         parameters=tuple(replace(p, fitted=False, fitted_then=False) for p in effect.parameters),
     )
-    point = extended_fit.add_effect(fit.point, held, values)
+    point = fit_point.add_effect(fit.point, held, values)
     return extended_fit.fit(fit.series, point, fit.freedom)
 
 
@@ -212,5 +212,5 @@ def misfit(left: Array, before: Array, cell: Array, rank: int) -> tuple[Array, A
 def _model(fit: ExtendedFit) -> Array:
     """Coefficients (N, k) of an orthonormal basis of the model's own columns."""
     J = fit.design.whole()
-    basis = evidence.orthonormal(J[:, np.linalg.norm(J, axis=0) > 0], evidence.CLEAR_RANK)
+    basis = designs.orthonormal(J[:, np.linalg.norm(J, axis=0) > 0], designs.CLEAR_RANK)
     return Spectrum.of(basis, fit).coefficients

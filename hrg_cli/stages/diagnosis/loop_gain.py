@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fitting.causes.extended import MeasuredRuns
+from ...fitting.causes.measured_runs import MeasuredRuns
 from ...physics import ellipse
 
 Array = np.ndarray

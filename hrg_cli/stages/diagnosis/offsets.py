@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...fitting.causes import evidence
+from ...fitting.causes import designs, evidence
 from ...fitting.causes.extended_fit import ExtendedFit
 from .inquiry import NoiseLevel
 
@@ -28,7 +28,7 @@ class Offsets:
         of that size."""
         C = np.linalg.cholesky(self.covariance + wander**2 * np.eye(len(self.value)))
         columns = self.means if extra is None else np.concatenate([self.means, extra], axis=1)
-        basis = evidence.orthonormal(np.linalg.solve(C, columns), 1e-6)
+        basis = designs.orthonormal(np.linalg.solve(C, columns), 1e-6)
         y = np.linalg.solve(C, self.value)
         left = y - basis @ (basis.T @ y)
         return float(left @ left), basis
@@ -40,7 +40,7 @@ class Offsets:
     def information(self, response: Array) -> Array:
         """Of the offsets on what moves them by `response` (R, m), the means free: (m, m)."""
         C = np.linalg.cholesky(self.covariance)
-        basis = evidence.orthonormal(np.linalg.solve(C, self.means), 1e-6)
+        basis = designs.orthonormal(np.linalg.solve(C, self.means), 1e-6)
         seen = np.linalg.solve(C, response)
         seen = seen - basis @ (basis.T @ seen)
         return seen.T @ seen

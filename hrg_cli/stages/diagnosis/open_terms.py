@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...effects.effect import Effect, Parameter
-from ...fitting.causes.extended import MeasuredRuns
+from ...fitting.causes.measured_runs import MeasuredRuns
 from ...physics import ellipse
 
 Array = np.ndarray

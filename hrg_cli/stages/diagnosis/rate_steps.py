@@ -13,10 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...fitting.causes import evidence, extended_fit
-from ...fitting.causes.evidence import Basis
-from ...fitting.causes.extended import MeasuredRuns
+from ...fitting.causes import designs, extended_fit, whitened_rows
+from ...fitting.causes.designs import Basis
 from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.causes.wave_frame import real
 from ...fitting.envelopes.coordinates import SCALE_FACTOR
 
@@ -85,7 +85,7 @@ def _correct_steps(fit: ExtendedFit, places: list[tuple[int, int, int]]) -> Meas
     """The series with the steps' angles that its residual asks for, each within its own
     uncertainty, rows beside the steps left out."""
     series, flow = fit.series, fit.flow
-    columns = extended_fit.flatten_rows(
+    columns = whitened_rows.flatten_rows(
         series, flow.seen(np.stack([_kicks(fit, *place)[0] for place in places], axis=-1))
     )
     spread = np.array(
@@ -123,8 +123,8 @@ def _doings(fit: ExtendedFit, places: list[tuple[int, int, int]]) -> Basis:
         own.append(
             (
                 rows,
-                evidence.orthonormal(
-                    extended_fit.flatten_rows(series, fit.flow.seen(np.stack(kicks, axis=-1)))[
+                designs.orthonormal(
+                    whitened_rows.flatten_rows(series, fit.flow.seen(np.stack(kicks, axis=-1)))[
                         rows
                     ],
                     INDEPENDENT,

@@ -11,7 +11,7 @@ from functools import reduce
 import numpy as np
 
 from ...effects.effect import Effect
-from ...fitting.causes import extended_fit
+from ...fitting.causes import extended_fit, fit_point
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import ExtendedFit
 from .scoring import is_gross, is_small, price_of_place, worth
@@ -50,7 +50,7 @@ def adopt(
         values[name] = variant.values[name] + variant.steps[name]
     first = extended_fit.fit(
         fit.series,
-        extended_fit.add_effect(fit.point, effect, values),
+        fit_point.add_effect(fit.point, effect, values),
         fit.freedom,
         most,
         fit.flow.near,
@@ -64,7 +64,7 @@ def adopt(
     values = next(dict(given) for one, given in first.point.active if one.name == effect.name)
     return extended_fit.fit(
         first.series,
-        extended_fit.add_effect(first.point, effect, values),
+        fit_point.add_effect(first.point, effect, values),
         first.freedom,
         most,
         first.flow.near,
@@ -199,7 +199,7 @@ def leave_out(fit: ExtendedFit, *names: str, base: ExtendedFit | None = None) ->
     led so far that there is no way back.
     """
     reduced: ExtendedFit | None = None
-    point = reduce(extended_fit.remove_effect, names, fit.point)
+    point = reduce(fit_point.remove_effect, names, fit.point)
     with contextlib.suppress(extended_fit.DivergedError):
         reduced = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
     if base is None or (reduced is not None and reduced.converged):

@@ -12,12 +12,14 @@ from functools import partial
 
 import numpy as np
 
-from ...fitting.causes import evidence, extended_fit
-from ...fitting.causes.evidence import Basis, Score
-from ...fitting.causes.extended import MeasuredRuns
-from ...fitting.causes.extended_fit import ExtendedFit, flatten_rows
+from ...fitting.causes import evidence, extended_fit, fit_point
+from ...fitting.causes.designs import Basis
+from ...fitting.causes.evidence import Score
+from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.causes.sensitivities import spread
 from ...fitting.causes.wave_frame import directions, real
+from ...fitting.causes.whitened_rows import flatten_rows
 from .inquiry import STATED, NoiseLevel
 from .open_terms import PLACES, Covariate, OpenShape, Place, covariates, effect_of
 from .refits import bic, leave_out
@@ -290,7 +292,7 @@ def add_term(fit: ExtendedFit, term: Term, name: str) -> ExtendedFit | None:
     try:
         return extended_fit.fit(
             fit.series,
-            extended_fit.add_effect(fit.point, effect, values),
+            fit_point.add_effect(fit.point, effect, values),
             fit.freedom,
             near=fit.flow.near,
         )

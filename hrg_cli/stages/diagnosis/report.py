@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from ...fitting.causes import evidence
-from ...fitting.causes.extended_fit import ExtendedFit, flatten_rows
+from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.whitened_rows import flatten_rows
 from ...records import Resonator
 from .base_values import values
 from .case import Case

@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.causes.extended import Point, RungeKuttaStage, motion_of, state_of
 from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.fit_point import Point, state_of
 from ...fitting.causes.layout import FREQUENCY
+from ...fitting.causes.slow_equation import RungeKuttaStage
+from ...fitting.causes.slow_prediction import motion_of
 from ...fitting.causes.wave_frame import imaginary
 from ...fitting.envelopes.coordinates import DAMPING
 from ...fitting.samples.course import course

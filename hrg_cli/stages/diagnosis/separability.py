@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...effects import EFFECTS
-from ...fitting.causes import evidence
+from ...fitting.causes import designs, evidence
 from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.layout import FREQUENCY
 from ...physics import ellipse
@@ -59,7 +59,7 @@ def not_separable(case: Case) -> list[dict[str, Any]]:
                     "next_experiment": variant.effect.next_experiment,
                 }
             )
-            hidden[score.name] = evidence.orthonormal(S[:, seen], 1e-6)
+            hidden[score.name] = designs.orthonormal(S[:, seen], 1e-6)
     if np.any(fit.series.quadrature_drive):
         gain, std = _loop_gain(fit)
         base = (

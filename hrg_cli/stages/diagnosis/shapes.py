@@ -16,7 +16,7 @@ import numpy as np
 
 from ...effects import nonlinear_damping
 from ...effects.effect import Effect, Parameter
-from ...fitting.causes import extended_fit
+from ...fitting.causes import extended_fit, fit_point, scales
 from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.envelopes.coordinates import DAMPING
 from ...physics.plant import SlowState
@@ -53,7 +53,7 @@ SUPPLIED = (
 def fit_shape(fit: ExtendedFit, shape: DampingShape) -> ExtendedFit | None:
     """A fit with the catalogue's damping, fitted again with that damping in another shape; None
     where it finds no such fit."""
-    amplitude = extended_fit.amplitude_of(fit.series)
+    amplitude = scales.amplitude_of(fit.series)
     level, power = _stands(fit, amplitude)
     p, std = fit.point.p.copy(), fit.freedom.std.copy()
     if not shape.linear:
@@ -67,7 +67,7 @@ def fit_shape(fit: ExtendedFit, shape: DampingShape) -> ExtendedFit | None:
             shape.power,
         )
     effect = _at(amplitude, fitted=not shape.supplied)
-    point = extended_fit.add_effect(
+    point = fit_point.add_effect(
         replace(fit.point, p=p), effect, {"level_1_s": level, "power": power}
     )
     try:
@@ -90,7 +90,7 @@ def to_catalogue(fit: ExtendedFit, shape: DampingShape, amplitude: float) -> Ext
     own = {"damping_1_s": now["level_1_s"] * amplitude ** -now["power"], "power": now["power"]}
     # the same optimum, looked at in coordinates in which steps would be poor
     same = extended_fit.fit(
-        fit.series, extended_fit.add_effect(fit.point, effect_of(shape), own), fit.freedom, most=0
+        fit.series, fit_point.add_effect(fit.point, effect_of(shape), own), fit.freedom, most=0
     )
     return replace(same, converged=fit.converged)
 

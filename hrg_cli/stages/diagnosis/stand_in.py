@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...fitting.causes import evidence
-from ...fitting.causes.evidence import Basis, Design
+from ...fitting.causes import designs
+from ...fitting.causes.designs import Basis, Design
 from ...fitting.causes.extended_fit import ExtendedFit
 from .refits import HOPELESS
 from .scoring import is_gross
@@ -48,7 +48,7 @@ def has_none(fit: ExtendedFit, name: str, candidates: Sequence[Variant]) -> bool
         one.wanted for one in candidates if one.effect.name not in active and not one.anywhere
     ]
     for sensitivity in fit.sensitivities(others):
-        Q = evidence.orthonormal(beside.off(sensitivity))
+        Q = designs.orthonormal(beside.off(sensitivity))
         left = done - Q @ (Q.T @ done)
         if float(left @ left) < HOPELESS * fit.chi2:
             return False
@@ -69,4 +69,4 @@ def _beside(design: Design, columns: np.ndarray) -> Basis:
         places=np.searchsorted(rest, design.places[kept]),
         own=renumbered,
     )
-    return evidence.factor_design(less).basis
+    return designs.factor_design(less).basis

@@ -9,8 +9,8 @@ import numpy as np
 
 from ...effects.effect import REFERENCE_TEMPERATURE, Effect
 from ...fitting.causes import scales
-from ...fitting.causes.extended import MeasuredRuns
 from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.causes.sensitivities import Wanted
 from .open_terms import LEAST_KELVIN
 

@@ -17,12 +17,13 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import HrgError
-from ...fitting.causes import evidence
-from ...fitting.causes.extended import jump_times
-from ...fitting.causes.extended_fit import ExtendedFit, flatten_own, flatten_rows
+from ...fitting.causes import designs
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.layout import OWN
 from ...fitting.causes.sensitivities import base_sensitivities
+from ...fitting.causes.slow_equation import jump_times
 from ...fitting.causes.wave_frame import real
+from ...fitting.causes.whitened_rows import flatten_own, flatten_rows
 from ...fitting.envelopes.envelope_runs import envelopes_of
 from ...fitting.samples.demodulator import MOVING_PERIODS
 from ...records import Wave, collect
@@ -212,7 +213,7 @@ def find_change(fit: ExtendedFit, difference: Array, compared: Array) -> Array:
     change = np.zeros((len(fit.series.names), OWN))
     for k, (rows, _, _) in enumerate(fit.design.own):
         if compared[k].any():
-            change[k] = evidence.solve(columns[rows], wanted[rows])[0]
+            change[k] = designs.solve(columns[rows], wanted[rows])[0]
     return change
 
 

@@ -22,6 +22,9 @@ from . import closing
 from .outcome import Verdict
 from .verdict import is_one_rate, judge_parameters
 
+UNCLEAR = 0.3
+"""Error of the rate, as a part of what turns the wave, above which it is not told."""
+
 
 def identify_with_unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verdict:
     """One unknown constant rate beside the resonator, added to the logged rates; refused where a
@@ -34,32 +37,50 @@ def identify_with_unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks
     told = known.scale_factor is not None
     if not told and not _rates_differ(runs):
         known = dataclasses.replace(known, scale_factor=nominal_scale_factor(mode))
-    start = 0.0
-    if max(float(np.ptp(r.turn_rad)) for r in runs) == 0:  # no log: K·Ω at unit rate is the start
-        turning = [dataclasses.replace(r, turn_rad=r.time_s - r.time_s[0]) for r in runs]
-        factor = (
-            known.scale_factor if known.scale_factor is not None else nominal_scale_factor(mode)
-        )
-        start = (
-            float(
-                base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks).p[
-                    SCALE_FACTOR
-                ]
-            )
-            / factor
-        )
-    found = rate_offset.rate_offset(runs, known, blocks, start)
+    found = rate_offset.rate_offset(runs, known, blocks, _start(runs, known, blocks))
     noise = inference.inflation(found.fit)[0]
-    verdict = judge_parameters(
-        found.fit,
-        [envelope_runs.turn_table(r, found.value) for r in runs],
-        known,
-        noise * found.beside,
-    )
+    turned = [envelope_runs.turn_table(r, found.value) for r in runs]
+    verdict = judge_parameters(found.fit, turned, known, noise * found.beside)
+
     std = found.std * float(np.sqrt(verdict.details["variance_factor"]))
-    factor = float(found.fit.p[SCALE_FACTOR])
-    seen = max(abs(found.value), abs(found.fit.p[DAMPING] / factor))
-    unclear = not std < 0.3 * seen or (known.scale_factor is not None and is_one_rate(found.fit))
+    held = known.scale_factor is not None
+    _close(verdict, found, _is_unclear(found, std, held))
+    logged = max(float(np.ptp(r.turn_rad)) for r in runs) > 0
+    verdict.details["rate_rad_s"] = {
+        "value": found.value,
+        "std": std,
+        "scale_factor": float(found.fit.p[SCALE_FACTOR]),
+        "of": "common offset of the logged rates" if logged else "constant rate of all runs",
+        "logged_mean_rad_s": [float((r.turn_rad[-1] - r.turn_rad[0]) / r.duration_s) for r in runs],
+    }
+    if not told and known.scale_factor is not None:
+        verdict.values.pop("scale_factor", None)
+    return verdict
+
+
+def _start(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> float:
+    """The rate from which the fit starts: without a log, K·Ω at unit rate over K."""
+    if max(float(np.ptp(r.turn_rad)) for r in runs) > 0:
+        return 0.0
+    mode = runs[0].mode_number
+    turning = [dataclasses.replace(r, turn_rad=r.time_s - r.time_s[0]) for r in runs]
+    fit = base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks)
+    nominal = nominal_scale_factor(mode)
+    return float(fit.p[SCALE_FACTOR]) / (
+        nominal if known.scale_factor is None else known.scale_factor
+    )
+
+
+def _is_unclear(found: rate_offset.RateOffset, std: float, held: bool) -> bool:
+    """Whether rate and damping split are one to these runs: an error beyond a third of what turns
+    the wave, or a residual that forbids telling them where K is held."""
+    by_split = abs(found.fit.p[DAMPING] / float(found.fit.p[SCALE_FACTOR]))
+    seen = max(abs(found.value), by_split)
+    return bool(not std < UNCLEAR * seen or (held and is_one_rate(found.fit)))
+
+
+def _close(verdict: Verdict, found: rate_offset.RateOffset, unclear: bool) -> None:
+    """The closing checks of the rate into the verdict."""
     span = 2 * max(
         float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0]))
         for r in found.fit.response.batch.runs
@@ -83,17 +104,6 @@ def identify_with_unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks
             ),
         ],
     )
-    logged = max(float(np.ptp(r.turn_rad)) for r in runs) > 0
-    verdict.details["rate_rad_s"] = {
-        "value": found.value,
-        "std": std,
-        "scale_factor": factor,
-        "of": "common offset of the logged rates" if logged else "constant rate of all runs",
-        "logged_mean_rad_s": [float((r.turn_rad[-1] - r.turn_rad[0]) / r.duration_s) for r in runs],
-    }
-    if not told and known.scale_factor is not None:
-        verdict.values.pop("scale_factor", None)
-    return verdict
 
 
 def _rates_differ(runs: Sequence[EnvelopeRun]) -> bool:

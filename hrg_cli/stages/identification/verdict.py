@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,10 @@ POOR_FIT = 1.5
 CONTRADICTION = 30.0
 """χ² a degree of freedom from which single runs are left out to see whether one contradicts the
 rest, and the fall that shows it."""
+FREQUENCIES_DIFFER = 4
+"""Scatter of the runs' frequencies, in their typical σ, above which they are not one."""
+DISAGREES = 6
+"""Shift of the answer by one run, in σ, above which it disagrees with the rest."""
 CANDIDATES = 3
 """Runs at most that are left out one at a time."""
 ORDER = tuple(name for name, _ in PARAMETERS)
@@ -103,70 +108,103 @@ def judge_parameters(
     beside it."""
     mode = runs[0].mode_number
     factor, colour = inference.inflation(fit)
-    poor = fit.chi2 / fit.dof > POOR_FIT
     between = np.zeros((len(fit.freedom.names),) * 2) if beside is None else beside
-    if poor:
+    if fit.chi2 / fit.dof > POOR_FIT:
         between = between + inference.between_runs(fit)
+    of_z = inference.covariance_z(fit, factor) + between
     values, covariance = inference.parameter_covariance(fit, factor, mode, between)
-    runs_hz = inference.run_frequencies(fit, factor)
-    frequency, frequency_std = runs_hz.value, np.sqrt(np.diag(runs_hz.covariance))
-    scatter = float(np.std(frequency, ddof=1)) if len(frequency) > 1 else 0.0
-    differ = scatter > 4 * float(np.median(frequency_std))
-    weight = np.ones(len(frequency)) if differ else 1 / np.maximum(frequency_std, 1e-15) ** 2
-    weight /= weight.sum()
-    mean = float(weight @ frequency)
-    drift = float(np.sqrt(np.mean(runs_hz.drift_hz**2)))
-    full = _with_frequency(
-        fit, covariance, inference.covariance_z(fit, factor) + between, runs_hz, weight, mode
-    )
-    full[0, 0] += (scatter**2 if differ else 0.0) + drift**2 / 12
+
+    pooled = _pool_frequencies(inference.run_frequencies(fit, factor))
+    full = _with_frequency(fit, covariance, of_z, pooled.runs, pooled.weight, mode)
+    full[0, 0] += pooled.more_variance
     order = list(ORDER)
     std = dict(zip(order, np.sqrt(np.maximum(0.0, np.diag(full)))))
-    named = dict(zip(order, [mean, *map(float, values)]))
     condition, flat = inference.flat_directions(fit, factor)
     rows = np.array([len(r) for r in fit.response.batch.runs])
     run_dof = np.maximum(1, 4 * rows - 4 - fit.response.state.phase.shape[1])
-    rms = np.array(
-        [
-            float(np.sqrt(c / len(r) / 4) * r.std.mean())
-            for c, r in zip(fit.run_chi2, fit.response.batch.runs)
-        ]
-    )
     verdict = Verdict(
-        named,
+        dict(zip(order, [pooled.mean_hz, *map(float, values)])),
         std,
         order,
         full,
         fit.chi2 / fit.dof,
         condition,
         fit.run_chi2 / run_dof,
-        rms,
+        _residual_rms(fit),
         rows,
         flat=[sentence(f, fit, runs) for f in flat],
         mode_number=mode,
         fit=fit,
     )
+    verdict.details = pooled.details() | _details_of(fit, known, mode, factor, colour)
+    verdict.details |= state_splits(verdict.values, verdict.std, fit.p, _of_coordinates(fit, of_z))
+    _check_fit(verdict, fit, runs, colour)
+    verdict.suspect.extend(verdict.flat)
+    verdict.suspect.extend(_disagreements(verdict, fit, runs))
+    return verdict
+
+
+@dataclasses.dataclass(frozen=True)
+class PooledFrequency:
+    """One frequency of all runs: their weighted mean, or the plain one where they differ by more
+    than their errors; then their scatter is in its variance, as their drift always is."""
+
+    runs: inference.Frequencies
+    weight: Array
+    """(r,) of each run in the mean."""
+    mean_hz: float
+    more_variance: float
+    """What scatter and drift add to the mean's own."""
+    differ: bool
+    drift_hz: float
+
+    def details(self) -> dict[str, Any]:
+        """What the record keeps of it."""
+        std = np.sqrt(np.diag(self.runs.covariance))
+        return {
+            "run_frequency_hz": [float(f) for f in self.runs.value],
+            "run_frequency_std_hz": [float(f) for f in std],
+            "runs_differ_in_frequency": self.differ,
+            "run_frequency_drift_hz": [float(d) for d in self.runs.drift_hz],
+            "frequency_note": _frequency_note(self.differ, self.drift_hz),
+        }
+
+
+def _pool_frequencies(runs: inference.Frequencies) -> PooledFrequency:
+    frequency, std = runs.value, np.sqrt(np.diag(runs.covariance))
+    scatter = float(np.std(frequency, ddof=1)) if len(frequency) > 1 else 0.0
+    differ = scatter > FREQUENCIES_DIFFER * float(np.median(std))
+    weight = np.ones(len(frequency)) if differ else 1 / np.maximum(std, 1e-15) ** 2
+    weight /= weight.sum()
+    drift = float(np.sqrt(np.mean(runs.drift_hz**2)))
+    more = (scatter**2 if differ else 0.0) + drift**2 / 12
+    return PooledFrequency(runs, weight, float(weight @ frequency), more, differ, drift)
+
+
+def _residual_rms(fit: Fit) -> Array:
+    """Rms residual (r,) of each run in the units of its envelopes."""
+    return np.array(
+        [
+            float(np.sqrt(c / len(r) / 4) * r.std.mean())
+            for c, r in zip(fit.run_chi2, fit.response.batch.runs)
+        ]
+    )
+
+
+def _details_of(fit: Fit, known: Known, mode: int, factor: float, colour: float) -> dict[str, Any]:
+    """What the record keeps of the fit: its order, noise, what was held, and the least σ there
+    is (Cramér–Rao)."""
     _, bound = inference.parameter_covariance(fit, 1.0, mode)
-    verdict.details = {
-        "run_frequency_hz": [float(f) for f in frequency],
-        "run_frequency_std_hz": [float(f) for f in frequency_std],
+    least = map(float, np.sqrt(np.maximum(0.0, np.diag(bound))))
+    return {
         "phase_order": int(fit.response.state.phase.shape[1]),
-        "runs_differ_in_frequency": differ,
-        "run_frequency_drift_hz": [float(d) for d in runs_hz.drift_hz],
-        "frequency_note": _frequency_note(differ, drift),
         "second_order": {"value": float(fit.p[SECOND_ORDER]), "std": second_order_std(fit)},
         "iterations": fit.iterations,
         "variance_factor": factor,
         "colour": colour,
         "held": {k: v for k, v in dataclasses.asdict(known).items() if v is not None},
-        "cramer_rao_std": dict(
-            zip(order[1:], map(float, np.sqrt(np.maximum(0.0, np.diag(bound)))))
-        ),
+        "cramer_rao_std": dict(zip(list(ORDER)[1:], least)),
     }
-    own = _of_coordinates(fit, inference.covariance_z(fit, factor) + between)
-    verdict.details |= state_splits(verdict.values, verdict.std, fit.p, own)
-    _reasons(verdict, fit, runs, colour)
-    return verdict
 
 
 def _of_coordinates(fit: Fit, z: Array) -> Array:
@@ -220,8 +258,8 @@ def second_order_std(fit: Fit) -> float:
     )
 
 
-def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: float) -> None:
-    """The closing checks, and sentences about flat directions and runs that disagree."""
+def _check_fit(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: float) -> None:
+    """The closing checks into the verdict: bounds, what the residuals are, truncation, blur."""
     refusing, doubting = closing.check_bounds(verdict)
     residual = fit.response.residual()
     left = [
@@ -257,22 +295,23 @@ def _reasons(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: fl
         [*checks.check_fit(verdict.covariance, fit.converged, settled), *refusing],
         [*statistics, truncated, closing.blur(fit, runs), *doubting],
     )
-    if verdict.flat:
-        verdict.suspect.extend(verdict.flat)
+
+
+def _disagreements(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun]) -> list[str]:
+    """A sentence for each run that moves the answer or fits far worse than the rest."""
     shifts = inference.run_shifts(fit, verdict.details["variance_factor"])
     typical = np.median(verdict.run_chi2_per_dof)
-    if len(runs) == 2 and shifts.max() > 6:
-        verdict.suspect.append(
+    if len(runs) == 2 and shifts.max() > DISAGREES:
+        return [
             f"the two runs disagree (pull {shifts.max():.2g}); two cannot tell which is wrong:"
             " check both rate logs, or add a third run"
-        )
-        return
-    for run, shift, chi2 in zip(runs, shifts, verdict.run_chi2_per_dof):
-        if shift > 6 or (len(runs) > 2 and chi2 > 3 * typical and chi2 > POOR_FIT):
-            verdict.suspect.append(
-                f"{run.run_id or 'a run'} disagrees with the rest (χ²/dof {chi2:.3g}, pull"
-                f" {shift:.2g}); leave it out and compare"
-            )
+        ]
+    return [
+        f"{run.run_id or 'a run'} disagrees with the rest (χ²/dof {chi2:.3g}, pull"
+        f" {shift:.2g}); leave it out and compare"
+        for run, shift, chi2 in zip(runs, shifts, verdict.run_chi2_per_dof)
+        if shift > DISAGREES or (len(runs) > 2 and chi2 > 3 * typical and chi2 > POOR_FIT)
+    ]
 
 
 def contradictions(

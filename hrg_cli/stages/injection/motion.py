@@ -16,9 +16,10 @@ import numpy as np
 
 from ...effects.effect import Effect, frame
 from ...errors import HrgError
-from ...fitting.causes import extended, extended_fit
-from ...fitting.causes.extended import MeasuredRuns, Point
-from ...fitting.causes.extended_fit import CoordinatePriors
+from ...fitting.causes import extended_fit, fit_point, slow_equation, slow_prediction
+from ...fitting.causes.coordinate_priors import CoordinatePriors
+from ...fitting.causes.fit_point import Point
+from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.envelopes.base_fit import nominal_scale_factor
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
 from ...physics.resonator import exponential
@@ -53,7 +54,7 @@ def integrate_change(wave: Wave, moving: Sequence[Hidden], resonator: Resonator 
                 _predict_motion(series, point),
             )
         )
-    state = extended.state_of(series, point)
+    state = fit_point.state_of(series, point)
     jumps = [effect.slow_jump(p, state) for effect, p in moving if effect.slow_jump is not None]
     measured = interpolate_oscillation(wave).spline
     for instant, jump in sorted(
@@ -80,7 +81,7 @@ def _chain_changes(changes: Sequence[ChangeAt], times: Array) -> Array:
 def _predict_motion(series: MeasuredRuns, point: Point) -> Array:
     """Envelopes (n, 2) of the one run as the model has them. HrgError: they have no end."""
     with np.errstate(over="ignore", invalid="ignore"):
-        seen = extended.predict(series, point).seen[0]
+        seen = slow_prediction.predict(series, point).seen[0]
     if not np.all(np.isfinite(seen)):
         raise HrgError(
             f"{', '.join(e.name for e, _ in point.active)}: the motion has no end with these"
@@ -106,7 +107,7 @@ def _change_after(
     before."""
     first = int(np.searchsorted(series.time_s[0], instant))
     rest = series.later(first)
-    L = extended.generators(series, point)[0, first] + 1j * series.turn_rad_s[0] * np.eye(2)
+    L = slow_equation.generators(series, point)[0, first] + 1j * series.turn_rad_s[0] * np.eye(2)
     carry = exponential(L, rest.time_s[0, 0] - instant)
     ends = [
         np.concatenate([[u], _predict_motion(rest, replace(point, start=(carry @ u)[None]))])

@@ -15,13 +15,14 @@ from functools import partial
 import numpy as np
 
 from ...effects.effect import Effect
-from ...fitting.causes import evidence, extended_fit
-from ...fitting.causes.extended import Point, predict
-from ...fitting.causes.extended_fit import CoordinatePriors
+from ...fitting.causes import designs, extended_fit, scales, whitened_rows
+from ...fitting.causes.coordinate_priors import CoordinatePriors
+from ...fitting.causes.fit_point import Point
 from ...fitting.causes.layout import OWN
 from ...fitting.causes.sensitivities import base_sensitivities, propagation
+from ...fitting.causes.slow_prediction import predict
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
-from ...physics import ellipse, slow_engine
+from ...physics import ellipse, slow_engine, slow_motion
 from ...physics.plant import linear_plant
 from ...physics.resonator import Mechanics
 from ...records import Wave
@@ -82,7 +83,7 @@ def wave_of(run: SimulationFile) -> Wave:
         world,
         plant,
         simulate.control_of(run),
-        slow_engine.SlowTerms(),
+        slow_motion.SlowTerms(),
         start,
         step,
         STEPS,
@@ -146,8 +147,8 @@ def information(
         else:
             flow = propagation(predict(series, replace(truth, offset_rad_s=np.zeros(1))))
         shared, own = base_sensitivities(flow)
-        own_columns = extended_fit.flatten_rows(series, own)
-        columns = [extended_fit.flatten_rows(series, shared)]
+        own_columns = whitened_rows.flatten_rows(series, own)
+        columns = [whitened_rows.flatten_rows(series, shared)]
         for cause in layout.causes:
             values = (
                 cause.values()
@@ -155,10 +156,10 @@ def information(
                 | dict(layout.acting.get(cause.name, {}))
             )
             columns.append(
-                extended_fit.sensitivity(flow, cause, values, extended_fit.steps_of(cause, series))
+                whitened_rows.sensitivity(flow, cause, values, scales.steps_of(cause, series))
             )
         A = np.nan_to_num(np.concatenate(columns, axis=1))
-        basis = evidence.orthonormal(own_columns[:, :OWN])
+        basis = designs.orthonormal(own_columns[:, :OWN])
         A = A - basis @ (basis.T @ A)
         out.append(A.T @ A)
     return out

@@ -11,7 +11,8 @@ import numpy as np
 
 from ....errors import HrgError
 from ....fitting.causes import extended_fit
-from ....fitting.causes.extended_fit import CoordinatePriors, ExtendedFit
+from ....fitting.causes.coordinate_priors import CoordinatePriors
+from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES, COUNT
 from ....records import Array, Wave
 from ..data import prepare

@@ -7,7 +7,7 @@ import contextlib
 import itertools
 from collections.abc import Callable, Sequence
 
-from ....fitting.causes import extended_fit
+from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from ..refits import QUICK_STEPS, adopt_hopeful
@@ -75,14 +75,14 @@ def fit_warming(
         plain = fitted(waves)
         point = plain.point
         for variant in thermal:
-            point = extended_fit.add_effect(point, variant.effect, variant.values)
+            point = fit_point.add_effect(point, variant.effect, variant.values)
         return extended_fit.fit(plain.series, point, plain.freedom, QUICK_STEPS)
 
     with contextlib.suppress(extended_fit.DivergedError):
         series = base.series
         point = base.point
         for variant in thermal:
-            point = extended_fit.add_effect(point, variant.effect, variant.values)
+            point = fit_point.add_effect(point, variant.effect, variant.values)
         if extended_fit.fit(series, point, base.freedom, QUICK_STEPS).chi2 < MATTERS * base.chi2:
             return fit
     return None

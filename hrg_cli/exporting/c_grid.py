@@ -1,0 +1,120 @@
+"""The grid of a C header: as fine as the tables' own errors ask for, its interpolation, its integers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..records import Calibration
+
+Array = np.ndarray
+LARGEST_ANGLES, LARGEST_NODES = 192, 33
+PLACES = 32768
+"""Steps of a cell in which the fixed-point header counts places: 15 bits."""
+
+
+def refine_grid(calibration: Calibration, precision: float) -> tuple[Array, int]:
+    """Even nodes (J,) and the number of angles, refined until the interpolation error is small
+    against the table's own σ."""
+    low = calibration.node_min if np.isfinite(calibration.node_min) else float(calibration.node[0])
+    high = calibration.node_max if np.isfinite(calibration.node_max) else float(calibration.node[0])
+    count = 2 if len(calibration.node) > 1 else 1
+    angles = 24 * max(1, (calibration.drift_harmonics.shape[1] - 1) // 2)
+    period = np.pi / calibration.mode_number
+    limits = [
+        max(precision * float(np.median(std)), 1e-7 * float(np.abs(table).max()))
+        for table, std in (
+            (calibration.drift_rad_s, calibration.drift_rad_s_std),
+            (calibration.scale_factor, calibration.scale_factor_std),
+        )
+    ]
+
+    def error(count: int, angles: int) -> float:
+        """The worst interpolation error, in the limits."""
+        nodes = even_nodes(low, high, count)
+        px, pt = probe(nodes, angles, period)
+        tables, truth = on_grid(calibration, nodes, angles), calibration.values_at(px, pt)
+        return max(
+            float(np.abs(bilinear(table, nodes, px, pt, period) - true).max()) / limit
+            for table, true, limit in zip(tables, truth, limits)
+        )
+
+    while error(count, angles) > 1:
+        finer_nodes, finer_angles = 2 * count - 1, 2 * angles
+        can_nodes = count > 1 and finer_nodes <= LARGEST_NODES
+        can_angles = finer_angles <= LARGEST_ANGLES
+        if not can_nodes and not can_angles:
+            break
+        by_nodes = error(finer_nodes, angles) if can_nodes else np.inf
+        by_angles = error(count, finer_angles) if can_angles else np.inf
+        if by_nodes < by_angles:
+            count = finer_nodes
+        else:
+            angles = finer_angles
+    return even_nodes(low, high, count), angles
+
+
+def even_nodes(low: float, high: float, count: int) -> Array:
+    """Nodes (count,) from low to high; the middle where there is one."""
+    return np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
+
+
+def on_grid(calibration: Calibration, nodes: Array, angles: int) -> list[Array]:
+    """Drift and scale factor (nodes, angles) over one period of the wave angle."""
+    period = np.pi / calibration.mode_number
+    x, theta = np.meshgrid(nodes, np.arange(angles) * period / angles, indexing="ij")
+    return [v.reshape(x.shape) for v in calibration.values_at(x.ravel(), theta.ravel())]
+
+
+def probe(nodes: Array, angles: int, period: float) -> tuple[Array, Array]:
+    """Points between the grid's, four a cell in each direction."""
+    x = (
+        np.linspace(nodes[0], nodes[-1], max(1, 4 * (len(nodes) - 1)) + 1)
+        if len(nodes) > 1
+        else nodes
+    )
+    theta = (np.arange(4 * angles) + 0.5) * period / (4 * angles)
+    grid = np.meshgrid(x, theta, indexing="ij")
+    return grid[0].ravel(), grid[1].ravel()
+
+
+def _places(
+    nodes: Array, angles: int, x: Array, theta: Array, period: float
+) -> tuple[Array, Array, Array, Array]:
+    u = (
+        np.clip((x - nodes[0]) / (nodes[1] - nodes[0]), 0, len(nodes) - 1)
+        if len(nodes) > 1
+        else np.zeros(np.shape(x))
+    )
+    i = np.minimum(u.astype(int), max(len(nodes) - 2, 0))
+    v = np.mod(theta / period, 1.0) * angles
+    k = np.minimum(v.astype(int), angles - 1)
+    return i, u - i, k, v - k
+
+
+def bilinear(table: Array, nodes: Array, x: Array, theta: Array, period: float) -> Array:
+    """Bilinear interpolation of table (J, A), periodic in the angle, clamped at the outer nodes:
+    what the header does."""
+    angles = table.shape[1]
+    i, u, k, v = _places(nodes, angles, x, theta, period)
+    up, right = np.minimum(i + 1, len(nodes) - 1), (k + 1) % angles
+    low = table[i, k] + (table[i, right] - table[i, k]) * v
+    high = table[up, k] + (table[up, right] - table[up, k]) * v
+    return np.asarray(low + (high - low) * u)
+
+
+def quantise(table: Array, bits: int) -> tuple[Array, float, float]:
+    """(integers, offset, step): value = offset + step × integer, the whole range of signed `bits`
+    used."""
+    top = 2 ** (bits - 1) - 1
+    offset = float((table.max() + table.min()) / 2)
+    step = float(max((table.max() - table.min()) / 2, abs(offset) * 1e-12, 1e-300) / top)
+    return np.clip(np.round((table - offset) / step), -top, top).astype(np.int64), offset, step
+
+
+def fixed_rounding(table: Array, step: float) -> float:
+    """The most by which the integer interpolation misses the plain one: half a step each of the
+    stored integers and of two products, and the part of a place that is cut off in each
+    direction."""
+    over_nodes = np.abs(np.diff(table, axis=0)).max(initial=0.0)
+    over_angles = np.abs(np.roll(table, -1, axis=1) - table).max()
+    return 1.5 * step + float(over_nodes + over_angles) / PLACES

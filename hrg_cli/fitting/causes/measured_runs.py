@@ -1,0 +1,135 @@
+"""Runs side by side as the extended model is held against them: measured envelopes, logs, commands,
+and what nobody knows of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .designs import Basis, Softened
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class MeasuredRuns:
+    """Runs side by side (R, n), padded with weight 0: envelopes against one reference frequency and
+    what the effects may look at."""
+
+    names: tuple[str, ...]
+    time_s: Array
+    envelope: Array
+    weight: Array
+    rate_rad_s: Array
+    temperature_degc: Array
+    temperature_rate_degc_s: Array
+    branch: Array
+    """Mean of the temperature's branch over the step that follows a row."""
+    table_angle_rad: Array
+    phase_rad: Array
+    main_drive: Array
+    quadrature_drive: Array
+    main_impulse: Array
+    quadrature_impulse: Array
+    """∫ of the two commands from the run's start: within a row a loop that settles does not run
+    straight."""
+    forced: Array
+    held_amplitude: Array
+    """Main amplitude that a drive without a log keeps up; NaN where the command is logged or the
+    run is free."""
+    held_slope: Array
+    turn_rad_s: Array
+    """Mean turn of every run's phase (R,), which the steps take exactly."""
+    reference_frequency_hz: float
+    mode_number: int
+    has_temperature: bool = True
+    drive_late_s: float = 0.0
+    """How much later than the log says the commands act; what stands here of them is so already."""
+    number: Array | None = None
+    """Number of every run from 0 (R,), which it keeps where some are taken; None: as they stand."""
+    free_phase: bool = False
+    """Every row's phase is its own: what turns both channels together is neither fitted nor
+    judged."""
+    scatter: Softened | None = None
+    """By what the waves may stand beside any prediction, since the drive's log does not hold all
+    that the drive did."""
+    unsettled: Basis | None = None
+    """What nobody knows of these runs, on the rows with weight: residuals and sensitivities are
+    taken off it."""
+
+    @property
+    def step_s(self) -> Array:
+        """(R, n − 1), 0 where padded."""
+        return np.diff(self.time_s, axis=1)
+
+    def runs(self, index: Sequence[int]) -> MeasuredRuns:
+        """Some of the runs."""
+        index = list(index)
+        cut = {f: getattr(self, f)[index] for f in _ARRAYS}
+        names, turn = tuple(self.names[i] for i in index), self.turn_rad_s[index]
+        return replace(
+            self.alone(), names=names, turn_rad_s=turn, number=self.numbers[index], **cut
+        )
+
+    def later(self, first: int) -> MeasuredRuns:
+        """The runs from one row on."""
+        return replace(self.alone(), **{f: getattr(self, f)[:, first:] for f in _ARRAYS})
+
+    def alone(self) -> MeasuredRuns:
+        """The rows without what is said of all of them together: what is unsettled, and what may
+        scatter."""
+        return replace(self, unsettled=None, scatter=None)
+
+    @property
+    def numbers(self) -> Array:
+        """Number of every run from 0, (R,)."""
+        return np.arange(len(self.names)) if self.number is None else self.number
+
+    def middle(self) -> MeasuredRuns:
+        """The same quantities in the middle of the steps, (R, n − 1)."""
+        cut = {
+            f: (getattr(self, f)[:, 1:] + getattr(self, f)[:, :-1]) / 2
+            for f in _ARRAYS
+            if f not in ("branch", "forced")
+        }
+        h = self.step_s
+        for name, integral in _INTEGRALS.items():
+            ends = getattr(self, name)
+            mean = np.divide(
+                np.diff(getattr(self, integral), axis=1), h, out=cut[name].copy(), where=h > 0
+            )
+            # Simpson's rule then takes exactly the integral, however fast the quantity changes
+            # within a step
+            cut[name] = (6 * mean - ends[:, 1:] - ends[:, :-1]) / 4
+        # likewise of the branch, which stands as its mean over the step that follows a row
+        cut["branch"] = (5 * self.branch[:, :-1] - self.branch[:, 1:]) / 4
+        return replace(self, forced=self.forced[:, :-1], **cut)
+
+
+_ARRAYS = (
+    "time_s",
+    "envelope",
+    "weight",
+    "rate_rad_s",
+    "temperature_degc",
+    "temperature_rate_degc_s",
+    "branch",
+    "table_angle_rad",
+    "phase_rad",
+    "main_drive",
+    "quadrature_drive",
+    "main_impulse",
+    "quadrature_impulse",
+    "forced",
+    "held_amplitude",
+    "held_slope",
+)
+
+_INTEGRALS = {
+    "temperature_rate_degc_s": "temperature_degc",
+    "rate_rad_s": "table_angle_rad",
+    "main_drive": "main_impulse",
+    "quadrature_drive": "quadrature_impulse",
+}

@@ -1,0 +1,235 @@
+"""The slow model with effects beside L: the drive along the wave, what demodulation shows of the
+motion, the effects' terms, jumps.
+
+What moves under a force f is v, which demodulation shows as u = v + jf/2ω (`shown`): f makes the
+displacement lead at once, and v alone follows it in time. From z̈ + 2Γż + Wz = Re[2jωf e^{jωt}] and
+u̇ = Lu + g, (2jω + 2Γ + L)g + ġ = 2jωf, so that v̇ = Lv + f + j(Γ + L)f/ω = Lv + f − δωR f/ω: to
+second order in the rates over ω, and without ḟ, however quickly the loops change it.
+
+Where the rate changes, L = L₁ + L₂ changes with it, and u̇ = L u leaves L̇ of the displacement's
+equation, L̇ + L² + 2ΓL + 2jωL = …: L̇₁ = KΩ̇J is the Euler term's own, −L̇₂/2jω a derivative, so that
+it stands beside what moves at once: u = v + jL₂v/2ω, but for [L, L₂]/2ω. Without splits that is u =
+(1 − K²Ω²/4ω²) v, the amplitude of constant action at the frequency √(ω² + K²Ω²).
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+
+from ...effects.effect import Effect, frame, no_term
+from ...effects.jumps import part_after
+from ...physics.plant import SlowState
+from ...physics.resonator import exponential
+from ..envelopes import coordinates
+from .fit_point import Point, state_of
+from .measured_runs import MeasuredRuns
+
+Array = np.ndarray
+FOLLOWING = 10.0
+"""Relaxations in a run by which a held amplitude is followed."""
+
+
+_SLICED = (
+    "time_s",
+    "temperature_degc",
+    "temperature_rate_degc_s",
+    "branch",
+    "rate_rad_s",
+    "table_angle_rad",
+    "forced",
+    "phase_rad",
+)
+
+
+class RungeKuttaStage:
+    """Everything beside L u at one set of instants: drive and effects; sliced from whole arrays for
+    one Runge–Kutta stage."""
+
+    def __init__(self, series: MeasuredRuns, point: Point) -> None:
+        self.state = state_of(series, point)
+        self.of = series, point
+        self.active = point.active
+        self.driven = bool(np.any(series.forced))
+        hz = series.reference_frequency_hz
+        self.second = point.p[6] * second_order_force(point.p, hz)
+        self.lead = point.p[6] * lead_of_force(hz)
+        self.main, self.quadrature = series.main_drive, series.quadrature_drive
+        self.holds = bool(np.any(np.isfinite(series.held_amplitude)))
+        self.L = generators(series, point) if self.holds else np.empty((*series.time_s.shape, 0))
+        self.held, self.held_slope = series.held_amplitude, series.held_slope
+        self.follow_1_s = FOLLOWING / max(float(series.time_s.max() - series.time_s.min()), 1e-9)
+
+    def at(self, k: int | slice) -> RungeKuttaStage:
+        """The instants of columns k."""
+        one = object.__new__(RungeKuttaStage)
+        state = object.__new__(SlowState)
+        state.__dict__.update(self.state.__dict__)
+        for name in _SLICED:
+            state.__dict__[name] = getattr(self.state, name)[:, k]
+        state.drive = self.state.drive[:, k]
+        one.state, one.active, one.driven = state, self.active, self.driven
+        one.second, one.lead = self.second, self.lead
+        one.main, one.quadrature, one.L = self.main[:, k], self.quadrature[:, k], self.L[:, k]
+        one.holds, one.held, one.held_slope, one.follow_1_s = (
+            self.holds,
+            self.held[:, k],
+            self.held_slope[:, k],
+            self.follow_1_s,
+        )
+        return one
+
+    def drive(self, v: Array) -> Array:
+        """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B) along the wave as the
+        loops see it; without a log, what holds the measured amplitude."""
+        force = self._along(v, v)
+        return force if self.lead == 0 else self._along(v + self.lead * force, v)
+
+    def _along(self, u: Array, v: Array) -> Array:
+        """The drive along the axes of envelopes u that move as v does."""
+        turn, e_A, e_B, a_A = frame(u, self.state.phase_rad)
+        main = self.main
+        if self.holds:
+            loss = np.real(np.sum(times(self.L, v) * e_A, axis=-1) * np.conj(turn))
+            main = np.where(
+                np.isfinite(self.held),
+                self.held_slope - loss + self.follow_1_s * (self.held - a_A),
+                main,
+            )
+        return turn[..., None] * (main[..., None] * e_A - 1j * self.quadrature[..., None] * e_B)
+
+    @cached_property
+    def beside_motion(self) -> Array | None:
+        """jL₂/2ω (R, n, 2, 2): what the displacement shows beside the motion at a rate; None where
+        no run turns."""
+        series, point = self.of
+        if not np.any(series.rate_rad_s):
+            return None
+        return lead_of_force(series.reference_frequency_hz) * _orders(series, point)[1]
+
+    def shown(self, v: Array) -> Array:
+        """The envelopes u = v + jf/2ω + jL₂v/2ω that demodulation shows of the displacement, before
+        the read-outs."""
+        u = v + self.lead * self.drive(v) if self.driven else v
+        return u if self.beside_motion is None else u + times(self.beside_motion, v)
+
+    def lit(self, u: Array) -> SlowState:
+        """What the effects look at beside the envelopes u, with the drive these call for."""
+        if not self.driven:
+            return self.state
+        state = copy.copy(self.state)
+        state.drive = self.drive(u)
+        return state
+
+    def ordered(self, p: Array, frequency_hz: float) -> RungeKuttaStage:
+        """The same with the force's second order of other coordinates."""
+        one = copy.copy(self)
+        one.second = p[6] * second_order_force(p, frequency_hz)
+        one.lead = p[6] * lead_of_force(frequency_hz)
+        return one
+
+    def without(self, effect: Effect) -> RungeKuttaStage:
+        """The same with one effect out of the equation; what it does to the environment stays."""
+        one = copy.copy(self)
+        one.active = tuple(pair for pair in self.active if pair[0].name != effect.name)
+        return one
+
+    def beside(self, v: Array) -> Array:
+        """dv/dt beside L v."""
+        state = self.lit(v)
+        total = state.drive + times(self.second, state.drive) if self.driven else np.zeros_like(v)
+        for effect, values in self.active:
+            if effect.slow is not no_term:
+                total += effect.slow(values, self.acted_on(effect, v, state), state)
+        return total
+
+    def acted_on(self, effect: Effect, v: Array, state: SlowState) -> Array:
+        """Envelopes that an effect's slow term looks at: loops and forcers see the displacement, v +
+        jf/2ω, the resonator moves as v does.
+
+        With the displacement for all, driven runs whose frequency follows 40 K of temperature are
+        missed by what that makes of the force's lead.
+        """
+        by_loops = self.driven and effect.family == "control"
+        return v + self.lead * state.drive if by_loops else v
+
+    def seen(self, v: Array) -> Array:
+        """As demodulation shows it, through the read-outs."""
+        u = self.shown(v)
+        if self.active:
+            state = self.lit(v)
+            for effect, values in self.active:
+                u = effect.slow_readout(values, u, state)
+        return u
+
+    @property
+    def idle(self) -> bool:
+        """Nothing acts beside L."""
+        return not self.driven and not self.active
+
+
+def second_order_force(p: Array, frequency_hz: float) -> Array:
+    """−δωR/ω (2, 2): what of a force f the moving part of the envelopes feels beside f itself."""
+    split = np.tensordot(p[3:5], coordinates.BASIS[3:], 1)
+    return 1j * split / (2 * np.pi * frequency_hz)
+
+
+def lead_of_force(frequency_hz: float) -> complex:
+    """j/2ω: by which part of a force the demodulated envelopes stand beside what moves."""
+    return 1j / (4 * np.pi * frequency_hz)
+
+
+def generators(series: MeasuredRuns, point: Point) -> Array:
+    """L (R, n, 2, 2) with the runs' frequency offsets beside their mean turn, which the steps take
+    exactly."""
+    first, second = _orders(series, point)
+    offset = 1j * (point.offset_rad_s - series.turn_rad_s)[:, None, None, None] * np.eye(2)
+    return first + second + offset
+
+
+def _orders(series: MeasuredRuns, point: Point) -> tuple[Array, Array]:
+    """L by plain averaging, and what the second order changes of it, (R, n, 2, 2)."""
+    omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
+    plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
+    full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
+    return plain, point.p[6] * (full - plain)
+
+
+def jump_times(series: MeasuredRuns, point: Point) -> list[float]:
+    """Instants at which effects of a point make the motion jump."""
+    state = state_of(series, point)
+    return [
+        float(effect.slow_jump(values, state)[0])
+        for effect, values in point.active
+        if effect.slow_jump is not None
+    ]
+
+
+def jump(series: MeasuredRuns, point: Point, effect: Effect, values: Mapping[str, float]) -> Array:
+    """What an effect adds to the envelopes within each step by a jump at an instant, as the row
+    after it sees it, (R, n − 1, 2).
+
+    A row is the mean of its length, so the part r(t) of a jump that the row at t sees rises from 0
+    to 1 within the row that holds the instant; a step brings the difference of its rows' parts,
+    carried on from the instant by the resonator alone.
+    """
+    assert effect.slow_jump is not None
+    instant, change = effect.slow_jump(values, state_of(series, point))
+    t, h = series.time_s, series.step_s
+    share = np.diff(part_after(t, instant), axis=1) * (h > 0)
+    L = generators(series, point)[:, 1:] + 1j * series.turn_rad_s[:, None, None, None] * np.eye(2)
+    near = np.where(share != 0, t[:, 1:] - instant, 0.0)
+    return share[..., None] * times(
+        exponential(L, near), np.broadcast_to(change, (*share.shape, 2))
+    )
+
+
+def times(L: Array, u: Array) -> Array:
+    """L u over (..., 2, 2) and (..., 2)."""
+    c, s = u[..., 0], u[..., 1]
+    return np.stack(
+        [L[..., 0, 0] * c + L[..., 0, 1] * s, L[..., 1, 0] * c + L[..., 1, 1] * s], axis=-1
+    )

@@ -1,0 +1,208 @@
+"""The slow model with effects, predicted over the rows of the runs.
+
+u' = L(p, Ω) u + jδ_r u + drive(u) + Σ effects' slow terms, measured through the effects' read-outs.
+The prediction is the Runge–Kutta rule of fourth order over the rows; the Jacobian follows from the
+linearised equation along the prediction, so that any number of sensitivities costs one sweep. The
+drive of a forced run is the logged command, turned to the wave's own direction and phase.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .fit_point import Point
+from .measured_runs import MeasuredRuns
+from .slow_equation import RungeKuttaStage, generators, jump, times
+from .wave_frame import imaginary, real, real_matrix
+
+Array = np.ndarray
+CLEAR = 10.0
+"""Amplitude over σ from which a row's phase is unwrapped."""
+ALL = (slice(None, -1), slice(None), slice(1, None))
+"""Rows before, middles of and rows after all steps."""
+MOST_SWEEPS, DRIFTING, SETTLED = 12, 1e-2, 1e-12
+"""Sweeps of a motion over all its steps at once; relative change up to which it may grow from one
+to the next, and where it ends."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Envelopes at the rows, (R, n, 2): what moves (`motion`), and what is `seen` of it under the
+    drive's force, behind the read-out."""
+
+    series: MeasuredRuns
+    point: Point
+    motion: Array
+    seen: Array
+
+    def residual(self) -> Array:
+        """Measured minus seen over σ as reals, (R, n, 4), linear in the phase however far it has
+        run off.
+
+        With ψ the phase between measured and seen, unwrapped: measured·e^{−jψ} − seen + jψ·seen,
+        which is the plain difference for ψ → 0.
+        """
+        if self.series.free_phase:
+            turn = np.exp(
+                -1j * np.angle(np.sum(self.series.envelope * np.conj(self.seen), axis=-1))
+            )
+            return real(
+                (self.series.envelope * turn[..., None] - self.seen) * self.series.weight[..., None]
+            )
+        psi = self.phase_error()[..., None]
+        return real(
+            (self.series.envelope * np.exp(-1j * psi) - self.seen + 1j * psi * self.seen)
+            * self.series.weight[..., None]
+        )
+
+    def judged(self, change: Array) -> Array:
+        """Changes (R, n, 4, K) over σ of what the fit judges: all of them, or all but a common turn
+        of both channels."""
+        change = change * self.series.weight[..., None, None]
+        if not self.series.free_phase:
+            return change
+        turned = real(1j * self.seen)
+        size = np.sum(turned**2, axis=-1, keepdims=True)
+        unit = turned / np.sqrt(np.where(size > 0, size, 1.0))
+        left = change - unit[..., None] * np.einsum("rni,rnik->rnk", unit, change)[:, :, None, :]
+        # what is a turn and nothing else leaves rounding, which scaled to unit length would look
+        # like a direction
+        return left * (np.sum(left**2, axis=(0, 1, 2)) > 1e-12 * np.sum(change**2, axis=(0, 1, 2)))
+
+    def phase_error(self) -> Array:
+        """Phase of measured against seen, unwrapped along each run where the signal stands out of
+        the noise, (R, n)."""
+        overlap = np.sum(self.series.envelope * np.conj(self.seen), axis=-1)
+        size = np.sqrt(np.sum(np.abs(self.seen) ** 2, axis=-1))
+        clear = size * self.series.weight > CLEAR
+        out = np.zeros(overlap.shape)
+        for k, good in enumerate(clear):
+            if good.any():
+                rows = np.flatnonzero(good)
+                out[k] = np.interp(
+                    np.arange(len(good)), rows, np.unwrap(np.angle(overlap[k, rows]))
+                )
+        return np.where(np.abs(out).max(axis=1, keepdims=True) > 0.02, out, 0.0)
+
+
+Near = tuple[Array, Array]
+"""A motion close by over the same rows (R, n, 2) and its steps' propagators (R, n − 1, 4, 4)."""
+
+
+class Rule:
+    """The Runge–Kutta rule of fourth order over the rows, each run's mean turn taken exactly
+    (Lawson)."""
+
+    def __init__(self, series: MeasuredRuns, point: Point) -> None:
+        centre = series.middle()
+        self.rows, self.halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
+        self.L, self.M = generators(series, point), generators(centre, point)
+        self.h, self.E = series.step_s[..., None], half_turns(series)[..., None]
+        self.jumps = sum(
+            (jump(series, point, *pair) for pair in point.active if pair[0].slow_jump is not None),
+            np.zeros_like(self.h),
+        )
+
+    def step(
+        self,
+        u: Array,
+        place: tuple[Any, Any, Any],
+        stages: tuple[RungeKuttaStage, RungeKuttaStage, RungeKuttaStage] | None,
+    ) -> Array:
+        """From envelopes at the rows before to those after (`place`: rows before, middles, rows
+        after); without stages by L alone."""
+        before, k, after = place
+        h, E = self.h[:, k], self.E[:, k]
+
+        def slope(L: Array, stage: int, v: Array) -> Array:
+            return times(L, v) if stages is None else times(L, v) + stages[stage].beside(v)
+
+        k1 = slope(self.L[:, before], 0, u)
+        k2 = slope(self.M[:, k], 1, E * (u + h / 2 * k1))
+        k3 = slope(self.M[:, k], 1, E * u + h / 2 * k2)
+        k4 = slope(self.L[:, after], 2, E * (E * u + h * k3))
+        smooth = E * (E * (u + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
+        return smooth if stages is None else smooth + self.jumps[:, k]
+
+    def linear(self) -> Array:
+        """The steps' propagators of L alone, (R, n − 1, 2, 2)."""
+        units = (np.broadcast_to(unit, (*self.h.shape[:2], 2)) for unit in np.eye(2, dtype=complex))
+        return np.stack([self.step(unit, ALL, None) for unit in units], axis=-1)
+
+    def settled(self, guess: Array, step: Array) -> Array | None:
+        """Motion (R, n, 2) that every step of the rule holds, from a guess with its start; None
+        where it is not found.
+
+        All steps at once: what they miss of the next row is carried on by propagators (R, n − 1, 4,
+        4) near theirs and taken off.
+        """
+        u, stages = guess, (self.rows.at(ALL[0]), self.halves, self.rows.at(ALL[2]))
+        last, zero = np.inf, np.zeros((len(u), 4, 1))
+        for _ in range(MOST_SWEEPS):
+            missed = self.step(u[:, :-1], ALL, stages) - u[:, 1:]
+            change = imaginary(accumulate_steps(step, zero, real(missed)[..., None])[..., 0])
+            u = u + change
+            size = float(np.max(np.abs(change))) / float(np.max(np.abs(u)))
+            if not size < max(last, DRIFTING):
+                return None
+            if size < SETTLED:
+                return u
+            last = size
+        return None
+
+    def marched(self, start: Array) -> Array:
+        """The same row by row."""
+        motion = np.empty((*self.rows.state.time_s.shape, 2), complex)
+        u = motion[:, 0] = start
+        before = self.rows.at(0)
+        for k in range(motion.shape[1] - 1):
+            after = self.rows.at(k + 1)
+            u = motion[:, k + 1] = self.step(u, (k, k, k + 1), (before, self.halves.at(k), after))
+            before = after
+        return motion
+
+
+def accumulate_steps(step: Array, start: Array, source: Array) -> Array:
+    """x (R, n, d, K) with x₀ = start and x_{k+1} = step_k x_k + source_k, (R, n − 1, d, d) and (R,
+    n − 1, d, K)."""
+    out = np.empty((source.shape[0], source.shape[1] + 1, *source.shape[2:]), source.dtype)
+    out[:, 0] = start
+    for k in range(source.shape[1]):
+        np.matmul(step[:, k], out[:, k], out=out[:, k + 1])
+        out[:, k + 1] += source[:, k]
+    return out
+
+
+def predict(series: MeasuredRuns, point: Point, near: Near | None = None) -> Prediction:
+    """All runs from their start states, each step by the Runge–Kutta rule; `near` finds them
+    sooner."""
+    rule = Rule(series, point)
+    if rule.rows.idle or near is None:
+        propagators = rule.linear()
+        u = np.empty((*series.time_s.shape, 2), complex)
+        u[:, 0] = point.start
+        for k in range(u.shape[1] - 1):
+            u[:, k + 1] = times(propagators[:, k], u[:, k])
+        if rule.rows.idle:
+            return Prediction(series, point, u, rule.rows.seen(u))
+        step = real_matrix(propagators)
+    else:
+        u, step = near[0].copy(), near[1]
+        u[:, 0] = point.start
+    motion = rule.settled(u, step)
+    if motion is None:
+        motion = rule.marched(point.start)
+    return Prediction(series, point, motion, rule.rows.seen(motion))
+
+
+def motion_of(series: MeasuredRuns, point: Point) -> Array:
+    """The motion (R, n, 2) row by row from the start states, in either direction of time."""
+    return Rule(series, point).marched(point.start)
+
+
+def half_turns(series: MeasuredRuns) -> Array:
+    """e^{jδh/2} of every step (R, n − 1), δ the run's mean turn."""
+    return np.exp(0.5j * series.turn_rad_s[:, None] * series.step_s)

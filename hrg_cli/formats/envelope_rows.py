@@ -1,0 +1,59 @@
+"""The rows of an opened log of demodulated signals: times, envelopes, slow columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..records import Array
+from .columns import Roles
+from .envelope_signal import EnvelopeSignal
+from .log import Log
+from .readers import guard_reading
+from .slow import SlowLog
+from .timing import Timing
+
+
+@dataclass(frozen=True)
+class EnvelopeRows:
+    """The opened log and how its rows are read."""
+
+    path: Path
+    log: Log
+    roles: Roles
+    timing: Timing
+    slow: SlowLog
+    signal: EnvelopeSignal
+
+    def rows(self) -> Iterator[tuple[Array, Array, list[Array]]]:
+        """Blocks: times from the log's first row on, envelopes (channel, n), slow columns in SI
+        units."""
+        wanted = [
+            *self.signal.columns.values(),
+            *self.slow.indexes,
+            *([] if self.roles.time is None else [self.roles.time]),
+        ]
+        count, row = len(self.signal.columns), 0
+        with guard_reading(self.path, self.log.format):
+            for columns in self.log.read(wanted):
+                n = len(columns[0])
+                if n == 0:
+                    continue
+                if self.timing.sample_rate_hz is None and self.roles.time is not None:
+                    scale = self.timing.factor * self.log.channels[self.roles.time].scale_factor
+                    times = np.asarray(columns[-1], float) * scale - self.timing.first
+                else:
+                    times = np.arange(row, row + n) / (self.timing.sample_rate_hz or 1.0)
+                row += n
+                slow = self.slow.converted(columns[count : count + len(self.slow.indexes)])
+                yield times, self.signal.envelopes(columns[:count]), slow
+
+    def between(self, from_s: float | None, to_s: float | None) -> Iterator[tuple[Array, Array]]:
+        """Times and envelopes of the rows in the range asked for."""
+        for times, u, _ in self.rows():
+            low = 0 if from_s is None else int(np.searchsorted(times, from_s))
+            high = len(times) if to_s is None else int(np.searchsorted(times, to_s))
+            yield times[low:high], u[:, low:high]

@@ -1,0 +1,57 @@
+"""Compiling functions that call one another by numba, with some of them made to stand for others.
+
+A compiled function keeps the functions it calls inside it. So each is compiled as a copy whose
+globals hold its compiled callees; what numba keeps on disk bears a fingerprint of them all, since
+numba itself looks at the calling file only.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Callable, Container, Sequence
+from types import FunctionType
+from typing import Any
+
+Function = Callable[..., Any]
+
+
+def bound(function: Any, **names: Any) -> Any:
+    """A copy of the function in whose globals some names stand for others."""
+    copy = FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
+    copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
+    return copy
+
+
+def compile_all(
+    jit: Callable[..., Any],
+    functions: Sequence[Function],
+    *,
+    opened: Container[str],
+    **given: Any,
+) -> dict[str, Any]:
+    """Each function compiled by name, with those before it and `given` in the place of what it
+    calls by these names; those named in `opened` are written into their callers."""
+    made, mark = dict(given), fingerprint(functions)
+    for function in functions:
+        copy = bound(function, **made)
+        copy.__qualname__ = f"{function.__qualname__}_{mark}"
+        name = function.__name__
+        made[name] = jit(copy, inline="always" if name in opened else "never")
+    return made
+
+
+def fingerprint(functions: Sequence[Function]) -> str:
+    """Digest of the functions' code and of the numbers they take from their modules."""
+    return hashlib.sha256(repr([_content(f) for f in functions]).encode()).hexdigest()[:12]
+
+
+@functools.lru_cache(maxsize=64)
+def _content(function: Any) -> tuple[Any, ...]:
+    code = function.__code__
+    numbers = [
+        value
+        for name in code.co_names
+        if isinstance(value := function.__globals__.get(name), (int, float))
+    ]
+    return code.co_code, code.co_consts, code.co_names, numbers

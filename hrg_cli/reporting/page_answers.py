@@ -1,0 +1,97 @@
+"""The answer of every gyro on a report: its words, its figures, the data of those that move."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .. import store
+from ..limits import Row
+from ..records import Calibration, Diagnosis, Record, Resonator
+from .answer import Answer, answer
+from .figures import calibration
+from .figures.answer import before_and_after
+from .figures.drawing import Plot, style
+from .living import living_data
+from .methods import methods
+from .page_figures import picture_of
+from .page_files import PageEntry, Picture
+from .surface import surface_data
+
+ANSWERING = ("diagnosis", "calibration", "resonator", "compensated")
+"""Kinds of files that are a result."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The answer of one gyro on the page: its figures, the data of those that move, the paragraph
+    for a report."""
+
+    answer: Answer
+    anchor: str
+    pictures: list[Picture]
+    living: dict[str, Any] | None
+    surface: dict[str, Any] | None
+    methods: str
+
+
+def answer_gyros(
+    paths: Sequence[Path], entries: list[PageEntry], rows: Sequence[Row]
+) -> list[Shown]:
+    """The answer of every gyro that has a result, in the files' order."""
+    gyros: dict[str, dict[str, Path]] = {}
+    counts: dict[str, Counter[str]] = {}
+    for path, entry in zip(paths, entries):
+        gyro, kind = str(getattr(entry.record, "gyro_id", "")), entry.record.kind
+        counts.setdefault(gyro, Counter())[kind] += 1
+        if kind in ANSWERING and not _is_extended(entry.record):
+            gyros.setdefault(gyro, {})[kind] = path
+    found = []
+    for place, (gyro, files) in enumerate(gyros.items(), start=1):
+        shown = _show(f"answer-{place}", files, counts[gyro], rows)
+        if shown is not None:
+            found.append(shown)
+    return found
+
+
+def _show(
+    anchor: str, files: Mapping[str, Path], counts: Mapping[str, int], rows: Sequence[Row]
+) -> Shown | None:
+    """The answer of one gyro from its results by kind; None where they make none."""
+    records = {kind: store.read_any(path) for kind, path in files.items()}
+    made = answer(list(records.values()), rows, {kind: path.name for kind, path in files.items()})
+    if made is None:
+        return None
+    drawn: list[Plot | None] = []
+    living, surface = None, None
+    with style():
+        if isinstance(told := records.get("diagnosis"), Diagnosis):
+            drawn.append(before_and_after(told, made.departure, made.causes))
+            living = living_data(told)
+        if isinstance(tables_of := records.get("calibration"), Calibration):
+            drawn += calibration.calibration_plots(tables_of, first_only=True)
+            surface = surface_data(tables_of)
+        pictures = [picture_of(plot, f"{anchor}-{plot.key}") for plot in drawn if plot is not None]
+    paragraph = methods(list(records.values()), counts)
+    return Shown(made, anchor, pictures, living, surface, paragraph)
+
+
+def _is_extended(record: Record) -> bool:
+    """A resonator made beside a diagnosis, which the diagnosis speaks for."""
+    return isinstance(record, Resonator) and record.method == "extended model"
+
+
+def draw_answer(path: Path) -> Iterator[Plot]:
+    """The answer's figure of a diagnosis."""
+    if store.kind_of(path) is Diagnosis:
+        record = store.read(path, Diagnosis)
+        made = answer([record])
+        with style():
+            plot = (
+                before_and_after(record, made.departure, made.causes) if made is not None else None
+            )
+            if plot is not None:
+                yield plot

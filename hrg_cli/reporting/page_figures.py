@@ -1,0 +1,113 @@
+"""The figures of a report's files, drawn one after another as long as there is room."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from markupsafe import Markup
+
+from .. import store
+from ..records import (
+    Calibration,
+    Compensated,
+    Diagnosis,
+    Periods,
+    Record,
+    Recording,
+    Resonator,
+    Wave,
+)
+from .figures import calibration, diagnosis, recording, result, wave
+from .figures.drawing import Plot, style, svg
+from .page_files import PageEntry, Picture, each_once, thin_out
+from .text import plain
+
+PAGE_BYTES = 2_600_000
+"""Figures beyond this are left out of the page, least important first, and the page says so."""
+DRAWN_OF_A_KIND = 4
+"""Files of one kind whose figures are drawn; the others are in the tables."""
+RESULTS_FIRST = (
+    "diagnosis",
+    "calibration",
+    "resonator",
+    "compensated",
+    "wave",
+    "recording",
+    "periods",
+)
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What the other files on the page say about a file: truth by run, and the runs whose periods
+    are shown."""
+
+    truths: dict[str, Recording]
+    demodulated: frozenset[str]
+
+
+def draw_files(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> None:
+    """The figures of every file, results first, as long as there is room."""
+    beside = look_beside(paths, entries, truth)
+    order = sorted(range(len(entries)), key=lambda i: RESULTS_FIRST.index(entries[i].record.kind))
+    drawn: dict[str, int] = {}
+    room = PAGE_BYTES
+    for index in order:
+        entry = entries[index]
+        kind = entry.record.kind
+        drawn[kind] = drawn.get(kind, 0) + 1
+        if drawn[kind] > DRAWN_OF_A_KIND:
+            entry.left_out = -1
+            continue
+        for plot in draw_file(paths[index], beside):
+            picture = picture_of(plot, f"f{index}-{plot.key}")
+            if len(picture.svg) > room:
+                entry.left_out += 1
+                continue
+            room -= len(picture.svg)
+            entry.pictures.append(picture)
+
+
+def picture_of(plot: Plot, anchor: str) -> Picture:
+    """A figure as the page holds it."""
+    return Picture(anchor, plain(plot.title), plain(plot.words), Markup(svg(plot, anchor)))
+
+
+def look_beside(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> Beside:
+    """The truths of recordings, where asked for, and the runs that have periods."""
+    truths = {}
+    for path, entry in zip(each_once(paths), entries):
+        if truth and isinstance(entry.record, Recording):
+            with store.open_record(path, Recording) as record:
+                if record.truth_time_s is not None and len(record.truth_time_s):
+                    truths[record.run_id] = replace(
+                        record, c=np.empty(0), s=np.empty(0), time_s=None
+                    )
+    return Beside(
+        truths,
+        frozenset(entry.record.run_id for entry in entries if isinstance(entry.record, Periods)),
+    )
+
+
+def draw_file(path: Path, beside: Beside) -> Iterator[Plot]:
+    """The figures of a file, drawn one after another."""
+    with store.open_record(path, store.kind_of(path)) as record, style():
+        record = thin_out(record)
+        draw = _DRAW[type(record)]
+        yield from draw(record, beside)
+
+
+_DRAW: dict[type[Record], Callable[..., list[Plot]]] = {
+    Recording: lambda r, beside: recording.plots(r, bool(beside.truths)),
+    Periods: lambda r, _: recording.period_plots(r),
+    Wave: lambda r, beside: wave.plots(
+        r, beside.truths.get(r.run_id), r.run_id not in beside.demodulated
+    ),
+    Resonator: lambda r, _: result.resonator_plots(r),
+    Calibration: lambda r, _: calibration.calibration_plots(r),
+    Compensated: lambda r, _: result.compensated_plots(r),
+    Diagnosis: lambda r, _: diagnosis.diagnosis_plots(r),
+}

@@ -1,0 +1,121 @@
+"""The files of a report: what is told of each, with its rows left on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from .. import store
+from ..errors import HrgError
+from ..records import Periods, Record, Recording, Wave
+from .page_content import list_tables
+from .page_table import PageTable, cell
+from .tables import facts
+from .text import plain
+
+ROWS_HELD = 200_000
+"""Rows of a series held in memory for its figures; of longer ones every k-th is taken."""
+ROWS_A_BLOCK = 1 << 16
+"""Rows kept of one reading."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure on the page."""
+
+    anchor: str
+    title: str
+    words: str
+    svg: Markup
+
+
+@dataclass
+class PageEntry:
+    """One file on the page."""
+
+    name: str
+    anchor: str
+    record: Record
+    size: int
+    sha256: str
+    facts: list[tuple[str, str]]
+    tables: list[PageTable]
+    sources: list[tuple[str, str, str, str]] = field(default_factory=list)
+    pictures: list[Picture] = field(default_factory=list)
+    left_out: int = 0
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Provenance as text."""
+        p = self.record.provenance
+        return {
+            "history": [plain(h) for h in p.history],
+            "settings": plain(p.settings),
+            "created": plain(p.created),
+            "generated_by": plain(p.generated_by),
+        }
+
+
+def each_once(paths: Sequence[Path]) -> list[Path]:
+    """The paths without repeats. HrgError: there is none."""
+    found = list(dict.fromkeys(Path(p) for p in paths))
+    if not found:
+        raise HrgError("no file to report on; name one or more files that hrg wrote")
+    return found
+
+
+def describe_file(path: Path, index: int, full: bool) -> PageEntry:
+    """What the page tells of a file; its tables where it tells all (`full`)."""
+    with store.open_record(path, store.kind_of(path)) as record:
+        record = thin_out(record) if full or not isinstance(record, Periods | Wave) else record
+        shown = [(plain(name), cell(value)) for name, value in facts(record).items()]
+        kept = record
+        found_tables = list_tables(kept) if full else []
+    bare = _bare(kept)
+    return PageEntry(
+        plain(path.name),
+        f"file-{index + 1}",
+        bare,
+        path.stat().st_size,
+        store.sha256(path),
+        shown,
+        found_tables,
+    )
+
+
+def _bare(record: Record) -> Record:
+    """The record without its rows."""
+    nothing: dict[str, Any] = {
+        name: np.empty((0,) * len(spec.dims))
+        for name, spec in record.columns().items()
+        if spec.dims
+    }
+    return replace(record, **nothing)
+
+
+def thin_out(record: Record) -> Record:
+    """The record in memory (a recording stays on disk), every k-th row of a very long one."""
+    if isinstance(record, Recording):
+        return record
+    step = max(1, -(-len(record) // ROWS_HELD))
+    columns = [
+        name
+        for name, spec in record.columns().items()
+        if spec.dims and spec.dims[0] == "row" and getattr(record, name) is not None
+    ]
+    if not columns:
+        return record
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in columns}
+    block = step * ROWS_A_BLOCK
+    for start in range(0, len(record), block):
+        for name in columns:
+            parts[name].append(np.asarray(getattr(record, name)[start : start + block])[::step])
+    joined: dict[str, Any] = {
+        name: np.concatenate(values) for name, values in parts.items() if values
+    }
+    return replace(record, **joined)

@@ -1,0 +1,121 @@
+"""What of the runs given to `calibrate` can make tables: usable windows, forced and free runs, nodes,
+and what the programme lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import HrgError
+from ...fitting.tables.increments import Path, path_of
+from ...records import Calibration, Resonator, Wave
+from ..one_gyro import of_one_gyro
+from ..usable import Usable, not_refused, with_known_rates
+from .programme import choose_nodes, examine
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class KnownRates:
+    """Rates that no log holds: constant ones by run_id, one for all others, and the Earth's, rad/s."""
+
+    of_runs: Mapping[str, float]
+    of_all: float | None
+    earth_rad_s: float
+
+    def of(self, wave: Wave) -> float | None:
+        """The constant rate of a run; None where its log tells."""
+        return self.of_runs.get(wave.run_id, self.of_all if wave.rate_rad_s is None else None)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Runs as paths of the wave angle, the nodes, and what to say of the programme."""
+
+    usable: Usable
+    forced: list[Path]
+    """Those the tables are made from."""
+    free: list[Path]
+    nodes: Array
+    """(j,) of `axis`."""
+    valid: tuple[float, float]
+    """Range of the nodes' quantity."""
+    refusals: list[str]
+    """Why the programme cannot give the tables."""
+    remarks: list[str]
+
+    def judge(
+        self, record: Calibration, refusals: Sequence[str], remarks: Sequence[str]
+    ) -> Calibration:
+        """The record with everything there is to say in its status."""
+        noted = record.judged(self.usable.notes, "valid").judged(self.usable.doubts, "suspect")
+        return noted.judged(refusals, "refused").judged(remarks, "suspect")
+
+
+def prepare(
+    waves: Sequence[Wave],
+    rates: KnownRates,
+    axis: str,
+    nodes: list[float] | None,
+    harmonics: int,
+    needed: int,
+) -> Prepared:
+    """Paths with `harmonics` of 2mθ, nodes (None: from the runs), and whether the programme gives
+    `needed` harmonics of the drift.
+
+    HrgError: no run that can be read as a path, or no nodes.
+    """
+    usable = with_known_rates(not_refused(waves), rates.of_runs)
+    with usable.blamed():
+        paths = [
+            path_of(
+                wave,
+                harmonics=harmonics,
+                rate_rad_s=rates.of(wave),
+                earth_rate_rad_s=rates.earth_rad_s,
+            )
+            for wave in usable.waves
+        ]
+    forced, free, remarks = of_the_drive(paths)
+    table_nodes, low, high, words = choose_nodes(forced, axis, nodes)
+    findings = examine(forced, table_nodes, axis, needed)
+    return Prepared(
+        usable,
+        forced,
+        free,
+        table_nodes,
+        (low, high),
+        refusals=[*usable.refusals, *(f.sentence for f in findings if f.refuses)],
+        remarks=[*remarks, *words, *(f.sentence for f in findings if not f.refuses)],
+    )
+
+
+def of_the_drive(paths: Sequence[Path]) -> tuple[list[Path], list[Path], list[str]]:
+    """Forced runs, free runs, and what to say: where no run is forced, the free ones take their
+    place."""
+    forced, free = [p for p in paths if p.forced], [p for p in paths if not p.forced]
+    if forced:
+        return forced, free, []
+    return (
+        free,
+        [],
+        ["no run is forced: the tables are those of free runs, without the drive's own errors"],
+    )
+
+
+def need_one_gyro(waves: Sequence[Wave], resonators: Sequence[Resonator]) -> None:
+    """HrgError: no run, or runs and resonators of several gyros or mode numbers."""
+    if not waves:
+        raise HrgError("calibrate needs at least one wave file of a forced run; none was given")
+    of_one_gyro(waves, "calibrate")
+    for resonator in resonators:
+        of_one_gyro(waves, "calibrate", resonator)
+    modes = sorted({w.mode_number for w in waves})
+    if len(modes) > 1:
+        raise HrgError(
+            f"runs of mode numbers {modes} were given, one was expected; correct mode_number of the"
+            " recordings"
+        )

@@ -1,0 +1,122 @@
+"""Thermal lag of the thermometer against hysteresis, from the sweeps of a calibration.
+
+Both are first-order shifts of the temperature; one ramp speed cannot tell them apart (PHYSICS §2
+iv): then it is said so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...fitting.tables.increments import Path
+from ...fitting.tables.joint import Fitted, Model, TableLayout, fit, solve
+from ...fourier import coefficients_at
+from .column_spaces import solve_columns
+from .stability import LEAST_SWEEP_DEGC_S, sweep
+
+Array = np.ndarray
+UNITS = {"lag": "s", "hysteresis": "degC"}
+INSEPARABLE = 0.98
+"""Correlation of two thermal factors above which this programme does not separate them."""
+LEAST_INDEPENDENT = 0.02
+"""Part of a factor's columns that the tables must leave for it to be told at all."""
+STEP = 0.05
+"""Step of the tables' derivative, as a part of the nodes' range."""
+
+
+def thermal_memory(fitted: Fitted, model: Model, coefficients: Array) -> dict[str, Any] | None:
+    """Lag of the thermometer τ (D and K at T + τ·dT/dt) against hysteresis w (at T + w·sign dT/dt);
+    None without sweeps."""
+    layout = fitted.layout
+    speeds = np.concatenate([sweep(p) for p in fitted.paths])
+    still = np.abs(speeds).max(initial=0.0) < LEAST_SWEEP_DEGC_S
+    if len(layout.nodes) < 2 or layout.axis != "temperature" or still:
+        return None
+
+    wide = _with_memory(layout, coefficients)
+    grown = np.concatenate([model.matrix, np.zeros((2, model.matrix.shape[1]))])
+    both = Model("both", np.concatenate([grown, wide.of_factors(*UNITS)], axis=1))
+    # what memory the tables leave must not count as noise
+    refitted = fit(fitted.paths, wide, replace(both, name="memory"), fitted)
+    left, correlation = _independence(refitted, grown, wide.of_factors(*UNITS))
+    out: dict[str, Any] = {
+        "independence": dict(zip(UNITS, map(float, left))),
+        "correlation": correlation,
+    }
+    for name, unit in UNITS.items():
+        alone = Model(name, np.concatenate([grown, wide.of_factors(name)], axis=1))
+        out[name] = _size(refitted, alone, name) | {"units": unit, "assuming": "the other is zero"}
+    if abs(correlation) > INSEPARABLE or left.min() < LEAST_INDEPENDENT:
+        out["separable"] = False
+        out["sentence"] = (
+            "thermal lag and hysteresis cannot be told apart by this programme; "
+            "add a sweep at another speed (a half or a third), or steps with soaks"
+        )
+        return out
+    for name in UNITS:
+        out[name] |= _size(refitted, both, name) | {"assuming": "nothing of the other"}
+    out["separable"] = True
+    return out
+
+
+def _with_memory(layout: TableLayout, coefficients: Array) -> TableLayout:
+    """The layout with a column each for lag and hysteresis about these tables."""
+    slope = _slope_over_temperature(layout, coefficients)
+
+    def lag(path: Path) -> Array:
+        return (slope(path) * sweep(path))[:, None]
+
+    def hysteresis(path: Path) -> Array:
+        return (slope(path) * np.tanh(sweep(path) / LEAST_SWEEP_DEGC_S))[:, None]
+
+    return replace(
+        layout,
+        factors={**layout.factors, "lag": lag, "hysteresis": hysteresis},
+        factor_columns={**layout.factor_columns, "lag": 1, "hysteresis": 1},
+    )
+
+
+def _slope_over_temperature(layout: TableLayout, coefficients: Array) -> Callable[[Path], Array]:
+    """d(D − KΩ)/dT along a path, by central differences of the tables."""
+    drift, scale = layout.tables(coefficients)
+    harmonics = max(layout.drift_harmonics, layout.scale_harmonics)
+    step = STEP * float(np.ptp(layout.nodes))
+    kind = "linear" if layout.interpolation in ("linear", "monotone") else "cubic"
+
+    def slope(path: Path) -> Array:
+        at, basis = layout.abscissa(path), path.angle_basis(harmonics)
+
+        def derivative(table: Array) -> Array:
+            up = coefficients_at(at + step, layout.nodes, table, kind)
+            down = coefficients_at(at - step, layout.nodes, table, kind)
+            return np.asarray(((up - down) / (2 * step) * basis[:, : table.shape[1]]).sum(axis=1))
+
+        return derivative(drift) - path.rate_rad_s * derivative(scale)
+
+    return slope
+
+
+def _independence(fitted: Fitted, grown: Array, extra: Array) -> tuple[Array, float]:
+    """What the tables leave of both factors' columns (2,), as parts of their length, and the
+    correlation of what is left."""
+    A, _, _, _ = fitted.pieces.sum()
+    whole = extra.T @ A @ extra
+    own = np.diag(whole)
+    rest = whole - extra.T @ A @ solve_columns(A, grown, A @ extra)
+    left = np.sqrt(np.maximum(np.diag(rest), 0) / np.where(own > 0, own, 1))
+    if not (np.diag(rest) > 0).all():
+        return left, 1.0
+    return left, float(rest[0, 1] / np.sqrt(rest[0, 0] * rest[1, 1]))
+
+
+def _size(fitted: Fitted, model: Model, name: str) -> dict[str, Any]:
+    """A factor's size with its σ at the noise found."""
+    A, b, _, _ = fitted.pieces.sum()
+    solution = solve(A, b, model)
+    place = fitted.layout.factor(name).start
+    std = float(np.sqrt(solution.covariance[place, place] * fitted.chi2_per_dof))
+    return {"value": float(solution.coefficients[place]), "std": std}

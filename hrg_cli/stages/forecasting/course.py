@@ -1,0 +1,177 @@
+"""The way of the wave over hours, and the error of the input angle that it makes between external
+fixes, by the Adams rule."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from ...errors import HrgError
+from ...fitting.envelopes.resonator_spread import deviation, from_vector, vector_of
+from ...physics import drift as law
+from ...physics.resonator import Mechanics
+
+Array = np.ndarray
+STARTS = 24
+"""Wave angles from which the error between fixes is followed."""
+STEP_ANGLE = 0.1
+"""Fastest rate × step of the Adams rule."""
+MOST_STEPS = 400_000
+FAST_LOOP = 100.0
+"""λ over the rates of the motion from which r follows the angle, with its lag: the error is the
+square of the inverse."""
+LARGEST_RATIO = 0.9
+"""|r| from which a wave is nearly a circle and has no angle to forecast."""
+FADED = 1e-2
+"""Amplitude at which a run-down is over."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """How the gyro runs: drive, gain of its quadrature loop by force, start angle, constant rate,
+    time."""
+
+    drive: str
+    quadrature_gain_1_s: float
+    wave_angle_rad: float
+    rate_rad_s: float
+    duration_s: float
+
+
+def follow_wave(
+    gyros: Mechanics, mechanics: Mechanics, run: Conditions
+) -> tuple[dict[str, Array], float]:
+    """The table over time, and the Adams rule's error against the largest error forecast (the same
+    with twice the step, over 15).
+
+    gyros: the resonator (1 + 2k, 1) with its spread, `mechanics` its first. Columns (t,): time after
+    an external fix; wave angle from the start angle, its σ, and by the tangent law (damping split
+    alone, at rest); error of the input angle uncompensated, from this start, rms and worst over all
+    start angles; what compensation with this resonator leaves of it, rms over all start angles. The
+    table ends with the wave that was asked for; the columns over all start angles are NaN once one
+    of their waves has ended. HrgError: it ends at once.
+    """
+    m, K, rate = mechanics.mode_number, mechanics.scale_factor, run.rate_rad_s
+    starts = np.arange(STARTS) * np.pi / m / STARTS
+    angles = run.wave_angle_rad + np.concatenate([[0.0], starts])
+    times = times_of(run.duration_s)
+    followed, largest = _follow(gyros, angles, run, times, STEP_ANGLE / 2)
+    alive = np.all(largest < LARGEST_RATIO, axis=1)  # (times, angles): a course ends by itself
+    if run.drive == "free":
+        alive &= (np.exp(-mechanics.damping_rate_1_s * times) > FADED)[:, None]
+    count = int(np.count_nonzero(alive[:, 0]))
+    if count == 0:
+        raise _no_angle(float(times[0]), poorly=bool(largest[0, 0, 0] < LARGEST_RATIO))
+
+    times, followed, alive = times[:count], followed[:count], alive[:count]
+    followed = np.where(alive[:, None, None, :], followed, np.nan)
+    error = -(m * (followed[:, 0] - angles) / K + rate * times[:, None, None])
+    told = slice(None) if alive[-1].all() else slice(1)  # the last row's courses
+    alone = from_vector(vector_of(mechanics)[None], mechanics)
+    coarse, _ = _follow(alone, angles, run, times[-1:], STEP_ANGLE)
+    off = float(np.max(np.abs(coarse[0, 0, 0] - followed[-1, 0, 0])[told])) * m / K / 15
+
+    spread, nominal = np.stack([deviation(e) for e in error]), error[:, 0]
+    table = {
+        "time_s": times,
+        "wave_angle_rad": followed[:, 0, 0, 0],
+        "wave_angle_rad_std": np.stack([deviation(a[:, 0]) for a in followed[:, 0]]),
+        "tangent_law_rad": (
+            law.tangent_law(mechanics, run.wave_angle_rad, times)
+            if rate == 0
+            else np.full(count, np.nan)
+        ),
+        "error_rad": nominal[:, 0],
+        "error_rms_rad": np.sqrt(np.mean(nominal[:, 1:] ** 2, axis=1)),
+        "error_worst_rad": np.abs(nominal[:, 1:]).max(axis=1),
+        "left_rms_rad": np.sqrt(np.mean(spread[:, 1:] ** 2, axis=1)),
+    }
+    return table, off / max(float(np.abs(nominal[-1, told]).max()), 1e-12)
+
+
+def _no_angle(within_s: float, poorly: bool) -> HrgError:
+    """Why there is no forecast at all: the wave is a circle, or may be one."""
+    which = (
+        " for splits within a standard deviation of what was identified; identify the"
+        " frequency split better"
+        if poorly
+        else ""
+    )
+    return HrgError(
+        f"within {within_s:g} s the wave is a circle{which}, add a quadrature loop"
+        " (--quadrature-gain-1-s) or forecast a shorter --duration-s"
+    )
+
+
+def times_of(duration_s: float) -> Array:
+    """1, 2, 5, 10 … s up to the duration, and the duration."""
+    decades = range(-6, 7)
+    steps = [m * 10.0**k for k in decades for m in (1, 2, 5)]
+    first = 1.0 if duration_s > 10 else duration_s / 1000
+    return np.unique(
+        [t for t in steps if first * (1 - 1e-9) <= t < duration_s * (1 - 1e-9)] + [duration_s]
+    )
+
+
+def _follow(
+    gyros: Mechanics, angles: Array, run: Conditions, times: Array, step_angle: float
+) -> tuple[Array, Array]:
+    """(θ, r) at the times (t, 2, gyros, angles) by the Adams rule, and the largest |r| of any step
+    up to them (t, gyros, angles); the quadrature starts settled, in a run-down at zero."""
+    drive, gain, rate = run.drive, run.quadrature_gain_1_s, run.rate_rad_s
+    follows, fastest = _rates_of_motion(gyros, run)
+    first = np.ceil(times[0] * fastest / step_angle)  # steps up to the first row
+    step, whole = float(times[0] / first), float(first * (times[-1] / times[0]))
+    if not whole < MOST_STEPS:
+        raise HrgError(
+            f"a forecast of {times[-1]:g} s takes {whole:.3g} steps of {step:.2g} s; shorten it"
+            " (--duration-s) or its rate"
+        )
+
+    begin = np.zeros((len(np.atleast_1d(gyros.damping_rate_1_s)), len(angles)))
+    settled = (
+        begin if drive == "free" else begin + law.quadrature_settled(gyros, angles, drive, gain)
+    )
+    if follows:
+        slope, state = law.motion_following(gyros, rate, gain), begin + angles
+    else:
+        slope, state = law.motion(gyros, rate, drive, gain), np.stack([begin + angles, settled])
+    steps = law.adams_steps(slope, state, step)
+    out, widest, largest, at = [], [], np.abs(settled), 0
+    with np.errstate(all="ignore"):
+        for number in np.round(times / step).astype(int):
+            for state in islice(steps, int(number) - at):
+                if not follows:
+                    # `fmax` would forget a course that has left the numbers
+                    np.maximum(largest, np.abs(state[1]), out=largest)
+            if follows:  # whose map was held against a circle at every angle
+                state = np.stack([state, law.quadrature_settled(gyros, state, drive, gain)])
+                np.maximum(largest, np.abs(state[1]), out=largest)
+            out.append(state)
+            widest.append(largest.copy())
+            at = int(number)
+    path, ratio = (np.where(np.isfinite(kept), kept, np.inf) for kept in (out, widest))
+    return path, ratio
+
+
+def _rates_of_motion(gyros: Mechanics, run: Conditions) -> tuple[bool, float]:
+    """Whether r follows the angle, its own decay being far faster than all else, and the fastest
+    rate that is left to step, 1/s."""
+    turning = float(np.max(2 * gyros.scale_factor * abs(run.rate_rad_s)))
+    splits = float(np.max(2 * gyros.damping_split_1_s + 2 * gyros.frequency_split_rad_s))
+    gain = run.quadrature_gain_1_s
+    decay = float(np.max(law.quadrature_decay(gyros, run.drive, gain)))
+    follows = gain > 0 and decay > FAST_LOOP * (turning + splits)
+    return follows, turning + splits + (0.0 if follows else 2 * decay)
+
+
+def say_short(table: dict[str, Array], duration: float, drive: str) -> str:
+    """Why the table ends before the duration."""
+    why = (
+        "the run-down has faded to a hundredth or its wave is nearly a circle"
+        if drive == "free"
+        else "the wave is nearly a circle"
+    )
+    return f"the forecast ends after {table['time_s'][-1]:g} s of {duration:g} s: {why} then"
