@@ -7,6 +7,7 @@ same dotted names, e.g. `start.wave_angle_rad = 0.3`, on top of the file's own.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
@@ -104,8 +105,8 @@ def runs_of(config: Mapping[str, Any], where: str = "simulation") -> list[Simula
                 SimulationFile, _merged(base, named), f"{where}: run {number} ({named['run_id']})"
             )
         )
-    names = [run.run_id for run in runs]
-    twice = sorted({name for name in names if names.count(name) > 1})
+    names = Counter(run.run_id for run in runs)
+    twice = sorted(name for name, count in names.items() if count > 1)
     if twice:
         raise HrgError(f"{where}: run_id {twice[0]} stands twice; give each run its own name")
     return _each_in_its_run(runs, where)
