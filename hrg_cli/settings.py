@@ -11,7 +11,7 @@ import functools
 import inspect
 import tomllib
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -105,22 +105,27 @@ LARGEST_INTEGER = 2**63
 """TOML's integers have 64 bits."""
 
 
+def leaves(tree: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Every value of nested tables and lists with its dotted key; a list's places count from 0."""
+    if isinstance(tree, Mapping | list):
+        pairs = tree.items() if isinstance(tree, Mapping) else enumerate(tree)
+        for name, value in pairs:
+            yield from leaves(value, f"{key}.{name}" if key else str(name))
+    else:
+        yield key, tree
+
+
 def _need_usual_numbers(tree: Any, where: str, key: str = "") -> None:
     """HrgError (as a sentence) where a whole number is beyond TOML's range, or a text holds a zero
     byte."""
-    if isinstance(tree, Mapping):
-        for name, value in tree.items():
-            _need_usual_numbers(value, where, f"{key}.{name}" if key else str(name))
-    elif isinstance(tree, list):
-        for index, value in enumerate(tree):
-            _need_usual_numbers(value, where, f"{key}.{index}")
-    elif isinstance(tree, int) and not -LARGEST_INTEGER <= tree < LARGEST_INTEGER:
-        raise HrgError(
-            f"{where}: {key[:80]} is a whole number of more than 64 bits; write a smaller one, or"
-            " one with a decimal point"
-        )
-    elif isinstance(tree, str) and "\0" in tree:
-        raise HrgError(f"{where}: {key[:80]} holds a zero byte; correct it")
+    for place, value in leaves(tree, key):
+        if isinstance(value, int) and not -LARGEST_INTEGER <= value < LARGEST_INTEGER:
+            raise HrgError(
+                f"{where}: {place[:80]} is a whole number of more than 64 bits; write a smaller one,"
+                " or one with a decimal point"
+            )
+        if isinstance(value, str) and "\0" in value:
+            raise HrgError(f"{where}: {place[:80]} holds a zero byte; correct it")
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
