@@ -6,6 +6,8 @@ JOBS ?= 2
 TRIALS ?= 20000
 FAILURES ?= 200
 KILLS ?= 500
+GIGABYTES ?= 2
+GYROS ?= 2000
 READY := $(VENV)/.ready
 INSTALLED := $(VENV)/.installed
 
@@ -39,8 +41,9 @@ test-browser: $(READY)  ## Test the report page in Debian's chromium (installed 
 study: $(READY)  ## Run the long statistical studies
 	$(BIN)/python -m pytest -n $(JOBS) -m slow tests
 
-faults: $(READY)  ## Damaged inputs, failing calls and kills over all commands (TRIALS, FAILURES, KILLS, HRG_TEST_SEED; PAGE=docs/FAULTS.md keeps the figures)
+faults: $(READY)  ## Damaged inputs, failing calls, kills and large inputs over all commands (TRIALS, FAILURES, KILLS, GIGABYTES, GYROS, HRG_TEST_SEED; PAGE=docs/FAULTS.md keeps the figures)
 	$(BIN)/python tests/robustness/faults.py --trials $(TRIALS) --failures $(FAILURES) --kills $(KILLS)
+	$(BIN)/python tests/robustness/sizes.py --gigabytes $(GIGABYTES) --gyros $(GYROS)
 	HRG_TEST_SEED=$${HRG_TEST_SEED:-$$(date +%s)} $(BIN)/python -m pytest -n $(JOBS) -m hypothesis tests
 	$(BIN)/python tests/robustness/page.py $(PAGE)
 

@@ -27,14 +27,14 @@ LOT = (
 )
 
 
-def make(folder: Path, gyros: int) -> Path:
+def make(folder: Path, gyros: int, samples: int = SAMPLES, runs: int = RUNS) -> Path:
     """The recordings of so many gyros, and the lot's file."""
     rng = np.random.default_rng(0)
     (folder / "data").mkdir()
     for k in range(gyros):
         gyro = replace(GYRO, frequency_hz=GYRO.frequency_hz + rng.normal(0, SPREAD_HZ))
-        for run in range(RUNS):
-            recording = run_down(SAMPLES, 0.1 + 0.4 * run, RUNS * k + run, gyro, f"G{k:04}")
+        for run in range(runs):
+            recording = run_down(samples, 0.1 + 0.4 * run, runs * k + run, gyro, f"G{k:04}")
             store.write(folder / "data" / f"g{k:04}-{run}.h5", recording)
     (folder / "lot.toml").write_text(LOT)
     return folder / "lot.toml"

@@ -11,7 +11,7 @@ import functools
 import inspect
 import tomllib
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +35,14 @@ def model_of(stage: Callable[..., Any]) -> Any:
     return create_model(f"{stage.__name__} settings", __config__=config, **fields)
 
 
+MOST_KEYS = 100_000
+"""Keys, tables and lists of a settings file."""
+MOST_TOLD = 20
+"""Wrong keys that one sentence names."""
+
+
 def load_toml(path: Path | str) -> dict[str, Any]:
-    """A TOML file as a dictionary. HrgError: missing, not text, not TOML."""
+    """A TOML file as a dictionary. HrgError: missing, too long, not text, not TOML."""
     path = Path(path)
     if not path.exists():
         raise HrgError(f"{path}: no such file; name a TOML file")
@@ -46,7 +52,9 @@ def load_toml(path: Path | str) -> dict[str, Any]:
                 f"{path}: has {path.stat().st_size} bytes, a settings file of at most 16 MB was"
                 " expected"
             )
-        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        _need_few_keys(text, str(path))
+        tree = tomllib.loads(text)
         _need_usual_numbers(tree, str(path))
         return tree
     except UnicodeDecodeError as error:
@@ -60,6 +68,17 @@ def load_toml(path: Path | str) -> dict[str, Any]:
         ) from error
     except OSError as error:
         raise HrgError(f"{path}: cannot be read ({error.strerror}); name a TOML file") from error
+
+
+def _need_few_keys(text: str, where: str) -> None:
+    """HrgError where a text has more keys, tables and lists than a settings file needs: counted by
+    their signs before it is parsed, which takes some 0.1 ms and 1 kB for each of them."""
+    count = sum(map(text.count, "=[{"))
+    if count > MOST_KEYS:
+        raise HrgError(
+            f"{where}: has {count} keys, tables and lists (signs =, [ and {{), a settings file of at"
+            f" most {MOST_KEYS} was expected; divide it"
+        )
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -86,22 +105,27 @@ LARGEST_INTEGER = 2**63
 """TOML's integers have 64 bits."""
 
 
+def leaves(tree: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Every value of nested tables and lists with its dotted key; a list's places count from 0."""
+    if isinstance(tree, Mapping | list):
+        pairs = tree.items() if isinstance(tree, Mapping) else enumerate(tree)
+        for name, value in pairs:
+            yield from leaves(value, f"{key}.{name}" if key else str(name))
+    else:
+        yield key, tree
+
+
 def _need_usual_numbers(tree: Any, where: str, key: str = "") -> None:
     """HrgError (as a sentence) where a whole number is beyond TOML's range, or a text holds a zero
     byte."""
-    if isinstance(tree, Mapping):
-        for name, value in tree.items():
-            _need_usual_numbers(value, where, f"{key}.{name}" if key else str(name))
-    elif isinstance(tree, list):
-        for index, value in enumerate(tree):
-            _need_usual_numbers(value, where, f"{key}.{index}")
-    elif isinstance(tree, int) and not -LARGEST_INTEGER <= tree < LARGEST_INTEGER:
-        raise HrgError(
-            f"{where}: {key[:80]} is a whole number of more than 64 bits; write a smaller one, or"
-            " one with a decimal point"
-        )
-    elif isinstance(tree, str) and "\0" in tree:
-        raise HrgError(f"{where}: {key[:80]} holds a zero byte; correct it")
+    for place, value in leaves(tree, key):
+        if isinstance(value, int) and not -LARGEST_INTEGER <= value < LARGEST_INTEGER:
+            raise HrgError(
+                f"{where}: {place[:80]} is a whole number of more than 64 bits; write a smaller one,"
+                " or one with a decimal point"
+            )
+        if isinstance(value, str) and "\0" in value:
+            raise HrgError(f"{where}: {place[:80]} holds a zero byte; correct it")
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
@@ -222,34 +246,31 @@ def checked(
 def validate(
     model: Any, values: Mapping[str, Any], where: str, prefix: str = "", usage: bool = False
 ) -> Any:
-    """An instance of a pydantic model, or one sentence that lists every wrong key."""
+    """An instance of a pydantic model, or one sentence that lists the wrong keys."""
     from pydantic import ValidationError
 
     try:
         return model.model_validate(dict(values))
     except ValidationError as error:
-        problems = []
-        for e in error.errors():
-            key = prefix + ".".join(str(p) for p in e["loc"])
-            if e["type"] == "extra_forbidden":
-                close = _closest(str(e["loc"][-1]), model, e["loc"][:-1])
-                problems.append(
-                    f"unknown key {key}" + (f" (did you mean {close}?)" if close else "")
-                )
-            elif e["type"] == "missing":
-                problems.append(f"{key} is missing")
-            else:
-                says = e["msg"].removeprefix("Value error, ")
-                found = "" if isinstance(e["input"], Mapping) else f" = {str(e['input'])[:60]!r}"
-                problems.append(
-                    ": ".join(
-                        part
-                        for part in (key.removesuffix(".") + found, says[:1].lower() + says[1:])
-                        if part
-                    )
-                )
+        found = error.errors(include_url=False)
+        problems = [_problem(one, model, prefix) for one in found[:MOST_TOLD]]
+        more = [f"and {len(found) - MOST_TOLD} more"] if len(found) > MOST_TOLD else []
         kind = UsageError if usage else HrgError
-        raise kind(f"{where}: {'; '.join(problems)}") from error
+        raise kind(f"{where}: {'; '.join(problems + more)}") from error
+
+
+def _problem(error: Mapping[str, Any], model: Any, prefix: str) -> str:
+    """One of pydantic's errors in words."""
+    key = prefix + ".".join(str(part) for part in error["loc"])
+    if error["type"] == "extra_forbidden":
+        close = _closest(str(error["loc"][-1]), model, error["loc"][:-1])
+        return f"unknown key {key}" + (f" (did you mean {close}?)" if close else "")
+    if error["type"] == "missing":
+        return f"{key} is missing"
+    says = error["msg"].removeprefix("Value error, ")
+    found = "" if isinstance(error["input"], Mapping) else f" = {str(error['input'])[:60]!r}"
+    parts = (key.removesuffix(".") + found, says[:1].lower() + says[1:])
+    return ": ".join(part for part in parts if part)
 
 
 def _closest(word: str, model: Any, place: tuple[Any, ...]) -> str:

@@ -366,4 +366,5 @@ def test_wrong_simulation_files(text, says, hrg, tmp_path):
     assert result.status == 1 and says in result.err and "internal error" not in result.err, (
         result.err
     )
+    assert str(tmp_path / "s.toml") in result.err
     assert os.listdir(tmp_path) == ["s.toml"]

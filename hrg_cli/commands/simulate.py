@@ -68,10 +68,9 @@ def simulate_files(
             settings.assign(config, *settings.parse_assignment(text))
     values = settings.resolve(simulate, run.config, for_stage, {**flags, "seed": run.seed})
     if run.show_config:
-        run.leave_with_settings(
-            {"simulate": values, "runs": {each.run_id: each for each in runs_of(config)}}
-        )
-    names = run_ids(config) if values["run"] is None else [values["run"]]
+        runs = {each.run_id: each for each in runs_of(config, str(file))}
+        run.leave_with_settings({"simulate": values, "runs": runs})
+    names = run_ids(config, str(file)) if values["run"] is None else [values["run"]]
     output = run.need_output("recording.h5")
     outputs = (
         [output]

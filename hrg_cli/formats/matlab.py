@@ -42,7 +42,8 @@ def open_matlab(path: Path) -> Log:
 
 
 def _read_in_a_child(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """The file's numbers, read by a process of its own that may crash or hang on damaged bytes.
+    """The file's numbers, read by a process of its own that may crash or hang on damaged bytes, and
+    that ends with this one: its standard input is a pipe that only this process holds open.
     MemoryError: there is no room for them."""
     limit_s = LEAST_S + S_PER_BYTE * path.stat().st_size
     # -P: the folder of the program, whose modules are named after formats, is not searched
@@ -55,15 +56,19 @@ def _read_in_a_child(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float
         child.kill()
 
     with subprocess.Popen(
-        program, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+        program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     ) as child:
         timer = Timer(limit_s, give_up)
         timer.start()
         try:
             assert child.stdout is not None
             told, arrays = _receive(child.stdout)
+            child.wait()  # while its standard input is open
         except (ValueError, EOFError):
             told, arrays = {}, {}
+        except BaseException:
+            child.kill()
+            raise
         finally:
             timer.cancel()
     if late:

@@ -3,13 +3,17 @@
 Damaged cells and structures make scipy's reader crash, not raise, and not every time; what crashes
 here takes nothing with it. First a line of JSON, `{"arrays": [names], "scalars": {name: value}}`,
 `{"error": sentence}` or `{"no_memory": true}`, then the arrays one after another as `.npy`. It
-imports nothing of the package, so that it can be run from its file.
+ends when standard input does: whoever started it holds that open. It imports nothing of the
+package, so that it can be run from its file.
 """
 
 from __future__ import annotations
 
 import json
+import os
+import signal
 import sys
+import threading
 import warnings
 from pathlib import Path
 from typing import Any
@@ -101,5 +105,18 @@ def hand_over(path: Path) -> None:
         np.lib.format.write_array(out, np.ascontiguousarray(array), allow_pickle=False)
 
 
+def end_with_parent() -> None:
+    """End at Ctrl-C, also within the reader, and when standard input ends, as it does with the
+    process that holds its other end."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    def watch() -> None:
+        os.read(0, 1)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
 if __name__ == "__main__":
+    end_with_parent()
     hand_over(Path(sys.argv[1]))

@@ -20,6 +20,18 @@ _CHORD_ERROR_1_S = 1e-9
 _LONGEST_STRIDE = 1024
 
 
+def _need_finite(rates: Array, time_s: Array, temperature_degc: Array) -> None:
+    """HrgError: at some time damping, stiffness or rotation is no finite number, as where the
+    stiffness is not positive."""
+    wrong = np.flatnonzero(~np.isfinite(rates).all(axis=1))
+    if len(wrong):
+        raise HrgError(
+            f"plant: at {time_s[wrong[0]]:.6g} s, {temperature_degc[wrong[0]]:.6g} °C, its damping,"
+            " frequency or rotation is no finite number; correct the device, its change with"
+            " temperature, or the environment"
+        )
+
+
 class Coefficients:
     """N, W, K, Ω and temperature of a plant in its environment, at any times; linear between the
     grid's rows."""
@@ -36,6 +48,7 @@ class Coefficients:
         rates = np.column_stack(
             [self._n, self._w / (2 * mean_omega[:, None]), self._k * self._rate]
         )
+        _need_finite(rates, self._t, self._temperature)
         steps = np.diff(self._t)
         slopes = np.diff(rates, axis=0) / np.where(steps > 0, steps, np.inf)[:, None]
         self._slope = float(np.abs(slopes).max()) if slopes.size else 0.0

@@ -66,15 +66,27 @@ def sine(
     )
 
 
-def triangle(low: float, high: float, period_s: float, end_s: float) -> Programme:
-    """From low to high in half a period and back, again and again until end_s."""
-    count = int(np.ceil(2 * end_s / period_s)) + 2
+def _corners(a_period: int, period_s: float, end_s: float) -> Array:
+    """Numbers of the corners, so many a period, that reach beyond end_s. HrgError: too many."""
+    count = np.ceil(a_period * end_s / period_s) + 2
     if count > _MOST_ROWS:
         raise HrgError(
             f"environment: a cycle of {period_s:g} s turns too often in {end_s:g} s; lengthen the"
             " period or shorten the run"
         )
-    return polyline(np.arange(count) * period_s / 2, np.where(np.arange(count) % 2, high, low))
+    return np.arange(int(count))
+
+
+def triangle(low: float, high: float, period_s: float, end_s: float) -> Programme:
+    """From low to high in half a period and back, again and again until end_s."""
+    corner = _corners(2, period_s, end_s)
+    return polyline(corner * period_s / 2, np.where(corner % 2, high, low))
+
+
+def sweep(largest: float, period_s: float, end_s: float) -> Programme:
+    """From 0 to +largest, to −largest and back to 0 in each period until end_s."""
+    corner = _corners(4, period_s, end_s)
+    return polyline(corner * period_s / 4, largest * np.array([0.0, 1.0, 0.0, -1.0])[corner % 4])
 
 
 def total(parts: Sequence[Programme]) -> Programme:

@@ -103,9 +103,9 @@ def simulate(
     )
 
 
-def run_ids(config: Mapping[str, Any]) -> list[str]:
+def run_ids(config: Mapping[str, Any], where: str = "simulation") -> list[str]:
     """The runs of a simulation file, in its order; the whole file is checked."""
-    return [settings.run_id for settings in runs_of(config)]
+    return [settings.run_id for settings in runs_of(config, where)]
 
 
 def summary(record: Recording) -> dict[str, Any]:

@@ -7,6 +7,8 @@ same dotted names, e.g. `start.wave_angle_rad = 0.3`, on top of the file's own.
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
@@ -14,7 +16,7 @@ from pydantic import Field, model_validator
 
 from ..effects.effect import OF_EVERY_RUN, RUN
 from ..errors import HrgError
-from ..settings import validate
+from ..settings import leaves, validate
 from .simulation.bench_tables import EnvironmentTable, RecordingTable
 from .simulation.device_tables import Device, SpringTable, Start
 from .simulation.electronics_tables import ControlTable, ElectronicsTable, NoiseTable, ReadoutTable
@@ -86,9 +88,26 @@ class SimulationFile(Table):
         return self
 
 
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Sizes of a number that is not 0: squares and quotients of two of them can still be had."""
+
+
+def _need_sizes(config: Mapping[str, Any], where: str) -> None:
+    """HrgError where a number is beyond what can be simulated; not finite ones are left to the
+    tables."""
+    for key, value in leaves(config):
+        size = abs(value) if isinstance(value, int | float) else 0
+        if size and math.isfinite(size) and not SMALLEST <= size <= LARGEST:
+            raise HrgError(
+                f"{where}: {key[:80]} = {value:g} is beyond what can be simulated; 0, or a size of"
+                f" {SMALLEST:g} to {LARGEST:g}, was expected"
+            )
+
+
 def runs_of(config: Mapping[str, Any], where: str = "simulation") -> list[SimulationFile]:
     """The runs of a simulation file, each whole and checked. HrgError: what is wrong, where, and
     what was meant."""
+    _need_sizes(config, where)
     base = {key: value for key, value in config.items() if key != "run"}
     overrides = config.get("run", [])
     if not isinstance(overrides, list) or not all(isinstance(r, Mapping) for r in overrides):
@@ -104,8 +123,8 @@ def runs_of(config: Mapping[str, Any], where: str = "simulation") -> list[Simula
                 SimulationFile, _merged(base, named), f"{where}: run {number} ({named['run_id']})"
             )
         )
-    names = [run.run_id for run in runs]
-    twice = sorted({name for name in names if names.count(name) > 1})
+    names = Counter(run.run_id for run in runs)
+    twice = sorted(name for name, count in names.items() if count > 1)
     if twice:
         raise HrgError(f"{where}: run_id {twice[0]} stands twice; give each run its own name")
     return _each_in_its_run(runs, where)

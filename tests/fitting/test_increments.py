@@ -23,6 +23,13 @@ def noisy(seed, white, walk, n=3000, dt=0.01):
     return wave_of(np.arange(n) * dt, angle / 2, np.full(n, 20.0), np.zeros(n), white / 2, "r")
 
 
+@pytest.mark.parametrize("speed", [0.0, 1e-320, 1e-12])
+def test_a_wave_that_all_but_stands_still_has_the_fewest_blocks(speed):
+    time = np.arange(3000) * 0.01
+    wave = wave_of(time, speed * time, np.full(3000, 20.0), np.zeros(3000), 1e-5, "r")
+    assert len(path_of(wave, harmonics=1).turn) == increments.FEWEST_BLOCKS - 1
+
+
 def test_covariance_of_increments_is_that_of_simulated_noise():
     """White noise and random walk of mθ, averaged to blocks of 25 rows: variance and neighbours'
     covariance of the increments."""

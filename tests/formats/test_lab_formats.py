@@ -2,12 +2,17 @@
 recording."""
 
 import builtins
+import os
 import shutil
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pandas as pd
+import psutil
 import pytest
 from scipy.io import savemat
 
@@ -255,6 +260,25 @@ def test_a_matlab_reader_takes_nothing_with_it(tmp_path, monkeypatch, program, s
     monkeypatch.setattr(matlab, "LEAST_S", 1.0)
     with pytest.raises(HrgError, match=said):
         whole(tmp_path / "log.mat")
+
+
+def test_a_matlab_reader_ends_with_a_parent_that_is_killed(tmp_path):
+    """Nobody would read what it hands over; it waits for a writer of its file when that happens."""
+    os.mkfifo(tmp_path / "log.mat")
+    script = (
+        "import sys; from pathlib import Path; from hrg_cli.formats import matlab;"
+        " matlab._read_in_a_child(Path(sys.argv[1]))"
+    )
+    with subprocess.Popen([sys.executable, "-c", script, str(tmp_path / "log.mat")]) as parent:
+        deadline = time.monotonic() + 60.0
+        while not (children := psutil.Process(parent.pid).children()):
+            assert time.monotonic() < deadline, "no reader was started"
+            time.sleep(0.05)
+        parent.kill()
+    left = psutil.wait_procs(children, timeout=20.0)[1]
+    for child in left:
+        child.kill()
+    assert not left, "the reader works on"
 
 
 def test_channels_of_different_length_are_refused(tmp_path):

@@ -1,7 +1,8 @@
 """What the faults and the mutations came to, as one page: python tests/robustness/page.py
 docs/FAULTS.md.
 
-The figures are those that `make faults` and `make mutants` left in build/faults.
+The figures are those that `make faults` and `make mutants` left in build/faults; both add to what
+is there.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 KEPT = Path("build/faults")
+CORPUS = Path(__file__).with_name("corpus.json")
 HEAD = """# Faults put in on purpose
 
 Made by `python tests/robustness/page.py docs/FAULTS.md` from what `make faults` and `make mutants` left; do not edit.
@@ -37,7 +39,6 @@ def damage(runs: list[dict[str, Any]]) -> str:
         for name, status, number in run["counts"]:
             counts[name, status] += number
     trials, cpu = sum(run["trials"] for run in runs), sum(run["cpu_s"] for run in runs)
-    broken = sum(len(run["failures"]) for run in runs)
     names = sorted({name for name, _ in counts})
     statuses = sorted({status for _, status in counts})
     rows = [
@@ -47,10 +48,35 @@ def damage(runs: list[dict[str, Any]]) -> str:
     seeds = ", ".join(str(run["seed"]) for run in runs)
     return (
         f"## Damaged inputs\n\n{trials} inputs over {len(names)} commands, seeds {seeds}:"
-        f" {broken} broke a promise. {1e3 * cpu / max(trials, 1):.0f} ms of processor time each.\n\n"
+        f" {_what_broke(runs)} {1e3 * cpu / max(trials, 1):.0f} ms of processor time each.\n\n"
         f"| command | {' | '.join(f'exit {status}' for status in statuses)} |\n"
         f"|---|{'---|' * len(statuses)}\n" + "\n".join(rows) + "\n"
     )
+
+
+def _what_broke(runs: list[dict[str, Any]]) -> str:
+    """How many inputs broke a promise, how many of them the corpus holds, and the inputs since."""
+    broken = [failure for run in runs for failure in run["failures"]]
+    if not broken:
+        return "none broke a promise."
+    corpus = [_canonical(entry) for entry in json.loads(CORPUS.read_text())]
+    held = sum(_canonical(_input_of(failure)) in corpus for failure in broken)
+    last = max(number for number, run in enumerate(runs) if run["failures"])
+    since = sum(run["trials"] for run in runs[last + 1 :])
+    return (
+        f"{len(broken)} broke a promise when they were tried; {held} of these are in the corpus, which"
+        f" every run of the tests replays, and none of the {since} inputs since then broke one."
+    )
+
+
+def _canonical(entry: Any) -> str:
+    return json.dumps(entry, sort_keys=True)
+
+
+def _input_of(failure: str) -> Any:
+    """The damaged input in a failure's words (faults.put_damage)."""
+    first = failure.partition("\n")[0]
+    return json.loads(first[first.index("{") :])
 
 
 def calls(runs: list[dict[str, Any]]) -> str:
@@ -116,6 +142,25 @@ def kills(runs: list[dict[str, Any]]) -> str:
     )
 
 
+def sizes(runs: list[dict[str, Any]]) -> str:
+    """The largest log that went through the chain, and the largest lot."""
+    logs = [run for run in runs if "peak_mb" in run]
+    lots = [run for run in runs if "lots" in run]
+    lines = []
+    if logs:
+        told = max(logs, key=lambda run: run["bytes"])
+        peaks = ", ".join(f"{name} {mb:.0f} MB" for name, mb in told["peak_mb"].items())
+        lines.append(f"* A log of {told['bytes'] / 1e9:.2f} GB: peak memory of {peaks}.")
+    if lots:
+        few, many = max(lots, key=lambda run: run["lots"][1]["gyros"])["lots"]
+        lines.append(
+            f"* A lot of {many['gyros']} tiny gyros in one process: {many['begun_mb']:.0f} MB after a"
+            f" tenth of them, {many['ended_mb']:.0f} MB after all, {many['files']:.0f} open files at"
+            f" most ({few['gyros']} gyros: {few['files']:.0f})."
+        )
+    return "## Sizes\n\n" + "\n".join(lines) + "\n"
+
+
 def mutants(told: dict[str, Any]) -> str:
     """The mutation score and the survivors."""
     rows = told["changes"]
@@ -130,10 +175,13 @@ def mutants(told: dict[str, Any]) -> str:
     )
 
 
+PARTS = (("damage", damage), ("calls", calls), ("kills", kills), ("sizes", sizes))
+
+
 def page(folder: Path) -> str:
     """The whole page, of the parts that were run."""
     parts = [HEAD]
-    for name, told_runs in (("damage", damage), ("calls", calls), ("kills", kills)):
+    for name, told_runs in PARTS:
         if (folder / f"{name}.jsonl").exists():
             text = (folder / f"{name}.jsonl").read_text()
             parts.append(told_runs([json.loads(line) for line in text.splitlines()]))

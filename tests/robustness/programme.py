@@ -165,6 +165,13 @@ CASES = (
         "out.json",
     ),
     _case("simulate", "simulate {gyro.toml} -o {out} --seed 1", "gyro.toml", "out.h5"),
+    _case("simulate loops", "simulate {loops.toml} -o {out} --seed 1", "loops.toml", "out.h5"),
+    _case(
+        "simulate bench",
+        "simulate {bench.toml} -o {out} --seed 1 --run sine",
+        "bench.toml",
+        "out.h5",
+    ),
     _case("import csv", "import {log.csv} -o {out}", "log.csv", "out.h5"),
     _case("import wav", "import {log.wav} -o {out}", "log.wav", "out.h5"),
     _case("import hdf5", "import {log.h5} -o {out}", "log.h5", "out.h5"),
@@ -236,7 +243,9 @@ def build(folder: Path) -> Path:
     )
     (folder / "gyro.toml").write_text(GYRO)
     (folder / "limits.toml").write_text(LIMITS)
-    (folder / "menu.toml").write_text((ROOT / "configs" / "menu.toml").read_text())
+    shutil.copy(ROOT / "configs" / "menu.toml", folder)
+    for name in ("loops.toml", "bench.toml"):
+        shutil.copy(Path(__file__).with_name(name), folder)
     (folder / "lot.toml").write_text('recordings = "recording.h5"\nstages = ["identify"]\n')
     _logs(folder)
     return folder

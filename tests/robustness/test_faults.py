@@ -2,6 +2,7 @@
 broke a promise, and the judge itself."""
 
 import itertools
+import json
 import os
 import subprocess
 import sys
@@ -14,7 +15,9 @@ import calls  # noqa: E402
 import faults  # noqa: E402
 import judge  # noqa: E402
 import kills  # noqa: E402
+import page  # noqa: E402
 import programme  # noqa: E402
+import sizes  # noqa: E402
 
 from hrg_cli.cli import COMMANDS  # noqa: E402
 
@@ -188,3 +191,25 @@ def test_the_judge_sees_what_is_left_behind(tmp_path):
         {".out.h5.hrg-1-1.tmp", "out.h5"},
     )
     assert said == ["nan in t.csv of a valid result"]
+
+
+def test_the_page_tells_what_broke_and_what_is_kept():
+    kept = json.loads(faults.CORPUS.read_text())[0]
+    lost = kept | {"input": "other.h5"}
+    failures = [
+        f"seed 1, trial 2: {json.dumps(entry)}\n  ended with 70\n  " for entry in (kept, lost)
+    ]
+    runs = [{"trials": 10, "failures": failures}, {"trials": 30, "failures": []}]
+    said = page._what_broke(runs)
+    assert said.startswith("2 broke a promise") and "1 of these are in the corpus" in said
+    assert "none of the 30 inputs since" in said
+    assert page._what_broke(runs[1:]) == "none broke a promise."
+
+
+def test_sizes_that_grow_are_told():
+    flat = {"begun_mb": 100.0, "ended_mb": 101.0, "files": 5}
+    assert sizes.broken({"lots": [flat, flat]}) == []
+    assert len(sizes.broken({"lots": [flat, flat | {"ended_mb": 200.0, "files": 50}]})) == 2
+    assert sizes.broken({"peak_mb": {"import": 90.0, "identify": 301.0}}) == [
+        "identify took 301 MB"
+    ]

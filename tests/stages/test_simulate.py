@@ -437,3 +437,28 @@ def test_examples_run(name):
 def test_one_sample_and_a_single_period():
     assert len(run(config(1e-5))) == 1
     assert len(run(config(5e-4))) == 8
+
+
+@pytest.mark.parametrize(
+    ("table", "change", "says"),
+    [
+        ("device", {"time_constant_s": 1e-320}, "time_constant_s = .* is beyond what can be"),
+        ("start", {"amplitude": 1e300}, r"start.amplitude = 1e\+300 is beyond what can be"),
+        ("device", {"temperature": {"reference_degc": 1e16, "frequency_per_degc": [0.0] * 11 + [1.0]}},
+         "frequency or rotation is no finite number"),
+        ("device", {"temperature": {"reference_degc": 30.0, "damping_rate_per_degc": 1e20}},
+         "it grows without bound"),
+        ("environment", {"rate": {"kind": "sweep", "maximum_rad_s": 1.0, "period_s": 1e-20}},
+         "turns too often"),
+    ],
+    ids=lambda given: given if isinstance(given, str) else "",
+)  # fmt: skip
+def test_what_no_number_can_hold_is_refused_in_words(table, change, says):
+    """A number may be finite and yet its square, or what it becomes with temperature, is not."""
+    config = {
+        "device": {"frequency_hz": 1000.0, "time_constant_s": 1.0},
+        "recording": {"sample_rate_hz": 8000.0, "duration_s": 0.05},
+    }
+    config[table] = config.get(table, {}) | change
+    with pytest.raises(HrgError, match=says):
+        collect(simulate(config))

@@ -257,7 +257,7 @@ def _rows_per_block(wave: Wave, rows: int, harmonics: int, constant_rate: float 
     )
     step = (time[-1] - time[0]) / rows
     phase_a_row = 2 * wave.mode_number * max(harmonics, 1) * fastest * step
-    by_phase = int(LARGEST_PHASE_STEP / phase_a_row) if phase_a_row > 0 else rows
+    by_phase = int(LARGEST_PHASE_STEP / max(phase_a_row, LARGEST_PHASE_STEP / rows))
     if by_phase and rows // by_phase > MOST_BLOCKS:
         by_phase = min(-(-rows // MOST_BLOCKS), int(2.5 * by_phase))
     return max(1, min(by_phase, rows // FEWEST_BLOCKS))

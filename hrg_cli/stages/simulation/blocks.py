@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import HrgError
 from ...physics import ellipse, readout
 from ...physics.plant import Block, Environment, Readout
 from ...records import Recording
@@ -39,6 +40,7 @@ def record_blocks(
     first = 0
     for block in made:
         n = len(block.samples.time_s)
+        _need_finite(block, settings.run_id)
         raw = readout.convert(pickoff, readout.measure(pickoff, block.samples, random))
         keep = readout.kept_samples(pickoff, first, n, rate)
         waiting.append(raw if keep is None else raw[:, keep])
@@ -58,6 +60,17 @@ def record_blocks(
             waiting = [joined]
     last = _recording(head, np.concatenate(waiting, axis=1), waiting_rows, settings.recording)
     yield last if watch is None else last.judged(watch.reasons())
+
+
+def _need_finite(block: Block, run_id: str) -> None:
+    """HrgError: the motion has left what a number can hold."""
+    wrong = np.flatnonzero(~np.isfinite(block.samples.z).all(axis=0))
+    if len(wrong):
+        raise HrgError(
+            f"simulation: the motion of run {run_id} is no finite number from"
+            f" {block.samples.time_s[wrong[0]]:.6g} s on; it grows without bound, or its settings"
+            " are beyond what can be simulated: correct them"
+        )
 
 
 def _rows(

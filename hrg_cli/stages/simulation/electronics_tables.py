@@ -169,7 +169,7 @@ class ElectronicsTable(Table):
 
     periods_per_update: Annotated[int, Field(ge=1, le=100_000)] = 16
     """Oscillation periods a demodulation window."""
-    delay_periods: NotNegative = 0.0
+    delay_periods: Annotated[float, Field(ge=0, le=100_000)] = 0.0
     """Delay from a window's end to the drive, in periods."""
     filter_hz: Positive | None = None
     """Corner of the low-pass on the demodulated envelopes; none where not given."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ...errors import HrgError
 from ...physics import environment as bench
 from ...physics.plant import Environment
@@ -67,8 +65,4 @@ def _rate_programme(r: Steps | Sine | Sweep | RatePoints, duration: float) -> be
         return bench.levels(r.levels_rad_s, r.dwell_s, r.transition_s)
     if isinstance(r, Sine):
         return bench.sine(r.amplitude_rad_s, r.frequency_hz, r.phase_rad)
-    period = r.period_s or duration
-    quarters = np.arange(4 * math.ceil(duration / period) + 5)
-    return bench.polyline(
-        quarters * period / 4, r.maximum_rad_s * np.array([0.0, 1.0, 0.0, -1.0])[quarters % 4]
-    )
+    return bench.sweep(r.maximum_rad_s, r.period_s or duration, duration)
