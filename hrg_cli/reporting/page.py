@@ -39,10 +39,11 @@ from .answer import Answer, answer
 from .figures import calibration, diagnosis, recording, result, wave
 from .figures.answer import before_and_after
 from .figures.drawing import Plot, png, style, svg
+from .figures_in_words import told
 from .living import as_text, living_data
 from .methods import cited, methods
 from .page_content import STEPS, ShownStep, list_steps, list_tables
-from .page_table import PageTable, cell
+from .page_table import PageTable
 from .surface import surface_data
 from .tables import facts
 from .text import number, plain
@@ -296,7 +297,7 @@ def _unique(paths: Sequence[Path]) -> list[Path]:
 def _entry(path: Path, index: int, full: bool) -> PageEntry:
     with store.open_record(path, store.kind_of(path)) as record:
         record = _thinned(record) if full or not isinstance(record, Periods | Wave) else record
-        shown = [(plain(name), cell(value)) for name, value in facts(record).items()]
+        shown = told(facts(record))
         kept = record
         found_tables = list_tables(kept) if full else []
     bare = _bare(kept)
