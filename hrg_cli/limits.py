@@ -93,16 +93,10 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
 def table_of(kind: str, limits: Mapping[str, Any]) -> Mapping[str, Any]:
     """The limits for a kind of file: its own table, or those at the top. HrgError: none.
     UsageError: a table that looks mistyped."""
-    for name, value in limits.items():
-        if (
-            _is_group(value)
-            and name not in (cls.kind for cls in KINDS)
-            and (hint := suggest(name, [cls.kind for cls in KINDS]))
-        ):
-            raise UsageError(f"the limits have a table [{name}], which is no kind of file; {hint}")
+    check_tables(limits)
     own = limits.get(kind)
     table: Mapping[str, Any] = (
-        own if isinstance(own, Mapping) else {k: v for k, v in limits.items() if not _is_group(v)}
+        own if isinstance(own, Mapping) else {k: v for k, v in limits.items() if not is_group(v)}
     )
     if not table:
         raise HrgError(
@@ -115,6 +109,14 @@ def table_of(kind: str, limits: Mapping[str, Any]) -> Mapping[str, Any]:
             " were expected"
         )
     return table
+
+
+def check_tables(limits: Mapping[str, Any]) -> None:
+    """UsageError: a table that looks mistyped."""
+    kinds = [cls.kind for cls in KINDS]
+    for name, value in limits.items():
+        if is_group(value) and name not in kinds and (hint := suggest(name, kinds)):
+            raise UsageError(f"the limits have a table [{name}], which is no kind of file; {hint}")
 
 
 def rows_of(judged: Judged, table: Mapping[str, Any]) -> list[Row]:
@@ -175,7 +177,8 @@ def _verdict_row(verdict: str, wanted: Any) -> Row:
     return Row("verdict", place, None, None, verdict in words, (verdict, " or ".join(words)))
 
 
-def _is_group(value: Any) -> bool:
+def is_group(value: Any) -> bool:
+    """Whether an entry is a table of limits, not a limit."""
     return isinstance(value, Mapping) and not set(value) <= {"minimum", "maximum"}
 
 

@@ -19,6 +19,8 @@ from .records import Record
 
 RESULTS = ("whole", "without checksums", "changed", "damaged")
 """From best to worst."""
+NAMED = 3
+"""Names that a sentence tells."""
 LARGEST_NOTE = 4 << 20
 """Bytes; a lot's notes are far smaller."""
 
@@ -33,6 +35,8 @@ class FileState:
     result: str = "whole"
     findings: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    not_followed: list[str] = field(default_factory=list)
+    """Sources that do not lie in the folder."""
 
     def worse(self, result: str, finding: str) -> None:
         """Add a finding that makes the result at least this bad."""
@@ -76,6 +80,12 @@ def report(verdicts: Sequence[FileState]) -> dict[str, Any]:
         "status_reasons": reasons,
         "files": [asdict(v) for v in verdicts],
     }
+
+
+def named_first(names: Sequence[str]) -> str:
+    """Names in a sentence: three of them, and how many more there are."""
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return ", ".join(names[:NAMED]) + more
 
 
 def _files_of(folder: Path) -> list[Path]:
@@ -131,6 +141,7 @@ class _Verification:
         """Hold the file's sources against what lies in the folder now; the hrg files among those
         that are right."""
         found: list[Path] = []
+        others: list[str] = []
         for source in record.provenance.sources:
             named = path.parent / Path(source.name).name
             match = next(
@@ -142,17 +153,17 @@ class _Verification:
                 None,
             )
             if match is None and named.is_file():
-                verdict.worse(
-                    "changed",
-                    f"was made from another {source.name} than lies here; that one was changed or"
-                    " made again",
-                )
+                others.append(source.name)
             elif match is None:
-                verdict.notes.append(
-                    f"its source {source.name} is not in the folder and was not followed"
-                )
+                verdict.not_followed.append(source.name)
             elif store.is_hdf5(match) and _is_ours(match):
                 found.append(match)
+        if others:
+            verdict.worse(
+                "changed",
+                f"was made from another {named_first(others)} than lies here; that was changed or"
+                " made again",
+            )
         self._compare(record, found, verdict)
         return found
 
@@ -172,10 +183,7 @@ class _Verification:
             by_kind.setdefault(kind.kind, {}).setdefault(made.settings, []).append(source.name)
         for kind_name, by_settings in by_kind.items():
             if len(by_settings) > 1:
-                groups = "; ".join(
-                    ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
-                    for names in by_settings.values()
-                )
+                groups = "; ".join(named_first(names) for names in by_settings.values())
                 keys = ", ".join(_different(list(by_settings))) or "their text"
                 verdict.notes.append(
                     f"its {kind_name} files were made with different settings ({keys}): {groups}"

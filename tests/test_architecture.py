@@ -17,7 +17,7 @@ BASE = {"units", "errors", "version", "extras", "threads"}
 FITS = {*BASE, "fourier", "records", "physics", "effects"}
 STAGES = {*FITS, "fitting", "settings"}
 FILES = {*BASE, "records", "settings", "store"}
-PAGES = {*STAGES, "stages", "store", "pipeline", "limit_values", "limits"}
+PAGES = {*STAGES, "stages", "store", "pipeline", "limit_values", "limits", "holding"}
 CHAIN = {*PAGES, "formats", "origins", "executors", "extended", "memory", "rehearsal"}
 RESULTS = {
     *("measured_export", "exporting_records", "exporting", "comparing"),
@@ -48,6 +48,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "signatures": FILES,
     "exporting_records": FILES,
     "limits": {*STAGES, "stages", "limit_values"},
+    "holding": {"errors", "limit_values", "limits", "records"},
     "measured_export": {*STAGES, "stages"},
     "extended": {*STAGES, "stages", "store"},
     "pipeline": {*FILES, "stages", "origins"},

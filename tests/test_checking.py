@@ -271,3 +271,35 @@ def test_files_of_one_name_are_told_apart_and_limits_in_their_units(tmp_path, hr
     assert len(missed) == 2 and all("mHz" in line for line in missed)
     told = hrg("check", *files, "--set", "resonator.frequency_split_rad_s='1 uHz'", "--json").json
     assert told["answer"] is None, "an answer is one gyro's"
+
+
+def test_limits_outside_a_table_hold_for_every_result_that_has_the_figure(tmp_path, hrg):
+    """One file of limits, whichever command holds it: a figure of one of the results, the status of
+    all; a table's own line goes first."""
+    files = [tmp_path / "resonator.h5", tmp_path / "diagnosis.h5"]
+    store.write(files[0], by_hand.resonator())
+    store.write(files[1], by_hand.diagnosis())
+    given = limits(tmp_path, 'status = "any"\nscale_factor = 0.6\ncauses = 9\n')
+    rows = hrg("check", *files, "--limits", given, "--json").json["rows"]
+    assert [(row["file"], row["name"]) for row in rows] == [
+        (str(files[0]), "status"),
+        (str(files[0]), "scale_factor"),
+        (str(files[1]), "status"),
+        (str(files[1]), "causes"),
+    ]
+    given.write_text("scale_factor = 0.6\n[resonator]\nscale_factor = 0.1\n")
+    rows = hrg("check", files[0], "--limits", given, "--json").json["rows"]
+    assert [row["maximum"] for row in rows if row["name"] == "scale_factor"] == [0.1]
+    given.write_text("quality = 0.6\n")  # nothing has it, and nothing is near it
+    assert hrg("check", *files, "--limits", given).status == 3
+
+
+def test_a_page_shows_limits_outside_a_table_and_refuses_typing_errors(tmp_path, hrg):
+    store.write(tmp_path / "resonator.h5", by_hand.resonator())
+    given = limits(tmp_path, 'status = "any"\nscale_factor = 0.6\n')
+    asked = ("report", tmp_path / "resonator.h5", "--limits", given, "-o", tmp_path / "page.html")
+    assert hrg(*asked).status == 0 and "≤ 0.6" in (tmp_path / "page.html").read_text()
+    for written in ("scale_factr = 0.6\n", "[resonater]\nscale_factor = 0.6\n"):
+        given.write_text(written)
+        refused = hrg(*asked, "--force")
+        assert refused.status == 2 and "did you mean" in refused.err, refused.err

@@ -1,7 +1,7 @@
 """The documentation tells no lie: its generated parts are fresh, its commands run and print what is
 shown, its links lead somewhere.
 
-`python tests/test_readme.py` writes the printed outputs and the generated parts anew.
+`python tests/test_readme.py [PAGE …]` writes the printed outputs and the generated parts anew.
 """
 
 import os
@@ -11,35 +11,90 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hrg_cli import Calibration, Recording, store
+from hrg_cli.formats import readers
 from hrg_cli.handbook import pages
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "docs").rglob("*.md"))]
 SAID = re.compile(
-    r"<!-- commands run by a test -->\n```sh\n(?P<commands>.*?)```(?:\n\n<!-- output of these"
+    r"<!-- commands run by a (?P<slow>slow )?test(?P<after>, after those above)?"
+    r"(?:, with (?P<given>[\w.]+))? -->\n```sh\n(?P<commands>.*?)```(?:\n\n<!-- output of these"
     r" commands -->\n```text\n(?P<output>.*?)```)?",
     re.S,
 )
-RUN = [(page, found) for page in PAGES for found in SAID.finditer(page.read_text(encoding="utf-8"))]
+
+
+@dataclass(frozen=True)
+class Said:
+    """A block of commands on a page, with what goes before it."""
+
+    page: Path
+    found: re.Match[str]
+    before: str
+    """Commands of the page's blocks above that it goes on from."""
+
+    @property
+    def id(self) -> str:
+        """The page and the block's place on it."""
+        line = self.found.string.count("\n", 0, self.found.start()) + 1
+        return f"{self.page.relative_to(ROOT)}-{line}"
+
+
+def blocks(page: Path) -> list[Said]:
+    """The blocks of a page that a test runs."""
+    told: list[Said] = []
+    for found in SAID.finditer(page.read_text(encoding="utf-8")):
+        above = told[-1].before + told[-1].found["commands"] if found["after"] else ""
+        told.append(Said(page, found, above))
+    return told
+
+
+RUN = [said for page in PAGES for said in blocks(page)]
+SAMPLES = [said for said in RUN if said.found["slow"] and not said.before]
+SHORTER = [("duration_s = 12.0", "duration_s = 6.0")]
+"""A sample of a slow block runs on shorter recordings."""
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 LONGEST_README = 150
+LONGEST_LINE = 200
+"""Characters: two lines of a terminal."""
 
 
 def name(page: Path) -> str:
     return str(page.relative_to(ROOT))
 
 
-def run(commands: str, folder: Path) -> str:
-    """Standard output of the commands in a folder that looks like a clone's root."""
+def give(folder: Path, name: str | None) -> None:
+    """A file that a block takes for granted, under its name there."""
+    if name == "LOG":
+        shutil.copy(ROOT / "sample_data" / "lab_log.csv", folder / name)
+    elif name is not None:
+        import records_by_hand as by_hand  # from another folder, which only pytest looks into
+
+        store.write(folder / name, by_hand.RECORDS[Path(name).stem]())
+
+
+def run(said: Said, folder: Path, shorter: Sequence[tuple[str, str]] = ()) -> str:
+    """Standard output of the commands in a folder that looks like a clone's root; of those that go
+    before them only the files."""
     for part in ("configs", "sample_data"):
         shutil.copytree(ROOT / part, folder / part)
+    for config in (folder / "configs").glob("*.toml"):
+        text = config.read_text(encoding="utf-8")
+        for long, short in shorter:
+            text = text.replace(long, short)
+        config.write_text(text, encoding="utf-8")
+    give(folder, said.found["given"])
+    before = f"{{\n{said.before}}} > before.txt\n" if said.before else ""
+    commands = before + said.found["commands"]
     hrg = folder / "bin" / "hrg"
     hrg.parent.mkdir()
     hrg.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m hrg_cli.cli "$@"\n')
@@ -57,6 +112,9 @@ def run(commands: str, folder: Path) -> str:
         check=False,
     )
     assert done.returncode == 0, done.stderr[-2000:]
+    told = [line for line in done.stderr.splitlines() if not line.startswith("+")]
+    for line in [*done.stdout.splitlines(), *told]:
+        assert len(line.rstrip()) <= LONGEST_LINE, line
     return done.stdout
 
 
@@ -79,19 +137,39 @@ def test_every_generated_part_stands_somewhere():
         assert f"<!-- generated: {part} -->" in written
 
 
+def test_every_command_of_tutorials_and_howtos_is_run():
+    for page in PAGES:
+        if page.parent.name in ("tutorials", "howto"):
+            text = page.read_text(encoding="utf-8")
+            assert len(blocks(page)) == text.count("```sh\n"), (
+                f"{name(page)}: a block without a test"
+            )
+
+
 @pytest.mark.parametrize(
-    ("page", "said"), RUN, ids=[f"{name(page)}-{k}" for k, (page, _) in enumerate(RUN)]
+    "said",
+    [
+        pytest.param(said, id=said.id, marks=[pytest.mark.slow] if said.found["slow"] else [])
+        for said in RUN
+    ],
 )
-def test_commands_run_and_print_what_is_shown(page, said, tmp_path):
+def test_commands_run_and_print_what_is_shown(said, tmp_path):
     """The words are the same; the numbers within 5 % or a few of their last digits, as another
     processor rounds otherwise."""
-    printed = run(said["commands"], tmp_path)
-    if said["output"] is None:
+    if "openssl" in said.found["commands"] and shutil.which("openssl") is None:
+        pytest.skip("openssl is not here")
+    printed = run(said, tmp_path)
+    if said.found["output"] is None:
         return
     words, numbers = words_and_numbers(printed)
-    shown_words, shown_numbers = words_and_numbers(said["output"])
+    shown_words, shown_numbers = words_and_numbers(said.found["output"])
     assert words == shown_words, "run `python tests/test_readme.py`"
     np.testing.assert_allclose(numbers, shown_numbers, rtol=0.05, atol=1e-9)
+
+
+@pytest.mark.parametrize("said", SAMPLES, ids=[said.id for said in SAMPLES])
+def test_slow_commands_run_on_shorter_recordings(said, tmp_path):
+    run(said, tmp_path, SHORTER)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
@@ -180,23 +258,39 @@ def test_library_example_runs(tmp_path, monkeypatch):
     )
 
 
-def renew() -> None:
-    """Write the outputs that the commands print now, and the generated parts."""
-    for page in PAGES:
+def test_the_format_of_the_page_is_imported(tmp_path, monkeypatch, hrg):
+    """The page's whole reader, one line in the table, a file of that format."""
+    page = (ROOT / "docs" / "howto" / "add-a-format.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.S)
+    module = {"__name__": "hrg_cli.formats.bench", "__package__": "hrg_cli.formats"}
+    exec(compile(code, "add-a-format.md", "exec"), module)
+    monkeypatch.setattr(readers, "READERS", (module["READER"], *readers.READERS))
+    samples = np.arange(2000, dtype="<i2").reshape(-1, 2)
+    log = b"MYLG" + np.array([8000.0], "<f8").tobytes() + samples.tobytes()
+    (tmp_path / "run.mylg").write_bytes(log)
+    assert hrg("import", tmp_path / "run.mylg", "-o", tmp_path / "run.h5").status == 0
+    taken = store.read(tmp_path / "run.h5", Recording)
+    assert taken.sample_rate_hz == 8000.0 and taken.c_scale_factor == 1e-4
+    assert np.array_equal(np.column_stack([taken.c, taken.s]), samples)
+    (tmp_path / "short.mylg").write_bytes(log[:8])
+    short = hrg("import", tmp_path / "short.mylg", "-o", tmp_path / "short.h5")
+    assert short.status == 1 and "ends within its head" in short.err
+
+
+def renew(asked: Sequence[str]) -> None:
+    """Write the outputs that the commands print now, and the generated parts, of the pages named or
+    of all."""
+    for page in [Path(name).resolve() for name in asked] or PAGES:
         text = page.read_text(encoding="utf-8")
-        for found in reversed(list(SAID.finditer(text))):
+        for said in reversed(blocks(page)):
+            found = said.found
             if found["output"] is not None:
                 with tempfile.TemporaryDirectory() as folder:
-                    printed = (
-                        "\n".join(
-                            line.rstrip()
-                            for line in run(found["commands"], Path(folder)).splitlines()
-                        )
-                        + "\n"
-                    )
+                    lines = run(said, Path(folder)).splitlines()
+                printed = "\n".join(line.rstrip() for line in lines) + "\n"
                 text = text[: found.start("output")] + printed + text[found.end("output") :]
         page.write_text(pages.renewed(text), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    renew()
+    renew(sys.argv[1:])

@@ -54,6 +54,21 @@ def test_an_untouched_chain_is_whole(chain, hrg):
     )
 
 
+def test_what_holds_of_many_sources_is_said_once(chain, tmp_path, hrg):
+    """A file alone, away from its sources; then beside others of their names."""
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    shutil.copy(chain / "resonator.h5", alone)
+    shown = hrg("verify", alone / "resonator.h5")
+    assert shown.status == 0 and shown.out.count("followed") == 1
+    assert "not in the folder, so not followed: w0.h5, w1.h5" in shown.out
+    for name in ("w0.h5", "w1.h5"):
+        shutil.copy(chain / "r0.h5", alone / name)
+    (told,) = hrg("verify", alone / "resonator.h5", "--json").json["files"]
+    assert told["result"] == "changed" and len(told["findings"]) == 1
+    assert "was made from another w0.h5, w1.h5 than lies here" in told["findings"][0]
+
+
 def test_a_file_that_many_were_made_from_is_looked_at_once(made, monkeypatch):
     """The runs of a chain meet again in their resonator: work in proportion to the files."""
     looked = []
@@ -175,7 +190,7 @@ def test_a_renamed_source_is_found_and_a_missing_one_is_noted(chain):
     (chain / "r1.h5").unlink()
     verdicts = results(chain)
     assert all(v.result == "whole" for v in verdicts.values()) and not verdicts["p0.h5"].notes
-    assert verdicts["p1.h5"].notes == ["its source r1.h5 is not in the folder and was not followed"]
+    assert verdicts["p1.h5"].not_followed == ["r1.h5"] and not verdicts["p1.h5"].notes
 
 
 def test_a_laboratorys_file_is_not_called_whole(tmp_path, hrg):

@@ -13,7 +13,8 @@ import typer
 from .. import settings, store
 from ..comparing import compare
 from ..errors import HrgError, UsageError
-from ..limits import Row, check
+from ..holding import hold
+from ..limits import Row
 from ..records import Record
 from ..reporting import check_pages, console
 from ..reporting.answer import Answer, answer
@@ -109,9 +110,16 @@ def check_files(
         if path is not None:
             store.check_output(path, run.force)
     paths = existing(files, "hrg files")
+    records = [store.read_any(path) for path in paths]
+    compared = [
+        None if baseline is None else _compare_with(path, record, baseline, limit_sigma)
+        for path, record in zip(paths, records, strict=True)
+    ]
     done = [
-        _check_file(path, name, wanted, baseline, limit_sigma, len(paths) > 1)
-        for path, name in zip(paths, tell_apart(paths), strict=True)
+        Checked(*one)
+        for one in zip(
+            paths, tell_apart(paths), records, hold(records, wanted), compared, strict=True
+        )
     ]
     if not any(one.rows or one.moved is not None for one in done):
         raise HrgError(
@@ -199,38 +207,6 @@ def tell_apart(paths: Sequence[Path]) -> list[str]:
         if len(set(names)) == len(names):
             break
     return names
-
-
-def _check_file(
-    path: Path,
-    name: str,
-    wanted: dict[str, Any],
-    baseline: Path | None,
-    limit_sigma: float,
-    one_of_many: bool,
-) -> Checked:
-    """One file held against its limits and its baseline; of many files, one whose kind has no limits
-    is passed over."""
-    record = store.read_any(path)
-    rows: list[Row] = []
-    if wanted and not (
-        one_of_many
-        and record.kind not in wanted
-        and all(isinstance(v, dict) for v in wanted.values())
-    ):
-        try:
-            rows = check(record, wanted)
-        except UsageError:
-            raise
-        except HrgError as error:
-            raise HrgError(f"{path}: {error}") from error
-    return Checked(
-        path,
-        name,
-        record,
-        rows,
-        None if baseline is None else _compare_with(path, record, baseline, limit_sigma),
-    )
 
 
 def _compare_with(path: Path, record: Record, baseline: Path, limit_sigma: float) -> list[str]:

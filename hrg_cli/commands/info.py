@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from .. import store
-from ..reporting import answer_text, console, tables
+from ..reporting import answer_text, console, figures_in_words, tables
 from ..reporting.answer import answer
 from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, existing, no_settings
 
@@ -69,11 +69,14 @@ def info_file(
     def show() -> None:
         made = f"{provenance.generated_by or 'unknown'} {provenance.created}"
         console.say(f"{path}: {record.kind}, {record.status}, made by {made}")
-        for reason in record.status_reasons:
-            console.say(f"  {record.status}: {reason}")
+        reasons = [f"{record.status}: {reason}" for reason in record.status_reasons]
+        for reason in answer_text.untold(reasons, found.why if found is not None else ()):
+            console.say(f"  {reason}")
         if found is not None:
             answer_text.show(found)
-        console.print_table("", ("figure", "value"), list(facts.items()))
+        shown = {p.name for p in found.parameters} if found is not None else set()
+        left = {name: value for name, value in facts.items() if name not in shown}
+        console.print_table("", ("figure", "value"), figures_in_words.told(left))
         history = provenance.history
         told = history if full else history[-LINES_OF_HISTORY:]
         if len(told) < len(history):

@@ -11,7 +11,7 @@ import typer
 from pydantic import Field
 
 from .. import pipeline, settings, store
-from ..limits import check
+from ..holding import concerns, hold
 from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing
 from .options import flags_of
 
@@ -39,9 +39,10 @@ def report(
     if format == "png":
         return write_figures(files, output, truth=truth)
     store.check_output(output, force)
-    records = [store.read_any(path) for path in files if store.kind_of(path).kind in (limits or {})]
-    rows = [row for record in records for row in check(record, limits or {})]
-    page = build_report(files, truth=truth, full=full, rows=rows)
+    limits = limits or {}
+    limited = [path for path in files if concerns(limits, store.kind_of(path).kind)]
+    held = hold([store.read_any(path) for path in limited], limits)
+    page = build_report(files, truth=truth, full=full, rows=[row for rows in held for row in rows])
     with store.atomic_path(output, force) as temporary:
         temporary.write_text(page, encoding="utf-8")
     return [output]

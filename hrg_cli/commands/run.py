@@ -17,7 +17,8 @@ from ..chain import Step
 from ..errors import HrgError
 from ..extras import without_pages
 from ..gyro import gyro_of, inputs_of, plan_steps, run_gyro
-from ..limits import Row, check
+from ..holding import hold
+from ..limits import Row, check_tables
 from ..pipeline import STAGES
 from ..reporting import answer_text, console
 from ..reporting.answer import Answer, answer
@@ -96,6 +97,7 @@ def run_files(
     tables = tables_of(run, part or {}, rehearse)
     rehearsals = rehearsals_of(tables)
     wanted = settings.load_toml(limits) if limits is not None else {}
+    check_tables(wanted)
     paths = existing(recordings, "the recordings of one gyro, or their folder")
     folder = run.need_output("results/")
     if dry_run:
@@ -313,7 +315,7 @@ def _answer(made: Sequence[Path], limits: dict[str, Any]) -> tuple[Answer | None
         path for path in made if path.name in ("resonator.h5", "diagnosis.h5", "calibration.h5")
     ]
     records = [store.read_any(path) for path in results]
-    rows = [row for record in records if record.kind in limits for row in check(record, limits)]
+    rows = [row for held in hold(records, limits) for row in held]
     return (
         answer(records, rows, {record.kind: path.name for record, path in zip(records, results)}),
         rows,

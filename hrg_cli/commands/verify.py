@@ -11,7 +11,8 @@ import typer
 
 from .. import signatures
 from ..reporting import console
-from ..verification import report, verify
+from ..reporting.text import drop_empty_columns
+from ..verification import named_first, report, verify
 from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing, no_settings
 
 
@@ -60,6 +61,10 @@ def verify_files(
 
     def show() -> None:
         rows = [(v.name, v.kind, v.result, "; ".join([*v.findings, *v.notes])) for v in verdicts]
-        console.print_table("", ("file", "kind", "result", "what"), rows)
+        head = ("file", "kind", "result", "what")
+        console.print_table("", *drop_empty_columns(head, rows))
+        absent = sorted({name for v in verdicts for name in v.not_followed})
+        if absent:
+            console.say(f"not in the folder, so not followed: {named_first(absent)}")
 
     return run.kept(told), show

@@ -8,7 +8,7 @@ from typing import Any
 
 from .. import memory, store
 from ..extras import without_pages
-from ..limits import check
+from ..holding import hold
 from ..reporting.answer import Answer, answer
 from ..reporting.quantities import LABELS, RATE_OF_DECAY
 
@@ -29,7 +29,7 @@ def answer_gyro(
     if done is not None:
         return done
     records = [store.read_any(path) for path in files]
-    rows = [row for record in records if record.kind in limits for row in check(record, limits)]
+    rows = [row for held in hold(records, limits) for row in held]
     pageless = without_pages()
     if not pageless:
         from ..reporting.page import build_report

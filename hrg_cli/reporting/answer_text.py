@@ -13,7 +13,7 @@ from .text import drop_empty_columns, number
 
 def show(found: Answer) -> None:
     """Print the answer."""
-    print(found.sentence)
+    print(found.sentence.replace(". ", ".\n"))
     print(
         f"gyro: {found.health}; fit: {found.validity}"
         + (f"; verdict: {found.verdict}" if found.verdict else "")

@@ -3,12 +3,14 @@ the choice, repeats, coefficients."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
 from ..units import to_deg_per_hour
 from .console import print_table
 from .quantities import round_with_std
+from .text import number
 
 
 def show(report: Mapping[str, Any]) -> None:
@@ -26,7 +28,7 @@ def show(report: Mapping[str, Any]) -> None:
         print(an_hour(hour))
     choice = report.get("choice")
     if choice:
-        print(choice["why"])
+        print(choice["why"].split("; ")[0])  # the table above has the rest
         for name, why in choice["not_tried"].items():
             print(f"not tried: {name}, {why}")
     noise = report.get("noise") or {}
@@ -48,11 +50,11 @@ def variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any
         rows.append(
             (
                 row["model"] + (" *" if row["model"] == report.get("model") else ""),
-                None if drift is None else to_deg_per_hour(drift),
-                row["scale_factor_rms_ppm"],
-                row["held_out_chi2_per_row"],
+                None if drift is None else number(to_deg_per_hour(drift)),
+                number(row["scale_factor_rms_ppm"]),
+                number(row["held_out_chi2_per_row"]),
                 row["coefficients"],
-                "fits" if row["passed"] else row["why_not"][0],
+                "fits" if row["passed"] else _in_short(row["why_not"][0]),
             )
         )
     return (
@@ -74,13 +76,18 @@ def show_bought(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[
         rows.append(
             (
                 row["name"],
-                None if drift is None else to_deg_per_hour(drift),
-                row["scale_bought_ppm"],
-                row["z"],
+                None if drift is None else number(to_deg_per_hour(drift), 3),
+                number(row["scale_bought_ppm"], 3),
+                number(row["z"], 3),
                 row.get("needs"),
             )
         )
-    return ("factor", "buys drift, °/h", "scale factor, ppm", "z", "needs"), rows
+    return ("factor", "buys drift, °/h", "scale factor, ppm", "σ", "needs"), rows
+
+
+def _in_short(reason: str) -> str:
+    """What a reason finds, without why and what to do; the JSON has all of it."""
+    return re.split(r"[,;:(]", reason, maxsplit=1)[0].strip()
 
 
 def an_hour(hour: Mapping[str, float]) -> str:
@@ -108,9 +115,9 @@ def stability(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[An
         rows.append(
             (
                 row["name"],
-                *sizes,
+                *(number(size, 3) for size in sizes),
                 "°/h" if drift else "ppm",
-                row["p_value"],
+                number(row["p_value"], 2),
                 "repeats" if row["repeats"] else "does not repeat",
             )
         )
@@ -159,5 +166,5 @@ def show_moved(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[A
         before, now = row["before"], row["now"]
         change = None if before is None else now - before
         said = (_said(row["name"], value, row["std"]) for value in (before, now, change))
-        rows.append((COEFFICIENTS[row["name"]], *said, row["moved_sigma"]))
+        rows.append((COEFFICIENTS[row["name"]], *said, number(row["moved_sigma"], 2)))
     return ("drift coefficient", "before", "now", "change", "moved, σ"), rows

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -12,6 +13,9 @@ from typing import Any
 
 from ..pipeline import Progress
 from .text import plain
+
+NUMERAL = re.compile(r"(?:[−+-]?\d[\d.]*(?:\(\d+\))?(?:×10[⁻⁰¹²³⁴-⁹]+)?|–)?")
+"""A number as `text.number` and `quantities.round_with_std` write it, a dash, or nothing."""
 
 
 def message(text: str) -> None:
@@ -49,7 +53,9 @@ def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) 
 
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     for i, name in enumerate(head):
-        words = i == 0 or any(isinstance(row[i], str) and row[i] for row in rows)
+        words = i == 0 or any(
+            isinstance(row[i], str) and not NUMERAL.fullmatch(row[i]) for row in rows
+        )
         table.add_column(name, justify="left" if words else "right", overflow="fold")
     for row in rows:
         table.add_row(*(cell(v) for v in row))

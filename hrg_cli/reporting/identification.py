@@ -6,7 +6,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ..limit_values import unit_of
 from .console import print_table, say
+from .figures_in_words import words_of
+from .quantities import quantity, round_with_std, unit_for
 
 Rows = list[tuple[Any, ...]]
 
@@ -15,7 +18,7 @@ def show(report: Mapping[str, Any]) -> None:
     """Print the further tables and sentences of a resonator's JSON."""
     details = report.get("details", {})
     if details.get("methods"):
-        print_table("", *methods(details["methods"], list(report["parameters"])))
+        print_table("", *methods(details["methods"], report["parameters"]))
         for row in details["methods"]:
             said = [*row["warnings"], *row.get("weak_splits", [])]
             for sentence in [row["refused"]] if row["refused"] else said:
@@ -27,7 +30,7 @@ def show(report: Mapping[str, Any]) -> None:
     for name, found in intervals.items():
         if found:
             rows = [
-                (parameter, *(f"{v['68'][k]:.6g} … {v['95'][k]:.6g}" for k in (0, 1)))
+                _interval(parameter, v, str(report["parameters"][parameter]["units"]))
                 for parameter, v in found.items()
             ]
             print_table("", (f"{name} interval", "lower 68 … 95 %", "upper 68 … 95 %"), rows)
@@ -39,10 +42,12 @@ def show(report: Mapping[str, Any]) -> None:
         say(sentence)
 
 
-def methods(table: list[dict[str, Any]], names: list[str]) -> tuple[tuple[str, ...], Rows]:
-    """Head and rows of the comparison: value ± standard deviation of every parameter that a method
-    gives."""
-    shown = [n for n in names if n != "frequency_hz"]
+def methods(
+    table: list[dict[str, Any]], parameters: Mapping[str, Mapping[str, Any]]
+) -> tuple[tuple[str, ...], Rows]:
+    """Head and rows of the comparison: every parameter that a method gives, rounded by its standard
+    deviation."""
+    shown = {n: str(p["units"]) for n, p in parameters.items() if n != "frequency_hz"}
     rows: Rows = []
     for row in table:
         cells = row["parameters"]
@@ -50,12 +55,19 @@ def methods(table: list[dict[str, Any]], names: list[str]) -> tuple[tuple[str, .
             (
                 row["method"],
                 *(
-                    f"{cells[n]['value']:.5g} ± {cells[n]['std']:.1g}" if n in cells else None
-                    for n in shown
+                    quantity(n, cells[n]["value"], cells[n]["std"], units) if n in cells else None
+                    for n, units in shown.items()
                 ),
             )
         )
-    return ("method", *shown), rows
+    return ("method", *(words_of(n) for n in shown)), rows
+
+
+def _interval(name: str, bounds: Mapping[str, Any], units: str) -> tuple[str, str, str]:
+    """A row of intervals: lower and upper ends, 68 … 95 %, in the unit that fits the larger."""
+    factor, unit = unit_for(name, float(bounds["68"][1]), units)
+    ends = (f"{bounds['68'][k] * factor:.6g} … {bounds['95'][k] * factor:.6g}" for k in (0, 1))
+    return f"{words_of(name)}, {unit}".removesuffix(", "), *ends  # type: ignore[return-value]
 
 
 def _facts(details: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -66,8 +78,8 @@ def _facts(details: Mapping[str, Any]) -> list[tuple[str, str]]:
             (
                 "mode",
                 (
-                    f"{mode['frequency_hz']:.8g} Hz, decay {mode['damping_rate_1_s']:.5g} ±"
-                    f" {mode['std_1_s']:.1g} 1/s"
+                    f"{mode['frequency_hz']:.8g} Hz, decay"
+                    f" {round_with_std(mode['damping_rate_1_s'], mode['std_1_s'])} 1/s"
                 ),
             )
         )
@@ -78,16 +90,20 @@ def _facts(details: Mapping[str, Any]) -> list[tuple[str, str]]:
             if "side" in axis
             else "stiffness axis where a_B changes sign"
         )
-        found.append((where, f"{axis['value']:.6g} ± {axis['std']:.1g} rad"))
+        found.append((where, quantity("axis_rad", axis["value"], axis["std"], "rad")))
     whole = details.get("stiffness_axis_of_crossings")
     if whole:
         found.append(
-            ("stiffness axis of all crossings", f"{whole['value']:.6g} ± {whole['std']:.2g} rad")
+            (
+                "stiffness axis of all crossings",
+                quantity("axis_rad", whole["value"], whole["std"], "rad"),
+            )
         )
     for key, words in (
-        ("rate_rad_s", "fitted rate, rad/s"),
-        ("quadrature_damping_1_s", "damping of the quadrature, 1/s"),
+        ("rate_rad_s", "fitted rate"),
+        ("quadrature_damping_1_s", "damping of the quadrature"),
     ):
         if key in details:
-            found.append((words, f"{details[key]['value']:.6g} ± {details[key]['std']:.2g}"))
+            of = details[key]
+            found.append((words, quantity(key, of["value"], of["std"], unit_of(key))))
     return found

@@ -13,8 +13,9 @@ from markupsafe import Markup
 from .. import store
 from ..errors import HrgError
 from ..records import Periods, Record, Recording, Wave
+from .figures_in_words import told
 from .page_content import list_tables
-from .page_table import PageTable, cell
+from .page_table import PageTable
 from .tables import facts
 from .text import plain
 
@@ -73,7 +74,7 @@ def describe_file(path: Path, index: int, full: bool) -> PageEntry:
     """What the page tells of a file; its tables where it tells all (`full`)."""
     with store.open_record(path, store.kind_of(path)) as record:
         record = thin_out(record) if full or not isinstance(record, Periods | Wave) else record
-        shown = [(plain(name), cell(value)) for name, value in facts(record).items()]
+        shown = told(facts(record))
         kept = record
         found_tables = list_tables(kept) if full else []
     bare = _bare(kept)

@@ -17,10 +17,15 @@ from ..records import (
     Resonator,
     Wave,
 )
-from ..units import to_deg_per_hour, to_trade
-from . import calibration, diagnosis, identification
+from ..units import DEGREE_PER_HOUR, to_deg_per_hour, to_trade
+from . import calibration, diagnosis, figures_in_words, identification
 from .console import print_table
 from .json_text import json_object
+from .quantities import label_of, parameter, quantity
+from .text import number
+
+SMALLEST = 1e-3
+"""Of a °/h or a ppm."""
 
 
 def show(record: Record, report: Mapping[str, Any]) -> None:
@@ -44,23 +49,22 @@ def table(
 ) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Head and rows of a record's table."""
     if isinstance(record, Resonator):
-        return ("parameter", "value", "std", "unit"), [
-            (n, v, s, u) for n, (v, s, u) in record.parameters().items()
+        return ("parameter", "value", "in files and limits"), [
+            (label_of(n, v, s), parameter(n, v, s, u), n)
+            for n, (v, s, u) in record.parameters().items()
         ]
     if isinstance(record, Calibration):
         return _calibration(report)
-    rows = [
-        (key, value)
+    own = {
+        key: value
         for key, value in report.items()
         if key not in ("kind", "status", "status_reasons", "output")
         and not isinstance(value, dict | list)
+    }
+    return ("figure", "value"), [
+        *figures_in_words.told(own),
+        *(_trade(key, value) for key, value in (report.get("trade") or {}).items() if value),
     ]
-    rows += [
-        _trade(key, value)
-        for key, value in (report.get("trade") or {}).items()
-        if value is not None
-    ]
-    return ("figure", "value"), rows
 
 
 def facts(record: Record) -> dict[str, Any]:
@@ -109,24 +113,26 @@ def _calibration(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple
     for key in ("before", "after", "held_out"):
         d, k = drift.get(key), scale.get(key)
         if d is not None or k is not None:  # an update knows none of them
-            rows.append((key.replace("_", " "), None if d is None else to_deg_per_hour(d), k))
+            rows.append((key.replace("_", " "), _rms_rate(d), _rms(k)))
     for stage in report.get("ladder", []):
         d = stage.get("drift_rms_rad_s")
         rows.append(
             (
                 str(stage.get("stage")),
-                None if d is None else to_deg_per_hour(d),
-                stage.get("scale_factor_rms_ppm"),
+                _rms_rate(d),
+                _rms(stage.get("scale_factor_rms_ppm")),
             )
         )
     for key, value in report.get("trade", {}).items():
-        if value is None or not key.endswith(("_rad_s", "_ppm")):
+        if not value or not key.endswith(("_rad_s", "_ppm")):
+            continue
+        if abs(value) < SMALLEST * (DEGREE_PER_HOUR if key.endswith("_rad_s") else 1.0):
             continue
         rows.append(
             (
                 _words(key),
-                to_deg_per_hour(value) if key.endswith("_rad_s") else "",
-                "" if key.endswith("_rad_s") else value,
+                _rms_rate(value) if key.endswith("_rad_s") else "",
+                "" if key.endswith("_rad_s") else _rms(value),
             )
         )
     return ("rms residual", "drift, °/h", "scale factor, ppm"), rows
@@ -137,24 +143,31 @@ def _faults(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any,
     rows = [(r["name"], r["value"], r["std"], r["units"]) for r in report.get("loops", [])]
     seen = report.get("readout_matrix") or {}
     rows += [
-        (
-            name.removesuffix("_rad"),
-            seen[name],
-            seen[f"{name}_std"],
-            "rad" if name.endswith("_rad") else "1",
-        )
+        (name, seen[name], seen[f"{name}_std"], "rad" if name.endswith("_rad") else "1")
         for name in ("gain_mismatch", "electrode_nonorthogonality_rad")
         if name in seen
     ]
-    return ("fault", "value", "unit", "z"), [
-        (n, f"{v:.4g} ± {s:.2g}", u, f"{v / s:.3g}") for n, v, s, u in rows if s > 0
+    return ("fault looked for", "value", "σ"), [
+        (figures_in_words.words_of(name), quantity(name, value, std, units), number(value / std, 2))
+        for name, value, std, units in rows
+        if std > 0
     ]
 
 
-def _trade(key: str, value: float) -> tuple[str, float]:
+def _rms_rate(rate_rad_s: float | None) -> str | None:
+    return None if rate_rad_s is None else _rms(to_deg_per_hour(rate_rad_s))
+
+
+def _rms(value: float | None) -> str | None:
+    """An rms, which is known to a few per cent, in four digits; below a thousandth of its unit it
+    is none."""
+    return None if value is None else "0" if abs(value) < SMALLEST else number(value)
+
+
+def _trade(key: str, value: float) -> tuple[str, str]:
     """A figure of the trade in its own unit."""
     words, size, unit = to_trade(key, value)
-    return f"{words}, {unit}" if unit else words, size
+    return words, f"{number(size)} {unit}".strip()
 
 
 def _allan(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
@@ -165,9 +178,8 @@ def _allan(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, 
         if isinstance(found, Mapping):
             words, value, unit = to_trade(key, found["value"])
             low, high = (to_trade(key, found[end])[1] for end in ("low", "high"))
-            rows.append(
-                (words, value if value > 0 else None, low if value > 0 else None, high, unit)
-            )
+            sizes = (value, low, high) if value > 0 else (None, None, high)
+            rows.append((words, *(None if s is None else number(s, 3) for s in sizes), unit))
     return ("noise of the rate (IEEE 952)", "value", "95 % from", "to", "unit"), rows
 
 

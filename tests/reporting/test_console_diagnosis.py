@@ -105,5 +105,5 @@ def test_the_ladder_shows_the_faults_of_loops_and_readout_that_it_could_measure(
     }
     tables.show(object.__new__(Calibration), report)
     shown = capsys.readouterr().out
-    assert "0.005 ± 5e-05" in shown and "100" in shown and "0.002 ± 0.0001" in shown
-    assert "electrode_nonorthogonality" not in shown
+    assert "5.00(5) mrad" in shown and "100" in shown and "0.200(10) %" in shown
+    assert "electrode nonorthogonality" not in shown

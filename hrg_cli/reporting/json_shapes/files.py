@@ -167,6 +167,8 @@ class Verified(Shape):
     """What was changed."""
     notes: list[str]
     """What else is worth knowing."""
+    not_followed: list[str]
+    """Sources that do not lie in the folder."""
 
 
 class Verify(Common):

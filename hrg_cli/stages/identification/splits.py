@@ -53,7 +53,7 @@ def weak_splits(
             f"{n} = {components[n]['value']:.3g} ± {components[n]['std']:.1g}" for n in names
         )
         out.append(
-            f"{size} is {values[size] / std[size]:.2g} of its standard deviations: its errors and"
-            f" those of {axis} are not Gaussian, those of its components are: {said}"
+            f"{size} is {values[size] / std[size]:.2g} σ: its errors and its axis' are not"
+            f" Gaussian, its components' are: {said}"
         )
     return out

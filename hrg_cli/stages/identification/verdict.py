@@ -65,10 +65,7 @@ def judge_fit(
             else f"the runs turn the table by {turning:.2g} rad at most"
         )
         if turning and is_one_rate(fit):
-            why = (
-                "the runs have one rate and turn the wave through part of a period only, so a"
-                " damping split imitates it"
-            )
+            why = "at one rate and through part of a period only a damping split imitates it"
         notes.append(
             f"scale_factor is not determined: {why}; it is held at {nominal:g}, add runs at both"
             " signs of a larger rate"
@@ -77,10 +74,8 @@ def judge_fit(
         fit = again(known)
         if turning:
             beside = inference.widen_by_held(fit, SCALE_FACTOR, scale_factor_spread(mode))
-            notes[-1] += (
-                f"; what K within {nominal:g} ± {scale_factor_spread(mode):g} may do to the others"
-                " is in their errors"
-            )
+            spread = f"{nominal:g} ± {scale_factor_spread(mode):g}"
+            notes[-1] += f"; the other errors hold for K = {spread}"
     verdict = judge_parameters(fit, runs, known, beside)
     if notes:
         del verdict.values["scale_factor"]  # nobody said it and no run shows it

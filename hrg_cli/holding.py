@@ -1,0 +1,49 @@
+"""Several results held against one file of limits: tables for the kinds, and limits outside a table
+for all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from .errors import UsageError
+from .limit_values import suggest
+from .limits import Row, check, check_tables, figures_of, is_group
+from .records import Record
+
+WORDS = ("status", "verdict")
+"""Limits that are words."""
+
+
+def hold(records: Sequence[Record], limits: Mapping[str, Any]) -> list[list[Row]]:
+    """Rows of `limits.check` for each of several results, none for one without limits.
+
+    A limit outside a table is held against every result that has such a figure; what the table of
+    its kind says of the same figure goes first. One that no result has does not pass. UsageError: as
+    `check`.
+    """
+    check_tables(limits)
+    outside = {name: value for name, value in limits.items() if not is_group(value)}
+    known = [_names_of(record) if outside else set() for record in records]
+    nowhere = {name for name in outside if not any(name in names for names in known)}
+    for name in sorted(nowhere):
+        if hint := suggest(name, sorted({*WORDS}.union(*known))):
+            raise UsageError(f"limit {name} is no figure of these files; {hint}")
+    rows = []
+    for names, record in zip(known, records, strict=True):
+        taken = names | (nowhere if record is records[0] else set())
+        table = {name: value for name, value in outside.items() if name in taken}
+        own = limits.get(record.kind)
+        table |= own if isinstance(own, Mapping) else {}
+        rows.append(check(record, {record.kind: table}) if table else [])
+    return rows
+
+
+def concerns(limits: Mapping[str, Any], kind: str) -> bool:
+    """Whether limits may say something of a kind of file."""
+    return kind in limits or not all(is_group(value) for value in limits.values())
+
+
+def _names_of(record: Record) -> set[str]:
+    """What a limit may name in a result."""
+    return {*figures_of(record), "status"} | ({"verdict"} if record.kind == "diagnosis" else set())

@@ -1,0 +1,73 @@
+"""The figures of a file or a command for people: words, not keys; the unit behind the number; nothing
+about what is not there."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from numbers import Real
+from typing import Any
+
+from ..limit_values import SUFFIXES, unit_of
+from .quantities import unit_for
+from .text import number, plain
+
+Pairs = list[tuple[str, str]]
+DIGITS = 6
+"""Of a value without a σ: a frequency is known to more than a person reads, an rms to fewer."""
+COUNTED = ("rows", "windows", "usable", "runs")
+"""Counts that are told also where they are zero."""
+NONE_AT_ZERO = ("residual_rms", "c_add_offset", "s_add_offset")
+"""Figures that a file need not have: as many signals as unknowns leave no residual."""
+WORDS = {"chi2": "χ²", "std": "σ"}
+
+
+def told(figures: Mapping[str, Any], digits: int = DIGITS) -> Pairs:
+    """Figure and value of each that says something: no time of the computer, no count of what did
+    not happen, no empty text, no JSON."""
+    return [
+        (words_of(key), said(key, value, digits))
+        for key, value in figures.items()
+        if key != "elapsed_s" and not _is_empty(key, value)
+    ]
+
+
+def words_of(key: str) -> str:
+    """A key without its unit, in words."""
+    unit = next((end for end, _ in SUFFIXES if key.endswith(end)), "")
+    parts = re.split(r"[._]", key.removesuffix(unit))
+    return plain(" ".join(WORDS.get(part, part) for part in parts))
+
+
+def said(key: str, value: Any, digits: int = DIGITS) -> str:
+    """A value in the unit people use for what its key names."""
+    if isinstance(value, list | tuple):
+        return ", ".join(said(key, one, digits) for one in value)
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return plain(value)
+    if not math.isfinite(float(value)) or isinstance(value, int):
+        return plain(value) if isinstance(value, int) else "–"
+    factor, unit = unit_for(key, float(value), unit_of(key))
+    return f"{number(float(value) * factor, digits)} {unit}".strip()
+
+
+def _is_empty(key: str, value: Any) -> bool:
+    if value is None or value == "" or value == [] or value is False:
+        return True
+    if isinstance(value, str):
+        return _is_json(value)
+    if key in NONE_AT_ZERO:
+        return bool(value == 0)
+    return isinstance(value, int) and value == 0 and key not in COUNTED
+
+
+def _is_json(text: str) -> bool:
+    if text[:1] not in ("{", "["):
+        return False
+    try:
+        json.loads(text)
+    except ValueError:
+        return False
+    return True
