@@ -69,6 +69,8 @@ JSON_OBJECT, JSON_LIST = Valid(json="object"), Valid(json="list")
 
 MODE, READOUT = Valid(one_of=("free", "forced")), Valid(one_of=("direct", "carrier"))
 
+STANDS_FOR = Valid(one_of=("mean", "middle"))
+
 
 @dataclass(frozen=True)
 class Column:

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .columns import LOGGED, MODE, ORDER, POSITIVE, READOUT, RISING, Array, Valid, attribute, column
+from .columns import (
+    LOGGED,
+    MODE,
+    ORDER,
+    POSITIVE,
+    READOUT,
+    RISING,
+    STANDS_FOR,
+    Array,
+    Valid,
+    attribute,
+    column,
+)
 from .record import Record
 
 FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING = 1, 2, 4, 8
@@ -39,6 +51,12 @@ class Windowed(Record):
         "frequency of the reference phase, which is 0 at t = 0", dtype="f8", valid=POSITIVE
     )
     window_s: float = attribute("length of a window", dtype="f8", valid=POSITIVE)
+    window_stands_for: str = attribute(
+        '"mean": of the motion over the window; "middle": the bend of the motion within it is taken'
+        " off by the windows two before and two behind",
+        default="mean",
+        valid=STANDS_FOR,
+    )
     mode: str = attribute('"free" or "forced"', valid=MODE)
     readout: str = attribute('"direct" or "carrier"', default="direct", valid=READOUT)
     mode_number: int = attribute("angular mode number m", default=2, dtype="i8", valid=ORDER)

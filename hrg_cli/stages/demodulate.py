@@ -209,6 +209,7 @@ def _write_periods(run: Demodulator, rows: Rows, judge: StreamJudge) -> Periods:
         reference_frequency_hz=run.reference_hz,
         periods_per_window=run.window_s * run.reference_hz,
         window_s=run.window_s,
+        window_stands_for="middle" if run.takes_bends_off else "mean",
         mode=recording.mode,
         readout=recording.readout,
         carrier_hz=recording.carrier_hz,

@@ -224,9 +224,12 @@ ALLAN_UNITS = {
 }
 
 
-def allan_figures(rate_rad_s: Array, interval_s: float, window_s: float = 0.0) -> AllanFigures:
+def allan_figures(
+    rate_rad_s: Array, interval_s: float, window_s: float = 0.0, bend_off_s: float = 0.0
+) -> AllanFigures:
     """Overlapping Allan deviation of an evenly sampled rate and its coefficients, fitted with the
-    covariance of its values (`allan_terms`); window_s: what each end's angle was averaged over.
+    covariance of its values (`allan_terms`); window_s: what each end's angle was averaged over;
+    bend_off_s: of windows so long that stand for their middle.
 
     HrgError: fewer than 30 values, or values that are not finite.
     """
@@ -240,7 +243,7 @@ def allan_figures(rate_rad_s: Array, interval_s: float, window_s: float = 0.0) -
             " there; a longer run is needed"
         )
     time, deviation, _ = allan_deviation(rate, interval_s)
-    found = allan_terms(rate, interval_s, window_s)
+    found = allan_terms(rate, interval_s, window_s, bend_off_s)
     intervals = {f"{name}_{ALLAN_UNITS[name]}": asdict(c) for name, c in found.coefficients.items()}
     q, n, b, k = (c.value for c in found.coefficients.values())
     return AllanFigures(time, deviation, q, n, b, k, intervals, found.chi2 / max(found.dof, 1))

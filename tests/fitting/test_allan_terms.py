@@ -4,6 +4,7 @@ there."""
 import numpy as np
 import pytest
 
+from hrg_cli.fitting.samples.windows import curvatures, gain_at_middle
 from hrg_cli.fitting.tables.allan import allan_deviation
 from hrg_cli.fitting.tables.allan_terms import (
     LONGEST,
@@ -124,6 +125,57 @@ def test_angles_averaged_over_windows_keep_the_walk(part):
     assert held >= runs - 4 and strays <= 4
     assert np.mean(sizes) == pytest.approx(walk, rel=0.02)
     assert allan_terms(rate, INTERVAL).coefficients["angle_random_walk"].value < 0.95 * walk
+
+
+def walking_angles(seed, walk, count, per_block, fine=16, bend_off=True):
+    """Blocks of windows of a random walk of the angle (count,), each window's bend taken off as
+    the demodulation does it."""
+    steps = walk * np.sqrt(INTERVAL / per_block / fine)
+    random = np.random.default_rng(seed)
+    angle = np.cumsum(steps * random.normal(size=count * per_block * fine))
+    window = INTERVAL / per_block
+    mean = angle.reshape(-1, fine).mean(axis=1)
+    if bend_off:
+        bend, _ = curvatures(mean[None, :, None].astype(complex), 0.0, window)
+        mean = mean - bend[0, :, 0].real * window**2 / 24
+    return mean.reshape(-1, per_block).mean(axis=1)
+
+
+@pytest.mark.parametrize("per_block", [1, 2])
+def test_windows_that_stand_for_their_middle_show_the_walk(per_block):
+    """Taking the bend off makes what is quick larger: as plain windows N came out 2.4 and 1.6 %
+    high, 1.5 of its σ; now the error over σ of 40 records is 0.96 and 1.05."""
+    walk, runs = 3e-3, 40
+    window = INTERVAL / per_block
+    rates = [
+        np.diff(walking_angles(seed, walk, 1500, per_block)) / INTERVAL for seed in range(runs)
+    ]
+    found = [
+        allan_terms(rate, INTERVAL, INTERVAL, window).coefficients["angle_random_walk"]
+        for rate in rates
+    ]
+    errors = np.array([(c.value - walk) / c.std for c in found])
+    assert np.sqrt(np.mean(errors**2)) == pytest.approx(1, abs=0.34)  # three of its own σ
+    assert np.mean([c.value for c in found]) == pytest.approx(walk, rel=0.01)
+    assert sum(c.low <= walk <= c.high for c in found) >= runs - 7
+    plain = [allan_terms(r, INTERVAL, INTERVAL).coefficients["angle_random_walk"] for r in rates]
+    assert np.mean([c.value for c in plain]) > 1.01 * walk
+
+
+def test_gain_at_middle_is_that_of_the_bend_taken_off():
+    """A tone through `curvatures` and through the formula; a slow one keeps its mean's gain
+    undone to the fourth order."""
+    window, k = 0.7, np.arange(400)
+    for turns in (0.03, 0.17, 0.31, 0.5):
+        tone = np.cos(2 * np.pi * turns * k + 0.3).astype(complex)
+        bend, _ = curvatures(tone[None, :, None], 0.0, window)
+        taken = tone - bend[0, :, 0] * window**2 / 24
+        middle = slice(20, -20)
+        gain = (taken[middle] @ tone[middle]) / (tone[middle] @ tone[middle])
+        assert gain.real == pytest.approx(float(gain_at_middle(turns)), rel=1e-9)
+    slow = 0.02
+    assert np.sinc(slow) * gain_at_middle(slow) == pytest.approx(1, abs=2e-6)
+    assert np.sinc(slow) < 1 - 6e-4
 
 
 def test_what_windows_keep_is_all_of_a_long_time_and_half_of_one_interval():

@@ -107,6 +107,11 @@ class Demodulator:
             )
         return pool * max(1, windows // pool)
 
+    @property
+    def takes_bends_off(self) -> bool:
+        """Whether every window's bend is taken off; of shorter ones only where it counts."""
+        return self.periods_asked >= MOVING_PERIODS
+
     def columns(self) -> int:
         """Unknowns of a window."""
         return columns(np.zeros(1), tuple(self.reference), self.nuisance, self.moving).shape[1]
@@ -290,7 +295,7 @@ class Demodulator:
             u = take_off_pull(u, slope, turn, fits.slope)
         bend = doubt = None
         smooth = self._judged(u, times)
-        if self.periods_asked >= MOVING_PERIODS or self._bends(smooth, offset, fits):
+        if self.takes_bends_off or self._bends(smooth, offset, fits):
             bend, doubt = curvatures(smooth, offset, self.window_s) or (None, None)
         noisier = (
             pull_noise(fits.slope, fits.curvature, self.window_s)

@@ -218,6 +218,16 @@ def curvatures(
     return out, doubt
 
 
+def gain_at_middle(turns: Array | float) -> Array:
+    """What taking the bend off makes of a motion that turns so often a window: 1 + (s/24)(1 + 0.36 s),
+    s = (2/h)² sin² πhx, beside the sinc x of the mean itself (see `curvatures`).
+
+    Of a slow motion it undoes the mean; what moves quickly, noise above all, it makes larger.
+    """
+    s = (2 / BEND * np.sin(np.pi * BEND * np.asarray(turns, float))) ** 2
+    return np.asarray(1 + s / 24 * (1 + CURVED * s))
+
+
 def bend_power(u: Array, local_less_reference_rad_s: Array, window_s: float, every: int) -> Array:
     """Mean square of the curvature's second difference D (channel,), see `curvatures`, at one row
     of `every`: enough to judge by."""

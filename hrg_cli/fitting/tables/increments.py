@@ -66,6 +66,9 @@ class Path:
     rows: int
     row_s: float
     """Time between two windows."""
+    bend_off_s: float = 0.0
+    """Length of windows that stand for their middle, the bend within them taken off; 0: for their
+    mean."""
 
     def __len__(self) -> int:
         return len(self.time_s) - 1
@@ -211,6 +214,7 @@ def path_of(
         phase_rate_rad_s=2 * np.pi * (joined["frequency_hz"] - wave.reference_frequency_hz),
         rows=rows,
         row_s=float(shortest),
+        bend_off_s=wave.window_s if wave.window_stands_for == "middle" else 0.0,
         drive_main=drive_main,
         drive_quadrature=drive_quadrature,
         **joined,

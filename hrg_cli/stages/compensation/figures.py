@@ -28,6 +28,7 @@ class Totals:
         self.followed = self.turned = 0.0
         self.windows_s = 0.0
         """Sum over the increments of the mean width of the blocks at their ends."""
+        self.bend_off_s = 0.0
 
     def add(self, path: Path, before: Array, after: Array) -> None:
         """Take in the increments whose rate is known: those whose errors are finite."""
@@ -46,6 +47,7 @@ class Totals:
         self.errors.append(after[:whole].reshape(-1, self.together).mean(axis=1))
         self.time_s += float(time.sum())
         self.windows_s += float(path.middle(path.width_s)[known].sum())
+        self.bend_off_s = path.bend_off_s
         self.squares += [before @ before, after @ after]
         self.rows += len(before)
         self.followed += float(turn @ rotation)
@@ -78,7 +80,9 @@ class Totals:
         if len(errors) < LEAST_RATES:
             return {"trade": {}}
         rows = max(self.rows, 1)
-        found = allan_figures(errors, self.time_s / rows * self.together, self.windows_s / rows)
+        found = allan_figures(
+            errors, self.time_s / rows * self.together, self.windows_s / rows, self.bend_off_s
+        )
         trade = {
             "bias_residual_rad_s": float(errors.mean()),
             "white_angle_noise_rad": found.quantization_rad or None,
