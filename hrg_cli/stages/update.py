@@ -37,16 +37,22 @@ def update(
 
     reference: the resonator identified when the tables were made; with it only the *change* of the
     resonator is applied, so that what the drive adds to the tables stays in them. Refused where the
-    windows cannot tell.
+    windows cannot tell; what the resonator does not hold (the working mode has no scale factor)
+    stays as it was.
 
-    HrgError: another gyro or mode number, a refused input, a resonator without its parameters,
-    outside the tables' range.
+    HrgError: another gyro or mode number, a refused input, a resonator that holds nothing of the
+    tables, outside the tables' range.
     """
     _guard(calibration, resonator, reference)
     x = _where(calibration, resonator)
-    new, new_covariance = coefficients_of(resonator)
+    new, new_covariance = coefficients_of(resonator, partly=True)
     then, then_covariance, told_by = _then(calibration, reference, x)
-    known = np.isfinite(then)
+    known = np.isfinite(then) & np.isfinite(new)
+    if not known.any():
+        raise HrgError(
+            f"the resonator file ({resonator.method}) holds none of what the tables do: neither"
+            " splits with their axes nor a scale factor; identify it from windows at several angles"
+        )
     change, spread = (new - then)[known], (new_covariance + then_covariance)[np.ix_(known, known)]
     moved = _moved(new, new_covariance, then, then_covariance)
     chi2 = float(change @ np.linalg.pinv(spread, hermitian=True) @ change)
@@ -57,6 +63,7 @@ def update(
     record = _moved_tables(
         calibration,
         np.where(known, new - then, 0.0),
+        known,
         new_covariance,
         then_covariance,
         reference is not None,
@@ -71,6 +78,13 @@ def update(
         "reference": told_by,
         "at": x,
     }
+    told = {
+        "damping split": new[:2],
+        "scale factor": new[2:3],
+        "frequency split": new[3:],
+    }
+    kept = [name for name, values in told.items() if not np.isfinite(values).all()]
+    notes = [f"the resonator tells no {' and no '.join(kept)}: the tables' stays"] if kept else []
     remarks = (
         [f"the resonator is suspect: {reason}" for reason in resonator.status_reasons]
         if resonator.status == "suspect"
@@ -84,6 +98,7 @@ def update(
         )
     return (
         record.replace(details=json.dumps(details))
+        .judged(notes, "valid")
         .judged(doubt, "refused")
         .judged(remarks, "suspect")
     )
@@ -211,6 +226,8 @@ def _moved(
     """One row a coefficient: before, now, the change's standard deviation, and the change in it."""
     rows = []
     for i, name in enumerate(NAMES):
+        if not np.isfinite(new[i]):
+            continue
         std = float(np.sqrt(max(new_covariance[i, i] + then_covariance[i, i], 0.0)))
         change = float(new[i] - then[i])
         known = bool(np.isfinite(then[i]))
@@ -258,6 +275,7 @@ def _cannot_tell(covariance: Array, then: Array, known: Array) -> list[str]:
 def _moved_tables(
     calibration: Calibration,
     change: Array,
+    known: Array,
     new: Array,
     then: Array,
     by_reference: bool,
@@ -280,7 +298,7 @@ def _moved_tables(
     covariance = np.array(calibration.covariance, float)
     everywhere = np.zeros((len(covariance), 3))
     level = np.zeros((3, len(covariance)))
-    for h in range(3):
+    for h in np.flatnonzero(known[:3]):  # what the resonator does not tell stays as it was
         everywhere[_places(calibration)[:, h], h] = 1.0
         level[h, _places(calibration)[:, h]] = weights
     kept = np.eye(len(covariance)) - (0.0 if by_reference else 1.0) * everywhere @ level
@@ -307,7 +325,7 @@ def _moved_tables(
 
     details = json.loads(calibration.details)
     measured = details.get("measured")
-    if measured and measured["kind"] == "quadrature":
+    if measured and measured["kind"] == "quadrature" and known[3:].all():
         old, old_std = (
             np.broadcast_to(np.atleast_2d(measured[key]), (count, 2))
             for key in ("coefficients", "std")

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from synthetic_waves import GYRO, NAMES, PROGRAMME, errors, programme, run_down
 
+from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.physics.resonator import Mechanics
-from hrg_cli.records import collect
+from hrg_cli.records import Resonator, collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
@@ -169,6 +170,21 @@ def test_frequency_split_under_a_ring_electrode_through_raw_samples():
     axis, axis_std, _ = record.parameters()["stiffness_axis_rad"]
     assert abs(axis - 1.1) < 4 * axis_std
     assert 1.7 < details(record)["quadrature_damping_1_s"]["value"] / 0.4 < 2.3
+
+
+def test_a_drive_that_was_off_in_between_leaves_one_row_a_record(tmp_path):
+    """Its driven stretches are the record's own: the file that is written can be read again."""
+    config = {
+        "device": {"frequency_hz": 1000.0, "time_constant_s": 2.5, "frequency_split_hz": 0.01},
+        "readout": {"noise": 2e-4},
+        "control": {"mode": "forced", "drive": "parametric", "off_s": [[2.0, 2.5]]},
+        "recording": {"sample_rate_hz": 8000.0, "duration_s": 6.0},
+        "environment": {"rate_rad_s": 2.0},
+    }
+    wave = collect(estimate(collect(demodulate(collect(simulate(config, seed=3))))))
+    store.write(tmp_path / "working.h5", identify([wave], method="working-mode"))
+    found = store.read(tmp_path / "working.h5", Resonator)
+    assert len(found.run) == len(found.run_rows) == 1 and found.run_rows[0] > 1000
 
 
 def test_a_run_begins_and_ends_without_error_where_the_envelope_moves():

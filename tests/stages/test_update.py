@@ -95,6 +95,38 @@ def test_windows_that_cannot_tell_are_refused(calibration):
     )
 
 
+def without(resonator, *names):
+    """The resonator as a method found it that does not tell these parameters."""
+    kept = [k for k, name in enumerate(resonator.name) if name not in names]
+    columns = {f: np.array(getattr(resonator, f))[kept] for f in ("name", "value", "std", "units")}
+    return resonator.replace(**columns, covariance=np.array(resonator.covariance)[kept][:, kept])
+
+
+def test_what_the_working_mode_does_not_tell_stays_as_it_was(calibration):
+    """No mean decay and no scale factor there: the splits are brought up to date all the same, and
+    K and its deviation are the tables'."""
+    now = without(resonator_of(later(20.0), 20.0, 2e-3, seed=1), "damping_rate_1_s", "scale_factor")
+    record = update(calibration, now)
+    rows = {row["name"]: row for row in summary(record)["moved"]}
+    assert "K" not in rows and abs(rows["K_DC_rad_s"]["moved_sigma"]) > 10
+    assert np.array_equal(record.scale_factor, calibration.scale_factor)
+    assert record.scale_factor_std == pytest.approx(calibration.scale_factor_std)
+    assert any("tells no scale factor" in reason for reason in record.status_reasons)
+    before, after = (drift_error(r, later, 20.0)[0] for r in (calibration, record))
+    assert after < 0.2 * before
+    still = update(calibration, without(now, "frequency_split_rad_s", "stiffness_axis_rad"))
+    measured = [json.loads(r.details)["measured"] for r in (still, calibration)]
+    assert measured[0] == measured[1]
+    with pytest.raises(HrgError, match="holds none of what the tables do"):
+        update(
+            calibration,
+            now.replace(
+                **{k: getattr(now, k)[:0] for k in ("name", "value", "std", "units")},
+                covariance=np.zeros((0, 0)),
+            ),
+        )
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -24,23 +24,20 @@ from .programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ
 Array = np.ndarray
 NAMES = ("K_DC_rad_s", "K_DS_rad_s", "K", "quadrature_cos_rad_s", "quadrature_sin_rad_s")
 """Order of a resonator's coefficients; the last two are −2δω(cos 2mθ_ω, sin 2mθ_ω)."""
-NEEDED = (
-    "damping_split_1_s",
-    "damping_axis_rad",
-    "frequency_split_rad_s",
-    "stiffness_axis_rad",
-    "scale_factor",
-)
+DAMPING = ("damping_split_1_s", "damping_axis_rad")
+STIFFNESS = ("frequency_split_rad_s", "stiffness_axis_rad")
+NEEDED = (*DAMPING, *STIFFNESS, "scale_factor")
 
 
-def coefficients_of(resonator: Resonator) -> tuple[Array, Array]:
+def coefficients_of(resonator: Resonator, partly: bool = False) -> tuple[Array, Array]:
     """The five coefficients of `NAMES` and their covariance (5, 5), by the Jacobian of the
     resonator's parameters.
 
+    partly: what the resonator does not hold is NaN, with zeros in the covariance; else an error.
     HrgError: a parameter is missing, or its standard deviation is not finite.
     """
     names = [str(n) for n in resonator.name]
-    for name in NEEDED:
+    for name in () if partly else NEEDED:
         if name not in names:
             raise HrgError(
                 f"the resonator file of gyro {resonator.gyro_id or '?'} has no {name} (it was not"
@@ -53,26 +50,22 @@ def coefficients_of(resonator: Resonator) -> tuple[Array, Array]:
             " add free runs at other angles"
         )
     two_m = 2 * resonator.mode_number
-    value, slope = np.zeros(5), np.zeros((5, len(names)))
-    split, axis = resonator.get("damping_split_1_s"), two_m * resonator.get("damping_axis_rad")
-    value[:2] = -split * np.sin(axis), split * np.cos(axis)
-    slope[:2, names.index("damping_split_1_s")] = -np.sin(axis), np.cos(axis)
-    slope[:2, names.index("damping_axis_rad")] = (
-        -two_m * split * np.cos(axis),
-        -two_m * split * np.sin(axis),
-    )
-    value[2] = resonator.get("scale_factor")
-    slope[2, names.index("scale_factor")] = 1.0
-    split, axis = (
-        resonator.get("frequency_split_rad_s"),
-        two_m * resonator.get("stiffness_axis_rad"),
-    )
-    value[3:] = -2 * split * np.cos(axis), -2 * split * np.sin(axis)
-    slope[3:, names.index("frequency_split_rad_s")] = -2 * np.cos(axis), -2 * np.sin(axis)
-    slope[3:, names.index("stiffness_axis_rad")] = (
-        2 * two_m * split * np.sin(axis),
-        -2 * two_m * split * np.cos(axis),
-    )
+    value, slope = np.full(5, np.nan), np.zeros((5, len(names)))
+    if set(DAMPING) <= set(names):
+        split, axis = (resonator.get(name) for name in DAMPING)
+        sin, cos = np.sin(two_m * axis), np.cos(two_m * axis)
+        value[:2] = -split * sin, split * cos
+        slope[:2, names.index(DAMPING[0])] = -sin, cos
+        slope[:2, names.index(DAMPING[1])] = -two_m * split * cos, -two_m * split * sin
+    if "scale_factor" in names:
+        value[2] = resonator.get("scale_factor")
+        slope[2, names.index("scale_factor")] = 1.0
+    if set(STIFFNESS) <= set(names):
+        split, axis = (resonator.get(name) for name in STIFFNESS)
+        sin, cos = np.sin(two_m * axis), np.cos(two_m * axis)
+        value[3:] = -2 * split * cos, -2 * split * sin
+        slope[3:, names.index(STIFFNESS[0])] = -2 * cos, -2 * sin
+        slope[3:, names.index(STIFFNESS[1])] = 2 * two_m * split * sin, -2 * two_m * split * cos
     return value, slope @ covariance @ slope.T
 
 

@@ -25,6 +25,8 @@ def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Ver
     apart = [driven_and_free(w, envelope_runs.from_wave(w, rate_rad_s)) for w in waves]
     driven, free = ([run for pair in apart for run in pair[k]] for k in (0, 1))
     check_runs(driven or free)
+    # a record whose drive was off in between has several driven stretches
+    stretches = [len(pair[0 if driven else 1]) for pair in apart]
     thin = _thinned(driven or free)
     found = working_mode.monitor(thin)
     mode = thin[0].mode_number
@@ -44,7 +46,8 @@ def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Ver
         np.hypot(frequency.std(), np.hypot(found.value[1], found.value[2]) / (2 * np.pi))
     )
     full[0, 0] = std["frequency_hz"] ** 2
-    nan = np.full(len(thin), np.nan)
+    nan = np.full(len(waves), np.nan)
+    of_wave = np.repeat(np.arange(len(waves)), stretches)
     verdict = Verdict(
         values,
         std,
@@ -54,7 +57,7 @@ def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Ver
         float("nan"),
         nan,
         nan,
-        np.array([len(r) for r in thin]),
+        np.bincount(of_wave, [len(r) for r in thin], len(waves)).astype(int),
         mode_number=mode,
     )
     verdict.details = {
