@@ -303,3 +303,12 @@ def test_a_page_shows_limits_outside_a_table_and_refuses_typing_errors(tmp_path,
         given.write_text(written)
         refused = hrg(*asked, "--force")
         assert refused.status == 2 and "did you mean" in refused.err, refused.err
+
+
+def test_a_damping_split_is_told_as_its_limit_is_written(tmp_path, hrg):
+    """Limits come in °/h of drift, and so does the answer: not 1/s against °/h."""
+    store.write(tmp_path / "resonator.h5", by_hand.resonator())
+    given = limits(tmp_path, '[resonator]\nstatus = "any"\ndamping_split_1_s = "5 deg/h"\n')
+    refused = hrg("check", tmp_path / "resonator.h5", "--limits", given)
+    assert refused.status == 3 and "≤ 5 °/h" in refused.out
+    assert "°/h, the limit is ≤ 5 °/h" in refused.err and "1/s" not in refused.err

@@ -7,6 +7,7 @@ import copy
 import functools
 import inspect
 import json
+import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -291,14 +292,11 @@ def command(
     status, an example under its help.
 
     flags: options made from a stage's signature (`options.flags_of`), which the body takes as
-    **flags; idle: common option -> why it changes nothing in this command, said in its help; says:
-    common option -> its help in this command; also_written: the command's own options that name
-    further outputs.
+    **flags; idle: common option -> why it changes nothing in this command, whose help leaves it out
+    and which says so where it is given all the same; says: common option -> its help in this
+    command; also_written: the command's own options that name further outputs.
     """
-    helps = {
-        **(says or {}),
-        **{key: f"No effect here: {why}." for key, why in (idle or {}).items()},
-    }
+    without_effect = idle or {}
 
     def register(function: Callable[..., None]) -> Any:
         own = list(inspect.signature(function, eval_str=True).parameters.values())[1:]
@@ -307,6 +305,7 @@ def command(
         def run(**arguments: Any) -> None:
             given = {key: arguments.pop(key) for key in _OPTIONS}
             given["assignments"] = tuple(given["assignments"] or ())
+            _say_idle(name, given, without_effect)
             run_guarded(
                 functools.partial(_piped, name, function, Common(**given), arguments, also_written),
                 given["verbose"],
@@ -319,7 +318,7 @@ def command(
                 inspect.Parameter(
                     k,
                     inspect.Parameter.KEYWORD_ONLY,
-                    annotation=_with_help(a, helps.get(k)),
+                    annotation=_in_command(a, (says or {}).get(k), k in without_effect),
                     default=d,
                 )
                 for k, (a, d) in _OPTIONS.items()
@@ -409,14 +408,27 @@ def _piped(
     remove(names)
 
 
-def _with_help(annotation: Any, text: str | None) -> Any:
-    """The option, its help replaced."""
-    if text is None:
-        return annotation
+def _in_command(annotation: Any, text: str | None, hidden: bool) -> Any:
+    """The option with the help of this command; one without effect in it is taken, but not
+    offered."""
     kind, option = get_args(annotation)
     changed = copy.copy(option)
-    changed.help = text
+    changed.help, changed.hidden = text or option.help, hidden
     return Annotated[kind, changed]
+
+
+def _say_idle(name: str, given: Mapping[str, Any], idle: Mapping[str, str]) -> None:
+    """A line for every option that is given and has no effect in the command; the environment's
+    --strict is for all commands."""
+    if given["quiet"]:
+        return
+    for key, why in idle.items():
+        annotation, default = _OPTIONS[key]
+        by_environment = key == "strict" and os.environ.get("HRG_STRICT")
+        if given[key] not in (default, ()) and not by_environment:
+            # typer keeps the first name of an annotated option as its default
+            option = get_args(annotation)[1].default
+            print(f"hrg {name}: {option} has no effect here: {why}", file=sys.stderr)
 
 
 def command_line() -> str:

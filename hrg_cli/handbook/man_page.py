@@ -73,7 +73,10 @@ def _lines(group: Any, version: str) -> Iterator[str]:
     for name, command in commands_of(group).items():
         yield from _command(name, command)
     yield ".SH OPTIONS OF EVERY COMMAND"
-    yield "Where one of these means something else, or nothing, the command says so above."
+    yield (
+        "Where one of these means something else, the command says so above; one without effect in"
+        " a command is taken there, and said."
+    )
     common = _common()
     for parameter in common.params:
         if parameter.name not in ("install_completion", "show_completion"):
@@ -111,7 +114,9 @@ def _command(name: str, command: Any) -> Iterator[str]:
         yield from (".PP", _text(" ".join(paragraph.split())))
     shared = {parameter.name: parameter.help for parameter in _common().params}
     for parameter in command.params:
-        if parameter.param_type_name != "argument" and shared.get(parameter.name) != parameter.help:
+        if parameter.param_type_name == "argument" or parameter.hidden:
+            continue
+        if shared.get(parameter.name) != parameter.help:
             yield from _option(command, parameter)
     if command.epilog:
         yield from (
