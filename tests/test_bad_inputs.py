@@ -368,3 +368,17 @@ def test_wrong_simulation_files(text, says, hrg, tmp_path):
     )
     assert str(tmp_path / "s.toml") in result.err
     assert os.listdir(tmp_path) == ["s.toml"]
+
+
+@pytest.mark.parametrize(("bits", "size"), [(0, "1.6e+17"), (16, "4e+16"), (24, "8e+16")])
+def test_a_run_that_no_disk_holds_is_refused_with_its_size(bits, size, hrg, tmp_path):
+    """It would fill the disk first, for days."""
+    (tmp_path / "s.toml").write_text(
+        "[device]\nfrequency_hz = 1000.0\ntime_constant_s = 1.0\n"
+        f"[readout]\nadc_bits = {bits}\n"
+        "[recording]\nsample_rate_hz = 1e4\nduration_s = 1e12\n"
+    )
+    result = hrg("simulate", tmp_path / "s.toml", "-o", tmp_path / "out.h5")
+    gigabytes = f"{float(size) / 1e9:.3g} GB of samples"
+    assert result.status == 1 and gigabytes in result.err, result.err
+    assert "duration_s" in result.err and os.listdir(tmp_path) == ["s.toml"]

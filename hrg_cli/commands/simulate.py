@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,8 +18,8 @@ from ..errors import HrgError
 from ..executors import local_processes, run_tasks
 from ..records import Recording
 from ..reporting import console
-from ..stages.simulate import run_ids, simulate, summary
-from ..stages.simulation_file import runs_of
+from ..stages.simulate import simulate, size_bytes, summary
+from ..stages.simulation_file import SimulationFile, runs_of
 from .frame import Common, EffectsFrom, command, command_line, existing
 from .options import flags_of
 
@@ -67,10 +68,10 @@ def simulate_files(
         if text not in for_stage:
             settings.assign(config, *settings.parse_assignment(text))
     values = settings.resolve(simulate, run.config, for_stage, {**flags, "seed": run.seed})
+    runs = {each.run_id: each for each in runs_of(config, str(file))}
     if run.show_config:
-        runs = {each.run_id: each for each in runs_of(config, str(file))}
         run.leave_with_settings({"simulate": values, "runs": runs})
-    names = run_ids(config, str(file)) if values["run"] is None else [values["run"]]
+    names = list(runs) if values["run"] is None else [values["run"]]
     output = run.need_output("recording.h5")
     outputs = (
         [output]
@@ -79,6 +80,7 @@ def simulate_files(
     )
     for path in outputs:
         store.check_output(path, run.force)
+    _need_room([runs[name] for name in names if name in runs], file, output.parent)
     tasks = [
         Task(config, file, effects_from, {**values, "run": name}, path, run.force, command_line())
         for name, path in zip(names, outputs)
@@ -98,6 +100,17 @@ def simulate_files(
         "outputs": [str(path) for path in outputs],
         "runs": reports,
     }
+
+
+def _need_room(runs: Sequence[SimulationFile], file: Path, folder: Path) -> None:
+    """HrgError: the disk has no room for what the runs would hold."""
+    need, free = sum(map(size_bytes, runs)), shutil.disk_usage(folder).free
+    if need > free:
+        raise HrgError(
+            f"{file}: would give {need / 1e9:.3g} GB of samples, before they are compressed, and"
+            f" {folder} has {free / 1e9:.3g} GB free; shorten recording.duration_s, lower"
+            " recording.sample_rate_hz or choose another --output"
+        )
 
 
 def _all(tasks: Sequence[Task], jobs: int, progress: pipeline.Progress) -> list[dict[str, Any]]:

@@ -103,9 +103,16 @@ def simulate(
     )
 
 
-def run_ids(config: Mapping[str, Any], where: str = "simulation") -> list[str]:
+def run_ids(config: Mapping[str, Any]) -> list[str]:
     """The runs of a simulation file, in its order; the whole file is checked."""
-    return [settings.run_id for settings in runs_of(config, where)]
+    return [settings.run_id for settings in runs_of(config)]
+
+
+def size_bytes(settings: SimulationFile) -> int:
+    """Bytes of a run's samples of both channels, before they are compressed."""
+    bits = settings.readout.adc_bits
+    each = np.dtype(settings.recording.samples).itemsize if bits == 0 else 2 if bits <= 16 else 4
+    return 2 * each * _count(settings)
 
 
 def summary(record: Recording) -> dict[str, Any]:

@@ -88,6 +88,39 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("np.interp(x, t, v)", "np.interp(x, t, v[::-1])"),
             ("omega = 2 * np.pi * frequency_hz", "omega = np.pi * frequency_hz"),
             ("EARTH_RATE_RAD_S * np.sin(latitude_rad)", "EARTH_RATE_RAD_S * np.cos(latitude_rad)"),
+            ("if count > _MOST_ROWS:", "if False:"),
+            ("np.array([0.0, 1.0, 0.0, -1.0])[corner % 4]", "np.array([0.0, 1.0, 0.0, 1.0])[corner % 4]"),
+        ),
+    ),
+    "physics/coefficients.py": (
+        "tests/stages/test_simulate.py",
+        (
+            ("if len(wrong):", "if False:"),
+        ),
+    ),
+    "stages/simulation/blocks.py": (
+        "tests/stages/test_simulate.py",
+        (
+            ("if len(wrong):", "if False:"),
+        ),
+    ),
+    "stages/simulation_file.py": (
+        "tests/stages/test_simulate.py tests/stages/test_simulation_file.py",
+        (
+            ("not SMALLEST <= size <= LARGEST:", "size > LARGEST:"),
+            ("not SMALLEST <= size <= LARGEST:", "size < SMALLEST:"),
+        ),
+    ),
+    "commands/simulate.py": (
+        "tests/test_bad_inputs.py",
+        (
+            ("if need > free:", "if need > 1e12 * free:"),
+        ),
+    ),
+    "formats/matlab_child.py": (
+        "tests/formats/test_lab_formats.py",
+        (
+            ("os.read(0, 1)", "threading.Event().wait()"),
         ),
     ),
     "fitting/ellipse/closed_form.py": (
@@ -426,7 +459,9 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "settings.py": (
         "tests/test_settings.py tests/test_outputs.py",
         (
-            ("elif isinstance(tree, int) and not -LARGEST_INTEGER <= tree < LARGEST_INTEGER:", "elif False:"),
+            ("if isinstance(value, int) and not -LARGEST_INTEGER <= value < LARGEST_INTEGER:", "if False:"),
+            ("if count > MOST_KEYS:", "if False:"),
+            ("found[:MOST_TOLD]]", "found]"),
             ("return checked(stage, from_file | given, usage=True)", "return checked(stage, given | from_file, usage=True)"),
             ("kind = UsageError if usage else HrgError", "kind = HrgError"),
             ("extra=\"forbid\", frozen=True", "frozen=True"),
