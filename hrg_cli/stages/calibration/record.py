@@ -56,7 +56,8 @@ def record_of(
         covariance=covariance,
         axis=layout.axis,
         model=model,
-        interpolation=layout.interpolation,
+        # smoothing chose the nodes' values; between them the tables are cubic
+        interpolation="cubic" if layout.interpolation == "smooth" else layout.interpolation,
         mode_number=layout.mode_number,
         gyro_id=next((w.gyro_id for w in waves if w.gyro_id), ""),
         lot_id=next((w.lot_id for w in waves if w.lot_id), ""),
