@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from hrg_cli.fitting.causes import extended, slow_equation, slow_prediction
+from hrg_cli.fitting.causes import slow_equation, slow_prediction
 from hrg_cli.fitting.causes.fit_point import Point
 from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
+from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.physics.resonator import Mechanics
 
 FREQUENCY_HZ, A_PERIOD, LENGTH_S, PERIODS = 300.0, 48, 0.8, 6
@@ -131,7 +132,7 @@ def test_the_model_shows_what_demodulation_shows_under_a_force(gain_1_s):
     )  # fmt: skip
 
     def missed(second_order):
-        p = extended.coordinates.from_mechanics(mechanics, second_order)
+        p = coordinates.from_mechanics(mechanics, second_order)
         start = measured[:1]
         for _ in range(3):  # the start whose shown envelope is the measured one
             at_start = slow_prediction.predict(series, Point(p, start, np.zeros(1))).seen[:, 0]
