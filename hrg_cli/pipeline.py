@@ -121,39 +121,20 @@ def run_stage(
     }
     all_beside = [path for paths in paths_beside.values() for path in paths]
     store.need_no_input(output, (*inputs, *all_beside))
+    text = settings.to_toml({name: values})
     with ExitStack() as open_files, Sources([*inputs, *all_beside], taken=values) as sources:
-        kind = _KIND[stage.takes]
         read = {
             key: [store.read(path, _KIND[stage.beside[key]]) for path in paths]
             for key, paths in paths_beside.items()
         }
-        records_beside = [record for records in read.values() for record in records]
         arguments = {
             **{key: r if key in stage.many_beside else r[0] for key, r in read.items()},
             **(further or {}),
             **values,
         }
-        if stage.many:
-            records: list[Record] = [
-                (
-                    open_files.enter_context(store.open_record(path, kind))
-                    if stage.lazy
-                    else store.read(path, kind)
-                )
-                for path in inputs
-            ]
-            with _naming(None):
-                result = stage.function()(records, **arguments)
-            result = result.judged(_doubts(inputs, records))
-            parents = [*records, *records_beside]
-        else:
-            record = open_files.enter_context(store.open_record(inputs[0], kind))
-            with _naming(inputs[0]):
-                result = stage.function()(record, **arguments)
-            if not isinstance(result, Record):
-                result = _watched(result, record, inputs[0], progress)
-            parents = [record, *records_beside]
-        text = settings.to_toml({name: values})
+        on_files = _run_on_all if stage.many else _run_on_one
+        result, parents = on_files(stage, inputs, arguments, open_files, progress)
+        parents += [record for records in read.values() for record in records]
         written = store.write(
             output,
             result,
@@ -169,6 +150,45 @@ def run_stage(
         store.open_record(output, type(written)) as whole,
     ):  # `written` is only the stream's last block
         return Outcome(written, report(written, output, started, stage.summary(whole)))
+
+
+def _run_on_all(
+    stage: Stage,
+    inputs: Sequence[Path],
+    arguments: Mapping[str, Any],
+    open_files: ExitStack,
+    _: Progress | None,
+) -> tuple[Record, list[Record]]:
+    """The result of a stage that takes all inputs together, and what it was made of."""
+    kind = _KIND[stage.takes]
+    records: list[Record] = [
+        (
+            open_files.enter_context(store.open_record(path, kind))
+            if stage.lazy
+            else store.read(path, kind)
+        )
+        for path in inputs
+    ]
+    with _naming(None):
+        result = stage.function()(records, **arguments)
+    return result.judged(_doubts(inputs, records)), records
+
+
+def _run_on_one(
+    stage: Stage,
+    inputs: Sequence[Path],
+    arguments: Mapping[str, Any],
+    open_files: ExitStack,
+    progress: Progress | None,
+) -> tuple[Record | Iterator[Record], list[Record]]:
+    """The result of a stage that takes one input, or its stream of blocks, and what it is made
+    of."""
+    record = open_files.enter_context(store.open_record(inputs[0], _KIND[stage.takes]))
+    with _naming(inputs[0]):
+        result = stage.function()(record, **arguments)
+    if not isinstance(result, Record):
+        result = _watched(result, record, inputs[0], progress)
+    return result, [record]
 
 
 @contextmanager

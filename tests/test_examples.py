@@ -13,7 +13,12 @@ import hrg_cli
 
 FURTHER = {
     "hrg_cli.stages.rate_table": ["rate_table"],
-    "hrg_cli.store": ["read", "write"],
+    "hrg_cli.stages.forecast": ["forecast"],
+    "hrg_cli.stages.mismatch": ["mismatch"],
+    "hrg_cli.store": [
+        *("read", "write", "open_record", "read_any"),
+        *("kind_of", "provenance_of", "changes"),
+    ],
     "hrg_cli.physics.ellipse": ["envelopes", "wave"],
     "hrg_cli.fitting.tables.allan": ["allan_deviation"],
     "hrg_cli.limit_values": ["limit_value"],

@@ -197,7 +197,7 @@ def test_signals_are_as_many_as_the_read_out_has(signals, readout, tmp_path):
 
 
 def test_a_column_that_unpacks_to_far_more_than_its_file_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("hrg_cli.store.reading.UNPACKED_BYTES", 1 << 20)
+    monkeypatch.setattr("hrg_cli.store.dataset_checks.UNPACKED_BYTES", 1 << 20)
     store.write(tmp_path / "a.h5", small(Wave))
     with h5py.File(tmp_path / "a.h5", "r+") as file:
         for name in list(file["wave"]):

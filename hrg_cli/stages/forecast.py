@@ -96,8 +96,45 @@ def forecast(
 ) -> Forecast:
     """The drift and its accumulation as this resonator makes them, nothing else being wrong.
 
-    HrgError: a refused resonator, no damping, no scale factor, a split that lets no force drive
-    settle, a forecast of too many steps.
+    m·dθ/dt = −K·Ω + D(θ): seed A (8), (9) and the Adams rule (PHYSICS §4), with the standard
+    deviations that the resonator's covariance makes.
+
+    Parameters
+    ----------
+    resonator
+        Frequency, damping and splits [1/s, rad/s], axes [rad] with their covariance.
+
+    Returns
+    -------
+    Forecast
+        D [rad/s] over the wave angle, wave angle and error [rad] over time, named figures, checks.
+
+    Raises
+    ------
+    HrgError
+        A refused resonator, no damping, no scale factor, a split that lets no force drive settle, a
+        forecast of too many steps.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.stages.forecast import forecast
+    >>> known = {
+    ...     "frequency_hz": (5000.0, "Hz"), "damping_rate_1_s": (0.02, "s-1"),
+    ...     "damping_split_1_s": (2e-4, "s-1"), "damping_axis_rad": (0.35, "rad"),
+    ...     "frequency_split_rad_s": (1e-3, "rad s-1"), "stiffness_axis_rad": (0.9, "rad"),
+    ...     "scale_factor": (0.55, "1"),
+    ... }
+    >>> value = np.array([size for size, _ in known.values()])
+    >>> std = 1e-3 * np.abs(value)
+    >>> resonator = Resonator(
+    ...     name=np.array(list(known)), value=value, std=std,
+    ...     units=np.array([unit for _, unit in known.values()]), covariance=np.diag(std**2),
+    ... )
+    >>> made = forecast(resonator, duration_s=60.0)
+    >>> made.status, bool(made.figures["drift_largest_rad_s"]["value"] < 3e-4)
+    ('valid', True)
     """
     _usable(resonator, scale_factor, drive, quadrature_gain_1_s)
     whole = mechanics_of(resonator, scale_factor)

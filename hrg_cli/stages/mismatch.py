@@ -65,6 +65,25 @@ def mismatch(
     ------
     HrgError
         There is no good window.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Wave
+    >>> from hrg_cli.stages.mismatch import mismatch
+    >>> t, ones = np.arange(0.0, 5.0, 0.05), np.ones(100)
+    >>> wave = Wave(
+    ...     time_s=t, flags=np.zeros(100, "u1"), main_amplitude=1.01 * ones,
+    ...     quadrature_amplitude=0 * t, wave_angle_rad=0.1 * ones, phase_rad=0 * t,
+    ...     carrier_phase_rad=0 * t, main_amplitude_std=1e-5 * ones,
+    ...     quadrature_amplitude_std=1e-5 * ones, wave_angle_rad_std=1e-5 * ones,
+    ...     phase_rad_std=1e-5 * ones, carrier_phase_rad_std=0 * t, residual_rms=0 * t,
+    ...     signal_std=1e-5 * ones, iterations=np.zeros(100, "i4"), frequency_hz=1e3 * ones,
+    ...     reference_frequency_hz=1e3, window_s=0.05, mode="forced",
+    ... )
+    >>> signals = mismatch(wave, main_amplitude=1.0)
+    >>> round(float(signals.columns["amplitude_error"][0]), 3)
+    -0.01
     """
     good = np.asarray(wave.good())
     if not good.any():

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -27,7 +28,7 @@ from .planning.known import (
     weak_prior,
 )
 from .planning.menu import candidates
-from .planning.questions import BASE, never_told, open_causes, questions_of
+from .planning.questions import BASE, Question, never_told, open_causes, questions_of
 from .planning.worth import (
     TOLD,
     choose_runs,
@@ -122,31 +123,22 @@ def plan(
     """
     mechanics = mechanics_of(known)
     sizes, groups = open_causes(known, causes)
-    acting = {name: given for name, given in sizes.items() if given}
-    # a thermometer's error shows only through what follows temperature; where none was found, a
-    # typical coefficient is assumed
-    beside = {find(name).beside for group in groups for name in group if name != BASE} - {""}
-    if beside and not any(find(name).follows_temperature for name in acting):
-        acting |= {name: {p.name: p.typical for p in find(name).fitted()} for name in beside}
-    chosen_effects = tuple(
+    acting = _acting(sizes, groups)
+    effects = tuple(
         find(name) for name in dict.fromkeys([*sizes, *acting, *(r for g in groups for r in g)])
     )
-    layout = InformationColumns(chosen_effects, acting)
+    layout = InformationColumns(effects, acting)
     common, tables, feasible = candidates(menu, device_table(mechanics))
     waves = {name: wave_of(run) for name, run in feasible.items()}
-    references = reference_temperatures([*made, *waves.values()], chosen_effects)
-    offered = dict(
-        zip(
-            waves,
-            information(list(waves.values()), mechanics, layout, references, False),
-            strict=True,
-        )
-    )
+    references = reference_temperatures([*made, *waves.values()], effects)
+    brought = information(list(waves.values()), mechanics, layout, references, False)
+    offered = dict(zip(waves, brought, strict=True))
     had = weak_prior(mechanics, layout) + (
         sum(information(made, mechanics, layout, references, True))
         if made
         else information_of(known, mechanics, layout)
     )
+
     questions = questions_of(sizes, groups, layout, [*made, *waves.values()])
     if criterion == "separate" and not questions:
         raise HrgError(
@@ -162,9 +154,42 @@ def plan(
         else (lambda M: log_information(M, mechanics))
     )
     names = choose_runs(had, offered, min(runs, len(offered)), worth)
+    why = partial(
+        reason_of, names=names, had=had, offered=offered,
+        questions=askable if separate else (), layout=layout, m=mechanics,
+    )  # fmt: skip
     total = had + sum(offered[name] for name in names)
     refused = find_impossible(everything, questions, layout)
-    separations = tuple(
+    told_nothing = bool(questions) and len(refused) >= len(questions)
+    return Plan(
+        runs=tuple(PlannedRun(name, tables[name], why(name)) for name in names),
+        before=deviations(had, mechanics),
+        after=deviations(total, mechanics),
+        separations=_separations(questions, had, total, layout),
+        impossible=tuple(dict.fromkeys([*refused, *never_told(known)])),
+        file={**common, "run": [dict(tables[name]) for name in names]},
+        status="suspect" if told_nothing else "valid",
+        status_reasons=tuple(refused) if told_nothing else (),
+    )
+
+
+def _acting(
+    sizes: Mapping[str, dict[str, float]], groups: Sequence[Sequence[str]]
+) -> dict[str, dict[str, float]]:
+    """The causes with a size, by name; a thermometer's error shows only through what follows
+    temperature: where none was found, a typical coefficient is assumed."""
+    acting = {name: given for name, given in sizes.items() if given}
+    beside = {find(name).beside for group in groups for name in group if name != BASE} - {""}
+    if beside and not any(find(name).follows_temperature for name in acting):
+        acting |= {name: {p.name: p.typical for p in find(name).fitted()} for name in beside}
+    return acting
+
+
+def _separations(
+    questions: Sequence[Question], had: Array, total: Array, layout: InformationColumns
+) -> tuple[dict[str, Any], ...]:
+    """How many σ apart each cause and its rival are, before and after the planned runs."""
+    return tuple(
         {
             "causes": [q.cause, q.rival],
             "before_sigma": separation(had, q, layout),
@@ -172,21 +197,6 @@ def plan(
         }
         for q in questions
     )
-    before, after = deviations(had, mechanics), deviations(total, mechanics)
-    planned = tuple(
-        PlannedRun(
-            n,
-            tables[n],
-            reason_of(n, names, had, offered, askable if separate else (), layout, mechanics),
-        )
-        for n in names
-    )
-    reasons = tuple(refused) if questions and len(refused) >= len(questions) else ()
-    impossible = tuple(dict.fromkeys([*refused, *never_told(known)]))
-    return Plan(
-        planned, before, after, separations, impossible, {**common, "run": [dict(tables[n]) for n in names]},
-        "suspect" if reasons else "valid", reasons,
-    )  # fmt: skip
 
 
 def summary(made: Plan) -> dict[str, Any]:

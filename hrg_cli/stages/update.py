@@ -21,6 +21,7 @@ from ..fitting.checks import CHANCE, at_most, failures
 from ..fourier import harmonic_basis, node_weights
 from ..records import Calibration, Resonator
 from .calibration.programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ
+from .calibration.record import table_std
 from .calibration.resonators import NAMES, coefficients_of, place_of
 
 Array = np.ndarray
@@ -288,63 +289,64 @@ def _moved_tables(
     the tables, c'_j = c_j − Σw_k c_k + new: what the tables knew of the level is replaced, the
     differences between nodes stay.
     """
-    count, m = len(calibration.node), calibration.mode_number
     drift, scale = (
         np.array(t, float)
         for t in (calibration.drift_harmonics, calibration.scale_factor_harmonics)
     )
     drift[:, 1:3] += change[:2]
     scale[:, 0] += change[2]
-    covariance = np.array(calibration.covariance, float)
-    everywhere = np.zeros((len(covariance), 3))
-    level = np.zeros((3, len(covariance)))
-    for h in np.flatnonzero(known[:3]):  # what the resonator does not tell stays as it was
-        everywhere[_places(calibration)[:, h], h] = 1.0
-        level[h, _places(calibration)[:, h]] = weights
-    kept = np.eye(len(covariance)) - (0.0 if by_reference else 1.0) * everywhere @ level
-    covariance = (
-        kept @ covariance @ kept.T
-        + everywhere @ (new + then if by_reference else new)[:3, :3] @ everywhere.T
-    )
-    width = drift.shape[1] + scale.shape[1]
-    std = np.sqrt(np.maximum(np.diag(covariance), 0)).reshape(count, width)
-    first = drift.shape[1]
-    angles = np.asarray(calibration.wave_angle_rad)
+    further = new + then if by_reference else new
+    told = 0.0 if by_reference else 1.0
+    covariance = _moved_covariance(calibration, known, further, told, weights)
+
+    count, first = len(calibration.node), drift.shape[1]
+    std = np.sqrt(np.maximum(np.diag(covariance), 0)).reshape(count, first + scale.shape[1])
+    angles, m = np.asarray(calibration.wave_angle_rad), calibration.mode_number
     of_drift, of_scale = (harmonic_basis(angles, (t.shape[1] - 1) // 2, m) for t in (drift, scale))
-
-    def table_std(basis: Array, offset: int) -> Array:
-        parts = [
-            slice(j * width + offset, j * width + offset + basis.shape[1]) for j in range(count)
-        ]
-        return np.stack(
-            [
-                np.sqrt(np.maximum(np.einsum("ai,ij,aj->a", basis, covariance[p, p], basis), 0))
-                for p in parts
-            ]
-        )
-
     details = json.loads(calibration.details)
     measured = details.get("measured")
     if measured and measured["kind"] == "quadrature" and known[3:].all():
-        old, old_std = (
-            np.broadcast_to(np.atleast_2d(measured[key]), (count, 2))
-            for key in ("coefficients", "std")
-        )
-        further = np.diag(new + then if by_reference else new)[3:]
-        own = np.eye(count) - (0.0 if by_reference else 1.0) * weights[None, :]
-        details["measured"] = measured | {
-            "coefficients": (old + change[3:]).tolist(),
-            "std": np.sqrt(own**2 @ old_std**2 + further).tolist(),
-        }
+        details["measured"] = measured | _moved_measured(measured, change, further, told, weights)
     return calibration.replace(
         drift_harmonics=drift,
         drift_harmonics_std=std[:, :first],
         scale_factor_harmonics=scale,
         scale_factor_harmonics_std=std[:, first:],
         drift_rad_s=drift @ of_drift.T,
-        drift_rad_s_std=table_std(of_drift, 0),
+        drift_rad_s_std=table_std(of_drift, covariance, count, 0),
         scale_factor=scale @ of_scale.T,
-        scale_factor_std=table_std(of_scale, first),
+        scale_factor_std=table_std(of_scale, covariance, count, first),
         covariance=covariance,
         details=json.dumps(details),
     )
+
+
+def _moved_covariance(
+    calibration: Calibration, known: Array, further: Array, told: float, weights: Array
+) -> Array:
+    """Covariance of the tables after a common change of K_DC, K_DS and K with that of `further`
+    (5, 5); told: the part of the tables' own level that the change took away. What the resonator does
+    not tell (`known` (5,)) stays as it was."""
+    places, covariance = _places(calibration), np.array(calibration.covariance, float)
+    everywhere = np.zeros((len(covariance), 3))
+    level = np.zeros((3, len(covariance)))
+    for h in np.flatnonzero(known[:3]):
+        everywhere[places[:, h], h] = 1.0
+        level[h, places[:, h]] = weights
+    kept = np.eye(len(covariance)) - told * everywhere @ level
+    return np.asarray(kept @ covariance @ kept.T + everywhere @ further[:3, :3] @ everywhere.T)
+
+
+def _moved_measured(
+    measured: dict[str, Any], change: Array, further: Array, told: float, weights: Array
+) -> dict[str, Any]:
+    """The coefficients of the measured quadrature at every node, moved alike, with their σ."""
+    count = len(weights)
+    old, old_std = (
+        np.broadcast_to(np.atleast_2d(measured[key]), (count, 2)) for key in ("coefficients", "std")
+    )
+    own = np.eye(count) - told * weights[None, :]
+    return {
+        "coefficients": (old + change[3:]).tolist(),
+        "std": np.sqrt(own**2 @ old_std**2 + np.diag(further)[3:]).tolist(),
+    }

@@ -15,18 +15,9 @@ from .atomic import (
     whole_or_none,
 )
 from .handles import need_possible, need_readable
+from .headings import changes, heading_of, is_hdf5, kind_of, provenance_of, texts_of
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord
-from .reading import (
-    changes,
-    heading_of,
-    is_hdf5,
-    kind_of,
-    open_record,
-    provenance_of,
-    read,
-    read_any,
-    texts_of,
-)
+from .reading import open_record, read, read_any
 from .writing import created_now, sha256, write
 
 __all__ = [

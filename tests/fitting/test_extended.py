@@ -10,7 +10,6 @@ from hrg_cli.fitting.causes import (
     coordinate_priors,
     descent,
     designs,
-    extended,
     slow_prediction,
     whitened_rows,
 )
@@ -82,9 +81,7 @@ def test_sensitivities_are_differences_of_whole_predictions():
                     ),
                 )
                 seen.append(
-                    whitened_rows.flatten_rows(
-                        series, extended.real(there.seen * series.weight[..., None])
-                    )
+                    whitened_rows.flatten_rows(series, real(there.seen * series.weight[..., None]))
                 )
             difference = (seen[0] - seen[1]) / (2 * size)
             assert np.linalg.norm(own[:, k] - difference) < 2e-3 * np.linalg.norm(difference), (
@@ -106,7 +103,7 @@ def test_sensitivities_of_the_coordinates_are_differences_too():
             slow_prediction.predict(series, replace(point, p=point.p + sign * p)).seen
             for sign in (1, -1)
         )
-        difference = extended.real((up - down) * series.weight[..., None]) / (2 * size)
+        difference = real((up - down) * series.weight[..., None]) / (2 * size)
         assert (
             np.linalg.norm(shared[..., k] - difference) < 1e-3 * np.linalg.norm(difference) + 1e-6
         )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from forced_runs import Truth, forced_run, programme
 
+from hrg_cli import Calibration, store
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables import joint
 from hrg_cli.stages.calibrate import calibrate, summary
@@ -231,7 +232,7 @@ def test_frequency_in_place_of_temperature():
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic", "monotone", "smooth"])
-def test_sweeps_over_temperature(interpolation):
+def test_sweeps_over_temperature(interpolation, tmp_path):
     truth = Truth(8, curved=False)
     waves = [
         forced_run(truth, lambda t: -20 + 2 * t, rate, 40, i, dt=0.04, run_id=f"sweep {i}")
@@ -243,6 +244,10 @@ def test_sweeps_over_temperature(interpolation):
     drift, _ = record.values_at(x, theta)
     std = standard_deviations(record, x, theta)[0]
     assert np.sqrt(np.mean(((drift - truth.drift(x, theta)) / std) ** 2)) < 2.5
+    store.write(tmp_path / "tables.h5", record)
+    np.testing.assert_array_equal(
+        store.read(tmp_path / "tables.h5", Calibration).values_at(x, theta)[0], drift
+    )
 
 
 def test_a_hidden_half_turn_is_found():

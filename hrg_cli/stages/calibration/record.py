@@ -46,9 +46,9 @@ def record_of(
         frequency_hz=None if temperature else layout.nodes,
         wave_angle_rad=angles,
         drift_rad_s=drift @ of_drift.T,
-        drift_rad_s_std=_table_std(of_drift, covariance, count, 0),
+        drift_rad_s_std=table_std(of_drift, covariance, count, 0),
         scale_factor=scale @ of_scale.T,
-        scale_factor_std=_table_std(of_scale, covariance, count, sizes[0]),
+        scale_factor_std=table_std(of_scale, covariance, count, sizes[0]),
         drift_harmonics=drift,
         drift_harmonics_std=std[:, : sizes[0]],
         scale_factor_harmonics=scale,
@@ -56,7 +56,8 @@ def record_of(
         covariance=covariance,
         axis=layout.axis,
         model=model,
-        interpolation=layout.interpolation,
+        # smoothing chose the nodes' values; between them the tables are cubic
+        interpolation="cubic" if layout.interpolation == "smooth" else layout.interpolation,
         mode_number=layout.mode_number,
         gyro_id=next((w.gyro_id for w in waves if w.gyro_id), ""),
         lot_id=next((w.lot_id for w in waves if w.lot_id), ""),
@@ -80,7 +81,7 @@ def _covariance_of_stored(layout: TableLayout, solution: TableSolution, sizes: l
     return np.asarray(solution.covariance[np.ix_(places, places)])
 
 
-def _table_std(basis: Array, covariance: Array, nodes: int, first: int) -> Array:
+def table_std(basis: Array, covariance: Array, nodes: int, first: int) -> Array:
     """Standard deviations (nodes, angles) of a table: basis (angles, h) of its coefficients, which
     stand at `first` of each node's."""
     width = len(covariance) // nodes

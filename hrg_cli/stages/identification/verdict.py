@@ -20,6 +20,7 @@ from ...physics import ellipse
 from ...physics.resonator import PARAMETERS
 from . import closing
 from .outcome import Verdict
+from .pooled_frequency import join_frequency, pool_frequencies
 from .splits import state_splits
 
 Array = np.ndarray
@@ -28,8 +29,6 @@ POOR_FIT = 1.5
 CONTRADICTION = 30.0
 """χ² a degree of freedom from which single runs are left out to see whether one contradicts the
 rest, and the fall that shows it."""
-FREQUENCIES_DIFFER = 4
-"""Scatter of the runs' frequencies, in their typical σ, above which they are not one."""
 DISAGREES = 6
 """Shift of the answer by one run, in σ, above which it disagrees with the rest."""
 CANDIDATES = 3
@@ -109,8 +108,8 @@ def judge_parameters(
     of_z = inference.covariance_z(fit, factor) + between
     values, covariance = inference.parameter_covariance(fit, factor, mode, between)
 
-    pooled = _pool_frequencies(inference.run_frequencies(fit, factor))
-    full = _with_frequency(fit, covariance, of_z, pooled.runs, pooled.weight, mode)
+    pooled = pool_frequencies(inference.run_frequencies(fit, factor))
+    full = join_frequency(fit, covariance, of_z, pooled.runs, pooled.weight, mode)
     full[0, 0] += pooled.more_variance
     order = list(ORDER)
     std = dict(zip(order, np.sqrt(np.maximum(0.0, np.diag(full)))))
@@ -137,43 +136,6 @@ def judge_parameters(
     verdict.suspect.extend(verdict.flat)
     verdict.suspect.extend(_disagreements(verdict, fit, runs))
     return verdict
-
-
-@dataclasses.dataclass(frozen=True)
-class PooledFrequency:
-    """One frequency of all runs: their weighted mean, or the plain one where they differ by more
-    than their errors; then their scatter is in its variance, as their drift always is."""
-
-    runs: inference.Frequencies
-    weight: Array
-    """(r,) of each run in the mean."""
-    mean_hz: float
-    more_variance: float
-    """What scatter and drift add to the mean's own."""
-    differ: bool
-    drift_hz: float
-
-    def details(self) -> dict[str, Any]:
-        """What the record keeps of it."""
-        std = np.sqrt(np.diag(self.runs.covariance))
-        return {
-            "run_frequency_hz": [float(f) for f in self.runs.value],
-            "run_frequency_std_hz": [float(f) for f in std],
-            "runs_differ_in_frequency": self.differ,
-            "run_frequency_drift_hz": [float(d) for d in self.runs.drift_hz],
-            "frequency_note": _frequency_note(self.differ, self.drift_hz),
-        }
-
-
-def _pool_frequencies(runs: inference.Frequencies) -> PooledFrequency:
-    frequency, std = runs.value, np.sqrt(np.diag(runs.covariance))
-    scatter = float(np.std(frequency, ddof=1)) if len(frequency) > 1 else 0.0
-    differ = scatter > FREQUENCIES_DIFFER * float(np.median(std))
-    weight = np.ones(len(frequency)) if differ else 1 / np.maximum(std, 1e-15) ** 2
-    weight /= weight.sum()
-    drift = float(np.sqrt(np.mean(runs.drift_hz**2)))
-    more = (scatter**2 if differ else 0.0) + drift**2 / 12
-    return PooledFrequency(runs, weight, float(weight @ frequency), more, differ, drift)
 
 
 def _residual_rms(fit: Fit) -> Array:
@@ -205,43 +167,6 @@ def _details_of(fit: Fit, known: Known, mode: int, factor: float, colour: float)
 def _of_coordinates(fit: Fit, z: Array) -> Array:
     """Covariance (7, 7) of the coordinates by that of z (k, k)."""
     return np.asarray(fit.freedom.directions @ z @ fit.freedom.directions.T)
-
-
-def _with_frequency(
-    fit: Fit, covariance: Array, z: Array, runs_hz: inference.Frequencies, weight: Array, mode: int
-) -> Array:
-    """Covariance (7, 7) with the mean frequency's before the others': f = b·z + its own noise, so
-    that the whole is a covariance.
-
-    covariance (6, 6) of the others, z's covariance z (k, k); the axes that are lost in noise are
-    wider there than the slope says, and are so here.
-    """
-    through = inference.parameters_by_z(fit, mode)
-    by_z = weight @ runs_hz.by_z
-    plain = np.sqrt(np.maximum(0.0, np.einsum("ij,jk,ik->i", through, z, through)))
-    wider = np.divide(
-        np.sqrt(np.maximum(0.0, np.diag(covariance))), plain, out=np.ones(6), where=plain > 0
-    )
-    full = np.zeros((7, 7))
-    full[1:, 1:] = covariance
-    full[0, 0] = weight**2 @ runs_hz.own_variance + by_z @ z @ by_z
-    full[0, 1:] = full[1:, 0] = wider * (through @ z @ by_z)
-    return full
-
-
-def _frequency_note(differ: bool, drift_hz: float) -> str:
-    """What frequency_hz and its standard deviation are here."""
-    parts = ["frequency_hz is the mean over the runs"]
-    if differ:
-        parts.append(
-            "the runs differ by more than their errors: its standard deviation is their scatter"
-        )
-    if drift_hz > 0:
-        parts.append(
-            f"the frequency moves by {drift_hz:.2g} Hz within a run: its standard deviation holds"
-            " that range (over √12)"
-        )
-    return "; ".join(parts)
 
 
 def second_order_std(fit: Fit) -> float:

@@ -1,0 +1,139 @@
+"""Whether a dataset is what it claims: dimensions, type and unit as declared, lengths that agree, and
+no more values than its file has bytes for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from ..errors import HrgError
+from ..records import Column
+from ..units import canonical
+from .validity import dtype_problem, size_problem
+
+LARGEST_COLUMN_BYTES = 8 << 30
+"""No column read into memory at once may claim more."""
+LARGEST_GAP_BYTES = 64 << 20
+"""So much of a dataset may be left unwritten (it reads as zeros) before its size is not
+believed."""
+LARGEST_CHUNK_BYTES = 256 << 20
+"""A chunk is unpacked whole; hrg writes chunks of 1 MB."""
+UNPACKED_BYTES, UNPACKED_RATIO = 256 << 20, 50
+"""A column of more than so many bytes is read whole only where the file stores more than one in so
+many of them."""
+
+
+def text_of(value: Any) -> str:
+    """The text that every program can write again: bytes that are no UTF-8 become U+FFFD."""
+    if isinstance(value, np.ndarray) and value.shape == (1,):
+        value = value[0]
+    raw = value if isinstance(value, bytes) else str(value).encode("utf-8", "surrogatepass")
+    return raw.decode("utf-8", "replace")
+
+
+def need_declared(dataset: Any, path: Path, place: str, spec: Column) -> None:
+    """HrgError: the dataset has not the dimensions, type or unit of its declaration."""
+    assert spec.dims is not None
+    if not isinstance(dataset, h5py.Dataset):
+        raise HrgError(f"{path}: {place} is a group, a dataset was expected")
+    if dataset.shape is None or dataset.ndim != len(spec.dims):
+        raise HrgError(
+            f"{path}: dataset {place} has shape {dataset.shape}, {len(spec.dims)} dimension(s) were"
+            " expected"
+        )
+    problem = dtype_problem(dataset.dtype, spec)
+    if problem is not None:
+        raise HrgError(f"{path}: dataset {place} {problem}; convert it and write the file again")
+    units = dataset.attrs.get("units")
+    if (
+        units is not None
+        and spec.units not in (None, "any", "1")
+        and canonical(text_of(units)) != spec.units
+    ):
+        raise HrgError(
+            f"{path}: dataset {place} has units {text_of(units)!r}, {spec.units!r} was expected;"
+            " convert it and write the file again"
+        )
+
+
+def need_lengths(
+    dataset: h5py.Dataset, path: Path, place: str, spec: Column, sizes: dict[str, tuple[int, str]]
+) -> None:
+    """HrgError: a dimension is as long in no other dataset, or of an impossible length; `sizes`
+    learns the others."""
+    for dim, size in zip(spec.dims or (), dataset.shape):
+        known, where = sizes.setdefault(dim.removesuffix("_2"), (size, place))
+        if known != size:
+            raise HrgError(
+                f"{path}: {place} has {size} values where {where} has {known}; lengths must be"
+                " equal"
+            )
+        problem = size_problem(dim, size)
+        if problem is not None:
+            raise HrgError(f"{path}: dataset {place} {problem}; make the file again")
+
+
+def need_room(dataset: h5py.Dataset, path: Path, place: str) -> None:
+    """Refuse a column that would take far more memory than its file has bytes for."""
+    claimed = dataset.size * max(dataset.dtype.itemsize, 1)
+    if claimed > LARGEST_COLUMN_BYTES:
+        raise HrgError(
+            f"{path}: dataset {place} claims {dataset.size} values, more than can be held in"
+            " memory; shorten the file"
+        )
+    stored = dataset.id.get_storage_size()
+    if claimed > UNPACKED_BYTES and claimed > UNPACKED_RATIO * stored:
+        raise HrgError(
+            f"{path}: dataset {place} would unpack {stored} bytes to {claimed >> 20} MB; write it"
+            " again without such compression"
+        )
+
+
+def need_stored(dataset: h5py.Dataset, path: Path, place: str) -> None:
+    """Refuse a dataset whose values are not in this very file: a header may claim any size, and may
+    point anywhere on the disk."""
+    layout = dataset.id.get_create_plist()
+    if dataset.is_virtual or layout.get_external_count() or Path(dataset.file.filename) != path:
+        raise HrgError(
+            f"{path}: dataset {place} keeps its values in another file; copy them into this one"
+        )
+    claimed = dataset.size * dataset.dtype.itemsize
+    if dataset.chunks is not None:
+        chunk = int(np.prod(dataset.chunks)) * dataset.dtype.itemsize
+        if chunk > LARGEST_CHUNK_BYTES and chunk > UNPACKED_RATIO * dataset.id.get_storage_size():
+            raise HrgError(
+                f"{path}: dataset {place} would unpack one chunk to {chunk >> 20} MB; write it"
+                " again in smaller chunks"
+            )
+        stored = dataset.id.get_num_chunks() * int(np.prod(dataset.chunks)) * dataset.dtype.itemsize
+    else:
+        stored = (
+            claimed if layout.get_layout() == h5py.h5d.COMPACT else dataset.id.get_storage_size()
+        )
+    if claimed and (stored == 0 or claimed - stored > LARGEST_GAP_BYTES):
+        has = "none" if stored == 0 else f"{stored // dataset.dtype.itemsize} at most"
+        raise HrgError(
+            f"{path}: dataset {place} claims {dataset.size} values but stores {has}; copy or record"
+            " it again"
+        )
+
+
+def need_short_texts(dataset: h5py.Dataset, path: Path, place: str) -> None:
+    """Refuse texts whose claimed lengths the file cannot hold, before the library takes memory for
+    them.
+
+    A text of variable length is kept as its length (4 bytes), heap address and index (HDF5 file
+    format 3.0, IV.A.2.d).
+    """
+    offset = dataset.id.get_offset()
+    kind = h5py.check_string_dtype(dataset.dtype)
+    if offset is None or kind is None or kind.length is not None:
+        return
+    lengths = np.fromfile(path, "<u4", dataset.size * 4, offset=offset)[::4]
+    if len(lengths) < dataset.size or lengths.sum(dtype=np.uint64) > path.stat().st_size:
+        raise HrgError(
+            f"{path}: dataset {place} claims texts longer than the file; copy or record it again"
+        )

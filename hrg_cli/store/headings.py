@@ -1,0 +1,259 @@
+"""What a file says of itself before its datasets are looked at: kind, attributes, provenance,
+checksums."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from ..errors import HrgError, NotHrgError
+from ..records import Column, Provenance, Record, Source
+from ..version import __version__
+from . import checksums
+from .dataset_checks import text_of
+from .handles import Handle, reading
+from .layout import BY_NAME, FORMAT, FORMAT_VERSION, default_of, place_of
+from .validity import attribute_problem
+
+
+def provenance_of(path: Path | str) -> Provenance:
+    """Where a file comes from, without reading its datasets.
+
+    Parameters
+    ----------
+    path
+        An hrg file (HDF5).
+
+    Returns
+    -------
+    Provenance
+        Commands that led to it, settings of the last, sources with their digests, time and version.
+
+    Raises
+    ------
+    HrgError
+        The file cannot be opened, or its provenance is no JSON.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> path = tempfile.mkdtemp() + "/run.h5"
+    >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
+    >>> _ = store.write(path, run)
+    >>> store.provenance_of(path).sources
+    ()
+    """
+    with opened(Path(path)) as file:
+        return provenance(file, Path(path))
+
+
+def is_hdf5(path: Path | str) -> bool:
+    """Whether the file's first bytes are those of HDF5. HrgError: they cannot be read."""
+    with reading(Path(path)):
+        return bool(h5py.is_hdf5(path))
+
+
+def kind_of(path: Path | str) -> type[Record]:
+    """The kind of record in a file.
+
+    Parameters
+    ----------
+    path
+        An hrg file (HDF5).
+
+    Returns
+    -------
+    type
+        A subclass of `Record`, for `read` and `open_record`.
+
+    Raises
+    ------
+    HrgError
+        Not an hrg file, another major version of the format, an unknown kind.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> path = tempfile.mkdtemp() + "/run.h5"
+    >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
+    >>> _ = store.write(path, run)
+    >>> store.kind_of(path).__name__
+    'Recording'
+    """
+    with opened(Path(path)) as file:
+        return _kind(file, Path(path))
+
+
+def texts_of(path: Path | str, group: str, names: Sequence[str]) -> dict[str, str]:
+    """Those of the named attributes of a group that are there, as texts; also ones that no record
+    declares. HrgError: the file cannot be opened."""
+    with opened(Path(path)) as file:
+        return _texts(file, group, names)
+
+
+def heading_of(path: Path | str, kind: type[Record], names: Sequence[str]) -> dict[str, str]:
+    """Those of the named attributes of a record of that kind that are there, as texts; its datasets
+    are not looked at. HrgError: the file cannot be opened, holds another kind, or an attribute is
+    not as declared; NotHrgError: another program's HDF5."""
+    declared = kind.columns()
+    with opened(Path(path)) as file:
+        need_kind(file, Path(path), kind)
+        texts = _texts(file, kind.kind, names)
+        for name in texts.keys() & declared.keys():
+            spec = declared[name]
+            place = place_of(kind, name, spec)
+            texts[name] = str(read_attribute(file, Path(path), place, name, spec))
+        return texts
+
+
+def changes(path: Path | str) -> list[str] | None:
+    """What in a file differs from what was written there, by its checksums (SHA-256).
+
+    Parameters
+    ----------
+    path
+        An hrg file (HDF5).
+
+    Returns
+    -------
+    list of str or None
+        A sentence a change, none for none; None where the file keeps no checksums (a
+        laboratory's).
+
+    Raises
+    ------
+    HrgError
+        The file cannot be opened.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> path = tempfile.mkdtemp() + "/run.h5"
+    >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
+    >>> _ = store.write(path, run)
+    >>> store.changes(path)
+    []
+    """
+    with opened(Path(path)) as file:
+        return checksums.changes(file)
+
+
+@contextlib.contextmanager
+def opened(path: Path) -> Iterator[h5py.File]:
+    """An HDF5 file for reading; every way h5py fails becomes a sentence."""
+    handle = Handle(path)
+    try:
+        with reading(path):
+            yield handle.file()
+    finally:
+        handle.close()
+
+
+def _texts(file: h5py.File, group: str, names: Sequence[str]) -> dict[str, str]:
+    held = file[group].attrs if group in file else {}
+    return {name: text_of(held[name]) for name in names if name in held}
+
+
+def _kind(file: h5py.File, path: Path) -> type[Record]:
+    if text_of(file.attrs.get("format", "")) != FORMAT:
+        raise NotHrgError(
+            f'{path}: is HDF5 but not an hrg file (root attribute format = "hrg" is missing); run'
+            " `hrg import` on a foreign log"
+        )
+    version = text_of(file.attrs.get("format_version", ""))
+    if version.split(".")[0] != FORMAT_VERSION.split(".")[0]:
+        raise HrgError(
+            f"{path}: has format_version {version or 'none'}, this hrg reads {FORMAT_VERSION}; use"
+            " a matching version of hrg"
+        )
+    kind = text_of(file.attrs.get("kind", ""))
+    if kind not in BY_NAME:
+        raise HrgError(
+            f"{path}: its kind is {kind!r}, expected one of {', '.join(BY_NAME)}; write the file"
+            f" again with hrg {__version__}"
+        )
+    return BY_NAME[kind]
+
+
+def need_kind(file: h5py.File, path: Path, kind: type[Record]) -> None:
+    """HrgError: the file holds another kind."""
+    found = _kind(file, path)
+    if found is not kind:
+        raise HrgError(
+            f"{path}: is a {found.kind} file, a {kind.kind} file was expected; make one with"
+            f" `{kind.made_by}`"
+        )
+
+
+def read_attribute(file: h5py.File, path: Path, place: str, field_name: str, spec: Column) -> Any:
+    """An attribute as declared; its default where it may be missing. HrgError: missing or wrong."""
+    group, _, name = place.rpartition("/")
+    holder = file.get(group)
+    if holder is None or name not in holder.attrs:
+        if spec.optional:
+            return default_of(field_name, spec)
+        raise HrgError(
+            f"{path}: attribute {name} of {group} is missing; make the file again or add it"
+        )
+    value = _parsed(holder.attrs[name], spec, f"{path}: attribute {name} of {group}")
+    problem = attribute_problem(value, spec)
+    if problem is not None:
+        raise HrgError(
+            f"{path}: attribute {name} of {group} {problem}; correct it or make the file again"
+        )
+    return value
+
+
+def _parsed(value: Any, spec: Column, where: str) -> Any:
+    try:
+        if spec.dtype == "str":
+            return text_of(value)
+        number = float(np.asarray(value).reshape(()))
+        if spec.dtype == "i8":
+            if number != int(number):
+                raise ValueError
+            return int(number)
+        return number
+    except (TypeError, ValueError, OverflowError) as error:
+        raise HrgError(f"{where} is {text_of(value)[:60]!r}, a number was expected") from error
+
+
+def json_list(file: h5py.File, name: str, path: Path) -> list[Any]:
+    """A root attribute that holds a JSON list; empty where it is none."""
+    text = text_of(file.attrs.get(name, "[]"))
+    try:
+        value = json.loads(text)
+    except ValueError as error:
+        raise HrgError(f"{path}: root attribute {name} is not JSON") from error
+    return value if isinstance(value, list) else []
+
+
+def provenance(file: h5py.File, path: Path) -> Provenance:
+    """What the root attributes tell of the file's origin."""
+    history = text_of(file.attrs.get("history", ""))
+    sources = []
+    for entry in json_list(file, "sources", path):
+        if isinstance(entry, dict):
+            samples = entry.get("samples")
+            known = tuple(map(str, samples)) if isinstance(samples, list) else ()
+            name, kind, digest = (str(entry.get(key, "")) for key in ("name", "kind", "sha256"))
+            sources.append(Source(name, kind, digest, known))
+    return Provenance(
+        history=tuple(history.splitlines()),
+        settings=text_of(file.attrs.get("settings", "")),
+        sources=tuple(sources),
+        created=text_of(file.attrs.get("created", "")),
+        generated_by=text_of(file.attrs.get("generated_by", "")),
+    )
