@@ -187,6 +187,26 @@ def test_hysteresis_is_neither_lag_nor_gradient():
     )
 
 
+def test_a_cause_costs_no_more_than_the_parameters_that_it_needs():
+    """Ramps of one speed up and down: a gradient that moves the frequency alone and a hysteresis are
+    the same there. That the gradient may also move the split is no reason to name the other."""
+    table = programme(42, {"thermal_gradient": {"frequency_s_k": 1.5e-9}}, runs=4)
+    for run in table["run"]:
+        run["environment"] |= {
+            "temperature": {
+                "kind": "cycle",
+                "low_degc": 22.0,
+                "high_degc": 23.0,
+                "period_s": 1.0,
+                "shape": "triangle",
+            }
+        }
+    _, out = verdict(table)
+    (one,) = out["effects"]
+    group = {one["name"], *one["indistinguishable_from"]}
+    assert out["verdict"] == "explained" and {"thermal_gradient", "thermal_hysteresis"} <= group
+
+
 def test_damping_that_drifts_does_not_grow_with_amplitude():
     named(programme(41, {"damping_drift": {"slope_1_s2": 1e-3}}), "damping_drift")
 

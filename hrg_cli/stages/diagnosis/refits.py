@@ -4,6 +4,8 @@ free or held."""
 from __future__ import annotations
 
 import contextlib
+import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
@@ -110,9 +112,28 @@ def hold_unseen(variant: Variant, fit: ExtendedFit) -> Variant:
 
 
 def bic(fit: ExtendedFit) -> float:
-    """χ² + rank·ln N, and what the choice of their instants costs causes that happen at one."""
-    chosen = sum(price_of_place(effect, fit) for effect, _ in fit.point.active)
+    """χ² + rank·ln N, what the choice of their instants costs causes that happen at one, less what
+    causes save whose parameters are not all needed."""
+    chosen = sum(price_of_place(effect, fit) - _saved(effect, fit) for effect, _ in fit.point.active)
     return fit.chi2 + fit.basis.shape[1] * float(np.log(len(fit.residual))) + chosen
+
+
+def _saved(effect: Effect, fit: ExtendedFit) -> float:
+    """What of a cause's price ln N a parameter is not owed where some of its parameters at neutral,
+    the others fitted again, would do: χ² rises by aᵀC⁻¹a of those (Wald), and which of them is a
+    choice among as many."""
+    off, _ = fit.away(effect)
+    columns = fit.layout.effect(effect.name)
+    C = fit.covariance[columns, columns]
+    price = float(np.log(len(fit.residual)))
+    best = 0.0
+    for count in range(1, len(off)):
+        tries = 2 * float(np.log(math.comb(len(off), count)))
+        for idle in itertools.combinations(range(len(off)), count):
+            some = list(idle)
+            rise = float(off[some] @ np.linalg.pinv(C[np.ix_(some, some)]) @ off[some])
+            best = max(best, count * price - tries - rise)
+    return best
 
 
 Trial = tuple[float, ExtendedFit, Score, Variant]
