@@ -94,6 +94,23 @@ def test_commands_run_and_print_what_is_shown(page, said, tmp_path):
     np.testing.assert_allclose(numbers, shown_numbers, rtol=0.05, atol=1e-9)
 
 
+def test_every_equation_of_the_papers_has_a_command_that_is_run():
+    """Seed A (1) to (17) and seed B (1), (2) stand in the papers' table, each beside a command of
+    the page's block; those of the block that make something of a gyro all stand in the table."""
+    page = ROOT / "docs" / "explanation" / "papers.md"
+    (said,) = (found for of, found in RUN if of == page)
+    commands = said["commands"].splitlines()
+    rows = re.findall(r"^\| ([AB])(.*?) \| `(hrg .*?)` \|", page.read_text("utf-8"), re.M)
+    told: dict[str, set[int]] = {"A": set(), "B": set()}
+    for paper, equation, command in rows:
+        assert command in commands, command
+        for first, last in re.findall(r"\((\d+)\)(?:–\((\d+)\))?", equation):
+            told[paper] |= set(range(int(first), int(last or first) + 1))
+    assert told == {"A": set(range(1, 18)), "B": {1, 2}}
+    kinds = {command.split()[1] for *_, command in rows}
+    assert kinds == {line.split()[1] for line in commands if line.startswith("hrg ")}
+
+
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
