@@ -172,6 +172,23 @@ def test_slow_commands_run_on_shorter_recordings(said, tmp_path):
     run(said, tmp_path, SHORTER)
 
 
+def test_every_equation_of_the_papers_has_a_command_that_is_run():
+    """Seed A (1) to (17) and seed B (1), (2) stand in the papers' table, each beside a command of
+    the page's block; those of the block that make something of a gyro all stand in the table."""
+    page = ROOT / "docs" / "explanation" / "papers.md"
+    (said,) = (said for said in RUN if said.page == page)
+    commands = said.found["commands"].splitlines()
+    rows = re.findall(r"^\| ([AB])(.*?) \| `(hrg .*?)` \|", page.read_text("utf-8"), re.M)
+    told: dict[str, set[int]] = {"A": set(), "B": set()}
+    for paper, equation, command in rows:
+        assert command in commands, command
+        for first, last in re.findall(r"\((\d+)\)(?:–\((\d+)\))?", equation):
+            told[paper] |= set(range(int(first), int(last or first) + 1))
+    assert told == {"A": set(range(1, 18)), "B": {1, 2}}
+    kinds = {command.split()[1] for *_, command in rows}
+    assert kinds == {line.split()[1] for line in commands if line.startswith("hrg ")}
+
+
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):

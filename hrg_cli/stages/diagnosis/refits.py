@@ -114,7 +114,9 @@ def hold_unseen(variant: Variant, fit: ExtendedFit) -> Variant:
 def bic(fit: ExtendedFit) -> float:
     """χ² + rank·ln N, what the choice of their instants costs causes that happen at one, less what
     causes save whose parameters are not all needed."""
-    chosen = sum(price_of_place(effect, fit) - _saved(effect, fit) for effect, _ in fit.point.active)
+    chosen = sum(
+        price_of_place(effect, fit) - _saved(effect, fit) for effect, _ in fit.point.active
+    )
     return fit.chi2 + fit.basis.shape[1] * float(np.log(len(fit.residual))) + chosen
 
 
