@@ -55,7 +55,7 @@ def test_a_table_gives_the_scale_factor_and_its_coefficient(tmp_path):
         " -350 }\n"
     )
     assert hrg("check", tmp_path / "cal.h5", "--limits", limits)[0] == 0
-    assert "scale_factor_coefficient" in hrg("info", tmp_path / "cal.h5")[1]
+    assert "scale factor coefficient" in hrg("info", tmp_path / "cal.h5")[1]
     assert hrg("report", tmp_path / "cal.h5", "-o", tmp_path / "cal.html")[0] == 0
 
 

@@ -27,17 +27,20 @@ class LoopWatch:
         self._ratio: list[Array] = []
         self._beyond, self._count = 0, 0
 
+    def unstable(self, time_s: float) -> HrgError:
+        """What is to be said where the wave has grown beyond all numbers."""
+        return HrgError(
+            f"simulation: run {self._settings.run_id}: the loops are unstable, the wave has no"
+            f" finite amplitude at {time_s:g} s; lower the gains or the delay, or give"
+            " electronics.drive_full_scale, at which the drive saturates"
+        )
+
     def see(self, rows: Mapping[str, Array]) -> None:
         """Further rows of log and truth. HrgError: the wave has grown beyond all numbers."""
         time = rows["truth_time_s"]
         a_A, a_B = rows["truth_main_amplitude"], rows["truth_quadrature_amplitude"]
         if not np.all(np.isfinite(a_A)):
-            at = time[np.argmin(np.isfinite(a_A))]
-            raise HrgError(
-                f"simulation: run {self._settings.run_id}: the loops are unstable, the wave has no"
-                f" finite amplitude at {at:g} s; lower the gains or the delay, or give"
-                " electronics.drive_full_scale, at which the drive saturates"
-            )
+            raise self.unstable(float(time[np.argmin(np.isfinite(a_A))]))
         full = self._settings.electronics.drive_full_scale if self._settings.electronics else None
         if full is not None:
             self._beyond += int(

@@ -101,7 +101,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "stages/simulation/blocks.py": (
         "tests/stages/test_simulate.py",
         (
-            ("if len(wrong):", "if False:"),
+            ("if not len(wrong):", "if True:"),
         ),
     ),
     "stages/simulation_file.py": (

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hrg_cli.effects import EFFECTS, find
+from hrg_cli.fitting.causes import scales, whitened_rows
 from hrg_cli.studies import hidden, power
 from hrg_cli.studies.diagnosis import assemble, diagnosis_study, figure, table
 
@@ -59,9 +60,9 @@ def test_a_size_is_what_an_ideal_detector_measures():
     one = hidden.hide("gain_mismatch", np.random.default_rng(4), 3e-4)
     for seed in range(8):
         fit = hidden.base_fit(one.measured(size, seed), None, {})
-        step = hidden.extended_fit.steps_of(one.effect, fit.series)
+        step = scales.steps_of(one.effect, fit.series)
         direction = hidden._beside(
-            hidden.extended_fit.sensitivity(fit.flow, one.effect, one.neutral, step), fit
+            whitened_rows.sensitivity(fit.flow, one.effect, one.neutral, step), fit
         )[:, 0]
         found.append(
             np.sign(next(iter(one.direction.values())))

@@ -40,7 +40,7 @@ def record_blocks(
     first = 0
     for block in made:
         n = len(block.samples.time_s)
-        _need_finite(block, settings.run_id)
+        _need_finite(block, settings, watch)
         raw = readout.convert(pickoff, readout.measure(pickoff, block.samples, random))
         keep = readout.kept_samples(pickoff, first, n, rate)
         waiting.append(raw if keep is None else raw[:, keep])
@@ -62,15 +62,18 @@ def record_blocks(
     yield last if watch is None else last.judged(watch.reasons())
 
 
-def _need_finite(block: Block, run_id: str) -> None:
-    """HrgError: the motion has left what a number can hold."""
+def _need_finite(block: Block, settings: SimulationFile, watch: LoopWatch | None) -> None:
+    """HrgError: the motion has left what a number can hold, by its loops or otherwise."""
     wrong = np.flatnonzero(~np.isfinite(block.samples.z).all(axis=0))
-    if len(wrong):
-        raise HrgError(
-            f"simulation: the motion of run {run_id} is no finite number from"
-            f" {block.samples.time_s[wrong[0]]:.6g} s on; it grows without bound, or its settings"
-            " are beyond what can be simulated: correct them"
-        )
+    if not len(wrong):
+        return
+    at = float(block.samples.time_s[wrong[0]])
+    if watch is not None and settings.control.mode == "forced":
+        raise watch.unstable(at)
+    raise HrgError(
+        f"simulation: the motion of run {settings.run_id} is no finite number from {at:.6g} s on; it"
+        " grows without bound, or its settings are beyond what can be simulated: correct them"
+    )
 
 
 def _rows(
