@@ -152,7 +152,7 @@ def explain_choice(
     else:
         why = f"no variant passes its checks; {chosen.name} predicts data left out best"
     if written.name != chosen.name:
-        why = f"{written.name} is written as asked, --model auto would take another: {why}"
+        why = f"{written.name} is written as asked; --model auto: {why}"
     return {
         "model": chosen.name,
         "why": f"{why}; held-out χ² per row: {words}",

@@ -124,6 +124,8 @@ def _saved(effect: Effect, fit: ExtendedFit) -> float:
     """What of a cause's price ln N a parameter is not owed where some of its parameters at neutral,
     the others fitted again, would do: χ² rises by aᵀC⁻¹a of those (Wald), and which of them is a
     choice among as many."""
+    if len(fit.layout.parameters(effect.name)) < 2:
+        return 0.0
     off, _ = fit.away(effect)
     columns = fit.layout.effect(effect.name)
     C = fit.covariance[columns, columns]
