@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...effects.effect import ROUNDING
+from ...effects.effect import branch
 
 Array = np.ndarray
 SMOOTH = 0.5
@@ -20,7 +20,7 @@ beside a corner they have none."""
 def mean_branch(time_s: Array, temperature: Array) -> Array:
     """Mean of the branch (+1 rising, −1 falling, 0 before any change) over the step that follows
     each row, (n,); the last row has none and repeats the one before."""
-    signs = _signs(temperature)
+    signs = branch(temperature)[1:]  # of every step
     if len(signs) == 0 or not signs.any():
         return np.zeros(len(time_s))
     starts, values = [float(time_s[0])], [float(signs[0])]
@@ -34,14 +34,6 @@ def mean_branch(time_s: Array, temperature: Array) -> Array:
     integral = np.interp(time_s, ends[distinct], area[distinct])
     mean = np.diff(integral) / np.diff(time_s)
     return np.append(mean, mean[-1])
-
-
-def _signs(temperature: Array) -> Array:
-    """Sign of the last change up to every step, (n − 1,); rounding is no change."""
-    steps = np.diff(temperature)
-    signs = np.where(np.abs(steps) > ROUNDING * np.ptp(temperature), np.sign(steps), 0.0)
-    last = np.maximum.accumulate(np.where(signs != 0, np.arange(len(signs)), 0))
-    return np.asarray(signs[last])
 
 
 def turning_time_s(time_s: Array, temperature: Array, step: int) -> float:

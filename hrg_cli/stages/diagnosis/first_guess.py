@@ -16,6 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...effects.effect import frame
+from ...fitting.causes.designs import solve
 from ...fitting.causes.slow_equation import times
 from ...fitting.causes.wave_frame import real
 from ...fitting.envelopes import coordinates, propagator
@@ -25,8 +26,6 @@ from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...records import Wave
 
 Array = np.ndarray
-SHOWN = 1e-6
-"""Part of its own length that a column must have beside the others to be fitted."""
 
 
 def guess(
@@ -78,7 +77,7 @@ def regress_driven(
     if not logged:
         return None
     free = [k for k in range(SCALE_FACTOR + 1) if k != SCALE_FACTOR or scale_factor is None]
-    designs, targets = [], []
+    columns_of, targets = [], []
     for place, k in enumerate(logged):
         shared, own, target = _integrated(runs[k], waves[k], float(offsets[k]))
         if scale_factor is not None:
@@ -86,9 +85,9 @@ def regress_driven(
         columns = np.zeros((len(target), len(free) + len(logged)))
         columns[:, : len(free)] = shared[:, free]
         columns[:, len(free) + place] = own
-        designs.append(_without_start(columns))
+        columns_of.append(_without_start(columns))
         targets.append(_without_start(target))
-    found = _solve(np.concatenate(designs), np.concatenate(targets))
+    found, _ = solve(np.concatenate(columns_of), np.concatenate(targets))
     p = np.zeros(COUNT)
     p[SCALE_FACTOR] = 0.0 if scale_factor is None else scale_factor
     p[free] = found[: len(free)]
@@ -148,10 +147,3 @@ def _without_start(rows: Array) -> Array:
     takes up."""
     by_component = rows.reshape(-1, 4, *rows.shape[1:])
     return np.asarray(by_component - by_component.mean(axis=0)).reshape(rows.shape)
-
-
-def _solve(columns: Array, target: Array) -> Array:
-    """Least squares; what cannot be told is left at 0."""
-    size = np.linalg.norm(columns, axis=0)
-    size[size == 0] = 1.0
-    return np.linalg.lstsq(columns / size, target, rcond=SHOWN)[0] / size

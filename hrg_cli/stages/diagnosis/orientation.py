@@ -15,7 +15,7 @@ import numpy as np
 from ...fitting.causes import evidence, extended_fit
 from ...fitting.causes.extended_fit import ExtendedFit
 from .case import Case
-from .refits import leave_out
+from .refits import bic, leave_out
 from .scoring import score_effects, worth
 from .thresholds import WORTH
 from .variants import Variant
@@ -63,9 +63,9 @@ def settle_signs(
     if turned is None:
         return case, start
     (better, from_here), (other, _) = sorted(
-        ((case, start), (explained(turned), turned)), key=lambda pair: _criterion(pair[0])
+        ((case, start), (explained(turned), turned)), key=lambda pair: bic(pair[0].search.final)
     )
-    if _criterion(other) - _criterion(better) < WORTH:
+    if bic(other.search.final) - bic(better.search.final) < WORTH:
         better = _with_rivals_of(better, other)
     return better, from_here
 
@@ -75,21 +75,17 @@ def _orient_beside(
 ) -> ExtendedFit | None:
     """The start with the phases as they may stand as well beside all causes but the coherent ones;
     None where there is no other way."""
+    if not final.point.active:
+        return None
     coherent = [effect.name for effect, _ in final.point.active if effect.coherent]
     beside = leave_out(final, *coherent, base=start) if coherent else final
-    if beside is None or not final.point.active:
+    if beside is None:
         return None
     turned = orient_runs(beside, candidates, margin=WORTH)
     if turned is beside:
         return None
     series = replace(start.series, phase_rad=turned.series.phase_rad)
     return extended_fit.fit(series, start.point, start.freedom)
-
-
-def _criterion(case: Case) -> float:
-    """χ² of a case's final model, and what its parameters cost."""
-    final = case.search.final
-    return float(final.chi2 + final.layout.count * np.log(len(final.residual)))
 
 
 def _with_rivals_of(case: Case, other: Case) -> Case:
