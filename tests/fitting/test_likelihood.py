@@ -11,6 +11,7 @@ from synthetic_waves import GYRO, programme, run_down
 
 from hrg_cli.fitting.envelopes import coordinates, envelope_runs, propagator
 from hrg_cli.fitting.envelopes.base_fit import Known, base_fit, start_from_propagator
+from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
 from hrg_cli.fitting.envelopes.likelihood import State, batch, respond
 from hrg_cli.fitting.envelopes.matrices import chain
 from hrg_cli.physics import resonator
@@ -272,3 +273,29 @@ def test_propagator_alone_is_close_and_needs_no_start():
     assert np.allclose(p[[0, 5]], [0.05, 0.277], rtol=0.02)
     assert np.hypot(p[3], p[4]) == pytest.approx(4.0, rel=0.01)
     assert np.all(np.abs(offsets) < 0.01)
+
+
+def beating(half_split_turns, noise=1e-3, rows=25_000, seconds=5000.0):
+    """A run at rest near one of its stiffness axes, its two frequencies apart by some beats a run."""
+    rng = np.random.default_rng(int(half_split_turns))
+    time = np.arange(rows) * seconds / rows
+    split, start, axis = half_split_turns / seconds, rng.uniform(0, 1.5), 1.1
+    along = np.array([[np.cos(axis / 2), -np.sin(axis / 2)], [np.sin(axis / 2), np.cos(axis / 2)]])
+    modes = along.T @ (0.9 * np.array([np.cos(2 * start), np.sin(2 * start)]))
+    turning = np.exp(np.outer(time, [-1 / seconds + 1j * split, -1 / seconds - 1j * split]))
+    envelope = (modes * turning) @ along.T * np.exp(0.3j * split * time)[:, None]
+    envelope += noise * (rng.standard_normal((rows, 2)) + 1j * rng.standard_normal((rows, 2)))
+    std, at_rest = np.full(rows, noise), np.zeros(rows)
+    return EnvelopeRun("beats", time, envelope, std, at_rest, None, 5e3, 2, seconds / rows), split
+
+
+@pytest.mark.parametrize("turns", [3, 100, 550, 1000, 1500, 2500])
+def test_runs_that_beat_some_hundred_times_are_followed(turns):
+    """A first guess that knows no split averaged the beats away, or took 2 rad of it for none: a run
+    of 550 rad could not be fitted."""
+    run, split = beating(turns)
+    fit = base_fit([run], Known(scale_factor=0.55))
+    assert 0.9 < fit.chi2 / fit.dof < 1.1
+    std = np.sqrt(np.diag(fit.covariance_z()))
+    assert abs(fit.p[0] - 1 / run.duration_s) < 4.5 * std[0]
+    assert abs(np.hypot(*fit.p[3:5]) - split) < 4.5 * np.max(std[3:5])

@@ -127,7 +127,8 @@ def start_from_propagator(
     p, offsets = propagator.guess_roughly(runs)
     if known.scale_factor is not None:
         p[SCALE_FACTOR] = known.scale_factor
-    thin = propagator.thin_rows(runs, p, offsets, propagator.START_BLOCKS)
+    most = max(propagator.START_BLOCKS, rows.MOST_ROWS // len(runs))
+    thin = propagator.thin_to_beats(runs, p, offsets, propagator.START_BLOCKS, most)
     space = freedom(known, p, runs[0].mode_number, span)
     p = space.origin + space.directions @ np.linalg.pinv(space.directions) @ (p - space.origin)
     p, offsets, covariance = propagator.identify(thin, space, p, offsets)
@@ -145,14 +146,19 @@ def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: in
             best = _base_fit(runs, known or Known(), blocks)
     except np.linalg.LinAlgError:
         best = None
-    if best is None or not (
-        np.all(np.isfinite(best.p)) and np.isfinite(best.chi2) and np.all(np.isfinite(best.root))
-    ):
+    if best is None or has_run_away(best):
         raise HrgError(
             f"{runs[0].run_id or 'the run'}{' and others' if len(runs) > 1 else ''}: no run-down of"
             f" a resonator can be fitted; {_advice(runs, known or Known())}"
         )
     return best
+
+
+def has_run_away(result: Fit) -> bool:
+    """Whether a fit has left what numbers can hold: not finite, or its information is not."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        seen = (result.p, result.chi2, np.square(result.root), np.square(result.data_root))
+    return not all(np.all(np.isfinite(values)) for values in seen)
 
 
 def _advice(runs: Sequence[EnvelopeRun], known: Known) -> str:
@@ -179,7 +185,7 @@ def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | N
     result = _first_fit(
         runs if courses is None else phase_course.straighten_phases(runs, courses), known, blocks
     )
-    if result is None:
+    if result is None or has_run_away(result):
         return None
     if courses is not None:
         seen, phase = phase_course.bend_back(
@@ -188,7 +194,7 @@ def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | N
         data = batch(seen)
         result = solve(data, result.freedom, result.z, data.envelope[:, 0], phase)
     result = settle_averages(runs, grow_phase_orders(result), blocks)
-    held = second_order(result)
+    held = None if has_run_away(result) else second_order(result)
     if held is not None:
         space = without_second_order(result.freedom, held)
         state = result.response.state
@@ -219,7 +225,9 @@ def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | 
         plain, offsets = propagator.guess_roughly(runs)
         plain[5] = known.scale_factor if known.scale_factor is not None else plain[5]
         again = _from_start(runs, known, blocks, plain, offsets)
-        if again is not None and (result is None or again.chi2 < result.chi2):
+        if again is not None and (
+            result is None or has_run_away(result) or again.chi2 < result.chi2
+        ):
             result = again
     return result
 

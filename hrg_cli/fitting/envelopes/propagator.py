@@ -1,8 +1,7 @@
 """Identification by the propagator: u(t + h) = e^{jδh} exp(Lh) u(t) over all runs, a linear
 regression a step; starts the likelihood.
 
-The lag h grows from a few rows (or the longest that the first guess follows) to half a run, so that
-no phase is ever wrapped: at the first lag any start converges, each later lag starts from the one
+The lag h grows from a row to half a run, so that no phase is ever wrapped: at the first lag any start converges, each later lag starts from the one
 before. L is shared by the runs and linear in the coordinates of `coordinates.py`; δ is each run's
 own.
 """
@@ -22,16 +21,25 @@ from .matrices import Matrix, apply
 
 Array = np.ndarray
 START_BLOCKS = 1000
-LAG_FRACTIONS = (1 / 256, 1 / 64, 1 / 16, 1 / 4, 1 / 2)
+RESOLVED = 3.8
+"""Fall of the energy that averaging loses for half as long rows, from which rows are short beside
+every beat. A mean over a turn by ±x loses 1 − sin²x/x², a fourth for half of x where x is small; 3.8
+stands at x = 0.7. The share itself would not do: a weak normal mode may be lost whole unseen."""
+LOST_STD = 5.0
+"""Standard deviations of noise up to which no energy counts as lost."""
+LONGEST_LAG = 0.5
+"""Of the shortest run: half of it is where a rate of turn is best known from pairs of its rows."""
+LAG_GROWTH = 4.0
+"""From one lag to the next. What a lag leaves unknown, a small part of a radian, has grown by as much
+at the next and is still far from half a turn."""
 STEPS_A_LAG = 2
+FIRST_STEPS = 6
+"""Steps at the first lag, which begins where no split is known."""
 PAIRS_A_LAG = 4
 """Pairs of rows whose first row lies within one lag on the way; at the last lag, where no row is in
 two pairs, all."""
 SETTLED = 1e-3
 """Change of L times lag after which the next step, its square, is left to the next lag."""
-NEAR = 0.1
-"""Part of a run's energy the first guess may miss at a lag for the regressions to begin there: no
-phase is wrapped."""
 LARGEST_STEP = 10.0
 """Change of L times lag above which a step is not believed."""
 
@@ -197,38 +205,17 @@ def regress(
     )
 
 
-def largest_miss(data: Pairs, p: Array, offsets: Array) -> float:
-    """Largest part of a run's energy that coordinates and offsets miss over the pairs."""
-    x, y = apply(
-        plain_exponential(p, data.dt, data.turn, offsets[data.run]),
-        (data.before[:, 0], data.before[:, 1]),
-    )
-    left = np.abs(data.after[:, 0] - x) ** 2 + np.abs(data.after[:, 1] - y) ** 2
-    energy = np.sum(np.abs(data.after) ** 2, axis=1)
-    return float(np.max(np.add.reduceat(left, data.first) / np.add.reduceat(energy, data.first)))
-
-
 def identify(
     runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Array
 ) -> tuple[Array, Array, Array]:
     """Coordinates (7,), frequency offsets (R,) and covariance of z by regressions at growing lag,
     from a first guess."""
     covariance = np.zeros((len(freedom.names),) * 2)
-    span = min(r.duration_s for r in runs)
-    shortest = 1.5 * max(float(np.median(np.diff(r.time_s))) for r in runs)
-    lags = [lag for lag in (max(f * span, shortest) for f in LAG_FRACTIONS) if lag <= 0.9 * span]
-    ready = next(
-        (
-            i
-            for i in reversed(range(len(lags)))
-            if largest_miss(pairs(runs, lags[i]), p, offsets) < NEAR
-        ),
-        0,
-    )
-    for lag in lags[ready:]:
+    lags = growing_lags(runs)
+    for lag in lags:
         misfit, data = np.inf, pairs(runs, lag, all_rows=lag == lags[-1])
         kept = (p, offsets, covariance)
-        for _ in range(STEPS_A_LAG + 1):
+        for _ in range(1 + (FIRST_STEPS if lag == lags[0] else STEPS_A_LAG)):
             next_p, next_offsets, next_covariance, here = regress(data, freedom, p, offsets)
             if not here < misfit * (1 + 1e-9):
                 p, offsets, covariance = kept  # the last step made it worse
@@ -241,6 +228,15 @@ def identify(
             if moved < SETTLED:
                 break
     return p, offsets, covariance
+
+
+def growing_lags(runs: Sequence[EnvelopeRun]) -> list[float]:
+    """Lags from a row to half of the shortest run, s, each four times the one before."""
+    span = min(r.duration_s for r in runs)
+    shortest = max(float(np.median(np.diff(r.time_s))) for r in runs)
+    longest = max(LONGEST_LAG * span, shortest)
+    count = 1 + int(np.ceil(np.log(longest / shortest) / np.log(LAG_GROWTH)))
+    return [lag for lag in np.geomspace(shortest, longest, count) if lag <= 0.9 * span]
 
 
 def _over_a_lag(change: Array, data: Pairs) -> float:
@@ -258,3 +254,33 @@ def thin_rows(
 ) -> list[EnvelopeRun]:
     """Runs averaged to at most `blocks` rows each along the motion of p and the offsets."""
     return [average_rows(r, blocks, carry(p, offset)) for r, offset in zip(runs, offsets)]
+
+
+def thin_to_beats(
+    runs: Sequence[EnvelopeRun], p: Array, offsets: Array, blocks: int, most: int
+) -> list[EnvelopeRun]:
+    """Runs averaged along a rough guess to `blocks` rows each, or to so many more, `most` at most,
+    that no beat is averaged away that the guess does not know."""
+    thin = thin_rows(runs, p, offsets, blocks)
+    lost = lost_energy(runs, thin)
+    while blocks < most and np.any(lost > 0):
+        blocks = min(2 * blocks, most)
+        thin = thin_rows(runs, p, offsets, blocks)
+        before, lost = lost, lost_energy(runs, thin)
+        if np.all(lost * RESOLVED <= before):
+            break
+    return thin
+
+
+def lost_energy(runs: Sequence[EnvelopeRun], thin: Sequence[EnvelopeRun]) -> Array:
+    """Energy (R,) of the runs, in variances of their noise, that is no longer in their averaged rows;
+    0 where noise alone may have had it."""
+    lost = np.array([_energy(r) - _energy(few) for r, few in zip(runs, thin, strict=True)])
+    noise = np.sqrt(8.0 * np.array([len(r) for r in runs]))  # of χ² with four components a row
+    return np.where(lost > LOST_STD * noise, lost, 0.0)
+
+
+def _energy(run: EnvelopeRun) -> float:
+    """Σ|u|²/σ² less what noise has in it: averaging rows along their true motion leaves it as it
+    is."""
+    return float(np.sum(np.abs(run.envelope) ** 2 / run.std[:, None] ** 2)) - 4.0 * len(run)

@@ -23,6 +23,8 @@ SETTLED = 0.1
 """Part of a standard deviation that averaging or differencing may leave."""
 UNSETTLED = 1.0
 """The same from which a method's own iteration is said not to have converged."""
+ALIKE_TURNS = 0.1
+"""Spread, in half turns a window, up to which another scale factor turns every window alike."""
 BLURRED_RAD = 1.0
 """Motion of the wave within one window (turning and beat) from which the windows themselves blur
 it."""
@@ -80,10 +82,35 @@ def check_bounds(verdict: Verdict) -> tuple[list[Check], list[Check]]:
     return refusing, doubting
 
 
+def scale_factors_alike(fit: Fit, runs: Sequence[EnvelopeRun]) -> list[float]:
+    """The fitted K and every other of a shell, ring or pendulum (0 to 1) that windows so long cannot
+    tell from it: each turns the wave by half turns more within a window, the same ellipse again."""
+    here = float(fit.p[5])
+    if "scale_factor" not in fit.freedom.names:
+        return [here]
+    a_window = [
+        np.diff(r.turn_rad) / np.diff(r.time_s) * r.window_s for r in runs if np.ptp(r.turn_rad) > 0
+    ]
+    if not a_window:
+        return [here]
+    turns = np.concatenate(a_window) / np.pi  # half turns a window for each unit of K
+    fastest = float(np.quantile(np.abs(turns), rows.FAST))
+    most = int(np.ceil((1.0 + abs(here)) * fastest))
+    others = here + np.delete(np.arange(-most, most + 1), most) / max(fastest, 1e-300)
+    return [here] + [
+        float(k)
+        for k in others
+        if 0.0 <= k <= 1.0 and np.ptp(((k - here) * turns + 0.5) % 1.0) < ALIKE_TURNS
+    ]
+
+
 def blur(fit: Fit, runs: Sequence[EnvelopeRun]) -> Check:
     """Motion of the wave within one window: a window blurs what moves in it, alike throughout a
-    steady run, but the signal is lost."""
-    moving = [rows.speed(r, np.append(0.0, fit.p[1:])) * r.window_s for r in runs]
+    steady run, but the signal is lost. The scale factor that moves it most counts among those that
+    the windows cannot tell apart."""
+    most = max(scale_factors_alike(fit, runs), key=abs)
+    p = np.array([0.0, *fit.p[1:5], most, *fit.p[6:]])
+    moving = [rows.speed(r, p) * r.window_s for r in runs]
     worst = int(np.argmax(moving))
     run, moved = runs[worst], moving[worst]
     shorter = run.window_s * BLURRED_RAD / max(moved, 1e-300) / 4
