@@ -1,9 +1,9 @@
 """Identification by the propagator: u(t + h) = e^{jδh} exp(Lh) u(t) over all runs, a linear
 regression a step; starts the likelihood.
 
-The lag h grows from a row to half a run, so that no phase is ever wrapped: at the first lag any start converges, each later lag starts from the one
-before. L is shared by the runs and linear in the coordinates of `coordinates.py`; δ is each run's
-own.
+The lag h grows from a row to half a run, so that no phase is ever wrapped: at the first lag any
+start converges, each later lag starts from the one before. L is shared by the runs and linear in
+the coordinates of `coordinates.py`; δ is each run's own.
 """
 
 from __future__ import annotations
