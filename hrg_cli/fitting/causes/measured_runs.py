@@ -55,6 +55,9 @@ class MeasuredRuns:
     scatter: Softened | None = None
     """By what the waves may stand beside any prediction, since the drive's log does not hold all
     that the drive did."""
+    scatter_part: float = 1.0
+    """Part of the log's scatter from row to row that may be none of the drive's: all, before the waves
+    were asked."""
     unsettled: Basis | None = None
     """What nobody knows of these runs, on the rows with weight: residuals and sensitivities are
     taken off it."""

@@ -16,6 +16,7 @@ from ...fitting.causes.fit_point import Point
 from ...records import Wave
 from .base_priors import freedom_of
 from .data import is_averaged_well, prepare
+from .drive_frame import allow_for_frame
 from .drive_log import blind_to_lateness, fit_lateness
 from .drive_ripple import allow_for_ripple
 from .drive_scatter import allowed_for, has_log
@@ -73,7 +74,7 @@ def settle_log(fit: ExtendedFit) -> ExtendedFit:
 
 
 def _beside_log(fit: ExtendedFit) -> ExtendedFit:
-    return blind_to_lateness(allow_for_ripple(allowed_for(fit)))
+    return blind_to_lateness(allow_for_frame(allow_for_ripple(allowed_for(fit))))
 
 
 def start_fit(fit: ExtendedFit) -> ExtendedFit:

@@ -69,11 +69,15 @@ def _is_beside_the_point(fit: ExtendedFit, column: Array) -> bool:
 
 
 def blind_to_lateness(fit: ExtendedFit) -> ExtendedFit:
-    """The fit again, blind to a change of the log's time beside what it is blind to already."""
+    """The fit again, blind to a change of the log's time beside what it is blind to already.
+
+    Of what the commands do beyond their scatter: loops answer the windows' noise, which the residual
+    is, and to take the whole column off it would leave the rest of that column in its place.
+    """
     series = fit.series
     if not has_log(series):
         return fit
-    column = whitened_rows.flatten_rows(series, of_lateness(fit))
+    column = whitened_rows.flatten_rows(series, of_lateness(fit, beyond_scatter))
     size = float(np.linalg.norm(column))
     if size == 0:
         return fit

@@ -6,6 +6,11 @@ A part q s of it, white in time, is the log's own: the wave then walks beside it
 covariance C = 1 + q² S Sᵀ over σ (S: what s in one row of the log's means does), and residual and
 sensitivities are whitened by C^{−1/2}. A row's mean acts half before its middle and half behind it.
 
+The frame that the commands are turned to is measured too, and its noise is in no log. Loops that look
+at windows of noise σ see angle and phase with σ/a: f_A σ/a across the wave, as white as the windows,
+and the wave walks by νT of the σ of its own mean in a time T. Loops that see the state itself have
+none of it, a filter takes a part off: it has a q of its own.
+
 q is not known. Every q up to 1 is as likely beforehand; the residual judges them (REML), and the
 mean of q² is taken, so that a walk too weak to be seen is still part of every σ. Judged is the
 residual beside all that could be taken for a walk: every run has a resonator of its own, and what
@@ -14,7 +19,7 @@ is slower than `SLOW` half cycles a run is left out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,8 +40,8 @@ PIECES = 120
 """Pieces of a run over which scatter is one value: what is quicker moves the wave too little."""
 FEWEST = 20
 """Rows from which a scatter is looked for."""
-LEAST = 0.1
-"""σ by which the scatter must move the wave within a run to count."""
+LEAST = 0.3
+"""Standard deviations of a run's mean by which the scatter must move the wave within it to count."""
 TOLD = 1.0
 """The same from which it is told."""
 MOST = 1.2
@@ -74,6 +79,29 @@ class Scatter:
             walk[k] = size[k].max() * step * np.sqrt(rows) * float(np.median(weight[good]))
         return cls(size, walk)
 
+    @classmethod
+    def of_frame(cls, series: MeasuredRuns) -> Scatter:
+        """White noise of the angle and of the phase to which the commands are turned, rad (R, 2), as
+        the windows' own noise makes it."""
+        size, walk = np.zeros((len(series.names), 2)), np.zeros(len(series.names))
+        for k, weight in enumerate(series.weight):
+            good = weight > 0
+            rows = int(np.count_nonzero(good))
+            force = np.hypot(series.main_drive[k], series.quadrature_drive[k])[good]
+            if rows < FEWEST or not series.forced[k].any() or not force.any():
+                continue
+            amplitude = float(np.median(np.linalg.norm(series.envelope[k][good], axis=-1)))
+            std = float(np.median(1 / weight[good]))
+            size[k] = std / amplitude
+            step = float(np.median(np.diff(series.time_s[k][good])))
+            walk[k] = float(np.median(force)) * size[k, 0] * step * np.sqrt(rows) / std
+        return cls(size, walk)
+
+    def counts(self, series: MeasuredRuns) -> Array:
+        """Runs (R,) in which it moves the wave by what could be seen."""
+        rows = np.count_nonzero(series.weight > 0, axis=1)
+        return np.asarray(self.walk * np.sqrt(rows) > LEAST)
+
     @property
     def worst(self) -> int:
         """The run where it does most."""
@@ -90,14 +118,22 @@ class _Run:
 
 
 def allowed_for(fit: ExtendedFit) -> ExtendedFit:
-    """The fit again beside as much of the log's scatter as the waves leave possible; the same where
-    none could be seen."""
-    scatter = Scatter.of(fit.series)
-    if not np.any(scatter.walk > LEAST):
+    """The fit again beside as much of the log's scatter and of its frame's noise as the waves leave
+    possible; the same where none could be seen."""
+    if not has_log(fit.series):
         return fit
-    runs = _runs(fit, scatter)
-    part = _part(fit.residual, runs)
-    return soften(fit, [(run.rows, part * run.doings) for run in runs])
+    for scatter, forces in (
+        (Scatter.of(fit.series), _of_commands),
+        (Scatter.of_frame(fit.series), _of_frame),
+    ):
+        if np.any(scatter.counts(fit.series)):
+            runs = _runs(fit, scatter, forces)
+            part = _part(fit.residual, runs)
+            fit = soften(fit, [(run.rows, part * run.doings) for run in runs])
+            if forces is _of_commands:
+                series = replace(fit.series, scatter_part=part)
+                fit = extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
+    return fit
 
 
 def has_log(series: MeasuredRuns) -> bool:
@@ -128,7 +164,7 @@ def soften(fit: ExtendedFit, doings: Sequence[tuple[slice, Array]]) -> ExtendedF
 def sentence(fit: ExtendedFit) -> str:
     """What is to be said of a log that scatters; empty where it hardly moves the wave."""
     scatter = Scatter.of(fit.series)
-    walk = scatter.walk[scatter.worst]
+    walk = scatter.walk[scatter.worst] * fit.series.scatter_part
     if walk < TOLD:
         return ""
     size = float(np.max(scatter.size[scatter.worst]))
@@ -138,9 +174,10 @@ def sentence(fit: ExtendedFit) -> str:
         else ""
     )
     return (
-        f"the drive's log scatters by {size:.2g} amplitude/s from row to row, which alone moves"
-        f" the wave by {walk:.2g} σ within a run: what the drive did between the log's rows is not"
-        f" known{allowed}; log its means, or every value that the loops set"
+        f"the drive's log scatters by {size:.2g} amplitude/s from row to row, of which the waves"
+        f" leave {100 * min(fit.series.scatter_part, 1.0):.2g} % possible beside what they show:"
+        f" that alone moves them by {walk:.2g} σ within a run{allowed}; log the drive's means, or"
+        " every value that the loops set"
     )
 
 
@@ -154,35 +191,56 @@ def corner_hz(fit: ExtendedFit) -> float:
     return float(np.max(size * weights)) / (2 * np.pi)
 
 
-def _runs(fit: ExtendedFit, scatter: Scatter) -> list[_Run]:
+def _runs(fit: ExtendedFit, scatter: Scatter, forces: Forces) -> list[_Run]:
     """The runs whose scatter counts."""
-    series = fit.series
-    doings = whitened_rows.flatten_rows(series, _doings(fit, scatter.size))
+    series, counts = fit.series, scatter.counts(fit.series)
+    doings = whitened_rows.flatten_rows(series, _doings(fit, scatter.size, forces(fit)))
     shared = whitened_rows.flatten_rows(series, base_sensitivities(fit.flow)[0])
     slow = whitened_rows.flatten_rows(series, _slow(fit))
     out = []
     for k, (rows, _, own) in enumerate(fit.design.own):
-        if scatter.walk[k] > LEAST:
+        if counts[k]:
             beside = np.concatenate([own, shared[rows], slow[rows]], axis=1)
             out.append(_Run(rows, doings[rows], beside))
     return out
 
 
-def _doings(fit: ExtendedFit, size: Array) -> Array:
-    """What one σ of the commands' scatter does in every piece of the log, over σ, (R, n, 4, 2 ·
-    pieces): of a row's mean half in the step before its middle, half in that behind."""
-    series, flow, v = fit.series, fit.flow, fit.flow.middle
-    runs, steps = v.shape[:2]
-    turn, e_A, e_B, _ = frame(v, flow.centre.phase_rad)
+def _of_commands(fit: ExtendedFit) -> tuple[Array, Array]:
+    """Forces (R, n − 1, 2) in the steps' middles of one unit of either command, in phasors."""
+    turn, e_A, e_B, _ = frame(fit.flow.middle, fit.flow.centre.phase_rad)
+    return turn[..., None] * e_A, -1j * turn[..., None] * e_B
+
+
+def _of_frame(fit: ExtendedFit) -> tuple[Array, Array]:
+    """The same of one radian by which the commands' angle, and their phase, stand beside the
+    wave's."""
+    return turn_forces(fit.flow.centre, fit.flow.middle)
+
+
+def turn_forces(series: MeasuredRuns, v: Array) -> tuple[Array, Array]:
+    """Forces (R, n, 2) on envelopes v that a radian between the commands' angle, and their phase, and
+    the wave's makes: e^{jφ}(f_A e_B + j f_B e_A) and jF."""
+    turn, e_A, e_B, _ = frame(v, series.phase_rad)
+    main = series.main_drive[..., None] * turn[..., None]
+    quadrature = series.quadrature_drive[..., None] * turn[..., None]
+    return main * e_B + 1j * quadrature * e_A, 1j * main * e_A + quadrature * e_B
+
+
+Forces = Callable[[ExtendedFit], tuple[Array, Array]]
+
+
+def _doings(fit: ExtendedFit, size: Array, forces: tuple[Array, Array]) -> Array:
+    """What one σ of scatter does in every piece of the log, over σ, (R, n, 4, 2 · pieces): of a
+    row's mean half in the step before its middle, half in that behind."""
+    series, flow = fit.series, fit.flow
+    runs, steps = flow.middle.shape[:2]
     count = min(PIECES, steps + 1)
     piece = np.arange(steps + 1) * count // (steps + 1)
     many = np.sqrt(np.bincount(piece))[piece]
     k = np.arange(steps)
     kicks = np.zeros((runs, steps, 4, 2, count))
-    for n, direction in enumerate((e_A, -1j * e_B)):
-        force = (
-            real(turn[..., None] * direction) * (series.step_s * size[:, n, None] / 2)[..., None]
-        )
+    for n, unit in enumerate(forces):
+        force = real(unit) * (series.step_s * size[:, n, None] / 2)[..., None]
         for row in (k, k + 1):
             kicks[:, k, :, n, piece[row]] += np.moveaxis(force / many[row][:, None], 1, 0)
     kicks = kicks.reshape(runs, steps, 4, 2 * count)

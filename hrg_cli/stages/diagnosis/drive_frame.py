@@ -1,0 +1,137 @@
+"""Diagnosis, the frame that loops command in: where their electronics see the wave, later than it is.
+
+The model turns a logged command to the wave's own angle and phase. Electronics read a window, filter it,
+hold what they command, and follow the phase by a loop of some bandwidth, so that their frame stands
+beside the wave by ε in angle and η in phase:
+
+    F + ε e^{jφ}(f_A e_B + j f_B e_A) + jη F.
+
+- Late by τ: ε = −τ d(mθ)/dt, η = −τ dφ/dt. The mean force then turns the wave by ντ of its own turn, as
+  another scale factor K/(1 + ντ) does; driven runs alone show that one. Beside it a force that follows
+  the damping along the wave makes harmonics 4θ that no K holds.
+- Followed by a loop of second order (natural frequency ω_n, damping 1/√2): ε and η are the wave's angle
+  and phase through −s²/(s² + √2 ω_n s + ω_n²), which passes all that is quicker than ω_n. A frequency
+  split moves the phase in 4θ, and a loop of 1 Hz leaves a quarter of it where the wave turns by 3 rad/s.
+
+No log holds τ or ω_n. Any lateness that still lets loops hold the wave, and loops of any bandwidth
+between a run's length and a row, are therefore allowed for in every standard deviation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...effects.effect import frame
+from ...fitting.causes import whitened_rows
+from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.measured_runs import MeasuredRuns
+from ...fitting.causes.sensitivities import base_sensitivities
+from ...fitting.causes.wave_frame import real
+from ...fitting.envelopes.coordinates import SCALE_FACTOR
+from .drive_scatter import has_log, row_length_s, soften, turn_forces
+
+Array = np.ndarray
+MOST_LATE_RAD = 0.3
+"""Turn of the wave within a frame's lateness: a third as much force across the wave as along it is more
+than a loop bears that is meant to hold it."""
+BANDWIDTHS = 5
+"""Loops allowed for, evenly in the logarithm of their natural frequency: what lies between two of them
+is a mean of both to some percent."""
+FINER = 4
+"""Instants a row at which a loop's answer is followed."""
+DAMPING = 0.5**0.5
+"""Of the loops: between a quarter and twice that their answers are alike within their spread."""
+
+
+def allow_for_frame(fit: ExtendedFit) -> ExtendedFit:
+    """The fit again beside what a late frame of the commands may have done; the same where no command
+    is logged."""
+    if not has_log(fit.series):
+        return fit
+    doings = whitened_rows.flatten_rows(fit.series, _doings(fit))
+    if np.all(np.any(fit.series.forced > 0, axis=1)):
+        doings = _beside_scale_factor(fit, doings)
+    runs = [rows for rows, _, _ in fit.design.own if doings[rows].any()]
+    # one board, so that the runs' answers are one: each by itself would be √R times as sure
+    doings = doings * np.sqrt(max(1, len(runs)))
+    return soften(fit, [(rows, doings[rows]) for rows in runs])
+
+
+def _beside_scale_factor(fit: ExtendedFit, doings: Array) -> Array:
+    """Columns (N, k) less what another scale factor does: driven runs alone show the one that their
+    loops make of it."""
+    shared = whitened_rows.flatten_rows(fit.series, base_sensitivities(fit.flow)[0])
+    column = shared[:, SCALE_FACTOR]
+    size = float(column @ column)
+    return doings - np.outer(column, column @ doings / size) if size > 0 else doings
+
+
+def _doings(fit: ExtendedFit) -> Array:
+    """What one standard deviation of every answer does to the waves, over σ, (R, n, 4, k)."""
+    flow, series = fit.flow, fit.series
+    courses = _courses(fit)
+    turning = float(np.max(np.abs(_slope(series.time_s, courses[0]))))
+    answers = [_answers(series, course, turning) for course in courses]
+    at_rows, at_middle = (
+        np.concatenate(
+            [
+                real(force)[..., None] * answer[..., None, :]
+                for force, answer in zip(turn_forces(runs, motion), beside, strict=True)
+            ],
+            axis=-1,
+        )
+        for runs, motion, beside in (
+            (series, flow.prediction.motion, answers),
+            (flow.centre, flow.middle, [(a[:, 1:] + a[:, :-1]) / 2 for a in answers]),
+        )
+    )
+    return flow.seen(flow.carried(at_rows, at_middle))
+
+
+def _courses(fit: ExtendedFit) -> tuple[Array, Array]:
+    """Angle mθ and phase of the wave over the rows, rad (R, n), in driven runs."""
+    series, v = fit.series, fit.flow.prediction.motion
+    turn, e_A, _, _ = frame(v, series.phase_rad)
+    driven = np.where(series.weight > 0, series.forced, 0.0)
+    angle = np.unwrap(np.arctan2(e_A[..., 1], e_A[..., 0]), axis=1)
+    return driven * angle, driven * np.unwrap(np.angle(turn), axis=1)
+
+
+def _slope(time_s: Array, course: Array) -> Array:
+    """Rate of change over the rows, (R, n); 0 where rows are padded."""
+    step = np.gradient(time_s, axis=1)
+    return np.divide(np.gradient(course, axis=1), step, out=np.zeros_like(course), where=step > 0)
+
+
+def _answers(series: MeasuredRuns, course: Array, turning_rad_s: float) -> Array:
+    """By how much the commands' frame stands beside a course (R, n), for one standard deviation of its
+    lateness and for every loop that may follow it, (R, n, k)."""
+    late_s = MOST_LATE_RAD / turning_rad_s if turning_rad_s > 0 else 0.0
+    answers = [-late_s * _slope(series.time_s, course)]
+    lengths = [np.ptp(t[w > 0]) for t, w in zip(series.time_s, series.weight, strict=True)]
+    slowest, fastest = 2 * np.pi / max(lengths), 1 / row_length_s(series)
+    for natural in np.geomspace(slowest, max(fastest, slowest), BANDWIDTHS):
+        answers.append(_unfollowed(series, course, natural))
+    return np.stack(answers, axis=-1)
+
+
+def _unfollowed(series: MeasuredRuns, course: Array, natural_rad_s: float) -> Array:
+    """What a loop of second order leaves of a course (R, n) that it has followed steadily before: −s²/(s²
+    + √2 ω_n s + ω_n²), by the bilinear rule on a fine grid."""
+    from scipy import signal
+
+    out = np.zeros_like(course)
+    for k, (t, weight) in enumerate(zip(series.time_s, series.weight, strict=True)):
+        good = weight > 0
+        if not course[k].any():
+            continue
+        grid = np.linspace(t[good][0], t[good][-1], FINER * int(np.count_nonzero(good)))
+        values = np.interp(grid, t[good], course[k][good])
+        values -= np.polynomial.Polynomial.fit(grid, values, 1)(grid)
+        rule = signal.bilinear(
+            [-1.0, 0.0, 0.0],
+            [1.0, 2 * DAMPING * natural_rad_s, natural_rad_s**2],
+            1 / (grid[1] - grid[0]),
+        )
+        out[k] = np.interp(t, grid, signal.lfilter(*rule, values))
+    return out
