@@ -77,7 +77,10 @@ def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePri
     flow = propagation(prediction)
     design = design_of(flow, layout)
     residual = flatten_rows(series, prediction.residual())
-    factored = factor_design(design)
+    try:
+        factored = factor_design(design)
+    except np.linalg.LinAlgError as error:
+        raise no_motion(series, prediction.point) from error
     if not np.all(np.isfinite(factored.triangle)):
         raise no_motion(series, prediction.point)
     priors = (
