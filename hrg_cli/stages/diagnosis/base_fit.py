@@ -17,7 +17,7 @@ from ...records import Wave
 from .base_priors import freedom_of
 from .data import is_averaged_well, prepare
 from .drive_frame import allow_for_frame
-from .drive_log import blind_to_lateness, fit_lateness
+from .drive_log import blind_to_lateness, fit_lateness, is_thinkable
 from .drive_ripple import allow_for_ripple
 from .drive_scatter import allowed_for, has_log
 from .lost_samples import PhaseStep
@@ -57,7 +57,7 @@ def fit_base(
             break  # no motion of the base model is theirs
         first = again
     late = fit_lateness(first)
-    if not is_gross(late):
+    if not is_gross(late) and is_thinkable(late):
         return _beside_log(fit_rate_steps(late))
     # a gross misfit would be laid on the log's time, but not on what the log's own scatter and the
     # loops' own gains may do

@@ -13,8 +13,9 @@ beside the wave by ε in angle and η in phase:
   and phase through −s²/(s² + √2 ω_n s + ω_n²), which passes all that is quicker than ω_n. A frequency
   split moves the phase in 4θ, and a loop of 1 Hz leaves a quarter of it where the wave turns by 3 rad/s.
 
-No log holds τ or ω_n. Any lateness that still lets loops hold the wave, and loops of any bandwidth
-between a run's length and a row, are therefore allowed for in every standard deviation.
+No log holds τ or ω_n. The fit is therefore blind to what any lateness that still lets loops hold the
+wave, and loops of any bandwidth between a run's length and a row, do to all runs together: one board
+has one lateness, so that a force turned alike at every rate stays a rotation of the drive.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.causes.sensitivities import base_sensitivities
 from ...fitting.causes.wave_frame import real
 from ...fitting.envelopes.coordinates import SCALE_FACTOR
-from .drive_scatter import has_log, row_length_s, soften, turn_forces
+from .drive_scatter import blind, has_log, row_length_s, turn_forces
 
 Array = np.ndarray
 MOST_LATE_RAD = 0.3
@@ -51,10 +52,7 @@ def allow_for_frame(fit: ExtendedFit) -> ExtendedFit:
     doings = whitened_rows.flatten_rows(fit.series, _doings(fit))
     if np.all(np.any(fit.series.forced > 0, axis=1)):
         doings = _beside_scale_factor(fit, doings)
-    runs = [rows for rows, _, _ in fit.design.own if doings[rows].any()]
-    # one board, so that the runs' answers are one: each by itself would be √R times as sure
-    doings = doings * np.sqrt(max(1, len(runs)))
-    return soften(fit, [(rows, doings[rows]) for rows in runs])
+    return blind(fit, doings)
 
 
 def _beside_scale_factor(fit: ExtendedFit, doings: Array) -> Array:

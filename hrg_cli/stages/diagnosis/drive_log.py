@@ -13,15 +13,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...fitting import checks
 from ...fitting.causes import extended_fit, whitened_rows
-from ...fitting.causes.designs import Basis
 from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.causes.slow_equation import RungeKuttaStage
 from ...fitting.causes.wave_frame import real
 from ...fitting.samples.course import impulse, mean_of
 from ...records import Wave
-from .drive_scatter import Scatter, has_log, row_length_s
+from .drive_scatter import Scatter, blind, has_log, row_length_s
 from .refits import HOPELESS
 from .thresholds import GROSS
 
@@ -30,6 +30,8 @@ ROUNDS = 4
 REACH = 0.5
 """Standard deviation of τ beforehand, in the shortest run's row length: what is later than a row
 would have been seen as such."""
+THINKABLE = 4.0
+"""Standard deviations beforehand beyond which a lateness must leave nothing but noise to be one."""
 SETTLED = 0.03
 """Part of its standard deviation by which τ may still move."""
 CLEAR = 3.0
@@ -61,6 +63,13 @@ def fit_lateness(fit: ExtendedFit) -> ExtendedFit:
     return fit
 
 
+def is_thinkable(fit: ExtendedFit) -> bool:
+    """Whether the commands' lateness is one that a log may have, or all that is wrong with the runs:
+    others are a misfit laid on the log's time."""
+    late, usual = abs(fit.series.drive_late_s), REACH * row_length_s(fit.series)
+    return late <= THINKABLE * usual or checks.goodness(fit.chi2, fit.dof).passed
+
+
 def _is_beside_the_point(fit: ExtendedFit, column: Array) -> bool:
     """Whether the misfit is gross and would be with the commands at any time: no refit says more."""
     size = max(float(column @ column), np.finfo(float).tiny)
@@ -78,12 +87,7 @@ def blind_to_lateness(fit: ExtendedFit) -> ExtendedFit:
     if not has_log(series):
         return fit
     column = whitened_rows.flatten_rows(series, of_lateness(fit, beyond_scatter))
-    size = float(np.linalg.norm(column))
-    if size == 0:
-        return fit
-    known = series.unsettled
-    basis = Basis(() if known is None else known.own, (column / size)[:, None])
-    return extended_fit.fit(replace(series, unsettled=basis), fit.point, fit.freedom)
+    return blind(fit, REACH * row_length_s(series) * column[:, None])
 
 
 def of_lateness(

@@ -161,6 +161,21 @@ def soften(fit: ExtendedFit, doings: Sequence[tuple[slice, Array]]) -> ExtendedF
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
+def blind(fit: ExtendedFit, columns: Array) -> ExtendedFit:
+    """The fit again, blind to what columns (N, k) over σ do to all runs together, of which one unit is
+    thinkable; those that move the waves by less than could be seen are left."""
+    series = fit.series
+    U, power, _ = np.linalg.svd(columns, full_matrices=False)
+    new = U[:, power > LEAST]
+    if not new.shape[1]:
+        return fit
+    known = series.unsettled
+    basis = Basis((), new) if known is None else Basis(known.own, np.hstack([known.shared, new]))
+    return extended_fit.fit(
+        replace(series, unsettled=basis), fit.point, fit.freedom, near=fit.flow.near
+    )
+
+
 def sentence(fit: ExtendedFit) -> str:
     """What is to be said of a log that scatters; empty where it hardly moves the wave."""
     scatter = Scatter.of(fit.series)
