@@ -141,3 +141,33 @@ def test_a_design_beside_what_is_unsettled_over_several_runs_is_differences_too(
         step = 1e-4 * np.eye(layout.count)[k]
         change = (judged(step) - judged(-step)) / 2e-4
         assert np.linalg.norm(whole[:, k] - change) < 1e-3 * np.linalg.norm(change)
+
+
+def test_what_all_runs_share_is_softened_as_a_whole_matrix_would_be():
+    """A design in blocks beside columns of known variance, against (1 + U Λ Uᵀ)^{−1/2} of whole
+    matrices: step, covariance, lengths and products."""
+    rng = np.random.default_rng(8)
+    rows, blocks = 60, [(slice(0, 30), slice(0, 3)), (slice(30, 60), slice(3, 6))]
+    J = rng.normal(size=(rows, 9))
+    for one, columns in blocks:
+        outside = np.ones(rows, bool)
+        outside[one] = False
+        J[outside, columns] = 0.0
+    unknown = np.linalg.qr(rng.normal(size=(rows, 3)))[0]
+    variance = np.array([0.3, 50.0, np.inf])
+    basis = designs.Basis((), unknown, variance)
+    residual = rng.normal(size=rows)
+    off = np.eye(rows) - (unknown * (1 - 1 / np.sqrt(1 + variance))) @ unknown.T
+    whole = designs.Design.of(J, blocks)
+    design = designs.Design(whole.shared, whole.places, whole.own, unknown, basis.weight)
+    want, covariance = designs.solve(off @ J, off @ residual)
+    step, got = designs.factor_design(design).solve(
+        basis.off(residual), np.zeros((0, 9)), np.zeros(0)
+    )
+    assert basis.free == 1 and basis.over(2.0).variance[0] == 0.3 / 4
+    np.testing.assert_allclose(step, want, rtol=1e-9)
+    np.testing.assert_allclose(got, covariance, rtol=1e-9)
+    np.testing.assert_allclose(design.sizes(), np.linalg.norm(off @ J, axis=0), rtol=1e-12)
+    np.testing.assert_allclose(design.whole(), off @ J, atol=1e-12)
+    np.testing.assert_allclose(design.times(want), off @ J @ want, rtol=1e-9)
+    np.testing.assert_allclose(design.along(residual), J.T @ off @ residual, rtol=1e-9)

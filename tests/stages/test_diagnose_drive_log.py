@@ -4,12 +4,13 @@ log of rows about their own times, and the fit takes that from the waves."""
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from hrg_cli.fitting.causes import extended_fit, slow_prediction, whitened_rows
 from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
 from hrg_cli.fitting.causes.fit_point import Point
 from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
-from hrg_cli.stages.diagnosis import drive_log
+from hrg_cli.stages.diagnosis import drive_log, drive_scatter
 
 P = np.array([1.5, 0.1, 0.05, 0.9, -0.4, 0.55, 1.0])
 NOISE, ROWS, LENGTH_S = 3e-5, 150, 1.5
@@ -70,8 +71,11 @@ def test_a_log_is_taken_as_late_as_the_waves_show_it():
 def test_no_lateness_is_found_in_a_log_that_is_right():
     timed = drive_log.fit_lateness(fitted(*programme(0.0)))
     assert abs(timed.series.drive_late_s) < 2e-5
-    blind = drive_log.blind_to_lateness(timed)
-    assert blind.dof == timed.dof - 1
-    column = whitened_rows.flatten_rows(blind.series, drive_log.of_lateness(blind))
+    beside = drive_scatter.allow(timed, drive_log.lateness(timed))
+    assert beside.dof == timed.dof  # its size beforehand is known
+    column = whitened_rows.flatten_rows(beside.series, drive_log.of_lateness(beside))
     before = whitened_rows.flatten_rows(timed.series, drive_log.of_lateness(timed))
-    assert np.linalg.norm(column) < 1e-6 * np.linalg.norm(before)
+    # what the rows still say of a lateness is what was known of it beforehand
+    usual = drive_log.REACH * drive_scatter.row_length_s(timed.series)
+    assert np.linalg.norm(before) > 50 / usual
+    assert np.linalg.norm(column) == pytest.approx(1 / usual, rel=0.02)

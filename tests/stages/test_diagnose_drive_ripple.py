@@ -12,7 +12,7 @@ from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.fitting.samples.course import impulse, mean_of
 from hrg_cli.physics.ellipse import wave
-from hrg_cli.stages.diagnosis import drive_ripple
+from hrg_cli.stages.diagnosis import drive_scatter
 from hrg_cli.stages.diagnosis.drive_ripple import Ripple
 
 HZ, STEPS = 250.0, 24
@@ -107,7 +107,7 @@ def test_what_loops_answer_to_the_ripple_is_in_every_standard_deviation():
     before, after, left, std = [], [], [], []
     for seed in range(8):
         plain = fitted(measured(seen, log, seed))
-        beside = drive_ripple.allow_for_ripple(plain)
+        beside = drive_scatter.allow(plain, Ripple.of(plain).spread)
         before.append(errors(plain))
         after.append(errors(beside))
         left.append(beside.chi2 / beside.dof)
@@ -120,7 +120,6 @@ def test_what_loops_answer_to_the_ripple_is_in_every_standard_deviation():
     assert max(std) < 15.0 / (4 * OMEGA)
 
 
-def test_without_a_log_of_commands_nothing_is_allowed_for():
-    series = measured(*recorded(0.0), seed=2)
-    fit = fitted(series)
-    assert drive_ripple.allow_for_ripple(fit) is fit
+def test_without_a_quadrature_loop_no_answer_is_allowed_for():
+    ripple = Ripple.of(fitted(measured(*recorded(0.0), seed=2)))
+    assert ripple.quadrature_1_s == 0.0 and not ripple.spread[:, 1:].any()

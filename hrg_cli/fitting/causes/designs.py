@@ -25,11 +25,12 @@ zero."""
 @dataclass(frozen=True)
 class Design:
     """A design J (N, k) kept in its parts: `shared` columns (N, s) at `places` (s,), and blocks
-    (rows, columns, values) of one run each; all of them less their part along `unknown` (N, u).
+    (rows, columns, values) of one run each; all of them less a `weight` (u,) of their part along
+    `unknown` (N, u).
 
     Memory grows with the rows, not with rows times runs. What is unknown may reach over all runs:
     a block less its part along it would be a block no more, so that part is taken off where the
-    design is used. The shared columns stand without it.
+    design is used, and all columns stand with it.
     """
 
     shared: Array
@@ -37,6 +38,8 @@ class Design:
     own: tuple[tuple[slice, slice, Array], ...] = ()
     unknown: Array | None = None
     """Orthonormal columns (N, u); None for none."""
+    weight: Array | None = None
+    """1 where nothing is known of it; None: so of all."""
 
     @classmethod
     def of(cls, J: Array, blocks: Sequence[Block] = ()) -> Design:
@@ -84,25 +87,35 @@ class Design:
     def sizes(self) -> Array:
         """Lengths of the columns, (k,)."""
         out = np.zeros(self.shape[1])
-        out[self.places] = np.einsum("ij,ij->j", self.shared, self.shared)
-        for rows, columns, values in self.own:
-            out[columns] = np.einsum("ij,ij->j", values, values)
+        everything = slice(0, len(self.shared))
+        for rows, columns, values in (*self.own, (everything, self.places, self.shared)):
+            out[columns] = np.sum(values**2, axis=0)
             if self.unknown is not None:
-                out[columns] -= np.sum((self.unknown[rows].T @ values) ** 2, axis=0)
+                lost = 1 - (1 - self.weights) ** 2
+                out[columns] -= lost @ (self.unknown[rows].T @ values) ** 2
         return np.sqrt(np.maximum(out, 0.0))
 
+    @property
+    def weights(self) -> Array:
+        """Of what is unknown, (u,)."""
+        assert self.unknown is not None
+        return np.ones(self.unknown.shape[1]) if self.weight is None else self.weight
+
     def _off(self, S: Array) -> Array:
-        """Columns (N, …) less their part along what is unknown."""
-        return S if self.unknown is None else S - self.unknown @ (self.unknown.T @ S)
+        if self.unknown is None:
+            return S
+        return S - self.unknown @ weighted(self.weights, self.unknown.T @ S)
 
 
 @dataclass(frozen=True)
 class Basis:
     """An orthonormal basis (N, k): parts that live on some rows alone, and `shared` ones (N, s)
-    perpendicular to these."""
+    perpendicular to these, of known `variance` (s,) or, where that is infinite, of any size."""
 
     own: tuple[tuple[slice, Array], ...]
     shared: Array
+    variance: Array | None = None
+    """None: infinite."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -115,7 +128,27 @@ class Basis:
 
     def off(self, S: Array) -> Array:
         """Columns (N, …) less their part along the basis."""
-        return self.off_own(S) - self.shared @ (self.shared.T @ S)
+        return self.off_own(S) - self.shared @ weighted(self.weight, self.shared.T @ S)
+
+    @property
+    def weight(self) -> Array:
+        """1 − 1/√(1 + variance) of the shared ones (s,), by which (1 + Q Λ Qᵀ)^{−1/2} takes them
+        off."""
+        if self.variance is None:
+            return np.ones(self.shared.shape[1])
+        return 1 - 1 / np.sqrt(1 + self.variance)
+
+    @property
+    def free(self) -> int:
+        """How many of them may have any size."""
+        known = 0 if self.variance is None else int(np.count_nonzero(np.isfinite(self.variance)))
+        return self.shape[1] - known
+
+    def over(self, level: float) -> Basis:
+        """The same where every σ is `level` times as large."""
+        if self.variance is None:
+            return self
+        return Basis(self.own, self.shared, self.variance / level**2)
 
     def off_own(self, S: Array) -> Array:
         """Columns (N, …) less their part along what lives on some rows alone."""
@@ -201,10 +234,16 @@ def factor_design(design: Design, tolerance: float = 1e-10) -> Factored:
     reach = np.concatenate([beside + again, part])
     triangle = np.concatenate([*upper, np.zeros((len(part), count))])
     triangle[:, design.places] = reach[:, unknown.shape[1] :]
-    off = orthonormal(reach[:, : unknown.shape[1]])
-    triangle -= off @ (off.T @ triangle)
+    off = reach[:, : unknown.shape[1]]
+    if off.shape[1]:
+        triangle -= off @ weighted(design.weights, off.T @ triangle)
     # a column of nothing stays so: its rounding would be taken for a direction
     return Factored(Basis(tuple(own), Q), np.where(nothing, 0.0, triangle * size))
+
+
+def weighted(weight: Array, values: Array) -> Array:
+    """Rows (u, …) of values times their weights (u,)."""
+    return np.asarray(weight.reshape(-1, *[1] * (values.ndim - 1)) * values)
 
 
 def _split(J: Array, tolerance: float) -> tuple[Array, Array]:

@@ -72,7 +72,7 @@ class ExtendedFit:
     def dof(self) -> int:
         """Degrees of freedom."""
         given_up = int(np.sum(self.series.weight > 0)) if self.series.free_phase else 0
-        unknown = self.series.unsettled.shape[1] if self.series.unsettled is not None else 0
+        unknown = self.series.unsettled.free if self.series.unsettled is not None else 0
         return max(1, len(self.residual) - given_up - unknown - self.layout.count)
 
     @property

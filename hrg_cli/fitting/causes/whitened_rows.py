@@ -27,8 +27,8 @@ def flatten_rows(series: MeasuredRuns, values: Array) -> Array:
 
 
 def flatten_own(series: MeasuredRuns, values: Array) -> Array:
-    """The same of columns of every run's own, side by side in one array: off what is unsettled in a
-    run alone, for what reaches over several would mix their columns."""
+    """The same off what is unsettled in a run alone: what reaches over several would mix the runs' own
+    columns, and is taken off where the design is used."""
     rows = whiten_rows(series, values)
     return rows if series.unsettled is None else series.unsettled.off_own(rows)
 
@@ -72,11 +72,11 @@ def design_of(flow: Propagation, layout: FitColumns) -> Design:
     """Whitened design of coordinates, runs and active effects."""
     series, point = flow.prediction.series, flow.prediction.point
     of_all, of_each = base_sensitivities(flow)
-    shared, own = flatten_rows(series, of_all), flatten_own(series, of_each)
+    shared, own = flatten_own(series, of_all), flatten_own(series, of_each)
     wanted = [
         (e, v, _fitted_steps(e, v, series)) for e, v in point.active if layout.parameters(e.name)
     ]
-    beside = sensitivities(flow, wanted) if wanted else []
+    beside = [flatten_own(series, one) for one in effect_sensitivities(flow, wanted)]
     ends = np.cumsum([0, *4 * np.count_nonzero(series.weight > 0, axis=1)])
     rows = [slice(int(first), int(last)) for first, last in pairwise(ends)]
     blocks = tuple((one, layout.run(k), own[one]) for k, one in enumerate(rows))
@@ -85,6 +85,7 @@ def design_of(flow: Propagation, layout: FitColumns) -> Design:
         layout.shared,
         blocks,
         None if series.unsettled is None else series.unsettled.shared,
+        None if series.unsettled is None else series.unsettled.weight,
     )
 
 

@@ -16,10 +16,10 @@ from ...fitting.causes.fit_point import Point
 from ...records import Wave
 from .base_priors import freedom_of
 from .data import is_averaged_well, prepare
-from .drive_frame import allow_for_frame
-from .drive_log import blind_to_lateness, fit_lateness, is_thinkable
-from .drive_ripple import allow_for_ripple
-from .drive_scatter import allowed_for, has_log
+from .drive_frame import late_frames
+from .drive_log import fit_lateness, is_thinkable, lateness
+from .drive_ripple import Ripple
+from .drive_scatter import allow, allowed_for, has_log
 from .lost_samples import PhaseStep
 from .rate_steps import fit_rate_steps
 from .refits import loosen
@@ -74,7 +74,13 @@ def settle_log(fit: ExtendedFit) -> ExtendedFit:
 
 
 def _beside_log(fit: ExtendedFit) -> ExtendedFit:
-    return blind_to_lateness(allow_for_frame(allow_for_ripple(allowed_for(fit))))
+    """The fit beside what the log's rows, the frame that its commands are turned to, and the ripple
+    that loops answer may have done: white in every run, or the same in all of one instrument."""
+    if not has_log(fit.series):
+        return fit
+    fit = allowed_for(fit)
+    answers = [Ripple.of(fit).spread, late_frames(fit), lateness(fit)]
+    return allow(fit, np.concatenate(answers, axis=1))
 
 
 def start_fit(fit: ExtendedFit) -> ExtendedFit:

@@ -111,6 +111,10 @@ def closing_checks(
     ]
 
 
+ROUNDING = 1e-9
+"""Of what stands still: an order by its rounding is none."""
+
+
 def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
     """The residual in the wave's own frame, run by run, in the order of time and of what else
     moves."""
@@ -127,7 +131,8 @@ def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
         "rate": series.rate_rad_s,
     }
     for name, along in orders.items():
-        if name != "time" and not np.any(np.ptp(np.where(good, along, along[:, :1]), axis=1) > 0):
+        reach = np.ptp(np.where(good, along, along[:, :1]), axis=1)
+        if name != "time" and not np.any(reach > ROUNDING * np.abs(along).max()):
             continue
         runs = [
             own[k][good[k]][np.argsort(along[k][good[k]], kind="stable")] for k in range(len(own))

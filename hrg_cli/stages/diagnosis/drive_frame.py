@@ -13,8 +13,8 @@ beside the wave by ε in angle and η in phase:
   and phase through −s²/(s² + √2 ω_n s + ω_n²), which passes all that is quicker than ω_n. A frequency
   split moves the phase in 4θ, and a loop of 1 Hz leaves a quarter of it where the wave turns by 3 rad/s.
 
-No log holds τ or ω_n. The fit is therefore blind to what any lateness that still lets loops hold the
-wave, and loops of any bandwidth between a run's length and a row, do to all runs together: one board
+No log holds τ or ω_n. Any lateness that still lets loops hold the wave, and loops of any bandwidth
+between a run's length and a row, are therefore allowed for, the same in all runs together: one board
 has one lateness, so that a force turned alike at every rate stays a rotation of the drive.
 """
 
@@ -29,7 +29,7 @@ from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.causes.sensitivities import base_sensitivities
 from ...fitting.causes.wave_frame import real
 from ...fitting.envelopes.coordinates import SCALE_FACTOR
-from .drive_scatter import blind, has_log, row_length_s, turn_forces
+from .drive_scatter import row_length_s, turn_forces
 
 Array = np.ndarray
 MOST_LATE_RAD = 0.3
@@ -44,21 +44,18 @@ DAMPING = 0.5**0.5
 """Of the loops: between a quarter and twice that their answers are alike within their spread."""
 
 
-def allow_for_frame(fit: ExtendedFit) -> ExtendedFit:
-    """The fit again beside what a late frame of the commands may have done; the same where no command
-    is logged."""
-    if not has_log(fit.series):
-        return fit
-    doings = whitened_rows.flatten_rows(fit.series, _doings(fit))
+def late_frames(fit: ExtendedFit) -> Array:
+    """What one standard deviation of a late frame's answers does to the waves, over σ (N, k)."""
+    doings = whitened_rows.flatten_own(fit.series, _doings(fit))
     if np.all(np.any(fit.series.forced > 0, axis=1)):
-        doings = _beside_scale_factor(fit, doings)
-    return blind(fit, doings)
+        return _beside_scale_factor(fit, doings)
+    return doings
 
 
 def _beside_scale_factor(fit: ExtendedFit, doings: Array) -> Array:
     """Columns (N, k) less what another scale factor does: driven runs alone show the one that their
     loops make of it."""
-    shared = whitened_rows.flatten_rows(fit.series, base_sensitivities(fit.flow)[0])
+    shared = whitened_rows.flatten_own(fit.series, base_sensitivities(fit.flow)[0])
     column = shared[:, SCALE_FACTOR]
     size = float(column @ column)
     return doings - np.outer(column, column @ doings / size) if size > 0 else doings

@@ -21,7 +21,7 @@ from ...fitting.causes.slow_equation import RungeKuttaStage
 from ...fitting.causes.wave_frame import real
 from ...fitting.samples.course import impulse, mean_of
 from ...records import Wave
-from .drive_scatter import Scatter, blind, has_log, row_length_s
+from .drive_scatter import Scatter, has_log, row_length_s
 from .refits import HOPELESS
 from .thresholds import GROSS
 
@@ -77,17 +77,14 @@ def _is_beside_the_point(fit: ExtendedFit, column: Array) -> bool:
     return left > HOPELESS * GROSS * fit.dof
 
 
-def blind_to_lateness(fit: ExtendedFit) -> ExtendedFit:
-    """The fit again, blind to a change of the log's time beside what it is blind to already.
+def lateness(fit: ExtendedFit) -> Array:
+    """What one standard deviation of the log's lateness does to the waves, over σ (N, 1).
 
     Of what the commands do beyond their scatter: loops answer the windows' noise, which the residual
     is, and to take the whole column off it would leave the rest of that column in its place.
     """
-    series = fit.series
-    if not has_log(series):
-        return fit
-    column = whitened_rows.flatten_rows(series, of_lateness(fit, beyond_scatter))
-    return blind(fit, REACH * row_length_s(series) * column[:, None])
+    column = whitened_rows.flatten_own(fit.series, of_lateness(fit, beyond_scatter))
+    return REACH * row_length_s(fit.series) * column[:, None]
 
 
 def of_lateness(

@@ -26,7 +26,6 @@ from ...fitting.causes import whitened_rows
 from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.slow_equation import RungeKuttaStage, generators, times
 from ...fitting.causes.wave_frame import real
-from .drive_scatter import has_log, soften
 from .loop_gain import bound_gains
 from .scoring import is_gross
 
@@ -54,7 +53,7 @@ class Ripple:
         Any gross misfit might be taken for an answer: beside one the gains alone tell, and a loop
         whose gain is not known answers nothing.
         """
-        doings = whitened_rows.flatten_rows(fit.series, _doings(fit))
+        doings = whitened_rows.flatten_own(fit.series, _doings(fit))
         if not fit.series.quadrature_drive.any():
             return cls(doings, 0.0, 0.0)
         seen = np.inf if is_gross(fit) else ANY_PHASE * _seen(fit, doings)
@@ -76,18 +75,6 @@ def _seen(fit: ExtendedFit, doings: Array) -> float:
     left = (fit.residual, fit.residual - doings[:, DIRECTION])
     seen = max(abs(float(column @ residual)) / size for residual in left)
     return float(np.hypot(seen, size**-0.5))
-
-
-def allow_for_ripple(fit: ExtendedFit) -> ExtendedFit:
-    """The fit again beside what loops may have answered to the ripple; the same where no command is
-    logged."""
-    if not has_log(fit.series):
-        return fit
-    doings = Ripple.of(fit).spread
-    # the same in every run: of answers that were each run's own, so many would be √R times as sure
-    doings *= np.sqrt(np.count_nonzero(np.any(fit.series.forced > 0, axis=1)))
-    runs = [rows for rows, _, _ in fit.design.own if doings[rows].any()]
-    return soften(fit, [(rows, doings[rows]) for rows in runs])
 
 
 def _doings(fit: ExtendedFit) -> Array:

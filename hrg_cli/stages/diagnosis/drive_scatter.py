@@ -161,19 +161,18 @@ def soften(fit: ExtendedFit, doings: Sequence[tuple[slice, Array]]) -> ExtendedF
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
-def blind(fit: ExtendedFit, columns: Array) -> ExtendedFit:
-    """The fit again, blind to what columns (N, k) over σ do to all runs together, of which one unit is
-    thinkable; those that move the waves by less than could be seen are left."""
-    series = fit.series
-    U, power, _ = np.linalg.svd(columns, full_matrices=False)
-    new = U[:, power > LEAST]
-    if not new.shape[1]:
+def allow(fit: ExtendedFit, columns: Array) -> ExtendedFit:
+    """The fit again where columns (N, k) over σ may stand beside all runs together with standard
+    deviation 1 each, in place of what else was allowed so; those that move the waves by less than
+    could be seen are left."""
+    U, size, _ = np.linalg.svd(columns, full_matrices=False)
+    seen = size > LEAST
+    if not np.any(seen):
         return fit
-    known = series.unsettled
-    basis = Basis((), new) if known is None else Basis(known.own, np.hstack([known.shared, new]))
-    return extended_fit.fit(
-        replace(series, unsettled=basis), fit.point, fit.freedom, near=fit.flow.near
-    )
+    known = fit.series.unsettled
+    basis = Basis(() if known is None else known.own, U[:, seen], size[seen] ** 2)
+    series = replace(fit.series, unsettled=basis)
+    return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
 def sentence(fit: ExtendedFit) -> str:
@@ -306,4 +305,4 @@ def _whitened(known: Basis | None, soft: Softened) -> Basis | None:
         whole = np.zeros((known.shape[0], Q.shape[1]))
         whole[rows] = Q
         own.append((rows, designs.orthonormal(soft.off(whole)[rows], INDEPENDENT)))
-    return Basis(tuple(own), soft.off(known.shared))
+    return Basis(tuple(own), soft.off(known.shared), known.variance)

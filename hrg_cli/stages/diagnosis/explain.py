@@ -69,7 +69,8 @@ def reweighted(fit: ExtendedFit, level: float) -> ExtendedFit:
     """The fit again with every σ times `level`."""
     series = fit.series
     scatter = None if series.scatter is None else series.scatter.over(level)
-    series = replace(series, weight=series.weight / level, scatter=scatter)
+    unsettled = None if series.unsettled is None else series.unsettled.over(level)
+    series = replace(series, weight=series.weight / level, scatter=scatter, unsettled=unsettled)
     return extended_fit.fit(series, fit.point, fit.freedom)
 
 
