@@ -75,9 +75,21 @@ def jumps(runs: Runs) -> list[Jump]:
     ]
 
 
+def strikes(runs: Runs) -> list[Jump]:
+    """The clearest jumps of single runs; what the others together show as much of at that time of
+    theirs is of the programme, and strikes none of them."""
+    found = jumps(runs)
+    alone = [
+        jump
+        for jump in found
+        if jump.chi2 > sum(o.chi2 for o in found if o.run != jump.run and _at_once(o, jump, runs))
+    ]
+    return alone[:MOST]
+
+
 def instants(runs: Runs) -> list[Values]:
-    """Where these runs jump, the clearest first."""
-    return [{"time_s": jump.time_s, RUN: float(jump.run)} for jump in jumps(runs)[:MOST]]
+    """Where a run is struck, the clearest first."""
+    return [{"time_s": jump.time_s, RUN: float(jump.run)} for jump in strikes(runs)]
 
 
 def part_after(time_s: Array, instant: float) -> Array:
@@ -151,7 +163,11 @@ def _instant(t: Array, u: Array, k: int, change: Array) -> float:
 
 def _same(jump: Jump, clearer: Jump, runs: Runs) -> bool:
     """Whether two jumps are one, seen over two lengths."""
+    return jump.run == clearer.run and _at_once(jump, clearer, runs)
+
+
+def _at_once(jump: Jump, clearer: Jump, runs: Runs) -> bool:
+    """Whether two jumps come at one time of their runs, as near as the rows tell."""
     t = runs.time_s[jump.run]
-    return jump.run == clearer.run and abs(jump.time_s - clearer.time_s) < 2 * FEWEST * float(
-        np.median(np.diff(t[: len(t) // 2]))
-    )
+    near_s = 2 * FEWEST * float(np.median(np.diff(t[: len(t) // 2])))
+    return abs(jump.time_s - clearer.time_s) < near_s

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
 from .effect import RUN, Array, Effect, Parameter, Runs, Values
-from .jumps import MOST, Jump, in_its_run, jumps, run_parameter
+from .jumps import Jump, in_its_run, run_parameter, strikes
 
 
 def velocity_over_omega(p: Values) -> Array:
@@ -38,12 +38,10 @@ def slow_jump(p: Values, state: SlowState) -> tuple[float, Array]:
 
 
 def instants(runs: Runs) -> list[Values]:
-    """Where these runs jump, the clearest first, at the phase that makes the jump one of the
+    """Where a run is struck, the clearest first, at the phase that makes the jump one of the
     velocity alone."""
     omega_r = 2 * np.pi * runs.reference_frequency_hz
-    return [
-        {"time_s": in_phase(jump, omega_r), RUN: float(jump.run)} for jump in jumps(runs)[:MOST]
-    ]
+    return [{"time_s": in_phase(jump, omega_r), RUN: float(jump.run)} for jump in strikes(runs)]
 
 
 def in_phase(jump: Jump, omega_r: float) -> float:

@@ -99,6 +99,19 @@ def total(parts: Sequence[Programme]) -> Programme:
     )
 
 
+def slope(values: Array, time_s: Array) -> Array:
+    """dv/dt at the rows of a grid, however uneven: a line from row to row through it has the
+    integral v(t) − v(0).
+
+    The chord over both neighbours; weighed by their distances, as is exact where v is smooth, it
+    would miss the integral at each corner between rows.
+    """
+    steps = np.diff(time_s)
+    width = np.concatenate([steps[:1], time_s[2:] - time_s[:-2], steps[-1:]])
+    change = np.concatenate([np.diff(values[:2]), values[2:] - values[:-2], np.diff(values[-2:])])
+    return np.asarray(np.divide(change, width, out=np.zeros(len(width)), where=width > 0))
+
+
 def earth_rate(latitude_rad: float) -> float:
     """The Earth's rotation about the local vertical, rad/s."""
     return float(EARTH_RATE_RAD_S * np.sin(latitude_rad))

@@ -11,6 +11,7 @@ from hrg_cli.effects import find
 from hrg_cli.effects.effect import RUN
 from hrg_cli.fitting.causes import extended_fit, fit_point, scales, whitened_rows
 from hrg_cli.fitting.causes.wave_frame import real
+from hrg_cli.stages.diagnosis.base_fit import fit_base
 from hrg_cli.stages.diagnosis.base_priors import freedom_of
 from hrg_cli.stages.diagnosis.data import prepare
 from hrg_cli.stages.diagnosis.gain import held_out
@@ -170,8 +171,15 @@ def errors(out, effects):
 
 
 def true_gain(runs, effects):
-    """Fall of the held-out mean squared error by the model that holds the true effects alone."""
-    base = base_of(runs)
+    """Fall of the held-out mean squared error by the model that holds the true effects alone.
+
+    The base is the diagnosis's own: a driven run's log leaves unknown how the commands scatter,
+    answer to the ripple and lag, and errors along these weigh less in both of its models. Weighed
+    as if the log were exact (`base_of`) the truth gained 3.77, 1.43 and 4.47 in three driven programmes
+    where with these weights it gains 3.4288, 1.1549 and 3.6996, which is what the diagnosis found
+    to all these digits.
+    """
+    base = fit_base(runs, scale_factor=None, blocks=120, free_phase=False)
     point = base.point
     for held in (True, False):  # first the rest of the model beside the truth, then all of it
         for name, values in effects.items():

@@ -1,10 +1,16 @@
 """Rows that are means of many windows stand for their middles, whatever the wave does within them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from synthetic_waves import GYRO, run_down
 
 from hrg_cli import collect, demodulate, estimate, simulate
+from hrg_cli.effects import find
+from hrg_cli.fitting.causes import extended_fit, fit_point
 from hrg_cli.stages.diagnosis.base_fit import fit_base
+from hrg_cli.stages.diagnosis.base_priors import freedom_of
 from hrg_cli.stages.diagnosis.data import is_averaged_well, prepare
 
 SPLIT_RAD_S = 0.19
@@ -52,3 +58,34 @@ def test_an_average_that_knows_less_than_the_fit_is_noticed():
     moved = np.linalg.norm((blind.envelope - again.envelope) * again.weight[..., None])
     assert moved > 1 and not is_averaged_well(blind, guess, fit.point)
     assert is_averaged_well(again, fit.point, fit.point)
+
+
+CORNERS = np.array([0.0, 1.0, 1.3, 2.3, 2.6, 4.0])
+SOAK_DEGC = np.array([20.0, 20.0, 23.0, 23.0, 21.0, 21.0])
+FOLLOWS_1_K = 2e-6
+
+
+def soaked(theta_rad, window_s=8e-3, fine=50):
+    """A run-down whose frequency follows the levels of an oven, with the means of its windows."""
+    wave = run_down(
+        theta_rad, std=1e-6, seconds=CORNERS[-1], window=window_s, seed=int(9 * theta_rad)
+    )
+    t = (np.arange(len(wave) * fine) + 0.5) * window_s / fine
+    warm = np.interp(t, CORNERS, SOAK_DEGC)
+    turned = 2 * np.pi * GYRO.frequency_hz * FOLLOWS_1_K * np.cumsum(warm) * window_s / fine
+    return wave.replace(
+        temperature_degc=warm.reshape(-1, fine).mean(axis=1),
+        phase_rad=wave.phase_rad + np.interp(wave.time_s, t + window_s / fine / 2, turned),
+    )
+
+
+def test_rows_know_where_in_them_the_temperature_turned_a_corner():
+    """A row's phase is the mean over the row of what its temperature turns it by: trapezoids from
+    row to row, h²/12 of every change of slope beside that, passed for a knock at 9 σ."""
+    series, point, _ = prepare([soaked(theta) for theta in (0.1, 0.4, 0.7)], GYRO.scale_factor, 120)
+    assert np.median(series.step_s) > 3 * 8e-3
+    known = find("thermal_frequency")
+    held = replace(known, parameters=tuple(replace(p, fitted=False) for p in known.parameters))
+    point = fit_point.add_effect(point, held, known.values({"relative_1_k": FOLLOWS_1_K}))
+    fit = extended_fit.fit(series, point, freedom_of(series, point, GYRO.scale_factor))
+    assert fit.chi2 / fit.dof < 2

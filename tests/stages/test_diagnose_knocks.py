@@ -1,6 +1,8 @@
 """What strikes one run by so little that the rows next to it do not show it: found by all that
 follows, at its row, and nothing found where nothing struck."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 from diagnosis_programme import programme, verdict, waves
@@ -109,6 +111,41 @@ def test_a_knock_that_its_neighbours_do_not_show_is_named(clean):
     assert {v.values[RUN] for v in found} == {true[RUN]}
     assert abs(found[0].values[INSTANT] - true[INSTANT]) < 3 * row_s
     assert_named(summary(diagnose(runs)), 13.0)
+
+
+@pytest.mark.parametrize("name", ["momentum_kick", "gain_step"])
+def test_what_strikes_all_runs_at_one_time_of_theirs_strikes_none(name):
+    """A blow that the programme gives at half of every run is no knock of one of them; what strikes
+    one run alone, or harder than all others there, still is."""
+    series = side_by_side_at_rest()
+    blow, later = series.time_s >= 0.5, series.time_s >= 0.75
+    all_alike = series.envelope + 0.01 * blow[..., None]
+    one_alone = all_alike.copy()
+    one_alone[1] += 0.02j * later[1][:, None]
+    one_harder = all_alike.copy()
+    one_harder[2] += 0.05 * blow[2][:, None]
+    for envelope, struck_runs in ((all_alike, []), (one_alone, [1]), (one_harder, [2])):
+        seen = replace(series, envelope=envelope)
+        assert len({jump.run for jump in jumps(seen)}) == RUNS
+        assert [start[RUN] for start in find(name).starts(seen)] == struck_runs
+
+
+def side_by_side_at_rest():
+    """Runs whose envelopes stand still."""
+    t = np.tile(np.linspace(0.0, LENGTH_S, 121), (RUNS, 1))
+    random = np.random.default_rng(0)
+    noise = random.standard_normal((2, *t.shape, 2)) * 1e-4
+    return AtRest(t, np.ones((*t.shape, 2)) + noise[0] + 1j * noise[1], np.full(t.shape, 1e4))
+
+
+@dataclass(frozen=True)
+class AtRest:
+    """As much of runs side by side as jumps are looked for in."""
+
+    time_s: np.ndarray
+    envelope: np.ndarray
+    weight: np.ndarray
+    reference_frequency_hz: float = 5000.0
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +46,9 @@ class MeasuredRuns:
     reference_frequency_hz: float
     mode_number: int
     has_temperature: bool = True
+    temperature_impulse: Array | None = None
+    """∫ of the temperature from the run's start, the mean of every row; None: the temperature goes
+    straight from row to row."""
     drive_late_s: float = 0.0
     """How much later than the log says the commands act; what stands here of them is so already."""
     number: Array | None = None
@@ -70,7 +74,7 @@ class MeasuredRuns:
     def runs(self, index: Sequence[int]) -> MeasuredRuns:
         """Some of the runs."""
         index = list(index)
-        cut = {f: getattr(self, f)[index] for f in _ARRAYS}
+        cut = self._cut(index)
         names, turn = tuple(self.names[i] for i in index), self.turn_rad_s[index]
         return replace(
             self.alone(), names=names, turn_rad_s=turn, number=self.numbers[index], **cut
@@ -78,7 +82,11 @@ class MeasuredRuns:
 
     def later(self, first: int) -> MeasuredRuns:
         """The runs from one row on."""
-        return replace(self.alone(), **{f: getattr(self, f)[:, first:] for f in _ARRAYS})
+        return replace(self.alone(), **self._cut((slice(None), slice(first, None))))
+
+    def _cut(self, part: Any) -> dict[str, Any]:
+        """The arrays' part of these indices."""
+        return {f: getattr(self, f)[part] for f in _ARRAYS if getattr(self, f) is not None}
 
     def alone(self) -> MeasuredRuns:
         """The rows without what is said of all of them together: what is unsettled, and what may
@@ -95,10 +103,12 @@ class MeasuredRuns:
         cut = {
             f: (getattr(self, f)[:, 1:] + getattr(self, f)[:, :-1]) / 2
             for f in _ARRAYS
-            if f not in ("branch", "forced")
+            if f not in ("branch", "forced") and getattr(self, f) is not None
         }
         h = self.step_s
         for name, integral in _INTEGRALS.items():
+            if getattr(self, integral) is None:
+                continue
             ends = getattr(self, name)
             mean = np.divide(
                 np.diff(getattr(self, integral), axis=1), h, out=cut[name].copy(), where=h > 0
@@ -118,6 +128,7 @@ _ARRAYS = (
     "rate_rad_s",
     "temperature_degc",
     "temperature_rate_degc_s",
+    "temperature_impulse",
     "branch",
     "table_angle_rad",
     "phase_rad",
@@ -131,6 +142,7 @@ _ARRAYS = (
 )
 
 _INTEGRALS = {
+    "temperature_degc": "temperature_impulse",
     "temperature_rate_degc_s": "temperature_degc",
     "rate_rad_s": "table_angle_rad",
     "main_drive": "main_impulse",

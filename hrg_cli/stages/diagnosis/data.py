@@ -192,6 +192,9 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Measured
             "rate_rad_s": rate,
             "temperature_degc": smooth,
             "temperature_rate_degc_s": np.gradient(smooth, t),
+            "temperature_impulse": temperature_impulse_of(
+                wave, t, None if smooth is warm else smooth
+            ),
             "branch": mean_branch(t, smooth),
             "table_angle_rad": run.turn_rad,
             "phase_rad": np.interp(t, *_finite(wave.time_s, wave.phase_rad)) + shift,
@@ -241,6 +244,18 @@ def impulse_of(wave: Wave, name: str, t: Array, forced: Array) -> Array:
     """∫ of a logged drive command from the log's start to times t; zero where there is none."""
     logged = _logged(wave, name, forced)
     return np.zeros(len(t)) if logged is None else logged.at(t)
+
+
+def temperature_impulse_of(wave: Wave, t: Array, smooth: Array | None) -> Array:
+    """∫ of the temperature to rows about times t, each its mean over the row, as what it moves of
+    the wave is: of the log, which knows where in a row it turned a corner, or along a smoothed
+    course from row to row."""
+    if smooth is not None or not _has(wave.temperature_degc):
+        course = np.zeros(len(t)) if smooth is None else smooth
+        return np.concatenate([[0.0], np.cumsum(np.diff(t) * (course[1:] + course[:-1]) / 2)])
+    logged = impulse(*_finite(wave.time_s, wave.temperature_degc))
+    half = np.sqrt(np.maximum(np.gradient(t) ** 2 - wave.window_s**2, 0.0)) / 2
+    return (logged.at(t - half) + 4 * logged.at(t) + logged.at(t + half)) / 6
 
 
 def _logged(wave: Wave, name: str, forced: Array) -> Impulse | None:

@@ -132,6 +132,7 @@ def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -
         envelope=np.repeat(series.envelope[:, :1], times.size, axis=1),
         rate_rad_s=rate,
         temperature_degc=along(series.temperature_degc, series.temperature_rate_degc_s[:, :1]),
+        temperature_impulse=None,
         table_angle_rad=along(
             series.table_angle_rad, rate if straight else (rate[:, :1] + rate) / 2
         ),
