@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Iterable
 from datetime import UTC, datetime
 
 import numpy as np
@@ -14,6 +16,8 @@ _CLOCK = re.compile(r"^\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?$")
 _DATE_TIME = re.compile(
     r"^\d{4}[-/.]\d{1,2}[-/.]\d{1,2}[T ]\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*(Z|[+-]\d{2}:?\d{2})?$"
 )
+
+_NUMBER = re.compile(r"^[+-]?(\d*)\.?(\d*)(?:[eE]([+-]?\d{1,3}))?$")
 
 
 def clock_kind(text: str) -> str:
@@ -30,8 +34,25 @@ def quantum(text: str) -> float:
     if clock_kind(text):
         fraction = re.search(r"\.(\d+)", text)
         return 10.0 ** -len(fraction[1]) if fraction else (1.0 if text.count(":") >= 2 else 60.0)
-    found = re.match(r"^[+-]?(\d*)\.?(\d*)(?:[eE]([+-]?\d{1,3}))?$", text)
+    found = _NUMBER.match(text)
     return float(10.0 ** (int(found[3] or 0) - len(found[2]))) if found else 0.0
+
+
+def floating_quantum(texts: Iterable[str]) -> float:
+    """The rounding step of the largest of numbers that are printed with so many significant digits
+    and an exponent where it is shorter ("%.10g", a language's own way); 0 where none can be seen.
+
+    Zeros at the end may be left out, so that the longest number tells the digits; a bare 0 has
+    none to tell.
+    """
+    digits, leading = 0, -math.inf
+    for text in texts:
+        found = _NUMBER.match(text.strip().replace(",", "."))
+        significant = (found[1] + found[2]).lstrip("0") if found else ""
+        if found and significant:
+            digits = max(digits, len(significant))
+            leading = max(leading, int(found[3] or 0) - len(found[2]) + len(significant) - 1)
+    return float(10.0 ** (leading - digits + 1)) if digits else 0.0
 
 
 class Clock:

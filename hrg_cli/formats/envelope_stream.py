@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import HrgError
-from ..records import FLAG_GAP, FLAG_NOT_FINITE, Array, Periods
+from ..records import FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods
 from ..records.clock import moved
 from .envelope_rows import EnvelopeRows
 from .envelope_windows import WindowPlan, mean_turn, window_means
@@ -28,7 +28,7 @@ def stream_windows(
     than one window."""
     held: Periods | None = None
     left: Rows | None = None
-    row = 0
+    row = begun = 0
     for times, u, slow in source.rows():
         part = taken.block(times)
         bad = ~np.isfinite(u[:, part].sum(0))
@@ -45,6 +45,8 @@ def stream_windows(
             shift = taken.first_s or 0.0
             held = _windows(blank, plan, source, full[0] - shift, *full[1:])
             held = held.replace(start_time=moved(blank.start_time, shift))
+            held.flags[: max(0, -(-(plan.settling - begun) // plan.rows))] |= FLAG_SETTLING
+            begun += len(full[0])
         if taken.to_s is not None and times[-1] >= taken.to_s:
             break
     taken.check_range(str(source.path))

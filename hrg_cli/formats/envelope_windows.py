@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import Array, Status
+from .filter_start import settling_rows
 from .row_noise import DELAY, RowNoise, gain_of_filter, row_noise
 
 LOOKS, LOOK_ROWS = 16, 1 << 14
@@ -40,14 +41,15 @@ suspect."""
 
 @dataclass(frozen=True)
 class WindowPlan:
-    """Rows a window, the rows' step, their noise, how far the oscillation lies from the reference
-    and what the filter passes there."""
+    """Rows a window, the rows' step, their noise, how far the oscillation lies from the reference,
+    what the filter passes there, and the rows before it has settled."""
 
     rows: int
     step_s: float
     noise: RowNoise
     offset_hz: float
     passed: float
+    settling: int = 0
 
     def verdicts(self, logged: bool) -> list[tuple[Status, str]]:
         """What the filter before the rows does, and what was done about it."""
@@ -81,6 +83,14 @@ class WindowPlan:
                         ),
                     )
                 )
+        if self.settling:
+            found.append(
+                (
+                    "valid",
+                    f"the demodulator's filter settles until {self.settling * self.step_s:.3g} s:"
+                    f" the first {-(-self.settling // self.rows)} windows are flagged as settling",
+                )
+            )
         if self.passed < WEAKENED:
             found.append(
                 (
@@ -130,9 +140,17 @@ def plan_windows(
     step_s = float(np.median(steps))
     with np.errstate(invalid="ignore"):
         noise = row_noise(looks)
+        settling = settling_rows(
+            looks[0], noise.correlated_rows, mean_turn(looks[0]), float(noise.variance.sum())
+        )
+        if settling:
+            looks[0] = looks[0][:, settling:]
+            noise = row_noise(looks)
         offset_hz = float(np.median([mean_turn(look) for look in looks])) / (2 * np.pi * step_s)
     if asked is not None:
-        return WindowPlan(min(asked, total), step_s, noise, offset_hz, gain_of_filter(looks))
+        return WindowPlan(
+            min(asked, total), step_s, noise, offset_hz, gain_of_filter(looks), settling
+        )
     kappa = noise.correlated_rows
     power = float(np.nanmedian(np.concatenate([(np.abs(look) ** 2).sum(0) for look in looks])))
     clear = CLEAR**2 * float(noise.density.sum()) / max(power, 1e-300)
@@ -142,7 +160,7 @@ def plan_windows(
     rows = max(1, min(rows, total // FEWEST_WINDOWS))
     while rows > 1 and _bends(looks, rows, noise):
         rows //= 2
-    return WindowPlan(rows, step_s, noise, offset_hz, gain_of_filter(looks))
+    return WindowPlan(rows, step_s, noise, offset_hz, gain_of_filter(looks), settling)
 
 
 def mean_turn(look: Array) -> float:

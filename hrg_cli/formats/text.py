@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import HrgError
-from .clock import Clock, quantum
+from .clock import Clock, floating_quantum, quantum
 from .dialect import HEAD_BYTES, Dialect, cell_kind, is_text, sniff, split_line
 from .instruments import understand
 from .log import Array, Blocks, Channel, Log, Reader
@@ -97,9 +97,9 @@ def _quantum(dialect: Dialect, last: list[str], index: int) -> float:
     ]
     if dialect.kinds[index] != "number":
         return min((quantum(text) for text in texts if text), default=0.0)
-    exponents = any("e" in text.lower() for text in texts)
-    steps = [step for text in texts if (step := quantum(text)) > 0]
-    return (max(steps) if exponents else min(steps)) if steps else 0.0
+    if any("e" in text.lower() for text in texts):
+        return floating_quantum(texts)
+    return min((step for text in texts if (step := quantum(text)) > 0), default=0.0)
 
 
 def _lines(path: Path, dialect: Dialect) -> Iterator[tuple[int, bytes]]:

@@ -11,7 +11,7 @@ from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.formats import import_envelope
 from hrg_cli.formats.row_noise import DELAY, row_noise
-from hrg_cli.records import FLAG_GAP, FLAG_NOT_FINITE, Periods, collect
+from hrg_cli.records import FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Periods, collect
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
 
@@ -41,10 +41,17 @@ def envelope(time_s, offset_hz=0.3):
 
 
 def lock_in(
-    poles=2, constant_s=0.02, row_rate_hz=100.0, seconds=60.0, noise=0.3, seed=0, offset_hz=0.3
+    poles=2,
+    constant_s=0.02,
+    row_rate_hz=100.0,
+    seconds=60.0,
+    noise=0.3,
+    seed=0,
+    offset_hz=0.3,
+    settled=20.0,
 ):
     """Rows (time, u) of a lock-in of so many poles: mixed down, noise before the filter, decimated;
-    the filter has settled."""
+    the filter was switched on so many of its time constants before the first row."""
     rng = np.random.default_rng(seed)
     fast = 20 * row_rate_hz
     time = np.arange(int(seconds * fast)) / fast
@@ -54,7 +61,7 @@ def lock_in(
     keep = np.exp(-1 / (fast * constant_s))
     for _ in range(poles):
         u = lfilter([1 - keep], [1, -keep], u, axis=1)
-    first = int(np.ceil(20 * constant_s * row_rate_hz))
+    first = int(np.ceil(settled * constant_s * row_rate_hz))
     return time[::20][first:] - time[20 * first], u[:, ::20][:, first:]
 
 
@@ -138,6 +145,38 @@ def test_identified_errors_are_as_large_as_they_say(tmp_path):
 def test_identified_errors_of_other_filters(tmp_path, lock):
     z, _ = closed_loop(tmp_path, 20, **lock)
     assert np.all(np.abs(np.sqrt((z**2).mean(0)) - 1) < 0.45) and np.all(np.abs(z.mean(0)) < 0.9)
+
+
+@pytest.mark.parametrize("settled", [0.0, 2.0])
+@pytest.mark.parametrize(
+    "lock",
+    [
+        {"poles": 1, "constant_s": 0.04, "noise": 0.01},
+        {"poles": 2, "constant_s": 0.02, "noise": 0.03},
+        {"poles": 4, "constant_s": 0.01, "noise": 1e-3},
+        {"poles": 4, "constant_s": 0.1, "noise": 1e-3},
+    ],
+)
+def test_a_filter_that_still_settles_is_flagged(tmp_path, lock, settled):
+    """Of a lock-in switched on with the log, or shortly before, the first rows are no wave's:
+    they are flagged until what is left is noise, and the rest identifies as it did settled."""
+    seen = taken(iq_log(tmp_path, *lock_in(seed=3, settled=settled, **lock)))
+    flagged = np.flatnonzero(seen.flags & FLAG_SETTLING)
+    assert len(flagged) and np.array_equal(flagged, np.arange(len(flagged)))
+    until = float(seen.time_s[len(flagged)])
+    assert lock["poles"] < until / lock["constant_s"] + settled < 60
+    assert any("settles until" in reason for reason in seen.status_reasons)
+    resonator = identify([collect(estimate(seen))], scale_factor=0.554)
+    assert resonator.chi2_per_dof < 1.5
+    found = resonator.parameters()
+    assert all(abs(found[k][0] - value) < 5 * found[k][1] for k, value in TRUTH.items())
+
+
+@pytest.mark.parametrize("poles, constant_s", [(1, 0.04), (4, 0.01), (4, 0.1)])
+@pytest.mark.parametrize("noise", [1e-5, 1e-2, 0.3])
+def test_a_settled_filter_is_not_flagged(tmp_path, poles, constant_s, noise):
+    log = lock_in(poles, constant_s, noise=noise, settled=40.0, seed=1)
+    assert not np.any(taken(iq_log(tmp_path, *log)).flags & FLAG_SETTLING)
 
 
 def test_a_window_lies_on_the_envelope(tmp_path):

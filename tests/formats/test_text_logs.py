@@ -171,6 +171,17 @@ def test_times_rounded_in_print_are_still_even(tmp_path):
     assert recording.sample_rate_hz == pytest.approx(30_000, rel=2e-6)
 
 
+@pytest.mark.parametrize("form", ["{!r}", "{:.10g}", "{:.9e}"])
+@pytest.mark.parametrize(("unit", "second"), [("s", 1.0), ("min", 1 / 60), ("h", 1 / 3600)])
+@pytest.mark.parametrize("rate", [44_100.0, 96_000.0, 12_870.0, 166.963])
+def test_a_first_time_of_zero_says_nothing_of_the_rounding(tmp_path, form, unit, second, rate):
+    """Short steps are printed with exponents, and the 0 before them has one digit: the rate was
+    rounded to one digit too."""
+    t = np.arange(3000) / rate * second
+    text = f"time ({unit}),c,s\n" + "".join(f"{form.format(v)},1.5,2.5\n" for v in t.tolist())
+    assert whole(written(tmp_path, text)).sample_rate_hz == pytest.approx(rate, rel=1e-8)
+
+
 def test_jittered_times_are_kept(tmp_path):
     t = T + np.random.default_rng(0).uniform(0, 0.02 / RATE, len(T))
     recording = whole(written(tmp_path, "time,c,s\n" + rows([t, C, S])))
