@@ -191,8 +191,13 @@ def dots(
     ax.autoscale_view()
 
 
+BRIDGED = 2
+"""Empty bins across which a line of means is drawn."""
+
+
 def binned(x: Array, y: Array, bins: int = 36) -> tuple[Array, Array, Array]:
-    """Mean of y and its standard error in equal bins of x; only bins with three values or more."""
+    """Mean of y and its standard error in equal bins of x; only bins with three values or more. Where
+    more than `BRIDGED` bins are empty a NaN stands, so that a line breaks off there."""
     keep = np.isfinite(x) & np.isfinite(y)
     x, y = np.asarray(x)[keep], np.asarray(y)[keep]
     if len(x) < 3 or np.ptp(x) <= 0:
@@ -204,7 +209,12 @@ def binned(x: Array, y: Array, bins: int = 36) -> tuple[Array, Array, Array]:
     centre = np.bincount(index, x, bins)[used] / size
     mean = np.bincount(index, y, bins)[used] / size
     spread = np.bincount(index, y**2, bins)[used] / size - mean**2
-    return centre, mean, np.sqrt(np.maximum(spread, 0) / size)
+    error = np.sqrt(np.maximum(spread, 0) / size)
+    holes = np.flatnonzero(np.diff(np.flatnonzero(used)) > BRIDGED + 1) + 1
+    broken_x, broken_mean, broken_error = (
+        np.insert(values, holes, np.nan) for values in (centre, mean, error)
+    )
+    return broken_x, broken_mean, broken_error
 
 
 def scatter_with_mean(
