@@ -156,6 +156,14 @@ def line(
     ax.plot(*envelope(x, y, points), color=SERIES[colour % len(SERIES)], label=label, **more)
 
 
+def _dash_length(ax: Axes, x: Array) -> float:
+    """Length of the dash that is a dot: too short to be seen beside these values or, for one value,
+    beside what the axes hold."""
+    held = ax.dataLim.width
+    span = float(np.ptp(x)) or (held if np.isfinite(held) and held > 0 else 0.0)
+    return 1e-3 * span or 4 * float(np.spacing(np.abs(x).max()))
+
+
 def dots(
     ax: Axes,
     x: Array,
@@ -172,7 +180,7 @@ def dots(
     if len(keep) > points:
         keep = keep[np.linspace(0, len(keep) - 1, points).round().astype(int)]
     at = np.stack([np.asarray(x, dtype=float)[keep], np.asarray(y, dtype=float)[keep]], 1)
-    nudge = np.array([1e-3 * (np.ptp(at[:, 0]) or 1.0), 0.0])
+    nudge = np.array([_dash_length(ax, at[:, 0]), 0.0])
     outline = Outline(
         np.stack([at, at + nudge], 1).reshape(-1, 2),
         np.tile([Outline.MOVETO, Outline.LINETO], len(at)),
