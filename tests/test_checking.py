@@ -4,6 +4,7 @@ and Markdown."""
 import json
 from xml.etree import ElementTree
 
+import h5py
 import numpy as np
 import pytest
 import records_by_hand as by_hand
@@ -12,6 +13,7 @@ from hrg_cli import store
 from hrg_cli.comparing import compare, compare_tables
 from hrg_cli.errors import UsageError
 from hrg_cli.limit_values import limit_value, quantity_of, suggest, unit_of
+from hrg_cli.records import Recording
 from hrg_cli.reporting.quantities import quantity
 from hrg_cli.units import DEGREE_PER_HOUR
 
@@ -303,6 +305,31 @@ def test_a_page_shows_limits_outside_a_table_and_refuses_typing_errors(tmp_path,
         given.write_text(written)
         refused = hrg(*asked, "--force")
         assert refused.status == 2 and "did you mean" in refused.err, refused.err
+
+
+def test_a_limit_does_not_read_the_samples_of_a_recording(tmp_path, hrg, monkeypatch):
+    """Bytes that a page reads of a recording, a limit outside a table beside it or not."""
+    noise = np.random.default_rng(0).normal(size=(2, 300_000))
+    store.write(
+        tmp_path / "long.h5",
+        Recording(c=noise[0], s=noise[1], sample_rate_hz=1e4, mode="free", gyro_id="HRG-1"),
+    )
+    store.write(tmp_path / "resonator.h5", by_hand.resonator())
+    read, whole = [], h5py.Dataset.__getitem__
+
+    def counted(dataset, *key):
+        values = whole(dataset, *key)
+        read[-1] += np.asarray(values).nbytes
+        return values
+
+    monkeypatch.setattr(h5py.Dataset, "__getitem__", counted)
+    files = tmp_path / "resonator.h5", tmp_path / "long.h5"
+    for extra in ((), ("--limits", limits(tmp_path, 'status = "any"\nscale_factor = 0.6\n'))):
+        read.append(0)
+        done = hrg("report", *files, "-o", tmp_path / "page.html", "--force", *extra)
+        assert done.status == 0, done.err
+    assert "≤ 0.6" in (tmp_path / "page.html").read_text()
+    assert read[1] - read[0] < 0.01 * noise.nbytes
 
 
 def test_a_damping_split_is_told_as_its_limit_is_written(tmp_path, hrg):

@@ -17,6 +17,7 @@ from ..formats.quantities import rate_factor, split_name, temperature_scale
 from ..pipeline import Outcome
 from ..records import Calibration
 from ..reporting import tables
+from ..stages import earth_rate
 from ..stages.calibrate import calibrate, summary
 from ..stages.rate_table import rate_table
 from .frame import JOBS_OF_REHEARSAL, Common, Files, Rehearsals, command, command_line, existing
@@ -25,7 +26,7 @@ from .options import flags_of
 
 OF_WAVES = (
     *("model", "harmonics", "axis", "interpolation", "nodes", "scale_factor_harmonics"),
-    *("rate_rad_s", "earth_rate_rad_s", "ladder", "stable_only"),
+    *("rate_rad_s", *earth_rate.OPTIONS, "ladder", "stable_only"),
 )
 OF_TABLE = {"output": "output_column", "rate": "rate_column", "temperature": "temperature_column"}
 """Settings of a table of dwells -> their options."""

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import UsageError
+from ..stages import earth_rate
 from ..stages.compensate import compensate
 from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command
 from .one_stage import run_stage_on_files
@@ -17,7 +18,7 @@ from .options import flags_of
 @command(
     "compensate",
     "hrg compensate wave.h5 --calibration calibration.h5 -o compensated.h5",
-    flags=flags_of(compensate, "windows_per_increment", "earth_rate_rad_s"),
+    flags=flags_of(compensate, "windows_per_increment", *earth_rate.OPTIONS),
     idle=NO_DRAWS | ONE_PROCESS,
 )
 def main(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..stages import earth_rate
 from ..stages.identify import identify
 from .frame import JOBS_OF_REHEARSAL, Common, Files, Rehearsals, command
 from .one_stage import run_stage_on_files
@@ -12,7 +13,7 @@ from .options import flags_of
 FLAGS = (
     *("method", "rate_rad_s", "fit_rate", "scale_factor", "damping_axis_rad"),
     *("stiffness_axis_rad", "most_different", "bootstrap", "window", "profile", "eliminate_rate"),
-    *("earth_rate_deg_h", "latitude_deg", "axis_tilt_deg", "axis_azimuth_deg"),
+    *earth_rate.OPTIONS,
 )
 
 

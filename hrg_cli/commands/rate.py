@@ -8,13 +8,14 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import UsageError
+from ..stages import earth_rate
 from ..stages.rate import rate
 from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command
 from .one_stage import run_stage_on_files
 from .options import flags_of
 
 FLAGS = (
-    *("nodes", "earth_rate_deg_h", "latitude_deg", "axis_tilt_deg", "axis_azimuth_deg"),
+    *("nodes", *earth_rate.OPTIONS),
     *("main_phase_error_rad", "quadrature_phase_error_rad"),
 )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -41,7 +42,12 @@ def report(
     store.check_output(output, force)
     limits = limits or {}
     limited = [path for path in files if concerns(limits, store.kind_of(path).kind)]
-    held = hold([store.read_any(path) for path in limited], limits)
+    with ExitStack() as opened:
+        # a limit asks for a few figures: a recording's samples stay where they are
+        records = [
+            opened.enter_context(store.open_record(path, store.kind_of(path))) for path in limited
+        ]
+        held = hold(records, limits)
     page = build_report(files, truth=truth, full=full, rows=[row for rows in held for row in rows])
     with store.atomic_path(output, force) as temporary:
         temporary.write_text(page, encoding="utf-8")

@@ -23,6 +23,7 @@ from .judging import Bounds, GaugeOf, Held, bounds_of, hold_limits, tables_of
 from .series import AXIS, independent, newest, series, usual
 from .trend import move
 
+Array = np.ndarray
 SHOWN = 5
 """Gyros that one sentence names."""
 
@@ -50,6 +51,8 @@ class FigureReport:
     units: str
     gyros: int
     mean: float
+    mean_std: float | None
+    """By the gyros' spread or by their own σ, whichever is larger; None where neither is known."""
     std: float | None
     bounds: Bounds
     chart: Chart | None
@@ -209,6 +212,7 @@ def list_gyros(
         units=every.units,
         gyros=len(values),
         mean=float(values.mean()) if len(values) else math.nan,
+        mean_std=_std_of_mean(values, population.stds),
         std=float(values.std(ddof=1)) if len(values) > 1 else None,
         bounds=bounds,
         chart=chart(values),
@@ -217,6 +221,14 @@ def list_gyros(
         gauge=gauge,
         risks=wrong,
     )
+
+
+def _std_of_mean(values: Array, stds: Array) -> float | None:
+    """σ of the mean of (n,) values by their spread, or by their own σ (NaN where unknown)."""
+    count = len(values)
+    spread = values.std(ddof=1) / math.sqrt(count) if count > 1 else 0.0
+    own = math.sqrt(float(np.nansum(stds**2))) / max(count, 1)
+    return max(float(spread), own) or None
 
 
 def gauge_of(figure: FigureReport) -> GaugeOf:

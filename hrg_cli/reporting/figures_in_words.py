@@ -16,7 +16,14 @@ from .text import number, plain
 
 Pairs = list[tuple[str, str]]
 DIGITS = 6
-"""Of a value without a σ: a frequency is known to more than a person reads, an rms to fewer."""
+"""Of a value without a σ: a frequency is known to more than a person reads."""
+DIGITS_OF_SPREAD = 3
+SPREADS = {
+    *("std", "rms", "chi2", "error", "residual", "noise", "walk", "instability"),
+    *("condition", "ratio", "share", "count"),
+}
+"""Words of figures that say how large a scatter, a misfit or a share is: known to a part in a hundred
+or worse."""
 COUNTED = ("rows", "windows", "usable", "runs")
 """Counts that are told also where they are zero."""
 NONE_AT_ZERO = ("residual_rms", "c_add_offset", "s_add_offset")
@@ -49,6 +56,8 @@ def said(key: str, value: Any, digits: int = DIGITS) -> str:
         return plain(value)
     if not math.isfinite(float(value)) or isinstance(value, int):
         return plain(value) if isinstance(value, int) else "–"
+    if not SPREADS.isdisjoint(re.split(r"[._]", key)):
+        digits = min(digits, DIGITS_OF_SPREAD)
     factor, unit = unit_for(key, float(value), unit_of(key))
     return f"{number(float(value) * factor, digits)} {unit}".strip()
 

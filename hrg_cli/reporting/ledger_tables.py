@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from ..ledger.charts import BEYOND, Chart
 from ..ledger.gauge import Component, GaugeStudy
 from ..ledger.golden import Golden
@@ -106,7 +104,7 @@ def _population(row: FigureReport) -> tuple[str, ...]:
     return (
         row.name,
         str(row.gyros),
-        quantity(row.name, row.mean, row.std and row.std / math.sqrt(row.gyros), row.units),
+        quantity(row.name, row.mean, row.mean_std, row.units),
         _spread(row, row.std),
         _chart(row.chart),
         cp,

@@ -31,6 +31,7 @@ from .calibration.stability import say_unstable
 from .calibration.summary import summary as summary
 from .calibration.variant_solutions import Wanted
 from .calibration.variants import FACTORS
+from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 from .figures_of_merit import trade_figures
 
 Array = np.ndarray
@@ -89,9 +90,10 @@ def calibrate(
     rates_rad_s: Annotated[
         dict[str, float] | None, Field(description="constant rate by run_id")
     ] = None,
-    earth_rate_rad_s: Annotated[
-        float, Field(description="Earth's rate about the sensitive axis, added to the logged rate")
-    ] = 0.0,
+    earth_rate_deg_h: EarthRate = None,
+    latitude_deg: Latitude = None,
+    axis_tilt_deg: AxisTilt = 0.0,
+    axis_azimuth_deg: AxisAzimuth = 0.0,
     programmes: Annotated[
         dict[str, str] | None,
         Field(
@@ -163,7 +165,8 @@ def calibrate(
         )
     limits = _looked_at(harmonics, scale_factor_harmonics, interpolation)
     needed = 1 if harmonics is None else harmonics
-    rates = KnownRates(rates_rad_s or {}, rate_rad_s, earth_rate_rad_s)
+    earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
+    rates = KnownRates(rates_rad_s or {}, rate_rad_s, earth)
     runs = prepare(waves, rates, axis, nodes, max(limits), needed)
     refusals, remarks = list(runs.refusals), list(runs.remarks)
 

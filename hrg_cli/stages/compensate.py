@@ -17,6 +17,7 @@ from ..records import Calibration, Compensated, Wave
 from .calibration.figures import CELLS_A_PERIOD
 from .calibration.table import corrections_along, need_range, standard_deviations
 from .compensation.figures import MOST_RATES, Spread, Totals
+from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 
 Array = np.ndarray
 CORRECTION = "rate = (D - m*dtheta/dt) / K; subtract drift first, then divide"
@@ -36,20 +37,19 @@ def compensate(
             ),
         ),
     ] = 1,
-    earth_rate_rad_s: Annotated[
-        float,
-        Field(
-            description=(
-                "component of the Earth's rate about the sensitive axis; part of the true rate"
-            )
-        ),
-    ] = 0.0,
+    earth_rate_deg_h: EarthRate = None,
+    latitude_deg: Latitude = None,
+    axis_tilt_deg: AxisTilt = 0.0,
+    axis_azimuth_deg: AxisAzimuth = 0.0,
 ) -> Iterator[Compensated]:
     """Rate of each increment and its integral with a calibration's tables.
 
     Ω_i = (∫w D dt − mΔθ_i)/∫w K dt, from m·dθ/dt = −KΩ + D (seed A after (7)), with its standard
     deviation by the noise of the angle and by the tables' own (`deviations`). Where the rate was
     logged, the residuals with a constant scale factor alone and with the tables are kept beside it.
+
+    A gyro shows the rate against the stars; with the Earth's rate given the answer is the rate
+    against the ground, as a table logs it.
 
     Parameters
     ----------
@@ -90,7 +90,8 @@ def compensate(
     (159, 2.0)
     """
     _guard(wave, calibration)
-    return _stream(wave, calibration, windows_per_increment, earth_rate_rad_s)
+    earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
+    return _stream(wave, calibration, windows_per_increment, earth)
 
 
 def summary(record: Compensated) -> dict[str, Any]:
@@ -169,8 +170,9 @@ def _stream(
         noise, own = deviations(calibration, path, blocks, rate, scale)
         steady = path.rate_rad_s[logged] if logged.any() and known else _smooth(rate)
         slowest, fastest = min(slowest, float(steady.min())), max(fastest, float(steady.max()))
-        middle = angle + np.cumsum(rate * time) - rate * time / 2
-        angle += float((rate * time).sum())
+        on_ground = rate - earth_rate
+        middle = angle + np.cumsum(on_ground * time) - on_ground * time / 2
+        angle += float((on_ground * time).sum())
         before, after = None, None
         if known:
             true = np.where(logged, path.rate_rad_s, np.nan)
@@ -178,7 +180,7 @@ def _stream(
             totals.add(path, before, after)
         spread.add(noise, own, after)
         record = Compensated(
-            time_s=path.middle(path.time_s), rate_estimate_rad_s=rate, rate_estimate_rad_s_std=np.hypot(noise, own),
+            time_s=path.middle(path.time_s), rate_estimate_rad_s=on_ground, rate_estimate_rad_s_std=np.hypot(noise, own),
             angle_estimate_rad=middle,
             residual_before_rad_s=before, residual_after_rad_s=after,
             gyro_id=wave.gyro_id or calibration.gyro_id, run_id=wave.run_id, lot_id=wave.lot_id, mode_number=wave.mode_number,

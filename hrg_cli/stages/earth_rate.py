@@ -3,7 +3,8 @@ latitude and how the axis stands."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -11,12 +12,18 @@ from pydantic import Field
 from ..errors import HrgError
 from ..physics.environment import EARTH_RATE_RAD_S
 
+EarthRate = Annotated[
+    float | None,
+    Field(description="Earth's rate about the axis, °/h, which the logged rates leave out"),
+]
 Latitude = Annotated[
     float | None, Field(description="latitude from which the Earth's rate is taken instead")
 ]
 AxisTilt = Annotated[float, Field(description="tilt of the sensitive axis from the vertical")]
 AxisAzimuth = Annotated[float, Field(description="direction of that tilt from north")]
 """Options of the stages that take the Earth's rate into account."""
+OPTIONS = ("earth_rate_deg_h", "latitude_deg", "axis_tilt_deg", "axis_azimuth_deg")
+"""Their names."""
 
 
 def earth_rate_rad_s(
@@ -52,3 +59,9 @@ def earth_rate_rad_s(
         EARTH_RATE_RAD_S
         * (np.sin(latitude) * np.cos(tilt) + np.cos(latitude) * np.sin(tilt) * np.cos(azimuth))
     )
+
+
+def earth_rate_of(settings: Mapping[str, Any]) -> float:
+    """The same from a stage's settings, rad/s."""
+    given = {name: settings[name] for name in OPTIONS if settings.get(name) is not None}
+    return earth_rate_rad_s(**given)

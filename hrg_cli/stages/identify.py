@@ -17,7 +17,7 @@ from ..fitting.envelopes.base_fit import Known, check_runs
 from ..fitting.envelopes.frozen import CORRECTION, find_frozen
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
-from .earth_rate import AxisAzimuth, AxisTilt, Latitude, earth_rate_rad_s
+from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 from .identification.by_likelihood import identify_by_likelihood
 from .identification.by_regression import compare_methods, identify_by_regression
 from .identification.methods import RegressionMethod
@@ -89,10 +89,7 @@ def identify(
         int,
         Field(ge=20, description="fewest averaged rows per run; more are taken as the wave turns"),
     ] = 300,
-    earth_rate_deg_h: Annotated[
-        float | None,
-        Field(description="Earth's rate about the axis, °/h, added to the logged rates"),
-    ] = None,
+    earth_rate_deg_h: EarthRate = None,
     latitude_deg: Latitude = None,
     axis_tilt_deg: AxisTilt = 0.0,
     axis_azimuth_deg: AxisAzimuth = 0.0,

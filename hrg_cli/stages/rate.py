@@ -24,7 +24,7 @@ from ..fitting.envelopes.rate_from_model import (
 )
 from ..fitting.samples.rate_log import left_out, stretches
 from ..records import Compensated, Resonator, Wave
-from .earth_rate import AxisAzimuth, AxisTilt, Latitude, earth_rate_rad_s
+from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 
 Array = np.ndarray
 
@@ -43,9 +43,7 @@ def rate(
             ),
         ),
     ] = None,
-    earth_rate_deg_h: Annotated[
-        float | None, Field(description="Earth's rate about the axis, °/h, taken off the answer")
-    ] = None,
+    earth_rate_deg_h: EarthRate = None,
     latitude_deg: Latitude = None,
     axis_tilt_deg: AxisTilt = 0.0,
     axis_azimuth_deg: AxisAzimuth = 0.0,

@@ -5,8 +5,11 @@ The tables hold the resonator's anisotropy, K_DC, K_DS (their first harmonic), i
 constant) and, beside them, the measured quadrature's −2δω(cos, sin) 2mθ_ω. A resonator identified
 later, at one temperature x, gives the same five anew. What moved is
     δ = c(new) − c(then),   c(then): the resonator of the calibration's time, else the tables' own coefficients at x
-with the covariance of both. It is put into every node, for nothing is known of how a change depends
-on temperature; everything else of the tables (drive, higher harmonics, K over angle) stays.
+with the covariance of both. What moved (damping split, K, frequency split, each by its own χ²) is put
+into every node, for nothing is known of how a change depends on temperature; what did not is
+combined with what the tables know, by minimum variance, or stays where a reference says so. Everything
+else of the tables (drive, higher harmonics, K over angle) stays, but for what its covariance with
+these says.
 """
 
 from __future__ import annotations
@@ -18,13 +21,15 @@ import numpy as np
 
 from ..errors import HrgError
 from ..fitting.checks import CHANCE, at_most, failures
-from ..fourier import harmonic_basis, node_weights
 from ..records import Calibration, Resonator
+from .calibration.moved_tables import GROUPS, TableState
 from .calibration.programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ
-from .calibration.record import table_std
 from .calibration.resonators import NAMES, coefficients_of, place_of
 
 Array = np.ndarray
+STOOD_STILL = 0.01
+"""Chance with which a coefficient that stood still is taken for one that moved: what it costs is the
+tables' knowledge of it, what a movement taken for none costs is a part of that movement."""
 LEAST_TOLD = 1.0
 """Part of a coefficient's own size that the new resonator's standard deviation may have: beyond it,
 it cannot tell a complete loss."""
@@ -47,44 +52,38 @@ def update(
     _guard(calibration, resonator, reference)
     x = _where(calibration, resonator)
     new, new_covariance = coefficients_of(resonator, partly=True)
-    then, then_covariance, told_by = _then(calibration, reference, x)
+    state = TableState.of(calibration, x)
+    then, then_covariance, told_by = _then(calibration, reference, state)
     known = np.isfinite(then) & np.isfinite(new)
     if not known.any():
         raise HrgError(
             f"the resonator file ({resonator.method}) holds none of what the tables do: neither"
             " splits with their axes nor a scale factor; identify it from windows at several angles"
         )
-    change, spread = (new - then)[known], (new_covariance + then_covariance)[np.ix_(known, known)]
-    moved = _moved(new, new_covariance, then, then_covariance)
-    chi2 = float(change @ np.linalg.pinv(spread, hermitian=True) @ change)
-    from scipy.stats import chi2 as distribution
-
-    chance = float(distribution.sf(chi2, int(known.sum())))
+    change, spread = new - then, new_covariance + then_covariance
+    moved = np.zeros(5, bool)
+    for group in GROUPS.values():
+        moved[group] = known[group].all() and _chance(change, spread, group) < STOOD_STILL
+    chi2 = _chi2(change, spread, known)
+    chance = _chance(change, spread, known)
     doubt = _cannot_tell(new_covariance, then, known)
-    record = _moved_tables(
-        calibration,
-        np.where(known, new - then, 0.0),
-        known,
-        new_covariance,
-        then_covariance,
-        reference is not None,
-        _weights(calibration, x),
+    held = known & state.held
+    state = (
+        state.combined(new, new_covariance, held, moved)
+        if reference is None
+        else state.shifted(change, spread, moved & held)
     )
+    record = state.tables(calibration)
     details = json.loads(record.details)
     details["update"] = {
-        "moved": moved,
+        "moved": _rows(new, new_covariance, then, then_covariance, _made(held, moved, reference)),
         "chi2": chi2,
         "p_value": chance,
         "changed": chance < CHANCE,
         "reference": told_by,
         "at": x,
     }
-    told = {
-        "damping split": new[:2],
-        "scale factor": new[2:3],
-        "frequency split": new[3:],
-    }
-    kept = [name for name, values in told.items() if not np.isfinite(values).all()]
+    kept = [name for name, group in GROUPS.items() if not np.isfinite(new[group]).all()]
     notes = [f"the resonator tells no {' and no '.join(kept)}: the tables' stays"] if kept else []
     remarks = (
         [f"the resonator is suspect: {reason}" for reason in resonator.status_reasons]
@@ -171,60 +170,43 @@ def _where(calibration: Calibration, resonator: Resonator) -> float:
 
 
 def _then(
-    calibration: Calibration, reference: Resonator | None, x: float
+    calibration: Calibration, reference: Resonator | None, state: TableState
 ) -> tuple[Array, Array, str]:
-    """The five coefficients at x when the tables were made, their covariance, and what says so; NaN
+    """The five coefficients when the tables were made, their covariance, and what says so; NaN
     where nothing does."""
     if reference is not None:
         return (*coefficients_of(reference), "the reference resonator")
-    nodes, weights, places = (
-        np.asarray(calibration.node, float),
-        _weights(calibration, x),
-        _places(calibration),
-    )
-    value = np.full(5, np.nan)
-    covariance = np.zeros((5, 5))
-    flat = np.concatenate(
-        [np.asarray(calibration.drift_harmonics), np.asarray(calibration.scale_factor_harmonics)],
-        axis=1,
-    ).ravel()
-    pick = np.zeros((3, len(flat)))
-    for h in range(3):
-        pick[h, places[:, h]] = weights
-    value[:3] = pick @ flat
-    covariance[:3, :3] = pick @ np.asarray(calibration.covariance) @ pick.T
-    measured = json.loads(calibration.details).get("measured") or {}
-    if measured.get("kind") == "quadrature":
-        coefficients, std = (
-            np.broadcast_to(np.atleast_2d(measured[key]), (len(nodes), 2))
-            for key in ("coefficients", "std")
-        )
-        value[3:] = weights @ coefficients
-        covariance[3:, 3:] = np.diag(weights**2 @ std**2)
     return (
-        value,
-        covariance,
+        *state.level(),
         "the physical model's resonator" if calibration.model == "physical" else "the tables",
     )
 
 
-def _weights(calibration: Calibration, x: float) -> Array:
-    """Weights (J,) of the nodes at x."""
-    kind = "linear" if calibration.interpolation in ("linear", "monotone") else "cubic"
-    return np.asarray(node_weights(np.array([x]), np.asarray(calibration.node, float), kind)[0])
+def _chi2(change: Array, spread: Array, places: Array | slice) -> float:
+    """χ² of some of the changes (5,) at their covariance (5, 5)."""
+    some, own = change[places], spread[places][:, places]
+    return float(some @ np.linalg.pinv(own, hermitian=True) @ some)
 
 
-def _places(calibration: Calibration) -> Array:
-    """Places (J, 3) of K_DC, K_DS and K in the covariance."""
-    first = calibration.drift_harmonics.shape[1]
-    width = first + calibration.scale_factor_harmonics.shape[1]
-    return np.arange(len(calibration.node))[:, None] * width + np.array([1, 2, first])
+def _chance(change: Array, spread: Array, places: Array | slice) -> float:
+    """Its probability where nothing moved."""
+    from scipy.stats import chi2 as distribution
+
+    return float(distribution.sf(_chi2(change, spread, places), len(change[places])))
 
 
-def _moved(
-    new: Array, new_covariance: Array, then: Array, then_covariance: Array
+def _made(held: Array, moved: Array, reference: Resonator | None) -> list[str]:
+    """What becomes of each of the five coefficients of the tables."""
+    stood = "combined" if reference is None else "kept"
+    gone = "replaced" if reference is None else "shifted"
+    return [(gone if m else stood) if k else "kept" for k, m in zip(held, moved, strict=True)]
+
+
+def _rows(
+    new: Array, new_covariance: Array, then: Array, then_covariance: Array, made: list[str]
 ) -> list[dict[str, Any]]:
-    """One row a coefficient: before, now, the change's standard deviation, and the change in it."""
+    """One row a coefficient: before, now, the change's standard deviation, the change in it, and
+    what became of the tables'."""
     rows = []
     for i, name in enumerate(NAMES):
         if not np.isfinite(new[i]):
@@ -239,6 +221,7 @@ def _moved(
                 "now": float(new[i]),
                 "std": std,
                 "moved_sigma": change / std if known and std > 0 else None,
+                "tables": made[i],
             }
         )
     return rows
@@ -271,82 +254,3 @@ def _cannot_tell(covariance: Array, then: Array, known: Array) -> list[str]:
             )
         )
     return failures(checks)
-
-
-def _moved_tables(
-    calibration: Calibration,
-    change: Array,
-    known: Array,
-    new: Array,
-    then: Array,
-    by_reference: bool,
-    weights: Array,
-) -> Calibration:
-    """The tables with `change` (5,) added at every node; weights (J,) of the nodes at the
-    resonator's place.
-
-    Covariance: told by a reference, c' = c + (new − then): both resonators' are added. Told from
-    the tables, c'_j = c_j − Σw_k c_k + new: what the tables knew of the level is replaced, the
-    differences between nodes stay.
-    """
-    drift, scale = (
-        np.array(t, float)
-        for t in (calibration.drift_harmonics, calibration.scale_factor_harmonics)
-    )
-    drift[:, 1:3] += change[:2]
-    scale[:, 0] += change[2]
-    further = new + then if by_reference else new
-    told = 0.0 if by_reference else 1.0
-    covariance = _moved_covariance(calibration, known, further, told, weights)
-
-    count, first = len(calibration.node), drift.shape[1]
-    std = np.sqrt(np.maximum(np.diag(covariance), 0)).reshape(count, first + scale.shape[1])
-    angles, m = np.asarray(calibration.wave_angle_rad), calibration.mode_number
-    of_drift, of_scale = (harmonic_basis(angles, (t.shape[1] - 1) // 2, m) for t in (drift, scale))
-    details = json.loads(calibration.details)
-    measured = details.get("measured")
-    if measured and measured["kind"] == "quadrature" and known[3:].all():
-        details["measured"] = measured | _moved_measured(measured, change, further, told, weights)
-    return calibration.replace(
-        drift_harmonics=drift,
-        drift_harmonics_std=std[:, :first],
-        scale_factor_harmonics=scale,
-        scale_factor_harmonics_std=std[:, first:],
-        drift_rad_s=drift @ of_drift.T,
-        drift_rad_s_std=table_std(of_drift, covariance, count, 0),
-        scale_factor=scale @ of_scale.T,
-        scale_factor_std=table_std(of_scale, covariance, count, first),
-        covariance=covariance,
-        details=json.dumps(details),
-    )
-
-
-def _moved_covariance(
-    calibration: Calibration, known: Array, further: Array, told: float, weights: Array
-) -> Array:
-    """Covariance of the tables after a common change of K_DC, K_DS and K with that of `further`
-    (5, 5); told: the part of the tables' own level that the change took away. What the resonator does
-    not tell (`known` (5,)) stays as it was."""
-    places, covariance = _places(calibration), np.array(calibration.covariance, float)
-    everywhere = np.zeros((len(covariance), 3))
-    level = np.zeros((3, len(covariance)))
-    for h in np.flatnonzero(known[:3]):
-        everywhere[places[:, h], h] = 1.0
-        level[h, places[:, h]] = weights
-    kept = np.eye(len(covariance)) - told * everywhere @ level
-    return np.asarray(kept @ covariance @ kept.T + everywhere @ further[:3, :3] @ everywhere.T)
-
-
-def _moved_measured(
-    measured: dict[str, Any], change: Array, further: Array, told: float, weights: Array
-) -> dict[str, Any]:
-    """The coefficients of the measured quadrature at every node, moved alike, with their σ."""
-    count = len(weights)
-    old, old_std = (
-        np.broadcast_to(np.atleast_2d(measured[key]), (count, 2)) for key in ("coefficients", "std")
-    )
-    own = np.eye(count) - told * weights[None, :]
-    return {
-        "coefficients": (old + change[3:]).tolist(),
-        "std": np.sqrt(own**2 @ old_std**2 + np.diag(further)[3:]).tolist(),
-    }

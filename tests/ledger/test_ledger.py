@@ -13,6 +13,7 @@ from hrg_cli.ledger.history import history
 from hrg_cli.ledger.overview import overview
 from hrg_cli.ledger.series import independent
 from hrg_cli.records import Wave
+from hrg_cli.reporting.quantities import round_with_std
 
 SPLIT = "frequency_split_rad_s"
 LIMITS = "[resonator]\nfrequency_split_rad_s = { minimum = 0.08, maximum = 0.12 }\n"
@@ -26,6 +27,21 @@ def files(tmp_path):
         write(tmp_path / "b.h5", "SN-1", 10.0, frequency_split_rad_s=0.1004),
         write(tmp_path / "c.h5", "SN-2", 3.0),
     ]
+
+
+@pytest.mark.parametrize("gyros", [1, 2])
+def test_a_mean_is_rounded_by_its_own_sigma_where_no_spread_is(hrg, tmp_path, gyros):
+    """One gyro has no spread, and gyros that are equal to the last digit have none either."""
+    ledger = tmp_path / "l.sqlite"
+    made = [write(tmp_path / f"{k}.h5", f"SN-{k}", float(k)) for k in range(gyros)]
+    assert hrg("ledger", "add", *made, "--ledger", ledger).status == 0
+    [figure] = overview(database.read_entries(ledger), names=[SPLIT]).figures
+    [std] = {e.figures[SPLIT].std for e in database.read_entries(ledger)}
+    assert figure.mean_std == pytest.approx(std / np.sqrt(gyros))
+    shown = hrg("ledger", "show", "--ledger", ledger).out.splitlines()
+    [row] = [line for line in shown if line.startswith(SPLIT)]
+    assert round_with_std(figure.mean * 1e3 / np.pi, figure.mean_std * 1e3 / np.pi) in row
+    assert "(" in row
 
 
 def test_add_says_what_is_new_and_what_is_known(hrg, files, tmp_path):

@@ -205,11 +205,31 @@ def test_runs_without_temperature_and_rates_by_run():
         calibrate(waves)
 
 
-def test_earth_rate_moves_the_drift_by_k_times_it():
-    truth, earth = Truth(1), 5e-5
+def earth_along(latitude_deg, tilt_deg, azimuth_deg):
+    """Earth's rate along an axis, rad/s: scalar product of two vectors (east, north, up)."""
+    latitude, tilt, azimuth = np.radians([latitude_deg, tilt_deg, azimuth_deg])
+    of_day = 2 * np.pi / 86164.0905
+    earth = of_day * np.array([0.0, np.cos(latitude), np.sin(latitude)])
+    horizontal = np.array([np.sin(azimuth), np.cos(azimuth), 0.0])
+    return earth @ (np.sin(tilt) * horizontal + np.cos(tilt) * np.array([0.0, 0.0, 1.0]))
+
+
+@pytest.mark.parametrize(
+    ("earth", "told"),
+    [
+        (5e-5, {"earth_rate_deg_h": 5e-5 * 206264.80625}),
+        (earth_along(48, 0, 0), {"latitude_deg": 48.0}),
+        (
+            earth_along(-33, 70, 25),
+            {"latitude_deg": -33.0, "axis_tilt_deg": 70.0, "axis_azimuth_deg": 25.0},
+        ),
+    ],
+)
+def test_earth_rate_moves_the_drift_by_k_times_it(earth, told):
+    truth = Truth(1)
     waves = programme(truth, (20,), (-0.5, 0.5), duration=20)
     seen = [w.replace(rate_rad_s=w.rate_rad_s - earth) for w in waves]
-    right = calibrate(seen, earth_rate_rad_s=earth, **FIXED)
+    right = calibrate(seen, **told, **FIXED)
     wrong = calibrate(seen, **FIXED)
     assert right.drift_harmonics[0, 0] == pytest.approx(
         truth.d[0, 0], abs=5 * right.drift_harmonics_std[0, 0]

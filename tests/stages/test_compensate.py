@@ -107,6 +107,23 @@ def test_sign_and_order_are_guarded(tables, run, truth):
         compensate(run, tables.replace(status="refused", status_reasons=("one rate only",)))
 
 
+def test_with_the_earths_rate_told_the_answer_is_against_the_ground(tables, run):
+    """The log holds what the table turns, the gyro the Earth's rate too: 2π in a sidereal day,
+    times the sine of the latitude about the vertical."""
+    earth = 2 * np.pi / 86164.0905 * np.sin(np.radians(50))
+    logged = run.replace(rate_rad_s=run.rate_rad_s - earth)
+    against_stars = collect(compensate(run, tables))
+    for told in ({"latitude_deg": 50.0}, {"earth_rate_deg_h": np.degrees(earth) * 3600}):
+        done = collect(compensate(logged, tables, **told))
+        less = against_stars.rate_estimate_rad_s - done.rate_estimate_rad_s
+        assert less == pytest.approx(earth, rel=1e-6)
+        assert done.residual_after_rad_s == pytest.approx(
+            against_stars.residual_after_rad_s, abs=1e-10
+        )
+        behind = against_stars.angle_estimate_rad - done.angle_estimate_rad
+        assert behind == pytest.approx(earth * (done.time_s - run.time_s[0]), abs=1e-9)
+
+
 def test_rates_outside_are_doubted(tables, truth):
     fast = forced_run(truth, 10.0, 1.5, 8, 1)
     done = collect(compensate(fast, tables))

@@ -421,18 +421,29 @@ def common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
     return 0.0 if cost(0.0) <= float(found.fun) + NEEDED_GAIN else float(unit * 10.0**found.x)
 
 
+MOST_SWEEPS = 6
+SETTLED = 0.05
+"""Change of a random walk's density between two sweeps, over itself, at which it stands: a quarter of what
+some thousand rows tell."""
+
+
+def _walks_settled(before: Sequence[AngleNoise], now: Sequence[AngleNoise]) -> bool:
+    """Whether no run's random walk moved since the weights of the last sweep."""
+    return all(abs(n.walk - b.walk) <= SETTLED * max(n.walk, b.walk) for b, n in zip(before, now))
+
+
 def fit(
     paths: Sequence[Path],
     layout: TableLayout,
     model: Model | None = None,
     start: Fitted | None = None,
-    sweeps: int = 2,
 ) -> Fitted:
     """Joint fit of a model (by default the full layout), alternating coefficients and each run's
     noise.
 
     White angle noise is each run's own; the angle random walk is the larger of the run's own and
-    the one common to all runs. start: an earlier fit of the same runs, whose noise begins the
+    the one common to all runs. What a fit with other weights leaves shows too large a walk, so the
+    sweeps go on until it settles. start: an earlier fit of the same runs, whose noise begins the
     sweeps.
     """
     model = Model("everything", np.eye(layout.size)) if model is None else model
@@ -445,14 +456,15 @@ def fit(
     )
     previous: Array | None = None if start is None else start.solution.coefficients
     jumps = 0 if start is None else start.jumps
-    for sweep in range(sweeps + 1):
+    settled = False
+    for sweep in range(MOST_SWEEPS + 1):
         pieces = accumulate(paths, noises, layout, turns, previous)
         A, b, square, rows = pieces.sum()
         solution = solve(A, b, model)
         linearised, previous = previous, solution.coefficients
-        if sweep == sweeps:
+        if settled or sweep == MOST_SWEEPS:
             break
-        coarse = []
+        coarse, used = [], list(noises)
         for r, path in enumerate(paths):
             residual = turns[r] - predict_turn(path, layout, solution.coefficients, linearised)
             jump = np.round(residual / np.pi)
@@ -471,7 +483,9 @@ def fit(
             noises = [AngleNoise(n.white, 0.0) for n in noises]
             continue
         walk = common_walk(coarse, float(np.median([p.time_s[-1] - p.time_s[0] for p in paths])))
-        noises = [AngleNoise(n.white, max(n.walk, walk)) for n in noises]
+        weights = [AngleNoise(n.white, max(n.walk, walk)) for n in noises]
+        settled = sweep > 0 and _walks_settled(used, weights)
+        noises = weights
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
     return Fitted(list(paths), turns, noises, layout, pieces, solution, float(chi2), jumps)
 

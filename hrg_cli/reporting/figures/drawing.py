@@ -156,6 +156,14 @@ def line(
     ax.plot(*envelope(x, y, points), color=SERIES[colour % len(SERIES)], label=label, **more)
 
 
+def _dash_length(ax: Axes, x: Array) -> float:
+    """Length of the dash that is a dot: too short to be seen beside these values or, for one value,
+    beside what the axes hold."""
+    held = ax.dataLim.width
+    span = float(np.ptp(x)) or (held if np.isfinite(held) and held > 0 else 0.0)
+    return 1e-3 * span or 4 * float(np.spacing(np.abs(x).max()))
+
+
 def dots(
     ax: Axes,
     x: Array,
@@ -172,7 +180,7 @@ def dots(
     if len(keep) > points:
         keep = keep[np.linspace(0, len(keep) - 1, points).round().astype(int)]
     at = np.stack([np.asarray(x, dtype=float)[keep], np.asarray(y, dtype=float)[keep]], 1)
-    nudge = np.array([1e-3 * (np.ptp(at[:, 0]) or 1.0), 0.0])
+    nudge = np.array([_dash_length(ax, at[:, 0]), 0.0])
     outline = Outline(
         np.stack([at, at + nudge], 1).reshape(-1, 2),
         np.tile([Outline.MOVETO, Outline.LINETO], len(at)),
@@ -191,8 +199,13 @@ def dots(
     ax.autoscale_view()
 
 
+BRIDGED = 2
+"""Empty bins across which a line of means is drawn."""
+
+
 def binned(x: Array, y: Array, bins: int = 36) -> tuple[Array, Array, Array]:
-    """Mean of y and its standard error in equal bins of x; only bins with three values or more."""
+    """Mean of y and its standard error in equal bins of x; only bins with three values or more. Where
+    more than `BRIDGED` bins are empty a NaN stands, so that a line breaks off there."""
     keep = np.isfinite(x) & np.isfinite(y)
     x, y = np.asarray(x)[keep], np.asarray(y)[keep]
     if len(x) < 3 or np.ptp(x) <= 0:
@@ -204,7 +217,12 @@ def binned(x: Array, y: Array, bins: int = 36) -> tuple[Array, Array, Array]:
     centre = np.bincount(index, x, bins)[used] / size
     mean = np.bincount(index, y, bins)[used] / size
     spread = np.bincount(index, y**2, bins)[used] / size - mean**2
-    return centre, mean, np.sqrt(np.maximum(spread, 0) / size)
+    error = np.sqrt(np.maximum(spread, 0) / size)
+    holes = np.flatnonzero(np.diff(np.flatnonzero(used)) > BRIDGED + 1) + 1
+    broken_x, broken_mean, broken_error = (
+        np.insert(values, holes, np.nan) for values in (centre, mean, error)
+    )
+    return broken_x, broken_mean, broken_error
 
 
 def scatter_with_mean(

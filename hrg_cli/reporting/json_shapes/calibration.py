@@ -308,6 +308,8 @@ class Moved(Shape):
     """Standard deviation of the difference."""
     moved_sigma: Number
     """Difference in σ."""
+    tables: Literal["replaced", "combined", "shifted", "kept"]
+    """What became of the tables'."""
 
 
 class Update(Common):

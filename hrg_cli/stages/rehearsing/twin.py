@@ -12,6 +12,7 @@ import numpy as np
 from ...errors import HrgError
 from ...physics.resonator import Mechanics
 from ...records import Calibration, Record, Resonator
+from ..earth_rate import earth_rate_of
 from . import twin_colour
 from .twin_colour import Colour
 from .twin_device import build_carrier_of_tables, build_resonator, find_hidden_rate
@@ -84,7 +85,7 @@ def make_twin(
         stage, device, hidden = (
             "calibrate",
             build_carrier_of_tables(truth, inputs, identified),
-            float(settings.get("earth_rate_rad_s") or 0.0),
+            earth_rate_of(settings),
         )
         settings |= {"ladder": False, "bootstrap": 0}
         found = twin_colour.of_calibration(truth)

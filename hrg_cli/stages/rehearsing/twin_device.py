@@ -14,7 +14,7 @@ from ...errors import HrgError
 from ...fitting.envelopes.base_fit import nominal_scale_factor
 from ...physics.resonator import Mechanics
 from ...records import Calibration, Resonator
-from ..earth_rate import earth_rate_rad_s
+from ..earth_rate import earth_rate_of
 from ..rate_table import is_rate_table
 from . import twin_mode
 from .twin_physical import Identified, is_physical
@@ -96,11 +96,7 @@ def _find_decay(inputs: Sequence[Measured]) -> float:
 def find_hidden_rate(truth: Resonator, settings: Mapping[str, Any]) -> float:
     """Rate about the axis that the logs leave out, rad/s: Earth's, and the unknown one that was
     fitted."""
-    keys = ("earth_rate_deg_h", "latitude_deg", "axis_tilt_deg", "axis_azimuth_deg")
-    earth = earth_rate_rad_s(
-        **{key: settings[key] for key in keys if settings.get(key) is not None}
-    )
-    return earth + float(
+    return earth_rate_of(settings) + float(
         json.loads(truth.details).get("rate_rad_s", {}).get("value", 0.0)
         if settings.get("fit_rate")
         else 0.0
