@@ -135,8 +135,45 @@ def import_envelope(
     """A log of demodulated signals as periods: one record when it fits one block, else a stream of
     them.
 
-    HrgError: no reference frequency, no such column, a phase without a unit, times that do not
-    rise, too few rows.
+    C(t) = Re[(I + jQ) e^{jω_r t}], so c_cos = I and c_sin = −Q of the periods' convention (PHYSICS
+    §0); S alike.
+
+    Parameters
+    ----------
+    path
+        The log, in any of the formats of `READERS`.
+
+    Returns
+    -------
+    Periods or Iterator[Periods]
+        Windows (n,) with signals (n, 4) and their standard deviations in the log's unit, times in s;
+        `collect` joins a stream.
+
+    Raises
+    ------
+    HrgError
+        No reference frequency, no such column, a phase without a unit, times that do not rise, too
+        few rows.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli import collect
+    >>> from hrg_cli.formats.envelope import import_envelope
+    >>> t = np.arange(400) / 50
+    >>> in_phase, quadrature = np.exp(-t / 20) * np.exp(0.3j * t).view(float).reshape(-1, 2).T
+    >>> table = np.column_stack([t, in_phase, quadrature])
+    >>> table[:, 1:] += 1e-4 * np.random.default_rng(0).standard_normal((400, 2))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "lock-in.csv"
+    ...     np.savetxt(path, table, delimiter=",", header="time [s],X [V],Y [V]", comments="")
+    ...     periods = collect(
+    ...         import_envelope(path, c_in_phase=2, c_quadrature=3, reference_frequency_hz=5000.0)
+    ...     )
+    >>> periods.units, np.hypot(*periods.signals[0, :2]).round(2).item()
+    ('V', 1.0)
     """
     path = Path(path)
     checked_range(from_s, to_s)

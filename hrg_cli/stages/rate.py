@@ -59,11 +59,48 @@ def rate(
     """Ω(t) of a run with the resonator held, its standard deviation, and beside it −m·(dθ/dt)/K,
     which has the drift in it.
 
-    A gyro shows the rate against the stars; with the Earth's rate given the answer is the rate
-    against the ground, as a table logs it.
+    The linear slow model u' = L(Ω) u, L = −ν − νδμ R(2mθ_μ) + jδω R(2mθ_ω) + KΩ J (PHYSICS §0;
+    the last task of seed A), is fitted to the run's envelopes by least squares with Ω free at the
+    nodes and linear between them. A gyro shows the rate against the stars; with the Earth's rate
+    given the answer is the rate against the ground, as a table logs it.
 
-    HrgError: another gyro or mode number, a refused resonator or one without K, too few windows for
-    the nodes.
+    Parameters
+    ----------
+    wave
+        A run of the gyro, (n,) rows with angles in rad and times in s.
+    resonator
+        The identified resonator, held; it has to know K.
+
+    Returns
+    -------
+    Compensated
+        At each node: time [s], Ω with its standard deviation [rad/s], its integral [rad]; where a
+        rate was logged, what the plain and the fitted estimate leave of it [rad/s].
+
+    Raises
+    ------
+    HrgError
+        Another gyro or mode number, a refused resonator or one without K, phase errors of a free
+        run, too few windows for the nodes.
+
+    Examples
+    --------
+    >>> from hrg_cli import collect, demodulate, estimate, identify, simulate
+    >>> from hrg_cli.stages.rate import rate
+    >>> config = {
+    ...     "device": {"frequency_hz": 1000.0, "quality_factor": 20_000.0},
+    ...     "readout": {"noise": 1e-4},
+    ...     "recording": {"sample_rate_hz": 8000.0, "duration_s": 3.0},
+    ...     "run": [
+    ...         {"run_id": "left", "environment": {"rate_rad_s": 1.0}},
+    ...         {"run_id": "right", "environment": {"rate_rad_s": -1.0}},
+    ...     ],
+    ... }
+    >>> samples = [collect(simulate(config, model="slow", run=run)) for run in ("left", "right")]
+    >>> waves = [collect(estimate(collect(demodulate(r, periods_per_window=20)))) for r in samples]
+    >>> found = rate(waves[0].replace(rate_rad_s=None), identify(waves), nodes=5)
+    >>> len(found.time_s), float(found.rate_estimate_rad_s.mean().round(2))
+    (5, 1.0)
     """
     name = f"run {wave.run_id or '?'}"
     wave = _in_memory(wave)
