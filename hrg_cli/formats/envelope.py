@@ -206,7 +206,7 @@ def import_envelope(
         temperature_units=temperature_units,
         rate_scale_factor=1.0,
         constants={"rate": constant_rate_rad_s, "temperature": constant_temperature_degc},
-        most=1 << 62,
+        most=1 << 62,  # as many as there are: windows average them, no auxiliary log holds them
     )
     if slow.own:
         raise HrgError(
@@ -222,23 +222,21 @@ def import_envelope(
     )
     source = EnvelopeRows(path, log, roles, timing, slow, signal)
     plan = plan_windows(path, source.between(from_s, to_s), rows_per_window)
-    blank = Periods(
-        time_s=np.empty(0),
-        signals=np.empty((0, 4)),
-        signals_std=np.empty((0, 4)),
-        residual_rms=np.empty((0, 2)),
-        flags=np.empty(0, "u1"),
-        reference_frequency_hz=reference_frequency_hz,
-        window_s=plan.rows * plan.step_s,
-        periods_per_window=plan.rows * plan.step_s * reference_frequency_hz,
-        mode=mode,
-        mode_number=mode_number,
-        gyro_id=gyro_id,
-        run_id=run_id or path.stem,
-        lot_id=lot_id,
-        start_time=start_time or log.start_time,
-        units=unit,
-    ).judged([reason for reason in log.reasons if reason != ONE_DEMODULATOR] + list(timing.reasons))
+    blank = (
+        _no_windows(reference_frequency_hz, plan.rows * plan.step_s)
+        .replace(
+            mode=mode,
+            mode_number=mode_number,
+            gyro_id=gyro_id,
+            run_id=run_id or path.stem,
+            lot_id=lot_id,
+            start_time=start_time or log.start_time,
+            units=unit,
+        )
+        .judged(
+            [reason for reason in log.reasons if reason != ONE_DEMODULATOR] + list(timing.reasons)
+        )
+    )
     for status, reason in (
         *signal.verdicts(reference_frequency_hz),
         *plan.verdicts(slow.scales != {}),
@@ -247,3 +245,18 @@ def import_envelope(
     stream = stream_windows(source, blank, plan, taken)
     head = list(itertools.islice(stream, 2))
     return head[0] if len(head) == 1 else itertools.chain(head, stream)
+
+
+def _no_windows(reference_frequency_hz: float, window_s: float) -> Periods:
+    """Periods before the first window: what a stream's blocks are made of."""
+    return Periods(
+        time_s=np.empty(0),
+        signals=np.empty((0, 4)),
+        signals_std=np.empty((0, 4)),
+        residual_rms=np.empty((0, 2)),
+        flags=np.empty(0, "u1"),
+        reference_frequency_hz=reference_frequency_hz,
+        window_s=window_s,
+        periods_per_window=window_s * reference_frequency_hz,
+        mode="free",
+    )

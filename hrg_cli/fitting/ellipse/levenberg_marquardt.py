@@ -60,23 +60,7 @@ def _iterate(
     AB, products, cost = _evaluate(z, angles)
     damping, growth = np.full(len(left), FIRST_DAMPING), np.full(len(left), 2.0)
     for evaluation in range(1, max_iterations + 1):
-        (A, B), damped = AB, AB[0] ** 2 + AB[1] ** 2 + damping * size / 2
-        P, Q, psi_A, psi_B = projections(z, products)
-        slope = np.stack(
-            [
-                A * P + B * Q,
-                A * Q + B * P,
-                np.zeros_like(A) if carrier_known else A * psi_A + B * psi_B,
-            ]
-        )
-        determinant = damped**2 - (2 * A * B) ** 2
-        move = np.stack(
-            [
-                (damped * slope[0] - 2 * A * B * slope[1]) / determinant,
-                (damped * slope[1] - 2 * A * B * slope[0]) / determinant,
-                slope[2] / damped,
-            ]
-        )
+        slope, move = _damped_move(z, AB, products, damping * size / 2, carrier_known)
         promised = 2 * (move * (damping * size / 2 * move + slope)).sum(0)
         done = (np.sqrt(cost / 8) <= residual_tolerance) | (
             2 * (move * slope).sum(0) <= step_tolerance**2 * size
@@ -117,3 +101,32 @@ def _iterate(
         products = tuple(
             np.where(better, new, old) for new, old in zip(products_trial, products, strict=True)
         )
+
+
+def _damped_move(
+    z: Array, AB: Array, products: tuple[Array, ...], damping: Array, carrier_known: bool
+) -> tuple[Array, Array]:
+    """Half the fall of the cost along each angle (3, n), and the damped step (JᵀJ + λ)⁻¹ of it.
+
+    The angles θ and φ are coupled by 2AB alone, ψ by nothing: JᵀJ is a 2 × 2 block beside a number,
+    inverted in closed form.
+    """
+    A, B = AB
+    P, Q, psi_A, psi_B = projections(z, products)
+    slope = np.stack(
+        [
+            A * P + B * Q,
+            A * Q + B * P,
+            np.zeros_like(A) if carrier_known else A * psi_A + B * psi_B,
+        ]
+    )
+    damped = A**2 + B**2 + damping
+    determinant = damped**2 - (2 * A * B) ** 2
+    move = np.stack(
+        [
+            (damped * slope[0] - 2 * A * B * slope[1]) / determinant,
+            (damped * slope[1] - 2 * A * B * slope[0]) / determinant,
+            slope[2] / damped,
+        ]
+    )
+    return slope, move

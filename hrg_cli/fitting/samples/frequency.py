@@ -146,19 +146,13 @@ def refine(
     even = np.allclose(steps, steps[0], rtol=1e-6)
     for _ in range(rounds):
         f = bands(frequency_hz, carrier_hz)
-        if even:
-            inverse = np.linalg.pinv(columns(t[0] - centre[0], f, nuisances(carrier_hz)))[
-                None, : 2 * len(f)
-            ]
-        else:
-            inverse = np.linalg.pinv(
-                np.stack(
-                    [
-                        columns(row - mid, f, nuisances(carrier_hz))
-                        for row, mid in zip(t, centre, strict=True)
-                    ]
-                )
-            )[:, : 2 * len(f)]
+        # even sub-windows are alike about their middles: one basis serves all
+        some = slice(0, 1) if even else slice(None)
+        basis = [
+            columns(row - mid, f, nuisances(carrier_hz))
+            for row, mid in zip(t[some], centre[some], strict=True)
+        ]
+        inverse = np.linalg.pinv(np.stack(basis))[:, : 2 * len(f)]
         fit = np.einsum(
             "wan,cwn->cwa",
             np.broadcast_to(inverse, (count, *inverse.shape[1:])),

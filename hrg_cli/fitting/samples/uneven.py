@@ -58,6 +58,19 @@ def uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
         yield block
 
 
+def _normal_equations(basis: Array, right: Array, starts: Array) -> tuple[Array, Array]:
+    """AᵀA (windows, k, k) and AᵀB (windows, k, ·) of windows that begin at the samples `starts`; column
+    by column: the products of all pairs at once would be n·k² numbers."""
+    k = basis.shape[1]
+    gram = np.zeros((len(starts), k, k))
+    cross = np.zeros((len(starts), k, right.shape[1]))
+    for a in range(k):
+        gram[:, a, a:] = np.add.reduceat(basis[:, a : a + 1] * basis[:, a:], starts, axis=0)
+        gram[:, a:, a] = gram[:, a, a:]
+        cross[:, a] = np.add.reduceat(basis[:, a : a + 1] * right, starts, axis=0)
+    return gram, cross
+
+
 def fit_uneven(
     time_s: Array,
     y: Array,
@@ -83,19 +96,12 @@ def fit_uneven(
     present, starts, samples_present = np.unique(window, return_index=True, return_counts=True)
     samples = np.zeros(rows, int)
     samples[present] = samples_present
-    gram, cross, square = (
-        np.zeros((rows, k, k)),
-        np.zeros((rows, k, right.shape[1])),
-        np.zeros((rows, len(y))),
-    )
+    gram, cross = np.zeros((rows, k, k)), np.zeros((rows, k, right.shape[1]))
+    square = np.zeros((rows, len(y)))
     if len(present):
-        for a in range(k):
-            gram[present, a, a:] = np.add.reduceat(
-                basis[:, a : a + 1] * basis[:, a:], starts, axis=0
-            )
-            gram[:, a:, a] = gram[:, a, a:]
-            cross[present, a] = np.add.reduceat(basis[:, a : a + 1] * right, starts, axis=0)
+        gram[present], cross[present] = _normal_equations(basis, right, starts)
         square[present] = np.add.reduceat(y.T**2, starts, axis=0)
+    # beyond a condition of 1e6 the samples of a window do not separate its unknowns
     values = np.linalg.eigvalsh(gram)
     good = (samples > k) & (values[:, 0] > 1e-6 * values[:, -1])
     gram[~good] = np.eye(k)
@@ -110,7 +116,7 @@ def fit_uneven(
     envelope[:, ~good] = np.nan
     residual2[~good] = np.nan
     pulls = []
-    for first in (len(y), len(y) + tones):
+    for first in (len(y), len(y) + tones):  # of a slope, of a bend
         these = slice(first, first + tones)
         square2 = np.zeros((rows, tones, tones))
         if len(present):
@@ -118,6 +124,7 @@ def fit_uneven(
             square2[present] = np.add.reduceat(
                 motion[:, :, None] * motion[:, None, :], starts, axis=0
             )
+        # what the fit leaves of the motion's own squares: that part raises the residual
         left = square2 - fit[:, :, these].transpose(0, 2, 1) @ cross[:, :, these]
         pulls.append(
             pull(

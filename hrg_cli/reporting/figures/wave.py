@@ -64,28 +64,30 @@ def plots(record: Wave, truth: Recording | None, spectrum: bool = True) -> list[
     return found
 
 
-def _course(record: Wave, truth: Recording | None) -> Plot:
-    time = np.asarray(record.time_s[:])
-    good = record.good()
-    factor, unit = time_unit(float(time[-1] - time[0]))
+def _rows_of_course(record: Wave) -> list[tuple[str, str, float, str]]:
+    """Column, axis label, factor from SI and title of every row of the course."""
     amplitude = "full scale" if record.units in ("", "1") else record.units
-    rows: list[tuple[str, str, float, str]] = [
-        ("wave_angle_rad", "θ, °", np.degrees(1.0), "Wave angle θ"),
+    reference = f"{number(record.reference_frequency_hz, 8)} Hz"
+    rows = [
+        ("wave_angle_rad", "θ, °", float(np.degrees(1.0)), "Wave angle θ"),
         ("main_amplitude", f"a_A, {amplitude}", 1.0, "Main amplitude a_A"),
         ("quadrature_amplitude", f"a_B, {amplitude}", 1.0, "Quadrature amplitude a_B"),
-        (
-            "phase_rad",
-            "φ, rad",
-            1.0,
-            f"Phase φ against {number(record.reference_frequency_hz, 8)} Hz",
-        ),
+        ("phase_rad", "φ, rad", 1.0, f"Phase φ against {reference}"),
     ]
     if record.readout == "carrier":
         rows.append(("carrier_phase_rad", "ψ, rad", 1.0, "Carrier phase ψ"))
     if record.temperature_degc is not None:
         rows.append(("temperature_degc", "T, °C", 1.0, "Temperature"))
     if record.rate_rad_s is not None:
-        rows.append(("rate_rad_s", "Ω, °/s", np.degrees(1.0), "Rate Ω"))
+        rows.append(("rate_rad_s", "Ω, °/s", float(np.degrees(1.0)), "Rate Ω"))
+    return rows
+
+
+def _course(record: Wave, truth: Recording | None) -> Plot:
+    time = np.asarray(record.time_s[:])
+    good = record.good()
+    factor, unit = time_unit(float(time[-1] - time[0]))
+    rows = _rows_of_course(record)
     figure, axes = panels(len(rows), 1, height=1.35, sharex=True)
     said = []
     for k, (ax, (name, label, scale, title)) in enumerate(zip(axes[:, 0], rows)):

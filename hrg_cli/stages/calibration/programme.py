@@ -22,6 +22,13 @@ NODE_SPACING_DEGC = 15.0
 """Spacing of nodes laid over a temperature sweep."""
 
 
+def _spread_over_sweep(low: float, high: float, spacing: float, narrowest: float) -> Array:
+    """Even nodes over a sweep, two to nine; one in the middle of a range too narrow to bend over."""
+    if high - low <= narrowest:
+        return np.array([(low + high) / 2])
+    return np.linspace(low, high, int(np.clip(round((high - low) / spacing) + 1, 2, 9)))
+
+
 def choose_nodes(
     paths: Sequence[Path], axis: str, given: Sequence[float] | None
 ) -> tuple[Array, float, float, list[str]]:
@@ -61,11 +68,9 @@ def choose_nodes(
     centres = _dwells(paths, axis)
     margin = SINGLE_NODE_MARGIN_DEGC if axis == "temperature" else SINGLE_NODE_MARGIN_HZ
     if centres is None:
-        spacing = NODE_SPACING_DEGC if axis == "temperature" else (high - low) / 4
-        count = (
-            int(np.clip(round((high - low) / spacing) + 1, 2, 9)) if high - low > 2 * margin else 1
+        centres = _spread_over_sweep(
+            low, high, NODE_SPACING_DEGC if axis == "temperature" else (high - low) / 4, 2 * margin
         )
-        centres = np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
     if len(centres) == 1:
         remark = (
             f"all runs are near {centres[0]:.6g} {unit}: one node, the tables hold from"

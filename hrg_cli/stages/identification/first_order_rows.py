@@ -18,7 +18,8 @@ from ...fitting.envelopes import coordinates, propagator
 from ...fitting.envelopes.base_fit import Known, freedom, nominal_scale_factor
 from ...fitting.envelopes.coordinates import SECOND_ORDER
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
-from ...fitting.envelopes.likelihood import Fit, Freedom, State, batch, fit, respond
+from ...fitting.envelopes.likelihood import Fit, Freedom, fit
+from ...fitting.envelopes.response import State, batch, respond
 from . import closing
 from .verdict import second_order_std
 
