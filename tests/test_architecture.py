@@ -18,7 +18,7 @@ FITS = {*BASE, "fourier", "records", "physics", "effects"}
 STAGES = {*FITS, "fitting", "settings"}
 FILES = {*BASE, "records", "settings", "store"}
 PAGES = {*STAGES, "stages", "store", "pipeline", "limit_values", "limits", "holding"}
-CHAIN = {*PAGES, "formats", "origins", "executors", "extended", "memory", "rehearsal"}
+CHAIN = {*PAGES, "formats", "origins", "sources", "executors", "extended", "memory", "rehearsal"}
 RESULTS = {
     *("measured_export", "exporting_records", "exporting", "comparing"),
     *("verification", "signatures"),
@@ -51,7 +51,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "holding": {"errors", "limit_values", "limits", "records"},
     "measured_export": {*STAGES, "stages"},
     "extended": {*STAGES, "stages", "store"},
-    "pipeline": {*FILES, "stages", "origins"},
+    "sources": {*FILES, "origins"},
+    "pipeline": {*FILES, "stages", "origins", "sources"},
     "comparing": {*BASE, "records", "limit_values", "limits"},
     "reporting": PAGES,
     "exporting": {*BASE, "records", "stages", "measured_export", "reporting"},

@@ -19,7 +19,8 @@ from ..records import Calibration
 from ..reporting import tables
 from ..stages.calibrate import calibrate, summary
 from ..stages.rate_table import rate_table
-from .frame import JOBS_OF_REHEARSAL, Common, Files, Rehearsals, command, command_line, existing
+from .common import Common
+from .frame import JOBS_OF_REHEARSAL, Files, Rehearsals, command, command_line, existing
 from .one_stage import run_stage_on_files
 from .options import flags_of
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ..stages.identify import identify
-from .frame import JOBS_OF_REHEARSAL, Common, Files, Rehearsals, command
+from .common import Common
+from .frame import JOBS_OF_REHEARSAL, Files, Rehearsals, command
 from .one_stage import run_stage_on_files
 from .options import flags_of
 

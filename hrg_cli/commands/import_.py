@@ -19,7 +19,8 @@ from ..errors import UsageError
 from ..formats import import_envelope, import_log, second_file
 from ..records import Record, Recording
 from ..reporting.console import print_table
-from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, command_line, existing
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command, command_line, existing
 from .options import flags_of
 
 FLAGS = (

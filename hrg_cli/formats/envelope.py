@@ -13,7 +13,6 @@ oscillation's distance from the reference, and turns the phase.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
@@ -22,7 +21,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..records import Periods
+from ..records import Periods, one_or_stream
 from .columns import find
 from .envelope_rows import EnvelopeRows
 from .envelope_signal import EnvelopeSignal
@@ -208,11 +207,7 @@ def import_envelope(
         constants={"rate": constant_rate_rad_s, "temperature": constant_temperature_degc},
         most=1 << 62,  # as many as there are: windows average them, no auxiliary log holds them
     )
-    if slow.own:
-        raise HrgError(
-            f"{path}: its slow columns differ in length from the signals; columns beside the"
-            " signals were expected"
-        )
+    _need_beside(path, slow)
     unit = units or signal.unit(log)
     columns = (
         signal.columns | ({} if roles.time is None else {"time": roles.time}) | roles.auxiliary()
@@ -242,9 +237,16 @@ def import_envelope(
         *plan.verdicts(slow.scales != {}),
     ):
         blank = blank.judged([reason], status)
-    stream = stream_windows(source, blank, plan, taken)
-    head = list(itertools.islice(stream, 2))
-    return head[0] if len(head) == 1 else itertools.chain(head, stream)
+    return one_or_stream(stream_windows(source, blank, plan, taken))
+
+
+def _need_beside(path: Path, slow: SlowLog) -> None:
+    """HrgError: slow columns with times of their own."""
+    if slow.own:
+        raise HrgError(
+            f"{path}: its slow columns differ in length from the signals; columns beside the"
+            " signals were expected"
+        )
 
 
 def _no_windows(reference_frequency_hz: float, window_s: float) -> Periods:

@@ -9,7 +9,6 @@ auxiliary log, averaged over groups of rows where the log is long, so that it st
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..records import Recording
+from ..records import Recording, one_or_stream
 from .columns import ALIASES
 from .log_options import (
     ClockHz,
@@ -227,6 +226,4 @@ def import_log(
     columns = {role: index for role in ALIASES if (index := getattr(roles, role)) is not None}
     told = {"c": unit, "s": unit} | ({"time": time_units} if time_units else {})
     taken = Taken(log, columns, told, timing.sample_rate_hz, from_s, to_s)
-    stream = stream_blocks(opened, blank, timing, slow, taken)
-    head = list(itertools.islice(stream, 2))
-    return head[0] if len(head) == 1 else itertools.chain(head, stream)
+    return one_or_stream(stream_blocks(opened, blank, timing, slow, taken))

@@ -104,19 +104,7 @@ def rate(
     """
     name = f"run {wave.run_id or '?'}"
     wave = _in_memory(wave)
-    if wave.gyro_id and resonator.gyro_id and wave.gyro_id != resonator.gyro_id:
-        raise HrgError(
-            f"{name}: is of gyro {wave.gyro_id}, the resonator is of {resonator.gyro_id}; identify"
-            " the same gyro"
-        )
-    if wave.mode_number != resonator.mode_number:
-        raise HrgError(
-            f"{name}: has mode_number {wave.mode_number}, the resonator has"
-            f" {resonator.mode_number}; use one of the same mode"
-        )
-    if resonator.status == "refused":
-        why = "; ".join(resonator.status_reasons) or "no reason is given"
-        raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
+    _need_resonator_of(wave, resonator, name)
     if wave.mode == "forced":
         found = rate_driven(
             wave, resonator, nodes, main_phase_error_rad, quadrature_phase_error_rad
@@ -156,6 +144,23 @@ def rate(
     return noted.judged(checks.failures(impossible), "refused").judged(
         checks.failures(doubtful), "suspect"
     )
+
+
+def _need_resonator_of(wave: Wave, resonator: Resonator, name: str) -> None:
+    """HrgError: the resonator is of another gyro or mode, or refused."""
+    if wave.gyro_id and resonator.gyro_id and wave.gyro_id != resonator.gyro_id:
+        raise HrgError(
+            f"{name}: is of gyro {wave.gyro_id}, the resonator is of {resonator.gyro_id}; identify"
+            " the same gyro"
+        )
+    if wave.mode_number != resonator.mode_number:
+        raise HrgError(
+            f"{name}: has mode_number {wave.mode_number}, the resonator has"
+            f" {resonator.mode_number}; use one of the same mode"
+        )
+    if resonator.status == "refused":
+        why = "; ".join(resonator.status_reasons) or "no reason is given"
+        raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
 
 
 def closing_checks(found: RateEstimate) -> tuple[list[Check], list[Check]]:

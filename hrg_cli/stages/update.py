@@ -18,10 +18,9 @@ import numpy as np
 
 from ..errors import HrgError
 from ..fitting.checks import CHANCE, at_most, failures
-from ..fourier import harmonic_basis, node_weights
 from ..records import Calibration, Resonator
+from .calibration.moved_tables import move_tables, places_of_level, weights_at
 from .calibration.programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ
-from .calibration.record import table_std
 from .calibration.resonators import NAMES, coefficients_of, place_of
 
 Array = np.ndarray
@@ -97,43 +96,29 @@ def update(
             f"the resonator file ({resonator.method}) holds none of what the tables do: neither"
             " splits with their axes nor a scale factor; identify it from windows at several angles"
         )
-    change, spread = (new - then)[known], (new_covariance + then_covariance)[np.ix_(known, known)]
-    moved = _moved(new, new_covariance, then, then_covariance)
-    chi2 = float(change @ np.linalg.pinv(spread, hermitian=True) @ change)
-    from scipy.stats import chi2 as distribution
-
-    chance = float(distribution.sf(chi2, int(known.sum())))
+    chi2, chance = _chance_of_change(new - then, new_covariance + then_covariance, known)
     doubt = _cannot_tell(new_covariance, then, known)
-    record = _moved_tables(
+    record = move_tables(
         calibration,
         np.where(known, new - then, 0.0),
         known,
         new_covariance,
         then_covariance,
         reference is not None,
-        _weights(calibration, x),
+        weights_at(calibration, x),
     )
     details = json.loads(record.details)
     details["update"] = {
-        "moved": moved,
+        "moved": _moved(new, new_covariance, then, then_covariance),
         "chi2": chi2,
         "p_value": chance,
         "changed": chance < CHANCE,
         "reference": told_by,
         "at": x,
     }
-    told = {
-        "damping split": new[:2],
-        "scale factor": new[2:3],
-        "frequency split": new[3:],
-    }
-    kept = [name for name, values in told.items() if not np.isfinite(values).all()]
-    notes = [f"the resonator tells no {' and no '.join(kept)}: the tables' stays"] if kept else []
-    remarks = (
-        [f"the resonator is suspect: {reason}" for reason in resonator.status_reasons]
-        if resonator.status == "suspect"
-        else []
-    )
+    remarks = []
+    if resonator.status == "suspect":
+        remarks = [f"the resonator is suspect: {reason}" for reason in resonator.status_reasons]
     if chance < CHANCE and reference is None and "resonator" not in told_by:
         remarks.append(
             "what moved was told from the tables themselves, which hold the drive's own errors too:"
@@ -142,7 +127,7 @@ def update(
         )
     return (
         record.replace(details=json.dumps(details))
-        .judged(notes, "valid")
+        .judged(_name_kept(new), "valid")
         .judged(doubt, "refused")
         .judged(remarks, "suspect")
     )
@@ -222,8 +207,8 @@ def _then(
         return (*coefficients_of(reference), "the reference resonator")
     nodes, weights, places = (
         np.asarray(calibration.node, float),
-        _weights(calibration, x),
-        _places(calibration),
+        weights_at(calibration, x),
+        places_of_level(calibration),
     )
     value = np.full(5, np.nan)
     covariance = np.zeros((5, 5))
@@ -251,17 +236,22 @@ def _then(
     )
 
 
-def _weights(calibration: Calibration, x: float) -> Array:
-    """Weights (J,) of the nodes at x."""
-    kind = "linear" if calibration.interpolation in ("linear", "monotone") else "cubic"
-    return np.asarray(node_weights(np.array([x]), np.asarray(calibration.node, float), kind)[0])
+def _chance_of_change(change: Array, covariance: Array, known: Array) -> tuple[float, float]:
+    """χ² of the change of what both know, and the chance that nothing moved and it is as large."""
+    from scipy.stats import chi2 as distribution
+
+    told = change[known]
+    # by the pseudoinverse: a coefficient that both hold without error adds no direction
+    inverse = np.linalg.pinv(covariance[np.ix_(known, known)], hermitian=True)
+    chi2 = float(told @ inverse @ told)
+    return chi2, float(distribution.sf(chi2, int(known.sum())))
 
 
-def _places(calibration: Calibration) -> Array:
-    """Places (J, 3) of K_DC, K_DS and K in the covariance."""
-    first = calibration.drift_harmonics.shape[1]
-    width = first + calibration.scale_factor_harmonics.shape[1]
-    return np.arange(len(calibration.node))[:, None] * width + np.array([1, 2, first])
+def _name_kept(new: Array) -> list[str]:
+    """A sentence on the coefficients (5,) that the resonator does not hold."""
+    told = {"damping split": new[:2], "scale factor": new[2:3], "frequency split": new[3:]}
+    kept = [name for name, values in told.items() if not np.isfinite(values).all()]
+    return [f"the resonator tells no {' and no '.join(kept)}: the tables' stays"] if kept else []
 
 
 def _moved(
@@ -314,82 +304,3 @@ def _cannot_tell(covariance: Array, then: Array, known: Array) -> list[str]:
             )
         )
     return failures(checks)
-
-
-def _moved_tables(
-    calibration: Calibration,
-    change: Array,
-    known: Array,
-    new: Array,
-    then: Array,
-    by_reference: bool,
-    weights: Array,
-) -> Calibration:
-    """The tables with `change` (5,) added at every node; weights (J,) of the nodes at the
-    resonator's place.
-
-    Covariance: told by a reference, c' = c + (new − then): both resonators' are added. Told from
-    the tables, c'_j = c_j − Σw_k c_k + new: what the tables knew of the level is replaced, the
-    differences between nodes stay.
-    """
-    drift, scale = (
-        np.array(t, float)
-        for t in (calibration.drift_harmonics, calibration.scale_factor_harmonics)
-    )
-    drift[:, 1:3] += change[:2]
-    scale[:, 0] += change[2]
-    further = new + then if by_reference else new
-    told = 0.0 if by_reference else 1.0
-    covariance = _moved_covariance(calibration, known, further, told, weights)
-
-    count, first = len(calibration.node), drift.shape[1]
-    std = np.sqrt(np.maximum(np.diag(covariance), 0)).reshape(count, first + scale.shape[1])
-    angles, m = np.asarray(calibration.wave_angle_rad), calibration.mode_number
-    of_drift, of_scale = (harmonic_basis(angles, (t.shape[1] - 1) // 2, m) for t in (drift, scale))
-    details = json.loads(calibration.details)
-    measured = details.get("measured")
-    if measured and measured["kind"] == "quadrature" and known[3:].all():
-        details["measured"] = measured | _moved_measured(measured, change, further, told, weights)
-    return calibration.replace(
-        drift_harmonics=drift,
-        drift_harmonics_std=std[:, :first],
-        scale_factor_harmonics=scale,
-        scale_factor_harmonics_std=std[:, first:],
-        drift_rad_s=drift @ of_drift.T,
-        drift_rad_s_std=table_std(of_drift, covariance, count, 0),
-        scale_factor=scale @ of_scale.T,
-        scale_factor_std=table_std(of_scale, covariance, count, first),
-        covariance=covariance,
-        details=json.dumps(details),
-    )
-
-
-def _moved_covariance(
-    calibration: Calibration, known: Array, further: Array, told: float, weights: Array
-) -> Array:
-    """Covariance of the tables after a common change of K_DC, K_DS and K with that of `further`
-    (5, 5); told: the part of the tables' own level that the change took away. What the resonator does
-    not tell (`known` (5,)) stays as it was."""
-    places, covariance = _places(calibration), np.array(calibration.covariance, float)
-    everywhere = np.zeros((len(covariance), 3))
-    level = np.zeros((3, len(covariance)))
-    for h in np.flatnonzero(known[:3]):
-        everywhere[places[:, h], h] = 1.0
-        level[h, places[:, h]] = weights
-    kept = np.eye(len(covariance)) - told * everywhere @ level
-    return np.asarray(kept @ covariance @ kept.T + everywhere @ further[:3, :3] @ everywhere.T)
-
-
-def _moved_measured(
-    measured: dict[str, Any], change: Array, further: Array, told: float, weights: Array
-) -> dict[str, Any]:
-    """The coefficients of the measured quadrature at every node, moved alike, with their σ."""
-    count = len(weights)
-    old, old_std = (
-        np.broadcast_to(np.atleast_2d(measured[key]), (count, 2)) for key in ("coefficients", "std")
-    )
-    own = np.eye(count) - told * weights[None, :]
-    return {
-        "coefficients": (old + change[3:]).tolist(),
-        "std": np.sqrt(own**2 @ old_std**2 + np.diag(further)[3:]).tolist(),
-    }

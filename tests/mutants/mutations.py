@@ -188,13 +188,18 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("self.mode_number * np.diff(self.angle_rad)", "np.diff(self.angle_rad)"),
             ("(values[1:] + values[:-1]) / 2", "values[1:] + values[:-1]"),
             ("integral = turned + integral[start", "integral = integral[start"),
+            ("2 * np.pi * (joined[\"frequency_hz\"] - wave.reference_frequency_hz)", "2 * np.pi * joined[\"frequency_hz\"]"),
+            ("** 2, power=2", "** 2, power=1"),
+            ("if standing.any():", "if False:"),
+        ),
+    ),
+    "fitting/tables/increment_noise.py": (
+        "tests/fitting/test_increments.py",
+        (
             ("(width[1:] + width[:-1]) / 6, 0)", "(width[1:] + width[:-1]) / 2, 0)"),
             ("-white[1:-1] + noise.walk", "white[1:-1] + noise.walk"),
             ("white[1:] + white[:-1] + noise.walk", "white[1:] + noise.walk"),
-            ("2 * np.pi * (joined[\"frequency_hz\"] - wave.reference_frequency_hz)", "2 * np.pi * joined[\"frequency_hz\"]"),
-            ("** 2, power=2", "** 2, power=1"),
             ("NEEDED_GAIN = 6.0", "NEEDED_GAIN = 0.0"),
-            ("if standing.any():", "if False:"),
         ),
     ),
     "fitting/samples/basis.py": (
@@ -218,6 +223,11 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         "tests/stages/test_demodulate.py",
         (
             ("return fit[:, 0::2] - 1j * fit[:, 1::2]", "return fit[:, 0::2] + 1j * fit[:, 1::2]"),
+        ),
+    ),
+    "fitting/samples/envelope_motion.py": (
+        "tests/stages/test_demodulate.py",
+        (
             ("/ (2 * h * window_s)", "/ (h * window_s)"),
         ),
     ),

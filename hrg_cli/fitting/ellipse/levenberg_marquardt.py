@@ -14,7 +14,7 @@ from .gauss_newton import (
     amplitudes,
     by_chunks,
     half_products,
-    modelled,
+    model_signals,
     projections,
 )
 
@@ -41,7 +41,7 @@ def _evaluate(z: Array, angles: Array) -> tuple[Array, tuple[Array, ...], Array]
     """(A, B), the half products and Σr² at `angles` (3, n)."""
     products = half_products(*angles)
     A, B = amplitudes(z, products)
-    return np.stack([A, B]), products, ((z - modelled(A, B, products)) ** 2).sum(0)
+    return np.stack([A, B]), products, ((z - model_signals(A, B, products)) ** 2).sum(0)
 
 
 def _iterate(
@@ -89,10 +89,7 @@ def _iterate(
         AB_trial, products_trial, cost_trial = _evaluate(z, trial)
         gain = (cost - cost_trial) / promised
         better = cost_trial < cost
-        damping = np.where(
-            better, damping * np.maximum(1 / 3, 1 - (2 * gain - 1) ** 3), damping * growth
-        )
-        growth = np.where(better, 2.0, 2 * growth)
+        damping, growth = _nielsen(damping, growth, gain, better)
         AB, angles, cost = (
             np.where(better, AB_trial, AB),
             np.where(better, trial, angles),
@@ -101,6 +98,13 @@ def _iterate(
         products = tuple(
             np.where(better, new, old) for new, old in zip(products_trial, products, strict=True)
         )
+
+
+def _nielsen(damping: Array, growth: Array, gain: Array, better: Array) -> tuple[Array, Array]:
+    """Nielsen's rule: a step as good as promised (gain 1) divides λ by three; each bad one in a row
+    multiplies it by twice as much."""
+    lower = damping * np.maximum(1 / 3, 1 - (2 * gain - 1) ** 3)
+    return np.where(better, lower, damping * growth), np.where(better, 2.0, 2 * growth)
 
 
 def _damped_move(

@@ -160,6 +160,8 @@ def fit(
             size /= 2
         if not np.isfinite(value) or value > current * (1 + 1e-6) + 1e-3:
             break
+        # A whole step reached the quadratic form's minimum; what is left is by how much χ² is not
+        # that form.
         left = min(predicted, abs(current - value - predicted)) if size == 1.0 else predicted
         z, response, current = trial_z, trial, value
         if left < CONVERGED * max(1.0, current / max(1, _dof(data, freedom, phase))):

@@ -10,23 +10,21 @@ import numpy as np
 from ...errors import HrgError
 from ...records import FLAG_CLIPPED, Recording
 from .basis import WindowBasis, columns, window_basis
-from .frequency import bands, nuisances
-from .gaps import Gaps
-from .spectrum import colour
-from .survey import Survey
-from .windows import (
-    Fits,
+from .envelope_motion import (
     bend_power,
     better_slopes,
     curvatures,
-    energy,
     motion_counts,
     motion_residual,
-    pooled_variance,
     pull_noise,
     slopes,
     take_off_pull,
 )
+from .frequency import bands, nuisances
+from .gaps import Gaps
+from .spectrum import colour
+from .survey import Survey
+from .windows import Fits, energy, pooled_variance
 
 Array = np.ndarray
 Rows = dict[str, Array]
@@ -57,7 +55,7 @@ class Still:
 
     envelope: Array
     known_residual2: Array | None
-    noisier: Array
+    noisier: float
     doubt2: Array | None
 
 
@@ -184,8 +182,10 @@ class Demodulator:
         from the survey's course."""
         if u.shape[1] <= 8:
             return
+        # Phase from row to row, each weighted by its power.
         cross = np.einsum("kra,kra->a", u[:, :-1].conj(), u[:, 1:])
         total = complex(np.where(self.sign < 0, cross.conj(), cross).sum())
+        # Below 0.9 noise or a beat turns the envelope, not its frequency.
         if np.isfinite(total) and abs(total) > 0.9 * energy(u):
             seen = self.reference_hz + float(np.angle(total)) / (2 * np.pi * self.window_s)
             self._ahead_hz = seen - self.survey.frequency_hz(time_s)

@@ -10,8 +10,9 @@ import numpy as np
 from ...records import FLAG_CLIPPED, FLAG_NOT_FINITE
 from .basis import WindowBasis, window_basis
 from .demodulator import Demodulator, Rows
+from .envelope_motion import NEIGHBOURS, curvatures, motion_counts, slopes
 from .looks import Look
-from .windows import NEIGHBOURS, Fits, curvatures, fit_even, motion_counts, pool_rows, slopes
+from .windows import Fits, fit_even, pool_rows
 
 Array = np.ndarray
 
@@ -34,6 +35,8 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     step = chunk * max(1, block_samples // (chunk * samples))
     for first in range(0, total, step):
         last = min(first + step, total)
+        # Slopes and bends come from neighbours: each block reads some windows more on both sides,
+        # so that rows do not depend on where blocks begin.
         lead = max(0, first - NEIGHBOURS)
         raw = [
             np.asarray(channel[lead * samples : min(last + NEIGHBOURS, total) * samples])

@@ -156,6 +156,8 @@ def find_rails(channel: Array, raws: list[Array]) -> tuple[float, float]:
     low, high = -np.inf, np.inf
     if np.issubdtype(channel.dtype, np.integer):
         info = np.iinfo(channel.dtype)
+        # A converter that saturates gives its type's last code, or one of fewer bits its own last:
+        # found from the values below.
         low, high = float(info.min), float(info.max)
     for raw in raws:
         values = raw.astype(float)
@@ -175,12 +177,14 @@ def _stuck_at_top(values: Array) -> bool:
     rarer.
     """
     values = values[np.isfinite(values)]
+    # Of a few samples, or of distinct ones, the highest says nothing; the test below is dear.
     if len(values) < 8 or np.count_nonzero(values == values.max()) < 5:
         return False
     distinct, counts = count_values(values)
     if len(distinct) < 8:
         return False
     amplitude = max(1.0, float(np.ptp(distinct)) / 2 / max(float(np.diff(distinct).min()), 1e-300))
+    # A sin x is within one step of its top for |x − π/2| < √(2/A), which is √(2/A)/π of a period.
     share = np.sqrt(2 / amplitude) / np.pi
     top = values == distinct[-1]
     if counts[-1] < 5 or counts[-1] < 3 * share * len(values):

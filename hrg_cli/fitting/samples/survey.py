@@ -20,7 +20,7 @@ from .looks import (
     find_rails,
     take_looks,
 )
-from .oscillation import follow_frequency, search_oscillation
+from .oscillation_search import SpectralPeak, follow_frequency, search_oscillation
 from .spectrum import AveragedSpectrum, lines, look_residual
 
 Array = np.ndarray
@@ -80,14 +80,9 @@ def survey(recording: Recording, name: str) -> Survey:
         _need_rising_times(recording, looks, step, name)
     spectra = [finding.even_power(look.y, 1 / step) for look in looks] if even else []
     found = search_oscillation(looks, spectra, step, carrier, recording.nominal_frequency_hz, name)
-    refused: tuple[str, ...] = ()
-    if not found.ratio > found.limit:
-        refused = (
-            f"no oscillation stands out of the noise: the highest peak, at {found.frequency_hz:.6g} Hz,"
-            f" has {found.ratio:.3g} times the power around it where {found.limit:.3g} was expected",
-        )
     track_s, track_hz = follow_frequency(looks, spectra, step, found.frequency_hz, carrier)
     rest = _average_residual(looks, even, step, carrier, (track_s, track_hz))
+    # A micro-hertz: a number that a person can write down and that two machines agree on.
     reference = float(np.round(np.median(track_hz), 6))
     skip = tuple(
         (f - rest.blind_hz, f + rest.blind_hz) for f in (*finding.bands(reference, carrier), 0.0)
@@ -120,8 +115,18 @@ def survey(recording: Recording, name: str) -> Survey:
         line_amplitude=line_amplitude,
         line_ratio=line_ratio,
         suspect=dead + found.suspect,
-        refused=refused,
+        refused=_refuse_noise(found),
         least_count=find_least_counts(recording, looks),
+    )
+
+
+def _refuse_noise(found: SpectralPeak) -> tuple[str, ...]:
+    """A sentence where nothing stands out; a ratio that is no number does not either."""
+    if found.ratio > found.limit:
+        return ()
+    return (
+        f"no oscillation stands out of the noise: the highest peak, at {found.frequency_hz:.6g} Hz,"
+        f" has {found.ratio:.3g} times the power around it where {found.limit:.3g} was expected",
     )
 
 

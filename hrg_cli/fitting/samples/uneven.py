@@ -11,8 +11,9 @@ from ...errors import HrgError
 from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Recording
 from .basis import columns, pairs, pull, window_basis
 from .demodulator import Demodulator, Rows
+from .envelope_motion import NEIGHBOURS
 from .gaps import Gaps
-from .windows import NEIGHBOURS, Fits, pool_rows
+from .windows import Fits, pool_rows
 
 Array = np.ndarray
 
@@ -71,6 +72,11 @@ def _normal_equations(basis: Array, right: Array, starts: Array) -> tuple[Array,
     return gram, cross
 
 
+def _squares(columns: Array, starts: Array) -> Array:
+    """BᵀB (windows, k, k) of columns (n, k)."""
+    return np.asarray(np.add.reduceat(columns[:, :, None] * columns[:, None, :], starts, axis=0))
+
+
 def fit_uneven(
     time_s: Array,
     y: Array,
@@ -120,10 +126,7 @@ def fit_uneven(
         these = slice(first, first + tones)
         square2 = np.zeros((rows, tones, tones))
         if len(present):
-            motion = right[:, these]
-            square2[present] = np.add.reduceat(
-                motion[:, :, None] * motion[:, None, :], starts, axis=0
-            )
+            square2[present] = _squares(right[:, these], starts)
         # what the fit leaves of the motion's own squares: that part raises the residual
         left = square2 - fit[:, :, these].transpose(0, 2, 1) @ cross[:, :, these]
         pulls.append(

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .joint import TableLayout, TableSolution
+from .joint import TableSolution
+from .table_layout import TableLayout
 
 Array = np.ndarray
 COMMON_SHARE = 0.75
@@ -119,8 +120,11 @@ def average_over_doubt(
             weights, steps = _weigh_sizes(mean, gain, own, grids[n], prior, doubtful[n].odds)
             if sweep >= BURN_IN:
                 for weight, whitened in zip(weights, steps):
+                    # It could change no digit that is read.
                     if weight < 1e-9:
                         continue
+                    # About the flat solution: mean and square of small differences keep their
+                    # digits.
                     away = mean - whitened[:, 1:].T @ whitened[:, 0] - flat
                     first += weight * away
                     second += weight * (

@@ -88,6 +88,20 @@ def _name_outliers(ax: Any, outliers: list[tuple[Row, float, float]], middle: fl
         )
 
 
+def _draw_normal(ax: Axes, middle: float, spread: float) -> None:
+    """Where the dots of a normal distribution would lie."""
+    at = np.linspace(-3.5, 3.5, 60)
+    expected = [100 * NormalDist().cdf(z) for z in at]
+    ax.plot(
+        middle + spread * at,
+        expected,
+        color=MUTED,
+        lw=0.9,
+        ls="--",
+        label="normal, same median and MAD",
+    )
+
+
 def distribution(rows: Sequence[Row], name: str, limits: Limits = (None, None)) -> Plot | None:
     """The share of gyros at or below each value, with standard deviations and limits, against a
     normal distribution of the same median and MAD."""
@@ -107,16 +121,7 @@ def distribution(rows: Sequence[Row], name: str, limits: Limits = (None, None)) 
     figure, axes = panels(height=2.4)
     ax = axes[0, 0]
     if spread > 0:
-        at = np.linspace(-3.5, 3.5, 60)
-        expected = [100 * NormalDist().cdf(z) for z in at]
-        ax.plot(
-            middle - origin + spread * at,
-            expected,
-            color=MUTED,
-            lw=0.9,
-            ls="--",
-            label="normal, same median and MAD",
-        )
+        _draw_normal(ax, middle - origin, spread)
     off = value - origin
     if len(value) <= BARS:
         bars = np.where(np.isfinite(std), std, 0.0)

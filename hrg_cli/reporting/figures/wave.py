@@ -25,7 +25,7 @@ from .drawing import (
     spread,
     time_unit,
 )
-from .recording import residual_spectrum
+from .periods import residual_spectrum
 
 INCREMENTS = 900
 """Increments a run is cut into for its rates."""
@@ -83,6 +83,26 @@ def _rows_of_course(record: Wave) -> list[tuple[str, str, float, str]]:
     return rows
 
 
+def _draw_truth(
+    ax: Any, record: Wave, truth: Recording, name: str, values: Array, scale: float
+) -> bool:
+    """The simulated value beside the estimates, on the branch of theirs; False where none is known."""
+    expected = getattr(truth, f"truth_{name}", None)
+    if expected is None or truth.truth_time_s is None:
+        return False
+    time, at = np.asarray(record.time_s[:]), np.asarray(truth.truth_time_s)
+    factor, _ = time_unit(float(time[-1] - time[0]))
+    shift = _branch(record, name, values, time, at, np.asarray(expected) * scale, scale)
+    ax.plot(
+        *envelope(at * factor, np.asarray(expected) * scale + shift),
+        color=INK,
+        lw=1.2,
+        ls=(0, (3, 4)),
+        label="truth",
+    )
+    return True
+
+
 def _course(record: Wave, truth: Recording | None) -> Plot:
     time = np.asarray(record.time_s[:])
     good = record.good()
@@ -101,28 +121,8 @@ def _course(record: Wave, truth: Recording | None) -> Plot:
                 "median σ"
                 f" {number(float(np.nanmedian(deviation[:])) * scale, 2)}{'' if unit_of == '°' else ' '}{unit_of}",
             )
-        expected = None if truth is None else getattr(truth, f"truth_{name}", None)
-        if expected is not None and truth is not None and truth.truth_time_s is not None:
-            shift = _branch(
-                record,
-                name,
-                values,
-                time,
-                np.asarray(truth.truth_time_s),
-                np.asarray(expected) * scale,
-                scale,
-            )
-            ax.plot(
-                *envelope(
-                    np.asarray(truth.truth_time_s) * factor, np.asarray(expected) * scale + shift
-                ),
-                color=INK,
-                lw=1.2,
-                ls=(0, (3, 4)),
-                label="truth",
-            )
-            if k == 0:
-                legend(ax, above=True, bbox_to_anchor=(0.8, 1.0))
+        if truth is not None and _draw_truth(ax, record, truth, name, values, scale) and k == 0:
+            legend(ax, above=True, bbox_to_anchor=(0.8, 1.0))
         labels(ax, y=label, title=title)
         said.append(f"{title} {spread(values)} {label.partition(', ')[2]}")
     axes[-1, 0].set_xlabel(f"time, {unit}")

@@ -5,14 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fitting.tables.joint import (
-    PIECES,
-    Fitted,
-    Model,
-    TableLayout,
-    held_out_chi_square,
-    roughness,
-)
+from ...fitting.tables.joint import PIECES, Fitted, held_out_chi_square
+from ...fitting.tables.table_layout import Model, TableLayout, roughness
 from .programme import examine
 from .variants import variant
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...fitting.tables.increments import Path
+from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted, fit
 
 Array = np.ndarray
@@ -51,12 +51,12 @@ class Lateness:
         return {"late_s": self.value_s, "std_s": self.std_s, "taken_off_s": self.taken_s}
 
 
-def rate_slope(path: Path) -> Array:
+def rate_slope(path: AnglePath) -> Array:
     """dΩ_log/dt, rad/s² (n, 1)."""
     return np.gradient(path.rate_rad_s, path.middle(path.time_s))[:, None]
 
 
-def moves(path: Path) -> bool:
+def moves(path: AnglePath) -> bool:
     """Whether the logged rate changes within the run, so that the log's time matters."""
     if len(path) < 2 * PARTS:
         return False
@@ -78,7 +78,7 @@ def lateness_of(fitted: Fitted) -> Lateness | None:
     return Lateness(value_s, abs(std_s)) if np.isfinite([value_s, std_s]).all() else None
 
 
-def set_right(path: Path, late_s: float) -> Path:
+def set_right(path: AnglePath, late_s: float) -> AnglePath:
     """The path with the rate that was logged `late_s` later, where the log holds it."""
     from scipy.interpolate import CubicSpline
 
@@ -90,7 +90,9 @@ def set_right(path: Path, late_s: float) -> Path:
     return replace(path, rate_integral_rad=integral).part(slice(int(held[0]), int(held[-1])))
 
 
-def follow(fitted: Fitted, others: Sequence[Path]) -> tuple[Fitted, list[Path], Lateness | None]:
+def follow(
+    fitted: Fitted, others: Sequence[AnglePath]
+) -> tuple[Fitted, list[AnglePath], Lateness | None]:
     """The fit, and other runs, with the logs set right, where a lateness is shown; else as they
     are."""
     late = lateness_of(fitted)

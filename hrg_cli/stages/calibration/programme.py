@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.tables.increments import Path
+from ...fitting.tables.increments import AnglePath
 from ...fourier import node_weights
 
 Array = np.ndarray
@@ -30,7 +30,7 @@ def _spread_over_sweep(low: float, high: float, spacing: float, narrowest: float
 
 
 def choose_nodes(
-    paths: Sequence[Path], axis: str, given: Sequence[float] | None
+    paths: Sequence[AnglePath], axis: str, given: Sequence[float] | None
 ) -> tuple[Array, float, float, list[str]]:
     """(nodes, lowest and highest value the table may be used at, remarks): dwells become nodes at
     their means, a sweep gets even nodes."""
@@ -80,7 +80,7 @@ def choose_nodes(
     return centres, low, high, []
 
 
-def _dwells(paths: Sequence[Path], axis: str) -> Array | None:
+def _dwells(paths: Sequence[AnglePath], axis: str) -> Array | None:
     """Means of the groups of runs that each keep one temperature; None when runs sweep."""
     means = np.array([p.abscissa(axis).mean() for p in paths])
     spans = np.array([np.ptp(p.abscissa(axis)) for p in paths])
@@ -111,7 +111,7 @@ class Finding:
     refuses: bool
 
 
-def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> list[Finding]:
+def examine(paths: Sequence[AnglePath], nodes: Array, axis: str, harmonics: int) -> list[Finding]:
     """What the runs cannot give at each node: two rates (K against D), both signs, the whole period
     of the wave angle."""
     findings: list[Finding] = []

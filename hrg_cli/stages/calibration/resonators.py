@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting.checks import Check, goodness
 from ...fitting.envelopes.resonator_spread import slope_covariance
-from ...fitting.tables.joint import TableLayout
+from ...fitting.tables.table_layout import TableLayout
 from ...fourier import node_weights
 from ...records import Resonator
 from .programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ

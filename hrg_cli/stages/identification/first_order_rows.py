@@ -27,7 +27,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedRows:
     """What a regression starts from: the likelihood's rows as a first-order resonator shows them at
     its own mean frequency, the likelihood's coordinates (7,) and what is free.
     """
@@ -36,7 +36,7 @@ class Prepared:
     p: Array
     covariance: Array
     space: Freedom
-    beside: Prepared | None = None
+    beside: PreparedRows | None = None
     """The same with the scale of the second order one of its standard deviations larger; None where
     that scale is held."""
 
@@ -73,7 +73,7 @@ def hold_all_but_second_order(p: Array) -> Freedom:
     )
 
 
-def prepare_rows(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepared:
+def prepare_rows(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> PreparedRows:
     """The rows the likelihood was fitted to, averaged along its motion, without their phases' drift
     and second order.
 
@@ -106,7 +106,7 @@ def _weigh_second_order(best: Fit) -> float:
 
 def _take_off_second_order(
     runs: Sequence[EnvelopeRun], known: Known, best: Fit, scale: float
-) -> Prepared:
+) -> PreparedRows:
     """The likelihood's rows less `scale` times what the second order does to them."""
     data, state = best.response.batch, best.response.state
     x = data.time_s / data.span_s[:, None]
@@ -131,4 +131,4 @@ def _take_off_second_order(
     p, _, covariance = propagator.identify(
         thin, space, np.append(best.p[:6], 0.0), np.zeros(len(thin))
     )
-    return Prepared(thin, p, covariance, space)
+    return PreparedRows(thin, p, covariance, space)

@@ -24,7 +24,7 @@ Spectra = list[tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
-class Found:
+class SpectralPeak:
     """The highest peak: its frequency, its power over that around it, and the ratio from which it is
     an oscillation by more than chance; sentences of doubt."""
 
@@ -41,7 +41,7 @@ def search_oscillation(
     carrier_hz: float | None,
     nominal_hz: float | None,
     name: str,
-) -> Found:
+) -> SpectralPeak:
     """The oscillation in the power of all looks: near the nominal frequency where one is known, else
     the highest peak of all.
 
@@ -58,13 +58,13 @@ def search_oscillation(
             grid, power, (1 - NOMINAL_BAND) * nominal_hz, (1 + NOMINAL_BAND) * nominal_hz
         )
         if ratio > limit:
-            return Found(found, ratio, limit)
+            return SpectralPeak(found, ratio, limit)
         hint, _ = finding.peak(grid, power, 1.5 * resolution, top)
         doubt = (
             f"nothing stands out within 10 % of the nominal frequency of {nominal_hz:g} Hz;"
             f" the highest peak lies at {hint:.6g} Hz"
         )
-        return Found(found if np.isfinite(found) else nominal_hz, ratio, limit, (doubt,))
+        return SpectralPeak(found if np.isfinite(found) else nominal_hz, ratio, limit, (doubt,))
     # below 1.5 lines the leakage of a constant offset is higher than a weak oscillation; only a record
     # of hardly a period leaves nothing else
     found, ratio = finding.peak(grid, power, 1.5 * resolution, top)
@@ -75,7 +75,7 @@ def search_oscillation(
             f"{name}: no oscillation between 0 and {top:g} Hz in either channel; several periods"
             " were expected: check it or record longer"
         )
-    return Found(found, ratio, limit)
+    return SpectralPeak(found, ratio, limit)
 
 
 def _need_within_band(
@@ -134,7 +134,11 @@ def follow_frequency(
     """Times and frequencies of the looks in which the line is clear."""
     times, frequencies = [], []
     for number, look in enumerate(looks):
+        # A look with a gap in it resolves no better than its samples, were they together; four
+        # times that bounds the grid.
         span = min(span_of(look), 4 * len(look.time_s) * step_s)
+        # A run's frequency moves by less than 1 % (1e-4/K over 100 K), and noise moves a peak by a
+        # line or two.
         reach = 0.01 * found + 2 / span
         if spectra:
             grid, power = spectra[number]
