@@ -298,7 +298,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "memory.py": (
-        "tests/test_batch.py",
+        "tests/lots/test_batch.py",
         (
             ("noted[\"key\"] == key and", ""),
             ("store.sha256(folder / name) == digest for name", "True for name"),
@@ -349,7 +349,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/validity.py": (
-        "tests/test_validity_bounds.py tests/test_validity.py tests/test_bad_inputs.py",
+        "tests/store/test_validity_bounds.py tests/store/test_validity.py tests/test_bad_inputs.py",
         (
             ("\"raw\": \"iuf\", \"f8\": \"iuf\"", "\"raw\": \"iufb\", \"f8\": \"iuf\""),
             ("\"u1\": \"iu\"", "\"u1\": \"iuf\""),
@@ -374,7 +374,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/lazy.py": (
-        "tests/test_validity.py tests/test_bad_inputs.py tests/test_store.py",
+        "tests/store/test_validity.py tests/test_bad_inputs.py tests/store/test_store.py",
         (
             ("if end == first and not values.flat[0] > last:", "if False:"),
             ("return values.astype(spec.dtype, copy=False)", "return values"),
@@ -382,7 +382,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/handles.py": (
-        "tests/test_validity.py tests/test_store.py tests/test_bad_inputs.py",
+        "tests/store/test_validity.py tests/store/test_store.py tests/test_bad_inputs.py",
         (
             ("while len(_in_use) >= MOST_OPEN:", "while False:"),
             ("if self._stamp not in (None,", "if self._stamp in ((0, 0),"),
@@ -391,17 +391,17 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/heaps.py": (
-        "tests/test_store.py",
+        "tests/store/test_store.py",
         (("if step <= 0:", "if False:"),),
     ),
     "store/reading.py": (
-        "tests/test_store.py tests/test_validity.py tests/robustness/test_nothing_lost.py tests/test_bad_inputs.py",
+        "tests/store/test_store.py tests/store/test_validity.py tests/robustness/test_nothing_lost.py tests/test_bad_inputs.py",
         (
             ("if status not in (\"valid\", \"suspect\", \"refused\"):", "if False:"),
         ),
     ),
     "store/headings.py": (
-        "tests/test_store.py tests/test_validity.py tests/robustness/test_nothing_lost.py tests/test_bad_inputs.py",
+        "tests/store/test_store.py tests/store/test_validity.py tests/robustness/test_nothing_lost.py tests/test_bad_inputs.py",
         (
             ("if found is not kind:", "if False:"),
             ("if kind not in BY_NAME:", "if False:"),
@@ -410,7 +410,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/dataset_checks.py": (
-        "tests/test_store.py tests/test_validity.py tests/robustness/test_nothing_lost.py tests/test_bad_inputs.py",
+        "tests/store/test_store.py tests/store/test_validity.py tests/robustness/test_nothing_lost.py tests/test_bad_inputs.py",
         (
             ("claimed - stored > LARGEST_GAP_BYTES", "False"),
             ("dataset.is_virtual or layout.get_external_count()", "dataset.is_virtual"),
@@ -420,7 +420,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/writing.py": (
-        "tests/test_store.py tests/test_validity.py tests/test_verification.py",
+        "tests/store/test_store.py tests/store/test_validity.py tests/test_verification.py",
         (
             ("            if spec.dtype == \"raw\":\n                options[\"fletcher32\"] = True", "            if spec.dtype == \"raw\":\n                pass"),
             ("elif spec.dims[0] == \"row\" or array.nbytes > 4096:\n                options[\"fletcher32\"] = True", "elif spec.dims[0] == \"row\" or array.nbytes > 4096:\n                options[\"fletcher32\"] = False"),
@@ -432,7 +432,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/atomic.py": (
-        "tests/test_store.py tests/test_commands.py tests/test_outputs.py",
+        "tests/store/test_store.py tests/test_commands.py tests/test_outputs.py",
         (
             ("if path.exists() and not force:", "if False:"),
             ("path.exists() and not path.is_file()", "False"),
@@ -488,13 +488,13 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "exporting/tables.py": (
-        "tests/test_exporting.py tests/test_exporting_variants.py tests/test_outputs.py",
+        "tests/exporting/test_exporting.py tests/exporting/test_exporting_variants.py tests/test_outputs.py",
         (
             ("if calibration.status == \"refused\":", "if False:"),
         ),
     ),
     "exporting/c_grid.py": (
-        "tests/test_exporting.py tests/test_exporting_variants.py tests/test_outputs.py",
+        "tests/exporting/test_exporting.py tests/exporting/test_exporting_variants.py tests/test_outputs.py",
         (
             ("top = 2 ** (bits - 1) - 1", "top = 2**bits - 1"),
             ("(k + 1) % angles\n    low", "k\n    low"),
@@ -502,7 +502,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "exporting/c_header.py": (
-        "tests/test_exporting.py tests/test_exporting_variants.py tests/test_outputs.py",
+        "tests/exporting/test_exporting.py tests/exporting/test_exporting_variants.py tests/test_outputs.py",
         (
             ("gyro=c_comment(calibration.gyro_id)", "gyro=calibration.gyro_id"),
             ("correction=c_comment(calibration.correction)", "correction=calibration.correction"),
@@ -520,7 +520,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "executors.py": (
-        "tests/test_batch.py tests/test_batch_interrupts.py",
+        "tests/lots/test_batch.py tests/lots/test_batch_interrupts.py",
         (
             ("(ready if losses[index] < ROUNDS else alone).appendleft(index)", "ended(index, None)"),
             ("ready.extendleft(reversed(range(len(every), len(every) + len(following))))", "ready.extend(range(len(every), len(every) + len(following)))"),
@@ -530,7 +530,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "lots/lot_table.py": (
-        "tests/test_batch.py",
+        "tests/lots/test_batch.py",
         (
             ("spread = max(MAD * median", "spread = max(median"),
             ("lot.outlier_rate / len(compared)", "lot.outlier_rate * 20"),
@@ -571,14 +571,14 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         (("p.rows(np.arange(-start % every, len(p), every))", "p.rows(slice(-start % every, None, every))"),),
     ),
     "lots/lot_course.py": (
-        "tests/test_batch.py",
+        "tests/lots/test_batch.py",
         (
             ("if all((one.gyro_id, one.name) in", "if any((one.gyro_id, one.name) in"),
             ("result or killed | {", "killed | {"),
         ),
     ),
     "lots/lot_tasks.py": (
-        "tests/test_batch.py tests/lots/test_identity.py",
+        "tests/lots/test_batch.py tests/lots/test_identity.py",
         (
             ("task.foreign or is_readable(Path(task.source))", "True"),
             ("BY_LOT if named else _by_itself(said)", "_by_itself(said)"),
@@ -602,7 +602,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "lots/lot_work.py": (
-        "tests/test_batch.py tests/test_batch_interrupts.py",
+        "tests/lots/test_batch.py tests/lots/test_batch_interrupts.py",
         (
             ("    except DiskFullError:  # no verdict on the gyro: the whole lot stops\n        raise\n", ""),
         ),
