@@ -99,6 +99,8 @@ def inject(
             f"{name}: has no temperature log, {', '.join(warm)} need{'s' * (len(warm) == 1)} one;"
             " add it at the import"
         )
+    # The envelope of the samples as measured: an effect acts on what is there, not on a model of
+    # it.
     wave = collect(estimate(collect(demodulate(recording, periods_per_window=periods_per_window))))
     moving = [(effect, p) for effect, p in hidden if _moves_wave(effect)]
     change = integrate_change(wave, moving, resonator) if moving else None

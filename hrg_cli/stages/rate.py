@@ -118,6 +118,7 @@ def rate(
         found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth
     )
     impossible, doubtful = closing_checks(found)
+    # The log may begin late, end early or have gaps: only what it covers is compared.
     stretch = stretches(wave)
     before, after = (
         _less(values, wave, stretch, found.time_s)

@@ -90,6 +90,7 @@ def update(
     x = _where(calibration, resonator)
     new, new_covariance = coefficients_of(resonator, partly=True)
     then, then_covariance, told_by = _then(calibration, reference, x)
+    # A working mode has no scale factor, tables without a measured quadrature no frequency split.
     known = np.isfinite(then) & np.isfinite(new)
     if not known.any():
         raise HrgError(

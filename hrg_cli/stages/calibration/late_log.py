@@ -74,6 +74,7 @@ def lateness_of(fitted: Fitted) -> Lateness | None:
     variance = float(solution.covariance[place, place]) * fitted.chi2_per_dof
     if not variance > 0 or scale == 0:
         return None
+    # The column's coefficient is −Kτ.
     value_s, std_s = -float(solution.coefficients[place]) / scale, float(np.sqrt(variance)) / scale
     return Lateness(value_s, abs(std_s)) if np.isfinite([value_s, std_s]).all() else None
 
@@ -101,6 +102,7 @@ def follow(
     logged, taken = fitted.paths, 0.0
     for _ in range(ROUNDS):
         taken += late.value_s
+        # From the logs as they were: a spline of a spline would smooth them at every round.
         fitted = fit([set_right(path, taken) for path in logged], fitted.layout)
         left = lateness_of(fitted)
         if left is None:

@@ -49,6 +49,7 @@ def sweep(path: AnglePath) -> Array:
     temperature."""
     if len(path) < 3 or not np.isfinite(path.temperature_degc).all():
         return np.zeros(len(path))
+    # A thermometer's steps are not a sweep: the slope is taken over a twentieth of the run.
     width = max(1, len(path) // 40)
     padded = np.pad(path.temperature_degc, width, mode="edge")
     time = np.pad(path.time_s, width, mode="edge")

@@ -72,6 +72,7 @@ def _with_memory(layout: TableLayout, coefficients: Array) -> TableLayout:
         return (slope(path) * sweep(path))[:, None]
 
     def hysteresis(path: AnglePath) -> Array:
+        # sign dT/dt without a jump: a soak has no branch of its own.
         return (slope(path) * np.tanh(sweep(path) / LEAST_SWEEP_DEGC_S))[:, None]
 
     return replace(
