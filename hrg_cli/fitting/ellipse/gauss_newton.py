@@ -123,7 +123,7 @@ def gauss_newton(
     """Iterate (2) from `start` (n, 5) for `signals` (n, 8) until the residual rms or the step is
     small.
 
-    A vector is done when √(Σr²/8) ≤ residual_tolerance, or when the step would change the model_signals
+    A vector is done when √(Σr²/8) ≤ residual_tolerance, or when the step would change the modelled
     signals by less than step_tolerance of their size (noisy signals have no exact solution).
     Evaluations of the residual are counted, k + 1 for k steps. With `carrier_known` ψ keeps its
     start.
