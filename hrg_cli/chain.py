@@ -73,6 +73,20 @@ class Work:
     """Where a rehearsal looks for the recordings, beside the gyro's folder."""
 
 
+def _step_of_recording(
+    work: Work, stage: str, read: Sequence[Path], output: Path, note: Path
+) -> Step:
+    """Import or a stage, and what it says; the last one tells whether the wave was free or driven."""
+    record = (
+        _import_logs(work, read, output, note)
+        if stage == "import"
+        else _run_noted_stage(work, stage, read, output, note).record
+    )
+    told = {"mode": str(getattr(record, "mode", "free"))} if stage == "estimate" else {}
+    names = tuple(p.name for p in read)
+    return Step(stage, names, output.name, record.status, record.status_reasons, told)
+
+
 def recording_to_wave(
     work: Work, source: Path, name: str, logs: Sequence[Path] = (), identity: Sequence[Any] = ()
 ) -> Iterator[Step]:
@@ -105,22 +119,7 @@ def recording_to_wave(
         read = inputs
         for stage, output in steps:
             first = (stage, output)
-            record = (
-                _import_logs(work, read, output, note)
-                if stage == "import"
-                else _run_noted_stage(work, stage, read, output, note).record
-            )
-            told = {"mode": str(getattr(record, "mode", "free"))} if stage == "estimate" else {}
-            made.append(
-                Step(
-                    stage,
-                    tuple(p.name for p in read),
-                    output.name,
-                    record.status,
-                    record.status_reasons,
-                    told,
-                )
-            )
+            made.append(_step_of_recording(work, stage, read, output, note))
             yield made[-1]
             read = [output]
         memory.remember(note, key, {"steps": [dataclasses.asdict(step) for step in made]}, outputs)

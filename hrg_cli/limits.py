@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import HrgError, UsageError
 from .limit_values import limit_value, suggest, unit_of
-from .records import KINDS, Calibration, Diagnosis, Record, Resonator
+from .records import KINDS, Calibration, Diagnosis, Record, Recording, Resonator
 
 STATUSES = {"valid": 0, "suspect": 1, "refused": 2}
 VERDICTS = ("adequate", "explained", "partly explained", "unexplained")
@@ -77,15 +77,47 @@ class Judged:
 
 
 def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
-    """Rows of verdicts for `[limits]` tables: name = { minimum = …, maximum = … }, or a bare limit,
-    which is a maximum.
+    """Hold the figures of a record against limits: a row each, the status first.
 
-    Names are those of the kind's figures (`figures_of`), nested keys joined by points; limits stand
-    in a table of the record's kind ([calibration], [resonator], …) or at the top, as numbers in SI
-    or with a unit ("5 deg/h", "200 ppm"). `status = "valid"` (the default) wants a record that is
-    not refused or suspect; `verdict = "adequate"`, or a list of words, is for a diagnosis, as is
-    `causes = 0`. HrgError: no limit for this kind. UsageError: a limit that is neither, a name,
-    table, unit or word that looks mistyped.
+    `status = "valid"` (the default) wants a record that is not refused or suspect;
+    `verdict = "adequate"`, or a list of words, is for a diagnosis, as is `causes = 0`.
+
+    Parameters
+    ----------
+    record
+        A result of any kind.
+    limits
+        Tables of limits, name = { minimum = …, maximum = … } or a bare limit, which is a maximum; in a
+        table of the record's kind ([calibration], [resonator], …) or at the top. Names are those of
+        the kind's figures (`figures_of`), nested keys joined by points; numbers are in SI, text has a
+        unit ("5 deg/h", "200 ppm").
+
+    Returns
+    -------
+    list[Row]
+        Each figure in SI with its limits, its standard deviation where the file knows it, and whether
+        it passed; a figure that the file does not hold does not.
+
+    Raises
+    ------
+    HrgError
+        No limit for this kind.
+    UsageError
+        A limit that is neither, a name, table, unit or word that looks mistyped.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.limits import check
+    >>> resonator = Resonator(
+    ...     name=np.array(["frequency_split_rad_s"]), value=np.array([2e-3]), std=np.array([1e-4]),
+    ...     units=np.array(["rad s-1"]), covariance=np.array([[1e-8]]),
+    ... )
+    >>> for row in check(resonator, {"resonator": {"frequency_split_rad_s": "1 mrad/s"}}):
+    ...     print(row.passed, row.sentence(), row.margin_sigma)
+    True the file is valid, valid was wanted None
+    False frequency_split_rad_s is 0.002, at most 0.001 was wanted -10.0
     """
     verdict = record.verdict if isinstance(record, Diagnosis) else None
     table = table_of(record.kind, limits)
@@ -204,16 +236,41 @@ def bounds(name: str, limit: Any) -> tuple[float | None, float | None]:
 
 
 def figures_of(record: Record) -> dict[str, float]:
-    """Every number a limit may name: the stage's JSON, flattened, and figures of the trade."""
+    """Every number a limit may name: the stage's JSON, flattened, and figures of the trade.
+
+    Parameters
+    ----------
+    record
+        A record of any kind.
+
+    Returns
+    -------
+    dict[str, float]
+        Figures in SI by name, nested keys joined by points; beside a figure whose standard deviation
+        is known, NAME_std.
+
+    Raises
+    ------
+    HrgError
+        The details that the record keeps as JSON are of another shape than its command writes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.limits import figures_of
+    >>> resonator = Resonator(
+    ...     name=np.array(["scale_factor"]), value=np.array([0.55]), std=np.array([1e-5]),
+    ...     units=np.array(["1"]), covariance=np.array([[1e-10]]),
+    ... )
+    >>> figures = figures_of(resonator)
+    >>> figures["scale_factor"], figures["scale_factor_std"]
+    (0.55, 1e-05)
+    """
     figures: dict[str, float] = {"rows": float(len(record))}
-    stage = record.made_by.split()[1] if record.made_by.startswith("hrg ") else ""
+    summary = _summary_of(record)
     try:
-        module = import_module(f"hrg_cli.stages.{stage}")
-    except ModuleNotFoundError:
-        module = None
-    try:
-        if module is not None and hasattr(module, "summary"):
-            _flatten("", module.summary(record), figures)
+        _flatten("", summary(record), figures)
         if isinstance(record, Calibration):
             from .stages.figures_of_merit import calibration_figures
 
@@ -243,6 +300,15 @@ def figures_of(record: Record) -> dict[str, float]:
         )
         figures["flagged_part"] = flagged / max(len(record), 1)
     return figures
+
+
+def _summary_of(record: Record) -> Callable[[Any], Mapping[str, Any]]:
+    """What sums a record up: the `summary` of the stage that made it."""
+    if isinstance(record, Recording):  # of a log or a simulation: no stage found figures in it
+        return lambda _: {}
+    stage = record.made_by.removeprefix("hrg ")
+    found: Callable[[Any], Mapping[str, Any]] = import_module(f"hrg_cli.stages.{stage}").summary
+    return found
 
 
 def _causes(record: Diagnosis) -> dict[str, float]:

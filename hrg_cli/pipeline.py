@@ -5,20 +5,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from threading import Event
 from typing import Any
 
 import numpy as np
 
 from . import settings, store
 from .errors import HrgError
-from .origins import overlap, part_of, samples_of
 from .records import KINDS, Provenance, Record, Recording, Source
+from .sources import Sources
 from .store import AnyRecord
 from .version import __version__
 
@@ -48,9 +46,9 @@ class Stage:
         return getattr(import_module(f"hrg_cli.stages.{self.name}"), self.name)
 
     def summary(self, record: Record) -> dict[str, Any]:
-        """The stage's part of the JSON."""
-        module = import_module(f"hrg_cli.stages.{self.name}")
-        return module.summary(record) if hasattr(module, "summary") else {}
+        """The stage's part of the JSON, by the `summary` that every stage's module has."""
+        figures: dict[str, Any] = import_module(f"hrg_cli.stages.{self.name}").summary(record)
+        return figures
 
 
 STAGES = {
@@ -323,78 +321,3 @@ def _with_provenance(
     history[f"{now} hrg {__version__} {command_line}"] = None
     provenance = Provenance(tuple(history), text, sources, now, f"hrg {__version__}")
     return replace(record, provenance=provenance)
-
-
-class Sources:
-    """The inputs' names, kinds and SHA-256, hashed in the background while the stage reads them; a
-    changed input is an error.
-
-    taken: the command's settings; a part cut out of a recording (from_s, to_s) is told from its
-    other parts by them.
-    """
-
-    def __init__(self, paths: Sequence[Path], taken: Mapping[str, Any] | None = None) -> None:
-        self._paths = [Path(p) for p in paths]
-        self._pool = ThreadPoolExecutor(1)
-        self._failed = Event()
-        self._part = part_of(taken or {})
-
-    def __enter__(self) -> Sources:
-        for path in self._paths:
-            store.need_readable(path)
-        self._before = [self._stamp(p) for p in self._paths]
-        self._hashes: list[Future[str]] = [
-            self._pool.submit(store.sha256, p, self._failed) for p in self._paths
-        ]
-        self._samples = [samples_of(path, self._part) for path in self._paths]
-        first: dict[str, list[tuple[Path, str]]] = {}
-        for path, samples in zip(self._paths, self._samples):
-            for sample in samples:
-                whole, _, part = sample.partition("@")
-                key = f"{_kind_name(path)} {whole}"
-                for other, taken in first.get(key, []):
-                    if other != path and overlap(part, taken):
-                        raise HrgError(
-                            f"{path}: is the same data as {other}, both go back to the same"
-                            f" samples; {ONCE}"
-                        )
-                first.setdefault(key, []).append((path, part))
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        if exception[0] is not None:
-            self._failed.set()  # a failed command does not wait for gigabytes to be hashed
-        self._pool.shutdown(wait=True, cancel_futures=True)
-
-    @staticmethod
-    def _stamp(path: Path) -> tuple[int, int]:
-        stat = path.stat()
-        return stat.st_size, stat.st_mtime_ns
-
-    def done(self) -> tuple[Source, ...]:
-        """The sources, after checking that none changed since the command began."""
-        hashes = [future.result() for future in self._hashes]
-        for path, before in zip(self._paths, self._before):
-            if not path.exists() or self._stamp(path) != before:
-                raise HrgError(
-                    f"{path}: changed while it was read; run the command again when it is whole"
-                )
-        first: dict[str, Path] = {}
-        for path, digest in zip(self._paths, hashes):
-            if digest in first:
-                raise HrgError(f"{path}: is the same data as {first[digest]}; {ONCE}")
-            first[digest] = path
-        return tuple(
-            Source(path.name, _kind_name(path), digest, samples)
-            for path, digest, samples in zip(self._paths, hashes, self._samples)
-        )
-
-
-ONCE = "name each run once, or its errors come out too small"
-
-
-def _kind_name(path: Path) -> str:
-    try:
-        return store.kind_of(path).kind
-    except HrgError:
-        return path.suffix.lstrip(".").lower() or "file"

@@ -18,7 +18,7 @@ FITS = {*BASE, "fourier", "records", "physics", "effects"}
 STAGES = {*FITS, "fitting", "settings"}
 FILES = {*BASE, "records", "settings", "store"}
 PAGES = {*STAGES, "stages", "store", "pipeline", "limit_values", "limits", "holding"}
-CHAIN = {*PAGES, "formats", "origins", "executors", "extended", "memory", "rehearsal"}
+CHAIN = {*PAGES, "formats", "origins", "sources", "executors", "extended", "memory", "rehearsal"}
 RESULTS = {
     *("measured_export", "exporting_records", "exporting", "comparing"),
     *("verification", "signatures"),
@@ -51,7 +51,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "holding": {"errors", "limit_values", "limits", "records"},
     "measured_export": {*STAGES, "stages"},
     "extended": {*STAGES, "stages", "store"},
-    "pipeline": {*FILES, "stages", "origins"},
+    "sources": {*FILES, "origins"},
+    "pipeline": {*FILES, "stages", "origins", "sources"},
     "comparing": {*BASE, "records", "limit_values", "limits"},
     "reporting": PAGES,
     "exporting": {*BASE, "records", "stages", "measured_export", "reporting"},
@@ -186,3 +187,22 @@ print([m for m in ('numpy', 'h5py', 'pandas', 'pydantic', 'scipy') if m in sys.m
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout
     assert out.rstrip().endswith("[]"), out.splitlines()[-1]
+
+
+SHAPES = PACKAGE / "reporting" / "json_shapes"
+"""Shapes of the JSON have the names of the records that they show."""
+TWICE = {"Place"}
+"""Classes of the diagnosis that still share a name."""
+
+
+def test_a_class_has_a_name_of_its_own() -> None:
+    """Two classes of one name are read as one: no two rooms, nor the standard library's Path."""
+    found: dict[str, list[str]] = {"Path": ["pathlib"]}
+    for path in MODULES.values():
+        if SHAPES in path.parents:
+            continue
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                found.setdefault(node.name, []).append(path.relative_to(PACKAGE).as_posix())
+    twice = {name: where for name, where in found.items() if len(where) > 1}
+    assert set(twice) <= TWICE, twice

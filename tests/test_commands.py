@@ -2,7 +2,6 @@
 input), options that act."""
 
 import csv
-import hashlib
 import json
 import os
 import pty
@@ -12,11 +11,11 @@ import sys
 import tomllib
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 import typer.main
 from conftest import PACKAGE, ringing
+from file_digests import rows
 from forced_runs import Truth, programme
 
 from hrg_cli import store
@@ -41,19 +40,6 @@ def shell(*arguments, stdin=None, **environment):
         env=os.environ | {"PYTHONPATH": str(PACKAGE)} | environment,
         check=False,
     )
-
-
-def rows(folder):
-    """Digest of the datasets of every file in a folder (the attributes name times and command
-    lines)."""
-    found = {}
-    for path in sorted(folder.glob("*.wave.h5")):
-        with h5py.File(path) as file:
-            found[path.name] = {
-                name: hashlib.sha256(item[()].tobytes()).hexdigest()
-                for name, item in file["wave"].items()
-            }
-    return found
 
 
 # The whole chain

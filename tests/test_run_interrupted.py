@@ -3,7 +3,7 @@ else's for its own."""
 
 import pytest
 from conftest import ringing
-from test_commands import rows
+from file_digests import rows
 
 from hrg_cli import memory, pipeline, store
 from hrg_cli.gyro import run_gyro

@@ -4,16 +4,13 @@ OpenSSL agrees."""
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+import records_by_hand
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec, ed25519
 
 from hrg_cli import store
-
-sys.path[:0] = [str(Path(__file__).parent / "reporting")]
-import records_by_hand  # noqa: E402
 
 PEM = serialization.Encoding.PEM
 

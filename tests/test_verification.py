@@ -8,8 +8,8 @@ import h5py
 import numpy as np
 import pytest
 from conftest import ringing
-from test_batch import run_down, split_of
-from test_store import small
+from lot_recordings import run_down, split_of
+from small_records import small
 
 from hrg_cli import store
 from hrg_cli.lots.batch import run_lot

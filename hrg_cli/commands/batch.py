@@ -17,7 +17,8 @@ from ..lots.lot_settings import PER_GYRO, PER_RECORDING, LotSettings, read_lot
 from ..pipeline import STAGES
 from ..reporting import console
 from ..reporting.text import number
-from .frame import Common, OneFile, command, existing
+from .common import Common
+from .frame import OneFile, command, existing
 
 
 @command(

@@ -20,7 +20,8 @@ from ..reporting import tables
 from ..stages import earth_rate
 from ..stages.calibrate import calibrate, summary
 from ..stages.rate_table import rate_table
-from .frame import JOBS_OF_REHEARSAL, Common, Files, Rehearsals, command, command_line, existing
+from .common import Common
+from .frame import JOBS_OF_REHEARSAL, Files, Rehearsals, command, command_line, existing
 from .one_stage import run_stage_on_files
 from .options import flags_of
 

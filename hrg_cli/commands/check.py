@@ -18,7 +18,8 @@ from ..limits import Row
 from ..records import Record
 from ..reporting import check_pages, console
 from ..reporting.answer import Answer, answer
-from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, Files, command, existing
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
 USUAL_SIGMA = 5.0

@@ -10,7 +10,8 @@ import typer
 from ..errors import UsageError
 from ..stages import earth_rate
 from ..stages.compensate import compensate
-from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command
 from .one_stage import run_stage_on_files
 from .options import flags_of
 

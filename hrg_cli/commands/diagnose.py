@@ -22,16 +22,8 @@ from ..reporting.answer import answer
 from ..stages.diagnose import diagnose
 from ..stages.simulation.gyro import courses_of, mechanics_of
 from ..stages.simulation_file import runs_of
-from .frame import (
-    NO_DRAWS,
-    ONE_PROCESS,
-    Common,
-    EffectsFrom,
-    Files,
-    command,
-    command_line,
-    existing,
-)
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, EffectsFrom, Files, command, command_line, existing
 from .options import flags_of
 
 

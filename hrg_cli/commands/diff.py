@@ -15,7 +15,8 @@ from ..errors import UsageError
 from ..reporting import console
 from ..reporting.quantities import quantity
 from ..reporting.text import number
-from .frame import NO_DRAWS, ONE_PROCESS, Common, command, existing, no_settings
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, command, existing, no_settings
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
 

@@ -9,7 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from ..effects import EFFECTS, page
-from .frame import NO_DRAWS, ONE_PROCESS, Common, command, no_settings
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, command, no_settings
 
 
 def effect_names(incomplete: str) -> list[str]:

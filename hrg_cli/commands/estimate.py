@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ..stages.estimate import estimate
-from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command
 from .one_stage import run_stage_on_files
 from .options import flags_of
 

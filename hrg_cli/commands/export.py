@@ -14,7 +14,8 @@ from ..errors import UsageError
 from ..exporting import export
 from ..exporting_records import FORMATS, export_record, format_of
 from ..records import Calibration
-from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, existing
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command, existing
 from .options import flags_of
 
 

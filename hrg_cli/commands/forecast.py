@@ -22,7 +22,8 @@ from ..reporting.quantities import round_with_std
 from ..reporting.text import number
 from ..stages.forecast import Forecast, forecast, summary
 from ..units import DEGREE
-from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, existing
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command, existing
 from .options import flags_of
 
 FLAGS = (

@@ -6,7 +6,8 @@ from typing import Any
 
 from ..stages import earth_rate
 from ..stages.identify import identify
-from .frame import JOBS_OF_REHEARSAL, Common, Files, Rehearsals, command
+from .common import Common
+from .frame import JOBS_OF_REHEARSAL, Files, Rehearsals, command
 from .one_stage import run_stage_on_files
 from .options import flags_of
 

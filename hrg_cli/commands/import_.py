@@ -19,7 +19,8 @@ from ..errors import UsageError
 from ..formats import import_envelope, import_log, second_file
 from ..records import Record, Recording
 from ..reporting.console import print_table
-from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, command_line, existing
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command, command_line, existing
 from .options import flags_of
 
 FLAGS = (
@@ -142,6 +143,12 @@ def show(report: Mapping[str, Any]) -> None:
     facts: list[tuple[str, Any]] = [
         (text, report[key]) for key, text in names.items() if report.get(key) is not None
     ]
+    print_table("", ("figure", "value"), facts + _remarks_on_log(report) + _noise_of_rows(report))
+
+
+def _remarks_on_log(report: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """What of the log was not as it should be, or not taken."""
+    facts: list[tuple[str, Any]] = []
     gaps, cut = report.get("gaps") or {}, report.get("cut")
     if gaps.get("count"):
         facts.append(
@@ -165,15 +172,20 @@ def show(report: Mapping[str, Any]) -> None:
                 ),
             )
         )
+    return facts
+
+
+def _noise_of_rows(report: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """What was found of the noise of demodulated rows."""
     noise = report.get("noise")
-    if noise:
-        facts.append(("rows of noise that count as one", noise["correlated_rows"]))
-        facts.append(("rows per window", noise["rows_per_window"]))
-        facts.append(
-            ("noise of a window, C and S", " and ".join(f"{v:.3g}" for v in noise["window_std"]))
-        )
-        facts.append(("distance from the reference, Hz", noise["offset_hz"]))
-    print_table("", ("figure", "value"), facts)
+    if not noise:
+        return []
+    return [
+        ("rows of noise that count as one", noise["correlated_rows"]),
+        ("rows per window", noise["rows_per_window"]),
+        ("noise of a window, C and S", " and ".join(f"{v:.3g}" for v in noise["window_std"])),
+        ("distance from the reference, Hz", noise["offset_hz"]),
+    ]
 
 
 @contextlib.contextmanager

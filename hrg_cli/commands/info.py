@@ -12,7 +12,8 @@ import typer
 from .. import store
 from ..reporting import answer_text, console, figures_in_words, tables
 from ..reporting.answer import answer
-from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, existing, no_settings
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command, existing, no_settings
 
 LINES_OF_HISTORY = 3
 """Lines of the history that are told without --full: the last ones made this file."""

@@ -13,17 +13,9 @@ from ..effects import EFFECTS, Effect, find, load_effects
 from ..errors import UsageError
 from ..reporting import console
 from ..stages.inject import inject
+from .common import Common
 from .effects import effect_names
-from .frame import (
-    NO_DRAWS,
-    ONE_PROCESS,
-    Common,
-    EffectsFrom,
-    OneFile,
-    command,
-    command_line,
-    existing,
-)
+from .frame import NO_DRAWS, ONE_PROCESS, EffectsFrom, OneFile, command, command_line, existing
 
 
 @command(

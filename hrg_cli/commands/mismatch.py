@@ -20,7 +20,8 @@ from ..reporting import console
 from ..reporting.text import number
 from ..stages.mismatch import Mismatch, mismatch
 from ..units import to_deg_per_hour
-from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command, existing
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command, existing
 from .options import flags_of
 
 

@@ -8,7 +8,8 @@ from typing import Any
 
 from ..pipeline import STAGES, Outcome, run_stage
 from ..reporting import console
-from .frame import Common, command_line, existing
+from .common import Common
+from .frame import command_line, existing
 from .rehearse import and_rehearse
 from .rehearse import show as show_rehearsal
 

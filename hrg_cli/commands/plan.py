@@ -14,7 +14,8 @@ from ..errors import HrgError, UsageError
 from ..records import Diagnosis, Resonator, Wave
 from ..reporting import console
 from ..stages.plan import plan, summary
-from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, Files, command, existing
 from .options import flags_of
 
 

@@ -18,7 +18,8 @@ from ..records import Calibration, Diagnosis, Resonator
 from ..rehearsal import rehearse_file
 from ..reporting import console
 from ..stages.rehearse import rehearse
-from .frame import Common, Files, command, command_line, existing
+from .common import Common
+from .frame import Files, command, command_line, existing
 from .options import flags_of
 
 

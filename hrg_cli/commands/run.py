@@ -23,7 +23,8 @@ from ..pipeline import STAGES
 from ..reporting import answer_text, console
 from ..reporting.answer import Answer, answer
 from ..stages.demodulate import demodulate
-from .frame import Common, Files, command, command_line, existing
+from .common import Common
+from .frame import Files, command, command_line, existing
 from .options import flags_of
 
 

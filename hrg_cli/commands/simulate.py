@@ -20,7 +20,8 @@ from ..records import Recording
 from ..reporting import console
 from ..stages.simulate import simulate, size_bytes, summary
 from ..stages.simulation_file import SimulationFile, runs_of
-from .frame import Common, EffectsFrom, command, command_line, existing
+from .common import Common
+from .frame import EffectsFrom, command, command_line, existing
 from .options import flags_of
 
 

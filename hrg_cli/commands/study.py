@@ -20,7 +20,8 @@ from ..records import Recording
 from ..reporting import console
 from ..store import atomic_path, check_output
 from ..version import __version__
-from .frame import Common, command
+from .common import Common
+from .frame import command
 from .options import numbers, words
 
 STUDIES = {
@@ -113,16 +114,7 @@ def run_study(
     started = time.monotonic()
     module = import_module(f"hrg_cli.studies.{STUDIES[name]}")
     study = getattr(module, f"{STUDIES[name]}_study")
-    strange = [
-        key
-        for key, value in flags.items()
-        if value is not None and not settings.accepts(study, key)
-    ]
-    if strange:
-        raise UsageError(f"the study {name} has no --{strange[0]}; leave it out")
-    values = run.settings(
-        study, **{key: value for key, value in flags.items() if settings.accepts(study, key)}
-    )
+    values = _settings_of_study(name, study, run, flags)
     folder = run.output
     if folder is not None:
         check_output(folder / "x", True) if folder.is_dir() else check_output(folder)
@@ -145,19 +137,40 @@ def run_study(
     }
     shown = module.table(result) if hasattr(module, "table") else _flat(result)
     if folder is not None:
-        with atomic_path(folder / f"{name}.png", run.force) as temporary:
-            module.figure(result).savefig(temporary, format="png", dpi=120)
-        with (
-            atomic_path(folder / f"{name}.csv", run.force) as temporary,
-            temporary.open("w", encoding="utf-8", newline="") as file,
-        ):
-            csv.writer(file).writerows([shown[0], *shown[1]])
-        with atomic_path(folder / f"{name}.json", run.force) as temporary:
-            temporary.write_text(
-                json.dumps(console.clean(report), indent=1, ensure_ascii=False), encoding="utf-8"
-            )
+        _write_study(folder / name, module.figure(result), shown, report, run.force)
         (folder / f"{name}.unfinished.json").unlink(missing_ok=True)
     return report, lambda: console.print_table("", *shown)
+
+
+def _settings_of_study(
+    name: str, study: Callable[..., Any], run: Common, flags: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The study's resolved settings; flags of the command that are other studies' are left out.
+    UsageError: one of those was given."""
+    for key, value in flags.items():
+        if value is not None and not settings.accepts(study, key):
+            raise UsageError(f"the study {name} has no --{key}; leave it out")
+    return run.settings(
+        study, **{key: value for key, value in flags.items() if settings.accepts(study, key)}
+    )
+
+
+def _write_study(
+    place: Path, figure: Any, shown: Sequence[Any], report: Mapping[str, Any], force: bool
+) -> None:
+    """Figure, table and report beside one another, each whole or not at all; the report last, so that
+    it says that the others are there."""
+    with atomic_path(place.with_suffix(".png"), force) as temporary:
+        figure.savefig(temporary, format="png", dpi=120)
+    with (
+        atomic_path(place.with_suffix(".csv"), force) as temporary,
+        temporary.open("w", encoding="utf-8", newline="") as file,
+    ):
+        csv.writer(file).writerows([shown[0], *shown[1]])
+    with atomic_path(place.with_suffix(".json"), force) as temporary:
+        temporary.write_text(
+            json.dumps(console.clean(report), indent=1, ensure_ascii=False), encoding="utf-8"
+        )
 
 
 def _resumed(

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from ..errors import UsageError
-from .frame import NO_DRAWS, ONE_PROCESS, Common, OneFile, command
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command
 from .one_stage import run_stage_on_files
 
 

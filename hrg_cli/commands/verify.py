@@ -13,7 +13,8 @@ from .. import signatures
 from ..reporting import console
 from ..reporting.text import drop_empty_columns
 from ..verification import named_first, report, verify
-from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing, no_settings
+from .common import Common
+from .frame import NO_DRAWS, ONE_PROCESS, Files, command, existing, no_settings
 
 
 @command(

@@ -35,12 +35,46 @@ def export(
         ),
     ] = 0.5,
 ) -> Exported:
-    """The tables as `suffix` ".csv", ".json" or ".h".
+    """The tables as text of the form that a suffix names: CSV, JSON or a C header.
 
-    fixed_point_bits: 0 for float tables in the header, 16 or 32 for integers. precision: the
-    header's grid is refined until its worst interpolation error is below this part of the table's
-    own standard deviation (or 1e-7 of its largest value). HrgError: another suffix, a refused
-    calibration, other bits.
+    The header's grid is refined until its worst interpolation error is below `precision` of the
+    table's own standard deviation (or 1e-7 of its largest value).
+
+    Parameters
+    ----------
+    calibration
+        D [rad/s] and K (nodes, angles).
+    suffix
+        ".csv", ".json" or ".h".
+
+    Returns
+    -------
+    Exported
+        The text, and of a header its worst errors: D in rad/s, K without unit.
+
+    Raises
+    ------
+    HrgError
+        Another suffix, a refused calibration, other bits.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Calibration
+    >>> from hrg_cli.exporting import export
+    >>> zero, angles = np.zeros((1, 4)), np.arange(4) * np.pi / 4
+    >>> tables = Calibration(
+    ...     temperature_degc=np.array([20.0]), node_min=15.0, node_max=25.0,
+    ...     rate_min_rad_s=-2.0, rate_max_rad_s=2.0, wave_angle_rad=angles,
+    ...     drift_rad_s=zero + 1e-5, drift_rad_s_std=zero + 1e-7,
+    ...     scale_factor=zero + 0.55, scale_factor_std=zero + 1e-5,
+    ...     drift_harmonics=zero[:, :1] + 1e-5, drift_harmonics_std=zero[:, :1] + 1e-7,
+    ...     scale_factor_harmonics=zero[:, :1] + 0.55,
+    ...     scale_factor_harmonics_std=zero[:, :1] + 1e-5,
+    ...     covariance=np.diag([1e-14, 1e-10]),
+    ... )
+    >>> print(export(tables, ".csv").text.splitlines()[1])
+    20.0,0.0,1e-05,1e-07,0.55,1e-05
     """
     if calibration.status == "refused":
         raise HrgError(

@@ -57,37 +57,43 @@ def open_audio(path: Path) -> Log:
     dtype, scale, shift = SUBTYPES.get(
         subtype, ("float32" if subtype == "FLOAT" else "float64", 1.0, 0)
     )
+    rows = max(1024, BLOCK_ROWS // channels)
     names = ["left", "right"] if channels == 2 else [f"channel {i + 1}" for i in range(channels)]
-
-    def read(indexes: Sequence[int]) -> Blocks:
-        rows = max(1024, BLOCK_ROWS // channels)
-        seen = 0
-        try:
-            with soundfile.SoundFile(path) as sound:
-                while True:
-                    block = sound.read(rows, dtype=dtype, always_2d=True)
-                    if len(block) == 0:
-                        break
-                    seen += len(block)
-                    if shift:
-                        block = np.right_shift(block, shift)
-                    yield [np.ascontiguousarray(block[:, i]) for i in indexes]
-        except (soundfile.LibsndfileError, RuntimeError, OSError) as error:
-            raise _damaged(path, error) from error
-        if seen != frames:
-            raise HrgError(
-                f"{path}: {frames} frames are claimed, {seen} could be read; it is truncated: copy"
-                " or record it again"
-            )
-
     return Log(
         format="audio",
         channels=tuple(Channel(name, "1", scale_factor=scale) for name in names),
-        read=read,
+        read=lambda indexes: _read_frames(path, indexes, frames, rows, dtype, shift),
         rows=frames,
         sample_rate_hz=float(rate),
         where=lambda row: f"frame {row + 1}",
     )
+
+
+def _read_frames(
+    path: Path, indexes: Sequence[int], frames: int, rows: int, dtype: str, shift: int
+) -> Blocks:
+    """Blocks of so many rows, the asked channels of each. HrgError: damaged, or fewer frames than
+    claimed."""
+    import soundfile
+
+    seen = 0
+    try:
+        with soundfile.SoundFile(path) as sound:
+            while True:
+                block = sound.read(rows, dtype=dtype, always_2d=True)
+                if len(block) == 0:
+                    break
+                seen += len(block)
+                if shift:  # libsndfile scales narrow samples up to their word
+                    block = np.right_shift(block, shift)
+                yield [np.ascontiguousarray(block[:, i]) for i in indexes]
+    except (soundfile.LibsndfileError, RuntimeError, OSError) as error:
+        raise _damaged(path, error) from error
+    if seen != frames:
+        raise HrgError(
+            f"{path}: {frames} frames are claimed, {seen} could be read; it is truncated: copy"
+            " or record it again"
+        )
 
 
 def _damaged(path: Path, error: Exception) -> HrgError:

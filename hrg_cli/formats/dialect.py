@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -170,6 +171,30 @@ def _columns(rows: list[str], separator: str, decimal: str) -> tuple[list[str], 
     return kinds, score
 
 
+def _first_line(shown: list[tuple[int, str]], sep: str, dec: str, kinds: list[str]) -> int:
+    """The first line whose cells are of their columns' kinds: there the data begin."""
+    for number, line in shown:
+        cells = split_line(line, sep)
+        if len(cells) == len(kinds) and all(
+            kind not in ("number", "clock", "date") or cell_kind(cell, dec) in (kind, "")
+            for cell, kind in zip(cells, kinds)
+        ):
+            return number
+    raise AssertionError("the kinds were told by lines of data")
+
+
+def _need_one_way(path: Path, left_out: Sequence[LeftOut], first: int, line: str) -> None:
+    """HrgError: many rows before the data are numbers written in another way."""
+    for rows in left_out:
+        if rows.otherwise and rows.rows >= FEWEST_OTHERWISE:
+            raise HrgError(
+                f"{path}: the way its numbers are written changes after line {rows.last_line}:"
+                f" {rows.example!r} in line {rows.first_line}, {line.strip()[:40]!r} in"
+                f" line {first + 1}; one separator and one decimal sign were expected: write the"
+                " log in one way or import its parts"
+            )
+
+
 def _described(
     path: Path,
     encoding: str,
@@ -180,16 +205,7 @@ def _described(
     kinds: list[str],
 ) -> Dialect:
     count = len(kinds)
-    first = None
-    for number, line in shown:
-        cells = split_line(line, sep)
-        if len(cells) == count and all(
-            kind not in ("number", "clock", "date") or cell_kind(cell, dec) in (kind, "")
-            for cell, kind in zip(cells, kinds)
-        ):
-            first = number
-            break
-    assert first is not None
+    first = _first_line(shown, sep, dec, kinds)
     above = [(number, line) for number, line in enumerate(lines[:first]) if line.strip()]
     unread = unread_rows(
         [(number, line) for number, line in above if not _comment_of(line)],
@@ -203,14 +219,7 @@ def _described(
         lambda cell: bool(_BESIDE_TITLES.match(cell)),
     )
     left_out = group_lines(unread)
-    for rows in left_out:
-        if rows.otherwise and rows.rows >= FEWEST_OTHERWISE:
-            raise HrgError(
-                f"{path}: the way its numbers are written changes after line {rows.last_line}:"
-                f" {rows.example!r} in line {rows.first_line}, {lines[first].strip()[:40]!r} in"
-                f" line {first + 1}; one separator and one decimal sign were expected: write the"
-                " log in one way or import its parts"
-            )
+    _need_one_way(path, left_out, first, lines[first])
     unread_lines = {number for (number, _), _ in unread}
     names, units, header = _titles(
         [item for item in above if item[0] not in unread_lines], sep, dec, count

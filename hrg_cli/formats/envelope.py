@@ -13,7 +13,6 @@ oscillation's distance from the reference, and turns the phase.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
@@ -22,7 +21,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..records import Periods
+from ..records import Periods, one_or_stream
 from .columns import find
 from .envelope_rows import EnvelopeRows
 from .envelope_signal import EnvelopeSignal
@@ -135,8 +134,45 @@ def import_envelope(
     """A log of demodulated signals as periods: one record when it fits one block, else a stream of
     them.
 
-    HrgError: no reference frequency, no such column, a phase without a unit, times that do not
-    rise, too few rows.
+    C(t) = Re[(I + jQ) e^{jω_r t}], so c_cos = I and c_sin = −Q of the periods' convention (PHYSICS
+    §0); S alike.
+
+    Parameters
+    ----------
+    path
+        The log, in any of the formats of `READERS`.
+
+    Returns
+    -------
+    Periods or Iterator[Periods]
+        Windows (n,) with signals (n, 4) and their standard deviations in the log's unit, times in s;
+        `collect` joins a stream.
+
+    Raises
+    ------
+    HrgError
+        No reference frequency, no such column, a phase without a unit, times that do not rise, too
+        few rows.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli import collect
+    >>> from hrg_cli.formats.envelope import import_envelope
+    >>> t = np.arange(400) / 50
+    >>> in_phase, quadrature = np.exp(-t / 20) * np.exp(0.3j * t).view(float).reshape(-1, 2).T
+    >>> table = np.column_stack([t, in_phase, quadrature])
+    >>> table[:, 1:] += 1e-4 * np.random.default_rng(0).standard_normal((400, 2))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "lock-in.csv"
+    ...     np.savetxt(path, table, delimiter=",", header="time [s],X [V],Y [V]", comments="")
+    ...     periods = collect(
+    ...         import_envelope(path, c_in_phase=2, c_quadrature=3, reference_frequency_hz=5000.0)
+    ...     )
+    >>> periods.units, np.hypot(*periods.signals[0, :2]).round(2).item()
+    ('V', 1.0)
     """
     path = Path(path)
     checked_range(from_s, to_s)
@@ -169,13 +205,9 @@ def import_envelope(
         temperature_units=temperature_units,
         rate_scale_factor=1.0,
         constants={"rate": constant_rate_rad_s, "temperature": constant_temperature_degc},
-        most=1 << 62,
+        most=1 << 62,  # as many as there are: windows average them, no auxiliary log holds them
     )
-    if slow.own:
-        raise HrgError(
-            f"{path}: its slow columns differ in length from the signals; columns beside the"
-            " signals were expected"
-        )
+    _need_beside(path, slow)
     unit = units or signal.unit(log)
     columns = (
         signal.columns | ({} if roles.time is None else {"time": roles.time}) | roles.auxiliary()
@@ -185,28 +217,48 @@ def import_envelope(
     )
     source = EnvelopeRows(path, log, roles, timing, slow, signal)
     plan = plan_windows(path, source.between(from_s, to_s), rows_per_window)
-    blank = Periods(
+    blank = (
+        _no_windows(reference_frequency_hz, plan.rows * plan.step_s)
+        .replace(
+            mode=mode,
+            mode_number=mode_number,
+            gyro_id=gyro_id,
+            run_id=run_id or path.stem,
+            lot_id=lot_id,
+            start_time=start_time or log.start_time,
+            units=unit,
+        )
+        .judged(
+            [reason for reason in log.reasons if reason != ONE_DEMODULATOR] + list(timing.reasons)
+        )
+    )
+    for status, reason in (
+        *signal.verdicts(reference_frequency_hz),
+        *plan.verdicts(slow.scales != {}),
+    ):
+        blank = blank.judged([reason], status)
+    return one_or_stream(stream_windows(source, blank, plan, taken))
+
+
+def _need_beside(path: Path, slow: SlowLog) -> None:
+    """HrgError: slow columns with times of their own."""
+    if slow.own:
+        raise HrgError(
+            f"{path}: its slow columns differ in length from the signals; columns beside the"
+            " signals were expected"
+        )
+
+
+def _no_windows(reference_frequency_hz: float, window_s: float) -> Periods:
+    """Periods before the first window: what a stream's blocks are made of."""
+    return Periods(
         time_s=np.empty(0),
         signals=np.empty((0, 4)),
         signals_std=np.empty((0, 4)),
         residual_rms=np.empty((0, 2)),
         flags=np.empty(0, "u1"),
         reference_frequency_hz=reference_frequency_hz,
-        window_s=plan.rows * plan.step_s,
-        periods_per_window=plan.rows * plan.step_s * reference_frequency_hz,
-        mode=mode,
-        mode_number=mode_number,
-        gyro_id=gyro_id,
-        run_id=run_id or path.stem,
-        lot_id=lot_id,
-        start_time=start_time or log.start_time,
-        units=unit,
-    ).judged([reason for reason in log.reasons if reason != ONE_DEMODULATOR] + list(timing.reasons))
-    for status, reason in (
-        *signal.verdicts(reference_frequency_hz),
-        *plan.verdicts(slow.scales != {}),
-    ):
-        blank = blank.judged([reason], status)
-    stream = stream_windows(source, blank, plan, taken)
-    head = list(itertools.islice(stream, 2))
-    return head[0] if len(head) == 1 else itertools.chain(head, stream)
+        window_s=window_s,
+        periods_per_window=window_s * reference_frequency_hz,
+        mode="free",
+    )

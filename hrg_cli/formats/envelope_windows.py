@@ -53,36 +53,7 @@ class WindowPlan:
 
     def verdicts(self, logged: bool) -> list[tuple[Status, str]]:
         """What the filter before the rows does, and what was done about it."""
-        kappa = self.noise.correlated_rows
-        found: list[tuple[Status, str]] = []
-        if kappa > INDEPENDENT:
-            independent = self.rows >= SPREAD * kappa - 1
-            found.append(
-                (
-                    "valid",
-                    f"the rows' noise is correlated over {kappa:.3g} rows (the demodulator's"
-                    f" filter): windows of {self.rows} rows are used"
-                    + (
-                        ""
-                        if independent
-                        else (
-                            ", still correlated; their standard deviations are those that a long"
-                            " average needs"
-                        )
-                    ),
-                )
-            )
-            lag_s = DELAY * kappa * self.step_s
-            if logged:
-                found.append(
-                    (
-                        "valid",
-                        (
-                            f"the filter delays the signals by about {lag_s:.2g} s against the"
-                            " logged columns"
-                        ),
-                    )
-                )
+        found = self._judge_correlation(logged)
         if self.settling:
             found.append(
                 (
@@ -111,6 +82,31 @@ class WindowPlan:
                         "too few rows, or noise that is not white, to be sure of its size: it is"
                         " that of the lowest octave seen"
                     ),
+                )
+            )
+        return found
+
+    def _judge_correlation(self, logged: bool) -> list[tuple[Status, str]]:
+        """What the rows' correlation did to the windows, and by how much the filter delays them."""
+        kappa = self.noise.correlated_rows
+        if kappa <= INDEPENDENT:
+            return []
+        still = ", still correlated; their standard deviations are those that a long average needs"
+        found: list[tuple[Status, str]] = [
+            (
+                "valid",
+                f"the rows' noise is correlated over {kappa:.3g} rows (the demodulator's"
+                f" filter): windows of {self.rows} rows are used"
+                + ("" if self.rows >= SPREAD * kappa - 1 else still),
+            )
+        ]
+        if logged:
+            lag_s = DELAY * kappa * self.step_s
+            found.append(
+                (
+                    "valid",
+                    f"the filter delays the signals by about {lag_s:.2g} s against the"
+                    " logged columns",
                 )
             )
         return found

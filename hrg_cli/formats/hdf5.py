@@ -57,30 +57,18 @@ def open_hdf5(path: Path) -> Log:
         chunks = sorted({name.split("/")[0] for name, _ in nodes if name.split("/")[0].isdigit()})
         if chunks:
             nodes = [(name, d) for name, d in nodes if name.split("/")[0] == chunks[0]]
-        channels: list[Channel] = []
-        places: list[_Place] = []
-        scalars: dict[str, float] = {}
-        for name, dataset in nodes:
-            if dataset.dtype.kind not in "iufb" or dataset.shape is None or _is_text(dataset):
-                continue
-            if dataset.size == 1:
-                scalars[name] = float(np.asarray(dataset[()]).ravel()[0])
-                continue
-            _believable(path, dataset, name)
-            for channel, place in _columns(name, dataset):
-                channels.append(channel)
-                places.append(place)
+        found, scalars = _numbers(path, nodes)
         clock, rate, start = (
             _clock_base(nodes, scalars),
             rate_of(scalars),
             _text(file.attrs.get("start_time", "")),
         )
-    if not channels:
+    if not found:
         raise HrgError(
             f"{path}: holds no dataset of numbers with more than one value; a log with a column a"
             " channel was expected"
         )
-    channels = channels[:MOST_COLUMNS]
+    channels = [channel for channel, _ in found[:MOST_COLUMNS]]
     reasons: tuple[str, ...] = (
         (f"{path.name} holds {len(chunks)} chunks; only the first is imported",)
         if len(chunks) > 1
@@ -92,13 +80,31 @@ def open_hdf5(path: Path) -> Log:
     return Log(
         format="hdf5",
         channels=tuple(_titled(channels)),
-        read=lambda indexes: _read(path, [places[i] for i in indexes]),
+        read=lambda indexes: _read(path, [found[i][1] for i in indexes]),
         rows=max(c.length or 0 for c in channels),
         sample_rate_hz=rate,
         clock_hz=clock,
         start_time=start,
         reasons=reasons,
     )
+
+
+def _numbers(
+    path: Path, nodes: Sequence[tuple[str, Any]]
+) -> tuple[list[tuple[Channel, _Place]], dict[str, float]]:
+    """The columns of numbers with where they lie, and the datasets of one number, which are a log's
+    settings."""
+    columns: list[tuple[Channel, _Place]] = []
+    scalars: dict[str, float] = {}
+    for name, dataset in nodes:
+        if dataset.dtype.kind not in "iufb" or dataset.shape is None or _is_text(dataset):
+            continue
+        if dataset.size == 1:
+            scalars[name] = float(np.asarray(dataset[()]).ravel()[0])
+            continue
+        _believable(path, dataset, name)
+        columns.extend(_columns(name, dataset))
+    return columns, scalars
 
 
 @contextlib.contextmanager

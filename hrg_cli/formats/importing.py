@@ -9,7 +9,6 @@ auxiliary log, averaged over groups of rows where the log is long, so that it st
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..records import Recording
+from ..records import Recording, one_or_stream
 from .columns import ALIASES
 from .log_options import (
     ClockHz,
@@ -143,11 +142,43 @@ def import_log(
         ),
     ] = 100_000,
 ) -> Recording | Iterator[Recording]:
-    """A foreign log as a recording: one Recording when it fits one block, else a stream of them
-    (memory flat in its length).
+    """A foreign log as a recording: one record when it fits one block, else a stream of them (memory
+    flat in its length).
 
-    HrgError: not readable, no such column, times that do not rise, a broken line, fewer samples
-    than claimed; each names the row.
+    Columns that are not named are found by their titles; units come from the titles, the log's own
+    attributes, or the options.
+
+    Parameters
+    ----------
+    path
+        The log, in any of the formats of `READERS`.
+
+    Returns
+    -------
+    Recording or Iterator[Recording]
+        Samples (n,) of both channels as they were written, with their scale factors and unit; times in
+        s from the first sample taken, temperature in °C, rate in rad/s. `collect` joins a stream.
+
+    Raises
+    ------
+    HrgError
+        Not readable, no such column, times that do not rise, a broken line, fewer samples than
+        claimed; each names the row.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli import collect
+    >>> from hrg_cli.formats.importing import import_log
+    >>> lines = ("time [ms],C [V],S [V]", "0.0,1.00,0.50", "0.1,0.80,0.40", "0.2,0.31,0.15")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "bench.csv"
+    ...     with path.open("w") as log:
+    ...         print(*lines, sep=chr(10), file=log)
+    ...     recording = collect(import_log(path, gyro_id="SN-1"))
+    >>> round(recording.sample_rate_hz), recording.c_units, recording.physical(0, 3)[0].tolist()
+    (10000, 'V', [1.0, 0.8, 0.31])
     """
     checked_range(from_s, to_s)
     if readout == "carrier" and carrier_hz is None:
@@ -195,6 +226,4 @@ def import_log(
     columns = {role: index for role in ALIASES if (index := getattr(roles, role)) is not None}
     told = {"c": unit, "s": unit} | ({"time": time_units} if time_units else {})
     taken = Taken(log, columns, told, timing.sample_rate_hz, from_s, to_s)
-    stream = stream_blocks(opened, blank, timing, slow, taken)
-    head = list(itertools.islice(stream, 2))
-    return head[0] if len(head) == 1 else itertools.chain(head, stream)
+    return one_or_stream(stream_blocks(opened, blank, timing, slow, taken))

@@ -113,59 +113,51 @@ class Taken:
 
     def verdicts(self) -> list[tuple[Status, str]]:
         """Reasons, each with how bad it is."""
-        found: list[tuple[Status, str]] = []
-        lost = sum(part.rows for part in self.log.left_out)
-        if lost:
-            told = "; ".join(part.sentence() for part in self.log.left_out[:GAPS_NAMED])
-            share = lost / (lost + self.seen)
-            few = lost <= FEW_ROWS and share < FEW_SHARE
-            status: Status = "valid" if few else "refused" if share > REFUSED_SHARE else "suspect"
-            found.append(
-                (
-                    status,
-                    (
-                        f"{lost} of {lost + self.seen} rows of the log could not be read and were"
-                        f" left out: {told}"
-                    ),
-                )
-            )
-        if self.not_finite:
-            many = self.not_finite > MANY_NOT_FINITE * self.rows
-            found.append(
-                (
-                    "suspect" if many else "valid",
-                    (
-                        f"{self.not_finite} of {self.rows} samples are not finite"
-                        f" ({', '.join(self.places)}{', …' if self.not_finite > len(self.places) else ''});"
-                        " they are kept and will be flagged"
-                    ),
-                )
-            )
+        found = [*self._judge_lost_rows(), *self._judge_not_finite()]
         if self.gaps:
             found.append(
                 (
                     "valid",
-                    (
-                        f"the times have {self.gaps} gaps, the longest of {self.longest_gap_s:.4g}"
-                        f" s before {self._longest_place()}"
-                    ),
+                    f"the times have {self.gaps} gaps, the longest of {self.longest_gap_s:.4g}"
+                    f" s before {self._longest_place()}",
                 )
             )
-        if (
-            self.to_s is not None
-            and self._last_read_s is not None
-            and self.to_s > self._last_read_s + 1.5 * self._step()
-        ):
+        end = self._last_read_s
+        # the end asked for may lie within the step after the last row
+        if self.to_s is not None and end is not None and self.to_s > end + 1.5 * self._step():
             found.append(
-                (
-                    "valid",
-                    (
-                        f"to_s = {self.to_s:g} lies behind the end of the log at"
-                        f" {self._last_read_s:.6g} s"
-                    ),
-                )
+                ("valid", f"to_s = {self.to_s:g} lies behind the end of the log at {end:.6g} s")
             )
         return found
+
+    def _judge_lost_rows(self) -> list[tuple[Status, str]]:
+        lost = sum(part.rows for part in self.log.left_out)
+        if not lost:
+            return []
+        told = "; ".join(part.sentence() for part in self.log.left_out[:GAPS_NAMED])
+        share = lost / (lost + self.seen)
+        few = lost <= FEW_ROWS and share < FEW_SHARE
+        status: Status = "valid" if few else "refused" if share > REFUSED_SHARE else "suspect"
+        return [
+            (
+                status,
+                f"{lost} of {lost + self.seen} rows of the log could not be read and were"
+                f" left out: {told}",
+            )
+        ]
+
+    def _judge_not_finite(self) -> list[tuple[Status, str]]:
+        if not self.not_finite:
+            return []
+        many = self.not_finite > MANY_NOT_FINITE * self.rows
+        more = ", …" if self.not_finite > len(self.places) else ""
+        return [
+            (
+                "suspect" if many else "valid",
+                f"{self.not_finite} of {self.rows} samples are not finite"
+                f" ({', '.join(self.places)}{more}); they are kept and will be flagged",
+            )
+        ]
 
     def _longest_place(self) -> str:
         named = [gap["before"] for gap in self.gaps_named if gap["length_s"] == self.longest_gap_s]

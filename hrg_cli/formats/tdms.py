@@ -36,33 +36,12 @@ def open_tdms(path: Path) -> Log:
             if channel.data_type is not None
         ]
         found = [channel for channel in found if len(channel) > 0]
-        channels, rates, starts = [], [], []
-        for channel in found:
-            kind = np.dtype(channel.dtype).kind
-            unit = str(
-                channel.properties.get(
-                    "unit_string", channel.properties.get("NI_UnitDescription", "")
-                )
-            )
-            step = channel.properties.get("wf_increment")
-            rate = 1 / float(step) if isinstance(step, int | float) and step > 0 else None
-            rates.append(rate)
-            starts.append(channel.properties.get("wf_start_time"))
-            clock = kind == "M"
-            channels.append(
-                Channel(
-                    channel.name,
-                    unit,
-                    kind="clock" if clock else "number" if kind in "iufb" else "text",
-                    length=len(channel),
-                    sample_rate_hz=rate,
-                    rising=kind in "iuf" and _rises(channel[: min(200, len(channel))]),
-                )
-            )
+        channels = [_describe_channel(channel) for channel in found]
+        starts = [channel.properties.get("wf_start_time") for channel in found]
         names = [(channel.group_name, channel.name) for channel in found]
     if not channels:
         raise HrgError(f"{path}: holds no channel with samples; record again")
-    known = [rate for rate in rates if rate is not None]
+    known = [channel.sample_rate_hz for channel in channels if channel.sample_rate_hz is not None]
     start = next(
         (np.datetime_as_string(np.datetime64(s), unit="ms") + "Z" for s in starts if s is not None),
         "",
@@ -74,6 +53,21 @@ def open_tdms(path: Path) -> Log:
         rows=max(c.length or 0 for c in channels),
         sample_rate_hz=max(known) if known else None,
         start_time=start,
+    )
+
+
+def _describe_channel(channel: Any) -> Channel:
+    """A channel of the file by its properties, which are NI's own names."""
+    kind = np.dtype(channel.dtype).kind
+    given = channel.properties
+    step = given.get("wf_increment")
+    return Channel(
+        channel.name,
+        str(given.get("unit_string", given.get("NI_UnitDescription", ""))),
+        kind="clock" if kind == "M" else "number" if kind in "iufb" else "text",
+        length=len(channel),
+        sample_rate_hz=1 / float(step) if isinstance(step, int | float) and step > 0 else None,
+        rising=kind in "iuf" and _rises(channel[: min(200, len(channel))]),
     )
 
 

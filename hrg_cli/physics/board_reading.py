@@ -52,7 +52,7 @@ def turn_oscillator(state: Array) -> None:
     state[OSCILLATOR_SIN] = s * state[STEP_COS] + c * state[STEP_SIN]
 
 
-def rounded(value: float, step: float, limit: float) -> float:
+def round_to_step(value: float, step: float, limit: float) -> float:
     """A converter: nearest step, clipped at ± limit; 0 leaves either out."""
     if step > 0:
         value = step * math.floor(value / step + 0.5)
@@ -139,8 +139,8 @@ def take_commands(i: int, h: float, omega: float, state: Array, waiting: Array) 
 
 def read(x: float, y: float, settings: BoardSettings, state: Array) -> None:
     """Both displacements through the converter, into the sums of the window's least squares."""
-    x = rounded(x, settings.adc_step, settings.adc_limit)
-    y = rounded(y, settings.adc_step, settings.adc_limit)
+    x = round_to_step(x, settings.adc_step, settings.adc_limit)
+    y = round_to_step(y, settings.adc_step, settings.adc_limit)
     c, s = state[OSCILLATOR_COS], state[OSCILLATOR_SIN]
     state[SUM_COS2] += c * c
     state[SUM_COS_SIN] += c * s
@@ -156,7 +156,11 @@ def demodulate_window(settings: BoardSettings, state: Array) -> None:
     """The window's envelopes against the oscillator by least squares, into the low pass; the sums
     begin anew, and a board that multiplexes drives next."""
     cc, cs, ss = state[SUM_COS2], state[SUM_COS_SIN], state[SUM_SIN2]
+    # A window of whole periods has cs = 0 at the nominal frequency only; the oscillator follows the
+    # wave away from it.
     det = cc * ss - cs**2
+    # The first window is taken whole: a low pass that began at zero would look like a wave that
+    # grows.
     share = settings.filter_share if state[FILTERED] == 1 else 1.0
     xc, xs, yc, ys = state[SUM_X_COS], state[SUM_X_SIN], state[SUM_Y_COS], state[SUM_Y_SIN]
     state[X_COS] += share * ((xc * ss - xs * cs) / det - state[X_COS])
@@ -199,6 +203,8 @@ def regulate_on_board(
         signal = a_B
         quadrature = -gains.quadrature_gain_1_s * a_B - state[QUADRATURE_INTEGRAL]
     elif quadrature_loop == LOOP_SPRING:
+        # a_A a_B is what a product of the channels gives without a division; over the set amplitude
+        # squared it is r while the amplitude holds.
         signal = a_A * a_B / gains.amplitude**2 if settings.phase_product else a_B / a_A
         spring = gains.quadrature_gain_1_s * signal + state[QUADRATURE_INTEGRAL]
         quadrature = -spring * a_A

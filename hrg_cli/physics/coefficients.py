@@ -44,6 +44,7 @@ class Coefficients:
         self._k = np.broadcast_to(plant.scale_factor, (k,))
         self._rate = np.broadcast_to(environment.rate_rad_s, (k,))
         self._temperature = np.broadcast_to(environment.temperature_degc, (k,))
+        # W has the unit of ω²; over 2ω it is a rate like N and KΩ, so one bound serves all.
         mean_omega = np.sqrt((self._w[:, 0] + self._w[:, 3]) / 2)
         rates = np.column_stack(
             [self._n, self._w / (2 * mean_omega[:, None]), self._k * self._rate]
@@ -110,6 +111,8 @@ class Coefficients:
         start, stop = first // stride, (first + steps) // stride + 1
         regular = np.arange(start, stop + 1) * stride
         inside = self._t[(self._t >= (regular[0] - 1) * h) & (self._t <= (regular[-1] + 1) * h)]
+        # A propagator stands for the middle of its step, (k + ½)h: the knots beside a corner are
+        # the steps whose middles lie on either side of it.
         corner = np.floor(inside / h - 0.5).astype(int)
         everything = np.unique(np.concatenate([regular, corner, corner + 1]))
         return everything[(everything >= regular[0]) & (everything <= regular[-1])]
@@ -126,6 +129,7 @@ class Coefficients:
         A = np.empty((len(t), 4, 4))
         A[:, :2, :2] = k * J
         A[:, :2, 2:] = scale * IDENTITY
+        # p = z' − kJz: J² = −I makes the centrifugal +k², and damping acts on z' = p + kJz.
         A[:, 2:, :2] = -(W + k**2 * IDENTITY + 2 * k * N @ J) / scale
         A[:, 2:, 2:] = -2 * N + k * J
         G = _momentum_matrix(self, t, scale)
@@ -186,6 +190,7 @@ def _exponential(A: Array) -> Array:
             "the resonator's equations of motion hold numbers that are not finite; look for a"
             " frequency, damping, split or rate out of all proportion"
         )
+    # Below a norm of ½ the remainder of order 15, ½¹⁵/15!, is 2e-17.
     halvings = max(0, math.ceil(math.log2(norm / 0.5))) if norm > 0.5 else 0
     A = A / 2**halvings
     unit = np.eye(A.shape[-1])

@@ -47,6 +47,7 @@ def principal(u: Array, near: Array) -> tuple[float, float, Array, Array, comple
     nearer `near`."""
     s0, s1, s2, s3 = stokes(u)
     a_A = np.sqrt((s0 + np.hypot(s1, s2)) / 2)
+    # Half of an angle known modulo 2π: mθ modulo π, its side chosen by `near`.
     electrical = np.arctan2(s2, s1) / 2
     e_A = np.array([np.cos(electrical), np.sin(electrical)])
     if e_A @ near < 0:
@@ -78,6 +79,7 @@ def drive(
     rate = np.array([control.amplitude_integral_1_s2 * error, 0.0])
     logged = control.logged(np.array([time_s]))
     if len(logged):
+        # No loop acts beside a log: its integrals stand still.
         main, rate = logged[0, 0], np.zeros(2)
     late = np.exp(-1j * control.main_phase_error_rad)
     force = (
@@ -102,6 +104,7 @@ def drive(
         else:
             sigma = control.quadrature_gain_1_s * a_B / a_A + integral[1]
             rate[1] = control.quadrature_integral_1_s2 * a_B / a_A
+        # What a force loop of the same effect would command, so that logs of both read alike.
         quadrature = -sigma * a_A
         spring = 1j * sigma * reflection(2 * np.arctan2(e_A[1], e_A[0]) + np.pi / 2) @ u
     du = control.drive_matrix @ force + control.parasitic_force * turn + spring

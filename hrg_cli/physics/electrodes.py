@@ -50,6 +50,7 @@ def pick_off(
             f"readout.gap = {gap:g}: the displacement reaches {np.abs(displacement).max():g},"
             f" {reach:.3g} of the narrowest gap; it must stay below the gap"
         )
+    # Equal electrodes: the closed form loses no digits to eight terms that nearly cancel.
     if np.all(gaps == 1) and np.all(gains == 1):
         if law == "alternating":
             return np.asarray(gap * c / (1 - c**2))

@@ -86,6 +86,8 @@ def wave(u: Array, mode_number: int = 2) -> tuple[Array, Array, Array, Array]:
     """
     s0, s1, s2, s3 = np.moveaxis(stokes(u), -1, 0)
     a_A = np.sqrt((s0 + np.hypot(s1, s2)) / 2)
+    # S3 = 2a_A a_B, so a_B keeps its sign and its digits where √((S0 − q)/2) would lose both near a
+    # line.
     a_B = np.divide(s3, 2 * a_A, out=np.zeros_like(a_A), where=a_A > 0)
     electrical = np.arctan2(s2, s1) / 2
     phase = np.angle(np.cos(electrical) * u[..., 0] + np.sin(electrical) * u[..., 1])
@@ -97,6 +99,7 @@ def unwrap(wave_angle_rad: Array, phase_rad: Array, mode_number: int = 2) -> tup
     are not finite are stepped over."""
     angle, phase = np.array(wave_angle_rad, float), np.array(phase_rad, float)
     good = np.isfinite(angle) & np.isfinite(phase)
+    # θ first: mθ repeats after π, and each half turn taken there turns φ by π as well.
     electrical = np.unwrap(mode_number * angle[good], period=np.pi)
     turned = np.round((electrical - mode_number * angle[good]) / np.pi)
     angle[good] = electrical / mode_number

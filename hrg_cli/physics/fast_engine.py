@@ -155,6 +155,8 @@ class _Engine:
             if knock.felt > done:
                 parts.append(self._between_knocks(done, knock.felt - done))
                 done = knock.felt
+            # By the linear motion a jump is carried on its own and added, whatever else the wave
+            # does.
             self.memory[X : PY + 1] += _carried(
                 self.table, knock.time_s, knock.felt * self.step_s, knock.change, self.omega
             )

@@ -17,7 +17,7 @@ from .board_reading import (
     passed,
     read,
     regulate_on_board,
-    rounded,
+    round_to_step,
     take_commands,
     turn_oscillator,
 )
@@ -212,6 +212,8 @@ def advance(
         if on:
             # the loops look at the middle of the kick
             angle = omega * h
+            # What of u' the momentum holds of a force that is sampled once a step: ωh·cot ωh, 1 for
+            # short steps.
             sampled = angle / math.tan(angle)
             ux, uy = see_envelopes(x, y, scale * px, scale * py, gx, gy, angle, sampled, local)
             if board.kind == LOOPS_ON_BOARD:
@@ -238,8 +240,10 @@ def advance(
                 ay -= sy
             pull, push = hx.imag, hy.imag
             if board.kind == LOOPS_ON_BOARD:
-                pull = rounded(pull, settings.drive_step, settings.drive_limit)
-                push = rounded(push, settings.drive_step, settings.drive_limit)
+                pull = round_to_step(pull, settings.drive_step, settings.drive_limit)
+                push = round_to_step(push, settings.drive_step, settings.drive_limit)
+                # The clipped sine's fundamental is what the envelope feels, and what is taken off
+                # the momentum.
                 hx *= passed(abs(hx), settings.drive_limit)
                 hy *= passed(abs(hy), settings.drive_limit)
             ax -= 2 * omega * pull
@@ -275,6 +279,7 @@ def advance(
             py += rough[i, 1]
 
         if board.kind != SILENT:
+            # A recorded sample is the mean of its substeps.
             noise[0, i // substeps] += noise_x / substeps
             noise[1, i // substeps] += noise_y / substeps
             turn_oscillator(state)
@@ -290,7 +295,7 @@ def advance(
 
 
 PARTS = (
-    *(rounded, passed, turn_oscillator, stokes_of),
+    *(round_to_step, passed, turn_oscillator, stokes_of),
     *(take_commands, read, demodulate_window, follow_axis, regulate_on_board, look),
     *(_disturbed, _find_knot, _interpolate, _velocity),
     *(regulate, command_ideally, command_of_board, see_envelopes),

@@ -119,6 +119,7 @@ def command_ideally(
     else:
         sin = math.sqrt((1 - s1 / s12) / 2)
         cos = s2 / s12 / (2 * sin)
+    # (mθ, φ) and (mθ + π, φ + π) are one wave; a jump between them would turn the force about.
     if cos * memory[AXIS_COS] + sin * memory[AXIS_SIN] < 0:
         cos, sin = -cos, -sin
     memory[AXIS_COS], memory[AXIS_SIN] = cos, sin
@@ -153,6 +154,7 @@ def regulate(
         quadrature = -gains.quadrature_gain_1_s * a_B - memory[QUADRATURE_INTEGRAL]
         memory[QUADRATURE_INTEGRAL] += gains.quadrature_integral_1_s2 * a_B * h
     elif quadrature_loop == LOOP_SPRING:
+        # By σ = −a_ΦB/a_A a spring acts on r = a_B/a_A; its integral is one of σ.
         quadrature = -gains.quadrature_gain_1_s * a_B - memory[QUADRATURE_INTEGRAL] * a_A
         memory[QUADRATURE_INTEGRAL] += gains.quadrature_integral_1_s2 * a_B / a_A * h
     return main, quadrature
@@ -223,6 +225,7 @@ def reach_mode(
     hx = drive_matrix[0, 0] * fx + drive_matrix[0, 1] * fy
     hy = drive_matrix[1, 0] * fx + drive_matrix[1, 1] * fy
     if settings.driving_steps > 0:
+        # Driving a part of the time, the force is stronger by the inverse of that part.
         acting = settings.drive_share if state[DRIVING] == 1 else 0.0
         hx, hy = hx * acting, hy * acting
     return hx + (parasitic[0] + rough_x) * turn, hy + (parasitic[1] + rough_y) * turn

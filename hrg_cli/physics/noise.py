@@ -108,6 +108,8 @@ class Flicker:
 
     def draw(self, count: int, spacing_s: float) -> Array:
         """The next `count` values, `spacing_s` apart, (count, channels)."""
+        # Exact first-order processes at any spacing: x(t+s) = e^{−s/τ}x(t) + √(1 −
+        # e^{−2s/τ})·normal.
         keep = np.exp(-spacing_s / self._tau)[:, None]
         fresh = np.sqrt(1 - keep**2)
         out = np.empty((count, len(self._std)))

@@ -27,6 +27,7 @@ class NoiseSource:
         random: np.random.Generator,
         board: bool,
     ) -> None:
+        # One stream each: switching one noise on leaves the draws of the others as they were.
         self._brownian, self._rough, self._white, flicker = random.spawn(4)
         self._kicks = (
             thermal_kicks(mechanics, noise, h) / mechanics.omega_rad_s
@@ -34,6 +35,7 @@ class NoiseSource:
             else None
         )
         self._drive = noise.drive_density * np.sqrt(h)
+        # σ is that of a recorded sample, the mean of its substeps.
         self._std = noise.readout * np.sqrt(substeps)
         self._series = self._flicker(noise, h, substeps, steps, flicker)
         self.readout = noise.readout > 0 and (board or self._series is not None)

@@ -82,6 +82,7 @@ class Plant:
         does not depend on their order.
         """
         common = np.trace(self.stiffness, axis1=1, axis2=2) / 2
+        # A part of the linear ω, over the ω that other effects have left: so two of them add.
         factor = 1 + np.asarray(relative) * self.mechanics.omega_rad_s / np.sqrt(common)
         alike = common[:, None, None] * IDENTITY
         split = self.stiffness - alike

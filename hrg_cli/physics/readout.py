@@ -47,6 +47,7 @@ def convert(readout: Readout, y: Array) -> Array:
     if readout.adc_bits == 0:
         return y
     top = 2 ** (readout.adc_bits - 1)
+    # Two's complement has one more count below zero than above.
     counts = np.clip(np.rint(y / least_count(readout)), -top, top - 1)
     return counts.astype(np.int16 if readout.adc_bits <= 16 else np.int32)
 

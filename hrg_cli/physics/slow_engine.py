@@ -16,7 +16,7 @@ from .coefficients import Coefficients
 from .fast_engine import CHUNK
 from .plant import Block, Control, Environment, Plant, Samples
 from .resonator import J, exponential, solvent
-from .slow_motion import Memory, Motion, PlantAt, SlowTerms, row_of
+from .slow_motion import EnvelopeMotion, Memory, PlantAt, SlowTerms, row_of
 
 Array = np.ndarray
 _STEP_ANGLE = 0.05
@@ -40,7 +40,7 @@ def run(
 ) -> Iterator[Block]:
     """As `fast_engine.run`, from the envelopes. plant_at: the linear plant in any environment, as
     the effects may change it."""
-    motion = Motion(environment, plant_at, control, terms)
+    motion = EnvelopeMotion(environment, plant_at, control, terms)
     stride = samples_a_step(environment, motion.plant, control, step_s)
     memory = Memory(np.zeros(2), np.array([np.cos(start_angle_rad), np.sin(start_angle_rad)]))
     u = np.asarray(start, complex)
@@ -52,7 +52,7 @@ def run(
 
 
 @dataclass
-class Path:
+class EnvelopePath:
     """The envelopes at the nodes of one chunk, one step of h seconds apart."""
 
     time_s: Array
@@ -74,14 +74,16 @@ class Path:
     """(cell, instant, change (2,))"""
 
 
-def follow(motion: Motion, t: Array, h: float, u: Array, memory: Memory) -> tuple[Path, Array]:
+def follow(
+    motion: EnvelopeMotion, t: Array, h: float, u: Array, memory: Memory
+) -> tuple[EnvelopePath, Array]:
     """The path over nodes t (m,) from u (2,), and u at the last of them."""
     count, steps = len(t), len(t) - 1
     L, corrections = motion.generators(t)
     halves = motion.propagator(t[:-1], h / 2), motion.propagator(t[:-1] + h / 2, h / 2)
     middle = motion.generators(t[:-1] + h / 2)[1]
     at_nodes, at_middles = motion.state(t), motion.state(t[:-1] + h / 2)
-    path = Path(
+    path = EnvelopePath(
         t,
         h,
         L,
@@ -114,12 +116,17 @@ def follow(motion: Motion, t: Array, h: float, u: Array, memory: Memory) -> tupl
         for instant, jump in motion.jumps:
             if t[k] < instant <= t[k + 1]:
                 path.jumps.append((k, instant, jump))
+                # The step went through as if nothing had been felt; the jump follows by the linear
+                # motion, whose error is the step's own.
                 u = u + exponential(L[k], t[k + 1] - instant) @ jump
     return path, u
 
 
-def sample(path: Path, motion: Motion, terms: SlowTerms, times: Array, stride: int) -> Block:
+def sample(
+    path: EnvelopePath, motion: EnvelopeMotion, terms: SlowTerms, times: Array, stride: int
+) -> Block:
     """The samples at times (n,), `stride` of them a step, as the read-out sees them."""
+    # Samples count from the chunk's first node, `stride` of them to a step.
     cell, part = np.divmod(np.arange(len(times)), stride)
     x = (part / stride)[:, None]
 
@@ -157,7 +164,7 @@ def _velocity(u: Array, slope: Array, turn: Array, omega: float) -> Array:
     return np.asarray(((1j * u + slope / omega) * turn).real.T)
 
 
-def _interpolate(path: Path, times: Array, cell: Array, x: Array) -> Array:
+def _interpolate(path: EnvelopePath, times: Array, cell: Array, x: Array) -> Array:
     """The envelopes (n, 2) at times: cubics, broken at the jumps; cell (n,) and part of it (n, 1) of
     each time."""
     u, L, h = path.envelopes, path.generators, path.h
@@ -171,7 +178,7 @@ def _interpolate(path: Path, times: Array, cell: Array, x: Array) -> Array:
     return values
 
 
-def _undo_jump(path: Path, k: int, gained: Array) -> tuple[Array, Array]:
+def _undo_jump(path: EnvelopePath, k: int, gained: Array) -> tuple[Array, Array]:
     """Envelopes and slope (m, 2) to where cell k would have ended without its jump, which `gained`
     (2,) by then: the cubic is drawn to there, and what jumps goes on from it."""
     u, slope, L = path.envelopes, path.slope, path.generators

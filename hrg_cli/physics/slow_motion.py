@@ -78,7 +78,7 @@ class Memory:
     near: Array
 
 
-class Motion:
+class EnvelopeMotion:
     """The right-hand side u' = L u + control + slow terms in its environment, and one step of
     it."""
 
@@ -143,6 +143,7 @@ class Motion:
     def propagator(self, t: Array, h: float) -> Array:
         """The linear motion from t to t + h (n, 2, 2): Magnus, fourth order, (L₁+L₂)/2 + (√3
         h/12)[L₂, L₁] at the Gauss points."""
+        # The Gauss points of a step lie h/2√3 on either side of its middle.
         offset = h / (2 * np.sqrt(3))
         L1, L2 = self.generators(t + h / 2 - offset)[0], self.generators(t + h / 2 + offset)[0]
         return exponential((L1 + L2) / 2 + np.sqrt(3) * h / 12 * (L2 @ L1 - L1 @ L2), h)
@@ -162,6 +163,7 @@ class Motion:
             )
             for term in self._terms.motion:
                 du = du + term(u[None], state)[0]
+        # Off, the integrals keep what they held: the drive comes back as it went.
         return du, action.integral_rate if action else np.zeros(2), action
 
     def look(

@@ -15,7 +15,7 @@ from .compensated import Compensated
 from .details import details_number
 from .diagnosis import Diagnosis
 from .periods import Periods
-from .record import REHEARSAL, Provenance, Record, Source, Status, collect
+from .record import REHEARSAL, Provenance, Record, Source, Status, collect, one_or_stream
 from .recording import Recording, Slice
 from .resonator import Resonator
 from .wave import Wave
@@ -61,4 +61,5 @@ __all__ = [
     "collect",
     "column",
     "details_number",
+    "one_or_stream",
 ]

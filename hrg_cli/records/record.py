@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, Self, TypeVar
@@ -153,3 +154,9 @@ def collect(stream: R | Iterable[R]) -> R:
         if spec.dims and spec.dims[0] in GROWING and getattr(last, name) is not None:
             joined[name] = np.concatenate([getattr(p, name) for p in parts])
     return dataclasses.replace(last, **joined)
+
+
+def one_or_stream(stream: Iterator[R]) -> R | Iterator[R]:
+    """The record of a stream of a single block; else the stream, whole."""
+    head = list(itertools.islice(stream, 2))
+    return head[0] if len(head) == 1 else itertools.chain(head, stream)

@@ -143,11 +143,8 @@ def answer(
         sentence = _of_resonator(results[-1])
     parameters, of = _parameters(diagnosis, resonator)
     moved = _moved(report)
-    if moved and not causes:
-        far = max(moved, key=lambda m: abs(m.sigma))
-        sentence += (
-            f" The supplied model's {far.label} is wrong by {answer_words.short(abs(far.sigma))} σ."
-        )
+    if not causes:
+        sentence += _say_farthest(moved)
     named = dict(names or {})
     one_signal = isinstance(resonator, Resonator) and resonator.modes_alone
     if one_signal:
@@ -272,6 +269,14 @@ def _parameters(
         if isinstance(value, int | float) and isinstance(std, int | float)
     ]
     return tuple(found), of
+
+
+def _say_farthest(moved: tuple[MovedFigure, ...]) -> str:
+    """Which value of the supplied model is the farthest off; a cause found may be what moved it."""
+    if not moved:
+        return ""
+    far = max(moved, key=lambda m: abs(m.sigma))
+    return f" The supplied model's {far.label} is wrong by {answer_words.short(abs(far.sigma))} σ."
 
 
 def _moved(report: Mapping[str, Any]) -> tuple[MovedFigure, ...]:

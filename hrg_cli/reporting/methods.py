@@ -35,46 +35,58 @@ def methods(records: Sequence[Record], counts: Mapping[str, int]) -> str:
             " and each window's envelopes resolved into the standing wave's main amplitude,"
             " quadrature, angle and phase with their standard deviations."
         )
-    resonator = of.get("resonator")
-    if isinstance(resonator, Resonator) and resonator.modes_alone:
-        said.append(
-            "Frequencies and decays of one mode or two, as the data ask for, were fitted to the"
-            " demodulated signals by maximum likelihood; without a pair of channels there are no"
-            " axes."
-        )
-    elif isinstance(resonator, Resonator):
-        said.append(
-            "Damping and frequency split, their axes and the scale factor were fitted to all free"
-            " runs together by maximum likelihood on the averaged (slow) equations of motion [1]."
-        )
-    diagnosis = of.get("diagnosis")
-    if isinstance(diagnosis, Diagnosis):
-        report = json_object(diagnosis.report)
-        tested, found = len(entries(report, "tested")), len(entries(report, "effects"))
-        taken = len(json_list(diagnosis.run_ids))
-        said.append(
-            f"The same model was held against {taken} run{'s' if taken != 1 else ''} for {tested}"
-            f" further effects; {found} {'was' if found == 1 else 'were'} taken in, each"
-            " significant after correction for the number tried and judged on data held out. A"
-            " cause's share is the wave's difference between the fits with and without it,"
-            " everything else fitted anew."
-        )
-    calibration = of.get("calibration")
-    if isinstance(calibration, Calibration) and is_rate_table(calibration):
-        said.append(
-            "Bias, scale factor and powers of the rate were fitted to the dwells over temperature;"
-            " residuals are stated for dwells held out."
-        )
-    elif isinstance(calibration, Calibration):
-        said.append(
-            "Drift and scale factor were tabulated as Fourier series of the wave angle over"
-            " temperature from forced whole-angle runs; residuals are stated for data held out [2]."
-        )
+    said += _of_resonator(of.get("resonator"))
+    said += _of_diagnosis(of.get("diagnosis"))
+    said += _of_calibration(of.get("calibration"))
     said.append(
         "Values are given with their standard deviation in the last digits [3]. Computed with hrg"
         f" {__version__}."
     )
     return " ".join(said)
+
+
+def _of_resonator(resonator: Record | None) -> list[str]:
+    if not isinstance(resonator, Resonator):
+        return []
+    if resonator.modes_alone:
+        return [
+            "Frequencies and decays of one mode or two, as the data ask for, were fitted to the"
+            " demodulated signals by maximum likelihood; without a pair of channels there are no"
+            " axes."
+        ]
+    return [
+        "Damping and frequency split, their axes and the scale factor were fitted to all free"
+        " runs together by maximum likelihood on the averaged (slow) equations of motion [1]."
+    ]
+
+
+def _of_diagnosis(diagnosis: Record | None) -> list[str]:
+    if not isinstance(diagnosis, Diagnosis):
+        return []
+    report = json_object(diagnosis.report)
+    tested, found = len(entries(report, "tested")), len(entries(report, "effects"))
+    taken = len(json_list(diagnosis.run_ids))
+    return [
+        f"The same model was held against {taken} run{'s' if taken != 1 else ''} for {tested}"
+        f" further effects; {found} {'was' if found == 1 else 'were'} taken in, each"
+        " significant after correction for the number tried and judged on data held out. A"
+        " cause's share is the wave's difference between the fits with and without it,"
+        " everything else fitted anew."
+    ]
+
+
+def _of_calibration(calibration: Record | None) -> list[str]:
+    if not isinstance(calibration, Calibration):
+        return []
+    if is_rate_table(calibration):
+        return [
+            "Bias, scale factor and powers of the rate were fitted to the dwells over temperature;"
+            " residuals are stated for dwells held out."
+        ]
+    return [
+        "Drift and scale factor were tabulated as Fourier series of the wave angle over"
+        " temperature from forced whole-angle runs; residuals are stated for data held out [2]."
+    ]
 
 
 def cited(text: str) -> list[tuple[int, str]]:

@@ -20,7 +20,7 @@ from ..records import (
     Resonator,
     Wave,
 )
-from .figures import calibration, diagnosis, recording, result, wave
+from .figures import calibration, diagnosis, periods, recording, result, wave
 from .figures.drawing import Plot, style, svg
 from .page_files import PageEntry, Picture, each_once, thin_out
 from .text import plain
@@ -102,7 +102,7 @@ def draw_file(path: Path, beside: Beside) -> Iterator[Plot]:
 
 _DRAW: dict[type[Record], Callable[..., list[Plot]]] = {
     Recording: lambda r, beside: recording.plots(r, bool(beside.truths)),
-    Periods: lambda r, _: recording.period_plots(r),
+    Periods: lambda r, _: periods.period_plots(r),
     Wave: lambda r, beside: wave.plots(
         r, beside.truths.get(r.run_id), r.run_id not in beside.demodulated
     ),

@@ -13,7 +13,8 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..fitting.checks import failures
-from ..fitting.tables.joint import Fitted, TableLayout, fit
+from ..fitting.tables.joint import Fitted, fit
+from ..fitting.tables.table_layout import TableLayout
 from ..records import Calibration, Resonator, Wave
 from .calibration import late_log
 from .calibration.accuracy_stages import LadderSettings
@@ -156,13 +157,8 @@ def calibrate(
     True
     """
     waves = list(waves)
-    given = [resonator] if isinstance(resonator, Resonator) else list(resonator or [])
+    given = _given_resonators(resonator, model)
     need_one_gyro(waves, given)
-    if model == "physical" and not given:
-        raise HrgError(
-            "model physical takes its coefficients from a resonator file; run `hrg identify` on"
-            " free runs and give it with --resonator"
-        )
     limits = _looked_at(harmonics, scale_factor_harmonics, interpolation)
     needed = 1 if harmonics is None else harmonics
     earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
@@ -242,6 +238,19 @@ def _with_use(record: Calibration, details: dict[str, Any], fitted: Fitted) -> C
         "hour": an_hour_more(record, fitted.paths),
     }
     return record.replace(details=json.dumps(details | use))
+
+
+def _given_resonators(
+    resonator: Resonator | Sequence[Resonator] | None, model: str
+) -> list[Resonator]:
+    """The resonators as a list. HrgError: none, and the model takes its coefficients from them."""
+    given = [resonator] if isinstance(resonator, Resonator) else list(resonator or [])
+    if model == "physical" and not given:
+        raise HrgError(
+            "model physical takes its coefficients from a resonator file; run `hrg identify` on"
+            " free runs and give it with --resonator"
+        )
+    return given
 
 
 def _looked_at(

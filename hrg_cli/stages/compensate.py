@@ -12,11 +12,11 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..fitting.samples.rate_log import left_out, stretches
-from ..fitting.tables.increments import ROWS_AT_ONCE, Path, path_of
+from ..fitting.tables.increments import ROWS_AT_ONCE, AnglePath, path_of
 from ..records import Calibration, Compensated, Wave
 from .calibration.figures import CELLS_A_PERIOD
 from .calibration.table import corrections_along, need_range, standard_deviations
-from .compensation.figures import MOST_RATES, Spread, Totals
+from .compensation.figures import MOST_RATES, RateSpread, Totals
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 
 Array = np.ndarray
@@ -143,7 +143,7 @@ def _stream(
     outside = left_out(wave, stretch > 0)
     unknown = [f"{outside} of its figures"] if outside else []
     scale_factor = float(np.mean(np.asarray(calibration.scale_factor_harmonics)[:, 0]))
-    spread = Spread()
+    spread = RateSpread()
     totals = Totals(np.zeros((3, CELLS_A_PERIOD)), max(1, -(-len(wave) // windows // MOST_RATES)))
     angle, slowest, fastest = 0.0, np.inf, -np.inf
     step = max(windows, ROWS_AT_ONCE // windows * windows)
@@ -195,7 +195,7 @@ def _stream(
 
 
 def deviations(
-    calibration: Calibration, path: Path, blocks: Array, rate: Array, scale: Array
+    calibration: Calibration, path: AnglePath, blocks: Array, rate: Array, scale: Array
 ) -> tuple[Array, Array]:
     """Standard deviations (n,) of the increments' rates by the noise of the wave angle,
     m√(σ²_i + σ²_{i+1})/(|K|Δt), and by the tables, √(σ_D² + Ω²σ_K²)/|K|; NaN where it is not

@@ -125,6 +125,8 @@ def demodulate(
     judge = StreamJudge(run, float(ends[0]), float(ends[1]), found)
     held: Periods | None = None
     for rows in (even_rows if recording.time_s is None else uneven_rows)(run, block_samples):
+        # One block is held back: the last one carries spectrum and status, and which is last is
+        # known behind it.
         if held is not None:
             yield held
         held = _write_periods(run, rows, judge)

@@ -115,6 +115,7 @@ def estimate(
         wave = write_block(block, x, misfit, iterations, how.carrier_phase_rad is not None)
         tally.add(wave)
         if waiting is not None:
+            # A block waits for the next one, whose first phases its last slopes need.
             emitted = add_frequency(emitted, waiting, wave, frequency_windows)
             yield emitted
         waiting = wave

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ..errors import HrgError
-from ..fitting.tables.increments import Path, path_of
+from ..fitting.tables.increments import AnglePath, path_of
 from ..records import Calibration, Wave
 from .calibration.table import corrections_along
 
@@ -67,7 +67,7 @@ class ScaleFactorFigures:
 
 
 def scale_factor_figures(
-    waves: Sequence[Wave | Path],
+    waves: Sequence[Wave | AnglePath],
     calibration: Calibration | None = None,
     *,
     temperatures_by: Calibration | None = None,
@@ -85,7 +85,7 @@ def scale_factor_figures(
     """
     rates, outputs, errors = [], [], []
     for wave in waves:
-        path = wave if isinstance(wave, Path) else path_of(wave, harmonics=4)
+        path = wave if isinstance(wave, AnglePath) else path_of(wave, harmonics=4)
         time, stop = path.interval_s, len(path)
         if calibration is not None:
             drift, scale = corrections_along(calibration, path)
@@ -106,7 +106,7 @@ def scale_factor_figures(
     )
 
 
-def _whole_periods(path: Path) -> int:
+def _whole_periods(path: AnglePath) -> int:
     """Increments of a run until the last whole period π/m of its wave angle; 0: it turns less."""
     period = np.pi / path.mode_number
     periods = np.floor(abs(path.angle_rad[-1] - path.angle_rad[0]) / period)
@@ -116,7 +116,7 @@ def _whole_periods(path: Path) -> int:
     return int(np.searchsorted(travelled, periods - 1e-9)) + 1
 
 
-def _at_one_temperature(path: Path, tables: Calibration) -> Array:
+def _at_one_temperature(path: AnglePath, tables: Calibration) -> Array:
     """m·Δθ (n,) as it would be with the tables' mean K and mean bias at every temperature."""
     x = path.middle(path.abscissa(tables.axis))
     period = np.full(len(path), np.pi / tables.mode_number)
@@ -177,7 +177,7 @@ def _asymmetry(
     return float((found[0] - found[1]) / mean * 1e6), float(std / mean * 1e6)
 
 
-def trade_figures(calibration: Calibration, paths: Sequence[Path]) -> dict[str, float | None]:
+def trade_figures(calibration: Calibration, paths: Sequence[AnglePath]) -> dict[str, float | None]:
     """The figures of a calibration that its JSON and its table show; None where the runs cannot
     tell."""
     out: dict[str, float | None] = {

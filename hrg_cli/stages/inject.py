@@ -50,8 +50,41 @@ def inject(
     """The recording with effects hidden in it, as a stream of blocks; memory does not grow with the
     samples.
 
-    resonator: that of the motion; fitted to this run where it is not given. HrgError: an unknown
-    effect or parameter, values that do nothing in this recording, a read-out by carrier.
+    A read-out effect acts on the samples by its own fast term; one of the motion multiplies their
+    analytic signal by T(t), u₁ = T u₀: the slow model u' = L u (PHYSICS §0) integrated along the run
+    with and without it, from one start.
+
+    Parameters
+    ----------
+    recording
+        Samples (n,) of both channels of a direct read-out; it may be open on disk.
+    resonator
+        That of the motion; fitted to this run where it is not given.
+    extra_effects
+        `Effect` objects beside the catalogue's.
+
+    Returns
+    -------
+    Iterator[Recording]
+        Blocks of samples (n,) in the recording's own number format; `collect` joins them.
+
+    Raises
+    ------
+    HrgError
+        No effect, an unknown effect or parameter, values that do nothing in this recording, a
+        read-out by carrier, no temperature log for what follows it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, collect
+    >>> from hrg_cli.stages.inject import inject
+    >>> t = np.arange(8000) / 8000
+    >>> c = np.cos(2 * np.pi * 1000 * t)
+    >>> recording = Recording(c=c, s=0.1 * c, sample_rate_hz=8000.0, mode="free")
+    >>> hidden = collect(inject(recording, effects={"gain_mismatch": {"gain": 0.01}}))
+    >>> print((hidden.c[::2000] / c[::2000]).round(4), (hidden.s[::2000] / 0.1 / c[::2000]).round(4))
+    [1.005 1.005 1.005 1.005] [0.995 0.995 0.995 0.995]
     """
     name = f"run {recording.run_id}" if recording.run_id else "the recording"
     hidden = _choose_effects(effects, extra_effects)
@@ -66,6 +99,8 @@ def inject(
             f"{name}: has no temperature log, {', '.join(warm)} need{'s' * (len(warm) == 1)} one;"
             " add it at the import"
         )
+    # The envelope of the samples as measured: an effect acts on what is there, not on a model of
+    # it.
     wave = collect(estimate(collect(demodulate(recording, periods_per_window=periods_per_window))))
     moving = [(effect, p) for effect, p in hidden if _moves_wave(effect)]
     change = integrate_change(wave, moving, resonator) if moving else None

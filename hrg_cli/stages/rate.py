@@ -57,27 +57,52 @@ def rate(
     """Ω(t) of a run with the resonator held, its standard deviation, and beside it −m·(dθ/dt)/K,
     which has the drift in it.
 
-    A gyro shows the rate against the stars; with the Earth's rate given the answer is the rate
-    against the ground, as a table logs it.
+    The linear slow model u' = L(Ω) u, L = −ν − νδμ R(2mθ_μ) + jδω R(2mθ_ω) + KΩ J (PHYSICS §0;
+    the last task of seed A), is fitted to the run's envelopes by least squares with Ω free at the
+    nodes and linear between them. A gyro shows the rate against the stars; with the Earth's rate
+    given the answer is the rate against the ground, as a table logs it.
 
-    HrgError: another gyro or mode number, a refused resonator or one without K, too few windows for
-    the nodes.
+    Parameters
+    ----------
+    wave
+        A run of the gyro, (n,) rows with angles in rad and times in s.
+    resonator
+        The identified resonator, held; it has to know K.
+
+    Returns
+    -------
+    Compensated
+        At each node: time [s], Ω with its standard deviation [rad/s], its integral [rad]; where a
+        rate was logged, what the plain and the fitted estimate leave of it [rad/s].
+
+    Raises
+    ------
+    HrgError
+        Another gyro or mode number, a refused resonator or one without K, phase errors of a free
+        run, too few windows for the nodes.
+
+    Examples
+    --------
+    >>> from hrg_cli import collect, demodulate, estimate, identify, simulate
+    >>> from hrg_cli.stages.rate import rate
+    >>> config = {
+    ...     "device": {"frequency_hz": 1000.0, "quality_factor": 20_000.0},
+    ...     "readout": {"noise": 1e-4},
+    ...     "recording": {"sample_rate_hz": 8000.0, "duration_s": 3.0},
+    ...     "run": [
+    ...         {"run_id": "left", "environment": {"rate_rad_s": 1.0}},
+    ...         {"run_id": "right", "environment": {"rate_rad_s": -1.0}},
+    ...     ],
+    ... }
+    >>> samples = [collect(simulate(config, model="slow", run=run)) for run in ("left", "right")]
+    >>> waves = [collect(estimate(collect(demodulate(r, periods_per_window=20)))) for r in samples]
+    >>> found = rate(waves[0].replace(rate_rad_s=None), identify(waves), nodes=5)
+    >>> len(found.time_s), float(found.rate_estimate_rad_s.mean().round(2))
+    (5, 1.0)
     """
     name = f"run {wave.run_id or '?'}"
     wave = _in_memory(wave)
-    if wave.gyro_id and resonator.gyro_id and wave.gyro_id != resonator.gyro_id:
-        raise HrgError(
-            f"{name}: is of gyro {wave.gyro_id}, the resonator is of {resonator.gyro_id}; identify"
-            " the same gyro"
-        )
-    if wave.mode_number != resonator.mode_number:
-        raise HrgError(
-            f"{name}: has mode_number {wave.mode_number}, the resonator has"
-            f" {resonator.mode_number}; use one of the same mode"
-        )
-    if resonator.status == "refused":
-        why = "; ".join(resonator.status_reasons) or "no reason is given"
-        raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
+    _need_resonator_of(wave, resonator, name)
     if wave.mode == "forced":
         found = rate_driven(
             wave, resonator, nodes, main_phase_error_rad, quadrature_phase_error_rad
@@ -91,6 +116,7 @@ def rate(
         found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth
     )
     impossible, doubtful = closing_checks(found)
+    # The log may begin late, end early or have gaps: only what it covers is compared.
     stretch = stretches(wave)
     before, after = (
         _less(values, wave, stretch, found.time_s)
@@ -117,6 +143,23 @@ def rate(
     return noted.judged(checks.failures(impossible), "refused").judged(
         checks.failures(doubtful), "suspect"
     )
+
+
+def _need_resonator_of(wave: Wave, resonator: Resonator, name: str) -> None:
+    """HrgError: the resonator is of another gyro or mode, or refused."""
+    if wave.gyro_id and resonator.gyro_id and wave.gyro_id != resonator.gyro_id:
+        raise HrgError(
+            f"{name}: is of gyro {wave.gyro_id}, the resonator is of {resonator.gyro_id}; identify"
+            " the same gyro"
+        )
+    if wave.mode_number != resonator.mode_number:
+        raise HrgError(
+            f"{name}: has mode_number {wave.mode_number}, the resonator has"
+            f" {resonator.mode_number}; use one of the same mode"
+        )
+    if resonator.status == "refused":
+        why = "; ".join(resonator.status_reasons) or "no reason is given"
+        raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
 
 
 def closing_checks(found: RateEstimate) -> tuple[list[Check], list[Check]]:

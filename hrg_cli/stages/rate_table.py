@@ -109,12 +109,7 @@ def rate_table(
         (output, rate, temperature),
         (temperature_bits, temperature_scale, temperature_offset_degc),
     )
-    turning = bool(np.ptp(omega) > 0)
-    if rate is not None and not turning:
-        raise HrgError(
-            f"column {rate}: one rate only, {omega[0]:.6g} rad/s: K and D cannot be told apart; "
-            "add dwells at another rate, best of both signs"
-        )
+    turning = _is_turning(omega, rate)
     scale = nominal_scale or (float(np.polyfit(omega, y, 1)[0]) if turning else 1.0)
     y = y / scale
     nodes = (
@@ -127,23 +122,8 @@ def rate_table(
     X = curve.X[curve.keep]
     covariance = covariance_of(X, y[curve.keep] - X @ curve.coefficients, least_count(y))
 
-    count = len(nodes)
-    drift = -curve.coefficients[:count]
-    gain = curve.coefficients[count : 2 * count] if turning else np.ones(count)
-    of_tables = _covariance_of_tables(covariance, count, turning)
-    std = np.sqrt(np.maximum(np.diag(of_tables), 0)).reshape(count, 2)
     record = Calibration(
-        temperature_degc=nodes,
-        wave_angle_rad=np.zeros(1),
-        drift_rad_s=drift[:, None],
-        drift_rad_s_std=std[:, :1],
-        scale_factor=gain[:, None],
-        scale_factor_std=std[:, 1:],
-        drift_harmonics=drift[:, None],
-        drift_harmonics_std=std[:, :1],
-        scale_factor_harmonics=gain[:, None],
-        scale_factor_harmonics_std=std[:, 1:],
-        covariance=of_tables,
+        **_tables(curve.coefficients, covariance, nodes, turning),
         interpolation=interpolation,
         gyro_id=gyro_id,
         node_min=float(degc.min()) if temperature is not None else -np.inf,
@@ -263,3 +243,39 @@ def summary(record: Calibration) -> dict[str, Any]:
 def is_rate_table(record: Calibration) -> bool:
     """Whether a calibration was made from a table of dwells."""
     return "nominal_scale" in json.loads(record.details)
+
+
+def _is_turning(omega: Array, rate: str | None) -> bool:
+    """Whether the dwells hold several rates. HrgError: a column of one rate only."""
+    turning = bool(np.ptp(omega) > 0)
+    if rate is not None and not turning:
+        raise HrgError(
+            f"column {rate}: one rate only, {omega[0]:.6g} rad/s: K and D cannot be told apart; "
+            "add dwells at another rate, best of both signs"
+        )
+    return turning
+
+
+def _tables(coefficients: Array, covariance: Array, nodes: Array, turning: bool) -> dict[str, Any]:
+    """The columns of a table without a wave angle: D and K at the nodes, each its own constant term.
+
+    The fit's output/nominal = KΩ − D has D with the sign of the calibration's m·dθ/dt = −KΩ + D.
+    """
+    count = len(nodes)
+    drift = -coefficients[:count]
+    gain = coefficients[count : 2 * count] if turning else np.ones(count)
+    of_tables = _covariance_of_tables(covariance, count, turning)
+    std = np.sqrt(np.maximum(np.diag(of_tables), 0)).reshape(count, 2)
+    columns: dict[str, Any] = {
+        "temperature_degc": nodes,
+        "wave_angle_rad": np.zeros(1),
+        "covariance": of_tables,
+    }
+    for name, values, errors in (
+        ("drift_rad_s", drift, std[:, :1]),
+        ("scale_factor", gain, std[:, 1:]),
+        ("drift_harmonics", drift, std[:, :1]),
+        ("scale_factor_harmonics", gain, std[:, 1:]),
+    ):
+        columns |= {name: values[:, None], f"{name}_std": errors}
+    return columns

@@ -189,6 +189,24 @@ def _fast(
     return made, pickoff, world
 
 
+def _slow_terms(active: Active) -> slow_motion.SlowTerms:
+    """The terms that the active effects have in the slow model; most have one or two of the four."""
+
+    def of(name: str, none: Any) -> list[Any]:
+        return [
+            partial(getattr(effect, name), p)
+            for effect, p in active
+            if getattr(effect, name, none) is not none
+        ]
+
+    return slow_motion.SlowTerms(
+        of("slow_environment", same_state),
+        of("slow", no_term),
+        of("slow_readout", same_signal),
+        of("slow_jump", None),
+    )
+
+
 def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
     mechanics, courses, pickoff = mechanics_of(settings), courses_of(settings), readout_of(settings)
     if settings.electronics is not None or not noise_of(settings, pickoff).silent:
@@ -208,28 +226,7 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
         world.temperature_degc + logged.logged_temperature_degc - world.logged_temperature_degc
     )
     world.rate_rad_s = world.rate_rad_s + logged.logged_rate_rad_s - world.logged_rate_rad_s
-    terms = slow_motion.SlowTerms(
-        [
-            partial(effect.slow_environment, p)
-            for effect, p in active
-            if getattr(effect, "slow_environment", same_state) is not same_state
-        ],
-        [
-            partial(effect.slow, p)
-            for effect, p in active
-            if getattr(effect, "slow", no_term) is not no_term
-        ],
-        [
-            partial(effect.slow_readout, p)
-            for effect, p in active
-            if getattr(effect, "slow_readout", same_signal) is not same_signal
-        ],
-        [
-            partial(effect.slow_jump, p)
-            for effect, p in active
-            if getattr(effect, "slow_jump", None) is not None
-        ],
-    )
+    terms = _slow_terms(active)
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
 
     def plant_at(world: Environment) -> Plant:

@@ -41,13 +41,56 @@ def update(
     """The calibration with its anisotropy, K and measured quadrature moved to where the resonator
     has them now.
 
-    reference: the resonator identified when the tables were made; with it only the *change* of the
-    resonator is applied, so that what the drive adds to the tables stays in them. Refused where the
-    windows cannot tell; what the resonator does not hold (the working mode has no scale factor)
-    stays as it was.
+    D = K_DC cos 2mθ + K_DS sin 2mθ − 2rδω cos 2m(θ − θ_ω), K_DC = −νδμ sin 2mθ_μ, K_DS = νδμ cos 2mθ_μ
+    (seed A (8), (10)): these coefficients and K move by δ = c(new) − c(then) at every node. What the
+    resonator does not hold (the working mode has no scale factor) stays as it was; the tables are
+    refused where the windows cannot tell whether it moved.
 
-    HrgError: another gyro or mode number, a refused input, a resonator that holds nothing of the
-    tables, outside the tables' range.
+    Parameters
+    ----------
+    calibration
+        The tables, with the first harmonic of the wave angle.
+    resonator
+        The resonator as it is now, identified at one temperature within the tables' range.
+    reference
+        The resonator identified when the tables were made: with it only the *change* of the resonator
+        is applied, so that what the drive adds to the tables stays in them.
+
+    Returns
+    -------
+    Calibration
+        D [rad/s] and K (nodes, angles) with their moved harmonics and covariance; details name each
+        coefficient's move in σ.
+
+    Raises
+    ------
+    HrgError
+        Another gyro or mode number, a refused input, a resonator that holds nothing of the tables,
+        outside the tables' range.
+
+    Examples
+    --------
+    >>> import json
+    >>> from hrg_cli import calibrate, collect, demodulate, estimate, identify, simulate
+    >>> from hrg_cli.stages.update import update
+    >>> def measure(mode, scale_factor):
+    ...     config = {
+    ...         "device": {"frequency_hz": 1000.0, "time_constant_s": 4.0,
+    ...                    "damping_split": 0.02, "scale_factor": scale_factor},
+    ...         "control": {"mode": mode},
+    ...         "readout": {"noise": 1e-4},
+    ...         "recording": {"sample_rate_hz": 8000.0, "duration_s": 6.0},
+    ...         "run": [
+    ...             {"run_id": "left", "environment": {"rate_rad_s": 2.0}},
+    ...             {"run_id": "right", "environment": {"rate_rad_s": -2.0}},
+    ...         ],
+    ...     }
+    ...     runs = (collect(simulate(config, model="slow", run=r)) for r in ("left", "right"))
+    ...     return [collect(estimate(collect(demodulate(r, periods_per_window=20)))) for r in runs]
+    >>> tables = calibrate(measure("forced", 0.550), harmonics=1, model="table")
+    >>> moved = update(tables, identify(measure("free", 0.556)))
+    >>> json.loads(moved.details)["update"]["changed"], float(moved.scale_factor.mean().round(3))
+    (True, 0.556)
     """
     _guard(calibration, resonator, reference)
     x = _where(calibration, resonator)

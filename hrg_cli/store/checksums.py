@@ -58,6 +58,7 @@ def _form(dataset: h5py.Dataset) -> str:
 def _bytes(values: np.ndarray) -> Any:
     if values.dtype.kind not in "OSU":
         return np.ascontiguousarray(values).data.cast("B") if values.size else b""
+    # A zero between texts: "ab", "c" and "a", "bc" are not alike.
     return b"".join(_text(v).encode("utf-8", "replace") + b"\0" for v in values.ravel())
 
 
@@ -88,6 +89,7 @@ def of_attributes(holder: h5py.Group | h5py.Dataset) -> str:
         hashed.update(
             name.encode()
             + b"\0"
+            # Of text h5py gives back another type than was put in.
             + value.dtype.kind.encode().replace(b"U", b"O").replace(b"S", b"O")
         )
         hashed.update(bytes(_bytes(value)) + b"\0")
@@ -101,6 +103,7 @@ def contents(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]
     def below(group: h5py.Group) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
         yield group.name, group
         for name in sorted(group):
+            # A soft or external link may lead in a circle, or out of the file.
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 continue
             item = group[name]

@@ -173,6 +173,8 @@ def _kind(file: h5py.File, path: Path) -> type[Record]:
             " `hrg import` on a foreign log"
         )
     version = text_of(file.attrs.get("format_version", ""))
+    # A minor version adds columns, which an older reader may leave unread; a major one changes what
+    # is there.
     if version.split(".")[0] != FORMAT_VERSION.split(".")[0]:
         raise HrgError(
             f"{path}: has format_version {version or 'none'}, this hrg reads {FORMAT_VERSION}; use"

@@ -49,6 +49,8 @@ def _ends(data: mmap.mmap, at: int, size: int) -> bool:
     while place + 16 <= end:
         index = int.from_bytes(data[place : place + 2], "little")
         length = int.from_bytes(data[place + 8 : place + 16], "little")
+        # Objects stand on multiples of 8 behind their 16 bytes of heading; index 0 is the free
+        # space, whose length counts its own heading (HDF5 file format, III.E).
         step = 16 + (length + 7) // 8 * 8 if index else length
         if step <= 0:
             return False

@@ -113,6 +113,7 @@ def write(
                 promised.check(block)
                 _need_space(block, Path(path))
                 if file is None:
+                    # Readable by HDF5 1.10 and what is built on it: MATLAB and older netCDF.
                     file = h5py.File(temporary, "w", libver=("earliest", "v110"))
                     _create(file, block, running)
                 else:

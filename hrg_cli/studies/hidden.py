@@ -83,6 +83,12 @@ class Hiding:
         return waves(table, seed, self.effect.name)
 
 
+def _size_beside_model(change: Array, fit: ExtendedFit) -> float:
+    """Size in σ of a change of the envelopes that the base model cannot take up."""
+    rows = whitened_rows.flatten_rows(fit.series, real(change) * fit.series.weight[..., None])
+    return float(np.linalg.norm(_beside(rows, fit)))
+
+
 def hide(name: str, random: np.random.Generator, noise: float) -> Hiding:
     """A random device, start and direction for an effect. UsageError: its programme does not show
     it."""
@@ -108,31 +114,15 @@ def hide(name: str, random: np.random.Generator, noise: float) -> Hiding:
     if effect.seen_in == "waveform":
         away = float(random.choice([-1, 1]) * random.uniform(5, 50))
         neutral["frequency_hz"] = table["device"]["frequency_hz"] + away
-        vector = dict(
-            zip(
-                ("c_cos", "c_sin", "s_cos", "s_sin"),
-                map(float, random.standard_normal(4)),
-                strict=True,
-            )
-        )
-        trial = {**neutral, **{k: 10 * noise * v for k, v in vector.items()}}
-        seen = (
-            prepare(waves({**table, "effects": {name: trial}}, seed, name), K, ALL_ROWS)[0].envelope
-            - fit.series.envelope
-        )
-        z = float(
-            np.linalg.norm(
-                _beside(
-                    whitened_rows.flatten_rows(
-                        fit.series, real(seen) * fit.series.weight[..., None]
-                    ),
-                    fit,
-                )
-            )
-        )
-        return Hiding(
-            effect, table, neutral, {k: 10 * noise * v / z for k, v in vector.items()}, fit, K
-        )
+        parts = ("c_cos", "c_sin", "s_cos", "s_sin")
+        trial = {
+            part: 10 * noise * float(v)
+            for part, v in zip(parts, random.standard_normal(4), strict=True)
+        }
+        heard = {**table, "effects": {name: {**neutral, **trial}}}
+        seen = prepare(waves(heard, seed, name), K, ALL_ROWS)[0].envelope - fit.series.envelope
+        z = _size_beside_model(seen, fit)
+        return Hiding(effect, table, neutral, {k: v / z for k, v in trial.items()}, fit, K)
     if effect.sets_in:
         return Hiding(effect, table, neutral, {}, fit, K)
     return Hiding(
@@ -220,6 +210,24 @@ def base_fit(
     return fit
 
 
+def _temperature_of(run: int, cycles: bool) -> dict[str, Any]:
+    """The temperature of a run: ramps up and down of several sizes, or cycles of several periods."""
+    if cycles:
+        return {
+            "kind": "cycle",
+            "low_degc": 22.0,
+            "high_degc": 23.0,
+            "period_s": (1.0, 1.5, 2.0)[run % 3],
+            "shape": "sine",
+        }
+    start = 22.0 + run % 3
+    return {
+        "kind": "ramp",
+        "start_degc": start,
+        "stop_degc": start + (1.0, -0.8, 0.5)[run % 3],
+    }
+
+
 def programme(random: np.random.Generator, shown: str, noise: float) -> dict[str, Any]:
     """Six runs of a random device: several angles, two amplitudes, both signs of rotation,
     temperature ramps.
@@ -238,20 +246,6 @@ def programme(random: np.random.Generator, shown: str, noise: float) -> dict[str
     }
     runs, needed = [], find(shown).shown_by
     for k, rate in enumerate(RATES):
-        start = 22.0 + k % 3
-        warm: dict[str, Any] = {
-            "kind": "ramp",
-            "start_degc": start,
-            "stop_degc": start + (1.0, -0.8, 0.5)[k % 3],
-        }
-        if "temperature cycle" in needed:
-            warm = {
-                "kind": "cycle",
-                "low_degc": 22.0,
-                "high_degc": 23.0,
-                "period_s": (1.0, 1.5, 2.0)[k % 3],
-                "shape": "sine",
-            }
         driven = "drive" in needed and k % 2 == 0
         # a loop that is not there, or of unknown gain, shows by the quadrature it lets decay
         quadrature = 0.05 if find(shown).in_the_log else 0.0
@@ -263,7 +257,10 @@ def programme(random: np.random.Generator, shown: str, noise: float) -> dict[str
                 "quadrature": quadrature if driven else random.uniform(-0.1, 0.1),
                 "amplitude": (1.0, 0.5)[k % 2],
             },
-            "environment": {"rate_rad_s": rate, "temperature": warm},
+            "environment": {
+                "rate_rad_s": rate,
+                "temperature": _temperature_of(k, "temperature cycle" in needed),
+            },
         }
         if "rate steps" in needed:
             run["environment"] |= {

@@ -4,7 +4,7 @@ there."""
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.samples.windows import curvatures, gain_at_middle
+from hrg_cli.fitting.samples.envelope_motion import curvatures, gain_at_middle
 from hrg_cli.fitting.tables.allan import allan_deviation
 from hrg_cli.fitting.tables.allan_terms import (
     LONGEST,

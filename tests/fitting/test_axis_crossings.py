@@ -89,7 +89,7 @@ def test_each_side_of_each_run_is_an_answer_of_its_own():
     assert {(a["side"], a["passages"] > 0) for a in several} == {("stiff", True), ("soft", True)}
     assert len(several) == 4
     assert all(abs(off_axis(a["value"])) < 4 * a["std"] for a in several)
-    whole = axis_crossings.combined(found, 2)
+    whole = axis_crossings.combine_estimates(found, 2)
     assert abs(off_axis(whole["value"])) < 4 * whole["std"] < 4 * min(a["std"] for a in several)
 
 

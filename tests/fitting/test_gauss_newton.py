@@ -8,7 +8,7 @@ from hrg_cli.fitting.ellipse.gauss_newton import (
     amplitudes,
     gauss_newton,
     half_products,
-    modelled,
+    model_signals,
     step,
 )
 from hrg_cli.physics.signals import signals
@@ -54,7 +54,7 @@ def test_one_step_is_the_pseudo_inverse_step(carrier_known):
 def test_the_fast_model_is_the_model():
     x = random_waves(100, 4).T
     np.testing.assert_allclose(
-        modelled(x[0], x[1], half_products(*x[2:])).T, signals(x.T), atol=1e-15
+        model_signals(x[0], x[1], half_products(*x[2:])).T, signals(x.T), atol=1e-15
     )
 
 

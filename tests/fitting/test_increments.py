@@ -8,13 +8,13 @@ from forced_runs import Truth, forced_run, wave_of
 
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables import increments
-from hrg_cli.fitting.tables.increments import (
+from hrg_cli.fitting.tables.increment_noise import (
     AngleNoise,
     covariance_bands,
     estimate_noise,
-    path_of,
     whiten,
 )
+from hrg_cli.fitting.tables.increments import path_of
 
 
 def noisy(seed, white, walk, n=3000, dt=0.01):

@@ -12,8 +12,8 @@ from synthetic_waves import GYRO, programme, run_down
 from hrg_cli.fitting.envelopes import coordinates, envelope_runs, propagator
 from hrg_cli.fitting.envelopes.base_fit import Known, base_fit, start_from_propagator
 from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
-from hrg_cli.fitting.envelopes.likelihood import State, batch, respond
 from hrg_cli.fitting.envelopes.matrices import chain
+from hrg_cli.fitting.envelopes.response import State, batch, respond
 from hrg_cli.physics import resonator
 from hrg_cli.physics.resonator import Mechanics
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from forced_runs import Truth, programme
 
-from hrg_cli.fitting.tables.joint import TableLayout
 from hrg_cli.fitting.tables.shrinkage import average_over_doubt, doubtful_harmonics
+from hrg_cli.fitting.tables.table_layout import TableLayout
 from hrg_cli.stages.calibrate import calibrate
 
 

@@ -1,6 +1,7 @@
 """The ledger's file: whole or nothing, two writers at once, damage told in one sentence."""
 
 import contextlib
+import os
 import resource
 import sqlite3
 import subprocess
@@ -103,20 +104,22 @@ def test_a_ledger_made_by_another_meanwhile_is_added_to(tmp_path, monkeypatch):
 
 WRITER = """
 import sys
-sys.path.insert(0, sys.argv[1])
 from pathlib import Path
 from test_database import entries
 from hrg_cli.ledger import database
-for one in entries(40, sys.argv[3]):
-    database.add(Path(sys.argv[2]), [one])
+for one in entries(40, sys.argv[2]):
+    database.add(Path(sys.argv[1]), [one])
 """
 
 
 def test_two_writers_at_once_lose_nothing(tmp_path):
     path = tmp_path / "l.sqlite"
-    arguments = [sys.executable, "-c", WRITER, str(Path(__file__).parent), str(path)]
+    arguments = [sys.executable, "-c", WRITER, str(path)]
+    same_path = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     writers = [
-        subprocess.Popen([*arguments, name], cwd=PACKAGE, stderr=subprocess.PIPE, text=True)
+        subprocess.Popen(
+            [*arguments, name], cwd=PACKAGE, env=same_path, stderr=subprocess.PIPE, text=True
+        )
         for name in ("A", "B")
     ]
     for writer in writers:

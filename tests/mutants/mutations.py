@@ -188,13 +188,18 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("self.mode_number * np.diff(self.angle_rad)", "np.diff(self.angle_rad)"),
             ("(values[1:] + values[:-1]) / 2", "values[1:] + values[:-1]"),
             ("integral = turned + integral[start", "integral = integral[start"),
+            ("2 * np.pi * (joined[\"frequency_hz\"] - wave.reference_frequency_hz)", "2 * np.pi * joined[\"frequency_hz\"]"),
+            ("** 2, power=2", "** 2, power=1"),
+            ("if standing.any():", "if False:"),
+        ),
+    ),
+    "fitting/tables/increment_noise.py": (
+        "tests/fitting/test_increments.py",
+        (
             ("(width[1:] + width[:-1]) / 6, 0)", "(width[1:] + width[:-1]) / 2, 0)"),
             ("-white[1:-1] + noise.walk", "white[1:-1] + noise.walk"),
             ("white[1:] + white[:-1] + noise.walk", "white[1:] + noise.walk"),
-            ("2 * np.pi * (joined[\"frequency_hz\"] - wave.reference_frequency_hz)", "2 * np.pi * joined[\"frequency_hz\"]"),
-            ("** 2, power=2", "** 2, power=1"),
             ("NEEDED_GAIN = 6.0", "NEEDED_GAIN = 0.0"),
-            ("if standing.any():", "if False:"),
         ),
     ),
     "fitting/samples/basis.py": (
@@ -218,6 +223,11 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         "tests/stages/test_demodulate.py",
         (
             ("return fit[:, 0::2] - 1j * fit[:, 1::2]", "return fit[:, 0::2] + 1j * fit[:, 1::2]"),
+        ),
+    ),
+    "fitting/samples/envelope_motion.py": (
+        "tests/stages/test_demodulate.py",
+        (
             ("/ (2 * h * window_s)", "/ (h * window_s)"),
         ),
     ),
@@ -288,7 +298,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "memory.py": (
-        "tests/test_batch.py",
+        "tests/lots/test_batch.py",
         (
             ("noted[\"key\"] == key and", ""),
             ("store.sha256(folder / name) == digest for name", "True for name"),
@@ -339,7 +349,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/validity.py": (
-        "tests/test_validity_bounds.py tests/test_validity.py tests/test_bad_inputs.py",
+        "tests/store/test_validity_bounds.py tests/store/test_validity.py tests/test_bad_inputs.py",
         (
             ("\"raw\": \"iuf\", \"f8\": \"iuf\"", "\"raw\": \"iufb\", \"f8\": \"iuf\""),
             ("\"u1\": \"iu\"", "\"u1\": \"iuf\""),
@@ -364,7 +374,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/lazy.py": (
-        "tests/test_validity.py tests/test_bad_inputs.py tests/test_store.py",
+        "tests/store/test_validity.py tests/test_bad_inputs.py tests/store/test_store.py",
         (
             ("if end == first and not values.flat[0] > last:", "if False:"),
             ("return values.astype(spec.dtype, copy=False)", "return values"),
@@ -372,7 +382,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/handles.py": (
-        "tests/test_validity.py tests/test_store.py tests/test_bad_inputs.py",
+        "tests/store/test_validity.py tests/store/test_store.py tests/test_bad_inputs.py",
         (
             ("while len(_in_use) >= MOST_OPEN:", "while False:"),
             ("if self._stamp not in (None,", "if self._stamp in ((0, 0),"),
@@ -381,17 +391,17 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/heaps.py": (
-        "tests/test_store.py",
+        "tests/store/test_store.py",
         (("if step <= 0:", "if False:"),),
     ),
     "store/reading.py": (
-        "tests/test_store.py tests/test_validity.py tests/robustness/test_nothing_lost.py tests/test_bad_inputs.py",
+        "tests/store/test_store.py tests/store/test_validity.py tests/robustness/test_nothing_lost.py tests/test_bad_inputs.py",
         (
             ("if status not in (\"valid\", \"suspect\", \"refused\"):", "if False:"),
         ),
     ),
     "store/headings.py": (
-        "tests/test_store.py tests/test_validity.py tests/robustness/test_nothing_lost.py tests/test_bad_inputs.py",
+        "tests/store/test_store.py tests/store/test_validity.py tests/robustness/test_nothing_lost.py tests/test_bad_inputs.py",
         (
             ("if found is not kind:", "if False:"),
             ("if kind not in BY_NAME:", "if False:"),
@@ -400,7 +410,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/dataset_checks.py": (
-        "tests/test_store.py tests/test_validity.py tests/robustness/test_nothing_lost.py tests/test_bad_inputs.py",
+        "tests/store/test_store.py tests/store/test_validity.py tests/robustness/test_nothing_lost.py tests/test_bad_inputs.py",
         (
             ("claimed - stored > LARGEST_GAP_BYTES", "False"),
             ("dataset.is_virtual or layout.get_external_count()", "dataset.is_virtual"),
@@ -410,7 +420,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/writing.py": (
-        "tests/test_store.py tests/test_validity.py tests/test_verification.py",
+        "tests/store/test_store.py tests/store/test_validity.py tests/test_verification.py",
         (
             ("            if spec.dtype == \"raw\":\n                options[\"fletcher32\"] = True", "            if spec.dtype == \"raw\":\n                pass"),
             ("elif spec.dims[0] == \"row\" or array.nbytes > 4096:\n                options[\"fletcher32\"] = True", "elif spec.dims[0] == \"row\" or array.nbytes > 4096:\n                options[\"fletcher32\"] = False"),
@@ -422,7 +432,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/atomic.py": (
-        "tests/test_store.py tests/test_commands.py tests/test_outputs.py",
+        "tests/store/test_store.py tests/test_commands.py tests/test_outputs.py",
         (
             ("if path.exists() and not force:", "if False:"),
             ("path.exists() and not path.is_file()", "False"),
@@ -478,13 +488,13 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "exporting/tables.py": (
-        "tests/test_exporting.py tests/test_exporting_variants.py tests/test_outputs.py",
+        "tests/exporting/test_exporting.py tests/exporting/test_exporting_variants.py tests/test_outputs.py",
         (
             ("if calibration.status == \"refused\":", "if False:"),
         ),
     ),
     "exporting/c_grid.py": (
-        "tests/test_exporting.py tests/test_exporting_variants.py tests/test_outputs.py",
+        "tests/exporting/test_exporting.py tests/exporting/test_exporting_variants.py tests/test_outputs.py",
         (
             ("top = 2 ** (bits - 1) - 1", "top = 2**bits - 1"),
             ("(k + 1) % angles\n    low", "k\n    low"),
@@ -492,7 +502,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "exporting/c_header.py": (
-        "tests/test_exporting.py tests/test_exporting_variants.py tests/test_outputs.py",
+        "tests/exporting/test_exporting.py tests/exporting/test_exporting_variants.py tests/test_outputs.py",
         (
             ("gyro=c_comment(calibration.gyro_id)", "gyro=calibration.gyro_id"),
             ("correction=c_comment(calibration.correction)", "correction=calibration.correction"),
@@ -510,7 +520,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "executors.py": (
-        "tests/test_batch.py tests/test_batch_interrupts.py",
+        "tests/lots/test_batch.py tests/lots/test_batch_interrupts.py",
         (
             ("(ready if losses[index] < ROUNDS else alone).appendleft(index)", "ended(index, None)"),
             ("ready.extendleft(reversed(range(len(every), len(every) + len(following))))", "ready.extend(range(len(every), len(every) + len(following)))"),
@@ -520,7 +530,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "lots/lot_table.py": (
-        "tests/test_batch.py",
+        "tests/lots/test_batch.py",
         (
             ("spread = max(MAD * median", "spread = max(median"),
             ("lot.outlier_rate / len(compared)", "lot.outlier_rate * 20"),
@@ -561,14 +571,14 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         (("p.rows(np.arange(-start % every, len(p), every))", "p.rows(slice(-start % every, None, every))"),),
     ),
     "lots/lot_course.py": (
-        "tests/test_batch.py",
+        "tests/lots/test_batch.py",
         (
             ("if all((one.gyro_id, one.name) in", "if any((one.gyro_id, one.name) in"),
             ("result or killed | {", "killed | {"),
         ),
     ),
     "lots/lot_tasks.py": (
-        "tests/test_batch.py tests/lots/test_identity.py",
+        "tests/lots/test_batch.py tests/lots/test_identity.py",
         (
             ("task.foreign or is_readable(Path(task.source))", "True"),
             ("BY_LOT if named else _by_itself(said)", "_by_itself(said)"),
@@ -592,7 +602,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "lots/lot_work.py": (
-        "tests/test_batch.py tests/test_batch_interrupts.py",
+        "tests/lots/test_batch.py tests/lots/test_batch_interrupts.py",
         (
             ("    except DiskFullError:  # no verdict on the gyro: the whole lot stops\n        raise\n", ""),
         ),

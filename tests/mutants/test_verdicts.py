@@ -1,12 +1,7 @@
 """A verdict on a change of the code holds while the code and the test that saw it stay."""
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path[:0] = [str(Path(__file__).parent)]
-import run  # noqa: E402
+import run
 
 CODE = "def half(x):\n    return x / 2\n"
 TESTS = """import pytest

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hrg_cli.physics import ellipse, fast_engine
-from hrg_cli.physics.board_reading import rounded
+from hrg_cli.physics.board_reading import round_to_step
 from hrg_cli.physics.electronics import Electronics
 from hrg_cli.physics.noise import Noise
 from hrg_cli.physics.plant import Control, Environment, ThermalCourses, linear_plant
@@ -117,8 +117,8 @@ def test_multiplexed_drive_gives_the_same_mean_force():
 
 
 def test_converter():
-    assert rounded(0.26, 0.1, 0.0) == pytest.approx(0.3)
-    assert rounded(-7.0, 0.0, 2.0) == -2.0
+    assert round_to_step(0.26, 0.1, 0.0) == pytest.approx(0.3)
+    assert round_to_step(-7.0, 0.0, 2.0) == -2.0
     coarse = run(GYRO, CONTROL, Electronics(8, adc_step=0.05, adc_limit=2.0))
     fine = run(GYRO, CONTROL, Electronics(8))
     assert 1e-6 < np.abs(coarse[1] - fine[1])[8000:].max() < 0.02

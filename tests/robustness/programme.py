@@ -14,8 +14,7 @@ import soundfile
 
 sys.path[:0] = [
     str(Path(__file__).parent),
-    str(Path(__file__).parents[1]),
-    str(Path(__file__).parents[1] / "reporting"),
+    str(Path(__file__).parents[1] / "helpers"),
 ]
 import forced_runs  # noqa: E402
 import judge  # noqa: E402

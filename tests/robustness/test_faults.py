@@ -8,18 +8,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import calls
+import faults
+import judge
+import kills
+import page
+import programme
 import pytest
+import sizes
 
-sys.path[:0] = [str(Path(__file__).parent)]
-import calls  # noqa: E402
-import faults  # noqa: E402
-import judge  # noqa: E402
-import kills  # noqa: E402
-import page  # noqa: E402
-import programme  # noqa: E402
-import sizes  # noqa: E402
-
-from hrg_cli.cli import COMMANDS  # noqa: E402
+from hrg_cli.cli import COMMANDS
 
 SEED = int(os.environ.get("HRG_TEST_SEED", "1"))
 SAMPLE = 60

@@ -4,20 +4,16 @@ memory because a header says so."""
 from __future__ import annotations
 
 import os
-import sys
 from collections import Counter
-from pathlib import Path
 
 import h5py
+import mutation
 import numpy as np
 import pytest
+import records_by_hand
 import soundfile
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "reporting")]
-import mutation  # noqa: E402
-import records_by_hand  # noqa: E402
-
-from hrg_cli import store  # noqa: E402
+from hrg_cli import store
 
 PEAK_MB = 1200.0
 """Memory a small damaged file may cost at most, over that of the imports."""

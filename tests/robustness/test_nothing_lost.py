@@ -15,13 +15,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import records_by_hand
 
-sys.path[:0] = [str(Path(__file__).parents[1] / "reporting")]
-import records_by_hand  # noqa: E402
-
-from hrg_cli import pipeline, settings, store  # noqa: E402
-from hrg_cli.errors import HrgError  # noqa: E402
-from hrg_cli.records import Periods, Recording  # noqa: E402
+from hrg_cli import pipeline, settings, store
+from hrg_cli.errors import HrgError
+from hrg_cli.records import Periods, Recording
 
 FORK = multiprocessing.get_context("fork")
 ROWS = 3000
@@ -151,7 +149,7 @@ def write_with_little_room(
     """A process that writes a few megabytes, where a file may not grow beyond `limit`."""
     script = f"""
 import sys
-sys.path[:0] = {[str(Path(__file__).parent), str(Path(__file__).parents[1] / "reporting"), str(Path(__file__).parents[2])]!r}
+sys.path[:0] = {[str(Path(__file__).parent), str(Path(__file__).parents[1] / "helpers"), str(Path(__file__).parents[2])]!r}
 import test_nothing_lost as t
 from hrg_cli import store
 from hrg_cli.errors import HrgError

@@ -1,8 +1,6 @@
 """Figures of the trade: known coefficients, and allantools beside."""
 
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +11,6 @@ from forced_runs import Truth, forced_run, programme
 from hrg_cli.errors import HrgError
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.figures_of_merit import allan_figures, calibration_figures, scale_factor_figures
-
-sys.path[:0] = [str(Path(__file__).parents[1] / "reporting")]
 
 
 def test_allan_deviation_agrees_with_allantools_and_its_coefficients_with_the_truth():

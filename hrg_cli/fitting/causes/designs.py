@@ -87,13 +87,18 @@ class Design:
     def sizes(self) -> Array:
         """Lengths of the columns, (k,)."""
         out = np.zeros(self.shape[1])
-        everything = slice(0, len(self.shared))
-        for rows, columns, values in (*self.own, (everything, self.places, self.shared)):
-            out[columns] = np.sum(values**2, axis=0)
-            if self.unknown is not None:
-                lost = 1 - (1 - self.weights) ** 2
-                out[columns] -= lost @ (self.unknown[rows].T @ values) ** 2
+        out[self.places] = self._squares(slice(0, len(self.shared)), self.shared)
+        for rows, columns, values in self.own:
+            out[columns] = self._squares(rows, values)
         return np.sqrt(np.maximum(out, 0.0))
+
+    def _squares(self, rows: slice, values: Array) -> Array:
+        """Squared lengths (c,) of columns that live on some rows alone."""
+        whole = np.sum(values**2, axis=0)
+        if self.unknown is None:
+            return np.asarray(whole)
+        lost = 1 - (1 - self.weights) ** 2
+        return np.asarray(whole - lost @ (self.unknown[rows].T @ values) ** 2)
 
     @property
     def weights(self) -> Array:

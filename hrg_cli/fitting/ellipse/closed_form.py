@@ -58,6 +58,7 @@ def choose_canonical(x: Array, carrier_known: bool = False) -> Array:
     π/2] unless it is known."""
     A, B, theta, phi, psi = np.moveaxis(np.asarray(x, float), -1, 0)
     if not carrier_known:
+        # −½ < ψ/π − half_turns ≤ ½, and (u, ψ) → (−u, ψ + π) takes φ along.
         half_turns = np.ceil(psi / np.pi - 0.5)
         phi, psi = phi - np.pi * half_turns, psi - np.pi * half_turns
     return np.stack([*ellipse.wave(ellipse.envelopes(A, B, theta, phi, 1), 1), psi], axis=-1)

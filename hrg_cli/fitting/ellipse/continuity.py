@@ -25,6 +25,7 @@ def continue_angles(
         if len(intervals)
         else np.zeros(0, int)
     )
+    # ψ first, then mθ: a half turn of either turns φ by π, so φ is unwrapped last and over 2π.
     carrier = _unwrapped(time_s, carrier_phase, np.pi, gaps)
     phase = phase + np.pi * np.round((carrier - carrier_phase) / np.pi)
     electrical = _unwrapped(time_s, angle, np.pi, gaps)
@@ -79,6 +80,7 @@ def _slopes(time_s: Array, path: Array, gaps: Array, length_s: Array, period: fl
         before = (path[gaps] - path[first]) / (time_s[gaps] - time_s[first])
         after = (path[last] - path[gaps + 1]) / (time_s[last] - time_s[gaps + 1])
     told_before, told_after = gaps - first >= FEWEST_ROWS, last - gaps - 1 >= FEWEST_ROWS
+    # Two slopes that predict ends a quarter period apart point to different copies.
     agree = np.abs(before - after) * length_s < period / 4
     return np.where(
         told_before & told_after & agree,

@@ -74,7 +74,7 @@ def projections(z: Array, products: tuple[Array, ...]) -> tuple[Array, Array, Ar
     return P, Q, psi_A, psi_B
 
 
-def modelled(A: Array, B: Array, products: tuple[Array, ...]) -> Array:
+def model_signals(A: Array, B: Array, products: tuple[Array, ...]) -> Array:
     """F of (1), (8, n), by the half products of the same angles."""
     csm, csp, ccm, ccp, ssm, ssp, scm, scp = products
     A, B = 2 * A, 2 * B
@@ -173,7 +173,7 @@ def _iterate(
     before = np.full(len(left), np.inf)
     for evaluation in range(1, max_iterations + 1):
         products = half_products(*x[2:])
-        rms = np.sqrt(((z - modelled(x[0], x[1], products)) ** 2).sum(0) / 8)
+        rms = np.sqrt(((z - model_signals(x[0], x[1], products)) ** 2).sum(0) / 8)
         out.monotone[left] &= ~(rms > before)
         out.residual_rms[left] = rms
         A, B = amplitudes(z, products)

@@ -14,7 +14,7 @@ from .gauss_newton import (
     amplitudes,
     by_chunks,
     half_products,
-    modelled,
+    model_signals,
     projections,
 )
 
@@ -41,7 +41,7 @@ def _evaluate(z: Array, angles: Array) -> tuple[Array, tuple[Array, ...], Array]
     """(A, B), the half products and Σr² at `angles` (3, n)."""
     products = half_products(*angles)
     A, B = amplitudes(z, products)
-    return np.stack([A, B]), products, ((z - modelled(A, B, products)) ** 2).sum(0)
+    return np.stack([A, B]), products, ((z - model_signals(A, B, products)) ** 2).sum(0)
 
 
 def _iterate(
@@ -60,23 +60,7 @@ def _iterate(
     AB, products, cost = _evaluate(z, angles)
     damping, growth = np.full(len(left), FIRST_DAMPING), np.full(len(left), 2.0)
     for evaluation in range(1, max_iterations + 1):
-        (A, B), damped = AB, AB[0] ** 2 + AB[1] ** 2 + damping * size / 2
-        P, Q, psi_A, psi_B = projections(z, products)
-        slope = np.stack(
-            [
-                A * P + B * Q,
-                A * Q + B * P,
-                np.zeros_like(A) if carrier_known else A * psi_A + B * psi_B,
-            ]
-        )
-        determinant = damped**2 - (2 * A * B) ** 2
-        move = np.stack(
-            [
-                (damped * slope[0] - 2 * A * B * slope[1]) / determinant,
-                (damped * slope[1] - 2 * A * B * slope[0]) / determinant,
-                slope[2] / damped,
-            ]
-        )
+        slope, move = _damped_move(z, AB, products, damping * size / 2, carrier_known)
         promised = 2 * (move * (damping * size / 2 * move + slope)).sum(0)
         done = (np.sqrt(cost / 8) <= residual_tolerance) | (
             2 * (move * slope).sum(0) <= step_tolerance**2 * size
@@ -105,10 +89,7 @@ def _iterate(
         AB_trial, products_trial, cost_trial = _evaluate(z, trial)
         gain = (cost - cost_trial) / promised
         better = cost_trial < cost
-        damping = np.where(
-            better, damping * np.maximum(1 / 3, 1 - (2 * gain - 1) ** 3), damping * growth
-        )
-        growth = np.where(better, 2.0, 2 * growth)
+        damping, growth = _nielsen(damping, growth, gain, better)
         AB, angles, cost = (
             np.where(better, AB_trial, AB),
             np.where(better, trial, angles),
@@ -117,3 +98,39 @@ def _iterate(
         products = tuple(
             np.where(better, new, old) for new, old in zip(products_trial, products, strict=True)
         )
+
+
+def _nielsen(damping: Array, growth: Array, gain: Array, better: Array) -> tuple[Array, Array]:
+    """Nielsen's rule: a step as good as promised (gain 1) divides λ by three; each bad one in a row
+    multiplies it by twice as much."""
+    lower = damping * np.maximum(1 / 3, 1 - (2 * gain - 1) ** 3)
+    return np.where(better, lower, damping * growth), np.where(better, 2.0, 2 * growth)
+
+
+def _damped_move(
+    z: Array, AB: Array, products: tuple[Array, ...], damping: Array, carrier_known: bool
+) -> tuple[Array, Array]:
+    """Half the fall of the cost along each angle (3, n), and the damped step (JᵀJ + λ)⁻¹ of it.
+
+    The angles θ and φ are coupled by 2AB alone, ψ by nothing: JᵀJ is a 2 × 2 block beside a number,
+    inverted in closed form.
+    """
+    A, B = AB
+    P, Q, psi_A, psi_B = projections(z, products)
+    slope = np.stack(
+        [
+            A * P + B * Q,
+            A * Q + B * P,
+            np.zeros_like(A) if carrier_known else A * psi_A + B * psi_B,
+        ]
+    )
+    damped = A**2 + B**2 + damping
+    determinant = damped**2 - (2 * A * B) ** 2
+    move = np.stack(
+        [
+            (damped * slope[0] - 2 * A * B * slope[1]) / determinant,
+            (damped * slope[1] - 2 * A * B * slope[0]) / determinant,
+            slope[2] / damped,
+        ]
+    )
+    return slope, move

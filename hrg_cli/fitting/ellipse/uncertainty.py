@@ -58,6 +58,7 @@ def _fill(out: Array, x: Array, variances: Array, with_carrier: bool) -> None:
     beating = cos2 * less[0] + sin2 * less[1]
     mixed = A * B * np.sin(2 * theta) * (imaginary[1] - imaginary[0])
     both = A2 * beating + B2 * turning
+    # |A² − B²| is the Jacobian's: at a circle θ and φ exchange without a change of the signals.
     determinant = np.abs(A2 - B2)
     out[:, 0] = _root(cos2 * more[0] + sin2 * more[1])
     out[:, 1] = _root(sin2 * less[0] + cos2 * less[1])

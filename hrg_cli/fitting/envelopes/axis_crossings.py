@@ -21,9 +21,8 @@ and is taken off.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -33,6 +32,7 @@ from .coordinates import COUNT, FREQUENCY_SPLIT, SECOND_ORDER, to_parameters
 from .envelope_runs import EnvelopeRun
 from .inference import widen_axes
 from .method_ranges import USES_AXES, out_of_range, warnings
+from .normal_equations import Normal, add_normals, normal, take_means_off
 from .regressions import CORRECTIONS, SETTLED, WIDE_STEP, Noiseless, Regression
 
 Array = np.ndarray
@@ -43,41 +43,6 @@ LEAST_ROWS = 3
 """Rows of a passage from which its own constant leaves something."""
 DISTINCT = 0.5
 """Standard deviation of 2mθ_ω, rad, up to which one side of a run is an answer of its own."""
-
-
-@dataclass(frozen=True)
-class Normal:
-    """Least squares of (δω cos, δω sin, νδμ cos, νδμ sin): information (4, 4), its product with the
-    answer (4,), Σ of weighted targets², rows less constants."""
-
-    information: Array
-    product: Array
-    square: float
-    freedom: int
-
-    def __add__(self, other: Normal) -> Normal:
-        return Normal(
-            self.information + other.information,
-            self.product + other.product,
-            self.square + other.square,
-            self.freedom + other.freedom,
-        )
-
-    def solved(self) -> tuple[Array, Array]:
-        """(answer (4,), covariance (4, 4)) at the stated noise."""
-        scale = 1 / np.sqrt(np.maximum(np.diag(self.information), 1e-300))
-        unit = self.information * np.outer(scale, scale)
-        covariance = np.linalg.pinv(unit, rcond=1e-12, hermitian=True) * np.outer(scale, scale)
-        return covariance @ self.product, covariance
-
-    def misfit(self, answer: Array) -> float:
-        """χ² of an answer (4,)."""
-        return float(self.square - 2 * answer @ self.product + answer @ self.information @ answer)
-
-
-def summed(parts: Iterable[Normal]) -> Normal:
-    """All of them together."""
-    return reduce(Normal.__add__, parts)
 
 
 @dataclass(frozen=True)
@@ -127,7 +92,7 @@ class Side:
 
 
 @dataclass(frozen=True)
-class Found:
+class Crossings:
     """The one answer (4,) with covariance (4, 4), each run's χ², scaled so that noise alone gives
     its degrees of freedom (R,), the sides, and what the decay alone says of the damping split."""
 
@@ -140,7 +105,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Course:
+class EllipseCourse:
     """A run's rows: 2mθ unwrapped, ε, ½ ln S₀, their standard deviation, the gapless piece a row is
     in, all (n,)."""
 
@@ -175,7 +140,7 @@ class Course:
         none = np.zeros_like(self.std)
         return np.column_stack([-self.run.time_s, none, none, -turned.real, -turned.imag])
 
-    def less(self, model: EnvelopeRun, p: Array) -> Course:
+    def less(self, model: EnvelopeRun, p: Array) -> EllipseCourse:
         """The course less what the equations leave of a noiseless run of coordinates p (7,)."""
         exact = course_of(dataclasses.replace(model, std=np.zeros(len(model))))
         own = np.array([p[0], p[3], p[4], p[1], p[2]])
@@ -186,36 +151,19 @@ class Course:
         )
 
 
-def course_of(run: EnvelopeRun) -> Course:
+def course_of(run: EnvelopeRun) -> EllipseCourse:
     """The ellipse's course on a run's rows, the noise's own power taken off S₀."""
     a, b, angle, phase = ellipse.wave(run.envelope, 1)
     power = np.maximum(a**2 + b**2 - 4 * run.std**2, run.std**2)
     step = np.diff(run.time_s)
     piece = np.append(0, np.cumsum(step > WIDE_STEP * np.median(step)))
     angle = 2 * ellipse.unwrap(angle, phase, 1)[0]
-    return Course(run, angle, np.arctan2(b, a), np.log(power) / 2, run.std / np.sqrt(power), piece)
+    return EllipseCourse(
+        run, angle, np.arctan2(b, a), np.log(power) / 2, run.std / np.sqrt(power), piece
+    )
 
 
-def normal(columns: Array, target: Array, std: Array, group: Array, own: int = 0) -> Normal:
-    """Least squares of target (n,) by columns (n, own + 4), each group (n,) of rows with a constant
-    of its own; the first `own` unknowns are nobody else's."""
-    joined = demeaned(np.column_stack([columns, target]), std, group)
-    basis = np.linalg.qr(joined[:, :own])[0]
-    joined = (joined - basis @ (basis.T @ joined))[:, own:]
-    x, y = joined[:, :-1], joined[:, -1]
-    return Normal(x.T @ x, x.T @ y, float(y @ y), len(y) - len(np.unique(group)) - own)
-
-
-def demeaned(columns: Array, std: Array, group: Array) -> Array:
-    """Columns (n, k) over std (n,), less the weighted mean of each group (n,)."""
-    index = np.unique(group, return_inverse=True)[1]
-    weight = 1 / std**2
-    total = np.bincount(index, weight)
-    mean = np.stack([np.bincount(index, weight * c) for c in columns.T], axis=1) / total[:, None]
-    return np.asarray((columns - mean[index]) / std[:, None])
-
-
-def decay(w: Course) -> Normal:
+def decay(w: EllipseCourse) -> Normal:
     """What the decay of S₀ says of the damping split; ν is the run's own."""
     return normal(w.decay_columns(), w.log_size - w.log_size_left, w.std, w.piece, own=1)
 
@@ -231,7 +179,7 @@ def passive(runs: Sequence[EnvelopeRun]) -> Normal:
     return Normal(np.diag([0.0, 0.0, most**-2.0, most**-2.0]), np.zeros(4), 0.0, 0)
 
 
-def sides(w: Course, number: int, axis: float) -> list[Side]:
+def sides(w: EllipseCourse, number: int, axis: float) -> list[Side]:
     """What run `number` says at the stiff and at the soft axis; axis: a first guess of 2mθ_ω,
     rad."""
     columns, target = w.ellipticity_columns(), w.ellipticity - w.ellipticity_left
@@ -247,7 +195,7 @@ def sides(w: Course, number: int, axis: float) -> list[Side]:
             rows = normal(columns[own], target[own], w.std[own], passage[own])
             crossed = np.sum((np.diff(over) != 0) & (nearest[1:] % 2 == parity))
             angle_std = 2 * w.std[own] / np.cos(2 * w.ellipticity[own])
-            design = demeaned(columns[own], w.std[own], passage[own])
+            design = take_means_off(columns[own], w.std[own], passage[own])
             out.append(
                 Side(
                     number,
@@ -267,7 +215,7 @@ def sides(w: Course, number: int, axis: float) -> list[Side]:
 
 def free_crossings(
     runs: Sequence[EnvelopeRun], model: Sequence[EnvelopeRun] = (), p: Array | None = None
-) -> Found:
+) -> Crossings:
     """The frequency split as a vector, from all sides of all free runs by inverse covariance.
 
     model, p: the runs of coordinates p (7,) without noise, by which what the integrals leave out is
@@ -276,18 +224,18 @@ def free_crossings(
     courses = [course_of(run) for run in runs]
     if p is not None:
         courses = [w.less(m, p) for w, m in zip(courses, model, strict=True)]
-    beside = summed([passive(runs), *(decay(w) for w in courses)])
+    beside = add_normals([passive(runs), *(decay(w) for w in courses)])
     found: list[Side] = []
     axis = 0.0
     for _ in range(2):  # any guess divides the rows; the sides are those of what they say
         found = [side for i, w in enumerate(courses) for side in sides(w, i, axis)]
         if not found:
             break
-        answer, covariance = summed([beside, *(side.normal for side in found)]).solved()
+        answer, covariance = add_normals([beside, *(side.normal for side in found)]).solved()
         axis = float(np.arctan2(answer[1], answer[0]))
     if not found:
         none = np.full(4, np.nan)
-        return Found(none, np.full((4, 4), np.nan), np.zeros(0), np.zeros(0, int), [], beside)
+        return Crossings(none, np.full((4, 4), np.nan), np.zeros(0), np.zeros(0, int), [], beside)
     chi2, freedom, excess = np.zeros(len(runs)), np.zeros(len(runs), int), np.zeros(len(runs))
     wander = np.zeros((4, 4))
     for side in found:
@@ -300,10 +248,10 @@ def free_crossings(
     covariance = covariance + wander
     chi2 *= freedom / np.maximum(1, freedom + excess)
     factor = max(1.0, float(chi2.sum()) / max(1, int(freedom.sum())))
-    return Found(answer, covariance * factor, chi2, freedom, found, beside)
+    return Crossings(answer, covariance * factor, chi2, freedom, found, beside)
 
 
-def axes(found: Found, runs: Sequence[EnvelopeRun]) -> list[dict[str, Any]]:
+def axes(found: Crossings, runs: Sequence[EnvelopeRun]) -> list[dict[str, Any]]:
     """θ_ω [rad] as each side of each run alone gives it, where it does."""
     out = []
     for side in found.sides:
@@ -327,7 +275,7 @@ def axes(found: Found, runs: Sequence[EnvelopeRun]) -> list[dict[str, Any]]:
     return out
 
 
-def combined(found: Found, mode_number: int) -> dict[str, float]:
+def combine_estimates(found: Crossings, mode_number: int) -> dict[str, float]:
     """The one answer as an axis [rad] with its standard deviation, and how often an axis was
     passed."""
     p, covariance = np.zeros(COUNT), np.zeros((COUNT, COUNT))
@@ -343,8 +291,8 @@ def combined(found: Found, mode_number: int) -> dict[str, float]:
 
 
 def _corrected(
-    runs: Sequence[EnvelopeRun], found: Found, model: Noiseless, start: Array
-) -> tuple[Found, float]:
+    runs: Sequence[EnvelopeRun], found: Crossings, model: Noiseless, start: Array
+) -> tuple[Crossings, float]:
     """The crossings less what the method makes of noiseless rows, until they stay; the last change
     in σ."""
     change = 0.0
@@ -386,6 +334,6 @@ def solve(
         unsettled=change,
         details={
             "stiffness_axes": axes(found, runs),
-            "stiffness_axis_of_crossings": combined(found, runs[0].mode_number),
+            "stiffness_axis_of_crossings": combine_estimates(found, runs[0].mode_number),
         },
     )

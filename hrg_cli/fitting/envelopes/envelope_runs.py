@@ -172,6 +172,8 @@ def pooled_std(std: Array, u: Array) -> Array:
     usable = np.isfinite(std) & (std > 0)
     if usable.sum() < len(std) / 2:
         rough = np.diff(u, n=3, axis=0) if len(u) > 3 else np.zeros((1, 2))
+        # Third differences of noise have 1 + 9 + 9 + 1 = 20 times its variance, and |·|² of a
+        # complex normal has the median 2σ² ln 2.
         level = np.sqrt(np.median(np.abs(rough) ** 2) / (20 * 2 * np.log(2)))
         return np.full(len(std), max(float(level), 1e-12 * scale))
     variance = np.where(usable, std, np.median(std[usable])) ** 2
@@ -209,6 +211,7 @@ def average_rows(
         grid = float(run.time_s[0]), (run.duration_s * (1 + 1e-12) + run.window_s) / blocks
     index = np.floor((run.time_s - grid[0]) / grid[1]).astype(int)
     starts = np.flatnonzero(np.diff(index, prepend=-1))
+    # Least variance of the mean; σ is pooled, so that no window weighs more by the luck of its own.
     weight = 1 / run.std**2
     total = np.add.reduceat(weight, starts)
     which = np.repeat(np.arange(len(starts)), np.diff(np.append(starts, len(run))))

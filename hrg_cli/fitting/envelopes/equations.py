@@ -102,6 +102,8 @@ def make_equations(
 ) -> Equations:
     """Σ columns·p + δ·offset = target of the rows to keep, weighted by step/σ over `scale`: what the
     noise of a central difference makes of them."""
+    # A central difference of noise σ has the standard deviation σ/(√2·step): its weight is step/σ
+    # but for a factor that all share.
     step = float(np.median(np.diff(run.time_s)))
     weight = np.broadcast_to(step / run.std / scale, target.shape)
     full = np.stack([np.broadcast_to(c, target.shape) for c in columns], axis=-1)
@@ -129,6 +131,7 @@ def integrate_equations(
     for columns, quantity, _ in equations:
         full = np.stack([np.broadcast_to(c, quantity.shape) for c in columns], axis=-1)
         slope = derivative(full, t)
+        # Trapezium with its end correction, −h²/12 [f']: right to h⁴ (Euler and Maclaurin).
         pieces.append((full[1:] + full[:-1]) / 2 * step - np.diff(slope, axis=0) * step**2 / 12)
         targets.append(np.diff(quantity))
     n = len(t) - 1

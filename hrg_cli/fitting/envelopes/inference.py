@@ -9,7 +9,8 @@ import numpy as np
 
 from . import coordinates
 from .coordinates import DAMPING, FREQUENCY_SPLIT, SCALE_FACTOR
-from .likelihood import Fit, real, triangle
+from .likelihood import Fit, triangle
+from .response import real
 
 Array = np.ndarray
 FLAT_FRACTION = 0.3

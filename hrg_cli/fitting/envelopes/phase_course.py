@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .envelope_runs import EnvelopeRun
-from .likelihood import Batch
+from .response import Batch
 
 Array = np.ndarray
 DEGREE = 8

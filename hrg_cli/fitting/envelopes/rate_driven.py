@@ -99,6 +99,8 @@ def _run(wave: Wave, g: Mechanics) -> _Run:
     )
     r = a_B / a_A
     zeta = 2 * g.mode_number * (angle - g.stiffness_axis_rad)
+    # Without a log of the drive its forces follow from the wave itself: seed A (7), solved for a_ΦA
+    # and a_ΦB.
     friction = g.damping_split_1_s * np.cos(2 * g.mode_number * (angle - g.damping_axis_rad))
     along = g.frequency_split_rad_s * np.sin(zeta)
     main, quadrature = wave.drive_main, wave.drive_quadrature
@@ -167,6 +169,7 @@ def _of_ratio(run: _Run, g: Mechanics, rows: Array, groups: Array) -> Array:
     moves all that follow."""
     zeta = 2 * g.mode_number * (run.angle - g.stiffness_axis_rad)
     step = np.gradient(run.time_s)
+    # ∂D/∂r = −2δω cos ζ to first order in r (seed A (8)).
     noise = 2 * g.frequency_split_rad_s * np.cos(zeta) * run.ratio_std * step
     later = np.cumsum(rows[:, ::-1], axis=1)[
         :, ::-1

@@ -23,7 +23,8 @@ from ..checks import goodness
 from . import coordinates, rows
 from .coordinates import SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun, from_wave
-from .likelihood import Response, State, batch, real, respond, triangle
+from .likelihood import triangle
+from .response import Response, State, batch, real, respond
 from .trapezium import integrate
 
 Array = np.ndarray
@@ -287,15 +288,36 @@ def _offset(run: EnvelopeRun, p: Array) -> float:
     return float(np.angle(np.sum((ahead[1:] * ahead[:-1].conj())[near])) / np.mean(step[near]))
 
 
+def _solve_scaled(design: Array, target: Array) -> tuple[Array, Array]:
+    """Least squares with columns of one length, and the covariance at unit noise: amplitudes, phases
+    and rates differ by orders of magnitude, and a rank is judged on what has one scale."""
+    scale = np.linalg.norm(design, axis=0)
+    scale[scale == 0] = 1.0
+    R = triangle(np.column_stack([design / scale, target]))
+    inverse = np.linalg.pinv(R[:-1, :-1], rcond=1e-12)
+    return inverse @ R[:-1, -1] / scale, inverse @ inverse.T / np.outer(scale, scale)
+
+
+def _turning(time_s: Array, begin: Array, middle: Array, end: Array) -> Array:
+    """∫ of each node's weight (nodes, n) from the run's first row, by Simpson's rule, which is exact
+    for the cubic between two rows."""
+    steps = np.cumsum((begin + 4 * middle + end) * np.diff(time_s) / 6, axis=1)
+    return np.concatenate([np.zeros((len(begin), 1)), steps], axis=1)
+
+
 def _from(
     run: EnvelopeRun, grid: Array, rate: Array, plain: Array, p: Array, offset: float
 ) -> RateEstimate:
+    """The rate at the nodes by Gauss–Newton with step halving from `rate`; p: the resonator, held;
+    offset: of the frequency, rad/s.
+
+    x: the start envelope's four reals, the phase that the frequency's error makes over the run, then
+    the rates.
+    """
     step = np.diff(run.time_s)
     begin, end = _cardinal(run.time_s[:-1], grid), _cardinal(run.time_s[1:], grid)
     middle = _cardinal(run.time_s[:-1] + step / 2, grid)
-    turning = np.concatenate(
-        [np.zeros((len(grid), 1)), np.cumsum((begin + 4 * middle + end) * step / 6, axis=1)], axis=1
-    )
+    turning = _turning(run.time_s, begin, middle, end)
     span, count = run.time_s[-1] - run.time_s[0], len(grid)
 
     def at(x: Array) -> Response:
@@ -320,14 +342,8 @@ def _from(
                 response.batch.weight[0],
             )
             residual = response.residual()[0].ravel()
-            scale = np.linalg.norm(design, axis=0)
-            scale[scale == 0] = 1.0
-            R = triangle(
-                np.column_stack([design / scale, np.concatenate([residual.real, residual.imag])])
-            )
-            inverse = np.linalg.pinv(R[:-1, :-1], rcond=1e-12)
-            change = inverse @ R[:-1, -1] / scale
-            covariance = (inverse @ inverse.T / np.outer(scale, scale))[5:, 5:]
+            change, whole = _solve_scaled(design, np.concatenate([residual.real, residual.imag]))
+            covariance = whole[5:, 5:]
             size, trial = 1.0, at(x + change)
             while not trial.chi2 <= response.chi2 * (1 + 1e-9) and size > 1e-3:
                 size /= 2

@@ -17,7 +17,8 @@ import numpy as np
 from .base_fit import Known, base_fit
 from .coordinates import SCALE_FACTOR
 from .envelope_runs import EnvelopeRun, turn_table
-from .likelihood import Fit, real
+from .likelihood import Fit
+from .response import real
 
 Array = np.ndarray
 STEPS = 12

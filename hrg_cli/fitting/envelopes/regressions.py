@@ -49,7 +49,7 @@ class Regression:
     """Equations of each run in it, (R,)."""
     unsettled: float = 0.0
     """What the last correction of the truncation moved, in the method's own standard deviations."""
-    spread: Spread | None = None
+    spread: NoiseSpread | None = None
     """What the envelopes' noise does to the method, where it was carried through its equations."""
     details: dict[str, Any] = field(default_factory=dict)
     """What it tells beside."""
@@ -90,6 +90,8 @@ def weigh(run: EnvelopeRun, equations: Equations, freedom: Freedom) -> WeightedR
         own = (group[:, None] == np.arange(group[-1] + 1)).astype(float)
     own = own * weight[:, None]
     size = np.linalg.norm(own, axis=0)
+    # The run's own unknowns are projected off (Frisch and Waugh): the shared ones come out as if
+    # all were fitted together.
     basis = np.linalg.qr(own[:, size > 0])[0]
     rows = np.column_stack([shared, target]) * weight[:, None]
     rows = rows - basis @ (basis.T @ rows)
@@ -112,7 +114,7 @@ def truncation(model: Sequence[EnvelopeRun], p: Array, method: str) -> list[Arra
 
 
 @dataclass(frozen=True)
-class Spread:
+class NoiseSpread:
     """What the envelopes' noise does to a method: covariance (k, k) of its coordinates by the
     stated noise, and each run's predicted variance of every misfit."""
 
@@ -127,7 +129,7 @@ def solve(
     eliminate_rate: bool = False,
     model: Noiseless | None = None,
     start: Array | None = None,
-    spread: Spread | None = None,
+    spread: NoiseSpread | None = None,
 ) -> Regression:
     """Pooled weighted least squares of one method over all runs, its covariance from the envelopes'
     noise.
@@ -213,6 +215,7 @@ def _least_squares(
         return None
     matrix = design[:, used] / scale[used]
     U, size, Vt = np.linalg.svd(matrix, full_matrices=False)
+    # Directions 1e-8 below the strongest are left at the origin: nothing in the rows fixes them.
     keep = size > 1e-8 * size[0]
     inverse = (Vt[keep].T / size[keep]) @ U[:, keep].T / scale[used, None]
     D = freedom.directions[:, used]
@@ -244,7 +247,7 @@ def _spread(
     solution: LinearSolution,
     method: str,
     eliminate_rate: bool,
-) -> Spread:
+) -> NoiseSpread:
     """The noise of every row of every run carried to the coordinates."""
     total, variances = np.zeros((len(solution.inverse),) * 2), []
     ends = np.cumsum([len(part.target) for part in solution.parts])
@@ -263,7 +266,7 @@ def _spread(
         )
         total += covariance
         variances.append(variance)
-    return Spread(solution.directions @ total @ solution.directions.T, variances)
+    return NoiseSpread(solution.directions @ total @ solution.directions.T, variances)
 
 
 def _misfits(
@@ -271,7 +274,7 @@ def _misfits(
     equations: Sequence[Equations],
     left_out: Sequence[Array],
     p: Array,
-    spread: Spread,
+    spread: NoiseSpread,
     method: str,
     eliminate_rate: bool,
 ) -> tuple[Array, Array]:

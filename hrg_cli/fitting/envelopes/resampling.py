@@ -6,7 +6,8 @@ import numpy as np
 
 from ...physics.resonator import OF_GENERATOR
 from . import coordinates
-from .likelihood import Fit, Freedom, fit, real
+from .likelihood import Fit, Freedom, fit
+from .response import real
 
 Array = np.ndarray
 BLOCKS_A_RUN = 16

@@ -96,6 +96,30 @@ class OneRun:
     unsettled: float
 
 
+def _integrals(weight: Array, angle: Array) -> Array:
+    """What growth, quadrature and turning of n rows (3n) count in each of the six integrals over full
+    turns: ν, (νδμ cos, sin), (δω cos, sin), K; angle: mθ."""
+    c, s, n = np.cos(2 * angle), np.sin(2 * angle), len(weight)
+    influence = np.zeros((6, 3 * n))
+    influence[:3, :n] = weight * np.stack([np.ones(n), 2 * c, 2 * s])
+    influence[3:5, n : 2 * n] = 2 * weight * np.stack([-s, c])
+    influence[5, 2 * n :] = 1.0
+    return influence
+
+
+def _rates_less(w: Ellipse, rows: slice, p: Array) -> tuple[Array, Array, Array]:
+    """(d ln a_A/dt, ȧ_B/a_A) less what p says of them, and the drift of mθ that p makes: seed A (15)
+    with r = a_B/a_A kept."""
+    c, s, r = np.cos(2 * w.angle[rows]), np.sin(2 * w.angle[rows]), w.b[rows] / w.a[rows]
+    nu, nu_cos, nu_sin, split_cos, split_sin, _ = p
+    split, damping = split_cos * s - split_sin * c, nu_cos * c + nu_sin * s
+    along = split_cos * c + split_sin * s
+    growth = w.a_dot[rows] / w.a[rows] + split * r + nu + damping
+    quadrature = w.b_dot[rows] / w.a[rows] + (nu - damping) * r - split
+    drift = ((nu_cos * s - nu_sin * c) * (1 + r**2) - 2 * r * along) / (1 - r**2)
+    return growth, quadrature, drift
+
+
 def one_run(
     run: EnvelopeRun,
     model: Callable[[Array], EnvelopeRun] | None = None,
@@ -105,34 +129,22 @@ def one_run(
     w = ellipse_of(run)
     alpha = 2 * w.angle * np.sign(w.angle[-1] - w.angle[0])
     turns = int((alpha[-1] - alpha[0]) / (2 * np.pi))
+    # Integrals over 2mθ want it to rise: a wave that swings back would count an angle twice.
     if turns < 1 or np.any(np.diff(alpha) <= 0):
         return None
     last = int(np.searchsorted(alpha, alpha[0] + 2 * np.pi * turns))
     rows = slice(0, min(last + 1, len(alpha)))
     weight = _trapezium(alpha[rows], 2 * np.pi * turns) / (2 * np.pi * turns)
-    c, s = np.cos(2 * w.angle[rows]), np.sin(2 * w.angle[rows])
     n = len(weight)
-    influence = np.zeros((6, 3 * n))
-    influence[:3, :n] = weight * np.stack([np.ones(n), 2 * c, 2 * s])
-    influence[3:5, n : 2 * n] = 2 * weight * np.stack([-s, c])
-    influence[5, 2 * n :] = 1.0
+    influence = _integrals(weight, w.angle[rows])
     step, angle = np.diff(run.time_s[rows]), w.angle[rows]
     turned = float(run.turn_rad[n - 1] - run.turn_rad[0])
 
     def misfit(moved: Ellipse, p: Array) -> Array:
         """Growth and quadrature less what p says of them, row by row, and the turning less drift
         and −KΩ, in pieces that sum to it."""
-        c, s, r = (
-            np.cos(2 * moved.angle[rows]),
-            np.sin(2 * moved.angle[rows]),
-            moved.b[rows] / moved.a[rows],
-        )
-        nu, nu_cos, nu_sin, split_cos, split_sin, scale_factor = p
-        split, damping = split_cos * s - split_sin * c, nu_cos * c + nu_sin * s
-        along = split_cos * c + split_sin * s
-        growth = moved.a_dot[rows] / moved.a[rows] + split * r + nu + damping
-        quadrature = moved.b_dot[rows] / moved.a[rows] + (nu - damping) * r - split
-        drift = ((nu_cos * s - nu_sin * c) * (1 + r**2) - 2 * r * along) / (1 - r**2)
+        growth, quadrature, drift = _rates_less(moved, rows, p)
+        scale_factor = p[5]
         turning = np.full(n, scale_factor * turned / n)
         turning[:-1] -= drift[:-1] * step / 2
         turning[1:] -= drift[1:] * step / 2
@@ -152,6 +164,8 @@ def one_run(
             [influence @ (misfit(w, p + e) - here - left_out) for e in np.eye(6)], axis=1
         )
         if not turned:
+            # Without a rate K has no equation: the matrix is made regular, and K is left out at the
+            # end.
             slope[5, 5] = 1.0
         p = p - np.linalg.solve(slope, influence @ here)
     left = misfit(w, p) - left_out
@@ -163,12 +177,11 @@ def one_run(
         -np.linalg.solve(slope, influence),
     )
     chi2 = float(np.sum(left[: 2 * n] ** 2 / variance[: 2 * n]))
+    # By what growth and quadrature scatter beyond the noise; never below it, since a small χ² is
+    # luck.
     covariance *= max(1.0, chi2 / (2 * n))
-    change = (
-        float(np.max(np.abs(p - before) / np.sqrt(np.maximum(np.diag(covariance), 1e-300))))
-        if model is not None
-        else 0.0
-    )
+    std = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    change = float(np.max(np.abs(p - before) / std)) if model is not None else 0.0
     full, whole = np.zeros((COUNT, COUNT)), np.append(p, 0.0)
     full[:6, :6] = covariance
     if not turned:

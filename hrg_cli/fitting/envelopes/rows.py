@@ -16,8 +16,8 @@ import numpy as np
 from ...errors import HrgError
 from . import coordinates, matrices
 from .envelope_runs import EnvelopeRun, average_rows
-from .likelihood import Response
 from .matrices import Matrix
+from .response import Response
 
 Array = np.ndarray
 Carry = Callable[[Array, Array], Matrix]

@@ -82,6 +82,8 @@ def rotations(time_s: Array, frequency_hz: Array) -> Array:
     out = np.empty((len(frequency_hz), len(time_s)), complex)
     out[0] = np.exp(2j * np.pi * frequency_hz[0] * time_s)
     if len(frequency_hz) > 1:
+        # The error of `jump` doubles with each doubling, no faster than that of the phase 2πft
+        # itself.
         jump, filled = np.exp(2j * np.pi * (frequency_hz[1] - frequency_hz[0]) * time_s), 1
         while filled < len(out):
             more = min(filled, len(out) - filled)
@@ -142,6 +144,7 @@ def _sloping(q: Array, motion: Array) -> Array:
     off = motion - q @ (q.T @ motion)
     size = np.linalg.norm(motion, axis=0)
     own, triangle = np.linalg.qr(off / np.where(size > 0, size, 1.0))
+    # Columns that are 1e-3 apart from the basis would carry the noise a thousandfold.
     if len(q) < q.shape[1] + motion.shape[1] + 2 or np.abs(np.diag(triangle)).min() < 1e-3:
         return np.empty((len(q), 0))
     return np.ascontiguousarray(own)

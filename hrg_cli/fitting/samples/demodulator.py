@@ -10,23 +10,21 @@ import numpy as np
 from ...errors import HrgError
 from ...records import FLAG_CLIPPED, Recording
 from .basis import WindowBasis, columns, window_basis
-from .frequency import bands, nuisances
-from .gaps import Gaps
-from .spectrum import colour
-from .survey import Survey
-from .windows import (
-    Fits,
+from .envelope_motion import (
     bend_power,
     better_slopes,
     curvatures,
-    energy,
     motion_counts,
     motion_residual,
-    pooled_variance,
     pull_noise,
     slopes,
     take_off_pull,
 )
+from .frequency import bands, nuisances
+from .gaps import Gaps
+from .spectrum import colour
+from .survey import Survey
+from .windows import Fits, energy, pooled_variance
 
 Array = np.ndarray
 Rows = dict[str, Array]
@@ -47,6 +45,18 @@ PROBE = 16
 
 MOVING_PERIODS = 3.0
 """From so many periods per window the basis holds t·cos, t·sin, which then cost no precision."""
+
+
+@dataclass(frozen=True)
+class Still:
+    """Envelopes (channels, windows, tones) without the pull of their motion within a window; the part
+    of the squared residual that the motion explains, by what taking it off raises the standard
+    deviation, and the variance that the doubt of the bend leaves; None where there is none."""
+
+    envelope: Array
+    known_residual2: Array | None
+    noisier: float
+    doubt2: Array | None
 
 
 @dataclass
@@ -172,8 +182,10 @@ class Demodulator:
         from the survey's course."""
         if u.shape[1] <= 8:
             return
+        # Phase from row to row, each weighted by its power.
         cross = np.einsum("kra,kra->a", u[:, :-1].conj(), u[:, 1:])
         total = complex(np.where(self.sign < 0, cross.conj(), cross).sum())
+        # Below 0.9 noise or a beat turns the envelope, not its frequency.
         if np.isfinite(total) and abs(total) > 0.9 * energy(u):
             seen = self.reference_hz + float(np.angle(total)) / (2 * np.pi * self.window_s)
             self._ahead_hz = seen - self.survey.frequency_hz(time_s)
@@ -281,9 +293,33 @@ class Demodulator:
     ) -> None:
         """Fill `rows` of a block from a chunk: reference phase, standard deviations; `keep` drops
         neighbours fitted only for the slopes."""
-        tones = len(self.reference)
         turn = self.turns(float(times[0]), len(times))
-        u = fits.envelope * turn
+        still = self._take_motion_off(fits, fits.envelope * turn, turn, times, local_hz)
+        self.follow(still.envelope[:, keep], float(times[0] + times[-1]) / 2)
+        for k in range(2):
+            sample2 = self._sample_variance(fits, still, k, keep)
+            own = self._own_variance(fits, still, k, keep, sample2)
+            unsure = 0.0 if still.doubt2 is None else still.doubt2[k, keep]
+            self._write_signals(
+                still.envelope[k, keep], turn[keep], sample2, own, unsure, out, rows, k
+            )
+            samples = (
+                fits.samples if np.ndim(fits.samples) == 0 else np.maximum(fits.samples[keep], 1)
+            )
+            np.sqrt(fits.residual2[k, keep] / samples, out=out["residual_rms"][rows, k])
+            if still.doubt2 is not None:
+                judged = (times[keep] > self.judged_s[0]) & (times[keep] < self.judged_s[1])
+                std = np.sqrt(np.broadcast_to(sample2[:, 0] * own[:, 0], len(turn[keep])))
+                self._count_bent(np.sqrt(unsure).max(-1)[judged], std[judged])
+            tones = len(self.reference)
+            self._widen_clipped(out, rows, k, slice(2 * k * tones, 2 * (k + 1) * tones))
+        out["time_s"][rows] = times[keep]
+
+    def _take_motion_off(
+        self, fits: Fits, u: Array, turn: Array, times: Array, local_hz: float
+    ) -> Still:
+        """The envelopes u (channels, windows, tones) without what their slope, and where it is needed
+        their bend, within the window pulls them by; the slopes and bends come from the neighbours."""
         residual2, known = fits.residual2, None
         offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
         slope = None if self.moving else slopes(u, offset, self.window_s)
@@ -308,51 +344,53 @@ class Demodulator:
                 known = motion_residual(bend, turn, fits.curvature) + (
                     0.0 if known is None else known
                 )
-        u, turn = u[:, keep], turn[keep]
         doubt2 = None
         if doubt is not None:
-            doubt2 = (np.abs(fits.curvature.alpha).mean(0).max() * doubt[:, keep]) ** 2
-        self.follow(u, float(times[0] + times[-1]) / 2)
+            # a bend pulls by α times itself, and so does its doubt: the largest α serves all
+            doubt2 = (np.abs(fits.curvature.alpha).mean(0).max() * doubt) ** 2
+        return Still(u, known, noisier, doubt2)
+
+    def _sample_variance(self, fits: Fits, still: Still, k: int, keep: slice) -> Array:
+        """Variance (windows, 1) of a channel's samples: pooled over windows, and no less than the
+        least count leaves."""
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[keep]
-        samples = fits.samples if np.ndim(fits.samples) == 0 else np.maximum(fits.samples[keep], 1)
+        known = None if still.known_residual2 is None else still.known_residual2[k, keep]
+        pooled = pooled_variance(fits.residual2[k, keep], freedom, known)
+        return np.asarray(np.maximum(pooled, self.least_variance(k))[:, None])
+
+    def _own_variance(self, fits: Fits, still: Still, k: int, keep: slice, sample2: Array) -> Array:
+        """Variance (windows, 2 tones) of a channel's coefficients in that of one sample: by the fit,
+        by what was taken off, by the noise's colour."""
         variance = fits.variance if len(fits.variance) == 1 else fits.variance[keep]
-        cos2 = turn.real**2
-        for k in range(2):
-            sample2 = np.maximum(
-                pooled_variance(
-                    residual2[k, keep], freedom, None if known is None else known[k, keep]
-                ),
-                self.least_variance(k),
-            )[:, None]
-            own = variance * noisier**2
-            if self._colour is not None:
-                own = own * np.maximum(
-                    self._colour[k],
-                    (
-                        self.least_variance(k) / np.nanmean(sample2)
-                        if np.isfinite(sample2).any()
-                        else 0.0
-                    ),
-                )
-            p, q = own[:, 0::2], own[:, 1::2]
-            part = cos2 * (p - q)
-            first = 2 * k * tones
-            out["signals"][rows, first : first + tones] = u[k].real
-            np.negative(u[k].imag, out=out["signals"][rows, first + tones : first + 2 * tones])
-            unsure = 0.0 if doubt2 is None else doubt2[k]
-            np.sqrt(
-                sample2 * (q + part) + unsure, out=out["signals_std"][rows, first : first + tones]
-            )
-            np.sqrt(
-                sample2 * (p - part) + unsure,
-                out=out["signals_std"][rows, first + tones : first + 2 * tones],
-            )
-            if doubt2 is not None:
-                judged = (times[keep] > self.judged_s[0]) & (times[keep] < self.judged_s[1])
-                self._count_bent(
-                    np.sqrt(doubt2[k]).max(-1)[judged],
-                    np.sqrt(np.broadcast_to(sample2[:, 0] * p[:, 0], len(u[k])))[judged],
-                )
-            np.sqrt(fits.residual2[k, keep] / samples, out=out["residual_rms"][rows, k])
-            self._widen_clipped(out, rows, k, slice(first, first + 2 * tones))
-        out["time_s"][rows] = times[keep]
+        own = variance * still.noisier**2
+        if self._colour is None:
+            return np.asarray(own)
+        # rounding to the least count is white whatever the noise's colour: the colour does not take
+        # it below that
+        white = self.least_variance(k) / np.nanmean(sample2) if np.isfinite(sample2).any() else 0.0
+        return np.asarray(own * np.maximum(self._colour[k], white))
+
+    def _write_signals(
+        self,
+        u: Array,
+        turn: Array,
+        sample2: Array,
+        own: Array,
+        unsure: Array | float,
+        out: Rows,
+        rows: slice,
+        k: int,
+    ) -> None:
+        """A channel's signals, u (windows, tones) turned to the reference phase, with their standard
+        deviations."""
+        tones = len(self.reference)
+        # turned by β, the variances p of cos and q of sin become p cos²β + q sin²β and the reverse
+        p, q = own[:, 0::2], own[:, 1::2]
+        part = turn.real**2 * (p - q)
+        in_phase = slice(2 * k * tones, (2 * k + 1) * tones)
+        quadrature = slice((2 * k + 1) * tones, (2 * k + 2) * tones)
+        out["signals"][rows, in_phase] = u.real
+        # C = c_cos cos + c_sin sin is Re[(c_cos − j c_sin) e^{jωt}]
+        np.negative(u.imag, out=out["signals"][rows, quadrature])
+        np.sqrt(sample2 * (q + part) + unsure, out=out["signals_std"][rows, in_phase])
+        np.sqrt(sample2 * (p - part) + unsure, out=out["signals_std"][rows, quadrature])

@@ -10,8 +10,9 @@ import numpy as np
 from ...records import FLAG_CLIPPED, FLAG_NOT_FINITE
 from .basis import WindowBasis, window_basis
 from .demodulator import Demodulator, Rows
-from .survey import Look
-from .windows import NEIGHBOURS, Fits, curvatures, fit_even, motion_counts, pool_rows, slopes
+from .envelope_motion import NEIGHBOURS, curvatures, motion_counts, slopes
+from .looks import Look
+from .windows import Fits, fit_even, pool_rows
 
 Array = np.ndarray
 
@@ -34,6 +35,8 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     step = chunk * max(1, block_samples // (chunk * samples))
     for first in range(0, total, step):
         last = min(first + step, total)
+        # Slopes and bends come from neighbours: each block reads some windows more on both sides,
+        # so that rows do not depend on where blocks begin.
         lead = max(0, first - NEIGHBOURS)
         raw = [
             np.asarray(channel[lead * samples : min(last + NEIGHBOURS, total) * samples])
@@ -50,29 +53,17 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
             local = run.local_hz((recording.first_sample + (start + chunk / 2) * samples) / rate)
             basis = run.basis(samples, rate, local)
             keep, rows = slice(start - low, stop - low), slice(start - first, stop - first)
-            flags = block["flags"][rows]
-            envelope = np.empty((2, high - low, len(run.reference)), complex)
-            residual2 = np.empty((2, high - low))
             pieces = [
-                raw[k][(low - lead) * samples : (high - lead) * samples].reshape(-1, samples)
-                for k in range(2)
+                channel[(low - lead) * samples : (high - lead) * samples].reshape(-1, samples)
+                for channel in raw
             ]
-            for k, (fitted, left) in enumerate(
-                fit_even(piece, basis, run.apart) for piece in pieces
-            ):
-                piece, scale = pieces[k], run.scale(k)
-                np.multiply(fitted, scale, out=envelope[k])
-                np.multiply(left, scale**2, out=residual2[k])
-                if not np.isfinite(left.sum()):
-                    bad = ~np.isfinite(left)
-                    envelope[k, bad] = np.nan
-                    residual2[k, bad] = np.nan
-                    flags[bad[keep]] |= FLAG_NOT_FINITE
-                if touching[k]:
-                    lowest, highest = run.survey.rails[k]
-                    flags[(piece[keep] >= highest).any(1) | (piece[keep] <= lowest).any(1)] |= (
-                        FLAG_CLIPPED
-                    )
+            envelope, residual2 = _fit_channels(run, pieces, basis)
+            flags = block["flags"][rows]
+            flags[~np.isfinite(residual2[:, keep]).all(0)] |= FLAG_NOT_FINITE
+            for k in np.flatnonzero(touching):
+                lowest, highest = run.survey.rails[k]
+                piece = pieces[k][keep]
+                flags[(piece >= highest).any(1) | (piece <= lowest).any(1)] |= FLAG_CLIPPED
             fits = Fits(
                 envelope,
                 residual2,
@@ -85,6 +76,24 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
             )
             run.fill(fits, times, local, keep, block, rows)
         yield block
+
+
+def _fit_channels(run: Demodulator, pieces: list[Array], basis: WindowBasis) -> tuple[Array, Array]:
+    """Envelopes (2, windows, tones) and sums of squared residuals (2, windows) of raw windows, in the
+    channels' unit; NaN where a sample is not finite."""
+    envelope = np.empty((2, len(pieces[0]), len(run.reference)), complex)
+    residual2 = np.empty((2, len(pieces[0])))
+    for k, piece in enumerate(pieces):
+        fitted, left = fit_even(piece, basis, run.apart)
+        # raw values are fitted as they are: a factor on a few coefficients is cheaper than on all
+        # samples
+        np.multiply(fitted, run.scale(k), out=envelope[k])
+        np.multiply(left, run.scale(k) ** 2, out=residual2[k])
+        if not np.isfinite(left.sum()):
+            bad = ~np.isfinite(left)
+            envelope[k, bad] = np.nan
+            residual2[k, bad] = np.nan
+    return envelope, residual2
 
 
 def _touches(raw: Array, rail: tuple[float, float]) -> bool:

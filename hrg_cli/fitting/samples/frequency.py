@@ -39,6 +39,7 @@ def even_power(y: Array, sample_rate_hz: float) -> tuple[Array, Array]:
     n = y.shape[-1]
     window = np.hanning(n + 2)[1:-1]
     mean = (y * window).sum(-1, keepdims=True) / window.sum()
+    # A power of two: a transform of a length with a large prime factor is many times slower.
     size = 1 << int(np.ceil(np.log2(PADDING * n)))
     power = (np.abs(np.fft.rfft((y - mean) * window, size)) ** 2).sum(0)
     return np.fft.rfftfreq(size, 1 / sample_rate_hz), power
@@ -64,6 +65,8 @@ def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
         cc = (n + square.real) / 2 - total.real**2 / n
         ss = (n - square.real) / 2 - total.imag**2 / n
         cs = square.imag / 2 - total.real * total.imag / n
+        # At 0 and at half of an even rate the sine vanishes: its sum of squares must not be divided
+        # by.
         cc, ss = cc + 1e-9 * n, ss + 1e-9 * n
         yc, ys = right.real, right.imag
         explained = (
@@ -115,6 +118,7 @@ def peak(frequency_hz: Array, power: Array, low_hz: float, high_hz: float) -> tu
 def detection_ratio(segments: int, bins: int) -> float:
     """Peak over median above which noise alone passes once in about 10⁵ recordings (χ² of two
     channels' averaged spectra)."""
+    # 4.3 σ is one in 10⁵ for a single bin; a decade more of bins wants half a σ more.
     sigmas = 4.3 + 0.5 * np.log10(max(10, bins))
     return 1.3 * chi_square_excess(4 * max(1, segments), sigmas)
 
@@ -131,34 +135,33 @@ def refine(
     n = y.shape[-1]
     duration = float(time_s[-1] - time_s[0]) * n / max(1, n - 1)
     f = bands(frequency_hz, carrier_hz)
+    # Two periods at least, so that cos, sin and a constant are apart; and no more than 64 sub-
+    # windows, each a fit.
     samples = max(int(np.ceil(2 * n / (frequency_hz * duration))), 4 * len(f) + 4, n // 64)
     count = n // samples
     steps = np.diff(time_s)
     broken = len(steps) and steps.max() > 3 * np.median(steps)
+    # The phase between halves wants two sub-windows in each, and means nothing across a gap.
     if count < 4 or broken:
         return (
             _scan(time_s, y, frequency_hz, 0.5 / duration) if carrier_hz is None else frequency_hz
         )
     t = time_s[: count * samples].reshape(count, samples)
     centre = t.mean(1)
+    # Half the record, so that every sub-window counts once; its phase is known modulo 2π, hence how
+    # right the start must be.
     lag = count // 2
     sign = np.array([1.0]) if carrier_hz is None else np.array([-1.0, 1.0])
     even = np.allclose(steps, steps[0], rtol=1e-6)
     for _ in range(rounds):
         f = bands(frequency_hz, carrier_hz)
-        if even:
-            inverse = np.linalg.pinv(columns(t[0] - centre[0], f, nuisances(carrier_hz)))[
-                None, : 2 * len(f)
-            ]
-        else:
-            inverse = np.linalg.pinv(
-                np.stack(
-                    [
-                        columns(row - mid, f, nuisances(carrier_hz))
-                        for row, mid in zip(t, centre, strict=True)
-                    ]
-                )
-            )[:, : 2 * len(f)]
+        # even sub-windows are alike about their middles: one basis serves all
+        some = slice(0, 1) if even else slice(None)
+        basis = [
+            columns(row - mid, f, nuisances(carrier_hz))
+            for row, mid in zip(t[some], centre[some], strict=True)
+        ]
+        inverse = np.linalg.pinv(np.stack(basis))[:, : 2 * len(f)]
         fit = np.einsum(
             "wan,cwn->cwa",
             np.broadcast_to(inverse, (count, *inverse.shape[1:])),
@@ -168,6 +171,7 @@ def refine(
             -2j * np.pi * np.multiply.outer(centre, np.asarray(f))
         )
         cross = (u[:, lag:] * u[:, : count - lag].conj()).sum((0, 1))
+        # The lower side band turns against the oscillation.
         cross = np.where(sign < 0, cross.conj(), cross).sum()
         frequency_hz = float(
             frequency_hz
@@ -184,5 +188,7 @@ def _scan(time_s: Array, y: Array, frequency_hz: float, width_hz: float, rounds:
         grid = grid[grid > 0]
         power = least_squares_power(time_s, y, grid)
         frequency_hz = float(grid[np.argmax(power)])
+        # Sixteen intervals narrowed by five: the next grid reaches over more than one of this
+        # one's.
         width_hz /= 5
     return frequency_hz

@@ -37,6 +37,7 @@ class Gaps:
         """Windows (of low … high − 1, whose samples' times are `time_s`) touched by a gap: bool."""
         self._count(time_s)
         rows = np.zeros(high - low, bool)
+        # Half a step out: samples that begin or end exactly at a border leave no gap there.
         ends = (low * self.width_s - self.step_s / 2, high * self.width_s + self.step_s / 2)
         edges = np.concatenate([[self.begin_s + ends[0]], time_s, [self.begin_s + ends[1]]])
         for k in np.flatnonzero(np.diff(edges) > max(self.shortest_s, SHARE * self.width_s)):

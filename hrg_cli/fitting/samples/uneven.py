@@ -11,8 +11,9 @@ from ...errors import HrgError
 from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Recording
 from .basis import columns, pairs, pull, window_basis
 from .demodulator import Demodulator, Rows
+from .envelope_motion import NEIGHBOURS
 from .gaps import Gaps
-from .windows import NEIGHBOURS, Fits, pool_rows
+from .windows import Fits, pool_rows
 
 Array = np.ndarray
 
@@ -58,6 +59,24 @@ def uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
         yield block
 
 
+def _normal_equations(basis: Array, right: Array, starts: Array) -> tuple[Array, Array]:
+    """AᵀA (windows, k, k) and AᵀB (windows, k, ·) of windows that begin at the samples `starts`; column
+    by column: the products of all pairs at once would be n·k² numbers."""
+    k = basis.shape[1]
+    gram = np.zeros((len(starts), k, k))
+    cross = np.zeros((len(starts), k, right.shape[1]))
+    for a in range(k):
+        gram[:, a, a:] = np.add.reduceat(basis[:, a : a + 1] * basis[:, a:], starts, axis=0)
+        gram[:, a:, a] = gram[:, a, a:]
+        cross[:, a] = np.add.reduceat(basis[:, a : a + 1] * right, starts, axis=0)
+    return gram, cross
+
+
+def _squares(columns: Array, starts: Array) -> Array:
+    """BᵀB (windows, k, k) of columns (n, k)."""
+    return np.asarray(np.add.reduceat(columns[:, :, None] * columns[:, None, :], starts, axis=0))
+
+
 def fit_uneven(
     time_s: Array,
     y: Array,
@@ -83,19 +102,12 @@ def fit_uneven(
     present, starts, samples_present = np.unique(window, return_index=True, return_counts=True)
     samples = np.zeros(rows, int)
     samples[present] = samples_present
-    gram, cross, square = (
-        np.zeros((rows, k, k)),
-        np.zeros((rows, k, right.shape[1])),
-        np.zeros((rows, len(y))),
-    )
+    gram, cross = np.zeros((rows, k, k)), np.zeros((rows, k, right.shape[1]))
+    square = np.zeros((rows, len(y)))
     if len(present):
-        for a in range(k):
-            gram[present, a, a:] = np.add.reduceat(
-                basis[:, a : a + 1] * basis[:, a:], starts, axis=0
-            )
-            gram[:, a:, a] = gram[:, a, a:]
-            cross[present, a] = np.add.reduceat(basis[:, a : a + 1] * right, starts, axis=0)
+        gram[present], cross[present] = _normal_equations(basis, right, starts)
         square[present] = np.add.reduceat(y.T**2, starts, axis=0)
+    # beyond a condition of 1e6 the samples of a window do not separate its unknowns
     values = np.linalg.eigvalsh(gram)
     good = (samples > k) & (values[:, 0] > 1e-6 * values[:, -1])
     gram[~good] = np.eye(k)
@@ -110,14 +122,12 @@ def fit_uneven(
     envelope[:, ~good] = np.nan
     residual2[~good] = np.nan
     pulls = []
-    for first in (len(y), len(y) + tones):
+    for first in (len(y), len(y) + tones):  # of a slope, of a bend
         these = slice(first, first + tones)
         square2 = np.zeros((rows, tones, tones))
         if len(present):
-            motion = right[:, these]
-            square2[present] = np.add.reduceat(
-                motion[:, :, None] * motion[:, None, :], starts, axis=0
-            )
+            square2[present] = _squares(right[:, these], starts)
+        # what the fit leaves of the motion's own squares: that part raises the residual
         left = square2 - fit[:, :, these].transpose(0, 2, 1) @ cross[:, :, these]
         pulls.append(
             pull(

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...records import Array
-from ..samples.windows import gain_at_middle
+from ..samples.envelope_motion import gain_at_middle
 from .allan import allan_deviation
 
 NAMES = ("quantization", "angle_random_walk", "bias_instability", "rate_random_walk")

@@ -40,6 +40,7 @@ def lay_nodes(
         return np.array([low])
     count = int(np.clip(np.ceil((high - low) / spacing) + 1, 2, 12))
     a_node = 2 if turning else 1
+    # A third of the rows stays to tell the scatter, four at the least.
     room = max(2, (len(y) - max(FEWEST_LEFT, len(y) // 3)) // a_node)
     able = []
     for n in range(2, min(count, room) + 1):
@@ -81,10 +82,12 @@ def find_spikes(X: Array, residual: Array, keep: Array, limit: float, step: floa
         return np.zeros(len(residual), bool)
     own = residual[keep]
     spread = 1.4826 * float(np.median(np.abs(own - np.median(own)))) * np.sqrt(keep.sum() / left)
+    # Values on a grid cannot scatter by less than their rounding.
     spread = max(spread, step / np.sqrt(12))
     if spread <= ROUNDING * float(np.abs(X).max() + np.abs(residual).max()):
         return np.zeros(len(residual), bool)
     leverage = np.einsum("ij,jk,ik->i", X, np.linalg.pinv(X[keep].T @ X[keep]), X)
+    # A row that was left out did not pull the curve: its residual has the variance s²(1 + h).
     error = np.sqrt(np.where(keep, np.maximum(1 - leverage, 0.1), 1 + leverage))
     return np.asarray(np.abs(residual) > limit * spread * error)
 

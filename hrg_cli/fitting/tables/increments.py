@@ -14,7 +14,7 @@ that error second-order small: a harmonic nθ is damped by exp(−n²s²/2m²).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -43,7 +43,7 @@ BLOCK_COLUMNS = (
 
 
 @dataclass(frozen=True)
-class Path:
+class AnglePath:
     """One run averaged to blocks (b values each); `rate_integral_rad` is the block average of ∫Ω dt
     from the run's start."""
 
@@ -119,7 +119,7 @@ class Path:
             self.middle(self.angle_rad), harmonics, self.mode_number, travel, within
         )
 
-    def part(self, rows: slice) -> Path:
+    def part(self, rows: slice) -> AnglePath:
         """The path of the increments `rows` alone."""
         blocks = slice(rows.start, rows.stop + 1)
         values = {f.name: getattr(self, f.name) for f in fields(self)}
@@ -128,7 +128,7 @@ class Path:
         }
         return replace(self, **columns)
 
-    def without_jumps(self, half_turns: Array) -> Path:
+    def without_jumps(self, half_turns: Array) -> AnglePath:
         """The path with (n,) half turns of mθ taken out of its increments."""
         angle = self.angle_rad.copy()
         angle[1:] -= np.cumsum(half_turns) * np.pi / self.mode_number
@@ -143,7 +143,7 @@ def path_of(
     earth_rate_rad_s: float = 0.0,
     per_block: int | None = None,
     need_rate: bool = True,
-) -> Path:
+) -> AnglePath:
     """Average a run to blocks. `rate_rad_s` replaces a missing log. Memory does not grow with the
     run: rows are read piece by piece. Windows that the rate log does not cover are left out, unless
     `need_rate` is False.
@@ -153,41 +153,12 @@ def path_of(
     times that do not increase.
     """
     rows = len(wave)
-    if wave.rate_rad_s is None and rate_rad_s is None:
-        if need_rate:
-            raise HrgError(
-                f"run {wave.run_id or '?'}: no rate log (rate_rad_s) and no constant rate was"
-                " given; log the table's rate or give it with rate_rad_s or rates_rad_s"
-            )
-        rate_rad_s = 0.0
     if need_rate and rate_rad_s is None:
-        inside = covered(wave)
-        if not inside.any():
-            told = left_out(wave, inside)
-            raise HrgError(f"{told}; log the table's rate or give it with rate_rad_s")
-        wave = within_log(wave, inside)
+        wave = _within_rate_log(wave)
+    if wave.rate_rad_s is None and rate_rad_s is None:
+        rate_rad_s = 0.0
     per_block = per_block or _rows_per_block(wave, rows, harmonics, rate_rad_s)
-    pieces: list[dict[str, Array]] = []
-    turned = 0.0
-    step = max(per_block, ROWS_AT_ONCE // per_block * per_block)
-    whole = wave.only(BLOCK_COLUMNS)
-    for start in range(0, rows, step):
-        stop = min(start + step, rows)
-        first = max(start - BESIDE, 0)
-        log = wave.only(SPEED_COLUMNS).rows(first, min(stop + BESIDE, rows))
-        time = np.asarray(log.time_s, float)
-        standing = np.diff(time) <= 0
-        if standing.any():
-            raise HrgError(
-                f"run {wave.run_id or '?'}: time_s stands or goes back at"
-                f" {time[1 + int(np.argmax(standing))]:g} s; times must increase"
-            )
-        integral = course(time, _rate(log, rate_rad_s) + earth_rate_rad_s).integral()
-        before = integral[start - first - 1] if start else 0.0
-        integral = turned + integral[start - first : stop - first] - before
-        turned = float(integral[-1])
-        time = time[start - first : stop - first]
-        pieces.append(_block_means(whole.rows(start, stop), time, integral, per_block))
+    pieces = list(_read_blocks(wave, rows, per_block, rate_rad_s, earth_rate_rad_s))
     joined = {key: np.concatenate([p[key] for p in pieces]) for key in pieces[0]} if pieces else {}
     if not joined or len(joined["time_s"]) < 2:
         raise HrgError(
@@ -205,7 +176,7 @@ def path_of(
         joined.pop("drive_main", None),
         joined.pop("drive_quadrature", None),
     )
-    return Path(
+    return AnglePath(
         run_id=wave.run_id,
         forced=wave.mode == "forced",
         mode_number=wave.mode_number,
@@ -219,6 +190,48 @@ def path_of(
         drive_quadrature=drive_quadrature,
         **joined,
     )
+
+
+def _within_rate_log(wave: Wave) -> Wave:
+    """The wave where its rate was logged. HrgError: nowhere."""
+    if wave.rate_rad_s is None:
+        raise HrgError(
+            f"run {wave.run_id or '?'}: no rate log (rate_rad_s) and no constant rate was"
+            " given; log the table's rate or give it with rate_rad_s or rates_rad_s"
+        )
+    inside = covered(wave)
+    if not inside.any():
+        told = left_out(wave, inside)
+        raise HrgError(f"{told}; log the table's rate or give it with rate_rad_s")
+    return within_log(wave, inside)
+
+
+def _read_blocks(
+    wave: Wave, rows: int, per_block: int, constant_rate: float | None, earth_rate: float
+) -> Iterator[dict[str, Array]]:
+    """Means of the run's blocks, piece by piece, with the rate's integral from its first row. HrgError:
+    times that do not increase."""
+    turned = 0.0
+    step = max(per_block, ROWS_AT_ONCE // per_block * per_block)
+    whole = wave.only(BLOCK_COLUMNS)
+    for start in range(0, rows, step):
+        stop = min(start + step, rows)
+        # the cubic through the log needs rows beside the piece, or it would bend at its ends
+        first = max(start - BESIDE, 0)
+        log = wave.only(SPEED_COLUMNS).rows(first, min(stop + BESIDE, rows))
+        time = np.asarray(log.time_s, float)
+        standing = np.diff(time) <= 0
+        if standing.any():
+            raise HrgError(
+                f"run {wave.run_id or '?'}: time_s stands or goes back at"
+                f" {time[1 + int(np.argmax(standing))]:g} s; times must increase"
+            )
+        integral = course(time, _rate(log, constant_rate) + earth_rate).integral()
+        before = integral[start - first - 1] if start else 0.0
+        integral = turned + integral[start - first : stop - first] - before
+        turned = float(integral[-1])
+        time = time[start - first : stop - first]
+        yield _block_means(whole.rows(start, stop), time, integral, per_block)
 
 
 def _rate(block: Wave, constant: float | None) -> Array:
@@ -308,132 +321,3 @@ def _block_means(block: Wave, time: Array, integral: Array, per_block: int) -> d
         if values is not None:
             means[name] = mean(np.asarray(values, float))
     return means
-
-
-@dataclass(frozen=True)
-class AngleNoise:
-    """White angle noise: `white` scales the shape of the blocks' stated variances (rad² of mθ);
-    `walk` is q, rad²/s of mθ."""
-
-    white: float
-    walk: float
-
-
-def noise_shape(path: Path) -> Array:
-    """Relative white variance of the blocks, mean one; the level is always estimated from the
-    residuals."""
-    mean = float(np.mean(path.angle_variance))
-    return (
-        path.angle_variance / mean
-        if mean > 0 and (path.angle_variance > 0).all()
-        else np.ones(len(path.angle_variance))
-    )
-
-
-def covariance_bands(path: Path, noise: AngleNoise) -> Array:
-    """Lower band form (2, n) of the increments' tridiagonal covariance."""
-    white, width = noise.white * noise_shape(path), path.width_s
-    bands = np.zeros((2, len(path)))
-    bands[0] = (
-        white[1:]
-        + white[:-1]
-        + noise.walk * np.maximum(path.interval_s - (width[1:] + width[:-1]) / 6, 0)
-    )
-    bands[1, :-1] = -white[1:-1] + noise.walk * width[1:-1] / 6
-    return bands
-
-
-NOT_POSITIVE = (
-    "the covariance of the increments is not positive; times or widths of the windows do not fit"
-    " together"
-)
-
-
-def whiten(bands: Array, columns: Array) -> tuple[Array, float]:
-    """(L⁻¹·columns, log det V) for the covariance V = L Lᵀ given by its lower bands; rows of the
-    result are independent, variance one."""
-    from scipy.linalg.lapack import dpbtrf, dtbtrs
-
-    factor, failed = dpbtrf(bands, lower=1)
-    if failed:
-        raise HrgError(NOT_POSITIVE)
-    white, _ = dtbtrs(factor, columns, uplo="L")
-    return np.asarray(white).reshape(columns.shape), 2 * float(np.log(factor[0]).sum())
-
-
-class Whitener:
-    """`whiten` a stretch of rows at a time: the factor is two numbers a row, only the columns are
-    large."""
-
-    def __init__(self, bands: Array) -> None:
-        from scipy.linalg.lapack import dpbtrf
-
-        self.factor, failed = dpbtrf(bands, lower=1)
-        if failed:
-            raise HrgError(NOT_POSITIVE)
-        self.row, self.last = 0, np.zeros(0)
-
-    def next(self, columns: Array) -> Array:
-        """The next rows of L⁻¹·columns."""
-        from scipy.linalg.lapack import dtbtrs
-
-        first, stop = self.row, self.row + len(columns)
-        if first:
-            columns[0] -= self.factor[1, first - 1] * self.last
-        white, _ = dtbtrs(self.factor[:, first:stop], columns, uplo="L")
-        self.row, self.last = stop, white[-1].copy()
-        return np.asarray(white)
-
-
-NEEDED_GAIN = 6.0
-"""Fall of −2 ln L that a run's own random walk must bring, the walk common to all runs apart."""
-
-
-def estimate_noise(path: Path, residual: Array, lost_degrees: float = 0.0) -> AngleNoise:
-    """White angle noise and angle random walk of a run by maximum likelihood from residual
-    increments (n,).
-
-    One parameter (their ratio) is searched; the level follows from the whitened residual. White
-    noise that a walk hides is what the windows state, unless the residual denies it.
-    `lost_degrees`: degrees of freedom the fit took from this run.
-    """
-    time = float(np.median(path.interval_s))
-    degrees = max(len(residual) - lost_degrees, 1.0)
-
-    def look(log_ratio: float) -> tuple[float, float]:
-        """(whitened square, log determinant) with white noise one and q·Δt in this ratio to it."""
-        bands = covariance_bands(path, AngleNoise(1.0, np.exp(log_ratio) / time))
-        white, log_determinant = whiten(bands, residual)
-        return max(float(white @ white), 1e-300), log_determinant
-
-    def free(log_ratio: float) -> float:
-        square, log_determinant = look(log_ratio)
-        return degrees * (np.log(square / degrees) + 1) + log_determinant
-
-    log_ratio, best = _lowest(free)
-    if free(-40.0) <= best + NEEDED_GAIN:
-        return AngleNoise(look(-40.0)[0] / degrees, 0.0)
-    stated = path.mode_number**2 * float(np.mean(path.angle_variance))
-    if stated > 0:
-
-        def held(log_ratio: float) -> float:
-            square, log_determinant = look(log_ratio)
-            return degrees * np.log(stated) + square / stated + log_determinant
-
-        beside, likelihood = _lowest(held)
-        if likelihood <= best + NEEDED_GAIN:
-            return AngleNoise(stated, stated * float(np.exp(beside)) / time)
-    variance = look(log_ratio)[0] / degrees
-    return AngleNoise(variance, variance * float(np.exp(log_ratio)) / time)
-
-
-def _lowest(height: Callable[[float], float]) -> tuple[float, float]:
-    """Where a function of ln(q·Δt/white) is lowest, and how low."""
-    from scipy.optimize import minimize_scalar
-
-    grid = np.arange(-18.0, 21.1, 3.0)
-    near = grid[int(np.argmin([height(g) for g in grid]))]
-    found = minimize_scalar(
-        height, bounds=(near - 3.0, near + 3.0), method="bounded", options={"xatol": 0.05}
-    )
-    return float(found.x), float(found.fun)

@@ -9,141 +9,24 @@ sum of pieces.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...fourier import monotone_weights, node_weights
-from .increments import AngleNoise, Path, Whitener, covariance_bands, estimate_noise, whiten
+from .increment_noise import AngleNoise, Whitener, covariance_bands, estimate_noise, whiten
+from .increments import AnglePath
+from .table_layout import Model, TableLayout
 
 Array = np.ndarray
 ROWS_AT_ONCE = 1 << 12
 """Increments of a run whose design is held at once."""
 PIECES = 5
 """Pieces of time a run is cut into."""
-Factor = Callable[[Path], Array]
-"""A further cause of drift: its columns (n, q) of the increments, as a rate (they are multiplied by
-the interval)."""
 
 
-@dataclass(frozen=True)
-class TableLayout:
-    """Order of the coefficients: node-major, a node's drift harmonics then its scale-factor
-    harmonics; then the factors' columns."""
-
-    nodes: Array
-    axis: str
-    mode_number: int
-    drift_harmonics: int
-    scale_harmonics: int
-    interpolation: str = "linear"
-    factors: dict[str, Factor] = field(default_factory=dict)
-    factor_columns: dict[str, int] = field(default_factory=dict)
-
-    @property
-    def drift_size(self) -> int:
-        """Drift coefficients per node."""
-        return 1 + 2 * self.drift_harmonics
-
-    @property
-    def node_size(self) -> int:
-        """Coefficients a node."""
-        return self.drift_size + 1 + 2 * self.scale_harmonics
-
-    @property
-    def table_size(self) -> int:
-        """Coefficients of the tables."""
-        return len(self.nodes) * self.node_size
-
-    @property
-    def size(self) -> int:
-        """All coefficients."""
-        return self.table_size + sum(self.factor_columns.values())
-
-    def drift(self, node: int) -> slice:
-        """Drift coefficients of a node."""
-        return slice(node * self.node_size, node * self.node_size + self.drift_size)
-
-    def scale(self, node: int) -> slice:
-        """Scale-factor coefficients of a node."""
-        return slice(node * self.node_size + self.drift_size, (node + 1) * self.node_size)
-
-    def factor(self, name: str) -> slice:
-        """Columns of a factor."""
-        start = self.table_size
-        for key, width in self.factor_columns.items():
-            if key == name:
-                return slice(start, start + width)
-            start += width
-        raise KeyError(name)
-
-    def tables(self, coefficients: Array) -> tuple[Array, Array]:
-        """(drift (J, HD), scale factor (J, HK)) of the full coefficient vector."""
-        table = coefficients[: self.table_size].reshape(len(self.nodes), self.node_size)
-        return table[:, : self.drift_size], table[:, self.drift_size :]
-
-    def mean_scale_factor(self, coefficients: Array) -> float:
-        """K over the nodes and the wave angle."""
-        return float(np.mean(self.tables(coefficients)[1][:, 0]))
-
-    def abscissa(self, path: Path) -> Array:
-        """Temperature or frequency of the increments (n,); zeros where there is one node only."""
-        if len(self.nodes) == 1:
-            return np.full(len(path), self.nodes[0])
-        return path.middle(path.abscissa(self.axis))
-
-    def part(
-        self,
-        kind: Literal["drift", "scale"],
-        limit: int,
-        *,
-        one_node: bool = False,
-        lowest: int = 0,
-    ) -> Array:
-        """Map (size, p) of the drift's or scale factor's harmonics `lowest`…`limit` (−1: none), the
-        same at all nodes with `one_node`."""
-        start, width = (
-            (0, self.drift_size)
-            if kind == "drift"
-            else (self.drift_size, self.node_size - self.drift_size)
-        )
-        columns: list[Array] = []
-        for h in range(max(2 * lowest - 1, 0), min(1 + 2 * limit, width)):
-            places = start + h + self.node_size * np.arange(len(self.nodes))
-            for group in [places] if one_node else places[:, None]:
-                column = np.zeros(self.size)
-                column[group] = 1.0
-                columns.append(column)
-        return np.array(columns).T if columns else np.zeros((self.size, 0))
-
-    def of_factors(self, *names: str) -> Array:
-        """Map (size, p) of whole factors."""
-        return np.concatenate(
-            [
-                np.zeros((self.size, 0)),
-                *(np.eye(self.size)[:, self.factor(name)] for name in names),
-            ],
-            axis=1,
-        )
-
-
-@dataclass(frozen=True)
-class Model:
-    """A linear model inside the full set of coefficients: c = start + matrix·p, p free."""
-
-    name: str
-    matrix: Array
-    start: Array | None = None
-
-    @property
-    def free(self) -> int:
-        """Number of free coefficients."""
-        return int(self.matrix.shape[1])
-
-
-def design(run: Path, layout: TableLayout, previous: Array | None, rows: slice) -> Array:
+def design(run: AnglePath, layout: TableLayout, previous: Array | None, rows: slice) -> Array:
     """Columns (n, size) of m·Δθ for the increments `rows` of a run. `previous` coefficients
     linearise the monotone interpolation."""
     path = run.part(rows)
@@ -159,6 +42,7 @@ def design(run: Path, layout: TableLayout, previous: Array | None, rows: slice) 
         if previous is not None and layout.interpolation == "monotone"
         else None
     )
+    # m·Δθ = ∫(D − KΩ)dt: drift columns by the time, scale-factor columns by −∫Ω dt.
     time = (path.interval_s, -path.rotation)
     for kind, (start, width) in enumerate(
         ((0, layout.drift_size), (layout.drift_size, layout.node_size - layout.drift_size))
@@ -203,7 +87,7 @@ def piece_of(length: int) -> Array:
 
 
 def accumulate(
-    paths: Sequence[Path],
+    paths: Sequence[AnglePath],
     noises: Sequence[AngleNoise],
     layout: TableLayout,
     turns: Sequence[Array],
@@ -243,7 +127,7 @@ def stretches(length: int) -> list[slice]:
 
 
 def predict_turn(
-    path: Path, layout: TableLayout, coefficients: Array, previous: Array | None = None
+    path: AnglePath, layout: TableLayout, coefficients: Array, previous: Array | None = None
 ) -> Array:
     """m·Δθ (n, …) of given coefficients (size, …), a stretch at a time."""
     return np.concatenate(
@@ -272,6 +156,7 @@ def solve(
     if penalty is not None:
         A = A + M.T @ penalty @ M
         b = b - M.T @ penalty @ start
+    # D in rad/s and K without unit: a rank is judged on a matrix with a diagonal of ones.
     scale = np.sqrt(np.maximum(np.diag(A), 0))
     scale[scale == 0] = 1.0
     values, vectors = np.linalg.eigh(A / np.outer(scale, scale))
@@ -292,7 +177,7 @@ def chi_square(information: Array, vector: Array, square: float, coefficients: A
 class Fitted:
     """Runs with their noise, whitened pieces and turns freed of jumps by half a turn of mθ."""
 
-    paths: list[Path]
+    paths: list[AnglePath]
     turns: list[Array]
     noises: list[AngleNoise]
     layout: TableLayout
@@ -343,7 +228,7 @@ class Coarse:
 
 
 def coarsen(
-    path: Path,
+    path: AnglePath,
     noise: AngleNoise,
     turn: Array,
     layout: TableLayout,
@@ -409,6 +294,7 @@ def common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
         A, b = seen.T @ A @ seen, seen.T @ b
         return total - float(b @ np.linalg.solve(A, b)) + float(np.linalg.slogdet(A)[1])
 
+    # The likelihood is flat far off on either side: a coarse look over all sizes before the search.
     powers = np.arange(-4.0, 5.1, 1.0)
     costs = [cost(unit * 10.0**x) for x in powers]
     best = powers[int(np.argmin(costs))]
@@ -433,7 +319,7 @@ def _walks_settled(before: Sequence[AngleNoise], now: Sequence[AngleNoise]) -> b
 
 
 def fit(
-    paths: Sequence[Path],
+    paths: Sequence[AnglePath],
     layout: TableLayout,
     model: Model | None = None,
     start: Fitted | None = None,
@@ -488,24 +374,3 @@ def fit(
         noises = weights
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
     return Fitted(list(paths), turns, noises, layout, pieces, solution, float(chi2), jumps)
-
-
-def roughness(layout: TableLayout) -> Array:
-    """Penalty (size, size) on the curvature of every harmonic along the nodes: ∫(d²/dx²)², scaled
-    by each harmonic's own kind."""
-    J = len(layout.nodes)
-    penalty = np.zeros((layout.size, layout.size))
-    if J < 3:
-        return penalty
-    x = layout.nodes
-    second = np.zeros((J - 2, J))
-    for i in range(J - 2):
-        left, right = x[i + 1] - x[i], x[i + 2] - x[i + 1]
-        second[i, i : i + 3] = np.array([1 / left, -1 / left - 1 / right, 1 / right]) * np.sqrt(
-            (left + right) / 2
-        )
-    one = second.T @ second * float(np.ptp(x)) ** 3 / J
-    for h in range(layout.node_size):
-        places = h + layout.node_size * np.arange(J)
-        penalty[np.ix_(places, places)] = one
-    return penalty

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .joint import TableLayout, TableSolution
+from .joint import TableSolution
+from .table_layout import TableLayout
 
 Array = np.ndarray
 COMMON_SHARE = 0.75
@@ -100,15 +101,8 @@ def average_over_doubt(
     # directions that no data see keep a finite, very wide variance
     A = A + np.diag(1e-10 * np.maximum(diagonal, 1e-12 * diagonal.max()))
     flat = np.linalg.solve(A, b)
-    grids, scale = [], []
-    for g, harmonic in zip(groups, doubtful):
-        one_std = 1 / np.sqrt(float(np.mean([A[np.ix_(g[:, a], g[:, a])].sum() for a in (0, 1)])))
-        sizes = np.append(
-            ABSENT * one_std, harmonic.sizes * (one_std if harmonic.relative else 1.0)
-        )
-        sizes[-1] = max(sizes[-1], float(np.sqrt(np.mean(flat[g] ** 2))))
-        grids.append(sizes**2)
-        scale.append(len(sizes) - 1)
+    grids = [_prior_variances(A, flat, g, harmonic) for g, harmonic in zip(groups, doubtful)]
+    scale = [len(grid) - 1 for grid in grids]
     nodes = len(groups[0]) if groups else 1
     one = COMMON_SHARE * np.ones((nodes, nodes)) + (1 - COMMON_SHARE) * np.eye(nodes)
     prior = np.kron(one, np.eye(2))
@@ -123,23 +117,14 @@ def average_over_doubt(
             precision[np.ix_(own, own)] -= inverse_prior / grids[n][scale[n]]
             covariance = np.linalg.inv(precision)
             mean, gain = covariance @ b, covariance[:, own]
-            logs, steps = [], []
-            for variance in grids[n]:
-                factor = np.linalg.cholesky(gain[own] + variance * prior)
-                whitened = np.linalg.solve(factor, np.column_stack([mean[own], gain.T]))
-                logs.append(
-                    -0.5 * float(whitened[:, 0] @ whitened[:, 0])
-                    - float(np.log(np.diag(factor)).sum())
-                )
-                steps.append(whitened)
-            before = np.full(len(grids[n]), 1 / (len(grids[n]) - 1))
-            before[0] = doubtful[n].odds
-            weights = before * np.exp(np.array(logs) - max(logs))
-            weights /= weights.sum()
+            weights, steps = _weigh_sizes(mean, gain, own, grids[n], prior, doubtful[n].odds)
             if sweep >= BURN_IN:
                 for weight, whitened in zip(weights, steps):
+                    # It could change no digit that is read.
                     if weight < 1e-9:
                         continue
+                    # About the flat solution: mean and square of small differences keep their
+                    # digits.
                     away = mean - whitened[:, 1:].T @ whitened[:, 0] - flat
                     first += weight * away
                     second += weight * (
@@ -155,3 +140,37 @@ def average_over_doubt(
     return TableSolution(
         coefficients, covariance, float(np.trace((spread - np.outer(away, away)) @ A))
     )
+
+
+def _prior_variances(A: Array, flat: Array, own: Array, harmonic: Doubtful) -> Array:
+    """Variances that a harmonic's prior may have, the first for one that is absent; the last holds what
+    a fit without a prior (`flat`) found, so that nothing seen is shrunk away."""
+    # σ of a cosine, or sine, common to all nodes: what the data tell of the harmonic as a whole
+    told = float(np.mean([A[np.ix_(own[:, a], own[:, a])].sum() for a in (0, 1)]))
+    one_std = 1 / np.sqrt(told)
+    sizes = np.append(ABSENT * one_std, harmonic.sizes * (one_std if harmonic.relative else 1.0))
+    sizes[-1] = max(sizes[-1], float(np.sqrt(np.mean(flat[own] ** 2))))
+    return np.asarray(sizes**2)
+
+
+def _weigh_sizes(
+    mean: Array, gain: Array, own: Array, variances: Array, prior: Array, odds: float
+) -> tuple[Array, list[Array]]:
+    """Posterior weights of a harmonic's prior variances, and each one's whitened step from the mean
+    without any prior on it.
+
+    The marginal likelihood of variance v is that of the harmonic's own mean, N(0, C + vP): C its
+    covariance without the prior, P the prior's shape.
+    """
+    logs, steps = [], []
+    for variance in variances:
+        factor = np.linalg.cholesky(gain[own] + variance * prior)
+        whitened = np.linalg.solve(factor, np.column_stack([mean[own], gain.T]))
+        logs.append(
+            -0.5 * float(whitened[:, 0] @ whitened[:, 0]) - float(np.log(np.diag(factor)).sum())
+        )
+        steps.append(whitened)
+    before = np.full(len(variances), 1 / (len(variances) - 1))
+    before[0] = odds
+    weights = before * np.exp(np.array(logs) - max(logs))
+    return weights / weights.sum(), steps

@@ -67,33 +67,65 @@ def _at_nodes(record: Calibration, label: str) -> str:
     return f"{label[:1].upper()}{label[1:]}, at {nodes} {unit}"
 
 
+def _draw_over_nodes(
+    record: Calibration, values: Array, deviation: Array, symbol: str, label: str, key: str
+) -> Plot:
+    """Of a gyro without a wave angle bias and scale factor stand over the nodes."""
+    figure, axes = panels(1, 1, height=2.9, width=7.2)
+    ax = axes[0, 0]
+    ax.errorbar(
+        np.asarray(record.node),
+        values,
+        deviation,
+        fmt="o-",
+        ms=3.2,
+        lw=1.1,
+        capsize=2,
+        color=SERIES[0],
+    )
+    labels(ax, x=_node_axis(record), y=label, title=f"{symbol} with ±σ")
+    return Plot(
+        key,
+        f"{'Bias' if symbol == 'D' else 'Scale factor'} {symbol} against {record.axis}",
+        f"{_at_nodes(record, label)}: {spread(values)}.",
+        figure,
+    )
+
+
+def _shade_map(ax: Any, node: Array, angle: Array, values: Array) -> Any:
+    """Values (nodes, angles) as a shade about their median, even on both sides of it."""
+    ax.grid(False)
+    order = np.argsort(node)
+    rows = np.linspace(node.min(), node.max(), 81)
+    columns = np.linspace(angle.min(), angle.max(), 121)
+    smooth = np.stack([np.interp(columns, angle, row) for row in values[order]])
+    smooth = np.stack([np.interp(rows, node[order], column) for column in smooth.T], 1)
+    centre = float(np.nanmedian(values))
+    span = float(np.nanmax(np.abs(values - centre))) or 1.0
+    mesh = ax.imshow(
+        smooth,
+        cmap="RdBu_r",
+        vmin=centre - span,
+        vmax=centre + span,
+        origin="lower",
+        aspect="auto",
+        interpolation="bilinear",
+        extent=(columns[0], columns[-1], rows[0], rows[-1]),
+    )
+    ax.plot(np.full(len(node), angle[0]), node, "_", color=MUTED, ms=6, clip_on=False)
+    return mesh
+
+
 def _draw_map(
     record: Calibration, values: Array, deviation: Array, symbol: str, label: str, key: str
 ) -> Plot:
+    """A table over wave angle and node: curves with ±σ, and beside them the map."""
+    if len(record.wave_angle_rad) == 1:
+        return _draw_over_nodes(record, values[:, 0], deviation[:, 0], symbol, label, key)
     node, angle = np.asarray(record.node), np.degrees(np.asarray(record.wave_angle_rad))
-    several = len(node) > 1 and len(angle) > 1
+    several = len(node) > 1
     figure, axes = panels(1, 2 if several else 1, height=2.9, width=8.2 if several else 7.2)
     ax = axes[0, 0]
-    if len(angle) == 1:
-        # a gyro without a wave angle: its bias and scale factor stand over the nodes
-        ax.errorbar(
-            node,
-            values[:, 0],
-            deviation[:, 0],
-            fmt="o-",
-            ms=3.2,
-            lw=1.1,
-            capsize=2,
-            color=SERIES[0],
-        )
-        labels(ax, x=_node_axis(record), y=label, title=f"{symbol} with ±σ")
-        words = f"{_at_nodes(record, label)}: {spread(values[:, 0])}."
-        return Plot(
-            key,
-            f"{'Bias' if symbol == 'D' else 'Scale factor'} {symbol} against {record.axis}",
-            words,
-            figure,
-        )
     picked = np.unique(np.linspace(0, len(node) - 1, min(5, len(node))).round().astype(int))
     for k, i in enumerate(picked):
         colour = SERIES[k % len(SERIES)]
@@ -111,28 +143,9 @@ def _draw_map(
     ax.set_ylim(low_end, high_end + 0.3 * (high_end - low_end))
     legend(ax, loc="upper center", ncols=3, fontsize=7.5)
     if several:
-        shade = axes[0, 1]
-        shade.grid(False)
-        order = np.argsort(node)
-        rows = np.linspace(node.min(), node.max(), 81)
-        columns = np.linspace(angle.min(), angle.max(), 121)
-        smooth = np.stack([np.interp(columns, angle, row) for row in values[order]])
-        smooth = np.stack([np.interp(rows, node[order], column) for column in smooth.T], 1)
-        centre = float(np.nanmedian(values))
-        span = float(np.nanmax(np.abs(values - centre))) or 1.0
-        mesh = shade.imshow(
-            smooth,
-            cmap="RdBu_r",
-            vmin=centre - span,
-            vmax=centre + span,
-            origin="lower",
-            aspect="auto",
-            interpolation="bilinear",
-            extent=(columns[0], columns[-1], rows[0], rows[-1]),
-        )
-        shade.plot(np.full(len(node), angle[0]), node, "_", color=MUTED, ms=6, clip_on=False)
-        figure.colorbar(mesh, ax=shade, label=label)
-        labels(shade, x="wave angle θ, °", y=_node_axis(record), title=f"Map of {symbol}")
+        mesh = _shade_map(axes[0, 1], node, angle, values)
+        figure.colorbar(mesh, ax=axes[0, 1], label=label)
+        labels(axes[0, 1], x="wave angle θ, °", y=_node_axis(record), title=f"Map of {symbol}")
     low, high = (
         np.unravel_index(np.nanargmin(values), values.shape),
         np.unravel_index(np.nanargmax(values), values.shape),
@@ -149,6 +162,23 @@ def _draw_map(
         words,
         figure,
     )
+
+
+def _errors_a_harmonic(ax: Any, values: Array, deviation: Array, node: Array) -> None:
+    """Each harmonic with ±σ at five nodes at most, side by side."""
+    shown = np.unique(np.linspace(0, len(values) - 1, min(5, len(values))).round().astype(int))
+    for k, i in enumerate(shown):
+        ax.errorbar(
+            np.arange(values.shape[1]) + (k - (len(shown) - 1) / 2) * 0.13,
+            values[i],
+            deviation[i],
+            fmt="o",
+            ms=3.2,
+            lw=1.1,
+            capsize=2,
+            color=SERIES[k % len(SERIES)],
+            label=number(float(node[i]), 6),
+        )
 
 
 def _harmonics(record: Calibration, mean: float) -> Plot:
@@ -169,20 +199,7 @@ def _harmonics(record: Calibration, mean: float) -> Plot:
     for ax, (values, deviation, label, first) in zip(axes[:, 0], parts):
         names = _harmonic_names(values.shape[1], record.mode_number)
         names[0] = f"constant − {number(mean, 6)}" if first else names[0]
-        nodes = np.unique(np.linspace(0, len(values) - 1, min(5, len(values))).round().astype(int))
-        for k, i in enumerate(nodes):
-            at = np.arange(len(names)) + (k - (len(nodes) - 1) / 2) * 0.13
-            ax.errorbar(
-                at,
-                values[i],
-                deviation[i],
-                fmt="o",
-                ms=3.2,
-                lw=1.1,
-                capsize=2,
-                color=SERIES[k % len(SERIES)],
-                label=number(float(record.node[i]), 6),
-            )
+        _errors_a_harmonic(ax, values, deviation, np.asarray(record.node))
         ax.axhline(0, color=INK, lw=0.5)
         ax.set_xticks(range(len(names)), names)
         labels(ax, y=label, title=f"Harmonics of {label[0]} with ±σ")

@@ -49,19 +49,38 @@ def diagnosis_plots(record: Diagnosis) -> list[Plot]:
     return found
 
 
-def _ranking(report: dict[str, Any]) -> Plot:
-    effects = [
+Score = tuple[str, float, int]
+"""A cause, its |z|, the place of its colour."""
+
+
+def _scores(report: dict[str, Any]) -> tuple[list[Score], list[Score]]:
+    """The causes found, in the order found, and those tested alone, the strongest first."""
+    found: list[Score] = [
         (str(e.get("name")), abs(as_float(e.get("z"))), 0) for e in entries(report, "effects")
     ]
-    named = {name for name, _, _ in effects}
-    tested = sorted(
-        (
-            (str(e.get("name")), abs(as_float(e.get("z"))), 5)
-            for e in entries(report, "tested")
-            if str(e.get("name")) not in named
-        ),
-        key=lambda e: -np.nan_to_num(e[1]),
-    )
+    named = {name for name, _, _ in found}
+    tested: list[Score] = [
+        (str(e.get("name")), abs(as_float(e.get("z"))), 5)
+        for e in entries(report, "tested")
+        if str(e.get("name")) not in named
+    ]
+    return found, sorted(tested, key=lambda e: -np.nan_to_num(e[1]))
+
+
+def _say_ranking(report: dict[str, Any], found: list[Score], tested: list[Score]) -> str:
+    said = f"Verdict: {report.get('verdict')}. "
+    if found:
+        said += "Found: " + ", ".join(f"{n} at {number(z, 3)} σ" for n, z, _ in found) + ". "
+    else:
+        said += "No cause was found. "
+    if tested:
+        scores = [f"{n} {number(z, 2)} σ" for n, z, _ in tested]
+        said += f"Tested and not found: {chosen(scores, 8)}."
+    return said
+
+
+def _ranking(report: dict[str, Any]) -> Plot:
+    effects, tested = _scores(report)
     rows = (effects + tested)[:24]
     figure, axes = panels(1, 1, height=0.8 + 0.24 * len(rows))
     ax = axes[0, 0]
@@ -91,17 +110,7 @@ def _ranking(report: dict[str, Any]) -> Plot:
     ax.invert_yaxis()
     labels(ax, x="|z|, standard deviations")
     note(ax, "blue: found, in the order found; grey: tested, not found")
-    words = f"Verdict: {report.get('verdict')}. "
-    words += (
-        "Found: " + ", ".join(f"{n} at {number(z, 3)} σ" for n, z, _ in effects) + ". "
-        if effects
-        else "No cause was found. "
-    )
-    words += (
-        f"Tested and not found: {chosen([f'{n} {number(z, 2)} σ' for n, z, _ in tested], 8)}."
-        if tested
-        else ""
-    )
+    words = _say_ranking(report, effects, tested)
     return Plot("ranking", "Causes by significance", words, figure)
 
 

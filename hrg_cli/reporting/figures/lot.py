@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from ...records import Array
 from ..quantities import LABELS, RATE_OF_DECAY, unit_for
 from ..text import number, plain
 from .drawing import INK, MUTED, SERIES, Plot, dots, labels, legend, note, panels
@@ -56,6 +57,51 @@ def unit_of(name: str, value: float) -> tuple[float, str]:
     return 1.0, ""
 
 
+def _say_outliers(far: Sequence[Row]) -> str:
+    if not far:
+        return "no outlier."
+    named = ", ".join(plain(row["gyro_id"]) for row in far)
+    return f"{len(far)} outlier{'s' if len(far) > 1 else ''}: {named}."
+
+
+def _say_limits(limits: str, value: Array, low: float | None, high: float | None) -> str:
+    if not limits:
+        return " No limit is set."
+    outside = int(np.sum(value < low) if low is not None else 0)
+    outside += int(np.sum(value > high) if high is not None else 0)
+    return f" {limits}: {outside or 'none'} outside."
+
+
+def _name_outliers(ax: Any, outliers: list[tuple[Row, float, float]], middle: float) -> None:
+    """Each outlier's name on the side where there is room: towards the median."""
+    for row, x, y in _apart(outliers):
+        left = x < middle
+        ax.annotate(
+            plain(row["gyro_id"])[:24],
+            (x, y),
+            xytext=(6, 0) if left else (-6, 0),
+            ha="left" if left else "right",
+            va="center",
+            textcoords="offset points",
+            fontsize=8,
+            color=INK,
+        )
+
+
+def _draw_normal(ax: Axes, middle: float, spread: float) -> None:
+    """Where the dots of a normal distribution would lie."""
+    at = np.linspace(-3.5, 3.5, 60)
+    expected = [100 * NormalDist().cdf(z) for z in at]
+    ax.plot(
+        middle + spread * at,
+        expected,
+        color=MUTED,
+        lw=0.9,
+        ls="--",
+        label="normal, same median and MAD",
+    )
+
+
 def distribution(rows: Sequence[Row], name: str, limits: Limits = (None, None)) -> Plot | None:
     """The share of gyros at or below each value, with standard deviations and limits, against a
     normal distribution of the same median and MAD."""
@@ -75,16 +121,7 @@ def distribution(rows: Sequence[Row], name: str, limits: Limits = (None, None)) 
     figure, axes = panels(height=2.4)
     ax = axes[0, 0]
     if spread > 0:
-        at = np.linspace(-3.5, 3.5, 60)
-        expected = [100 * NormalDist().cdf(z) for z in at]
-        ax.plot(
-            middle - origin + spread * at,
-            expected,
-            color=MUTED,
-            lw=0.9,
-            ls="--",
-            label="normal, same median and MAD",
-        )
+        _draw_normal(ax, middle - origin, spread)
     off = value - origin
     if len(value) <= BARS:
         bars = np.where(np.isfinite(std), std, 0.0)
@@ -94,18 +131,8 @@ def distribution(rows: Sequence[Row], name: str, limits: Limits = (None, None)) 
     ax.plot([], [], "o", color=SERIES[0], ms=3, label="gyro")
     if far.any():
         ax.plot([], [], "o", color=SERIES[1], ms=4, label="outlier")
-    for row, x, y in _apart([(r, x, y) for r, x, y, out in zip(known, off, share, far) if out]):
-        left = x + origin < middle
-        ax.annotate(
-            plain(row["gyro_id"])[:24],
-            (x, y),
-            xytext=(6, 0) if left else (-6, 0),
-            ha="left" if left else "right",
-            va="center",
-            textcoords="offset points",
-            fontsize=8,
-            color=INK,
-        )
+    outliers = [(r, x, y) for r, x, y, out in zip(known, off, share, far) if out]
+    _name_outliers(ax, outliers, middle - origin)
     said_limits = _limits(ax, origin, low, high, unit)
     ax.xaxis.set_major_formatter(lambda x, _: number(x, 6))
     from_where = f" less {number(origin, digits)}" if origin else ""
@@ -114,18 +141,11 @@ def distribution(rows: Sequence[Row], name: str, limits: Limits = (None, None)) 
     said = f" {unit}" if unit else ""
     note(ax, f"median {number(middle, digits)}{said}, 1.4826·MAD {number(spread, 2)}{said}")
     legend(ax, loc="center right" if far.any() and value[far].max() < middle else "best")
-    named = ", ".join(plain(row["gyro_id"]) for row, out in zip(known, far) if out)
-    outside = int(np.sum(value < low) if low is not None else 0)
-    outside += int(np.sum(value > high) if high is not None else 0)
     words = (
         f"{len(value)} gyros from {number(value[0], digits)} to {number(value[-1], digits)}{said},"
         f" median {number(middle, digits)}, robust spread {number(spread, 2)}; "
-        + (
-            f"{int(far.sum())} outlier{'s' if far.sum() > 1 else ''}: {named}."
-            if far.any()
-            else "no outlier."
-        )
-        + (f" {said_limits}: {outside or 'none'} outside." if said_limits else " No limit is set.")
+        + _say_outliers([row for row, out in zip(known, far) if out])
+        + _say_limits(said_limits, value, low, high)
         + " Good: dots along the dashed line. Bad: dots far to one side, or a step."
     )
     return Plot(name.replace("_", "-"), f"Distribution of {title}", words, figure)

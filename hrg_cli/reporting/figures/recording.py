@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...records import Array, Periods, Recording, Wave
+from ...records import Array, Recording
 from ..text import number
 from .drawing import (
-    INK,
     MUTED,
     SERIES,
     Plot,
@@ -127,9 +126,9 @@ def _overview(record: Recording, looks: list[RecordingLook]) -> Plot:
         ax.plot(centre, low, color=SERIES[i], lw=0.8)
         ax.plot(centre, high, color=SERIES[i], lw=0.8)
         said.append(
-            f"channel {channel} runs from {spread(np.concatenate([low, high]))} {_unit(units)}"
+            f"channel {channel} runs from {spread(np.concatenate([low, high]))} {unit_of_channels(units)}"
         )
-        labels(ax, y=f"{channel}, {_unit(units)}", title=f"Channel {channel}")
+        labels(ax, y=f"{channel}, {unit_of_channels(units)}", title=f"Channel {channel}")
     axes[1, 0].set_xlabel(f"time, {unit}")
     note(
         axes[0, 0], f"lowest and highest, from {len(looks)} looks of {len(looks[0].time_s)} samples"
@@ -138,7 +137,8 @@ def _overview(record: Recording, looks: list[RecordingLook]) -> Plot:
     return Plot("channels", "Channels against time", words, figure)
 
 
-def _unit(units: str) -> str:
+def unit_of_channels(units: str) -> str:
+    """The channels' unit as an axis names it."""
     return "full scale" if units in ("", "1") else units
 
 
@@ -163,7 +163,7 @@ def _orbit(record: Recording, looks: list[RecordingLook], frequency: float) -> P
         ax.set_aspect("equal", adjustable="box")
         labels(
             ax,
-            x=f"C, {_unit(record.c_units)}",
+            x=f"C, {unit_of_channels(record.c_units)}",
             title=(
                 f"at {number(look.time_s[middle] * factor, 3)} {unit}\nθ {angle:.1f}°, axes 1 :"
                 f" {number(ratio, 2)}"
@@ -176,7 +176,7 @@ def _orbit(record: Recording, looks: list[RecordingLook], frequency: float) -> P
         reach = max(reach, 1.08 * float(np.abs(part).max()))
     axes[0, 0].set_xlim(-reach, reach)
     axes[0, 0].set_ylim(-reach, reach)
-    axes[0, 0].set_ylabel(f"S, {_unit(record.s_units)}")
+    axes[0, 0].set_ylabel(f"S, {unit_of_channels(record.s_units)}")
     return Plot(
         "orbit",
         "Orbit: S against C",
@@ -202,14 +202,14 @@ def _spectrum(record: Recording, looks: list[RecordingLook], frequency: float) -
     figure, axes = panels(2, 1, height=2.1, sharex=True)
     floor = np.sqrt(np.median(left[:, 1:], axis=1))
     for i, (ax, channel) in enumerate(zip(axes[:, 0], "CS")):
-        x, top = _thinned(axis[1:], np.sqrt(raw[i, 1:]))
+        x, top = thin_line(axis[1:], np.sqrt(raw[i, 1:]))
         ax.semilogy(x, top, color=SERIES[i], lw=1.0, label="raw")
-        x, top = _thinned(axis[1:], np.sqrt(left[i, 1:]))
+        x, top = thin_line(axis[1:], np.sqrt(left[i, 1:]))
         ax.semilogy(x, top, color=MUTED, lw=0.8, label="residual of a local fit")
         log_axis(ax.yaxis)
         labels(
             ax,
-            y=f"{channel}, {_unit(record.c_units if i == 0 else record.s_units)}/√Hz",
+            y=f"{channel}, {unit_of_channels(record.c_units if i == 0 else record.s_units)}/√Hz",
             title=f"Channel {channel}",
         )
         legend(ax, above=True)
@@ -218,7 +218,7 @@ def _spectrum(record: Recording, looks: list[RecordingLook], frequency: float) -
     words = (
         f"Amplitude spectral density from 0 to {number(rate / 2)} Hz: the strongest line is at"
         f" {number(frequency, 7)} Hz; the median of the residual is {number(floor[0], 3)} (C) and"
-        f" {number(floor[1], 3)} (S) {_unit(record.c_units)}/√Hz."
+        f" {number(floor[1], 3)} (S) {unit_of_channels(record.c_units)}/√Hz."
     )
     return Plot("spectrum", "Raw spectrum with its residual", words, figure)
 
@@ -243,7 +243,7 @@ def _without_lines(signal: Array, rate: float, lines: int) -> Array:
     return residual
 
 
-def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
+def thin_line(x: Array, y: Array) -> tuple[Array, Array]:
     """The highest value of each of at most SPECTRUM_BINS bins, so that no line is lost."""
     size = max(1, -(-len(y) // SPECTRUM_BINS))
     starts = np.arange(0, len(y), size)
@@ -284,8 +284,8 @@ def _truth(record: Recording) -> Plot:
     to_unit, unit = time_unit(float(time[-1] - time[0]))
     named = (
         ("truth_wave_angle_rad", "θ, °", np.degrees(1.0)),
-        ("truth_main_amplitude", f"a_A, {_unit(record.c_units)}", 1.0),
-        ("truth_quadrature_amplitude", f"a_B, {_unit(record.c_units)}", 1.0),
+        ("truth_main_amplitude", f"a_A, {unit_of_channels(record.c_units)}", 1.0),
+        ("truth_quadrature_amplitude", f"a_B, {unit_of_channels(record.c_units)}", 1.0),
         ("truth_phase_rad", "φ, rad", 1.0),
     )
     rows = [
@@ -300,94 +300,3 @@ def _truth(record: Recording) -> Plot:
         said.append(f"{label} {spread(values)}")
     axes[-1, 0].set_xlabel(f"time, {unit}")
     return Plot("truth", "Truth of the simulation", "True values: " + "; ".join(said) + ".", figure)
-
-
-def period_plots(record: Periods) -> list[Plot]:
-    """Every figure of demodulated periods: the signals against time, and the residual's spectrum
-    with its lines."""
-    found = [_signals(record)] if len(record) else []
-    if (
-        record.spectrum_frequency_hz is not None
-        and record.spectrum_density is not None
-        and len(record.spectrum_frequency_hz)
-    ):
-        found.append(residual_spectrum(record))
-    return found
-
-
-def _signals(record: Periods) -> Plot:
-    time, signals, residual = (
-        np.asarray(a[:]) for a in (record.time_s, record.signals, record.residual_rms)
-    )
-    factor, unit = time_unit(float(time[-1]))
-    names = (
-        ("C cos", "C sin", "S cos", "S sin")
-        if signals.shape[1] == 4
-        else ("a_c⁻", "a_c⁺", "b_c⁻", "b_c⁺", "a_s⁻", "a_s⁺", "b_s⁻", "b_s⁺")
-    )
-    figure, axes = panels(3, 1, height=1.8, sharex=True)
-    half = signals.shape[1] // 2
-    for k, name in enumerate(names):
-        ax = axes[k // half, 0]
-        line(ax, time * factor, signals[:, k], k % half, name)
-    for ax, channel in zip(axes[:2, 0], "CS"):
-        labels(ax, y=_unit(record.units), title=f"Signals of channel {channel}")
-        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.2)
-    for k, channel in enumerate("CS"):
-        line(axes[2, 0], time * factor, residual[:, k], k, channel)
-    flags = np.asarray(record.flags[:]) != 0
-    if flags.any():
-        axes[2, 0].plot(
-            time[flags][:400] * factor,
-            residual[flags][:400].max(1),
-            "x",
-            color=INK,
-            ms=4,
-            label="flagged",
-        )
-    labels(
-        axes[2, 0],
-        x=f"time, {unit}",
-        y=_unit(record.units),
-        title="rms of what the fit leaves a window",
-    )
-    axes[2, 0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.2)
-    words = (
-        f"{len(time)} windows of {number(record.window_s)} s over {number(time[-1] * factor)}"
-        f" {unit} against {number(record.reference_frequency_hz, 8)} Hz; signals {spread(signals)},"
-        f" residual rms {spread(residual)} {_unit(record.units)}; {int(flags.sum())} windows are"
-        " flagged."
-    )
-    return Plot("signals", "Demodulated signals", words, figure)
-
-
-def residual_spectrum(record: Periods | Wave) -> Plot:
-    """Averaged spectrum of the demodulation's residual with the lines that stand out of it."""
-    frequency, density = (
-        np.asarray(record.spectrum_frequency_hz, dtype=float),
-        np.asarray(record.spectrum_density, dtype=float),
-    )
-    figure, axes = panels(1, 1, height=2.4)
-    ax = axes[0, 0]
-    keep = frequency > 0
-    for k, channel in enumerate("CS"):
-        ax.semilogy(
-            *_thinned(frequency[keep], np.sqrt(np.maximum(density[keep, k], 0))),
-            color=SERIES[k],
-            lw=0.9,
-            label=channel,
-        )
-    median = float(np.sqrt(np.median(density[keep])))
-    words = (
-        f"Residual amplitude density from 0 to {number(frequency[-1])} Hz, median"
-        f" {number(median, 3)} {_unit(record.units)}/√Hz."
-    )
-    if record.spectrum_line_frequency_hz is not None and len(record.spectrum_line_frequency_hz):
-        at = np.asarray(record.spectrum_line_frequency_hz)[:12]
-        top = np.sqrt(np.interp(at, frequency, density.max(1)))
-        ax.plot(at, top * 1.4, "v", color=MUTED, ms=4, label="stands out")
-        words += " Lines stand out at " + ", ".join(f"{number(f, 5)} Hz" for f in at) + "."
-    labels(ax, x="frequency, Hz", y=f"{_unit(record.units)}/√Hz")
-    log_axis(ax.yaxis)
-    legend(ax, above=True)
-    return Plot("residual-spectrum", "Spectrum of the demodulation's residual", words, figure)

@@ -25,7 +25,7 @@ from .drawing import (
     spread,
     time_unit,
 )
-from .recording import residual_spectrum
+from .periods import residual_spectrum
 
 INCREMENTS = 900
 """Increments a run is cut into for its rates."""
@@ -64,28 +64,50 @@ def plots(record: Wave, truth: Recording | None, spectrum: bool = True) -> list[
     return found
 
 
-def _course(record: Wave, truth: Recording | None) -> Plot:
-    time = np.asarray(record.time_s[:])
-    good = record.good()
-    factor, unit = time_unit(float(time[-1] - time[0]))
+def _rows_of_course(record: Wave) -> list[tuple[str, str, float, str]]:
+    """Column, axis label, factor from SI and title of every row of the course."""
     amplitude = "full scale" if record.units in ("", "1") else record.units
-    rows: list[tuple[str, str, float, str]] = [
-        ("wave_angle_rad", "θ, °", np.degrees(1.0), "Wave angle θ"),
+    reference = f"{number(record.reference_frequency_hz, 8)} Hz"
+    rows = [
+        ("wave_angle_rad", "θ, °", float(np.degrees(1.0)), "Wave angle θ"),
         ("main_amplitude", f"a_A, {amplitude}", 1.0, "Main amplitude a_A"),
         ("quadrature_amplitude", f"a_B, {amplitude}", 1.0, "Quadrature amplitude a_B"),
-        (
-            "phase_rad",
-            "φ, rad",
-            1.0,
-            f"Phase φ against {number(record.reference_frequency_hz, 8)} Hz",
-        ),
+        ("phase_rad", "φ, rad", 1.0, f"Phase φ against {reference}"),
     ]
     if record.readout == "carrier":
         rows.append(("carrier_phase_rad", "ψ, rad", 1.0, "Carrier phase ψ"))
     if record.temperature_degc is not None:
         rows.append(("temperature_degc", "T, °C", 1.0, "Temperature"))
     if record.rate_rad_s is not None:
-        rows.append(("rate_rad_s", "Ω, °/s", np.degrees(1.0), "Rate Ω"))
+        rows.append(("rate_rad_s", "Ω, °/s", float(np.degrees(1.0)), "Rate Ω"))
+    return rows
+
+
+def _draw_truth(
+    ax: Any, record: Wave, truth: Recording, name: str, values: Array, scale: float
+) -> bool:
+    """The simulated value beside the estimates, on the branch of theirs; False where none is known."""
+    expected = getattr(truth, f"truth_{name}", None)
+    if expected is None or truth.truth_time_s is None:
+        return False
+    time, at = np.asarray(record.time_s[:]), np.asarray(truth.truth_time_s)
+    factor, _ = time_unit(float(time[-1] - time[0]))
+    shift = _branch(record, name, values, time, at, np.asarray(expected) * scale, scale)
+    ax.plot(
+        *envelope(at * factor, np.asarray(expected) * scale + shift),
+        color=INK,
+        lw=1.2,
+        ls=(0, (3, 4)),
+        label="truth",
+    )
+    return True
+
+
+def _course(record: Wave, truth: Recording | None) -> Plot:
+    time = np.asarray(record.time_s[:])
+    good = record.good()
+    factor, unit = time_unit(float(time[-1] - time[0]))
+    rows = _rows_of_course(record)
     figure, axes = panels(len(rows), 1, height=1.35, sharex=True)
     said = []
     for k, (ax, (name, label, scale, title)) in enumerate(zip(axes[:, 0], rows)):
@@ -99,28 +121,8 @@ def _course(record: Wave, truth: Recording | None) -> Plot:
                 "median σ"
                 f" {number(float(np.nanmedian(deviation[:])) * scale, 2)}{'' if unit_of == '°' else ' '}{unit_of}",
             )
-        expected = None if truth is None else getattr(truth, f"truth_{name}", None)
-        if expected is not None and truth is not None and truth.truth_time_s is not None:
-            shift = _branch(
-                record,
-                name,
-                values,
-                time,
-                np.asarray(truth.truth_time_s),
-                np.asarray(expected) * scale,
-                scale,
-            )
-            ax.plot(
-                *envelope(
-                    np.asarray(truth.truth_time_s) * factor, np.asarray(expected) * scale + shift
-                ),
-                color=INK,
-                lw=1.2,
-                ls=(0, (3, 4)),
-                label="truth",
-            )
-            if k == 0:
-                legend(ax, above=True, bbox_to_anchor=(0.8, 1.0))
+        if truth is not None and _draw_truth(ax, record, truth, name, values, scale) and k == 0:
+            legend(ax, above=True, bbox_to_anchor=(0.8, 1.0))
         labels(ax, y=label, title=title)
         said.append(f"{title} {spread(values)} {label.partition(', ')[2]}")
     axes[-1, 0].set_xlabel(f"time, {unit}")

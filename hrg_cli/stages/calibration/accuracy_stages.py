@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...fitting.tables.joint import Model, TableLayout
+from ...fitting.tables.table_layout import Model, TableLayout
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.increments import covariance_bands, whiten
+from ...fitting.tables.increment_noise import covariance_bands, whiten
 from ...fitting.tables.joint import Fitted, TableSolution, predict_turn
 from ...fourier import harmonic_basis, node_weights
 

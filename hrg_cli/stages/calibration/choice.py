@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...fitting.checks import Check
-from ...fitting.tables.joint import Fitted, Model, TableLayout
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.table_layout import Model, TableLayout
 from .folds import choose_limits
 from .guards import VariantSolution, judge_variants
 from .resonators import ResonatorCoefficients

@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.joint import Fitted, Model, chi_square
+from ...fitting.tables.joint import Fitted, chi_square
+from ...fitting.tables.table_layout import Model
 from ...records import Calibration, Wave
 from .accuracy_stages import list_first_stages
 from .checks import interpolation_doubt
 from .choice import TriedVariant, solve_again
 from .figures import cells, figure_rows, predictions
 from .folds import choose_smoothness
-from .guards import say_noise
+from .noise_guards import say_noise
 from .record import record_of
 from .stability import drop_unstable, repeat_of_harmonics
 from .thermal_memory import thermal_memory

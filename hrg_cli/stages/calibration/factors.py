@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...fitting.tables.increments import Path
-from ...fitting.tables.joint import Factor
+from ...fitting.tables.increments import AnglePath
+from ...fitting.tables.table_layout import Factor
 from ...fourier import node_weights
 from .late_log import LATE, moves, rate_slope
 
@@ -25,7 +25,7 @@ FEWEST_RATES = 4
 """Different mean rates from which a square and a cube of the rate are told from the tables."""
 
 
-def quadrature(path: Path) -> Array:
+def quadrature(path: AnglePath) -> Array:
     """r/(1 − r²)·(cos 2mθ, sin 2mθ): seed A (11), exact in r: D = −2rδω cos ζ/(1 − r²);
     coefficients −2δω(cos 2mθ_ω, sin 2mθ_ω)."""
     ratio = path.middle(path.ratio)
@@ -34,7 +34,7 @@ def quadrature(path: Path) -> Array:
     )
 
 
-def ellipticity(path: Path) -> Array:
+def ellipticity(path: AnglePath) -> Array:
     """2r²/(1 − r²)·(cos 2mθ, sin 2mθ): what the damping anisotropy adds in an ellipse, νδμ sin χ·(1
     + r²)/(1 − r²) (PHYSICS §4, (8))."""
     square = path.middle(path.ratio) ** 2
@@ -47,7 +47,7 @@ def courses(factor: Factor, nodes: Array, axis: str, interpolation: str) -> Fact
     """A factor whose coefficients are interpolated between the nodes: columns ψ_j(x)·factor (n,
     J·q), node-major."""
 
-    def columns(path: Path) -> Array:
+    def columns(path: AnglePath) -> Array:
         own = factor(path)
         return np.asarray(
             (weights_of(path, nodes, axis, interpolation)[:, :, None] * own[:, None, :]).reshape(
@@ -58,7 +58,7 @@ def courses(factor: Factor, nodes: Array, axis: str, interpolation: str) -> Fact
     return columns
 
 
-def weights_of(path: Path, nodes: Array, axis: str, interpolation: str) -> Array:
+def weights_of(path: AnglePath, nodes: Array, axis: str, interpolation: str) -> Array:
     """Weights ψ_j (n, J) of the nodes at the increments' temperature or frequency."""
     if len(nodes) == 1:
         return np.ones((len(path), 1))
@@ -66,21 +66,21 @@ def weights_of(path: Path, nodes: Array, axis: str, interpolation: str) -> Array
     return node_weights(x, nodes, "linear" if interpolation in ("linear", "monotone") else "cubic")
 
 
-def phase_ratio(path: Path) -> Array:
+def phase_ratio(path: AnglePath) -> Array:
     """−2r/(1 + r²) (n,): what seed A (12) multiplies dφ/dt with, exact in r (PHYSICS §4, unnumbered
     after (7))."""
     ratio = path.middle(path.ratio)
     return np.asarray(-2 * ratio / (1 + ratio**2))
 
 
-def flattening(path: Path) -> Array:
+def flattening(path: AnglePath) -> Array:
     """−2r²/(1 + r²)·(cos 2mθ, sin 2mθ): what an ellipse takes from the damping in (12), νδμ sin
     χ·(1 − r²)/(1 + r²)."""
     square = path.middle(path.ratio) ** 2
     return np.asarray((-2 * square / (1 + square))[:, None] * path.angle_basis(1)[:, 1:])
 
 
-def reference_hz(paths: Sequence[Path]) -> float:
+def reference_hz(paths: Sequence[AnglePath]) -> float:
     """A frequency near all runs': those of `phase` and `mean_frequency` are taken against it, so
     that their columns differ."""
     return float(np.mean([np.mean(path.frequency_hz) for path in paths]))
@@ -90,7 +90,7 @@ def phase(reference: float) -> Factor:
     """−2r/(1 + r²)·dφ/dt: seed A (12), coefficient 1 when dφ/dt is taken against the mean
     frequency; here against `reference`, Hz."""
 
-    def columns(path: Path) -> Array:
+    def columns(path: AnglePath) -> Array:
         return np.asarray(
             phase_ratio(path) * 2 * np.pi * (path.middle(path.frequency_hz) - reference)
         )[:, None]
@@ -98,7 +98,7 @@ def phase(reference: float) -> Factor:
     return columns
 
 
-def mean_frequency(path: Path) -> Array:
+def mean_frequency(path: AnglePath) -> Array:
     """4πr/(1 + r²) (n, 1): what a hertz of the mean frequency f(T) adds to `phase`."""
     return np.asarray(-2 * np.pi * phase_ratio(path))[:, None]
 
@@ -106,25 +106,25 @@ def mean_frequency(path: Path) -> Array:
 def rate_powers(fastest: float) -> Factor:
     """((Ω/Ω_max)², (Ω/Ω_max)³): a drift that moves with the rate itself."""
 
-    def columns(path: Path) -> Array:
+    def columns(path: AnglePath) -> Array:
         return np.stack([(path.rate_rad_s / fastest) ** k for k in (2, 3)], axis=1)
 
     return columns
 
 
-def quadrature_drive(path: Path) -> Array:
+def quadrature_drive(path: AnglePath) -> Array:
     """a_ΦB/a_A: phase error of the quadrature loop's force, D = −(a_ΦB/a_A)Δφ_B (PHYSICS C1); zero
     in free runs."""
     return _a_second(path, path.drive_quadrature)[:, None]
 
 
-def main_drive(path: Path) -> Array:
+def main_drive(path: AnglePath) -> Array:
     """a_ΦA/a_A·(1, cos 2mθ, sin 2mθ): the drive matrix, coefficients ρ, ε/2 and −g/2 (PHYSICS C5,
     C4, C3); zero in free runs."""
     return np.asarray(_a_second(path, path.drive_main)[:, None] * path.angle_basis(1))
 
 
-def _a_second(path: Path, drive: Array | None) -> Array:
+def _a_second(path: AnglePath, drive: Array | None) -> Array:
     """A drive's log against the amplitude, 1/s (n,); a free run needs none."""
     if drive is None or not path.forced:
         return np.zeros(len(path))
@@ -135,14 +135,14 @@ def _a_second(path: Path, drive: Array | None) -> Array:
     )
 
 
-def forced_only(path: Path) -> Array:
+def forced_only(path: AnglePath) -> Array:
     """(1, cos 2mθ, sin 2mθ) in forced runs only: the drive matrix, told from the resonator by free
     runs."""
     return np.asarray(path.angle_basis(1) * float(path.forced))
 
 
 def build(
-    paths: Sequence[Path], nodes: Array, axis: str, interpolation: str, wanted: Sequence[str]
+    paths: Sequence[AnglePath], nodes: Array, axis: str, interpolation: str, wanted: Sequence[str]
 ) -> tuple[dict[str, Factor], dict[str, int]]:
     """(factors, their widths) of the wanted names that these runs can carry."""
     at_nodes = nodes, axis, interpolation

@@ -15,8 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.increments import Path, covariance_bands
-from ...fitting.tables.joint import Fitted, Model, design, piece_of, solve, stretches
+from ...fitting.tables.increment_noise import covariance_bands
+from ...fitting.tables.increments import AnglePath
+from ...fitting.tables.joint import Fitted, design, piece_of, solve, stretches
+from ...fitting.tables.table_layout import Model
 from ...fourier import node_weights
 
 Array = np.ndarray
@@ -111,7 +113,7 @@ def cells(fitted: Fitted, whole: Array, held: Array, folds: Array) -> tuple[Cell
     return Cells(used, **common), Cells(unseen, **common)
 
 
-def _steady_angle(path: Path) -> Array:
+def _steady_angle(path: AnglePath) -> Array:
     """Wave angle of the increments, the mean of a stretch where it creeps: the noise of an
     increment must not choose its cell."""
     angle = path.middle(path.angle_rad)

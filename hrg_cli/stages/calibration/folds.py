@@ -5,14 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fitting.tables.joint import (
-    PIECES,
-    Fitted,
-    Model,
-    TableLayout,
-    held_out_chi_square,
-    roughness,
-)
+from ...fitting.tables.joint import PIECES, Fitted, held_out_chi_square
+from ...fitting.tables.table_layout import Model, TableLayout, roughness
 from .programme import examine
 from .variants import variant
 
@@ -37,6 +31,7 @@ def choose_folds(fitted: Fitted, harmonics: int) -> tuple[Array, str]:
     ]
     fold = np.array([nearest[:r].count(n) for r, n in enumerate(nearest)])
     mean = np.array([float(np.mean(p.rate_rad_s)) for p in fitted.paths])
+    # Rates set to the same value differ by the table's own error.
     slack = 0.1 * float(np.abs(mean).max(initial=0.0))
 
     def serves(left: int) -> bool:
@@ -53,6 +48,7 @@ def choose_folds(fitted: Fitted, harmonics: int) -> tuple[Array, str]:
         return not any(f.refuses for f in examine(rest, nodes, axis, harmonics))
 
     count = int(fold.max()) + 1
+    # With two folds each half would be judged by tables of the other half alone.
     if count >= 3 and all(serves(left) for left in range(count)):
         return np.repeat(fold[:, None], PIECES, axis=1), "runs"
     return time_folds(fitted), "time"

@@ -17,33 +17,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...fitting.checks import Check, at_most, failures, goodness, holds, whiteness
-from ...fitting.tables.allan_terms import allan_terms
-from ...fitting.tables.increments import covariance_bands, whiten
-from ...fitting.tables.joint import (
-    Fitted,
-    Model,
-    TableLayout,
-    TableSolution,
-    chi_square,
-    predict_turn,
-    solve,
-)
+from ...fitting.checks import Check, failures, goodness, holds, whiteness
+from ...fitting.tables.increment_noise import covariance_bands, whiten
+from ...fitting.tables.joint import Fitted, TableSolution, chi_square, predict_turn, solve
+from ...fitting.tables.table_layout import Model, TableLayout
 from .late_log import LATE
+from .noise_guards import noise_known
 
 Array = np.ndarray
-LARGEST_NOISE = 2.0
-"""Variance of the angles against that which the windows state, above which the result is suspect;
-below, the excess is said."""
 MOST_NAMED = 3
 """Causes that are named of one variant."""
 LEAST_OWN = 1e-6
 """Part of a cause's information (relative to the whole) that must lie outside the variant's span to
 be tested."""
-EVEN = 0.01
-"""Part of the usual interval by which an increment may differ to stand in an Allan deviation."""
-FEWEST_RATES = 100
-"""Increments from which a run's Allan deviation is looked at."""
 LEAST_SEEN = 1e-9
 """Scaled eigenvalue of the normal matrix below which the data do not tell a direction."""
 
@@ -254,39 +240,6 @@ def check_folds(fitted: Fitted, folds: Array, tried: VariantSolution) -> Check:
     return worst
 
 
-def noise_known(fitted: Fitted) -> Check:
-    """The angles' white noise against what the windows state, as a ratio of variances; 0 where they
-    state none."""
-    ratio = noise_ratio(fitted)
-    sentence = (
-        f"the angles scatter {np.sqrt(ratio or 0):.3g} times as much as their windows state; the"
-        " errors hold that, but what makes it is not known: look at the residual of demodulate,"
-        " and run diagnose on free runs"
-    )
-    return at_most("noise_over_stated", 0.0 if ratio is None else ratio, LARGEST_NOISE, sentence)
-
-
-def noise_ratio(fitted: Fitted) -> float | None:
-    """Mean over the runs of white noise found / expected (variances): what the windows state, and
-    the third of a walk's step that a block's mean holds, by which no walk is quite white; None
-    where no run states one."""
-    found = [
-        (
-            noise.white
-            / (
-                path.mode_number**2 * float(np.mean(path.angle_variance))
-                + noise.walk * float(np.median(path.width_s)) / 3
-            ),
-            len(path),
-        )
-        for path, noise in zip(fitted.paths, fitted.noises)
-        if np.mean(path.angle_variance) > 0
-    ]
-    return (
-        float(np.average([r for r, _ in found], weights=[n for _, n in found])) if found else None
-    )
-
-
 def _spread(layout: TableLayout, tried: VariantSolution) -> Check:
     drift = np.concatenate(
         [np.arange(layout.size)[layout.drift(j)] for j in range(len(layout.nodes))]
@@ -353,52 +306,3 @@ def _whiteness(fitted: Fitted, tried: Sequence[VariantSolution]) -> list[list[Ch
             ]
         )
     return out
-
-
-def say_noise(fitted: Fitted) -> dict[str, float | None]:
-    """The noise the variants were judged at: white against what the windows state, and the angle
-    random walk beside it."""
-    ratio = noise_ratio(fitted)
-    scale_factor = fitted.layout.mean_scale_factor(fitted.solution.coefficients)
-    return {
-        "white_over_stated": None if ratio is None else float(np.sqrt(ratio)),
-        "angle_random_walk_rad_sqrt_s": angle_random_walk(fitted) / abs(scale_factor)
-        if scale_factor
-        else None,
-    }
-
-
-def angle_random_walk(fitted: Fitted) -> float:
-    """Angle random walk of mθ, rad/√s: where every run shows it in the Allan deviation of what the fit
-    leaves, that one's, mean square of the runs by their lengths; else the likelihood's.
-
-    The walk that weighs the rows is the larger of a run's own and all runs' common one, with quick
-    noise that is no walk in its white part: right for weights and for what is too faint for one
-    run, no measure of what can be seen.
-    """
-    faint = float(np.sqrt(np.median([noise.walk for noise in fitted.noises])))
-    squares, seconds = [], []
-    for path, turn in zip(fitted.paths, fitted.turns, strict=True):
-        interval = float(np.median(path.interval_s))
-        rows = _longest_even_stretch(path.interval_s, interval)
-        count = rows.stop - rows.start
-        left = turn - predict_turn(path, fitted.layout, *[fitted.solution.coefficients] * 2)
-        width = float(np.median(path.width_s))
-        # a block of many windows that stand for their middle is nearly a plain mean
-        bend_off = path.bend_off_s if path.row_s > 0.99 * width else 0.0
-        if count < FEWEST_RATES:
-            return faint
-        terms = allan_terms(left[rows] / interval, interval, width, bend_off).coefficients
-        if not terms["angle_random_walk"].seen:
-            return faint
-        squares.append(terms["angle_random_walk"].value ** 2)
-        seconds.append(interval * count)
-    return float(np.sqrt(np.average(squares, weights=seconds)))
-
-
-def _longest_even_stretch(intervals: Array, usual: float) -> slice:
-    """The longest stretch of (n,) intervals that are the usual one."""
-    odd = np.flatnonzero(np.abs(intervals / usual - 1) > EVEN)
-    ends = np.concatenate([[-1], odd, [len(intervals)]])
-    longest = int(np.argmax(np.diff(ends)))
-    return slice(int(ends[longest]) + 1, int(ends[longest + 1]))

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...fitting.tables.increments import Path
-from ...fitting.tables.joint import Fitted, TableLayout, fit
+from ...fitting.tables.increments import AnglePath
+from ...fitting.tables.joint import Fitted, fit
+from ...fitting.tables.table_layout import TableLayout
 from .accuracy_stages import LadderSettings, list_first_stages
 from .column_spaces import measure_independence
 from .factors import build
@@ -22,7 +23,7 @@ LEAST_INDEPENDENCE = 0.02
 
 
 def fit_jointly(
-    forced: Fitted, free: Sequence[Path], settings: LadderSettings
+    forced: Fitted, free: Sequence[AnglePath], settings: LadderSettings
 ) -> tuple[Fitted, list[str]]:
     """All runs' fit, and the factors that its other columns do not hold."""
     layout = forced.layout

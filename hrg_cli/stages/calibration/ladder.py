@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.increments import Path
-from ...fitting.tables.joint import Fitted, Model
+from ...fitting.tables.increments import AnglePath
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.table_layout import Model
 from .accuracy_stages import LadderSettings, list_first_stages
 from .column_spaces import measure_independence
 from .factor_use import analyse_factors
@@ -37,7 +38,7 @@ NO_FREE_RUN = (
 
 def climb(
     forced: Fitted,
-    free: Sequence[Path],
+    free: Sequence[AnglePath],
     folds: Array,
     settings: LadderSettings,
     penalty: Array | None,

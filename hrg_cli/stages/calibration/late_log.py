@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...fitting.tables.increments import Path
+from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted, fit
 
 Array = np.ndarray
@@ -51,12 +51,12 @@ class Lateness:
         return {"late_s": self.value_s, "std_s": self.std_s, "taken_off_s": self.taken_s}
 
 
-def rate_slope(path: Path) -> Array:
+def rate_slope(path: AnglePath) -> Array:
     """dΩ_log/dt, rad/s² (n, 1)."""
     return np.gradient(path.rate_rad_s, path.middle(path.time_s))[:, None]
 
 
-def moves(path: Path) -> bool:
+def moves(path: AnglePath) -> bool:
     """Whether the logged rate changes within the run, so that the log's time matters."""
     if len(path) < 2 * PARTS:
         return False
@@ -74,11 +74,12 @@ def lateness_of(fitted: Fitted) -> Lateness | None:
     variance = float(solution.covariance[place, place]) * fitted.chi2_per_dof
     if not variance > 0 or scale == 0:
         return None
+    # The column's coefficient is −Kτ.
     value_s, std_s = -float(solution.coefficients[place]) / scale, float(np.sqrt(variance)) / scale
     return Lateness(value_s, abs(std_s)) if np.isfinite([value_s, std_s]).all() else None
 
 
-def set_right(path: Path, late_s: float) -> Path:
+def set_right(path: AnglePath, late_s: float) -> AnglePath:
     """The path with the rate that was logged `late_s` later, where the log holds it."""
     from scipy.interpolate import CubicSpline
 
@@ -90,7 +91,9 @@ def set_right(path: Path, late_s: float) -> Path:
     return replace(path, rate_integral_rad=integral).part(slice(int(held[0]), int(held[-1])))
 
 
-def follow(fitted: Fitted, others: Sequence[Path]) -> tuple[Fitted, list[Path], Lateness | None]:
+def follow(
+    fitted: Fitted, others: Sequence[AnglePath]
+) -> tuple[Fitted, list[AnglePath], Lateness | None]:
     """The fit, and other runs, with the logs set right, where a lateness is shown; else as they
     are."""
     late = lateness_of(fitted)
@@ -99,6 +102,7 @@ def follow(fitted: Fitted, others: Sequence[Path]) -> tuple[Fitted, list[Path], 
     logged, taken = fitted.paths, 0.0
     for _ in range(ROUNDS):
         taken += late.value_s
+        # From the logs as they were: a spline of a spline would smooth them at every round.
         fitted = fit([set_right(path, taken) for path in logged], fitted.layout)
         left = lateness_of(fitted)
         if left is None:

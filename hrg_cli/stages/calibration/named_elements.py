@@ -20,7 +20,7 @@ from ...effects import (
     quadrature_drive_phase_error,
 )
 from ...effects.effect import Effect
-from ...fitting.tables.increments import Path
+from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted
 
 Array = np.ndarray
@@ -72,7 +72,7 @@ def name_loop_elements(
     ]
 
 
-def _measure_damping(paths: Sequence[Path]) -> float:
+def _measure_damping(paths: Sequence[AnglePath]) -> float:
     """ν = −d ln a_A/dt of the free runs, 1/s."""
     slopes = [
         float(np.polyfit(p.time_s, np.log(np.maximum(p.main_amplitude, 1e-300)), 1)[0])

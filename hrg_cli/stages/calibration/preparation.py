@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.tables.increments import Path, path_of
+from ...fitting.tables.increments import AnglePath, path_of
 from ...records import Calibration, Resonator, Wave
 from ..one_gyro import of_one_gyro
 from ..usable import Usable, not_refused, with_known_rates
@@ -32,13 +32,13 @@ class KnownRates:
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedRuns:
     """Runs as paths of the wave angle, the nodes, and what to say of the programme."""
 
     usable: Usable
-    forced: list[Path]
+    forced: list[AnglePath]
     """Those the tables are made from."""
-    free: list[Path]
+    free: list[AnglePath]
     nodes: Array
     """(j,) of `axis`."""
     valid: tuple[float, float]
@@ -62,7 +62,7 @@ def prepare(
     nodes: list[float] | None,
     harmonics: int,
     needed: int,
-) -> Prepared:
+) -> PreparedRuns:
     """Paths with `harmonics` of 2mθ, nodes (None: from the runs), and whether the programme gives
     `needed` harmonics of the drift.
 
@@ -82,7 +82,7 @@ def prepare(
     forced, free, remarks = of_the_drive(paths)
     table_nodes, low, high, words = choose_nodes(forced, axis, nodes)
     findings = examine(forced, table_nodes, axis, needed)
-    return Prepared(
+    return PreparedRuns(
         usable,
         forced,
         free,
@@ -93,7 +93,7 @@ def prepare(
     )
 
 
-def of_the_drive(paths: Sequence[Path]) -> tuple[list[Path], list[Path], list[str]]:
+def of_the_drive(paths: Sequence[AnglePath]) -> tuple[list[AnglePath], list[AnglePath], list[str]]:
     """Forced runs, free runs, and what to say: where no run is forced, the free ones take their
     place."""
     forced, free = [p for p in paths if p.forced], [p for p in paths if not p.forced]

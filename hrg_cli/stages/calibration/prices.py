@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...fitting.tables.increments import Path
+from ...fitting.tables.increments import AnglePath
 from ...records import Calibration
 
 HOUR_S = 3600.0
@@ -31,7 +31,7 @@ def need(kind: str, axis: str) -> str:
 
 
 def an_hour_more(
-    record: Calibration, paths: Sequence[Path], more_s: float = HOUR_S
+    record: Calibration, paths: Sequence[AnglePath], more_s: float = HOUR_S
 ) -> dict[str, float]:
     """The tables' standard deviations (rms over nodes and angles) now and with an hour more of
     recordings like these.

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.tables.increments import Path
+from ...fitting.tables.increments import AnglePath
 from ...fourier import node_weights
 
 Array = np.ndarray
@@ -22,8 +22,15 @@ NODE_SPACING_DEGC = 15.0
 """Spacing of nodes laid over a temperature sweep."""
 
 
+def _spread_over_sweep(low: float, high: float, spacing: float, narrowest: float) -> Array:
+    """Even nodes over a sweep, two to nine; one in the middle of a range too narrow to bend over."""
+    if high - low <= narrowest:
+        return np.array([(low + high) / 2])
+    return np.linspace(low, high, int(np.clip(round((high - low) / spacing) + 1, 2, 9)))
+
+
 def choose_nodes(
-    paths: Sequence[Path], axis: str, given: Sequence[float] | None
+    paths: Sequence[AnglePath], axis: str, given: Sequence[float] | None
 ) -> tuple[Array, float, float, list[str]]:
     """(nodes, lowest and highest value the table may be used at, remarks): dwells become nodes at
     their means, a sweep gets even nodes."""
@@ -61,11 +68,9 @@ def choose_nodes(
     centres = _dwells(paths, axis)
     margin = SINGLE_NODE_MARGIN_DEGC if axis == "temperature" else SINGLE_NODE_MARGIN_HZ
     if centres is None:
-        spacing = NODE_SPACING_DEGC if axis == "temperature" else (high - low) / 4
-        count = (
-            int(np.clip(round((high - low) / spacing) + 1, 2, 9)) if high - low > 2 * margin else 1
+        centres = _spread_over_sweep(
+            low, high, NODE_SPACING_DEGC if axis == "temperature" else (high - low) / 4, 2 * margin
         )
-        centres = np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
     if len(centres) == 1:
         remark = (
             f"all runs are near {centres[0]:.6g} {unit}: one node, the tables hold from"
@@ -75,7 +80,7 @@ def choose_nodes(
     return centres, low, high, []
 
 
-def _dwells(paths: Sequence[Path], axis: str) -> Array | None:
+def _dwells(paths: Sequence[AnglePath], axis: str) -> Array | None:
     """Means of the groups of runs that each keep one temperature; None when runs sweep."""
     means = np.array([p.abscissa(axis).mean() for p in paths])
     spans = np.array([np.ptp(p.abscissa(axis)) for p in paths])
@@ -106,7 +111,7 @@ class Finding:
     refuses: bool
 
 
-def examine(paths: Sequence[Path], nodes: Array, axis: str, harmonics: int) -> list[Finding]:
+def examine(paths: Sequence[AnglePath], nodes: Array, axis: str, harmonics: int) -> list[Finding]:
     """What the runs cannot give at each node: two rates (K against D), both signs, the whole period
     of the wave angle."""
     findings: list[Finding] = []

@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting.checks import Check, goodness
 from ...fitting.envelopes.resonator_spread import slope_covariance
-from ...fitting.tables.joint import TableLayout
+from ...fitting.tables.table_layout import TableLayout
 from ...fourier import node_weights
 from ...records import Resonator
 from .programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ
@@ -124,6 +124,22 @@ class ResonatorCoefficients:
         return rows
 
 
+def _need_usable(resonator: Resonator, widest_degc: float) -> None:
+    """HrgError: a resonator that is refused, or whose runs span more than its coefficients hold for."""
+    if resonator.status == "refused":
+        raise HrgError(
+            f"a resonator file is refused ({'; '.join(resonator.status_reasons)}); identify it from"
+            " better runs"
+        )
+    span = resonator.temperature_span_degc
+    if span is not None and span > widest_degc:
+        raise HrgError(
+            f"a resonator file was identified from runs that span {span:.3g} °C; its"
+            " coefficients are those of no temperature: identify the runs of each temperature"
+            " by themselves and give each file with --resonator"
+        )
+
+
 def pool_resonators(
     resonators: Sequence[Resonator],
     axis: str,
@@ -143,18 +159,7 @@ def pool_resonators(
         else (SINGLE_NODE_MARGIN_HZ, "frequency", "Hz")
     )
     for r in resonators:
-        if r.status == "refused":
-            raise HrgError(
-                f"a resonator file is refused ({'; '.join(r.status_reasons)}); identify it from"
-                " better runs"
-            )
-        span = r.temperature_span_degc
-        if axis == "temperature" and span is not None and span > 2 * margin:
-            raise HrgError(
-                f"a resonator file was identified from runs that span {span:.3g} °C; its"
-                " coefficients are those of no temperature: identify the runs of each temperature"
-                " by themselves and give each file with --resonator"
-            )
+        _need_usable(r, 2 * margin if axis == "temperature" else np.inf)
     places = np.array([place_of(r, axis) for r in resonators])
     found = [coefficients_of(r) for r in resonators]
     wide = np.isfinite([low, high]).all() and len(nodes) > 1

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from ...fitting.checks import CHANCE
-from ...fitting.tables.increments import Path
-from ...fitting.tables.joint import PIECES, Fitted, TableLayout, piece_of
+from ...fitting.tables.increments import AnglePath
+from ...fitting.tables.joint import PIECES, Fitted, piece_of
+from ...fitting.tables.table_layout import TableLayout
 
 Array = np.ndarray
 NOT_REPEATED = 0.01
@@ -19,7 +20,7 @@ SINGULAR = 1e-7
 """Smallest eigenvalue of a programme's scaled normal matrix from which its offset is held."""
 
 
-def labels(paths: Sequence[Path], programmes: Mapping[str, str] | None) -> tuple[Array, str]:
+def labels(paths: Sequence[AnglePath], programmes: Mapping[str, str] | None) -> tuple[Array, str]:
     """Programme (R, S) of each piece, and what told it: names given, else the day of start_time,
     else warming against cooling."""
     if programmes:
@@ -43,11 +44,12 @@ def labels(paths: Sequence[Path], programmes: Mapping[str, str] | None) -> tuple
     return out, "warming and cooling"
 
 
-def sweep(path: Path) -> Array:
+def sweep(path: AnglePath) -> Array:
     """dT/dt of the increments, °C/s, smoothed over a twentieth of the run; zeros without a
     temperature."""
     if len(path) < 3 or not np.isfinite(path.temperature_degc).all():
         return np.zeros(len(path))
+    # A thermometer's steps are not a sweep: the slope is taken over a twentieth of the run.
     width = max(1, len(path) // 40)
     padded = np.pad(path.temperature_degc, width, mode="edge")
     time = np.pad(path.time_s, width, mode="edge")

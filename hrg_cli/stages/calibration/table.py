@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.tables.increments import Path
+from ...fitting.tables.increments import AnglePath
 from ...fourier import harmonic_basis, node_weights
 from ...records import Calibration
 from .factors import ellipticity, flattening, phase_ratio, quadrature
@@ -154,14 +154,14 @@ def measured_part(calibration: Calibration) -> dict[str, Any] | None:
     raise HrgError("the calibration's details are damaged (measured); make the calibration again")
 
 
-def corrections_along(calibration: Calibration, path: Path) -> tuple[Array, Array]:
+def corrections_along(calibration: Calibration, path: AnglePath) -> tuple[Array, Array]:
     """(D [rad/s], K) (n,) of a run's increments: the tables, and the part that the model measures."""
     x = path.middle(path.abscissa(calibration.axis))
     drift, scale = calibration.values_at(x, path.middle(path.angle_rad), np.diff(path.angle_rad))
     return drift + measured_drift(calibration, path), scale
 
 
-def measured_drift(calibration: Calibration, path: Path) -> Array:
+def measured_drift(calibration: Calibration, path: AnglePath) -> Array:
     """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in
     operation; zeros otherwise."""
     x = path.middle(path.abscissa(calibration.axis))

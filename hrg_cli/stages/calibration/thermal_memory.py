@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.increments import Path
-from ...fitting.tables.joint import Fitted, Model, TableLayout, fit, solve
+from ...fitting.tables.increments import AnglePath
+from ...fitting.tables.joint import Fitted, fit, solve
+from ...fitting.tables.table_layout import Model, TableLayout
 from ...fourier import coefficients_at
 from .column_spaces import solve_columns
 from .stability import LEAST_SWEEP_DEGC_S, sweep
@@ -67,10 +68,11 @@ def _with_memory(layout: TableLayout, coefficients: Array) -> TableLayout:
     """The layout with a column each for lag and hysteresis about these tables."""
     slope = _slope_over_temperature(layout, coefficients)
 
-    def lag(path: Path) -> Array:
+    def lag(path: AnglePath) -> Array:
         return (slope(path) * sweep(path))[:, None]
 
-    def hysteresis(path: Path) -> Array:
+    def hysteresis(path: AnglePath) -> Array:
+        # sign dT/dt without a jump: a soak has no branch of its own.
         return (slope(path) * np.tanh(sweep(path) / LEAST_SWEEP_DEGC_S))[:, None]
 
     return replace(
@@ -80,14 +82,16 @@ def _with_memory(layout: TableLayout, coefficients: Array) -> TableLayout:
     )
 
 
-def _slope_over_temperature(layout: TableLayout, coefficients: Array) -> Callable[[Path], Array]:
+def _slope_over_temperature(
+    layout: TableLayout, coefficients: Array
+) -> Callable[[AnglePath], Array]:
     """d(D − KΩ)/dT along a path, by central differences of the tables."""
     drift, scale = layout.tables(coefficients)
     harmonics = max(layout.drift_harmonics, layout.scale_harmonics)
     step = STEP * float(np.ptp(layout.nodes))
     kind = "linear" if layout.interpolation in ("linear", "monotone") else "cubic"
 
-    def slope(path: Path) -> Array:
+    def slope(path: AnglePath) -> Array:
         at, basis = layout.abscissa(path), path.angle_basis(harmonics)
 
         def derivative(table: Array) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...fitting.tables.joint import Fitted, Model, TableLayout, TableSolution, chi_square, solve
+from ...fitting.tables.joint import Fitted, TableSolution, chi_square, solve
 from ...fitting.tables.shrinkage import (
     FEWER_SWEEPS,
     SWEEPS,
@@ -16,6 +16,7 @@ from ...fitting.tables.shrinkage import (
     average_over_doubt,
     doubtful_harmonics,
 )
+from ...fitting.tables.table_layout import Model, TableLayout
 from .guards import VariantSolution
 from .resonators import ResonatorCoefficients
 from .variants import WHOLE_DRIFT, tie_course, variant

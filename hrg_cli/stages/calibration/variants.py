@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.increments import Path
-from ...fitting.tables.joint import Model, TableLayout
+from ...fitting.tables.increments import AnglePath
+from ...fitting.tables.table_layout import Model, TableLayout
 from .factors import reference_hz
 from .late_log import LATE
 from .resonators import ResonatorCoefficients
@@ -99,7 +99,7 @@ def tie_course(layout: TableLayout, course: str) -> Array:
 
 
 def measured_details(
-    name: str, layout: TableLayout, coefficients: Array, covariance: Array, paths: list[Path]
+    name: str, layout: TableLayout, coefficients: Array, covariance: Array, paths: list[AnglePath]
 ) -> dict[str, Any] | None:
     """What `compensate` and the exports need to compute the measured part of the drift in
     operation, one row a node."""

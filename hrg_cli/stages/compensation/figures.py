@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.increments import Path
+from ...fitting.tables.increments import AnglePath
 from ..calibration.figures import CELLS_A_PERIOD
 from ..figures_of_merit import allan_figures
 
@@ -30,7 +30,7 @@ class Totals:
         """Sum over the increments of the mean width of the blocks at their ends."""
         self.bend_off_s = 0.0
 
-    def add(self, path: Path, before: Array, after: Array) -> None:
+    def add(self, path: AnglePath, before: Array, after: Array) -> None:
         """Take in the increments whose rate is known: those whose errors are finite."""
         known = np.isfinite(after)
         if not known.any():
@@ -93,7 +93,7 @@ class Totals:
         return {"trade": trade, "allan": {**found.intervals, "chi2_per_dof": found.chi2_per_dof}}
 
 
-class Spread:
+class RateSpread:
     """Sums over the run of the squares of the stated deviations, and of errors over them."""
 
     def __init__(self) -> None:

@@ -85,6 +85,7 @@ def survey_run_down(recording: Recording, whole: Survey, found: RunDown, name: s
         inside = survey(recording.part(start, stop), name)
     except HrgError:
         return whole
+    # Little is left of a short ring: its own frequency would be noise.
     return whole if inside.refused else inside
 
 
@@ -94,6 +95,8 @@ def _find_row(recording: Recording, time_s: float) -> int:
         assert recording.sample_rate_hz is not None
         return min(
             len(recording.c),
+            # A millionth of a step: a time written in decimals may come out a little above a whole number of
+            # steps, as 0.1·3·10 does.
             max(0, int(np.ceil(time_s * recording.sample_rate_hz - 1e-6)) - recording.first_sample),
         )
     low, high = 0, len(recording.c)

@@ -16,8 +16,8 @@ import numpy as np
 
 from ...fitting.causes.extended_fit import DivergedError, ExtendedFit, unsettled_part
 from ...fitting.envelopes.envelope_runs import envelopes_of
+from ...fitting.samples.envelope_motion import BEND, CURVED
 from ...fitting.samples.spectrum import floor
-from ...fitting.samples.windows import BEND, CURVED
 from ...physics import ellipse
 from ...records import Wave
 from .drive_scatter import corner_hz

@@ -46,6 +46,7 @@ def make_continuous(x: Array, block: Periods, context: Array | None) -> Array | 
     at, angle, phase, carrier = rows
     path = np.stack(continue_angles(at, angle, phase, carrier, block.window_s))
     if context is not None:
+        # All that follows moves by the half turns that the context had been given before.
         path -= np.pi * np.round((path[:, known - 1] - context[-1, 1:]) / np.pi)[:, None]
     x[slice(None) if every else trusted, 2:] = path[:, known:].T
     others = finite & ~trusted

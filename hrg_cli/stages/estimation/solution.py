@@ -53,6 +53,7 @@ def solve_block(
     z = signals if finite.all() else signals[finite]
     if direct:
         u = envelopes_of_direct(z)
+        # Two equal sidebands at ψ = 0 are the direct signals: one solver serves both read-outs.
         z = from_sidebands(u, u)
     best, rms = closed_form(z, how.carrier_phase_rad)
     counts = np.zeros(len(z), np.int16)
@@ -66,6 +67,8 @@ def solve_block(
             max_iterations=how.max_iterations,
             carrier_known=how.carrier_phase_rad is not None,
         )
+        # The closed form is the global minimum: an iteration that ends above it ended elsewhere. Of
+        # a perfect fit the rms is rounding, hence the second term.
         stuck = ~(solution.residual_rms <= rms * (1 + WORSE) + 1e-7 * best[:, 0])
         counts = np.where(stuck, -np.abs(solution.evaluations), solution.evaluations)
         fit, rms = (

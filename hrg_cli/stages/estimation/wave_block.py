@@ -48,6 +48,7 @@ def write_block(
         phase_rad_std=std[:, 3],
         carrier_phase_rad_std=std[:, 4],
         residual_rms=misfit,
+        # With a carrier the envelope is the mean of two sidebands.
         signal_std=np.sqrt(_pool_noise(variances) / (1 if direct else 2)),
         iterations=iterations,
         flags=flags,

@@ -16,7 +16,7 @@ from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
 from ...fitting.envelopes.regressions import Regression
 from . import closing
-from .first_order_rows import Prepared, prepare_rows
+from .first_order_rows import PreparedRows, prepare_rows
 from .methods import ALL, name_parameters, solve_method
 from .outcome import Verdict
 from .splits import state_splits
@@ -39,7 +39,7 @@ def identify_by_regression(
 
 
 def judge_method(
-    answer: Regression, ready: Prepared, likelihood: Verdict, known: Known, method: str
+    answer: Regression, ready: PreparedRows, likelihood: Verdict, known: Known, method: str
 ) -> Verdict:
     """A regression's verdict; the frequency is the likelihood's, which every method has to know."""
     mode = ready.rows[0].mode_number

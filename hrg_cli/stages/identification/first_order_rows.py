@@ -18,7 +18,8 @@ from ...fitting.envelopes import coordinates, propagator
 from ...fitting.envelopes.base_fit import Known, freedom, nominal_scale_factor
 from ...fitting.envelopes.coordinates import SECOND_ORDER
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
-from ...fitting.envelopes.likelihood import Fit, Freedom, State, batch, fit, respond
+from ...fitting.envelopes.likelihood import Fit, Freedom, fit
+from ...fitting.envelopes.response import State, batch, respond
 from . import closing
 from .verdict import second_order_std
 
@@ -26,7 +27,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedRows:
     """What a regression starts from: the likelihood's rows as a first-order resonator shows them at
     its own mean frequency, the likelihood's coordinates (7,) and what is free.
     """
@@ -35,7 +36,7 @@ class Prepared:
     p: Array
     covariance: Array
     space: Freedom
-    beside: Prepared | None = None
+    beside: PreparedRows | None = None
     """The same with the scale of the second order one of its standard deviations larger; None where
     that scale is held."""
 
@@ -72,7 +73,7 @@ def hold_all_but_second_order(p: Array) -> Freedom:
     )
 
 
-def prepare_rows(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepared:
+def prepare_rows(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> PreparedRows:
     """The rows the likelihood was fitted to, averaged along its motion, without their phases' drift
     and second order.
 
@@ -105,7 +106,7 @@ def _weigh_second_order(best: Fit) -> float:
 
 def _take_off_second_order(
     runs: Sequence[EnvelopeRun], known: Known, best: Fit, scale: float
-) -> Prepared:
+) -> PreparedRows:
     """The likelihood's rows less `scale` times what the second order does to them."""
     data, state = best.response.batch, best.response.state
     x = data.time_s / data.span_s[:, None]
@@ -130,4 +131,4 @@ def _take_off_second_order(
     p, _, covariance = propagator.identify(
         thin, space, np.append(best.p[:6], 0.0), np.zeros(len(thin))
     )
-    return Prepared(thin, p, covariance, space)
+    return PreparedRows(thin, p, covariance, space)

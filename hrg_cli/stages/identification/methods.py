@@ -24,7 +24,7 @@ from ...fitting.envelopes.base_fit import Known
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
 from ...fitting.envelopes.regressions import Regression
-from .first_order_rows import Prepared
+from .first_order_rows import PreparedRows
 from .verdict import ORDER
 
 Array = np.ndarray
@@ -45,7 +45,7 @@ RegressionMethod = Literal[
 ALL: tuple[RegressionMethod, ...] = get_args(RegressionMethod)
 
 
-def solve_method(method: str, ready: Prepared, best: Fit, eliminate_rate: bool) -> Regression:
+def solve_method(method: str, ready: PreparedRows, best: Fit, eliminate_rate: bool) -> Regression:
     """One method's answer; how far the scale of the second order is unknown is in its
     covariance."""
     answer = _solve_on_rows(method, ready, best, eliminate_rate)
@@ -60,10 +60,10 @@ def solve_method(method: str, ready: Prepared, best: Fit, eliminate_rate: bool) 
 
 def _solve_on_rows(
     method: str,
-    ready: Prepared,
+    ready: PreparedRows,
     best: Fit,
     eliminate_rate: bool,
-    spread: regressions.Spread | None = None,
+    spread: regressions.NoiseSpread | None = None,
 ) -> Regression:
     """One method's answer on rows of the first order; what noise does to it may be known
     (`spread`)."""

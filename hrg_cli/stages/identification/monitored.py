@@ -69,6 +69,12 @@ def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Ver
         "damping_split_per_mhz_1_s": found.trap_1_s_per_mhz,
         **_crossings(thin if driven else [], free, float(found.value[0]), values, mode),
     }
+    _say_limits(verdict, found)
+    return verdict
+
+
+def _say_limits(verdict: Verdict, found: working_mode.Monitor) -> None:
+    """What a working mode cannot tell, in the numbers of these runs."""
     verdict.flat = [
         (
             f"the damping split enters the phase with 2·a_B/a_A = {2 * found.quadrature_rms:.2g}"
@@ -80,12 +86,11 @@ def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Ver
             " and about 2ν with a ring electrode"
         ),
     ]
-    if std["damping_split_1_s"] > 0.3 * abs(found.value[0]):
+    if verdict.std["damping_split_1_s"] > 0.3 * abs(found.value[0]):
         verdict.suspect.append(
             "damping_split_1_s is not determined in the working mode with so little quadrature; use"
             " a free run-down"
         )
-    return verdict
 
 
 def _thinned(runs: Sequence[EnvelopeRun]) -> list[EnvelopeRun]:
@@ -121,7 +126,7 @@ def _crossings(
         thin = _thinned(free)
         found = axis_crossings.free_crossings(thin)
         several += axis_crossings.axes(found, thin)
-        turned = axis_crossings.combined(found, mode)
+        turned = axis_crossings.combine_estimates(found, mode)
         both = [turned] if whole is None else [whole, turned]
         whole = working_mode.combined_axis([(b["value"], b["std"]) for b in both], mode)
         assert whole is not None

@@ -1,18 +1,14 @@
 """Each bound of a declaration at its edge: the value on it, the next one beyond it, and what is not
 finite."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+import records_by_hand
 
 from hrg_cli.records import Column, Valid, Wave
 from hrg_cli.store.validity import attribute_problem, bound_together, values_problem
-
-sys.path[:0] = [str(Path(__file__).parent / "reporting")]
-import records_by_hand  # noqa: E402
 
 EDGES = (
     (Valid(above=2.0), 2.0, np.nextafter(2.0, 3.0), "above 2"),

@@ -19,7 +19,7 @@ from hrg_cli.commands import simulate as simulate_command
 from hrg_cli.errors import HrgError
 from hrg_cli.reporting import console
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 GYRO = """
 [device]
 frequency_hz = 1000.0

@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 from conftest import PACKAGE
-from test_batch import run_down, split_of
+from lot_recordings import run_down, split_of
 
 from hrg_cli import store
 from hrg_cli.errors import DiskFullError, HrgError

@@ -1,0 +1,65 @@
+"""Normal equations that add up over runs and sides, with constants of each group taken out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Least squares of (δω cos, δω sin, νδμ cos, νδμ sin): information (4, 4), its product with the
+    answer (4,), Σ of weighted targets², rows less constants."""
+
+    information: Array
+    product: Array
+    square: float
+    freedom: int
+
+    def __add__(self, other: Normal) -> Normal:
+        return Normal(
+            self.information + other.information,
+            self.product + other.product,
+            self.square + other.square,
+            self.freedom + other.freedom,
+        )
+
+    def solved(self) -> tuple[Array, Array]:
+        """(answer (4,), covariance (4, 4)) at the stated noise."""
+        scale = 1 / np.sqrt(np.maximum(np.diag(self.information), 1e-300))
+        unit = self.information * np.outer(scale, scale)
+        covariance = np.linalg.pinv(unit, rcond=1e-12, hermitian=True) * np.outer(scale, scale)
+        return covariance @ self.product, covariance
+
+    def misfit(self, answer: Array) -> float:
+        """χ² of an answer (4,)."""
+        return float(self.square - 2 * answer @ self.product + answer @ self.information @ answer)
+
+
+def add_normals(parts: Iterable[Normal]) -> Normal:
+    """All of them together."""
+    return reduce(Normal.__add__, parts)
+
+
+def normal(columns: Array, target: Array, std: Array, group: Array, own: int = 0) -> Normal:
+    """Least squares of target (n,) by columns (n, own + 4), each group (n,) of rows with a constant
+    of its own; the first `own` unknowns are nobody else's."""
+    joined = take_means_off(np.column_stack([columns, target]), std, group)
+    basis = np.linalg.qr(joined[:, :own])[0]
+    joined = (joined - basis @ (basis.T @ joined))[:, own:]
+    x, y = joined[:, :-1], joined[:, -1]
+    return Normal(x.T @ x, x.T @ y, float(y @ y), len(y) - len(np.unique(group)) - own)
+
+
+def take_means_off(columns: Array, std: Array, group: Array) -> Array:
+    """Columns (n, k) over std (n,), less the weighted mean of each group (n,)."""
+    index = np.unique(group, return_inverse=True)[1]
+    weight = 1 / std**2
+    total = np.bincount(index, weight)
+    mean = np.stack([np.bincount(index, weight * c) for c in columns.T], axis=1) / total[:, None]
+    return np.asarray((columns - mean[index]) / std[:, None])

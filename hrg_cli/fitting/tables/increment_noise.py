@@ -1,0 +1,149 @@
+"""The noise of a run's increments: white angle noise and angle random walk, their covariance in bands, and
+what whitens by it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import HrgError
+from .increments import AnglePath
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class AngleNoise:
+    """White angle noise: `white` scales the shape of the blocks' stated variances (rad² of mθ);
+    `walk` is q, rad²/s of mθ."""
+
+    white: float
+    walk: float
+
+
+def noise_shape(path: AnglePath) -> Array:
+    """Relative white variance of the blocks, mean one; the level is always estimated from the
+    residuals."""
+    mean = float(np.mean(path.angle_variance))
+    return (
+        path.angle_variance / mean
+        if mean > 0 and (path.angle_variance > 0).all()
+        else np.ones(len(path.angle_variance))
+    )
+
+
+def covariance_bands(path: AnglePath, noise: AngleNoise) -> Array:
+    """Lower band form (2, n) of the increments' tridiagonal covariance."""
+    white, width = noise.white * noise_shape(path), path.width_s
+    bands = np.zeros((2, len(path)))
+    bands[0] = (
+        white[1:]
+        + white[:-1]
+        + noise.walk * np.maximum(path.interval_s - (width[1:] + width[:-1]) / 6, 0)
+    )
+    # Neighbouring increments share a block: its angle noise enters them with opposite signs.
+    # Averaging a walk over the block's width w moves q·w/6 from each increment into their
+    # covariance.
+    bands[1, :-1] = -white[1:-1] + noise.walk * width[1:-1] / 6
+    return bands
+
+
+NOT_POSITIVE = (
+    "the covariance of the increments is not positive; times or widths of the windows do not fit"
+    " together"
+)
+
+
+def whiten(bands: Array, columns: Array) -> tuple[Array, float]:
+    """(L⁻¹·columns, log det V) for the covariance V = L Lᵀ given by its lower bands; rows of the
+    result are independent, variance one."""
+    from scipy.linalg.lapack import dpbtrf, dtbtrs
+
+    factor, failed = dpbtrf(bands, lower=1)
+    if failed:
+        raise HrgError(NOT_POSITIVE)
+    white, _ = dtbtrs(factor, columns, uplo="L")
+    return np.asarray(white).reshape(columns.shape), 2 * float(np.log(factor[0]).sum())
+
+
+class Whitener:
+    """`whiten` a stretch of rows at a time: the factor is two numbers a row, only the columns are
+    large."""
+
+    def __init__(self, bands: Array) -> None:
+        from scipy.linalg.lapack import dpbtrf
+
+        self.factor, failed = dpbtrf(bands, lower=1)
+        if failed:
+            raise HrgError(NOT_POSITIVE)
+        self.row, self.last = 0, np.zeros(0)
+
+    def next(self, columns: Array) -> Array:
+        """The next rows of L⁻¹·columns."""
+        from scipy.linalg.lapack import dtbtrs
+
+        first, stop = self.row, self.row + len(columns)
+        if first:
+            # The first row of a stretch hangs on the last of the one before by L's one band below.
+            columns[0] -= self.factor[1, first - 1] * self.last
+        white, _ = dtbtrs(self.factor[:, first:stop], columns, uplo="L")
+        self.row, self.last = stop, white[-1].copy()
+        return np.asarray(white)
+
+
+NEEDED_GAIN = 6.0
+"""Fall of −2 ln L that a run's own random walk must bring, the walk common to all runs apart."""
+
+
+def estimate_noise(path: AnglePath, residual: Array, lost_degrees: float = 0.0) -> AngleNoise:
+    """White angle noise and angle random walk of a run by maximum likelihood from residual
+    increments (n,).
+
+    One parameter (their ratio) is searched; the level follows from the whitened residual. White
+    noise that a walk hides is what the windows state, unless the residual denies it.
+    `lost_degrees`: degrees of freedom the fit took from this run.
+    """
+    time = float(np.median(path.interval_s))
+    degrees = max(len(residual) - lost_degrees, 1.0)
+
+    def look(log_ratio: float) -> tuple[float, float]:
+        """(whitened square, log determinant) with white noise one and q·Δt in this ratio to it."""
+        bands = covariance_bands(path, AngleNoise(1.0, np.exp(log_ratio) / time))
+        white, log_determinant = whiten(bands, residual)
+        return max(float(white @ white), 1e-300), log_determinant
+
+    def free(log_ratio: float) -> float:
+        square, log_determinant = look(log_ratio)
+        return degrees * (np.log(square / degrees) + 1) + log_determinant
+
+    log_ratio, best = _lowest(free)
+    # e^−40 of the white noise: no walk at all.
+    if free(-40.0) <= best + NEEDED_GAIN:
+        return AngleNoise(look(-40.0)[0] / degrees, 0.0)
+    stated = path.mode_number**2 * float(np.mean(path.angle_variance))
+    if stated > 0:
+
+        def held(log_ratio: float) -> float:
+            square, log_determinant = look(log_ratio)
+            return degrees * np.log(stated) + square / stated + log_determinant
+
+        beside, likelihood = _lowest(held)
+        if likelihood <= best + NEEDED_GAIN:
+            return AngleNoise(stated, stated * float(np.exp(beside)) / time)
+    variance = look(log_ratio)[0] / degrees
+    return AngleNoise(variance, variance * float(np.exp(log_ratio)) / time)
+
+
+def _lowest(height: Callable[[float], float]) -> tuple[float, float]:
+    """Where a function of ln(q·Δt/white) is lowest, and how low."""
+    from scipy.optimize import minimize_scalar
+
+    # More than one minimum is possible: a coarse look over all ratios finds the lowest one's place.
+    grid = np.arange(-18.0, 21.1, 3.0)
+    near = grid[int(np.argmin([height(g) for g in grid]))]
+    found = minimize_scalar(
+        height, bounds=(near - 3.0, near + 3.0), method="bounded", options={"xatol": 0.05}
+    )
+    return float(found.x), float(found.fun)
