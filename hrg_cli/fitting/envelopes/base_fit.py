@@ -4,7 +4,7 @@ Gauss–Newton, phase order."""
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -119,10 +119,10 @@ def check_runs(runs: Sequence[EnvelopeRun]) -> None:
 
 
 def start_from_propagator(
-    runs: Sequence[EnvelopeRun], known: Known
+    runs: Sequence[EnvelopeRun], known: Known, from_shortest: bool = False
 ) -> tuple[Array, Array, Array, Freedom]:
     """Coordinates (7,), frequency offsets (R,), covariance of z and its freedom, by the propagator
-    from a rough guess."""
+    from a rough guess, over lags from the longest that it follows, or from the shortest."""
     span = max(r.duration_s for r in runs)
     p, offsets = propagator.guess_roughly(runs)
     if known.scale_factor is not None:
@@ -131,7 +131,7 @@ def start_from_propagator(
     thin = propagator.thin_to_beats(runs, p, offsets, propagator.START_BLOCKS, most)
     space = freedom(known, p, runs[0].mode_number, span)
     p = space.origin + space.directions @ np.linalg.pinv(space.directions) @ (p - space.origin)
-    p, offsets, covariance = propagator.identify(thin, space, p, offsets)
+    p, offsets, covariance = propagator.identify(thin, space, p, offsets, from_shortest)
     return p, offsets, covariance, space
 
 
@@ -218,18 +218,30 @@ def _rough_scale_factor(runs: Sequence[EnvelopeRun], known: Known) -> float:
 
 
 def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
-    """From the propagator's start, or, where that leads nowhere, from a rough guess."""
-    p, offsets, _, _ = start_from_propagator(runs, known)
-    result = _from_start(runs, known, blocks, p, offsets)
-    if result is None or not result.converged:
-        plain, offsets = propagator.guess_roughly(runs)
-        plain[5] = known.scale_factor if known.scale_factor is not None else plain[5]
-        again = _from_start(runs, known, blocks, plain, offsets)
-        if again is not None and (
-            result is None or has_run_away(result) or again.chi2 < result.chi2
-        ):
-            result = again
-    return result
+    """From the propagator's start, or, where that leads nowhere, from other ones: the best of them, by
+    χ² a degree of freedom, for their rows differ."""
+    best: Fit | None = None
+    for p, offsets in _starts(runs, known):
+        for held_first in (False, True):
+            result = _from_start(runs, known, blocks, p, offsets, held_first)
+            if result is None or has_run_away(result):
+                continue
+            if best is None or result.chi2 / result.dof < best.chi2 / best.dof:
+                best = result
+            if best.converged and best.chi2 < MISFIT * best.dof:
+                return best
+    return best
+
+
+def _starts(runs: Sequence[EnvelopeRun], known: Known) -> Iterator[tuple[Array, Array]]:
+    """Coordinates (7,) and frequency offsets (R,): by the propagator over what a rough guess follows,
+    over all lags (a weak normal mode that beats is not seen to be missed), and roughly."""
+    for from_shortest in (False, True):
+        p, offsets, _, _ = start_from_propagator(runs, known, from_shortest)
+        yield p, offsets
+    plain, offsets = propagator.guess_roughly(runs)
+    plain[5] = known.scale_factor if known.scale_factor is not None else plain[5]
+    yield plain, offsets
 
 
 def grow_phase_orders(result: Fit) -> Fit:
@@ -310,9 +322,18 @@ def second_order(result: Fit) -> float | None:
 
 
 def _from_start(
-    runs: Sequence[EnvelopeRun], known: Known, blocks: int, p: Array, offsets: Array
+    runs: Sequence[EnvelopeRun],
+    known: Known,
+    blocks: int,
+    p: Array,
+    offsets: Array,
+    held_first: bool,
 ) -> Fit | None:
-    """Blocks along a first motion and Gauss–Newton from it; None where it leads nowhere."""
+    """Blocks along a first motion and Gauss–Newton from it; None where it leads nowhere.
+
+    held_first: with the second order held until the phases have orders enough; one that bends pulls
+    its scale to thousands, and the rest after it.
+    """
     if not (np.all(np.isfinite(p)) and np.all(np.isfinite(offsets))):
         return None
     space = freedom(known, p, runs[0].mode_number, max(r.duration_s for r in runs))
@@ -320,8 +341,13 @@ def _from_start(
     p[SECOND_ORDER] = 1.0
     data = batch(propagator.thin_rows(runs, p, offsets, rows.rows_needed(p, runs, blocks)))
     z = np.linalg.pinv(space.directions) @ (p - space.origin)
+    start, phase = data.envelope[:, 0], (offsets * data.span_s)[:, None]
     try:
-        result = solve(data, space, z, data.envelope[:, 0], (offsets * data.span_s)[:, None])
+        if held_first:
+            near = grow_phase_orders(solve(data, without_second_order(space), z[:-1], start, phase))
+            state = near.response.state
+            z, start, phase = np.append(near.z, 1.0), state.start, state.phase
+        result = solve(data, space, z, start, phase)
     except np.linalg.LinAlgError:
         return None
     return result if np.isfinite(result.chi2) else None

@@ -40,6 +40,8 @@ PAIRS_A_LAG = 4
 two pairs, all."""
 SETTLED = 1e-3
 """Change of L times lag after which the next step, its square, is left to the next lag."""
+NEAR = 0.1
+"""Part of a run's energy the first guess may miss at a lag for the regressions to begin there."""
 LARGEST_STEP = 10.0
 """Change of L times lag above which a step is not believed."""
 
@@ -206,16 +208,21 @@ def regress(
 
 
 def identify(
-    runs: Sequence[EnvelopeRun], freedom: Freedom, p: Array, offsets: Array
+    runs: Sequence[EnvelopeRun],
+    freedom: Freedom,
+    p: Array,
+    offsets: Array,
+    from_shortest: bool = False,
 ) -> tuple[Array, Array, Array]:
     """Coordinates (7,), frequency offsets (R,) and covariance of z by regressions at growing lag,
-    from a first guess."""
+    from a first guess: from the longest lag that it follows, or from the shortest."""
     covariance = np.zeros((len(freedom.names),) * 2)
     lags = growing_lags(runs)
-    for lag in lags:
+    first = 0 if from_shortest else longest_lag_followed(runs, lags, p, offsets)
+    for lag in lags[first:]:
         misfit, data = np.inf, pairs(runs, lag, all_rows=lag == lags[-1])
         kept = (p, offsets, covariance)
-        for _ in range(1 + (FIRST_STEPS if lag == lags[0] else STEPS_A_LAG)):
+        for _ in range(1 + (FIRST_STEPS if lag == lags[first] else STEPS_A_LAG)):
             next_p, next_offsets, next_covariance, here = regress(data, freedom, p, offsets)
             if not here < misfit * (1 + 1e-9):
                 p, offsets, covariance = kept  # the last step made it worse
@@ -228,6 +235,30 @@ def identify(
             if moved < SETTLED:
                 break
     return p, offsets, covariance
+
+
+def longest_lag_followed(
+    runs: Sequence[EnvelopeRun], lags: Sequence[float], p: Array, offsets: Array
+) -> int:
+    """Place of the longest lag over which a guess misses little of any run's energy: no phase is
+    wrapped there, unless by a weak normal mode that beats."""
+    followed = (
+        i
+        for i in reversed(range(len(lags)))
+        if largest_miss(pairs(runs, lags[i]), p, offsets) < NEAR
+    )
+    return next(followed, 0)
+
+
+def largest_miss(data: Pairs, p: Array, offsets: Array) -> float:
+    """Largest part of a run's energy that coordinates and offsets miss over the pairs."""
+    x, y = apply(
+        plain_exponential(p, data.dt, data.turn, offsets[data.run]),
+        (data.before[:, 0], data.before[:, 1]),
+    )
+    left = np.abs(data.after[:, 0] - x) ** 2 + np.abs(data.after[:, 1] - y) ** 2
+    energy = np.sum(np.abs(data.after) ** 2, axis=1)
+    return float(np.max(np.add.reduceat(left, data.first) / np.add.reduceat(energy, data.first)))
 
 
 def growing_lags(runs: Sequence[EnvelopeRun]) -> list[float]:
