@@ -17,7 +17,7 @@ from ...records import Wave
 from .base_priors import freedom_of
 from .data import is_averaged_well, prepare
 from .drive_frame import late_frames
-from .drive_log import fit_lateness, is_thinkable, lateness
+from .drive_log import fit_lateness, is_thinkable, lateness, scattered_commands
 from .drive_ripple import Ripple
 from .drive_scatter import allow, allowed_for, has_log
 from .lost_samples import PhaseStep
@@ -79,7 +79,7 @@ def _beside_log(fit: ExtendedFit) -> ExtendedFit:
     if not has_log(fit.series):
         return fit
     fit = allowed_for(fit)
-    answers = [Ripple.of(fit).spread, late_frames(fit), lateness(fit)]
+    answers = [Ripple.of(fit).spread, late_frames(fit), lateness(fit), scattered_commands(fit)]
     return allow(fit, np.concatenate(answers, axis=1))
 
 

@@ -26,6 +26,8 @@ from .refits import HOPELESS
 from .thresholds import GROSS
 
 Array = np.ndarray
+COMMANDS = (("main_drive", "main_impulse"), ("quadrature_drive", "quadrature_impulse"))
+"""The commands and their integrals."""
 ROUNDS = 4
 REACH = 0.5
 """Standard deviation of τ beforehand, in the shortest run's row length: what is later than a row
@@ -87,19 +89,48 @@ def lateness(fit: ExtendedFit) -> Array:
     return REACH * row_length_s(fit.series) * column[:, None]
 
 
+def scattered_commands(fit: ExtendedFit) -> Array:
+    """What the commands' scatter from row to row does to the waves, of either command, over σ (N, 2):
+    how much of it was the drive's own nobody knows.
+
+    Single values of a noisy command hold noise that the drive's mean did not, and what follows from
+    it would be followed by the waves in part: as if every command were so much too large.
+    """
+    series = fit.series
+    if not np.any(Scatter.of(series).counts(series)):
+        return np.zeros((len(fit.residual), 0))
+    smooth, columns = beyond_scatter(series), []
+    for command, integral in COMMANDS:
+        part = getattr(series, command) - getattr(smooth, command)
+        area = np.zeros_like(part)
+        area[:, 1:] = np.cumsum(series.step_s * (part[:, 1:] + part[:, :-1]) / 2, axis=1)
+        changed = replace(
+            series,
+            **{
+                command: getattr(series, command) + STEP * part,
+                integral: getattr(series, integral) + STEP * area,
+            },
+        )
+        columns.append(whitened_rows.flatten_own(series, _change(fit, changed) / STEP))
+    return np.stack(columns, axis=-1)
+
+
 def of_lateness(
     fit: ExtendedFit, part: Callable[[MeasuredRuns], MeasuredRuns] = lambda series: series
 ) -> Array:
     """What is seen of a lateness of one second, over σ, (R, n, 4); of a part of the commands."""
-    flow, point, small = fit.flow, fit.point, STEP * row_length_s(fit.series)
-    later = delay_commands(fit.series, small, part(fit.series))
-    motion, rows = fit.prediction.motion, RungeKuttaStage(later, point)
-    halves = RungeKuttaStage(later.middle(), point)
-    at_rows = real(rows.beside(motion) - flow.rows.beside(motion))[..., None] / small
-    at_middle = (
-        real(halves.beside(flow.middle) - flow.halves.beside(flow.middle))[..., None] / small
-    )
-    direct = real(rows.seen(motion) - flow.rows.seen(motion))[..., None] / small
+    small = STEP * row_length_s(fit.series)
+    return _change(fit, delay_commands(fit.series, small, part(fit.series))) / small
+
+
+def _change(fit: ExtendedFit, other: MeasuredRuns) -> Array:
+    """By how much the waves change, over σ (R, n, 4), with the commands of another series."""
+    flow, point = fit.flow, fit.point
+    motion, rows = fit.prediction.motion, RungeKuttaStage(other, point)
+    halves = RungeKuttaStage(other.middle(), point)
+    at_rows = real(rows.beside(motion) - flow.rows.beside(motion))[..., None]
+    at_middle = real(halves.beside(flow.middle) - flow.halves.beside(flow.middle))[..., None]
+    direct = real(rows.seen(motion) - flow.rows.seen(motion))[..., None]
     carried = flow.viewed(flow.carried(at_rows, at_middle))
     return fit.prediction.judged(carried + direct)[..., 0]
 
@@ -137,10 +168,7 @@ def delay_commands(
     width = np.gradient(series.time_s, axis=1)
     width = np.where(width > 0, width, np.inf)
     changes = {}
-    for command, integral in (
-        ("main_drive", "main_impulse"),
-        ("quadrature_drive", "quadrature_impulse"),
-    ):
+    for command, integral in COMMANDS:
         values = getattr(moving, command)
         changes[command] = getattr(series, command) - late_s * np.gradient(values, axis=1) / width
         changes[integral] = getattr(series, integral) - late_s * values
