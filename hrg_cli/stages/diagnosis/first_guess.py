@@ -19,13 +19,18 @@ from ...effects.effect import frame
 from ...fitting.causes.designs import solve
 from ...fitting.causes.slow_equation import times
 from ...fitting.causes.wave_frame import real
-from ...fitting.envelopes import coordinates, propagator
+from ...fitting.envelopes import coordinates, propagator, rows
 from ...fitting.envelopes.base_fit import Known, freedom, start_from_propagator
 from ...fitting.envelopes.coordinates import COUNT, DAMPING, SCALE_FACTOR, SECOND_ORDER
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...records import Wave
 
 Array = np.ndarray
+MOST_A_WINDOW = 2.0
+"""Motion, rad, by which a wave may change from one window to the next."""
+MOST_GROWTH = 10.0
+"""Exponent by which a free wave may grow in the first guess: noise about a small damping makes far
+less."""
 
 
 def guess(
@@ -43,10 +48,14 @@ def guess(
     offsets = rough_offsets
     if free:
         from_free, found, _, _ = start_from_propagator(free, known)
-        if np.all(np.isfinite(from_free)):
+        if np.all(np.isfinite(from_free)) and not _is_of_noise(from_free, free):
             p = from_free
             offsets = rough_offsets.copy()
             offsets[[i for i, w in enumerate(waves) if w.mode != "forced"]] = found
+        else:
+            # priors are sized by the damping, and steps follow the phase as it was unwrapped
+            p[DAMPING] = p[DAMPING] or 1 / max(run.duration_s for run in free)
+            offsets = np.array([_mean_turn(wave) for wave in waves])
     else:
         p = np.zeros(COUNT)
         p[SCALE_FACTOR] = propagator.scale_factor(runs) if scale_factor is None else scale_factor
@@ -59,6 +68,25 @@ def guess(
         )
     p[SECOND_ORDER] = 1.0
     return p, offsets
+
+
+def _mean_turn(wave: Wave) -> float:
+    """Mean rate of a wave's own phase, rad/s."""
+    time, phase = np.asarray(wave.time_s, float), np.asarray(wave.phase_rad, float)
+    ends = np.flatnonzero(np.isfinite(phase))[[0, -1]]
+    return float(np.diff(phase[ends])[0] / np.diff(time[ends])[0])
+
+
+def _is_of_noise(p: Array, free: Sequence[EnvelopeRun]) -> bool:
+    """Whether coordinates p move free waves by more than a window could show, or let them grow beyond
+    all measure, as what was made of noise alone does."""
+    splitting = float(np.hypot(*p[DAMPING + 1 : DAMPING + 3]))
+    growth_1_s = splitting - float(p[DAMPING])
+    return any(
+        growth_1_s * run.duration_s > MOST_GROWTH
+        or rows.speed(run, p) * float(np.median(np.diff(run.time_s))) > MOST_A_WINDOW
+        for run in free
+    )
 
 
 def regress_driven(
