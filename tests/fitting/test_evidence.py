@@ -123,7 +123,7 @@ def test_blocks_beside_what_is_unknown_over_all_of_them_are_solved_as_the_whole(
     unknown = designs.orthonormal(random.standard_normal((len(J), 2)))
     design = designs.Design.of(J, blocks)
     shared = design.shared - unknown @ (unknown.T @ design.shared)
-    design = replace(design, shared=shared, unknown=unknown)
+    design = replace(design, shared=shared, unknown=designs.Basis((), unknown))
     whole = J - unknown @ (unknown.T @ J)
     np.testing.assert_allclose(design.whole(), whole, atol=1e-9 * np.abs(J).max())
     np.testing.assert_allclose(design.sizes(), np.linalg.norm(whole, axis=0), rtol=1e-9)

@@ -159,7 +159,7 @@ def test_what_all_runs_share_is_softened_as_a_whole_matrix_would_be():
     residual = rng.normal(size=rows)
     off = np.eye(rows) - (unknown * (1 - 1 / np.sqrt(1 + variance))) @ unknown.T
     whole = designs.Design.of(J, blocks)
-    design = designs.Design(whole.shared, whole.places, whole.own, unknown, basis.weight)
+    design = designs.Design(whole.shared, whole.places, whole.own, basis)
     want, covariance = designs.solve(off @ J, off @ residual)
     step, got = designs.factor_design(design).solve(
         basis.off(residual), np.zeros((0, 9)), np.zeros(0)

@@ -25,8 +25,7 @@ zero."""
 @dataclass(frozen=True)
 class Design:
     """A design J (N, k) kept in its parts: `shared` columns (N, s) at `places` (s,), and blocks
-    (rows, columns, values) of one run each; all of them less a `weight` (u,) of their part along
-    `unknown` (N, u).
+    (rows, columns, values) of one run each; all of them less their part along what is `unknown`.
 
     Memory grows with the rows, not with rows times runs. What is unknown may reach over all runs:
     a block less its part along it would be a block no more, so that part is taken off where the
@@ -36,10 +35,9 @@ class Design:
     shared: Array
     places: Array
     own: tuple[tuple[slice, slice, Array], ...] = ()
-    unknown: Array | None = None
-    """Orthonormal columns (N, u); None for none."""
-    weight: Array | None = None
-    """1 where nothing is known of it; None: so of all."""
+    unknown: Basis | None = None
+    """Its `shared` part is taken off here; what is unknown of one run alone is off the blocks
+    already."""
 
     @classmethod
     def of(cls, J: Array, blocks: Sequence[Block] = ()) -> Design:
@@ -97,19 +95,13 @@ class Design:
         whole = np.sum(values**2, axis=0)
         if self.unknown is None:
             return np.asarray(whole)
-        lost = 1 - (1 - self.weights) ** 2
-        return np.asarray(whole - lost @ (self.unknown[rows].T @ values) ** 2)
-
-    @property
-    def weights(self) -> Array:
-        """Of what is unknown, (u,)."""
-        assert self.unknown is not None
-        return np.ones(self.unknown.shape[1]) if self.weight is None else self.weight
+        # S → (1 − w)·S along a direction leaves (1 − w)² of its square
+        lost = 1 - (1 - self.unknown.weight) ** 2
+        return np.asarray(whole - lost @ (self.unknown.shared[rows].T @ values) ** 2)
 
     def _off(self, S: Array) -> Array:
-        if self.unknown is None:
-            return S
-        return S - self.unknown @ weighted(self.weights, self.unknown.T @ S)
+        """Columns (N, …) less their part along what is unknown."""
+        return S if self.unknown is None else self.unknown.off_shared(S)
 
 
 @dataclass(frozen=True)
@@ -133,7 +125,7 @@ class Basis:
 
     def off(self, S: Array) -> Array:
         """Columns (N, …) less their part along the basis."""
-        return self.off_own(S) - self.shared @ weighted(self.weight, self.shared.T @ S)
+        return self.off_shared(self.off_own(S))
 
     @property
     def weight(self) -> Array:
@@ -161,6 +153,10 @@ class Basis:
         for rows, Q in self.own:
             out[rows] -= Q @ (Q.T @ S[rows])
         return out
+
+    def off_shared(self, S: Array) -> Array:
+        """Columns (N, …) less their part along what reaches over all rows."""
+        return np.asarray(S - self.shared @ weighted(self.weight, self.shared.T @ S))
 
 
 @dataclass(frozen=True)
@@ -229,7 +225,7 @@ def factor_design(design: Design, tolerance: float = 1e-10) -> Factored:
         upper.append(np.zeros((len(part), count)))
         upper[-1][:, columns] = part
     first = Basis(tuple(own), np.zeros((len(design.shared), 0)))
-    unknown = np.zeros((len(design.shared), 0)) if design.unknown is None else design.unknown
+    unknown = np.zeros((len(design.shared), 0)) if design.unknown is None else design.unknown.shared
     # the blocks stand with their part along what is unknown, which therefore comes into the basis
     left = np.column_stack([unknown, design.shared / size[design.places]])
     beside = first.along(left)
@@ -240,8 +236,8 @@ def factor_design(design: Design, tolerance: float = 1e-10) -> Factored:
     triangle = np.concatenate([*upper, np.zeros((len(part), count))])
     triangle[:, design.places] = reach[:, unknown.shape[1] :]
     off = reach[:, : unknown.shape[1]]
-    if off.shape[1]:
-        triangle -= off @ weighted(design.weights, off.T @ triangle)
+    if design.unknown is not None:
+        triangle -= off @ weighted(design.unknown.weight, off.T @ triangle)
     # a column of nothing stays so: its rounding would be taken for a direction
     return Factored(Basis(tuple(own), Q), np.where(nothing, 0.0, triangle * size))
 

@@ -84,8 +84,7 @@ def design_of(flow: Propagation, layout: FitColumns) -> Design:
         np.concatenate([shared[:, list(layout.coordinates)], *beside], axis=1),
         layout.shared,
         blocks,
-        None if series.unsettled is None else series.unsettled.shared,
-        None if series.unsettled is None else series.unsettled.weight,
+        series.unsettled,
     )
 
 

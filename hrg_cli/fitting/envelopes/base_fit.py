@@ -236,8 +236,10 @@ def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | 
 def _starts(runs: Sequence[EnvelopeRun], known: Known) -> Iterator[tuple[Array, Array]]:
     """Coordinates (7,) and frequency offsets (R,): by the propagator over what a rough guess follows,
     over all lags (a weak normal mode that beats is not seen to be missed), and roughly."""
-    for from_shortest in (False, True):
-        p, offsets, _, _ = start_from_propagator(runs, known, from_shortest)
+    first, of_runs, _, _ = start_from_propagator(runs, known)
+    yield first, of_runs
+    p, offsets, _, _ = start_from_propagator(runs, known, from_shortest=True)
+    if not (np.array_equal(p, first) and np.array_equal(offsets, of_runs)):
         yield p, offsets
     plain, offsets = propagator.guess_roughly(runs)
     plain[5] = known.scale_factor if known.scale_factor is not None else plain[5]

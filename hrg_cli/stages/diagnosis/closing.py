@@ -42,6 +42,8 @@ Array = np.ndarray
 LEAST_INFORMATION = 1e-4
 """Part of all information on a combination of numbers that the other runs must hold to predict it
 at all."""
+ROUNDING = 1e-9
+"""Of what stands still: an order by its rounding is none."""
 
 
 def word(causes: bool, is_open: bool) -> str:
@@ -109,10 +111,6 @@ def closing_checks(
         ),
         *_written(written),
     ]
-
-
-ROUNDING = 1e-9
-"""Of what stands still: an order by its rounding is none."""
 
 
 def _whiteness(fit: ExtendedFit) -> Iterator[Check]:

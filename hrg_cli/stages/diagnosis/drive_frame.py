@@ -11,7 +11,7 @@ beside the wave by ε in angle and η in phase:
   the damping along the wave makes harmonics 4θ that no K holds.
 - Followed by a loop of second order (natural frequency ω_n, damping 1/√2): ε and η are the wave's angle
   and phase through −s²/(s² + √2 ω_n s + ω_n²), which passes all that is quicker than ω_n. A frequency
-  split moves the phase in 4θ, and a loop of 1 Hz leaves a quarter of it where the wave turns by 3 rad/s.
+  split moves the phase in 4θ, and a loop of 1 Hz leaves a quarter of it where mθ turns by 1.65 rad/s.
 
 No log holds τ or ω_n. Any lateness that still lets loops hold the wave, and loops of any bandwidth
 between a run's length and a row, are therefore allowed for, the same in all runs together: one board
@@ -36,12 +36,13 @@ MOST_LATE_RAD = 0.3
 """Turn of the wave within a frame's lateness: a third as much force across the wave as along it is more
 than a loop bears that is meant to hold it."""
 BANDWIDTHS = 5
-"""Loops allowed for, evenly in the logarithm of their natural frequency: what lies between two of them
-is a mean of both to some percent."""
+"""Loops allowed for, evenly in the logarithm of their natural frequency: of a frequency split's phase
+over some cycles, one between two of them leaves a combination of what all of them leave, to 4 %."""
 FINER = 4
 """Instants a row at which a loop's answer is followed."""
 DAMPING = 0.5**0.5
-"""Of the loops: between a quarter and twice that their answers are alike within their spread."""
+"""Of the loops: what one with up to four times as much leaves is a combination of theirs to 2 %, with
+half of it to a sixth."""
 
 
 def late_frames(fit: ExtendedFit) -> Array:
@@ -102,20 +103,19 @@ def _answers(series: MeasuredRuns, course: Array, turning_rad_s: float) -> Array
     """By how much the commands' frame stands beside a course (R, n), for one standard deviation of its
     lateness and for every loop that may follow it, (R, n, k)."""
     late_s = MOST_LATE_RAD / turning_rad_s if turning_rad_s > 0 else 0.0
-    answers = [-late_s * _slope(series.time_s, course)]
+    late = -late_s * _slope(series.time_s, course)
     lengths = [np.ptp(t[w > 0]) for t, w in zip(series.time_s, series.weight, strict=True)]
     slowest, fastest = 2 * np.pi / max(lengths), 1 / row_length_s(series)
-    for natural in np.geomspace(slowest, max(fastest, slowest), BANDWIDTHS):
-        answers.append(_unfollowed(series, course, natural))
-    return np.stack(answers, axis=-1)
+    natural = np.geomspace(slowest, max(fastest, slowest), BANDWIDTHS)
+    return np.concatenate([late[..., None], _unfollowed(series, course, natural)], axis=-1)
 
 
-def _unfollowed(series: MeasuredRuns, course: Array, natural_rad_s: float) -> Array:
-    """What a loop of second order leaves of a course (R, n) that it has followed steadily before: −s²/(s²
-    + √2 ω_n s + ω_n²), by the bilinear rule on a fine grid."""
+def _unfollowed(series: MeasuredRuns, course: Array, natural_rad_s: Array) -> Array:
+    """What loops of second order leave of a course (R, n) that they have followed steadily before,
+    (R, n, loops): −s²/(s² + √2 ω_n s + ω_n²), by the bilinear rule on a fine grid."""
     from scipy import signal
 
-    out = np.zeros_like(course)
+    out = np.zeros((*course.shape, len(natural_rad_s)))
     for k, (t, weight) in enumerate(zip(series.time_s, series.weight, strict=True)):
         good = weight > 0
         if not course[k].any():
@@ -123,10 +123,11 @@ def _unfollowed(series: MeasuredRuns, course: Array, natural_rad_s: float) -> Ar
         grid = np.linspace(t[good][0], t[good][-1], FINER * int(np.count_nonzero(good)))
         values = np.interp(grid, t[good], course[k][good])
         values -= np.polynomial.Polynomial.fit(grid, values, 1)(grid)
-        rule = signal.bilinear(
-            [-1.0, 0.0, 0.0],
-            [1.0, 2 * DAMPING * natural_rad_s, natural_rad_s**2],
-            1 / (grid[1] - grid[0]),
-        )
-        out[k] = np.interp(t, grid, signal.lfilter(*rule, values))
+        for loop, natural in enumerate(natural_rad_s):
+            rule = signal.bilinear(
+                [-1.0, 0.0, 0.0],
+                [1.0, 2 * DAMPING * natural, natural**2],
+                1 / (grid[1] - grid[0]),
+            )
+            out[k, :, loop] = np.interp(t, grid, signal.lfilter(*rule, values))
     return out

@@ -129,10 +129,8 @@ def allowed_for(fit: ExtendedFit) -> ExtendedFit:
         if np.any(scatter.counts(fit.series)):
             runs = _runs(fit, scatter, forces)
             part = _part(fit.residual, runs)
-            fit = soften(fit, [(run.rows, part * run.doings) for run in runs])
-            if forces is _of_commands:
-                series = replace(fit.series, scatter_part=part)
-                fit = extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
+            told = part if forces is _of_commands else fit.series.scatter_part
+            fit = soften(fit, [(run.rows, part * run.doings) for run in runs], told)
     return fit
 
 
@@ -148,14 +146,17 @@ def row_length_s(series: MeasuredRuns) -> float:
     return float(min(lengths))
 
 
-def soften(fit: ExtendedFit, doings: Sequence[tuple[slice, Array]]) -> ExtendedFit:
+def soften(
+    fit: ExtendedFit, doings: Sequence[tuple[slice, Array]], scatter_part: float
+) -> ExtendedFit:
     """The fit again where columns (N, k) over σ of some rows may stand beside it with standard
-    deviation 1 each."""
+    deviation 1 each; `scatter_part` is what that makes of the log's scatter."""
     new = tuple((rows, *_directions(columns)) for rows, columns in doings)
     known = fit.series.scatter
     series = replace(
         fit.series,
         scatter=Softened((*(() if known is None else known.own), *new)),
+        scatter_part=scatter_part,
         unsettled=_whitened(fit.series.unsettled, Softened(new)),
     )
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
