@@ -21,7 +21,7 @@ from .case import Case
 from .drive_scatter import TOLD, Scatter
 from .gain import folds_of, predict_folds
 from .places import another_start, beside_strike
-from .scoring import is_small
+from .scoring import is_possible
 from .search import Search
 from .thresholds import (
     BOUND_COST,
@@ -237,9 +237,10 @@ def _causes(search: Search, waveform: Sequence[dict[str, object]]) -> Iterator[C
             f"{name} is no more than {sigma:.2g} of its σ off zero",
         )
         yield from beside_drive_log(name, sigma, walk)
-        small = is_small(one.variant.effect, fit.values(name), fit)
         yield checks.holds(
-            f"{name}_is_small", small, f"{name} came out larger than such a cause can be"
+            f"{name}_is_possible",
+            is_possible(one.variant.effect, fit),
+            f"{name} came out larger than such a cause can be, or of a sign that it cannot have",
         )
         yield checks.at_most(
             f"{name}_is_told_apart",

@@ -23,7 +23,7 @@ from .damping_form import Form, TriedForm
 from .inquiry import Inquiry, NoiseLevel
 from .refits import adopt, bic, hold_unseen
 from .remainder import search_rest
-from .scoring import score_effects
+from .scoring import is_possible, score_effects
 from .search import Found, Search, prune_causes
 from .shapes import (
     FREE,
@@ -186,6 +186,7 @@ def _beside(fit: ExtendedFit, inquiry: Inquiry) -> tuple[ExtendedFit, list[Found
             with contextlib.suppress(extended_fit.DivergedError):
                 trials.append((adopt(fit, score, variant, QUICK), score, variant))
         trials = [t for t in trials if bic(fit) - bic(t[0]) > WORTH * noise.slow]
+        trials = [t for t in trials if is_possible(t[2].effect, t[0])]
         if not trials:
             break
         level = min(bic(t[0]) for t in trials)

@@ -27,7 +27,7 @@ from .beside_misfit import Spectrum, independent
 from .case import Case
 from .refits import leave_out
 from .remainder import search_rest
-from .scoring import is_gross, is_small, number_of_places, score_effects
+from .scoring import is_gross, is_possible, number_of_places, score_effects
 from .search import Found
 from .thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WORTH
 from .variants import Variant, variants
@@ -114,7 +114,7 @@ def _clearest(fit: ExtendedFit, effects: Sequence[Effect]) -> tuple[ExtendedFit,
         }
         values = {**best.variant.values, **{name: size for name, (size, _) in sizes.items()}}
         again = with_held(fit, best.variant.effect, values)
-        if not (again.converged and is_small(best.variant.effect, values, again)):
+        if not (again.converged and is_possible(best.variant.effect, again)):
             return None
         S = fit.sensitivities([best.variant.wanted])[0]
         score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)

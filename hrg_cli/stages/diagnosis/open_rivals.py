@@ -66,7 +66,7 @@ def give_way_to_open_terms(case: Case) -> Case:
             start = beyond
             continue
         rival = _rival(case, start, count, beyond)
-        if _is_open(rival, case.search.found[count:]):
+        if _is_open(rival, case.search.found[count:], case.inquiry.noise.slow):
             mimic = rival.mimics(case)
             # nothing is given up for a description that leaves clearly more over
             near = rival.criterion < full + clearly
@@ -129,13 +129,15 @@ def _criterion(fit: ExtendedFit, beside: Remainder | None) -> float:
     return beside.chi2 + rank * float(np.log(len(fit.residual)))
 
 
-def _is_open(rival: Rival, found: Sequence[Found]) -> bool:
-    """Whether there are open terms, and none is only another spelling of a catalogued effect or a
-    special case of one that was found."""
+def _is_open(rival: Rival, found: Sequence[Found], slow: float) -> bool:
+    """Whether there are open terms, and none is only another spelling of a catalogued effect, which
+    does as well, or a special case of one that was found."""
     visible = [s for s in rival.ranked if s.visible]
     names = {one.variant.effect.name for one in found}
     return bool(rival.described.terms) and not any(
         evidence.correlate_spaces(t.score, s) > SAME
+        # of a gross misfit half a percent, which such forms may differ by, is much
+        and t.score.gain - s.gain < CLEARLY * slow
         and (s.rank <= t.score.rank or (s.name in names and t.score.rank == 1))
         for t in rival.described.terms
         for s in visible

@@ -16,7 +16,7 @@ from ...effects.effect import Effect
 from ...fitting.causes import extended_fit, fit_point
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import ExtendedFit
-from .scoring import is_gross, is_small, price_of_place, worth
+from .scoring import is_gross, is_possible, price_of_place, worth
 from .thresholds import CLEARLY, WORTH
 from .variants import Variant
 
@@ -145,7 +145,7 @@ Trial = tuple[float, ExtendedFit, Score, Variant]
 
 
 def refit(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
-    """The candidates refitted, best first; what did not settle or came out larger than thinkable is
+    """The candidates refitted, best first; what did not settle or came out as no such cause can be is
     none.
 
     Many are refitted in few steps first, and to the end only the best of these and what comes within
@@ -168,8 +168,8 @@ def _refitted(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[
         if not trial.converged:
             trial = extended_fit.fit(trial.series, trial.point, trial.freedom, near=trial.flow.near)
             level = bic(trial)
-        effect, values = trial.point.active[-1]
-        if trial.converged and is_small(effect, values, trial) and _may_stand(effect, fit, trial):
+        effect, _ = trial.point.active[-1]
+        if trial.converged and is_possible(effect, trial) and _may_stand(effect, fit, trial):
             whole.append((level, trial, score, variant))
     return sorted(whole, key=lambda t: t[0])
 

@@ -11,7 +11,7 @@ from ...fitting.causes import evidence, scales
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import ExtendedFit
 from .places import placed
-from .thresholds import GROSS, MOST_TYPICAL, SMALL_IN_MOTION, SMALL_IN_READOUT
+from .thresholds import GROSS, MOST_TYPICAL, OWN_SIGMA, SMALL_IN_MOTION, SMALL_IN_READOUT
 from .variants import Variant
 
 
@@ -90,3 +90,19 @@ def is_small(effect: Effect, values: Mapping[str, float], fit: ExtendedFit) -> b
     u = fit.prediction.motion
     motion, seen = scales.strength(effect, values, u, fit.flow.rows.lit(u))
     return motion <= SMALL_IN_MOTION and seen <= SMALL_IN_READOUT
+
+
+def is_possible(effect: Effect, fit: ExtendedFit) -> bool:
+    """Whether an active effect came out as such a cause can be: of a thinkable size, and on the side
+    of neutral that physics allows.
+
+    What lies beyond a parameter's bound by chance is within `OWN_SIGMA` of its standard deviations,
+    misfit included: a friction that drives the wave is another cause's shadow.
+    """
+    values = fit.values(effect.name)
+    level = max(fit.chi2 / fit.dof, 1.0) ** 0.5
+    for p in effect.fitted():
+        reach = OWN_SIGMA * level * fit.parameter_std(effect.name, p.name)
+        if values[p.name] < p.minimum - reach:
+            return False
+    return is_small(effect, values, fit)

@@ -25,7 +25,7 @@ from .refits import (
     refit,
     shortlist,
 )
-from .scoring import is_gross, number_of_places, score_effects, worth
+from .scoring import is_gross, is_possible, number_of_places, score_effects, worth
 from .thresholds import GROSS, SIGNIFICANT, TOGETHER, WORTH
 from .variants import Variant
 
@@ -198,6 +198,7 @@ def exchange_causes(
             for trial, score, variant in adopt_hopeful(
                 reduced, shortlist(near, reduced, noise.slow), extended_fit.MOST_STEPS
             )
+            if is_possible(variant.effect, trial)
         ]
         trials.sort(key=lambda t: t[0])
         here = bic(fit)
@@ -222,8 +223,8 @@ def prune_causes(
     noise: NoiseLevel,
     without: Mapping[str, ExtendedFit],
 ) -> tuple[ExtendedFit, list[Found]]:
-    """Backward check: every effect must still be worth its price with the others there; its ΔBIC
-    becomes that of leaving it out.
+    """Backward check: every effect must still be worth its price with the others there, and be one
+    that can be; its ΔBIC becomes that of leaving it out.
 
     `without`: fits without an effect that are known already; what is beyond question is not fitted
     without.
@@ -234,16 +235,17 @@ def prune_causes(
         losses = []
         for one in found:
             name = one.variant.effect.name
-            if name not in without and stand_in.is_beyond_question(fit, name):
+            possible = is_possible(one.variant.effect, fit)
+            if possible and name not in without and stand_in.is_beyond_question(fit, name):
                 wald = fit.away(one.variant.effect)[1]
                 losses.append((evidence.criterion(wald / noise.slow, *_size(fit, name)), fit))
                 continue
             reduced = without[name] if name in without else leave_out(fit, name)
-            losses.append(
-                (np.inf, fit)
-                if reduced is None
-                else ((bic(reduced) - bic(fit)) / noise.slow, reduced)
-            )
+            if reduced is None:
+                losses.append((np.inf, fit))
+            else:
+                lost = (bic(reduced) - bic(fit)) / noise.slow
+                losses.append((lost if possible else -np.inf, reduced))
         worst = int(np.argmin([loss for loss, _ in losses]))
         if losses[worst][0] < WORTH:
             fit = losses[worst][1]
