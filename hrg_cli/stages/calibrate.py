@@ -30,6 +30,7 @@ from .calibration.prices import an_hour_more
 from .calibration.resonators import ResonatorCoefficients, pool_resonators
 from .calibration.stability import say_unstable
 from .calibration.summary import summary as summary
+from .calibration.table import say_between
 from .calibration.variant_solutions import Wanted
 from .calibration.variants import FACTORS
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
@@ -218,7 +219,7 @@ def calibrate(
         )
     record = chosen.record(runs.usable.waves, runs.valid, details)
     if not refusals:
-        record = _with_use(record, details, fitted)
+        record = _with_use(record, details, fitted).judged(say_between(record), "valid")
     return runs.judge(record, refusals, remarks)
 
 

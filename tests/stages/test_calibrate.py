@@ -46,11 +46,10 @@ def normalised_errors(
 
 @pytest.mark.parametrize("walk", [0.0, 1e-11])
 def test_errors_at_unseen_points_are_as_stated(walk):
+    """Quadratic over five nodes, which show that nothing bends further."""
     drift, scale = (
         np.concatenate(z)
-        for z in zip(
-            *(normalised_errors(s, (-20, 20, 60), duration=20.0, walk=walk) for s in range(6))
-        )
+        for z in zip(*(normalised_errors(s, duration=12.0, walk=walk) for s in range(6)))
     )
     for z in (drift, scale):
         # six gyros with some nine independent coefficients each: the rms of z scatters by 10 %

@@ -1,5 +1,5 @@
-"""What the residuals of a calibration say: stray odd harmonics (a defect of the electronics), doubt
-from interpolation."""
+"""What the residuals of a calibration say: stray odd harmonics (a defect of the electronics), angles
+too noisy for the harmonics."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from ...fitting.tables.increment_noise import covariance_bands, whiten
 from ...fitting.tables.joint import Fitted, TableSolution, predict_turn
-from ...fourier import harmonic_basis, node_weights
 
 Array = np.ndarray
 STRAY_PROBABILITY = 1e-6
@@ -87,46 +86,4 @@ def noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:
                 f"run {path.run_id or '?'}: angle noise of {spread:.2g} rad a block damps the"
                 f" harmonic {n}θ by {100 * lost:.1f} %; demodulate with longer windows"
             )
-    return out
-
-
-def interpolation_doubt(
-    fitted: Fitted, solution: TableSolution, chi2: float, drift_limit: int, scale_limit: int
-) -> dict[str, float]:
-    """Standard deviation that interpolation adds midway between nodes, from predicting each inner
-    node from the others.
-
-    Leaving a node out doubles the spacing; what noise explains of the misses is taken off, the rest
-    counts by a quarter (cubic; the outer stretches are the worst) or a third (linear, whose error
-    falls with the square of the spacing).
-    """
-    layout = fitted.layout
-    count = len(layout.nodes)
-    kind = "cubic" if layout.interpolation in ("cubic", "smooth") else "linear"
-    if count < (5 if kind == "cubic" else 3):
-        return {}
-    shrink = 1 / 4 if kind == "cubic" else 1 / 3
-    tables = layout.tables(solution.coefficients)
-    out = {}
-    for name, table, limit, part in (
-        ("drift_rad_s", tables[0], drift_limit, layout.drift),
-        ("scale_factor", tables[1], scale_limit, layout.scale),
-    ):
-        size = 1 + 2 * limit
-        basis = harmonic_basis(
-            np.linspace(0, np.pi / layout.mode_number, 24, endpoint=False),
-            limit,
-            layout.mode_number,
-        )
-        places = np.concatenate([np.arange(layout.size)[part(j)][:size] for j in range(count)])
-        covariance = solution.covariance[np.ix_(places, places)] * chi2
-        excess = 0.0
-        for j in range(1, count - 1):
-            rest = np.arange(count) != j
-            miss = np.zeros(count)
-            miss[j], miss[rest] = 1.0, -node_weights(layout.nodes[[j]], layout.nodes[rest], kind)[0]
-            rows = (miss[None, :, None] * basis[:, None, :]).reshape(len(basis), -1)
-            seen = rows @ table[:, :size].ravel()
-            excess += float(np.mean(seen**2 - np.einsum("ai,ij,aj->a", rows, covariance, rows)))
-        out[name] = shrink * float(np.sqrt(max(excess, 0.0) / (count - 2)))
     return out

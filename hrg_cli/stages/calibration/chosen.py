@@ -13,7 +13,7 @@ from ...fitting.tables.joint import Fitted, chi_square
 from ...fitting.tables.table_layout import Model
 from ...records import Calibration, Wave
 from .accuracy_stages import list_first_stages
-from .checks import interpolation_doubt
+from .between_nodes import interpolation_doubt
 from .choice import TriedVariant, solve_again
 from .figures import cells, figure_rows, predictions
 from .folds import choose_smoothness

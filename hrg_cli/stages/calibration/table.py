@@ -13,9 +13,18 @@ from ...errors import HrgError
 from ...fitting.tables.increments import AnglePath
 from ...fourier import harmonic_basis, node_weights
 from ...records import Calibration
+from .between_nodes import bump
 from .factors import ellipticity, flattening, phase_ratio, quadrature
 
 Array = np.ndarray
+TABLES = ("drift_rad_s", "scale_factor")
+"""What the details call the doubt that interpolation adds to D and K."""
+FEW_NODES = 4
+"""Nodes up to which none can be left out to see how well the others predict it."""
+TOLD = 3.0
+"""Times the standard deviation at the nodes from which the one midway between them is told."""
+ANGLES = 24
+"""Wave angles over which a standard deviation at the nodes is averaged."""
 
 
 def need_range(calibration: Calibration, x: Array, where: str) -> None:
@@ -55,11 +64,11 @@ def standard_deviations(
         )
     shape = bump(x, np.asarray(calibration.node, float))
     for first, size, key in (
-        (0, calibration.drift_harmonics.shape[1], "drift_rad_s"),
+        (0, calibration.drift_harmonics.shape[1], TABLES[0]),
         (
             calibration.drift_harmonics.shape[1],
             calibration.scale_factor_harmonics.shape[1],
-            "scale_factor",
+            TABLES[1],
         ),
     ):
         basis = harmonic_basis(wave_angle_rad, (size - 1) // 2, calibration.mode_number)
@@ -71,13 +80,29 @@ def standard_deviations(
     return out[0], out[1]
 
 
-def bump(x: Array, nodes: Array) -> Array:
-    """0 at the nodes, 1 midway between neighbours: where interpolation is least sure."""
-    if len(nodes) < 2:
-        return np.zeros(np.size(x))
-    left = np.clip(np.searchsorted(nodes, x) - 1, 0, len(nodes) - 2)
-    part = (np.asarray(x) - nodes[left]) / (nodes[left + 1] - nodes[left])
-    return np.asarray(4 * np.abs(part * (1 - part)))
+def say_between(calibration: Calibration) -> list[str]:
+    """What few nodes leave unknown between them, where that is more than the noise at them."""
+    nodes = np.asarray(calibration.node, float)
+    doubt = json.loads(calibration.details).get("interpolation_std")
+    if not doubt or len(nodes) > FEW_NODES:
+        return []
+    angle = np.linspace(0, np.pi / calibration.mode_number, ANGLES, endpoint=False)
+    at_nodes = standard_deviations(
+        calibration, np.repeat(nodes, ANGLES), np.tile(angle, len(nodes))
+    )
+    stds = [float(np.sqrt(np.mean(std**2))) for std in at_nodes]
+    if all(doubt[key] < TOLD * std for key, std in zip(TABLES, stds, strict=True)):
+        return []
+    unit = "°C" if calibration.axis == "temperature" else "Hz"
+    places = " and ".join(f"{x:.3g}" for x in (nodes[1:] + nodes[:-1]) / 2)
+    said, known = (
+        f"D to {np.degrees(drift) * 3600:.2g} °/h and K to {1e6 * scale:.2g} ppm"
+        for drift, scale in ([doubt[key] for key in TABLES], stds)
+    )
+    return [
+        f"no run shows how the tables bend between their {len(nodes)} nodes: midway they give {said}"
+        f" (at the nodes {known}), by how they bend from node to node; add dwells at {places} {unit}"
+    ]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,150 @@
+"""What tables do not know between their nodes: how far drift and scale factor may bend there unseen.
+
+Runs that dwell at a few nodes show orders T_k of the temperature (Chebyshev) below their number J, and
+none beyond; of those that they show, linear pieces and splines hold a part only. How the orders fall
+says how large the unseen ones may be: each is taken as Gaussian, ρ times the one before, with ρ
+anywhere from 0 to 1 and one size for all harmonics,
+
+    c_k ~ N(0, s²ρ^{2k}),  p(ρ | c_1 … c_{J−1}) ∝ Π_k ρ^{−kh} (Σ_k |c_k|² ρ^{−2k})^{−h(J−1)/2},
+
+(h harmonics, s integrated out). What interpolation misses of each order is added in squares.
+
+Of many nodes, or where runs pass between them, each inner node is predicted from the others instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from ...fitting.tables.joint import Fitted, TableSolution
+from ...fourier import harmonic_basis, node_weights
+
+Array = np.ndarray
+RATIOS = np.linspace(0.01, 1.0, 100)
+"""Of one order's size to that of the order before."""
+UNSEEN_ORDERS = 3
+"""Orders beyond those that the nodes show which are counted."""
+FINE = 201
+"""Places over the nodes' range at which an order is looked at."""
+BETWEEN = 0.5
+"""Of `bump`, from which a row stands between nodes and not at one."""
+PASSED = 0.1
+"""Part of the rows between nodes from which the runs themselves judge the interpolation."""
+MOST_ORDERS = 6
+"""Nodes up to which their values are told by orders: of more, even ones, a small error at a node is a
+large one of the highest."""
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    """One table's values at the nodes (J, harmonics), their covariance over both, and the angles'
+    basis (A, harmonics)."""
+
+    places: Array
+    values: Array
+    covariance: Array
+    basis: Array
+
+    def energy(self, combined: Array) -> float:
+        """Mean square over the wave angle of a combination (J,) of the nodes, less what noise makes
+        of it."""
+        rows = (combined[None, :, None] * self.basis[:, None, :]).reshape(len(self.basis), -1)
+        seen = rows @ self.values.ravel()
+        noise = np.einsum("ai,ij,aj->a", rows, self.covariance, rows)
+        return float(np.mean(seen**2 - noise))
+
+
+def bump(x: Array, nodes: Array) -> Array:
+    """0 at the nodes, 1 midway between neighbours: where interpolation is least sure."""
+    if len(nodes) < 2:
+        return np.zeros(np.size(x))
+    left = np.clip(np.searchsorted(nodes, x) - 1, 0, len(nodes) - 2)
+    part = (np.asarray(x) - nodes[left]) / (nodes[left + 1] - nodes[left])
+    return np.asarray(4 * np.abs(part * (1 - part)))
+
+
+def interpolation_doubt(
+    fitted: Fitted, solution: TableSolution, chi2: float, drift_limit: int, scale_limit: int
+) -> dict[str, float]:
+    """Standard deviation that interpolation adds midway between nodes, by table; empty where there
+    is one node, or where the runs pass between too few to leave one out."""
+    layout = fitted.layout
+    count = len(layout.nodes)
+    kind = "cubic" if layout.interpolation in ("cubic", "smooth") else "linear"
+    to_spare = count >= (5 if kind == "cubic" else 3)
+    by_orders = 2 <= count <= MOST_ORDERS and _only_at_nodes(fitted)
+    if not (to_spare or by_orders):
+        return {}
+    tables = layout.tables(solution.coefficients)
+    out = {}
+    for name, table, limit, part in (
+        ("drift_rad_s", tables[0], drift_limit, layout.drift),
+        ("scale_factor", tables[1], scale_limit, layout.scale),
+    ):
+        size = 1 + 2 * limit
+        angles = np.linspace(0, np.pi / layout.mode_number, 24, endpoint=False)
+        columns = np.concatenate([np.arange(layout.size)[part(j)][:size] for j in range(count)])
+        nodes = _Nodes(
+            layout.nodes,
+            table[:, :size],
+            solution.covariance[np.ix_(columns, columns)] * chi2,
+            harmonic_basis(angles, limit, layout.mode_number),
+        )
+        out[name] = _from_orders(nodes, kind) if by_orders else _from_left_out(nodes, kind)
+    return out
+
+
+def _only_at_nodes(fitted: Fitted) -> bool:
+    """Whether the runs dwell at the nodes, so that none would show how tables bend between them."""
+    layout = fitted.layout
+    x = np.concatenate([path.middle(path.abscissa(layout.axis)) for path in fitted.paths])
+    return float(np.mean(bump(x, layout.nodes) > BETWEEN)) < PASSED
+
+
+def _from_left_out(nodes: _Nodes, kind: str) -> float:
+    """From predicting each inner node from the others.
+
+    Leaving a node out doubles the spacing; what noise explains of the misses is taken off, the rest
+    counts by a quarter (cubic; the outer stretches are the worst) or a third (linear, whose error
+    falls with the square of the spacing).
+    """
+    shrink = 1 / 4 if kind == "cubic" else 1 / 3
+    count, excess = len(nodes.places), 0.0
+    for j in range(1, count - 1):
+        rest = np.arange(count) != j
+        miss = np.zeros(count)
+        miss[j], miss[rest] = 1.0, -node_weights(nodes.places[[j]], nodes.places[rest], kind)[0]
+        excess += nodes.energy(miss)
+    return shrink * float(np.sqrt(max(excess, 0.0) / (count - 2)))
+
+
+def _from_orders(nodes: _Nodes, kind: str) -> float:
+    """From what the interpolation misses of every order, seen and unseen."""
+    count, (low, high) = len(nodes.places), (nodes.places[0], nodes.places[-1])
+    within = np.linspace(-1, 1, FINE)
+    at_nodes = (2 * nodes.places - low - high) / (high - low)
+    to_orders = np.linalg.inv(chebyshev.chebvander(at_nodes, count - 1))
+    seen = [max(nodes.energy(row), 0.0) for row in to_orders[1:]]
+    sizes = [*seen, *_predict_orders(seen, nodes.values.shape[1])]
+    weights = node_weights(within, at_nodes, kind)
+    missed = [
+        float(np.max((order(within) - weights @ order(at_nodes)) ** 2))
+        for order in map(chebyshev.Chebyshev.basis, range(1, 1 + len(sizes)))
+    ]
+    return float(np.sqrt(np.dot(sizes, missed)))
+
+
+def _predict_orders(seen: list[float], harmonics: int) -> Array:
+    """Mean squares of the next orders (UNSEEN_ORDERS,) from those seen (K,) of the first ones."""
+    if not any(seen):
+        return np.zeros(UNSEEN_ORDERS)
+    order = np.arange(1, len(seen) + 1)
+    scaled = np.sum(np.array(seen) * RATIOS[:, None] ** (-2.0 * order), axis=1)
+    log_chance = -harmonics * (np.log(RATIOS) * order.sum() + len(seen) / 2 * np.log(scaled))
+    chance = np.exp(log_chance - log_chance.max())
+    of_zeroth = chance / chance.sum() * scaled / len(seen)
+    following = len(seen) + 1 + np.arange(UNSEEN_ORDERS)
+    return np.asarray(of_zeroth @ RATIOS[:, None] ** (2.0 * following))

@@ -1,0 +1,90 @@
+"""What a few dwells leave unknown between them is in the standard deviations, and is told."""
+
+import numpy as np
+import pytest
+from forced_runs import Truth, forced_run, programme
+
+from hrg_cli.stages.calibrate import calibrate
+from hrg_cli.stages.calibration.table import standard_deviations
+
+FIXED = {"harmonics": 2, "scale_factor_harmonics": 2, "model": "table", "bootstrap": 0}
+LOW, HIGH, ORDERS = -20.0, 60.0, 5
+
+
+class Bent(Truth):
+    """Every coefficient over temperature with five orders, each `fall` times as large as the one
+    before."""
+
+    def __init__(self, seed, fall):
+        super().__init__(seed)
+        draw = np.random.default_rng([5, seed])
+        size = fall ** np.arange(ORDERS + 1.0)[:, None]
+        self.d = draw.normal(size=(ORDERS + 1, 5)) * 2e-4 * size
+        self.k = draw.normal(size=(ORDERS + 1, 5)) * 3e-4 * size
+        self.k[0, 0] = 0.55
+
+    def powers(self, temperature):
+        x = (2 * np.asarray(temperature, float) - LOW - HIGH) / (HIGH - LOW)
+        return np.moveaxis(np.polynomial.chebyshev.chebvander(x, ORDERS), -1, 0)
+
+
+def calibrated(truth, nodes, seed, interpolation="cubic"):
+    dwells = tuple(np.linspace(LOW, HIGH, nodes))
+    waves = programme(truth, dwells, (-0.5, 0.5), seed=seed, duration=15)
+    return calibrate(waves, interpolation=interpolation, **FIXED)
+
+
+def errors_over_std(record, truth):
+    """Of D and K over the whole range, rms."""
+    x, theta = np.linspace(LOW, HIGH, 200), np.linspace(0, 40, 200)
+    true = truth.drift(x, theta), truth.scale(x, theta)
+    stds = standard_deviations(record, x, theta)
+    return [
+        float(np.sqrt(np.mean(((got - it) / std) ** 2)))
+        for got, it, std in zip(record.values_at(x, theta), true, stds, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("nodes", "interpolation"),
+    [
+        (3, "cubic"),
+        (4, "cubic"),
+        pytest.param(5, "cubic", marks=pytest.mark.slow),
+        pytest.param(6, "cubic", marks=pytest.mark.slow),
+        pytest.param(8, "cubic", marks=pytest.mark.slow),
+        pytest.param(3, "linear", marks=pytest.mark.slow),
+        pytest.param(5, "linear", marks=pytest.mark.slow),
+    ],
+)
+def test_between_nodes_errors_are_as_stated_however_the_tables_bend(nodes, interpolation):
+    """77 σ before with three nodes and a third order: the splines of three or four nodes had no
+    doubt at all."""
+    square = []
+    for fall in (0.3, 0.6):
+        for seed in range(5):
+            truth = Bent(seed, fall)
+            square.append(errors_over_std(calibrated(truth, nodes, seed, interpolation), truth))
+    rms = np.sqrt(np.mean(np.square(square), axis=0))
+    assert np.all((rms > 0.2) & (rms < 1.3)), rms
+
+
+def test_what_few_nodes_leave_unknown_is_said_with_what_to_do():
+    record = calibrated(Bent(1, 0.6), 3, 1)
+    (said,) = record.status_reasons
+    assert record.status == "valid" and "add dwells at 0 and 40 °C" in said
+    straight = Bent(1, 0.6)
+    straight.d[2:], straight.k[2:] = 0.0, 0.0
+    assert not calibrated(straight, 4, 1).status_reasons
+
+
+def test_runs_that_pass_between_the_nodes_show_how_the_tables_bend():
+    """A sweep's residual would show what three nodes cannot hold: nothing is added for it."""
+    truth = Truth(3)
+    waves = [
+        forced_run(truth, lambda t: LOW + (HIGH - LOW) * t / 40, rate, 40.0, k, run_id=f"R{rate:g}")
+        for k, rate in enumerate((-0.5, 0.5, 0.02))
+    ]
+    record = calibrate(waves, nodes=[LOW, 20.0, HIGH], **FIXED)
+    assert not any("between" in reason for reason in record.status_reasons)
+    assert np.all(np.array(errors_over_std(record, truth)) < 1.5)
