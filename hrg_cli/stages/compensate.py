@@ -15,7 +15,12 @@ from ..fitting.samples.rate_log import left_out, stretches
 from ..fitting.tables.increments import ROWS_AT_ONCE, AnglePath, path_of
 from ..records import Calibration, Compensated, Wave
 from .calibration.figures import CELLS_A_PERIOD
-from .calibration.table import corrections_along, need_range, standard_deviations
+from .calibration.table import (
+    angle_random_walk_of,
+    corrections_along,
+    need_range,
+    standard_deviations,
+)
 from .compensation.figures import MOST_RATES, RateSpread, Totals
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 
@@ -197,12 +202,14 @@ def _stream(
 def deviations(
     calibration: Calibration, path: AnglePath, blocks: Array, rate: Array, scale: Array
 ) -> tuple[Array, Array]:
-    """Standard deviations (n,) of the increments' rates by the noise of the wave angle,
-    m√(σ²_i + σ²_{i+1})/(|K|Δt), and by the tables, √(σ_D² + Ω²σ_K²)/|K|; NaN where it is not
-    stated.
+    """Standard deviations (n,) of the increments' rates by noise, and by the tables, √(σ_D² +
+    Ω²σ_K²)/|K|; NaN where it is not stated.
 
-    Neighbouring increments share a block's angle, so the first part is anticorrelated, −½ in even
-    windows, and sums up to the noise of the first and the last angle; the second is common to all
+    Noise is that of the wave angle and the gyro's own walk N [rad/√s], as its calibration has found
+    it: σ² = m²(σ²_i + σ²_{i+1})/(KΔt)² + N²(Δt − (w_i + w_{i+1})/6)/Δt² with blocks of width w.
+    Neighbouring increments share a block's angle, so of the noise the first is anticorrelated, −½ in
+    even windows, and sums up to the noise of the first and the last angle; the walk grows as N√t,
+    whatever is summed up. The tables' part is common to all
     increments at a temperature and an angle. What σ of a block moves the tables' place is
     D'Δt/2m ≪ 1 of the first part and left out.
 
@@ -210,7 +217,11 @@ def deviations(
     """
     variance = np.where(path.angle_variance > 0, path.angle_variance, np.nan)
     gain = np.abs(scale)
-    noise = path.mode_number * np.sqrt(variance[1:] + variance[:-1]) / (gain * path.interval_s)
+    angle = path.mode_number * np.sqrt(variance[1:] + variance[:-1]) / gain
+    walk = angle_random_walk_of(calibration) * np.sqrt(
+        path.interval_s - path.middle(path.width_s) / 3
+    )
+    noise = np.hypot(angle, walk) / path.interval_s
     drift_std, scale_std = standard_deviations(
         calibration, path.middle(blocks), path.middle(path.angle_rad)
     )

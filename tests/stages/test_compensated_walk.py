@@ -64,3 +64,14 @@ def test_a_brownian_gyro_shows_the_angle_random_walk_of_physics(waves):
     # calibrate says the same walk from means over some windows, which know it to 3 %
     said = summary(tables)["noise"]["angle_random_walk_rad_sqrt_s"]
     assert said == pytest.approx(formula(config), rel=0.08)
+
+
+@pytest.mark.parametrize("windows", [1, 6])
+def test_a_walking_rate_is_off_by_what_is_stated(waves, windows):
+    """The deviation of the angle's noise alone was 14 times too small: here nearly all is walk."""
+    tables = calibrate(waves)
+    for wave in waves:
+        done = collect(compensate(wave, tables, windows_per_increment=windows))
+        true = np.interp(done.time_s, wave.time_s, wave.rate_rad_s)
+        z = (done.rate_estimate_rad_s - true) / done.rate_estimate_rad_s_std
+        assert 0.88 < np.sqrt(np.mean(z**2)) < 1.12

@@ -150,6 +150,19 @@ def measured_at(calibration: Calibration, x: Array) -> MeasuredDrift | None:
     )
 
 
+def angle_random_walk_of(calibration: Calibration) -> float:
+    """Angle random walk of the gyro's rate as its calibration found it, rad/√s; 0 where it says
+    none.
+
+    HrgError: it is there, but no number.
+    """
+    noise = json.loads(calibration.details).get("noise") or {}
+    walk = noise.get("angle_random_walk_rad_sqrt_s") if isinstance(noise, dict) else noise
+    if walk is not None and not (_is_number(walk) and walk >= 0):
+        raise HrgError("the calibration's details are damaged (noise); make the calibration again")
+    return float(walk or 0.0)
+
+
 def _is_number(value: Any) -> bool:
     return (
         isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
