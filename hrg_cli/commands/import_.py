@@ -30,6 +30,8 @@ FLAGS = (
     *("constant_rate_rad_s", "constant_temperature_degc", "gyro_id", "run_id", "lot_id"),
     *("format", "from_s", "to_s"),
 )
+COLUMNS_NAMED = 6
+"""Columns not taken that the screen names; the JSON names all."""
 OF_ENVELOPES = (
     *("c_in_phase", "c_quadrature", "s_in_phase", "s_quadrature", "amplitude", "phase"),
     *("phase_units", "decibel", "reference_frequency_hz", "rows_per_window"),
@@ -149,6 +151,14 @@ def show(report: Mapping[str, Any]) -> None:
 def _remarks_on_log(report: Mapping[str, Any]) -> list[tuple[str, Any]]:
     """What of the log was not as it should be, or not taken."""
     facts: list[tuple[str, Any]] = []
+    left = report.get("columns_left") or []
+    if left:
+        named = ", ".join(
+            f"{c['column']} ({c['name'] or 'no title'}{', ' + c['units'] if c['units'] else ''})"
+            for c in left[:COLUMNS_NAMED]
+        )
+        more = f" … ({len(left)} in all)" if len(left) > COLUMNS_NAMED else ""
+        facts.append(("columns not taken", named + more))
     gaps, cut = report.get("gaps") or {}, report.get("cut")
     if gaps.get("count"):
         facts.append(

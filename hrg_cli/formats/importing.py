@@ -224,6 +224,7 @@ def import_log(
         most=auxiliary_rows,
     )
     columns = {role: index for role in ALIASES if (index := getattr(roles, role)) is not None}
-    told = {"c": unit, "s": unit} | ({"time": time_units} if time_units else {})
+    given = {"time": time_units, "rate": rate_units, "temperature": temperature_units}
+    told = {"c": unit, "s": unit} | {role: name for role, name in given.items() if name}
     taken = Taken(log, columns, told, timing.sample_rate_hz, from_s, to_s)
     return one_or_stream(stream_blocks(opened, blank, timing, slow, taken))

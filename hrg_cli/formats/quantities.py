@@ -95,7 +95,8 @@ _KNOWN = (
     | set(CHANNEL)
 )
 _SUFFIX = re.compile(
-    r"^(.*?)_(rad_s|deg_s|deg_h|degc|degf|k|s|ms|us|ns|min|v|mv|db|dbm|dbv|dbfs)$", re.IGNORECASE
+    r"^(.*?)_(rad_s|deg_s|deg_h|rpm|rps|dps|dph|degc|degf|degk|kelvin|k|s|ms|us|ns|min|v|mv|db|dbm|dbv|dbfs)$",
+    re.IGNORECASE,
 )
 
 
@@ -112,6 +113,18 @@ def is_level(unit: str) -> bool:
 def is_time(unit: str) -> bool:
     """Whether a unit is one of time."""
     return any(unit.strip().lower() in spellings for spellings in TIME.values())
+
+
+def quantity_of(unit: str) -> str:
+    """What a unit is one of: "time", "temperature", "rate", or empty."""
+    unit = unit.strip().lower()
+    tables = {"time": TIME, "temperature": TEMPERATURE, "rate": RATE}
+    found = [
+        quantity
+        for quantity, table in tables.items()
+        if any(unit in spellings for spellings in table.values())  # type: ignore[attr-defined]
+    ]
+    return found[0] if found else ""
 
 
 def split_name(name: str) -> tuple[str, str]:
@@ -134,7 +147,7 @@ def split_name(name: str) -> tuple[str, str]:
     found = _SUFFIX.match(name)
     likely = {
         "s": ("time", "t", "elapsed", "timestamp"),
-        "k": ("temp", "temperature"),
+        "k": ("t", "temp", "temperature"),
         "min": ("time", "t"),
     }
     if found and found[1].lower() in likely.get(found[2].lower(), (found[1].lower(),)):

@@ -179,6 +179,11 @@ class Taken:
                 }
                 for role, index in self.columns.items()
             },
+            "columns_left": [
+                {"column": index + 1, "name": channel.name, "units": channel.units}
+                for index, channel in enumerate(channels)
+                if index not in self.columns.values()
+            ],
             "samples": self.rows,
             "sample_rate_hz": self.sample_rate_hz,
             "duration_s": self.last_s - self.first_s if self.first_s is not None else 0.0,

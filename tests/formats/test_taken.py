@@ -184,3 +184,41 @@ def test_an_end_behind_the_log_is_told(tmp_path):
         len(made) == N
         and "to_s = 9 lies behind the end of the log at 0.499875 s" in made.status_reasons[0]
     )
+
+
+@pytest.mark.parametrize(
+    ("temperature", "rate", "degc", "rad_s"),
+    [
+        ("T (°F)", "rate_rpm", 25.0, np.pi),
+        ("temp_degF", "table rate [deg/s]", 25.0, np.radians(30)),
+        ("oven (K)", "turntable in dps", 77 - 273.15, np.radians(30)),
+        ("Temperature [Fahrenheit]", "Omega (°/h)", 25.0, np.radians(30) / 3600),
+        ("t_K", "gyro in mrad/s", 77 - 273.15, 0.03),
+    ],
+)
+def test_temperature_and_rate_are_known_by_their_units_and_converted(
+    tmp_path, hrg, temperature, rate, degc, rad_s
+):
+    """Passed over in silence before: a rate in rpm, and a T in °F, which was taken for the time."""
+    path = tmp_path / "log.csv"
+    rows = [f"{T[i]:.6f},{C[i]:.6f},{S[i]:.6f},77,30,5" for i in range(N)]
+    path.write_text("\n".join([f"time,c,s,{temperature},{rate},humidity (%)", *rows]) + "\n")
+    made = hrg("import", path, "-o", tmp_path / "r.h5", "--json")
+    assert set(made.json["columns"]) == {"time", "c", "s", "temperature", "rate"}
+    assert made.json["columns_left"] == [{"column": 6, "name": "humidity", "units": "%"}]
+    with store.open_record(tmp_path / "r.h5", Recording) as record:
+        assert record.temperature_degc[0] == pytest.approx(degc)
+        assert record.rate_rad_s[0] == pytest.approx(rad_s if "rpm" not in rate else np.pi)
+
+
+def test_columns_that_are_not_taken_are_named(tmp_path, hrg):
+    """A unit that nobody knows is no reason to guess: asked for by name, it is refused."""
+    path = tmp_path / "log.csv"
+    rows = [f"{T[i]:.6f},{C[i]:.6f},{S[i]:.6f},77,30" for i in range(N)]
+    path.write_text("\n".join(["time,c,s,warmth (Re),table speed [knots]", *rows]) + "\n")
+    made = hrg("import", path, "-o", tmp_path / "r.h5")
+    assert "columns not taken" in made.out
+    assert "4 (warmth, Re), 5 (table speed, knots)" in " ".join(made.out.split())
+    refused = hrg("import", path, "-o", tmp_path / "s.h5", "--rate", "5")
+    assert refused.status == 2 or refused.status == 1
+    assert "knots" in refused.err and "rad/s" in refused.err

@@ -103,6 +103,8 @@ class Import(Common):
     """Format of the log."""
     columns: dict[str, TakenColumn] | None = None
     """Role -> column (from 1), name and units of what was taken."""
+    columns_left: list[TakenColumn] = Field(default=[])
+    """Columns that were not taken."""
     samples: int | None = None
     """Samples written."""
     sample_rate_hz: Number = None
