@@ -9,6 +9,8 @@ from hrg_cli.errors import HrgError
 from hrg_cli.physics import signals
 from hrg_cli.records import Recording, collect
 from hrg_cli.settings import load_toml
+from hrg_cli.stages.demodulate import demodulate
+from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import run_ids, simulate, summary
 
 DEVICE = {
@@ -462,3 +464,17 @@ def test_what_no_number_can_hold_is_refused_in_words(table, change, says):
     config[table] = config.get(table, {}) | change
     with pytest.raises(HrgError, match=says):
         collect(simulate(config))
+
+
+def test_frequency_hz_is_the_undamped_one():
+    """A wave that decays oscillates ν²/(8π²f) lower: 0.0317 Hz at 1 kHz and τ = 20 ms."""
+    config = {
+        "device": {"frequency_hz": 1000.0, "time_constant_s": 0.02},
+        "control": {"mode": "free"},
+        "recording": {"sample_rate_hz": 16000.0, "duration_s": 0.12},
+        "run": [{"run_id": "a", "start": {"wave_angle_rad": 0.3}}],
+    }
+    seen = estimate(collect(demodulate(collect(simulate(config)), periods_per_window=4)))
+    assert np.mean(collect(seen).frequency_hz) == pytest.approx(
+        1000.0 - 50.0**2 / (8 * np.pi**2 * 1000.0), abs=1e-3
+    )
