@@ -19,6 +19,7 @@ import numpy as np
 
 from ...fitting.checks import Check, failures, goodness, holds, whiteness
 from ...fitting.tables.increment_noise import covariance_bands, whiten
+from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted, TableSolution, chi_square, predict_turn, solve
 from ...fitting.tables.table_layout import Model, TableLayout
 from .late_log import LATE
@@ -263,6 +264,15 @@ def _settled(A: Array, b: Array, tried: VariantSolution) -> Array:
     )
 
 
+def _angle_without_noise(fitted: Fitted, path: AnglePath) -> Array:
+    """Wave angle (n,) in the increments' middles as the fit with everything free carries it through
+    the run: in the order of the measured one a wave that stands still would show its own noise."""
+    solution = fitted.solution.coefficients
+    turn = predict_turn(path, fitted.layout, solution, solution)
+    course = (np.cumsum(turn) - turn / 2) / path.mode_number
+    return np.asarray(course + np.mean(path.middle(path.angle_rad) - course))
+
+
 def _whiteness(fitted: Fitted, tried: Sequence[VariantSolution]) -> list[list[Check]]:
     """Whiteness of each variant's residual over time, wave angle, temperature (or frequency) and
     rate."""
@@ -274,7 +284,7 @@ def _whiteness(fitted: Fitted, tried: Sequence[VariantSolution]) -> list[list[Ch
             path, fitted.layout, coefficients, fitted.solution.coefficients
         )
         white.append(whiten(covariance_bands(path, noise), rest)[0])
-        angle.append(np.mod(path.middle(path.angle_rad), np.pi / path.mode_number))
+        angle.append(np.mod(_angle_without_noise(fitted, path), np.pi / path.mode_number))
         place.append(fitted.layout.abscissa(path))
         rate.append(path.rate_rad_s)
     orders = {
