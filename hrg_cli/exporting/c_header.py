@@ -10,6 +10,7 @@ from ..errors import HrgError
 from ..measured_export import c_measured
 from ..records import Calibration
 from ..reporting.text import c_comment
+from .c_deviations import c_deviations
 from .c_grid import bilinear, fixed_rounding, on_grid, probe, quantise, refine_grid
 
 Array = np.ndarray
@@ -118,7 +119,7 @@ static inline double hrg_scale_factor(double x, double theta) {{ return {scale_c
 static inline double hrg_rate_rad_s(double x, double theta, double dtheta_dt, double measured_drift) {{
     return (hrg_drift_rad_s(x, theta) + measured_drift - HRG_MODE_NUMBER * dtheta_dt) / hrg_scale_factor(x, theta);
 }}
-{measured}
+{deviations}{measured}
 #endif
 """
 
@@ -180,6 +181,7 @@ def _c_text(
         tables="".join(_declare(*part, kind, bits) for part in parts),
         lookup=_LOOKUP_FIXED.replace("{type}", kind) if bits else _LOOKUP_FLOAT,
         drift_call=calls["drift_rad_s"], scale_call=calls["scale_factor"], measured=c_measured(calibration, nodes),
+        deviations=c_deviations(calibration),
     )  # fmt: skip
 
 

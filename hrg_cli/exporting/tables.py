@@ -14,8 +14,14 @@ from pydantic import Field
 from ..errors import HrgError
 from ..measured_export import MEASURED_FORMULA, csv_measured
 from ..records import Calibration
+from ..stages.calibration.table import TABLES, interpolation_std, standard_deviations
 from ..stages.rate_table import is_rate_table
 from .c_header import Exported, make_header
+
+BETWEEN_FORMULA = (
+    "between nodes add to the variance (4 u (1 - u) interpolation_std)^2, u: part of the way from"
+    " a node to the next; no run has shown how the tables bend there"
+)
 
 
 def export(
@@ -106,6 +112,7 @@ def _csv(calibration: Calibration) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     further, cells = csv_measured(calibration)
+    midway = _midway(calibration)
     writer.writerow(
         [
             _axis(calibration),
@@ -114,6 +121,7 @@ def _csv(calibration: Calibration) -> str:
             "drift_rad_s_std",
             "scale_factor",
             "scale_factor_std",
+            *midway,
             *further,
         ]
     )
@@ -121,10 +129,27 @@ def _csv(calibration: Calibration) -> str:
         for i, angle in enumerate(calibration.wave_angle_rad):
             row = (
                 node, angle, calibration.drift_rad_s[j, i], calibration.drift_rad_s_std[j, i],
-                calibration.scale_factor[j, i], calibration.scale_factor_std[j, i], *cells[j],
+                calibration.scale_factor[j, i], calibration.scale_factor_std[j, i],
+                *(std[j, i] for std in midway.values()), *cells[j],
             )  # fmt: skip
             writer.writerow([repr(float(v)) for v in row])
     return text.getvalue()
+
+
+def _midway(calibration: Calibration) -> dict[str, np.ndarray]:
+    """Standard deviations (node, angle) of D and K midway to the next node (the last one's NaN), by
+    column; none where interpolation adds nothing that was estimated."""
+    nodes, angles = np.asarray(calibration.node, float), np.asarray(calibration.wave_angle_rad)
+    if len(nodes) < 2 or not interpolation_std(calibration):
+        return {}
+    places, theta = np.meshgrid((nodes[1:] + nodes[:-1]) / 2, angles, indexing="ij")
+    last = np.full((1, len(angles)), np.nan)
+    return {
+        f"{name}_std_midway": np.concatenate([std.reshape(places.shape), last])
+        for name, std in zip(
+            TABLES, standard_deviations(calibration, places.ravel(), theta.ravel())
+        )
+    }
 
 
 def _json(calibration: Calibration) -> str:
@@ -150,6 +175,8 @@ def _json(calibration: Calibration) -> str:
             else details["measured"] | {"formula": MEASURED_FORMULA[details["measured"]["kind"]]}
         ),
     }
+    doubt = interpolation_std(calibration)
+    tree["interpolation_std"] = doubt | {"formula": BETWEEN_FORMULA} if doubt else None
     if is_rate_table(calibration):
         tree |= {
             name: details[name]

@@ -48,9 +48,9 @@ def test_json_is_enough_to_apply_the_tables(tables):
 TRY = """#include <stdio.h>
 #include "hrg_calibration.h"
 int main(void) { double x, a;
-while (scanf("%lf %lf", &x, &a) == 2) printf("%.17g %.17g %.17g %d %.17g %.17g\\n",
+while (scanf("%lf %lf", &x, &a) == 2) printf("%.17g %.17g %.17g %d %.17g %.17g %.17g %.17g\\n",
   hrg_drift_rad_s(x, a), hrg_scale_factor(x, a), hrg_rate_rad_s(x, a, -0.1, 0.0), hrg_in_range(x),
-  HRG_DRIFT_WORST_ERROR, HRG_SCALE_FACTOR_WORST_ERROR);
+  HRG_DRIFT_WORST_ERROR, HRG_SCALE_FACTOR_WORST_ERROR, hrg_drift_std_rad_s(x), hrg_scale_factor_std(x));
 return 0; }
 """
 
@@ -111,6 +111,38 @@ def test_the_stated_worst_error_holds_where_rounding_is_all_of_it(tables, bits, 
         assert exported.errors[f"{name.removesuffix('_harmonics')}_interpolation".replace(
             "drift_", "drift_rad_s_")] < 100 * grain  # fmt: skip
         assert 100 * grain < worst <= 1.05 * stated, (name, worst, stated)
+
+
+def test_exports_carry_what_is_not_known_between_the_nodes(tables, tmp_path):
+    """By hand from the covariance at the nodes and the file's figure midway: with three nodes the
+    splines' weights midway are those of the parabola, 3/8, 6/8 and −1/8."""
+    doubt = 2e-5
+    said = {"interpolation_std": {"drift_rad_s": doubt, "scale_factor": 1e-4}}
+    tables = tables.replace(details=json.dumps(json.loads(tables.details) | said))
+    angle, j = tables.wave_angle_rad[5], 5
+    row = np.array([1, np.cos(4 * angle), np.sin(4 * angle), np.cos(8 * angle), np.sin(8 * angle)])
+    width, parabola = 10, (3 / 8, 6 / 8, -1 / 8)
+    along = np.concatenate([np.concatenate([w * row, np.zeros(5)]) for w in parabola])
+    assert len(tables.covariance) == 3 * width
+    midway = np.sqrt(along @ tables.covariance @ along + doubt**2)
+    assert midway > 1.2 * np.sqrt(along @ tables.covariance @ along)
+
+    rows = list(csv.DictReader(io.StringIO(export(tables, ".csv").text)))
+    assert float(rows[j]["drift_rad_s_std_midway"]) == pytest.approx(midway, rel=1e-9)
+    assert rows[-1]["scale_factor_std_midway"] == "nan"
+    tree = json.loads(export(tables, ".json").text)["interpolation_std"]
+    assert tree["drift_rad_s"] == doubt and "4 u (1 - u)" in tree["formula"]
+
+    places = np.array([-10.0, 2.5, 15.0, 27.5, 40.0, 60.0])
+    text = export(tables, ".h").text
+    found = compiled(text, [(x, 0.0) for x in places], tmp_path)[:, 6]
+    own = tables.drift_rad_s_std.max(axis=1)
+    assert found[[0, 2, 4, 5]] == pytest.approx(own[[0, 1, 2, 2]], rel=0.02)
+    assert midway <= 1.02 * found[1] and found[1] < 2 * midway
+    without = json.dumps(json.loads(tables.details) | {"interpolation_std": {}})
+    plain = tables.replace(details=without)
+    assert "std_midway" not in export(plain, ".csv").text
+    assert json.loads(export(plain, ".json").text)["interpolation_std"] is None
 
 
 def test_one_node_and_refusals(tables):

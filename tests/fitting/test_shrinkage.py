@@ -27,6 +27,28 @@ def test_a_clear_harmonic_stays_and_an_absent_one_goes():
     assert np.linalg.eigvalsh(found.covariance).min() > -1e-9
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_rarely_there_is_in_the_error_whatever_the_draws(seed):
+    """Nothing seen, at unit noise and each harmonic by itself: the variance is the sum over the
+    sizes τ, Σ w τ²/(1 + τ²) with w ∝ the odds/(1 + τ²). A dozen draws of the others' sizes held a
+    third of that σ."""
+    layout = TableLayout(np.array([20.0]), "temperature", 2, 4, 0)
+    found = average_over_doubt(
+        np.eye(layout.size),
+        np.zeros(layout.size),
+        np.eye(layout.size),
+        doubtful_harmonics(layout, ["drift"], 0.55),
+        seed,
+    )
+    square = np.array([1e-2, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0]) ** 2
+    for k, odds in enumerate((1.0, 4.0, 20.0, 20.0)):
+        weight = np.array([odds] + [1 / 6] * 6) / (1 + square)
+        variance = np.sum(weight * square / (1 + square)) / weight.sum()
+        std = np.sqrt(np.diag(found.covariance))[1 + 2 * k : 3 + 2 * k]
+        assert std == pytest.approx(np.sqrt(variance), rel=1e-3)
+    assert np.linalg.eigvalsh(found.covariance).min() > 0
+
+
 @pytest.mark.parametrize("noise", [5e-5, 1.5e-3])
 def test_the_error_is_honest_whatever_the_noise(noise):
     square = {"drift": [], "scale": []}

@@ -41,7 +41,7 @@ def gyro(seed):
     return device, board | {"phase_loop_hz": 1.0}
 
 
-def calibrated(seed, duration=10.0):
+def calibrated(seed, duration=10.0, **chosen):
     device, board = gyro(seed)
     config = {
         "device": device, "electronics": board,
@@ -57,7 +57,8 @@ def calibrated(seed, duration=10.0):
         for record in recordings
     ]
     waves = [wave.rows(int(np.searchsorted(wave.time_s, SETTLED_S)), len(wave)) for wave in waves]
-    return calibrate(waves, model="table", harmonics=2, scale_factor_harmonics=1, bootstrap=0)
+    fixed = {"model": "table", "harmonics": 2, "scale_factor_harmonics": 1}
+    return calibrate(waves, **(chosen or fixed), bootstrap=0)
 
 
 def expected(seed):
@@ -119,3 +120,15 @@ def test_a_lot_of_gyros_on_real_electronics_is_right_within_its_errors():
     assert (
         np.sqrt(np.mean(drift**2)) < 1.2 and np.sqrt(np.mean(scale**2)) < 1.2
     )  # 80 and 48 values: chance 1e-2
+
+
+@pytest.mark.slow
+def test_what_is_too_faint_for_a_board_is_in_the_error_of_the_variant_that_is_chosen():
+    """The second harmonic of the drift stands at a tenth to a half of what the runs can tell: the
+    variants hold none of it, and said so within a tenth of its error (2.9 σ rms)."""
+    z = []
+    for seed in range(16):
+        record = calibrated(seed, model="auto")
+        miss = record.drift_harmonics[0, 3:5] - expected(seed)[0][3:]
+        z += list(miss / record.drift_harmonics_std[0, 3:5])
+    assert np.sqrt(np.mean(np.square(z))) < 1.4

@@ -39,6 +39,7 @@ data whatever the odds."""
 SWEEPS, BURN_IN = 16, 4
 FEWER_SWEEPS = 7
 """Enough where the mean alone is wanted."""
+_Moments = tuple[Array, Array]
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ def average_over_doubt(
     precision = A.copy()
     for g, grid, i in zip(groups, grids, scale):
         precision[np.ix_(g.ravel(), g.ravel())] += inverse_prior / grid[i]
-    first, second, count = np.zeros(len(b)), np.zeros_like(A), 0
+    passes: list[list[_Moments]] = [[] for _ in groups]
     for sweep in range(sweeps):
         for n in generator.permutation(len(groups)):
             own = groups[n].ravel()
@@ -119,27 +120,51 @@ def average_over_doubt(
             mean, gain = covariance @ b, covariance[:, own]
             weights, steps = _weigh_sizes(mean, gain, own, grids[n], prior, doubtful[n].odds)
             if sweep >= BURN_IN:
-                for weight, whitened in zip(weights, steps):
-                    # It could change no digit that is read.
-                    if weight < 1e-9:
-                        continue
-                    # About the flat solution: mean and square of small differences keep their
-                    # digits.
-                    away = mean - whitened[:, 1:].T @ whitened[:, 0] - flat
-                    first += weight * away
-                    second += weight * (
-                        covariance - whitened[:, 1:].T @ whitened[:, 1:] + np.outer(away, away)
-                    )
-                count += 1
+                passes[n].append(_sum_mixture(mean - flat, covariance, weights, steps))
             scale[n] = int(generator.choice(len(weights), p=weights))
             precision[np.ix_(own, own)] += inverse_prior / grids[n][scale[n]]
-    away, spread = first / count, second / count
+    away, spread = _combine(passes, groups)
     coefficients, covariance = np.zeros(len(vector)), np.zeros_like(information)
     coefficients[active] = flat + away
-    covariance[np.ix_(active, active)] = spread - np.outer(away, away)
-    return TableSolution(
-        coefficients, covariance, float(np.trace((spread - np.outer(away, away)) @ A))
-    )
+    covariance[np.ix_(active, active)] = spread
+    return TableSolution(coefficients, covariance, float(np.trace(spread @ A)))
+
+
+def _sum_mixture(
+    away: Array, covariance: Array, weights: Array, steps: Sequence[Array]
+) -> _Moments:
+    """Mean and second moment over the sizes of one harmonic, the others' held: about the flat
+    solution, where mean and square of small differences keep their digits."""
+    first, second = np.zeros_like(away), np.zeros_like(covariance)
+    for weight, whitened in zip(weights, steps):
+        # It could change no digit that is read.
+        if weight < 1e-9:
+            continue
+        own = away - whitened[:, 1:].T @ whitened[:, 0]
+        first += weight * own
+        second += weight * (covariance - whitened[:, 1:].T @ whitened[:, 1:] + np.outer(own, own))
+    return first, second
+
+
+def _combine(passes: Sequence[Sequence[_Moments]], groups: Sequence[Array]) -> _Moments:
+    """Mean and covariance over all passes, each harmonic's own as the passes over its sizes say.
+
+    A size that has a chance of one in fifty is hardly ever among a dozen draws, though it makes
+    nearly all of the variance: of its own harmonic the sum over sizes knows it, and the rest, C =
+    C_rest|g + W C_g Wᵀ with W = C[:, g] C_g⁻¹, follows (Jeffrey's rule; positive semidefinite).
+    """
+    away, second = (np.mean([one[i] for own in passes for one in own], axis=0) for i in (0, 1))
+    covariance = second - np.outer(away, away)
+    for own_passes, group in zip(passes, groups):
+        own = group.ravel()
+        block = np.ix_(own, own)
+        first = np.mean([one[own] for one, _ in own_passes], axis=0)
+        square = np.mean([two[block] for _, two in own_passes], axis=0)
+        along = np.linalg.solve(covariance[block], covariance[own]).T
+        changed = square - np.outer(first, first) - covariance[block]
+        away = away + along @ (first - away[own])
+        covariance = covariance + along @ changed @ along.T
+    return away, covariance
 
 
 def _prior_variances(A: Array, flat: Array, own: Array, harmonic: Doubtful) -> Array:

@@ -57,11 +57,7 @@ def standard_deviations(
         calibration.drift_harmonics.shape[1] + calibration.scale_factor_harmonics.shape[1],
     )
     out = []
-    doubt = json.loads(calibration.details).get("interpolation_std") or {}
-    if not isinstance(doubt, dict) or not all(_is_number(v) for v in doubt.values()):
-        raise HrgError(
-            "the calibration's details are damaged (interpolation_std); make the calibration again"
-        )
+    doubt = interpolation_std(calibration)
     shape = bump(x, np.asarray(calibration.node, float))
     for first, size, key in (
         (0, calibration.drift_harmonics.shape[1], TABLES[0]),
@@ -80,10 +76,24 @@ def standard_deviations(
     return out[0], out[1]
 
 
+def interpolation_std(calibration: Calibration) -> dict[str, float]:
+    """Standard deviation that interpolation adds to D and K midway between nodes, by table; empty
+    where it was not estimated.
+
+    HrgError: it is there, but no number.
+    """
+    doubt = json.loads(calibration.details).get("interpolation_std") or {}
+    if not isinstance(doubt, dict) or not all(_is_number(v) for v in doubt.values()):
+        raise HrgError(
+            "the calibration's details are damaged (interpolation_std); make the calibration again"
+        )
+    return {name: float(value) for name, value in doubt.items()}
+
+
 def say_between(calibration: Calibration) -> list[str]:
     """What few nodes leave unknown between them, where that is more than the noise at them."""
     nodes = np.asarray(calibration.node, float)
-    doubt = json.loads(calibration.details).get("interpolation_std")
+    doubt = interpolation_std(calibration)
     if not doubt or len(nodes) > FEW_NODES:
         return []
     angle = np.linspace(0, np.pi / calibration.mode_number, ANGLES, endpoint=False)
