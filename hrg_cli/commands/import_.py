@@ -35,6 +35,9 @@ OF_ENVELOPES = (
     *("phase_units", "decibel", "reference_frequency_hz", "rows_per_window"),
 )
 
+LEFT_SHOWN = 20
+"""Columns left that are told one by one on the screen."""
+
 
 @command(
     "import",
@@ -128,11 +131,19 @@ def show(report: Mapping[str, Any]) -> None:
     """What was taken of the log, as a table for a person."""
     columns = report.get("columns") or {}
     rows: list[tuple[Any, ...]] = [
-        (role, f"column {c['column']} ({c['name']})", c["units"] or "–")
-        for role, c in columns.items()
+        (role, f"column {c['column']} ({c['name']})", _unit_of(c)) for role, c in columns.items()
     ]
     if rows:
         print_table("", ("taken as", "of the log", "unit"), rows)
+    left = report.get("columns_left") or []
+    if left:
+        shown: list[tuple[Any, ...]] = [
+            (f"column {c['column']} ({c['name']})", c["units"] or "–", c["why"])
+            for c in left[:LEFT_SHOWN]
+        ]
+        if len(left) > LEFT_SHOWN:
+            shown.append((f"{len(left) - LEFT_SHOWN} more", "–", "see columns_left of --json"))
+        print_table("", ("left", "unit", "why"), shown)
     names = {
         "samples": "samples",
         "rows": "rows",
@@ -144,6 +155,14 @@ def show(report: Mapping[str, Any]) -> None:
         (text, report[key]) for key, text in names.items() if report.get(key) is not None
     ]
     print_table("", ("figure", "value"), facts + _remarks_on_log(report) + _noise_of_rows(report))
+
+
+def _unit_of(column: Mapping[str, Any]) -> str:
+    """The unit a column was read in, and the one it became."""
+    units, taken_in = column["units"], column.get("taken_in")
+    if taken_in and not units:
+        return f"{taken_in} (the log names none)"
+    return f"{units} → {taken_in}" if taken_in else units or "–"
 
 
 def _remarks_on_log(report: Mapping[str, Any]) -> list[tuple[str, Any]]:

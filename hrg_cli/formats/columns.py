@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..errors import HrgError
 from .log import Channel, Log
-from .quantities import is_time
+from .quantities import is_temperature, is_time
 
 ALIASES: dict[str, tuple[str, ...]] = {
     "time": (
@@ -77,6 +77,10 @@ ALIASES: dict[str, tuple[str, ...]] = {
         "table_rate",
         "angular rate",
         "angular_rate",
+        "turntable rate",
+        "turntable_rate",
+        "rotation rate",
+        "rotation_rate",
     ),
     "drive_main": ("drive_main", "drive main", "main drive", "main_drive"),
     "auxiliary_time": (
@@ -164,15 +168,25 @@ def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
 
 
 def _find_told(log: Log, role: str, free: list[int]) -> int | None:
-    """The free column that the log itself or its title gives a role; None where there is none."""
+    """The free column that the log itself, its title or (a temperature) its unit alone gives a
+    role; None where there is none."""
     told = [i for i in free if log.channels[i].role == role]
     if told:
         return told[0]
-    fitting = [i for i in free if role == "time" or log.channels[i].kind == "number"]
+    warm = [i for i in free if is_temperature(log.channels[i].units)]
+    fitting = [
+        i
+        for i in free
+        if (role == "time" and i not in warm) or (role != "time" and _holds_numbers(log, i))
+    ]
     by_title = (
         i for title in ALIASES[role] for i in fitting if log.channels[i].name.lower() == title
     )
-    return next(by_title, None)
+    return next(by_title, warm[0] if role == "temperature" and len(warm) == 1 else None)
+
+
+def _holds_numbers(log: Log, index: int) -> bool:
+    return log.channels[index].kind == "number"
 
 
 def _fill_channels(

@@ -217,6 +217,7 @@ def import_log(
     slow = SlowLog(
         log,
         roles,
+        where=str(where),
         rate_units=rate_units,
         temperature_units=temperature_units,
         rate_scale_factor=rate_scale_factor,
@@ -224,6 +225,7 @@ def import_log(
         most=auxiliary_rows,
     )
     columns = {role: index for role in ALIASES if (index := getattr(roles, role)) is not None}
-    told = {"c": unit, "s": unit} | ({"time": time_units} if time_units else {})
+    given = {"time": time_units, "rate": rate_units, "temperature": temperature_units}
+    told = {"c": unit, "s": unit} | {role: asked for role, asked in given.items() if asked}
     taken = Taken(log, columns, told, timing.sample_rate_hz, from_s, to_s)
     return one_or_stream(stream_blocks(opened, blank, timing, slow, taken))
