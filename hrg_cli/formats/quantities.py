@@ -5,12 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import HrgError
-
-if TYPE_CHECKING:
-    from .log import Channel
 
 DEGREE = math.pi / 180
 TIME = {
@@ -134,20 +131,21 @@ def is_level(unit: str) -> bool:
 
 def is_time(unit: str) -> bool:
     """Whether a unit is one of time."""
-    return _is_of(TIME, unit)
+    return is_of(TIME, unit)
 
 
 def is_temperature(unit: str) -> bool:
     """Whether a unit is one of temperature."""
-    return _is_of(TEMPERATURE, unit)
+    return is_of(TEMPERATURE, unit)
 
 
 def is_rate(unit: str) -> bool:
     """Whether a unit is one of angular rate."""
-    return _is_of(RATE, unit)
+    return is_of(RATE, unit)
 
 
-def _is_of(table: Mapping[Any, tuple[str, ...]], unit: str) -> bool:
+def is_of(table: Mapping[Any, tuple[str, ...]], unit: str) -> bool:
+    """Whether a unit is one of a table's."""
     return any(_spelled(unit) in spellings for spellings in table.values())
 
 
@@ -214,30 +212,13 @@ def _look_up(table: dict, unit: str, setting: str):  # type: ignore[no-untyped-d
     for factor, spellings in table.items():
         if _spelled(unit) in spellings:
             return factor
-    raise HrgError(f"{setting} is {unit!r}, expected one of {_listed(table)}")
+    raise HrgError(f"{setting} is {unit!r}, expected one of {listed(table)}")
 
 
-def _listed(table: Mapping[Any, tuple[str, ...]]) -> str:
+def listed(table: Mapping[Any, tuple[str, ...]]) -> str:
+    """A table's units, for a sentence."""
     shown = {"degc": "degC", "k": "K", "degf": "degF"}
     return ", ".join(shown.get(first, first) for first, *_ in table.values())
-
-
-def unit_of_column(where: str, role: str, column: int, channel: Channel, given: str | None) -> str:
-    """The unit of a column of times, rates or temperatures: the one given, else the log's own, else
-    the SI one (°C of a temperature).
-
-    HrgError: the log's own is not one of that quantity; the sentence says what to do.
-    """
-    table, default = OF_ROLE[role]
-    unit = given or channel.units or default
-    if given is None and not _is_of(table, unit):
-        scaled = ", for a voltage also rate_scale_factor" if role == "rate" else ""
-        leave = f'{role} = "none" to leave it out'
-        raise HrgError(
-            f"{where}: its column {column + 1} ({channel.name}) is in {unit!r}, no unit of a"
-            f" {role} ({_listed(table)}); give {role}_units{scaled}, or {leave}"
-        )
-    return unit
 
 
 OF_ROLE: dict[str, tuple[Mapping[Any, tuple[str, ...]], str]] = {

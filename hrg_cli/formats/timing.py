@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import HrgError
+from .column_units import unit_of_column
 from .columns import Roles, listing
 from .even_times import TimeJudge
 from .log import Log
-from .quantities import time_factor, unit_of_column
+from .quantities import time_factor
 from .readers import guard_reading
 
 
