@@ -7,8 +7,9 @@ import pytest
 import records_by_hand as by_hand
 
 from hrg_cli import store
-from hrg_cli.commands.told_differences import name_of_figure, told_differences
+from hrg_cli.commands.told_differences import told_differences
 from hrg_cli.comparing import compare
+from hrg_cli.reporting.figure_names import name_of_figure
 
 
 def moved(record, sigmas):
