@@ -55,6 +55,16 @@ def test_the_project_declares_the_extras_that_messages_name():
     assert set(EXTRAS.values()) <= set(optional["all"][0].split("[")[1][:-1].split(","))
 
 
+def test_a_lot_without_a_page_names_none(base, tmp_path):
+    """The last line of `hrg batch` named a page that no base installation had written."""
+    listed = ", ".join(f'"{path}"' for path in SAMPLES[:2])
+    (tmp_path / "lot.toml").write_text(f'recordings = [{listed}]\nstages = ["identify"]\n')
+    made = base("batch", "lot.toml", "-o", "lot")
+    assert not (tmp_path / "lot" / "lot.html").exists()
+    assert "no page: pages and figures need matplotlib" in made.stdout, made.stderr
+    assert "lot.html" not in made.stdout
+
+
 def test_a_base_installation_calibrates_and_says_what_its_page_needs(base, tmp_path):
     made = base("run", *SAMPLES, "-o", "results")
     assert made.returncode == 0, made.stderr

@@ -10,6 +10,7 @@ import typer
 
 from .. import settings
 from ..errors import HrgError
+from ..extras import without_pages
 from ..ledger import database
 from ..ledger.lots import enter_lot
 from ..lots.batch import executor_for, run_lot
@@ -112,7 +113,8 @@ def show(report: Mapping[str, Any], folder: Path) -> None:
             (r["gyro_id"] or "a recording", r["health"] or r["status"], r["reason"]) for r in ranked
         ]
         console.print_table("", ("worst", "gyro is", "why"), worst)
-    console.say(f"page: {folder / 'lot.html'}")
+    pageless = without_pages()
+    console.say(f"no page: {pageless}" if pageless else f"page: {folder / 'lot.html'}")
 
 
 def resolve_lot(lot: LotSettings) -> dict[str, Any]:

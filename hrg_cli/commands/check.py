@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -111,23 +112,24 @@ def check_files(
         if path is not None:
             store.check_output(path, run.force)
     paths = existing(files, "hrg files")
-    records = [store.read_any(path) for path in paths]
-    compared = [
-        None if baseline is None else _compare_with(path, record, baseline, limit_sigma)
-        for path, record in zip(paths, records, strict=True)
-    ]
-    done = [
-        Checked(*one)
-        for one in zip(
-            paths, tell_apart(paths), records, hold(records, wanted), compared, strict=True
-        )
-    ]
-    if not any(one.rows or one.moved is not None for one in done):
-        raise HrgError(
-            f"{paths[0]}: the limits hold nothing for a {done[0].record.kind} file, nor for any"
-            f" other; write [{done[0].record.kind}]"
-        )
-    found = _answer_one_gyro(done)
+    with ExitStack() as opened:
+        records = [opened.enter_context(_needed_of(path)) for path in paths]
+        compared = [
+            None if baseline is None else _compare_with(path, record, baseline, limit_sigma)
+            for path, record in zip(paths, records, strict=True)
+        ]
+        done = [
+            Checked(*one)
+            for one in zip(
+                paths, tell_apart(paths), records, hold(records, wanted), compared, strict=True
+            )
+        ]
+        if not any(one.rows or one.moved is not None for one in done):
+            raise HrgError(
+                f"{paths[0]}: the limits hold nothing for a {done[0].record.kind} file, nor for any"
+                f" other; write [{done[0].record.kind}]"
+            )
+        found = _answer_one_gyro(done)
     for target, text in (
         (junit, check_pages.junit(done, found)),
         (markdown, check_pages.markdown(done, found)),
@@ -137,6 +139,11 @@ def check_files(
                 temporary.write_text(text, encoding="utf-8")
     report = _report(done, found) | {"elapsed_s": round(time.monotonic() - started, 3)}
     return run.kept(report), lambda: _show(done)
+
+
+def _needed_of(path: Path) -> AbstractContextManager[Record]:
+    """A file's record with its rows left on disk: limits and baselines ask for a few figures."""
+    return store.open_record(path, store.kind_of(path))
 
 
 def _answer_one_gyro(done: Sequence[Checked]) -> Answer | None:
@@ -185,10 +192,13 @@ def _show(done: Sequence[Checked]) -> None:
     """Every figure beside its limit, with its file where there are several."""
     head = ("figure", "value", "limit", "margin, σ", "passed")
     lines = [(one.name, *check_pages.cells(row)) for one in done for row in one.rows]
-    if len(done) > 1:
+    if len(done) > 1 and lines:
         console.print_table("", ("file", *head), lines)
-    else:
+    elif lines:
         console.print_table("", head, [line[1:] for line in lines])
+    for one in done:
+        if one.moved == []:
+            print(f"{one.name}: nothing moved from the baseline")
 
 
 def limits_of(run: Common, limits: Path | None) -> dict[str, Any]:
@@ -213,8 +223,10 @@ def tell_apart(paths: Sequence[Path]) -> list[str]:
 def _compare_with(path: Path, record: Record, baseline: Path, limit_sigma: float) -> list[str]:
     """What has moved by more than `limit_sigma` since the baseline."""
     if not baseline.is_dir():
-        return compare(store.read_any(baseline), record).beyond(limit_sigma)
+        with _needed_of(baseline) as earlier:
+            return compare(earlier, record).beyond(limit_sigma)
     other = baseline / path.name
     if not other.exists():
         return [f"{other.name} is not in the baseline {baseline}"]
-    return compare(store.read_any(other), record).beyond(limit_sigma)
+    with _needed_of(other) as earlier:
+        return compare(earlier, record).beyond(limit_sigma)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,10 +14,9 @@ from .. import store
 from ..comparing import Comparison, compare
 from ..errors import UsageError
 from ..reporting import console
-from ..reporting.quantities import quantity
-from ..reporting.text import number
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, command, existing, no_settings
+from .told_differences import HEAD, told_differences
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
 
@@ -55,7 +55,10 @@ def diff_files(old: Path | None, new: Path | None, run: Common, limit_sigma: flo
     paths = existing([p for p in (old, new) if p is not None], "two results, OLD and NEW")
     if len(paths) != 2:
         raise UsageError("one result is named; name two, OLD and NEW")
-    found = compare(store.read_any(paths[0]), store.read_any(paths[1]))
+    with ExitStack() as opened:  # the figures are few: rows stay on disk
+        found = compare(
+            *(opened.enter_context(store.open_record(p, store.kind_of(p))) for p in paths)
+        )
     beyond = found.beyond(limit_sigma) if limit_sigma is not None else []
     report = {
         "kind": "diff",
@@ -79,17 +82,9 @@ def _show(found: Comparison) -> None:
     for name, old, new in found.words:
         print(f"{name}: {old} → {new}")
     known = [d for d in found.differences if d.sigma is not None]
-    rows = [
-        (
-            d.name,
-            quantity(d.name, d.old, d.old_std, d.units),
-            quantity(d.name, d.new, d.new_std, d.units),
-            number(d.sigma, 3),
-        )
-        for d in known[:SHOWN]
-    ]
+    rows = told_differences(known)
     if rows:
-        console.print_table("", ("figure", "old", "new", "moved by, σ"), rows)
+        console.print_table("", HEAD, rows[:SHOWN])
     if not known:
         print("no figure has a standard deviation in both")
     for place, names in (("old", found.only_old), ("new", found.only_new)):

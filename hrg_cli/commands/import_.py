@@ -30,12 +30,13 @@ FLAGS = (
     *("constant_rate_rad_s", "constant_temperature_degc", "gyro_id", "run_id", "lot_id"),
     *("format", "from_s", "to_s"),
 )
-COLUMNS_NAMED = 6
-"""Columns not taken that the screen names; the JSON names all."""
 OF_ENVELOPES = (
     *("c_in_phase", "c_quadrature", "s_in_phase", "s_quadrature", "amplitude", "phase"),
     *("phase_units", "decibel", "reference_frequency_hz", "rows_per_window"),
 )
+
+LEFT_SHOWN = 20
+"""Columns left that are told one by one on the screen."""
 
 
 @command(
@@ -130,11 +131,19 @@ def show(report: Mapping[str, Any]) -> None:
     """What was taken of the log, as a table for a person."""
     columns = report.get("columns") or {}
     rows: list[tuple[Any, ...]] = [
-        (role, f"column {c['column']} ({c['name']})", c["units"] or "–")
-        for role, c in columns.items()
+        (role, f"column {c['column']} ({c['name']})", _unit_of(c)) for role, c in columns.items()
     ]
     if rows:
         print_table("", ("taken as", "of the log", "unit"), rows)
+    left = report.get("columns_left") or []
+    if left:
+        shown: list[tuple[Any, ...]] = [
+            (f"column {c['column']} ({c['name']})", c["units"] or "–", c["why"])
+            for c in left[:LEFT_SHOWN]
+        ]
+        if len(left) > LEFT_SHOWN:
+            shown.append((f"{len(left) - LEFT_SHOWN} more", "–", "see columns_left of --json"))
+        print_table("", ("left", "unit", "why"), shown)
     names = {
         "samples": "samples",
         "rows": "rows",
@@ -148,17 +157,17 @@ def show(report: Mapping[str, Any]) -> None:
     print_table("", ("figure", "value"), facts + _remarks_on_log(report) + _noise_of_rows(report))
 
 
+def _unit_of(column: Mapping[str, Any]) -> str:
+    """The unit a column was read in, and the one it became."""
+    units, taken_in = column["units"], column.get("taken_in")
+    if taken_in and not units:
+        return f"{taken_in} (the log names none)"
+    return f"{units} → {taken_in}" if taken_in else units or "–"
+
+
 def _remarks_on_log(report: Mapping[str, Any]) -> list[tuple[str, Any]]:
     """What of the log was not as it should be, or not taken."""
     facts: list[tuple[str, Any]] = []
-    left = report.get("columns_left") or []
-    if left:
-        named = ", ".join(
-            f"{c['column']} ({c['name'] or 'no title'}{', ' + c['units'] if c['units'] else ''})"
-            for c in left[:COLUMNS_NAMED]
-        )
-        more = f" … ({len(left)} in all)" if len(left) > COLUMNS_NAMED else ""
-        facts.append(("columns not taken", named + more))
     gaps, cut = report.get("gaps") or {}, report.get("cut")
     if gaps.get("count"):
         facts.append(

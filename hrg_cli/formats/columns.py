@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..errors import HrgError
 from .log import Channel, Log
-from .quantities import is_time, quantity_of
+from .quantities import is_temperature, is_time
 
 ALIASES: dict[str, tuple[str, ...]] = {
     "time": (
@@ -77,6 +77,10 @@ ALIASES: dict[str, tuple[str, ...]] = {
         "table_rate",
         "angular rate",
         "angular_rate",
+        "turntable rate",
+        "turntable_rate",
+        "rotation rate",
+        "rotation_rate",
     ),
     "drive_main": ("drive_main", "drive main", "main drive", "main_drive"),
     "auxiliary_time": (
@@ -152,11 +156,6 @@ def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
         if taken[role] is None and role not in left_out:
             taken[role] = _find_told(log, role, free)
             free = [i for i in free if i != taken[role]]
-    for role in ("temperature", "rate"):
-        if taken[role] is None and role not in left_out:
-            needed = sum(taken[one] is None and one not in left_out for one in ("c", "s"))
-            taken[role] = _find_by_unit(log, role, free, needed)
-            free = [i for i in free if i != taken[role]]
     if taken["time"] is None and log.sample_rate_hz is None and "time" not in left_out:
         taken["time"] = _unnamed_time(log, free)
         free = [i for i in free if i != taken["time"]]
@@ -169,33 +168,25 @@ def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
 
 
 def _find_told(log: Log, role: str, free: list[int]) -> int | None:
-    """The free column that the log itself or its title gives a role; None where there is none."""
+    """The free column that the log itself, its title or (a temperature) its unit alone gives a
+    role; None where there is none."""
     told = [i for i in free if log.channels[i].role == role]
     if told:
         return told[0]
-    fitting = [i for i in free if role == "time" or log.channels[i].kind == "number"]
-    if role in ("time", "temperature", "rate"):  # T in °F is no time
-        fitting = [i for i in fitting if quantity_of(log.channels[i].units) in ("", role)]
+    warm = [i for i in free if is_temperature(log.channels[i].units)]
+    fitting = [
+        i
+        for i in free
+        if (role == "time" and i not in warm) or (role != "time" and _holds_numbers(log, i))
+    ]
     by_title = (
         i for title in ALIASES[role] for i in fitting if log.channels[i].name.lower() == title
     )
-    return next(by_title, None)
+    return next(by_title, warm[0] if role == "temperature" and len(warm) == 1 else None)
 
 
-def _find_by_unit(log: Log, role: str, free: list[int], needed: int) -> int | None:
-    """The one free column of numbers in a unit of the role's quantity, where as many others as the
-    channels need are left; C and F alone are sure units of a temperature only under a title in t."""
-    numbers = [i for i in free if log.channels[i].kind == "number"]
-    alike = [
-        i
-        for i in numbers
-        if quantity_of(log.channels[i].units) == role
-        and (
-            log.channels[i].units.lower() not in "cf"
-            or log.channels[i].name.lower().startswith("t")
-        )
-    ]
-    return alike[0] if len(alike) == 1 and len(numbers) > needed else None
+def _holds_numbers(log: Log, index: int) -> bool:
+    return log.channels[index].kind == "number"
 
 
 def _fill_channels(

@@ -201,6 +201,7 @@ def import_envelope(
     slow = SlowLog(
         log,
         roles,
+        where=str(path),
         rate_units=rate_units,
         temperature_units=temperature_units,
         rate_scale_factor=1.0,
@@ -212,9 +213,9 @@ def import_envelope(
     columns = (
         signal.columns | ({} if roles.time is None else {"time": roles.time}) | roles.auxiliary()
     )
-    taken = Taken(
-        log, columns, dict.fromkeys(signal.columns, unit), timing.sample_rate_hz, from_s, to_s
-    )
+    given = {"time": time_units, "rate": rate_units, "temperature": temperature_units}
+    told = dict.fromkeys(signal.columns, unit) | {role: of for role, of in given.items() if of}
+    taken = Taken(log, columns, told, timing.sample_rate_hz, from_s, to_s)
     source = EnvelopeRows(path, log, roles, timing, slow, signal)
     plan = plan_windows(path, source.between(from_s, to_s), rows_per_window)
     blank = (

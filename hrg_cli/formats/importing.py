@@ -217,6 +217,7 @@ def import_log(
     slow = SlowLog(
         log,
         roles,
+        where=str(where),
         rate_units=rate_units,
         temperature_units=temperature_units,
         rate_scale_factor=rate_scale_factor,
@@ -225,6 +226,6 @@ def import_log(
     )
     columns = {role: index for role in ALIASES if (index := getattr(roles, role)) is not None}
     given = {"time": time_units, "rate": rate_units, "temperature": temperature_units}
-    told = {"c": unit, "s": unit} | {role: name for role, name in given.items() if name}
+    told = {"c": unit, "s": unit} | {role: asked for role, asked in given.items() if asked}
     taken = Taken(log, columns, told, timing.sample_rate_hz, from_s, to_s)
     return one_or_stream(stream_blocks(opened, blank, timing, slow, taken))

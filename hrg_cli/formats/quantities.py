@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
+from typing import Any
 
 from ..errors import HrgError
 
@@ -18,11 +20,11 @@ TIME = {
 }
 RATE = {
     1.0: ("rad/s", "rad s-1", "rad s^-1", "rad/sec", "rad_s", "rads"),
-    DEGREE: ("deg/s", "°/s", "dps", "deg s-1", "deg/sec", "deg_s", "degrees/s"),
+    DEGREE: ("deg/s", "°/s", "dps", "deg s-1", "deg/sec", "deg_s", "degrees/s", "degree/s"),
     DEGREE / 60: ("deg/min", "°/min"),
     DEGREE / 3600: ("deg/h", "°/h", "dph", "deg/hr", "deg/hour", "deg_h"),
-    2 * math.pi / 60: ("rpm", "r/min", "1/min"),
-    2 * math.pi: ("rps", "rev/s", "r/s"),
+    2 * math.pi / 60: ("rpm", "r/min", "1/min", "rev/min", "u/min", "turns/min", "min-1", "min^-1"),
+    2 * math.pi: ("rps", "rev/s", "r/s", "turns/s", "u/s"),
     1e-3: ("mrad/s",),
     1e-3 * DEGREE: ("mdps", "mdeg/s"),
 }
@@ -32,9 +34,9 @@ PHASE = {
     2 * math.pi: ("turns", "turn", "cycles", "rev"),
 }
 TEMPERATURE = {
-    (1.0, 0.0): ("degc", "°c", "c", "celsius", "deg_c", "deg c"),
-    (1.0, -273.15): ("k", "kelvin", "degk"),
-    (5 / 9, -160 / 9): ("degf", "°f", "f", "fahrenheit", "deg_f", "deg f"),
+    (1.0, 0.0): ("degc", "°c", "c", "celsius", "deg_c", "deg c", "° c", "degrees c"),
+    (1.0, -273.15): ("k", "kelvin", "degk", "°k", "deg k"),
+    (5 / 9, -160 / 9): ("degf", "°f", "f", "fahrenheit", "deg_f", "deg f", "° f", "degrees f"),
 }
 """Unit factor and offset: °C = factor·value + offset."""
 CHANNEL = (
@@ -94,37 +96,57 @@ _KNOWN = (
     }
     | set(CHANNEL)
 )
+_SUFFIXES = {
+    spelling.replace("/", joint).replace(" ", "_"): spelling
+    for table in (RATE, TEMPERATURE)
+    for spellings in table.values()
+    for spelling in spellings
+    for joint in ("_", "_per_")
+    if len(spelling) > 1 and re.fullmatch(r"[a-z][a-z/ ]+", spelling)
+} | {
+    unit: unit for unit in ("k", "s", "ms", "us", "ns", "min", "hz", "v", "mv", *LEVELS[:3], "dbfs")
+}
+"""Units as they end a title: `rate_deg_per_s`, `rate_rpm`."""
 _SUFFIX = re.compile(
-    r"^(.*?)_(rad_s|deg_s|deg_h|rpm|rps|dps|dph|degc|degf|degk|kelvin|k|s|ms|us|ns|min|v|mv|db|dbm|dbv|dbfs)$",
-    re.IGNORECASE,
+    rf"^(.*?)_({'|'.join(sorted(_SUFFIXES, key=len, reverse=True))})$", re.IGNORECASE
 )
+_SIGNS = str.maketrans({"º": "°", "˚": "°", "℃": "°c", "℉": "°f"})
+"""Signs that look like the ones of the tables, and are other ones."""
+
+
+def _spelled(unit: str) -> str:
+    """A unit as the tables spell it."""
+    return re.sub(r"\s*(/|\bper\b)\s*", "/", unit.strip().translate(_SIGNS).lower())
 
 
 def is_unit(text: str) -> bool:
     """Whether a cell of a units row is a unit we know, bare or in brackets."""
-    return text.strip().strip("()[]").strip().lower() in _KNOWN
+    return _spelled(text.strip().strip("()[]")) in _KNOWN
 
 
 def is_level(unit: str) -> bool:
     """Whether a unit is a logarithm of an amplitude or a power."""
-    return unit.strip().lower() in LEVELS
+    return _spelled(unit) in LEVELS
 
 
 def is_time(unit: str) -> bool:
     """Whether a unit is one of time."""
-    return any(unit.strip().lower() in spellings for spellings in TIME.values())
+    return is_of(TIME, unit)
 
 
-def quantity_of(unit: str) -> str:
-    """What a unit is one of: "time", "temperature", "rate", or empty."""
-    unit = unit.strip().lower()
-    tables = {"time": TIME, "temperature": TEMPERATURE, "rate": RATE}
-    found = [
-        quantity
-        for quantity, table in tables.items()
-        if any(unit in spellings for spellings in table.values())  # type: ignore[attr-defined]
-    ]
-    return found[0] if found else ""
+def is_temperature(unit: str) -> bool:
+    """Whether a unit is one of temperature."""
+    return is_of(TEMPERATURE, unit)
+
+
+def is_rate(unit: str) -> bool:
+    """Whether a unit is one of angular rate."""
+    return is_of(RATE, unit)
+
+
+def is_of(table: Mapping[Any, tuple[str, ...]], unit: str) -> bool:
+    """Whether a unit is one of a table's."""
+    return any(_spelled(unit) in spellings for spellings in table.values())
 
 
 def split_name(name: str) -> tuple[str, str]:
@@ -147,13 +169,12 @@ def split_name(name: str) -> tuple[str, str]:
     found = _SUFFIX.match(name)
     likely = {
         "s": ("time", "t", "elapsed", "timestamp"),
-        "k": ("t", "temp", "temperature"),
+        "k": ("temp", "temperature"),
         "min": ("time", "t"),
     }
     if found and found[1].lower() in likely.get(found[2].lower(), (found[1].lower(),)):
-        return found[1], found[2].replace("_s", "/s").replace("_h", "/h") if "_" in found[
-            2
-        ] else found[2]
+        unit = _SUFFIXES[found[2].lower()]
+        return found[1], found[2] if len(unit) == len(found[2]) and "/" not in unit else unit
     if name.lower().endswith("_c") and "temp" in name.lower():
         return name[:-2], "degC"
     return name, ""
@@ -189,7 +210,20 @@ def temperature_scale(unit: str) -> tuple[float, float]:
 
 def _look_up(table: dict, unit: str, setting: str):  # type: ignore[no-untyped-def, type-arg]
     for factor, spellings in table.items():
-        if unit.strip().lower() in spellings:
+        if _spelled(unit) in spellings:
             return factor
-    known = ", ".join(spellings[0] for spellings in table.values())
-    raise HrgError(f"{setting} is {unit!r}, expected one of {known}")
+    raise HrgError(f"{setting} is {unit!r}, expected one of {listed(table)}")
+
+
+def listed(table: Mapping[Any, tuple[str, ...]]) -> str:
+    """A table's units, for a sentence."""
+    shown = {"degc": "degC", "k": "K", "degf": "degF"}
+    return ", ".join(shown.get(first, first) for first, *_ in table.values())
+
+
+OF_ROLE: dict[str, tuple[Mapping[Any, tuple[str, ...]], str]] = {
+    "time": (TIME, "s"),
+    "rate": (RATE, "rad/s"),
+    "temperature": (TEMPERATURE, "degC"),
+}
+"""Units of a role, and the one of a column that names none."""

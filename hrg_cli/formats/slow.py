@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import HrgError
+from .column_units import unit_of_column
 from .columns import Roles
 from .log import Array, Log
 from .quantities import rate_factor, temperature_scale
@@ -37,6 +38,7 @@ class SlowLog:
         log: Log,
         roles: Roles,
         *,
+        where: str,
         rate_units: str | None,
         temperature_units: str | None,
         rate_scale_factor: float,
@@ -55,9 +57,11 @@ class SlowLog:
             channel = log.channels[index]
             factor, offset = 1.0, 0.0
             if role == "rate":
-                factor = rate_scale_factor * rate_factor(rate_units or channel.units or "rad/s")
+                unit = unit_of_column(where, role, index, channel, rate_units)
+                factor = rate_scale_factor * rate_factor(unit)
             if role == "temperature":
-                factor, offset = temperature_scale(temperature_units or channel.units or "degC")
+                unit = unit_of_column(where, role, index, channel, temperature_units)
+                factor, offset = temperature_scale(unit)
             self.scales[role] = (
                 factor * channel.scale_factor,
                 factor * channel.add_offset + offset,

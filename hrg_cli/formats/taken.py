@@ -11,8 +11,9 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import Status
+from .left_columns import left_columns
 from .left_out import LeftOut
-from .log import Array, Log
+from .log import Array, Channel, Log
 
 FEW_ROWS, FEW_SHARE = 3, 0.01
 """Rows left out that are told only: an instrument's first ones. More make the recording suspect."""
@@ -25,6 +26,9 @@ MANY_NOT_FINITE = 1e-3
 
 GAP_STEPS = 2.5
 """A step longer than so many usual ones is a gap."""
+
+TAKEN_IN = {"time": "s", "auxiliary_time": "s", "rate": "rad/s", "temperature": "degC"}
+"""Units to which a role's values are brought; any other role keeps the log's."""
 
 GAPS_NAMED = 5
 """Gaps and places told one by one; the rest are counted."""
@@ -177,13 +181,10 @@ class Taken:
                     "name": channels[index].name,
                     "units": self.units.get(role, channels[index].units),
                 }
+                | self._converted(role, channels[index])
                 for role, index in self.columns.items()
             },
-            "columns_left": [
-                {"column": index + 1, "name": channel.name, "units": channel.units}
-                for index, channel in enumerate(channels)
-                if index not in self.columns.values()
-            ],
+            "columns_left": left_columns(self.log, self.columns),
             "samples": self.rows,
             "sample_rate_hz": self.sample_rate_hz,
             "duration_s": self.last_s - self.first_s if self.first_s is not None else 0.0,
@@ -200,6 +201,12 @@ class Taken:
                 "rows": self.outside,
             }
         return facts
+
+    def _converted(self, role: str, channel: Channel) -> dict[str, str]:
+        """The unit a column's values became, where it is not the one that it names."""
+        taken_in = TAKEN_IN.get(role)
+        units = self.units.get(role, channel.units)
+        return {} if taken_in is None or taken_in == units else {"taken_in": taken_in}
 
     def details(self) -> str:
         """`facts` as JSON text."""

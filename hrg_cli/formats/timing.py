@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import HrgError
+from .column_units import unit_of_column
 from .columns import Roles, listing
 from .even_times import TimeJudge
-from .log import Channel, Log
+from .log import Log
 from .quantities import time_factor
 from .readers import guard_reading
 
@@ -45,7 +46,7 @@ def timing_of(
             )
         return Timing(float(rate), 1.0)
     channel = log.channels[roles.time]
-    factor = _seconds_per_unit(log, channel, path, time_units, clock_hz)
+    factor = _seconds_per_unit(log, roles.time, path, time_units, clock_hz)
     if given is not None:
         return _given(log, roles, path, factor, given)
     single_precision = False
@@ -74,9 +75,10 @@ def timing_of(
 
 
 def _seconds_per_unit(
-    log: Log, channel: Channel, path: Path, time_units: str | None, clock_hz: float | None
+    log: Log, column: int, path: Path, time_units: str | None, clock_hz: float | None
 ) -> float:
     """Seconds in a unit of the time column. HrgError: it counts ticks of an unknown clock."""
+    channel = log.channels[column]
     if channel.kind == "clock":
         return 1.0
     if clock_hz or (log.clock_hz and time_units is None):
@@ -86,7 +88,7 @@ def _seconds_per_unit(
             f"{path}: its time column counts ticks of the instrument's clock; give clock_hz (ticks"
             " a second; 60e6 for an MFLI)"
         )
-    return time_factor(time_units or channel.units or "s")
+    return time_factor(unit_of_column(str(path), "time", column, channel, time_units))
 
 
 def _nice(rate: float, step: float, rows: int, rounding: float) -> float:

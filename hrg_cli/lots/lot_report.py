@@ -55,6 +55,7 @@ def report_of(
     reasons = [f"{row['gyro_id'] or 'a recording'}: {row['why']}" for row in worst[:MOST_TOLD]]
     if len(worst) > MOST_TOLD:
         reasons.append(f"{len(worst) - MOST_TOLD} more gyros did not pass; lot.csv says why")
+    known = sum(bool(row["gyro_id"]) for row in rows)
     unreadable = [r for r in recordings if r.get("unreadable")]
     doubts = {
         "have a fault": [r for r in passed if r["health"] not in ("", "sound", "not examined")],
@@ -66,7 +67,7 @@ def report_of(
             named = sorted(ones, key=lambda row: row["rank"])[:MOST_NAMED]
             more = f" and {len(ones) - len(named)} more" if len(ones) > len(named) else ""
             reasons.append(
-                f"{len(ones)} of {len(rows)} gyros {what}:"
+                f"{len(ones)} of {known} gyros {what}:"
                 f" {', '.join(str(row['gyro_id']) for row in named)}{more}"
             )
     refused = worst or unreadable or not rows

@@ -75,11 +75,12 @@ def lot_page(
     lines = [_line(row, pages.get(row["gyro_id"]), names, keys) for row in rows]
     lines.sort(key=lambda line: line.row["rank"])
     causes = _causes(rows)
+    gyros = sum(bool(row["gyro_id"]) for row in rows)
     common = report.get("lot_causes", [])
     with style():
         drawn = [distribution(rows, name, limits_of(name, limits or {})) for name in names]
         pictures = [(plot, _svg(plot)) for plot in drawn if plot is not None]
-        bars = pareto([(name, count) for name, count, _ in causes], len(rows))
+        bars = pareto([(name, count) for name, count, _ in causes], gyros)
         whole = [caterpillar(one, f"common-{k}") for k, one in enumerate(common, start=1)]
         shown = [
             (one, plot, None if plot is None else _svg(plot)) for one, plot in zip(common, whole)
@@ -95,6 +96,7 @@ def lot_page(
     )
     return environment.get_template("lot.html").render(
         report=report,
+        gyros=gyros,
         names=[(name, in_words(name), unit_of(name, _middle(rows, name))[1]) for name in names],
         keys=keys,
         lines=lines,

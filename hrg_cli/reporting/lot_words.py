@@ -14,13 +14,18 @@ WORST = 3
 def sentence(report: Mapping[str, Any]) -> str:
     """The lot in one or two sentences."""
     rows, passed = report["rows"], report["passed"]
-    failed = len(rows) - passed
+    known = [row for row in rows if row["gyro_id"]]
+    failed, strays = len(known) - passed, len(rows) - len(known)
     faulty = [r for r in rows if r["health"] not in ("", "sound", "not examined")]
     text = (
-        ("The gyro passed" if len(rows) == 1 else f"All {len(rows)} gyros passed")
+        "No gyro is known"
+        if not known
+        else ("The gyro passed" if len(known) == 1 else f"All {len(known)} gyros passed")
         if not failed
-        else f"{failed} of {len(rows)} gyros did not pass"
+        else f"{failed} of {len(known)} gyros did not pass"
     )
+    if strays:
+        text += f"; {strays} {'recording is' if strays == 1 else 'recordings are'} of no known gyro"
     if faulty:
         text += f"; {len(faulty)} {'has' if len(faulty) == 1 else 'have'} a fault or are in doubt"
     if off := len(report["outliers"]):

@@ -68,9 +68,11 @@ def unit_for(name: str, value: float, units: str) -> tuple[float, str]:
     """Factor and unit in which people say a quantity of this name, size and unit."""
     size = abs(value)
     name = next((n for n in reversed(name.split(".")) if n not in ("value", "std")), name)
-    if name == "frequency_split_rad_s":
+    if name.startswith("frequency_split_") and name.endswith("_rad_s"):
         return (1e3 / math.pi, "mHz") if size <= math.pi else (1 / math.pi, "Hz")
-    if name == "damping_split_1_s":  # as the drift it makes, where the limits are written in °/h
+    if name.startswith("damping_split_") and name.endswith(
+        "_1_s"
+    ):  # as the drift it makes, where the limits are written in °/h
         return 1 / DEGREE_PER_HOUR, "°/h"
     if name == "pull_rad_s":
         return 1e3 / (2 * math.pi), "mHz"

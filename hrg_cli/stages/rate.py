@@ -25,6 +25,7 @@ from ..fitting.envelopes.rate_from_model import (
 from ..fitting.samples.rate_log import left_out, stretches
 from ..records import Compensated, Resonator, Wave
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
+from .rate_nodes import DOUBTFUL, follow
 
 Array = np.ndarray
 
@@ -104,18 +105,24 @@ def rate(
     wave = _in_memory(wave)
     _need_resonator_of(wave, resonator, name)
     if wave.mode == "forced":
-        found = rate_driven(
-            wave, resonator, nodes, main_phase_error_rad, quadrature_phase_error_rad
-        )
+        errors = (main_phase_error_rad, quadrature_phase_error_rad)
+
+        def fit(count: int | None) -> RateEstimate:
+            return rate_driven(wave, resonator, count, *errors)
+
     elif main_phase_error_rad or quadrature_phase_error_rad:
         raise HrgError(f"{name}: is a free run, which no force acts on; leave the phase errors out")
     else:
-        found = rate_from_model(wave, resonator, nodes)
+
+        def fit(count: int | None) -> RateEstimate:
+            return rate_from_model(wave, resonator, count)
+
+    found, foretold = follow(fit(nodes), fit, nodes is None)
     earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
     found = dataclasses.replace(
         found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth
     )
-    impossible, doubtful = closing_checks(found)
+    impossible, doubtful = closing_checks(found, foretold)
     # The log may begin late, end early or have gaps: only what it covers is compared.
     stretch = stretches(wave)
     before, after = (
@@ -162,8 +169,9 @@ def _need_resonator_of(wave: Wave, resonator: Resonator, name: str) -> None:
         raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
 
 
-def closing_checks(found: RateEstimate) -> tuple[list[Check], list[Check]]:
-    """The closing checks of a rate: (what refuses it, what makes it suspect)."""
+def closing_checks(found: RateEstimate, foretold: float = 0.0) -> tuple[list[Check], list[Check]]:
+    """The closing checks of a rate: (what refuses it, what makes it suspect); foretold: variance of
+    the nodes by interpolation over that by noise."""
     count, more = len(found.time_s), _more_nodes(found)
     poor = (
         f"χ²/dof = {found.chi2_per_dof:.3g}: the reference model leaves more than the noise"
@@ -203,6 +211,13 @@ def closing_checks(found: RateEstimate) -> tuple[list[Check], list[Check]]:
             f"the rate changes faster than {count} nodes follow: with twice as many χ² falls by"
             f" {found.finer_z:.2g} of its standard deviations more than by chance, so the errors"
             f" hold at smooth places only; {more}",
+        ),
+        checks.at_most(
+            "nodes_are_dense",
+            foretold,
+            DOUBTFUL,
+            f"the rate bends between {count} nodes: by what half as many lose, the errors are"
+            f" {np.sqrt(1 + foretold):.2g} times those stated; {more}",
         ),
     ]
     return impossible, doubtful

@@ -209,9 +209,21 @@ def test_same_rows_same_bytes(page, report):
     assert drawn(report) == page
 
 
+def test_a_recording_of_no_known_gyro_is_no_gyro(report, page):
+    """60 gyros and a recording that nobody can attribute: of 60, not of 61."""
+    told = sentence(report)
+    assert f" of {GYROS} gyros did not pass; 1 recording is of no known gyro" in told
+    assert (
+        f"{report['passed']} of {GYROS} gyros passed" in page
+        and f"of {GYROS + 1} gyros" not in page
+    )
+    assert all(f"of {GYROS + 1} gyros" not in reason for reason in report["status_reasons"])
+
+
 def test_lots_without_results_have_a_page(report):
     empty = {**report, "rows": [], "gyros": 0, "passed": 0, "outliers": [], "lot_causes": []}
     assert "No gyro has a parameter." in lot_page({**empty, "populations": {}}, {})
+    assert sentence({**empty, "lot_tests": None}).startswith("No gyro is known")
     few = {**report, "rows": [r for r in report["rows"] if not r["gyro_id"]], "lot_causes": []}
     Tags(lot_page(few, {}))
 

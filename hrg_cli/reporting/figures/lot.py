@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from ...records import Array
 from ..quantities import LABELS, RATE_OF_DECAY, unit_for
@@ -258,6 +259,7 @@ def caterpillar(cause: Mapping[str, Any], key: str) -> Plot | None:
         min(float((value + std).max()), reach) + 0.05 * reach,
     )
     title = plain(f"{cause['name']}".replace("_", " "))
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     labels(ax, "gyros, by day and name", f"{title}, {unit or '1'}", title)
     legend(ax, loc="best")
     sure = abs(cause["value"]) / float(np.median(std[inside]) / abs(factor))

@@ -15,7 +15,22 @@ class TakenColumn(Shape):
     name: str
     """Its name in the log."""
     units: str
+    """Its unit, empty where neither the log nor an option names one."""
+    taken_in: str | None = None
+    """The unit that the values became, where it is another one."""
+
+
+class LeftColumn(Shape):
+    """A column of the log of which nothing was taken."""
+
+    column: int
+    """Its place, from 1."""
+    name: str
+    """Its name in the log."""
+    units: str
     """Its unit."""
+    why: str
+    """Why it was left."""
 
 
 class Gap(Shape):
@@ -103,8 +118,8 @@ class Import(Common):
     """Format of the log."""
     columns: dict[str, TakenColumn] | None = None
     """Role -> column (from 1), name and units of what was taken."""
-    columns_left: list[TakenColumn] = Field(default=[])
-    """Columns that were not taken."""
+    columns_left: list[LeftColumn] = Field(default=[])
+    """Columns of which nothing was taken."""
     samples: int | None = None
     """Samples written."""
     sample_rate_hz: Number = None

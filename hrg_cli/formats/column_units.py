@@ -1,0 +1,25 @@
+"""The unit in which a column of times, rates or temperatures is read."""
+
+from __future__ import annotations
+
+from ..errors import HrgError
+from .log import Channel
+from .quantities import OF_ROLE, is_of, listed
+
+
+def unit_of_column(where: str, role: str, column: int, channel: Channel, given: str | None) -> str:
+    """The unit of a column of times, rates or temperatures: the one given, else the log's own, else
+    the SI one (°C of a temperature).
+
+    HrgError: the log's own is not one of that quantity; the sentence says what to do.
+    """
+    table, default = OF_ROLE[role]
+    unit = given or channel.units or default
+    if given is None and not is_of(table, unit):
+        scaled = ", for a voltage also rate_scale_factor" if role == "rate" else ""
+        leave = f'{role} = "none" to leave it out'
+        raise HrgError(
+            f"{where}: its column {column + 1} ({channel.name}) is in {unit!r}, no unit of a"
+            f" {role} ({listed(table)}); give {role}_units{scaled}, or {leave}"
+        )
+    return unit

@@ -1,0 +1,37 @@
+"""Keys of figures in words: what a figure is, without where it is kept and its unit."""
+
+from __future__ import annotations
+
+import re
+
+from ..limit_values import SUFFIXES
+from .figures_in_words import WORDS
+from .quantities import LABELS, RATE_OF_DECAY
+from .text import plain
+
+OF_PARAMETERS = LABELS | {"damping_rate_1_s": RATE_OF_DECAY}
+"""The damping stays a rate: a decay time would move against its own sign."""
+OF_TABLES = {
+    "table.drift_rad_s": "drift D, where the tables differ most",
+    "table.scale_factor": "scale factor K, where the tables differ most",
+}
+PLACES = ("details", "final_analysis", "split_components", "values", "parameters", "allan", "gain")
+"""First parts of a name that say where a figure is kept, not what it is."""
+
+
+def name_of_figure(name: str) -> str:
+    """A figure's key in words, without its place and unit."""
+    if name in OF_TABLES:
+        return OF_TABLES[name]
+    parts = name.removesuffix(".value").split(".")
+    while len(parts) > 1 and parts[0] in PLACES:
+        parts = parts[1:]
+    if parts[0] == "effects":
+        return f"{_words(parts[1])}: {' '.join(map(_words, parts[2:]))}"
+    return " ".join(OF_PARAMETERS.get(part) or _words(part) for part in parts)
+
+
+def _words(part: str) -> str:
+    unit = next((end for end, _ in SUFFIXES if part.endswith(end)), "")
+    bare = re.sub(r"_ppm$", "", part.removesuffix(unit))
+    return plain(" ".join(WORDS.get(word, word) for word in bare.split("_")))

@@ -1,0 +1,153 @@
+"""An import tells every column: as what and in which unit it was taken, or why it was left; a unit
+that is not of the quantity is refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+from hrg_cli.errors import HrgError
+from hrg_cli.formats import import_envelope, import_log
+from hrg_cli.formats.quantities import split_name
+from hrg_cli.records import collect
+
+N, RATE = 400, 8000.0
+RNG = np.random.default_rng(11)
+T = np.arange(N) / RATE
+C = np.cos(2 * np.pi * 513 * T) + 0.01 * RNG.standard_normal(N)
+S = 0.4 * np.cos(2 * np.pi * 513 * T + 0.2) + 0.01 * RNG.standard_normal(N)
+
+
+def log(folder, slow, separator=",", decimal="."):
+    """A log of both channels and slow columns {title: value}."""
+    titles = ["time (s)", "c (V)", "s (V)", *slow]
+    rows = np.column_stack([T, C, S, *(np.full(N, value) for value in slow.values())])
+    text = [separator.join(f"{v:.6f}".replace(".", decimal) for v in row) for row in rows]
+    path = folder / "log.csv"
+    path.write_text("\n".join([separator.join(titles), *text]) + "\n", encoding="utf-8")
+    return path
+
+
+def told(recording):
+    return json.loads(recording.details)
+
+
+RPM = 2 * np.pi / 60
+
+
+@pytest.mark.parametrize(
+    "title",
+    [
+        "rate_rpm",
+        "rate (rpm)",
+        "rate [rev/min]",
+        "rate (U/min)",
+        "rate (1/min)",
+        "rate [rev / min]",
+        "rate_rev_per_min",
+        "table rate (RPM)",
+        "omega_rpm",
+        "rate (rev per min)",
+        "rate in rpm",
+    ],
+)
+def test_turns_a_minute_become_rad_s(tmp_path, title):
+    made = collect(import_log(log(tmp_path, {title: 3.0})))
+    np.testing.assert_allclose(made.rate_rad_s, 3 * RPM, rtol=1e-12)
+    assert told(made)["columns"]["rate"]["taken_in"] == "rad/s" and not told(made)["columns_left"]
+
+
+@pytest.mark.parametrize(
+    "title, value",
+    [(t, 72.5) for t in ("T (°F)", "temp_degF", "T_degF", "temperature [Fahrenheit]", "T (deg F)")]
+    + [(t, 72.5) for t in ("oven (℉)", "temperature (ºF)", "Temp [F]")]
+    + [(t, 295.65) for t in ("T (K)", "temperature_k", "Pt100 [Kelvin]", "temperature (K)")]
+    + [(t, 22.5) for t in ("T [°C]", "T_degC", "temp_c", "temperature (℃)", "Pt100 (deg C)")],
+)
+def test_temperatures_become_degrees_celsius(tmp_path, title, value):
+    for separator, decimal in ((",", "."), (";", ",")):
+        made = collect(import_log(log(tmp_path, {title: value}, separator, decimal)))
+        np.testing.assert_allclose(made.temperature_degc, 22.5, atol=1e-9)
+        assert not told(made)["columns_left"]
+
+
+@pytest.mark.parametrize(
+    "title", ["rate (Hz)", "rate_hz", "rate [mV]", "rate (V)", "rate (furlong)"]
+)
+def test_a_unit_that_is_no_rate_is_a_sentence(tmp_path, title):
+    path = log(tmp_path, {title: 0.5})
+    with pytest.raises(HrgError, match=r"log\.csv: its column 4 \(rate\) is in .* give rate_units"):
+        import_log(path)
+    made = collect(import_log(path, rate_units="rps"))
+    np.testing.assert_allclose(made.rate_rad_s, np.pi, rtol=1e-12)
+    left = told(collect(import_log(path, rate="none")))["columns_left"]
+    assert [column["column"] for column in left] == [4]
+
+
+def test_a_unit_that_is_no_temperature_or_time_is_a_sentence(tmp_path):
+    with pytest.raises(HrgError, match=r"column 4 \(temperature\) is in 'mV'.*degC, K, degF"):
+        import_log(log(tmp_path, {"temperature (mV)": 0.5}))
+    path = log(tmp_path, {})
+    path.write_text(path.read_text().replace("time (s)", "time (fortnights)"))
+    with pytest.raises(HrgError, match=r"column 1 \(time\) is in 'fortnights'.*give time_units"):
+        import_log(path)
+
+
+def test_every_column_is_taken_or_left(tmp_path, hrg):
+    slow = {"humidity (%)": 40.0, "gyro rate (deg/s)": 1.0, "oven (°C)": 60.0, "case (°C)": 30.0}
+    path = log(tmp_path, {**slow, "rate": 0.1})
+    made = hrg("import", path, "-o", tmp_path / "r.h5", "--json").json
+    taken = {column["column"] for column in made["columns"].values()}
+    left = {column["column"]: column for column in made["columns_left"]}
+    assert taken == {1, 2, 3, 8} and set(left) == {4, 5, 6, 7}
+    assert "another column is the rate" in left[5]["why"]
+    assert "--temperature oven takes this one" in left[6]["why"], "two: neither is chosen"
+    shown = hrg("import", path, "-o", tmp_path / "r.h5", "--force").out
+    assert "column 4 (humidity)" in shown and "rad/s (the log names none)" in shown
+    chosen = hrg(
+        "import", path, "-o", tmp_path / "r.h5", "--force", "--temperature", "oven", "--json"
+    )
+    assert chosen.json["columns"]["temperature"]["column"] == 6
+
+
+def test_a_temperature_titled_t_is_no_time(tmp_path):
+    path = log(tmp_path, {"T (°C)": 21.0})
+    path.write_text(path.read_text().replace("time (s)", "samples (s)"))
+    columns = told(collect(import_log(path)))["columns"]
+    assert columns["time"]["column"] == 1 and columns["temperature"]["column"] == 4
+
+
+def test_a_text_column_is_named(tmp_path):
+    path = log(tmp_path, {"remark": 1.0})
+    path.write_text(path.read_text().replace("1.000000\n", "ok\n"))
+    left = told(collect(import_log(path)))["columns_left"]
+    assert left == [{"column": 4, "name": "remark", "units": "", "why": "holds text"}]
+
+
+def test_demodulated_logs_tell_it_too(tmp_path):
+    rows = np.column_stack([np.arange(N) / 50, 1e-3 * RNG.standard_normal((N, 2)) + 1])
+    rows = np.column_stack([rows, np.full(N, 80.6), np.full(N, 3.0), np.full(N, 40.0)])
+    path = tmp_path / "lock-in.csv"
+    header = "time [s],X [V],Y [V],T (°F),rate_rpm,humidity"
+    np.savetxt(path, rows, delimiter=",", header=header, comments="", encoding="utf-8")
+    named = {"c_in_phase": 2, "c_quadrature": 3, "reference_frequency_hz": 5000.0}
+    made = collect(import_envelope(path, **named))
+    np.testing.assert_allclose(made.temperature_degc, 27.0, rtol=1e-9)
+    np.testing.assert_allclose(made.rate_rad_s, 3 * RPM, rtol=1e-9)
+    assert [c["name"] for c in told(made)["columns_left"]] == ["humidity"]
+
+
+@pytest.mark.parametrize(
+    "title, expected",
+    [
+        ("rate_rpm", ("rate", "rpm")),
+        ("rate_deg_per_s", ("rate", "deg/s")),
+        ("rate_rad_s", ("rate", "rad/s")),
+        ("T_degF", ("T", "degF")),
+        ("warps", ("warps", "")),
+        ("loop_k", ("loop_k", "")),
+        ("drive_main", ("drive_main", "")),
+    ],
+)
+def test_units_at_the_end_of_a_title(title, expected):
+    assert split_name(title) == expected
