@@ -11,6 +11,7 @@ from . import coordinates
 from .coordinates import DAMPING, FREQUENCY_SPLIT, SCALE_FACTOR
 from .likelihood import Fit, triangle
 from .response import real
+from .scaled_columns import invert_scaled
 
 Array = np.ndarray
 FLAT_FRACTION = 0.3
@@ -122,9 +123,7 @@ def covariance_z(fit: Fit, factor: float) -> Array:
     """Covariance of z with the data's information divided by `factor`, priors kept."""
     prior = np.where(np.isfinite(fit.freedom.prior_std), fit.freedom.prior_std, np.inf) ** -2.0
     root = np.concatenate([fit.data_root / np.sqrt(factor), np.diag(np.sqrt(prior))])
-    scale = np.linalg.norm(root, axis=0)
-    scale[scale == 0] = 1.0
-    inverse = np.linalg.pinv(root / scale, rcond=1e-12) / scale[:, None]
+    inverse = invert_scaled(root)
     return inverse @ inverse.T
 
 
