@@ -121,6 +121,7 @@ class _Seen:
         """More rows, the last one of those before them first."""
         u = columns.pop("envelope")
         turned = 1 + np.abs(columns["phase_rad"]).max()
+        # the cosine of an angle φ is known to ε·|φ|, for φ itself is rounded to that
         rounding = ROUNDINGS * np.finfo(float).eps * turned * float(np.abs(u).max())
         self.rounding = max(self.rounding, rounding)
         for k, name in enumerate(CHANNELS):
@@ -162,6 +163,8 @@ class _Seen:
         noise that they state, by third differences."""
         part = next(self._from(*stretch))
         rough = np.sum(np.abs(np.diff(envelopes_of(part), n=3, axis=0)) ** 2, axis=1)
+        # third differences of white noise have 1² + 3² + 3² + 1² = 20 times its variance; two complex
+        # envelopes are four components
         level = np.sqrt(np.median(rough) / (20 * 4)) if len(rough) else 0.0
         return bool(level > QUIET * np.median(part.signal_std))
 
