@@ -134,7 +134,7 @@ class _Seen:
         """The usual σ that is stated of a column."""
         return float(np.median(self.sample[name]))
 
-    def told(self, what: str, name: str, std: float, stretch: tuple[int, int]) -> Frozen:
+    def describe(self, what: str, name: str, std: float, stretch: tuple[int, int]) -> Frozen:
         """The finding of rows from the first to the last of a stretch; name: a column, or a
         channel."""
         first, last = (self._row(place) for place in stretch)
@@ -187,7 +187,7 @@ def _channels(seen: _Seen) -> Iterator[Frozen]:
     for name in CHANNELS:
         stretch = _improbable(seen.stretches[name], seen.rounding / std if std > 0 else np.inf)
         if stretch is not None:
-            yield seen.told(name, name, std, stretch)
+            yield seen.describe(name, name, std, stretch)
 
 
 def _columns(seen: _Seen) -> Iterator[Frozen]:
@@ -198,7 +198,7 @@ def _columns(seen: _Seen) -> Iterator[Frozen]:
         std, step = seen.std(f"{name}_std"), _step(seen.sample[name])
         stretch = _improbable(seen.stretches[name], step / std if std > 0 else np.inf)
         if stretch is not None and seen.noisy(stretch):
-            yield seen.told(words, name, std, stretch)
+            yield seen.describe(words, name, std, stretch)
 
 
 def _step(values: Array) -> float:

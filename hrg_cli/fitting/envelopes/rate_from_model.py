@@ -126,13 +126,13 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
     p = coordinates.from_mechanics(mechanics)
     p[SECOND_ORDER] = details_number(resonator.details, "second_order", "value", default=1.0)
 
-    def told(found: RateEstimate) -> RateEstimate:
+    def complete(found: RateEstimate) -> RateEstimate:
         return replace(found, most_nodes=min(most, MOST_NODES), window_s=run.window_s)
 
     if nodes is not None:
         found = _best(run, count, p)
         finer_count = 2 * count - 1
-        return told(
+        return complete(
             found
             if finer_count > checked
             else _asked(found, _fit_rate(run, *_again(run, found, finer_count, p[SCALE_FACTOR]), p))
@@ -153,7 +153,7 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
         if enough or finer_count > most:
             break
         found = finer
-    return told(
+    return complete(
         found
         if found.adequate
         else min(found, _best(run, len(found.time_s), p), key=lambda e: e.chi2_per_dof)
