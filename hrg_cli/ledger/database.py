@@ -64,7 +64,7 @@ def _add_to(
 ) -> list[bool]:
     """Enter all or none into the file at `place`, which errors call `path`. A file that is dropped
     where anything fails needs no journal beside it."""
-    with _opened(place, "rwc", path) as connection:
+    with _open(place, "rwc", path) as connection:
         connection.execute(f"PRAGMA journal_mode = {journal}")
         connection.execute("BEGIN IMMEDIATE")
         try:
@@ -84,7 +84,7 @@ def read_entries(path: Path) -> list[Entry]:
             f"{path}: no such ledger; make one with `hrg ledger add FILE`, or name it with --ledger"
         )
     left_by_a_killed_writer = Path(f"{path}-journal").exists()  # only who may write can undo it
-    with _opened(path, "rw" if left_by_a_killed_writer else "ro", path) as connection:
+    with _open(path, "rw" if left_by_a_killed_writer else "ro", path) as connection:
         connection.execute("BEGIN")
         _need_own(connection, path)
         figures: dict[int, dict[str, Figure]] = {}
@@ -98,7 +98,7 @@ def read_entries(path: Path) -> list[Entry]:
 
 
 @contextlib.contextmanager
-def _opened(place: Path, mode: str, path: Path) -> Iterator[sqlite3.Connection]:
+def _open(place: Path, mode: str, path: Path) -> Iterator[sqlite3.Connection]:
     """A connection to `place` that is closed on leaving; every way SQLite fails becomes a sentence
     that names `path`."""
     if not path.parent.is_dir():

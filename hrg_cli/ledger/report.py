@@ -39,7 +39,7 @@ def of_history(found: History) -> dict[str, Any]:
             for entry in found.entries
         ],
         "figures": [_course(row) for row in found.figures],
-        "limits": [_held(row) for row in found.held],
+        "limits": [_describe_limit(row) for row in found.held],
     }
 
 
@@ -57,11 +57,11 @@ def _standing(row: Standing) -> dict[str, Any]:
         "moved_most": row.moved_figure or None,
         "moved_sigma": row.moved_sigma,
         "within_limits": all(h.passed for h in row.held) if row.held else None,
-        "limits": [_held(h) for h in row.held],
+        "limits": [_describe_limit(h) for h in row.held],
     }
 
 
-def _held(row: Held) -> dict[str, Any]:
+def _describe_limit(row: Held) -> dict[str, Any]:
     return {
         "name": row.row.name,
         "value": row.row.value,

@@ -51,7 +51,7 @@ def provenance_of(path: Path | str) -> Provenance:
     >>> store.provenance_of(path).sources
     ()
     """
-    with opened(Path(path)) as file:
+    with open_for_reading(Path(path)) as file:
         return provenance(file, Path(path))
 
 
@@ -90,14 +90,14 @@ def kind_of(path: Path | str) -> type[Record]:
     >>> store.kind_of(path).__name__
     'Recording'
     """
-    with opened(Path(path)) as file:
+    with open_for_reading(Path(path)) as file:
         return _kind(file, Path(path))
 
 
 def texts_of(path: Path | str, group: str, names: Sequence[str]) -> dict[str, str]:
     """Those of the named attributes of a group that are there, as texts; also ones that no record
     declares. HrgError: the file cannot be opened."""
-    with opened(Path(path)) as file:
+    with open_for_reading(Path(path)) as file:
         return _texts(file, group, names)
 
 
@@ -106,7 +106,7 @@ def heading_of(path: Path | str, kind: type[Record], names: Sequence[str]) -> di
     are not looked at. HrgError: the file cannot be opened, holds another kind, or an attribute is
     not as declared; NotHrgError: another program's HDF5."""
     declared = kind.columns()
-    with opened(Path(path)) as file:
+    with open_for_reading(Path(path)) as file:
         need_kind(file, Path(path), kind)
         texts = _texts(file, kind.kind, names)
         for name in texts.keys() & declared.keys():
@@ -146,12 +146,12 @@ def changes(path: Path | str) -> list[str] | None:
     >>> store.changes(path)
     []
     """
-    with opened(Path(path)) as file:
+    with open_for_reading(Path(path)) as file:
         return checksums.changes(file)
 
 
 @contextlib.contextmanager
-def opened(path: Path) -> Iterator[h5py.File]:
+def open_for_reading(path: Path) -> Iterator[h5py.File]:
     """An HDF5 file for reading; every way h5py fails becomes a sentence."""
     handle = Handle(path)
     try:

@@ -23,7 +23,7 @@ from .dataset_checks import (
     text_of,
 )
 from .handles import Handle, reading
-from .headings import json_list, kind_of, need_kind, opened, provenance, read_attribute
+from .headings import json_list, kind_of, need_kind, open_for_reading, provenance, read_attribute
 from .layout import AnyRecord, place_of
 from .lazy import CheckedColumn
 from .validity import bound_together, values_problem
@@ -105,7 +105,7 @@ def read(path: Path | str, kind: type[AnyRecord]) -> AnyRecord:
     >>> store.read(path, Recording).s.tolist()
     [1.0, 1.0, 1.0]
     """
-    with opened(Path(path)) as file:
+    with open_for_reading(Path(path)) as file:
         return _record(file, Path(path), kind)
 
 

@@ -11,6 +11,14 @@ window begins counts.
 
 import numpy as np
 import pytest
+from board_gyros import (
+    AMPLITUDE_GAIN_1_S,
+    FREQUENCY_HZ,
+    PERIODS_PER_UPDATE,
+    QUADRATURE_GAIN_1_S,
+    configure_runs,
+    draw_gyro,
+)
 
 from hrg_cli.records import collect
 from hrg_cli.stages.calibrate import calibrate
@@ -19,37 +27,19 @@ from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import simulate
 
 pytest.importorskip("numba")
-FREQUENCY, WINDOW, GAIN, AMPLITUDE_GAIN, RATE = 5000.0, 16, 10.0, 5.0, 3.0
+RATE = 3.0
 SETTLED_S = 3.0
 """After it the amplitude loop follows the loss as its response says."""
 
 
 def gyro(seed):
     """Device, electronics and noise of one gyro of the lot."""
-    draw = np.random.default_rng([16, seed])
-    device = {
-        "frequency_hz": FREQUENCY, "time_constant_s": float(draw.uniform(3, 6)), "damping_split": float(draw.uniform(0.01, 0.03)),
-        "damping_axis_rad": float(draw.uniform(0, np.pi / 2)), "frequency_split_rad_s": float(draw.uniform(0.0, 0.02)),
-        "stiffness_axis_rad": float(draw.uniform(0, np.pi / 2)), "scale_factor": float(draw.uniform(0.5, 0.6)),
-    }  # fmt: skip
-    board = {
-        "periods_per_update": WINDOW,
-        "delay_periods": float(draw.integers(0, 60)),
-        "drive_bits": 16,
-        "drive_full_scale": 4.0,
-    }
-    return device, board | {"phase_loop_hz": 1.0}
+    return draw_gyro([16, seed])
 
 
 def calibrated(seed, duration=10.0, **chosen):
     device, board = gyro(seed)
-    config = {
-        "device": device, "electronics": board,
-        "control": {"mode": "forced", "amplitude_gain_1_s": AMPLITUDE_GAIN, "quadrature_loop": "finite", "quadrature_gain_1_s": GAIN},
-        "readout": {"noise": 3e-3, "adc_bits": 16}, "recording": {"sample_rate_hz": 21000.0, "duration_s": duration, "gyro_id": f"E{seed}"},
-        "noise": {"temperature_k": 300.0, "effective_mass_kg": 1e-3, "metres_per_unit": 1e-6},
-        "run": [{"run_id": f"R{r:g}", "environment": {"rate_rad_s": r}} for r in (-RATE, RATE)],
-    }  # fmt: skip
+    config = configure_runs(device, board, (-RATE, RATE), f"E{seed}", duration)
     recordings = [collect(simulate(config, run=f"R{r:g}", seed=seed)) for r in (-RATE, RATE)]
     assert all(record.status == "valid" for record in recordings)
     waves = [
@@ -65,11 +55,11 @@ def expected(seed):
     """Harmonics of D (constant, cos, sin 4θ, cos, sin 8θ) and of K (constant, cos, sin 4θ)."""
     device, board = gyro(seed)
     nu, K = 1 / device["time_constant_s"], device["scale_factor"]
-    late, turning = (WINDOW + board["delay_periods"]) / FREQUENCY, 2 * K * RATE
+    late, turning = (PERIODS_PER_UPDATE + board["delay_periods"]) / FREQUENCY_HZ, 2 * K * RATE
     s = 1j * turning
-    L = (AMPLITUDE_GAIN + AMPLITUDE_GAIN**2 / 4 / s) * np.exp(-s * late) / (s + nu)
+    L = (AMPLITUDE_GAIN_1_S + AMPLITUDE_GAIN_1_S**2 / 4 / s) * np.exp(-s * late) / (s + nu)
     H = L / (1 + L)
-    decay = nu + GAIN
+    decay = nu + QUADRATURE_GAIN_1_S
     eight = -(device["frequency_split_rad_s"] ** 2) * decay / (decay**2 + turning**2)
     mu, stiff = 4 * device["damping_axis_rad"], 8 * device["stiffness_axis_rad"]
     split = nu * device["damping_split"]
@@ -98,7 +88,10 @@ def errors(seeds):
         )  # one temperature
         drift += list((record.drift_harmonics[0] - truth) / record.drift_harmonics_std[0])
         phase = (
-            K[0] / gyro(seed)[0]["time_constant_s"] / (4 * np.pi * FREQUENCY) * np.array([1, 0, 0])
+            K[0]
+            / gyro(seed)[0]["time_constant_s"]
+            / (4 * np.pi * FREQUENCY_HZ)
+            * np.array([1, 0, 0])
         )
         scale += list(
             (record.scale_factor_harmonics[0] - K)

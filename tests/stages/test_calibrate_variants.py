@@ -5,46 +5,16 @@ import json
 
 import numpy as np
 import pytest
-from forced_runs import Truth, forced_run, programme, wave_of
+from elliptic_runs import DEVICE, elliptic_run
+from forced_runs import Truth, forced_run, programme
 
 from hrg_cli.fitting.tables.increments import path_of
-from hrg_cli.physics import ellipse
-from hrg_cli.physics.resonator import Mechanics, exponential, generator
 from hrg_cli.records import Resonator, collect
 from hrg_cli.reporting.calibration import show_bought
 from hrg_cli.stages.calibrate import calibrate, summary
 from hrg_cli.stages.calibration.table import measured_drift
 from hrg_cli.stages.compensate import compensate
 from hrg_cli.stages.compensate import summary as compensated_figures
-
-DEVICE = Mechanics(5000.0, 0.02, 8e-4, 0.4, 4e-3, 0.15, 0.55)
-
-
-def free_run(device, rate, start, ratio, run_id, duration=20.0, noise=1e-7, seed=0):
-    """Free run of the exact slow model u' = L u from a wave angle and a quadrature: no formula of
-    the drift enters."""
-    t = np.arange(int(duration / 0.02)) * 0.02
-    L = generator(device, rate, second_order=0)
-    u = np.einsum(
-        "nij,j->ni",
-        exponential(np.broadcast_to(L, (len(t), 2, 2)), t),
-        ellipse.envelopes(1.0, ratio, start, 0.0),
-    )
-    a, b, theta, phase = ellipse.wave(u)
-    theta, phase = ellipse.unwrap(theta, phase)
-    draw = np.random.default_rng(seed)
-    full = np.full(len(t), 20.0)
-    wave = wave_of(
-        t,
-        theta + noise * draw.normal(size=len(t)),
-        full,
-        np.full(len(t), rate),
-        noise,
-        run_id,
-        ratio=b,
-        mode="free",
-    )
-    return wave.replace(main_amplitude=a, frequency_hz=5000.0 + np.gradient(phase, t) / (2 * np.pi))
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +28,7 @@ def free_runs():
         (0.0, 1.1, -0.02),
     ]
     return [
-        free_run(DEVICE, rate, start, ratio, f"f{i}", seed=i)
+        elliptic_run(DEVICE, 20.0, rate, start, ratio, f"f{i}", seed=i, mode="free")
         for i, (rate, start, ratio) in enumerate(plan)
     ]
 
@@ -131,7 +101,7 @@ def test_all_variants_in_one_table(free_runs):
 
 
 def test_measured_part_is_applied_in_operation(free_runs):
-    unseen = free_run(DEVICE, 0.4, 0.5, 0.03, "later", seed=9)
+    unseen = elliptic_run(DEVICE, 20.0, 0.4, 0.5, 0.03, "later", seed=9, mode="free")
     after = {}
     for model in ("parametric", "quadrature", "phase"):
         record = calibrate(free_runs, model=model, scale_factor_harmonics=0, bootstrap=0)

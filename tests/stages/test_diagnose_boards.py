@@ -7,8 +7,8 @@ the residual is made of: nothing of that is a fault of the gyro. What is hidden 
 
 import json
 
-import numpy as np
 import pytest
+from board_gyros import configure_runs, draw_gyro
 
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
@@ -17,30 +17,14 @@ from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import simulate
 
 pytest.importorskip("numba")
-FREQUENCY_HZ, RATES = 5000.0, (-3.0, 3.0)
+RATES = (-3.0, 3.0)
 
 
 def diagnosed(seed, log_rate_hz, effects=None):
     """What is said of two runs of a drawn gyro, its board and its Brownian noise."""
-    draw = np.random.default_rng([11, seed])
-    device = {
-        "frequency_hz": FREQUENCY_HZ, "time_constant_s": float(draw.uniform(3, 6)), "damping_split": float(draw.uniform(0.01, 0.03)),
-        "damping_axis_rad": float(draw.uniform(0, np.pi / 2)), "frequency_split_rad_s": float(draw.uniform(0.0, 0.02)),
-        "stiffness_axis_rad": float(draw.uniform(0, np.pi / 2)), "scale_factor": float(draw.uniform(0.5, 0.6)),
-    }  # fmt: skip
-    config = {
-        "device": device,
-        "electronics": {
-            "periods_per_update": 16, "delay_periods": float(draw.integers(0, 60)),
-            "drive_bits": 16, "drive_full_scale": 4.0, "phase_loop_hz": 1.0,
-        },
-        "control": {"mode": "forced", "amplitude_gain_1_s": 5.0, "quadrature_loop": "finite", "quadrature_gain_1_s": 10.0},
-        "readout": {"noise": 3e-3, "adc_bits": 16},
-        "noise": {"temperature_k": 300.0, "effective_mass_kg": 1e-3, "metres_per_unit": 1e-6},
-        "recording": {"sample_rate_hz": 21000.0, "duration_s": 10.0, "gyro_id": f"B{seed}", "log_rate_hz": log_rate_hz},
-        "effects": effects or {},
-        "run": [{"run_id": f"R{r:g}", "environment": {"rate_rad_s": r}} for r in RATES],
-    }  # fmt: skip
+    device, board = draw_gyro([11, seed])
+    config = configure_runs(device, board, RATES, f"B{seed}", log_rate_hz=log_rate_hz)
+    config["effects"] = effects or {}
     recordings = [collect(simulate(config, run=f"R{r:g}", seed=seed)) for r in RATES]
     waves = [collect(estimate(collect(demodulate(r, periods_per_window=50)))) for r in recordings]
     record = diagnose(waves)

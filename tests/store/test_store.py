@@ -1,6 +1,7 @@
 """Files: what is written is read back, opens in xarray, is whole or absent, and is refused in words
 when it is wrong."""
 
+import contextlib
 import errno
 import json
 import os
@@ -28,6 +29,7 @@ from hrg_cli.records import (
     Wave,
     collect,
 )
+from hrg_cli.store import atomic
 from hrg_cli.store.atomic import this_host
 from hrg_cli.store.heaps import check_heaps
 
@@ -177,6 +179,25 @@ def test_left_over_of_a_killed_writer_is_removed(tmp_path):
     os.utime(forgotten, (0, 0))
     store.write(tmp_path / "a.h5", small(Wave))
     assert not stale.exists() and not forgotten.exists() and elsewhere.exists()
+
+
+def test_two_hosts_write_one_name_in_one_folder(tmp_path, monkeypatch):
+    """The one's half-written file stays while the other cleans up and writes, though its process
+    number is nobody's on the other host; the first that is done keeps the name."""
+    path = tmp_path / "a.h5"
+    with pytest.raises(HrgError, match="another program"):
+        with monkeypatch.context() as far:
+            far.setattr(atomic, "this_host", lambda: "farhost.01234567")
+            far.setattr(os, "getpid", lambda: 999999999)
+            writing = atomic.atomic_path(path)
+            half = writing.__enter__()
+        with contextlib.ExitStack() as end:
+            end.push(writing)
+            half.write_bytes(b"half")
+            atomic.remove_stale(tmp_path, below=True)
+            store.write(path, small(Wave))
+            assert half.read_bytes() == b"half"
+    assert os.listdir(tmp_path) == ["a.h5"] and len(store.read(path, Wave)) == 7
 
 
 def damage(path, what):

@@ -97,6 +97,8 @@ def angle_steps(
 ) -> tuple[Array, Array, Array]:
     """Δθ, Δφ, Δψ of (2)."""
     P, Q, psi_A, psi_B = sums
+    # the block of JᵀJ for (θ, φ) has the determinant 4(A² − B²)²; one factor cancels, because Jᵀz is
+    # made of the same A and B. At |A| = |B| the orbit is a circle, which has no wave angle.
     determinant, power = A**2 - B**2, A**2 + B**2
     psi_step = np.zeros_like(A) if carrier_known else (A * psi_A + B * psi_B) / power
     return (A * P - B * Q) / determinant, (A * Q - B * P) / determinant, psi_step
@@ -179,6 +181,8 @@ def _iterate(
         A, B = amplitudes(z, products)
         d_theta, d_phi, d_psi = angle_steps(A, B, projections(z, products), carrier_known)
         power = A**2 + B**2
+        # |J·step|² = 2·moved, by the JᵀJ at the head of this file: by how much the step changes the
+        # modelled signals, to first order
         moved = (
             (A - x[0]) ** 2
             + (B - x[1]) ** 2

@@ -121,6 +121,7 @@ class _Seen:
         """More rows, the last one of those before them first."""
         u = columns.pop("envelope")
         turned = 1 + np.abs(columns["phase_rad"]).max()
+        # the cosine of an angle φ is known to ε·|φ|, for φ itself is rounded to that
         rounding = ROUNDINGS * np.finfo(float).eps * turned * float(np.abs(u).max())
         self.rounding = max(self.rounding, rounding)
         for k, name in enumerate(CHANNELS):
@@ -133,7 +134,7 @@ class _Seen:
         """The usual σ that is stated of a column."""
         return float(np.median(self.sample[name]))
 
-    def told(self, what: str, name: str, std: float, stretch: tuple[int, int]) -> Frozen:
+    def describe(self, what: str, name: str, std: float, stretch: tuple[int, int]) -> Frozen:
         """The finding of rows from the first to the last of a stretch; name: a column, or a
         channel."""
         first, last = (self._row(place) for place in stretch)
@@ -162,6 +163,8 @@ class _Seen:
         noise that they state, by third differences."""
         part = next(self._from(*stretch))
         rough = np.sum(np.abs(np.diff(envelopes_of(part), n=3, axis=0)) ** 2, axis=1)
+        # third differences of white noise have 1² + 3² + 3² + 1² = 20 times its variance; two complex
+        # envelopes are four components
         level = np.sqrt(np.median(rough) / (20 * 4)) if len(rough) else 0.0
         return bool(level > QUIET * np.median(part.signal_std))
 
@@ -184,7 +187,7 @@ def _channels(seen: _Seen) -> Iterator[Frozen]:
     for name in CHANNELS:
         stretch = _improbable(seen.stretches[name], seen.rounding / std if std > 0 else np.inf)
         if stretch is not None:
-            yield seen.told(name, name, std, stretch)
+            yield seen.describe(name, name, std, stretch)
 
 
 def _columns(seen: _Seen) -> Iterator[Frozen]:
@@ -195,7 +198,7 @@ def _columns(seen: _Seen) -> Iterator[Frozen]:
         std, step = seen.std(f"{name}_std"), _step(seen.sample[name])
         stretch = _improbable(seen.stretches[name], step / std if std > 0 else np.inf)
         if stretch is not None and seen.noisy(stretch):
-            yield seen.told(words, name, std, stretch)
+            yield seen.describe(words, name, std, stretch)
 
 
 def _step(values: Array) -> float:

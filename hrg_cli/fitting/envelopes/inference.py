@@ -11,6 +11,7 @@ from . import coordinates
 from .coordinates import DAMPING, FREQUENCY_SPLIT, SCALE_FACTOR
 from .likelihood import Fit, triangle
 from .response import real
+from .scaled_columns import invert_scaled
 
 Array = np.ndarray
 FLAT_FRACTION = 0.3
@@ -57,6 +58,7 @@ def inflation(fit: Fit) -> tuple[float, float]:
         for run, record in enumerate(fit.response.batch.runs):
             n = len(record) // size * size
             if n:
+                # a sum of `size` white residuals has `size` times the variance of one
                 blocks = residual[run, :n].reshape(-1, size, 2).sum(axis=1)
                 sums.append(np.concatenate([blocks.real.ravel(), blocks.imag.ravel()]))
                 lost += own
@@ -65,6 +67,7 @@ def inflation(fit: Fit) -> tuple[float, float]:
         if left < 3 * MIN_BLOCKS or len(joined) < 4 * MIN_BLOCKS:
             break
         level = float(np.sum(joined**2) / size / left)
+        # χ²/dof of `left` sums scatters by √(2/left)
         if left > MANY_BLOCKS or level > worst * (1 + 4 * np.sqrt(2 / left)):
             worst = level
         size *= 2
@@ -122,9 +125,7 @@ def covariance_z(fit: Fit, factor: float) -> Array:
     """Covariance of z with the data's information divided by `factor`, priors kept."""
     prior = np.where(np.isfinite(fit.freedom.prior_std), fit.freedom.prior_std, np.inf) ** -2.0
     root = np.concatenate([fit.data_root / np.sqrt(factor), np.diag(np.sqrt(prior))])
-    scale = np.linalg.norm(root, axis=0)
-    scale[scale == 0] = 1.0
-    inverse = np.linalg.pinv(root / scale, rcond=1e-12) / scale[:, None]
+    inverse = invert_scaled(root)
     return inverse @ inverse.T
 
 
@@ -194,6 +195,9 @@ def run_shifts(fit: Fit, factor: float) -> Array:
     for i, (information, gradient) in enumerate(parts):
         share, direction = np.linalg.eigh(whiten.T @ information @ whiten)
         pull = direction.T @ whiten.T @ gradient
+        # The gradients add up to zero at the optimum. So the run alone says pull/share and the rest
+        # −pull/(1 − share); they differ by pull/share(1 − share), whose variance is 1/share + 1/(1 −
+        # share) = 1/share(1 − share).
         both = (share > LEAST_SHARE) & (share < 1 - LEAST_SHARE)
         if both.any():
             out[i] = float(np.mean(pull[both] ** 2 / (share * (1 - share))[both])) / factor
@@ -220,6 +224,7 @@ def between_runs(fit: Fit) -> Array:
         value, vector = np.linalg.eigh(rest)
         if value[0] < 1e-6 / count:
             value, vector = np.linalg.eigh(total / np.outer(size, size) * (count - 1) / count)
+        # without the run the gradient of the others is minus its own; the sign drops out in d dᵀ
         shift = vector @ ((vector.T @ (gradient / size)) / np.maximum(value, 1e-12)) / size
         out += (count - 1) / count * np.outer(shift, shift)
     return out
@@ -244,6 +249,7 @@ def widen_by_held(fit: Fit, coordinate: int, std: float) -> Array:
         total += design.T @ design
     size = np.sqrt(np.maximum(np.diag(total)[:k], 1e-300))
     inverse = np.linalg.pinv(total[:k, :k] / np.outer(size, size), rcond=1e-12, hermitian=True)
+    # dz/dh = −I_zz⁻¹·I_zh of the joint information: z follows the held coordinate h
     shift = inverse @ (total[:k, k] / size) / size * std
     return np.outer(shift, shift)
 
@@ -300,12 +306,16 @@ def run_frequencies(fit: Fit, factor: float) -> Frequencies:
         n = len(record)
         weight = response.batch.weight[run, :n]
         Q, R = np.linalg.qr(real(own[:, run, :n], weight))
+        # own: the start envelope's four reals, then the phase's orders, each in radians at the run's
+        # end: their sum over 2π·span is what the mean frequency lies above the reference
         pick = np.concatenate([np.zeros(4), np.ones(len(own) - 4)]) / (2 * np.pi * span[run])
+        # the run's own unknowns at a given z: R⁻¹Qᵀ(residual − design·z)
         back = pick @ np.linalg.pinv(R)
         variance[run] = factor * back @ back
         through[run] = -back @ (Q.T @ real(shared[:, run, :n], weight))
     x = np.linspace(0.0, 1.0, 65)
     orders = np.arange(1, response.state.phase.shape[1] + 1)
+    # d/dt of Σ c_k x^k, x = t/span, k = 1, 2, …
     course = (response.state.phase[:, :, None] * orders[:, None] * x ** (orders[:, None] - 1)).sum(
         axis=1
     ) / (2 * np.pi * span[:, None])

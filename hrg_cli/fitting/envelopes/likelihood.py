@@ -11,6 +11,7 @@ import numpy as np
 from . import coordinates
 from .coordinates import COUNT
 from .response import Batch, Response, State, batch, real, respond
+from .scaled_columns import invert_scaled, measure_columns
 
 __all__ = [
     "Batch",
@@ -81,9 +82,7 @@ class Fit:
 
     def covariance_z(self) -> Array:
         """Covariance of z at the nominal noise."""
-        scale = np.linalg.norm(self.root, axis=0)
-        scale[scale == 0] = 1.0
-        inverse_root = np.linalg.pinv(self.root / scale, rcond=1e-12) / scale[:, None]
+        inverse_root = invert_scaled(self.root)
         return inverse_root @ inverse_root.T
 
 
@@ -142,7 +141,8 @@ def fit(
         target = np.concatenate([residual, prior_rows @ (freedom.prior_mean - z)])
         if not (np.isfinite(full).all() and np.isfinite(target).all()):
             break  # LAPACK would print its complaint among the command's results
-        step = _solve_scaled(full, target)
+        length = measure_columns(full)
+        step = np.linalg.lstsq(full / length, target, rcond=1e-13)[0] / length
         own = _own_steps(back, step)
         predicted = float(np.sum((full @ step) ** 2)) + float(np.sum(back[..., -1] ** 2))
         size = 1.0
@@ -184,13 +184,6 @@ def fit(
         run_chi2=np.sum(np.abs(residual) ** 2, axis=(1, 2)),
         phase_demand=float(gain.max()) / max(1.0, response.chi2 / dof),
     )
-
-
-def _solve_scaled(design: Array, target: Array) -> Array:
-    """Least squares with columns of one length: a rank is judged on what has one scale."""
-    scale = np.linalg.norm(design, axis=0)
-    scale[scale == 0] = 1.0
-    return np.asarray(np.linalg.lstsq(design / scale, target, rcond=1e-13)[0] / scale)
 
 
 def _own_steps(back: Array, step: Array) -> Array:

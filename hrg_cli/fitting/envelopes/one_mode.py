@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .envelope_runs import EnvelopeRun
+from .scaled_columns import invert_scaled
 from .trapezium import integrate
 
 Array = np.ndarray
@@ -133,9 +134,7 @@ def _law(
 
 def _fit(target: Array, columns: list[Array], weight: Array, names: list[str]) -> Law:
     design = np.column_stack([*columns, np.ones(len(target))]) * weight[:, None]
-    scale = np.linalg.norm(design, axis=0)
-    scale[scale == 0] = 1.0
-    inverse = np.linalg.pinv(design / scale, rcond=1e-12) / scale[:, None]
+    inverse = invert_scaled(design)
     value = inverse @ (target * weight)
     residual = target * weight - design @ value
     dof = max(1, len(target) - len(value))

@@ -58,11 +58,13 @@ def mean_frequency(run: EnvelopeRun) -> float:
 def mean_damping(run: EnvelopeRun) -> float:
     """Decay rate from the mean energies of the run's first and last thirds, 1/s."""
     third = max(1, len(run) // 3)
+    # the real and the imaginary part of an envelope each carry σ²
     noise = 2 * run.std[:, None] ** 2
     energy = np.abs(run.envelope) ** 2 - noise
     early, late = energy[:third].sum() / third, energy[-third:].sum() / third
     gap = run.time_s[-third:].mean() - run.time_s[:third].mean()
     floor = noise.mean() / np.sqrt(len(run))
+    # the energy falls as e^{−2νt}
     return float(np.log(max(early, floor) / max(late, floor)) / (2 * gap)) if gap > 0 else 0.0
 
 
@@ -76,6 +78,7 @@ def scale_factor(runs: Sequence[EnvelopeRun]) -> float:
         slow = np.diff(run.time_s) < 1.5 * np.median(np.diff(run.time_s))
         cross = np.real(np.conj(before[:, 0]) * after[:, 1] - np.conj(before[:, 1]) * after[:, 0])
         dot = np.abs(np.sum(np.conj(before) * after, axis=1))
+        # least squares of cross = −K·turn·dot with weights 1/dot: rows count by their energy
         top -= float(np.sum((turn * cross)[slow]))
         bottom += float(np.sum((turn**2 * dot)[slow]))
     return top / bottom if bottom > 0 else 0.0
@@ -158,6 +161,7 @@ def regress(
     flow, turned = apply(whole, before), apply(L, before)
     columns = np.empty((6, len(dt), 2), complex)
     columns[0, :, 0], columns[0, :, 1] = -dt * flow[0], -dt * flow[1]  # ν alone commutes
+    # the derivative along R_c, R_s and J (matrices.exponential_slopes) needs tr(LE) and E·before
     for row, trace, image in zip(
         (1, 2, 5), (2 * L[0], L[1] + L[2], L[2] - L[1]), reflect(before), strict=True
     ):
@@ -165,6 +169,7 @@ def regress(
             columns[row, :, channel] = (
                 trace * (even * before[channel] + third * turned[channel]) + slope * image[channel]
             )
+    # L holds −νδμ·R (damping), +jδω·R (stiffness) and +KΩ·J (turning)
     columns[1:3] *= -1
     np.multiply(columns[1:3], -1j, out=columns[3:5])
     columns *= data.weight[:, None]

@@ -25,6 +25,7 @@ from .coordinates import SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun, from_wave
 from .likelihood import triangle
 from .response import Response, State, batch, real, respond
+from .scaled_columns import measure_columns
 from .trapezium import integrate
 
 Array = np.ndarray
@@ -125,13 +126,13 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
     p = coordinates.from_mechanics(mechanics)
     p[SECOND_ORDER] = details_number(resonator.details, "second_order", "value", default=1.0)
 
-    def told(found: RateEstimate) -> RateEstimate:
+    def complete(found: RateEstimate) -> RateEstimate:
         return replace(found, most_nodes=min(most, MOST_NODES), window_s=run.window_s)
 
     if nodes is not None:
         found = _best(run, count, p)
         finer_count = 2 * count - 1
-        return told(
+        return complete(
             found
             if finer_count > checked
             else _asked(found, _fit_rate(run, *_again(run, found, finer_count, p[SCALE_FACTOR]), p))
@@ -152,7 +153,7 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
         if enough or finer_count > most:
             break
         found = finer
-    return told(
+    return complete(
         found
         if found.adequate
         else min(found, _best(run, len(found.time_s), p), key=lambda e: e.chi2_per_dof)
@@ -288,14 +289,16 @@ def _offset(run: EnvelopeRun, p: Array) -> float:
     return float(np.angle(np.sum((ahead[1:] * ahead[:-1].conj())[near])) / np.mean(step[near]))
 
 
-def _solve_scaled(design: Array, target: Array) -> tuple[Array, Array]:
-    """Least squares with columns of one length, and the covariance at unit noise: amplitudes, phases
-    and rates differ by orders of magnitude, and a rank is judged on what has one scale."""
-    scale = np.linalg.norm(design, axis=0)
-    scale[scale == 0] = 1.0
-    R = triangle(np.column_stack([design / scale, target]))
+def _solve_with_covariance(design: Array, target: Array) -> tuple[Array, Array]:
+    """Least squares (k,) and its covariance (k, k) at unit noise.
+
+    The rows are many and the unknowns few: both come from the small triangle R of [design, target],
+    whose last column holds Qᵀ·target.
+    """
+    length = measure_columns(design)
+    R = triangle(np.column_stack([design / length, target]))
     inverse = np.linalg.pinv(R[:-1, :-1], rcond=1e-12)
-    return inverse @ R[:-1, -1] / scale, inverse @ inverse.T / np.outer(scale, scale)
+    return inverse @ R[:-1, -1] / length, inverse @ inverse.T / np.outer(length, length)
 
 
 def _turning(time_s: Array, begin: Array, middle: Array, end: Array) -> Array:
@@ -342,7 +345,8 @@ def _from(
                 response.batch.weight[0],
             )
             residual = response.residual()[0].ravel()
-            change, whole = _solve_scaled(design, np.concatenate([residual.real, residual.imag]))
+            target = np.concatenate([residual.real, residual.imag])
+            change, whole = _solve_with_covariance(design, target)
             covariance = whole[5:, 5:]
             size, trial = 1.0, at(x + change)
             while not trial.chi2 <= response.chi2 * (1 + 1e-9) and size > 1e-3:

@@ -8,6 +8,7 @@ from ...physics.resonator import OF_GENERATOR
 from . import coordinates
 from .likelihood import Fit, Freedom, fit
 from .response import real
+from .scaled_columns import measure_columns
 
 Array = np.ndarray
 BLOCKS_A_RUN = 16
@@ -30,8 +31,7 @@ def bootstrap(best: Fit, draws: int, seed: int) -> Array:
         n = len(record)
         weight = response.batch.weight[run, :n]
         design = np.concatenate([own[:, run, :n], shared[:, run, :n]])
-        scale = np.linalg.norm(real(design, weight), axis=0)
-        scale[scale == 0] = 1.0
+        scale = measure_columns(real(design, weight))
         pieces = np.array_split(np.arange(n), min(BLOCKS_A_RUN, n))
         matrices, vectors = [], []
         for piece in pieces:

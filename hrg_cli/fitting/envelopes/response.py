@@ -85,14 +85,14 @@ def batch(runs: Sequence[EnvelopeRun]) -> Batch:
     """Pad runs of any lengths to one batch; padding repeats the last row with no weight."""
     longest = max(len(r) for r in runs)
 
-    def padded(values: Array) -> Array:
+    def pad(values: Array) -> Array:
         return np.concatenate([values, np.repeat(values[-1:], longest - len(values), axis=0)])
 
     return Batch(
         runs=tuple(runs),
-        time_s=np.stack([padded(r.time_s) - r.time_s[0] for r in runs]),
-        turn_rad=np.stack([padded(r.turn_rad) - r.turn_rad[0] for r in runs]),
-        envelope=np.stack([padded(r.envelope) for r in runs]),
+        time_s=np.stack([pad(r.time_s) - r.time_s[0] for r in runs]),
+        turn_rad=np.stack([pad(r.turn_rad) - r.turn_rad[0] for r in runs]),
+        envelope=np.stack([pad(r.envelope) for r in runs]),
         weight=np.stack([np.concatenate([1 / r.std, np.zeros(longest - len(r))]) for r in runs]),
     )
 

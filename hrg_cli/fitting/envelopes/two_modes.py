@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .envelope_runs import EnvelopeRun
+from .scaled_columns import measure_columns
 
 Array = np.ndarray
 
@@ -100,8 +101,7 @@ def identify(run: EnvelopeRun, u: Array, count: int = 2) -> Modes:
         own = np.kron(np.eye(width), basis)
         shared = np.concatenate([x[:, None] * basis * amplitude[:, c] for c in range(width)])
         design = np.concatenate([own, shared], axis=1)
-        scale = np.linalg.norm(design, axis=0)
-        scale[scale == 0] = 1.0
+        scale = measure_columns(design)
         inverse = np.linalg.pinv(design / scale, rcond=1e-12)
         step = (inverse @ residual / scale)[-count:]
         size = 1.0

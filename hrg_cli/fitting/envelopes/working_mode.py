@@ -19,6 +19,7 @@ import numpy as np
 from ...physics import ellipse
 from .envelope_runs import EnvelopeRun
 from .equations import derivative
+from .scaled_columns import measure_columns
 
 Array = np.ndarray
 BLOCK_ROWS = 8
@@ -95,8 +96,7 @@ def _increments(columns: Array, quantity: Array, run: EnvelopeRun) -> tuple[Arra
 
 def _regression(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
     x, y = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-    scale = np.linalg.norm(x, axis=0)
-    scale[scale == 0] = 1.0
+    scale = measure_columns(x)
     inverse = np.linalg.pinv(x / scale, rcond=1e-10)
     value = inverse @ y
     residual = y - x / scale @ value

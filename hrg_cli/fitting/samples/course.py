@@ -72,6 +72,7 @@ class Course:
     def integral(self) -> Array:
         """∫ from the first row to each row, (n,)."""
         h = np.diff(self.time_s)
+        # ∫₀ʰ x(x − h)(α + βx) dx = −h³(α/6 + βh/12), beside the trapezium of the line
         bent = h**3 * (self.alpha / 6 + self.beta * h / 12)
         return np.concatenate([[0.0], np.cumsum(h * (self.value[1:] + self.value[:-1]) / 2 - bent)])
 
@@ -138,8 +139,10 @@ def means_of_values(time_s: Array, value: Array) -> Array:
     shown = course(t, y).alpha != 0
     before, behind = np.diff(t)[:-1], np.diff(t)[1:]
     left, right = np.diff(y)[:-1] / before, np.diff(y)[1:] / behind
+    # slope and second derivative at the row of the parabola through it and its neighbours
     first = (left * behind + right * before) / (before + behind)
     second = 2 * (right - left) / (before + behind)
+    # the row's borders lie at t − before/2 and t + behind/2
     off, length = (behind - before) / 4, (before + behind) / 2
     bend = np.where(shown[1:] & shown[:-1], second * (length**2 / 24 + off**2 / 2), 0.0)
     return y + np.concatenate([[0.0], off * first + bend, [0.0]])
@@ -167,14 +170,18 @@ def course(time_s: Array, value: Array) -> Course:
     n = max(0, len(t) - 1)
     if len(t) < FEWEST:
         return Course(t, y, np.zeros(n), np.zeros(n))
+    # of[j]: divided differences of order j, f[t_i … t_{i+j}] at i
     of = [y]
     for order in range(1, 5):
         of.append(np.diff(of[-1]) / (t[order:] - t[:-order]))
     k = np.arange(n)
     first = np.clip(k - 1, 0, len(t) - 4)
+    # Newton's form begins with the interval's own two rows, then takes the row before (in the first
+    # interval the one behind): f[3 rows] + (t − t_third)·f[4 rows] = α + βx
     third_row = np.where(k > 0, k - 1, 2)
     alpha = of[2][np.maximum(k - 1, 0)] + (t[k] - t[third_row]) * of[3][first]
     beta = of[3][first]
+    # bend and error are compared where both are largest: in the middle, |x(x − h)| = h²/4
     middle, h = (t[:-1] + t[1:]) / 2, np.diff(t)
     bend = h**2 / 4 * np.abs(alpha + beta * h / 2)
     around = np.abs(of[4])

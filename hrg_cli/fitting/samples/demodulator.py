@@ -250,7 +250,7 @@ class Demodulator:
                 return True
         return False
 
-    def _judged(self, u: Array, times: Array) -> Array:
+    def _keep_judged(self, u: Array, times: Array) -> Array:
         """The envelopes (channel, rows, F), NaN where they are outside the run-down: a strike's
         bend is not that of the rows beside it."""
         if times[0] > self.judged_s[0] and times[-1] < self.judged_s[1]:
@@ -330,7 +330,7 @@ class Demodulator:
         if slope is not None:
             u = take_off_pull(u, slope, turn, fits.slope)
         bend = doubt = None
-        smooth = self._judged(u, times)
+        smooth = self._keep_judged(u, times)
         if self.takes_bends_off or self._bends(smooth, offset, fits):
             bend, doubt = curvatures(smooth, offset, self.window_s) or (None, None)
         noisier = (

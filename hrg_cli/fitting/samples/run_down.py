@@ -75,13 +75,13 @@ def run_down(recording: Recording, survey: Survey) -> RunDown | None:
     """Where the run-down of a free recording begins and ends; None where all of it is one."""
     if recording.mode != "free" or recording.readout != "direct" or survey.refused:
         return None
-    coarse = _judged(_course(_cut(survey), survey))
+    coarse = _judge(_course(_cut(survey), survey))
     if coarse is None:
         return None
-    return _judged(_course(_windows(recording, survey), survey))
+    return _judge(_course(_windows(recording, survey), survey))
 
 
-def _judged(course: _Course) -> RunDown | None:
+def _judge(course: _Course) -> RunDown | None:
     n = len(course.wave)
     if n < 4 * FEWEST_END:
         return None

@@ -41,6 +41,7 @@ def look_residual(
     order = min(MOTIONS[0][0], max(0, (n - 6) // (2 * pairs_of)))
     residual, reach = _less_oscillation(time_s, y, frequency_hz, nuisance_hz, order), order / span
     taken = pairs_of * (order + 1)
+    # a motion is tried only with at least eight samples for each of its columns
     for order, pieces in MOTIONS[1:]:
         takes = pairs_of * (order + 1) * pieces
         if 8 * takes > n or not _stands_out(residual, frequency_hz[0] * span, y):
@@ -63,6 +64,7 @@ def _stands_out(residual: Array, turns: float, y: Array) -> bool:
         return False
     power = np.abs(np.fft.rfft(residual * np.hanning(residual.shape[-1]))) ** 2
     reach = min(MOTIONS[-1][0] * MOTIONS[-1][1], power.shape[-1] // 8)
+    # bin k of the transform is k turns within the look
     near = power[:, max(0, int(turns) - reach) : int(turns) + reach]
     return bool(near.size and (near.max(-1) > MOTION_PEAK * np.median(power, axis=-1)).any())
 
@@ -77,12 +79,16 @@ def _less_oscillation(
     """y (channels, n) less pairs at the frequencies, their envelopes polynomials of time, and a
     constant."""
     tau = time_s - (time_s[0] + time_s[-1]) / 2
+    # τ brought to [−1, 1], where Legendre polynomials are nearly orthogonal over even samples: the
+    # Gram matrix stays well conditioned
     moving = np.polynomial.legendre.legvander(tau / max(float(np.abs(tau).max()), 1e-300), order)[
         :, 1:
     ]
     wanted = (moving[:, :, None] * pairs(tau, frequency_hz)[:, None, :]).reshape(len(tau), -1)
     basis = np.concatenate([columns(tau, frequency_hz, nuisance_hz), wanted], -1)
     gram = basis.T @ basis
+    # the ridge keeps two frequencies that the look cannot tell apart solvable; the second solution
+    # takes off what the ridge left of the first
     gram += 1e-12 * np.trace(gram) * np.eye(len(gram))
     residual = y - (np.linalg.solve(gram, basis.T @ y.T)).T @ basis.T
     return residual - (np.linalg.solve(gram, basis.T @ residual.T)).T @ basis.T
@@ -102,7 +108,9 @@ class AveragedSpectrum:
 
     def add(self, time_s: Array, residual: Array, even: bool) -> None:
         """One segment (channels, n) more; at uneven times the transform is summed directly."""
+        # Hann's window without its two zeros: every sample of the segment counts
         window = np.hanning(residual.shape[-1] + 2)[1:-1]
+        # Welch: one-sided density 2Δt·|Σ w y e^{−jωt}|² / Σ w², unit²/Hz
         if even:
             step = (time_s[-1] - time_s[0]) / (len(time_s) - 1)
             spectrum = np.fft.rfft(residual * window)
@@ -154,6 +162,8 @@ def lines(
     below = np.maximum(floor(density), 1e-300)
     ratio = (density / below).max(1)
     step = frequency_hz[1] - frequency_hz[0]
+    # a segment's power in a bin is χ² of two degrees; the floor is a median, which lies up to 1/ln 2
+    # = 1.44 times below the mean (one segment): 1.5 covers that
     limit = 1.5 * chi_square_excess(2 * max(1, segments), 6.0)
     inner = np.arange(2, len(ratio) - 2)
     top = inner[
@@ -166,12 +176,14 @@ def lines(
     top = top[np.argsort(-ratio[top])]
     chosen: list[int] = []
     for k in top:
+        # the main lobe of Hann's window is four bins wide: a nearer maximum is the same line
         if len(chosen) < most and all(abs(k - other) > 3 for other in chosen):
             chosen.append(int(k))
     if not chosen:
         return np.zeros(0), np.zeros((0, 2)), np.zeros(0)
     around = np.clip(np.array(chosen)[:, None] + np.arange(-2, 3), 0, len(ratio) - 1)
     weight = np.maximum(density[around] - below[around], 0.0)
+    # a sine of amplitude A has the mean square A²/2
     amplitude = np.sqrt(2 * weight.sum(1) * step)
     total = weight.sum(-1)
     where = (total * frequency_hz[around]).sum(1) / np.maximum(total.sum(1), 1e-300)
@@ -213,6 +225,8 @@ def colour(
         levels = [np.median(part, axis=0) for part in beside if len(part)]
         if levels:
             filled[first:last] = below[first:last] = np.mean(levels, axis=0)
+    # zero padding to eight windows: transfer functions change over 1/(window), and are sampled
+    # eight times finer than that
     size = 1 << int(np.ceil(np.log2(max(8 * n, 2 * len(frequency_hz)))))
     at = np.fft.rfftfreq(size, 1 / sample_rate_hz)
     s = np.stack([np.interp(at, frequency_hz, filled[:, k]) for k in range(2)])

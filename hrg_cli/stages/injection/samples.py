@@ -52,12 +52,12 @@ class Injection:
         for first in range(0, len(source.c), rows):
             t = source.times(first, first + rows)
             y = np.stack(source.physical(first, first + rows)) - offset[:, None]
-            seen = self._seen(t, y, oscillation)
+            seen = self._apply_effects(t, y, oscillation)
             size = max(size, float(np.nanmax(np.abs(y), initial=0.0)))
             altered = altered or bool(np.nanmax(np.abs(seen - y), initial=0.0) > NOTHING * size)
             raw, cut = self._raw(seen + offset[:, None])
             clipped += cut
-            keep, shift = self._kept(t, first)
+            keep, shift = self._find_kept(t, first)
             removed += int(np.count_nonzero(~keep))
             if last is not None:
                 yield last
@@ -73,7 +73,7 @@ class Injection:
             else []
         )
 
-    def _seen(self, t: Array, y: Array, oscillation: Oscillation) -> Array:
+    def _apply_effects(self, t: Array, y: Array, oscillation: Oscillation) -> Array:
         """Samples (2, n) about their mean position with the effects in them."""
         q = oscillation.at(t)
         if self.change is not None:
@@ -133,7 +133,7 @@ class Injection:
             out.append(raw.astype(dtype))
         return out, clipped
 
-    def _kept(self, t: Array, first: int) -> tuple[Array, Array]:
+    def _find_kept(self, t: Array, first: int) -> tuple[Array, Array]:
         """Which samples are not lost (n,), and by how much the times of those after a loss are
         moved, the gap being closed up."""
         keep, shift = np.ones(len(t), bool), np.zeros(len(t))
