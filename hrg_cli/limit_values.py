@@ -45,6 +45,8 @@ SUFFIXES = (
     ("_rad_s_sqrt_s", "a rate random walk"),
     ("_rad_sqrt_s", "an angle random walk"),
     ("_frequency_split_rad_s", "half the difference of two frequencies"),
+    ("_frequency_split_cos_rad_s", "half the difference of two frequencies"),
+    ("_frequency_split_sin_rad_s", "half the difference of two frequencies"),
     ("_rad_s", "a rate"),
     ("_1_s", "a decay rate"),
     ("_deg_h", "a rate in °/h"),

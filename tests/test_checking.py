@@ -191,6 +191,14 @@ def test_diff_is_in_sigma_of_both(hrg, results):
     assert hrg("diff", results / "resonator.h5").status == 2
 
 
+def test_components_of_a_split_are_limited_as_the_split_is():
+    """δω cos and δω sin are halves of differences of frequencies, as δω is: Δf = δω/π. Taken for a
+    rate before, limits in Hz were twice too wide."""
+    for part in ("cos", "sin"):
+        name = f"details.split_components.frequency_split_{part}_rad_s.value"
+        assert limit_value(name, "1 Hz") == pytest.approx(np.pi)
+
+
 def test_axes_differ_modulo_their_period():
     old = by_hand.resonator()
     k = list(old.name).index("damping_axis_rad")
