@@ -137,15 +137,14 @@ def _csv(calibration: Calibration) -> str:
 
 
 def _midway(calibration: Calibration) -> dict[str, np.ndarray]:
-    """Standard deviations (node, angle) of D and K midway to the next node (the last one's NaN), by
+    """Standard deviations (node, angle) of D and K midway to the next node (the last one's: to the node before), by
     column; none where interpolation adds nothing that was estimated."""
     nodes, angles = np.asarray(calibration.node, float), np.asarray(calibration.wave_angle_rad)
     if len(nodes) < 2 or not interpolation_std(calibration):
         return {}
     places, theta = np.meshgrid((nodes[1:] + nodes[:-1]) / 2, angles, indexing="ij")
-    last = np.full((1, len(angles)), np.nan)
     return {
-        f"{name}_std_midway": np.concatenate([std.reshape(places.shape), last])
+        f"{name}_std_midway": std.reshape(places.shape)[[*range(len(nodes) - 1), -1]]
         for name, std in zip(
             TABLES, standard_deviations(calibration, places.ravel(), theta.ravel())
         )

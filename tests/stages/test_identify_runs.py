@@ -121,9 +121,7 @@ def test_rate_through_circular_orbits(split, ratio):
     gyro = Mechanics(4987.3, 0.31, 0.05, 0.35, split, 0.9, 0.55)
     resonator = identify(programme(gyro, std=1e-5, window=4e-3))
     course = lambda t: 0.3 * np.sin(2 * np.pi * t / 3) + 0.2  # noqa: E731
-    record = rate(
-        run_down(0.3, course, mechanics=gyro, std=1e-4, seed=11, ratio=ratio), resonator, nodes=16
-    )
+    record = rate(run_down(0.3, course, mechanics=gyro, std=1e-4, seed=11, ratio=ratio), resonator)
     error = record.rate_estimate_rad_s - course(record.time_s)
     assert record.status == "valid" and np.sqrt(np.mean(error**2)) < 0.003
     assert np.mean((error / record.rate_estimate_rad_s_std) ** 2) < 4

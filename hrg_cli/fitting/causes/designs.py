@@ -174,14 +174,6 @@ class Softened:
             out[rows] -= Q @ (along.T * (1 - 1 / np.sqrt(1 + power))).T
         return out
 
-    def walked(self, S: Array) -> Array:
-        """Of rows (N, …) what most likely is the softened part: (1 − C⁻¹) S with C⁻¹ᐟ² as in `off`."""
-        back = self.off(S)
-        for rows, Q, power in reversed(self.own):
-            along = Q.T @ back[rows]
-            back[rows] -= Q @ (along.T * (1 - 1 / np.sqrt(1 + power))).T
-        return np.asarray(S - back)
-
     def over(self, level: float) -> Softened:
         """The same where every σ is `level` times as large."""
         return Softened(tuple((rows, Q, power / level**2) for rows, Q, power in self.own))

@@ -95,25 +95,6 @@ class ExtendedFit:
             self._known[key] = made()
         return self._known[key]
 
-    @cached_property
-    def likely_flow(self) -> Propagation:
-        """The flow along the motion that the waves themselves make most likely, where the drive's log
-        does not hold all that the drive did.
-
-        Loops take back what they see of a walk that no log holds, so that the motion predicted from
-        their commands has it with the other sign: whatever follows that motion would be correlated
-        with the residual and come out significant. Along the likely motion it is not.
-        """
-        scatter = self.series.scatter
-        if scatter is None:
-            return self.flow
-        plain = replace(self.series, scatter=None, unsettled=None)
-        walk = scatter.walked(whiten_rows(plain, self.prediction.residual()))
-        weight = np.where(self.series.weight > 0, self.series.weight, 1.0)[..., None]
-        moved = imaginary(on_rows(self, walk)) / weight
-        motion, seen = self.prediction.motion + moved, self.prediction.seen + moved
-        return propagation(replace(self.prediction, motion=motion, seen=seen))
-
     def sensitivities(self, wanted: Sequence[Wanted]) -> list[Array]:
         """Of many effects at the optimum, (N, K) each; what was asked for once is remembered."""
         keys = [
@@ -121,9 +102,7 @@ class ExtendedFit:
             for effect, values, steps in wanted
         ]
         new = {key: one for key, one in zip(keys, wanted, strict=True) if key not in self._known}
-        self._known.update(
-            zip(new, sensitivities(self.likely_flow, list(new.values())), strict=True)
-        )
+        self._known.update(zip(new, sensitivities(self.flow, list(new.values())), strict=True))
         return [self._known[key] for key in keys]
 
     def coordinate(self, name: str) -> float:

@@ -126,7 +126,7 @@ def columns_of(
 ) -> Iterator[tuple[list[int], Array, list[int]]]:
     """Numbers, sensitivities over σ side by side (N, Σ widths) and widths of some terms at a time;
     those of a place share its vectors."""
-    flow, series = fit.likely_flow, fit.series
+    flow, series = fit.flow, fit.series
     motion, seen = flow.prediction.motion, flow.prediction.seen
     by_place: dict[str, list[int]] = {}
     for k, (place, _) in enumerate(pairs):
