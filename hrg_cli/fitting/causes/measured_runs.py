@@ -15,6 +15,15 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
+class Walk:
+    """What most likely moved the waves beside the drive's log: jumps of the motion in every step
+    (R, n − 1, 2), and by how much they moved what is seen (R, n, 2) where they were looked for."""
+
+    jumps: Array
+    seen: Array
+
+
+@dataclass(frozen=True)
 class MeasuredRuns:
     """Runs side by side (R, n), padded with weight 0: envelopes against one reference frequency and
     what the effects may look at."""
@@ -59,6 +68,9 @@ class MeasuredRuns:
     scatter: Softened | None = None
     """By what the waves may stand beside any prediction, since the drive's log does not hold all
     that the drive did."""
+    walk: Walk | None = None
+    """The likely part of what may scatter. The motion has it, so that what follows the motion
+    follows the wave as it was; the residual has not, whose likelihood knows the scatter whole."""
     scatter_part: float = 1.0
     """Part of the log's scatter from row to row that may be none of the drive's: all, before the waves
     were asked."""
@@ -91,7 +103,7 @@ class MeasuredRuns:
     def alone(self) -> MeasuredRuns:
         """The rows without what is said of all of them together: what is unsettled, and what may
         scatter."""
-        return replace(self, unsettled=None, scatter=None)
+        return replace(self, unsettled=None, scatter=None, walk=None)
 
     @property
     def numbers(self) -> Array:

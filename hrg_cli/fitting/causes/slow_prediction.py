@@ -38,23 +38,26 @@ class Prediction:
     motion: Array
     seen: Array
 
-    def residual(self) -> Array:
-        """Measured minus seen over σ as reals, (R, n, 4), linear in the phase however far it has
-        run off.
+    @property
+    def by_log(self) -> Array:
+        """What is seen under the logged commands alone, without what may have walked beside them."""
+        walk = self.series.walk
+        return self.seen if walk is None else self.seen - walk.seen
 
-        With ψ the phase between measured and seen, unwrapped: measured·e^{−jψ} − seen + jψ·seen,
-        which is the plain difference for ψ → 0.
+    def residual(self) -> Array:
+        """Measured minus what the log foretells over σ as reals, (R, n, 4), linear in the phase
+        however far it has run off.
+
+        With ψ the phase between measured and foretold, unwrapped: measured·e^{−jψ} − foretold +
+        jψ·foretold, which is the plain difference for ψ → 0.
         """
+        measured, foretold = self.series.envelope, self.by_log
         if self.series.free_phase:
-            turn = np.exp(
-                -1j * np.angle(np.sum(self.series.envelope * np.conj(self.seen), axis=-1))
-            )
-            return real(
-                (self.series.envelope * turn[..., None] - self.seen) * self.series.weight[..., None]
-            )
+            turn = np.exp(-1j * np.angle(np.sum(measured * np.conj(foretold), axis=-1)))
+            return real((measured * turn[..., None] - foretold) * self.series.weight[..., None])
         psi = self.phase_error()[..., None]
         return real(
-            (self.series.envelope * np.exp(-1j * psi) - self.seen + 1j * psi * self.seen)
+            (measured * np.exp(-1j * psi) - foretold + 1j * psi * foretold)
             * self.series.weight[..., None]
         )
 
@@ -73,10 +76,10 @@ class Prediction:
         return left * (np.sum(left**2, axis=(0, 1, 2)) > 1e-12 * np.sum(change**2, axis=(0, 1, 2)))
 
     def phase_error(self) -> Array:
-        """Phase of measured against seen, unwrapped along each run where the signal stands out of
+        """Phase of measured against foretold, unwrapped along each run where the signal stands out of
         the noise, (R, n)."""
-        overlap = np.sum(self.series.envelope * np.conj(self.seen), axis=-1)
-        size = np.sqrt(np.sum(np.abs(self.seen) ** 2, axis=-1))
+        overlap = np.sum(self.series.envelope * np.conj(self.by_log), axis=-1)
+        size = np.sqrt(np.sum(np.abs(self.by_log) ** 2, axis=-1))
         clear = size * self.series.weight > CLEAR
         out = np.zeros(overlap.shape)
         for k, good in enumerate(clear):
@@ -105,6 +108,8 @@ class Rule:
             (jump(series, point, *pair) for pair in point.active if pair[0].slow_jump is not None),
             np.zeros_like(self.h),
         )
+        if series.walk is not None:
+            self.jumps = self.jumps + series.walk.jumps
 
     def step(
         self,

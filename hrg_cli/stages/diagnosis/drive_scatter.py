@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -28,9 +29,10 @@ from ...effects.effect import frame
 from ...fitting.causes import designs, extended_fit, whitened_rows
 from ...fitting.causes.designs import Basis, Softened
 from ...fitting.causes.extended_fit import ExtendedFit
-from ...fitting.causes.measured_runs import MeasuredRuns
+from ...fitting.causes.measured_runs import MeasuredRuns, Walk
 from ...fitting.causes.sensitivities import base_sensitivities
-from ...fitting.causes.wave_frame import directions, real
+from ...fitting.causes.slow_prediction import predict
+from ...fitting.causes.wave_frame import directions, imaginary, real
 
 Array = np.ndarray
 SLOW = 4
@@ -112,9 +114,25 @@ class Scatter:
 class _Run:
     """One run's rows, what the scatter does to them (N, k), and what else could be taken for it."""
 
+    number: int
     rows: slice
     doings: Array
     beside: Array
+
+
+@dataclass(frozen=True)
+class _Walk:
+    """A scatter as it may have moved some runs: kicks (R, n − 1, 4, k) of its pieces in the steps, and
+    what they do to every run's rows, over σ."""
+
+    runs: Sequence[int]
+    kicks: Array
+    doings: Sequence[tuple[slice, Array]]
+
+    @cached_property
+    def softened(self) -> Softened:
+        """What it makes of the rows' covariance."""
+        return Softened(tuple((rows, *_directions(columns)) for rows, columns in self.doings))
 
 
 def allowed_for(fit: ExtendedFit) -> ExtendedFit:
@@ -122,16 +140,39 @@ def allowed_for(fit: ExtendedFit) -> ExtendedFit:
     possible; the same where none could be seen."""
     if not has_log(fit.series):
         return fit
+    walks = list[_Walk]()
     for scatter, forces in (
         (Scatter.of(fit.series), _of_commands),
         (Scatter.of_frame(fit.series), _of_frame),
     ):
         if np.any(scatter.counts(fit.series)):
-            runs = _runs(fit, scatter, forces)
+            kicks = _kicks(fit, scatter.size, forces(fit))
+            runs = _runs(fit, scatter, kicks)
             part = _part(fit.residual, runs)
             told = part if forces is _of_commands else fit.series.scatter_part
-            fit = soften(fit, [(run.rows, part * run.doings) for run in runs], told)
-    return fit
+            doings = [(run.rows, part * run.doings) for run in runs]
+            walks.append(_Walk([run.number for run in runs], part * kicks, doings))
+            fit = _soften(fit, walks[-1].softened, told)
+    return _along_likely_motion(fit, walks) if walks else fit
+
+
+def _along_likely_motion(fit: ExtendedFit, walks: Sequence[_Walk]) -> ExtendedFit:
+    """The fit again along the motion that the waves make likely.
+
+    Loops take back what they see of a walk, by commands that the log does hold: the motion predicted
+    from these alone has the walk with the other sign, and whatever follows it would be correlated
+    with the residual, which is the walk. The likely walk of every piece is w = Dᵀ C⁻¹ r.
+    """
+    left, jumps = fit.residual, np.zeros(fit.prediction.motion[:, 1:].shape, complex)
+    for walk in reversed(walks):
+        left = walk.softened.off(left)
+        for k, (rows, doings) in zip(walk.runs, walk.doings, strict=True):
+            jumps[k] += imaginary(walk.kicks[k] @ (doings.T @ left[rows]))
+    nothing = np.zeros_like(fit.prediction.seen)
+    walked = replace(fit.series, walk=Walk(jumps, nothing))
+    moved = predict(walked, fit.point, fit.flow.near).seen - fit.prediction.by_log
+    series = replace(fit.series, walk=Walk(jumps, moved))
+    return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
 def has_log(series: MeasuredRuns) -> bool:
@@ -146,18 +187,15 @@ def row_length_s(series: MeasuredRuns) -> float:
     return float(min(lengths))
 
 
-def soften(
-    fit: ExtendedFit, doings: Sequence[tuple[slice, Array]], scatter_part: float
-) -> ExtendedFit:
-    """The fit again where columns (N, k) over σ of some rows may stand beside it with standard
-    deviation 1 each; `scatter_part` is what that makes of the log's scatter."""
-    new = tuple((rows, *_directions(columns)) for rows, columns in doings)
+def _soften(fit: ExtendedFit, new: Softened, scatter_part: float) -> ExtendedFit:
+    """The fit again with more that may stand beside it; `scatter_part` is what that makes of the
+    log's scatter."""
     known = fit.series.scatter
     series = replace(
         fit.series,
-        scatter=Softened((*(() if known is None else known.own), *new)),
+        scatter=Softened((*(() if known is None else known.own), *new.own)),
         scatter_part=scatter_part,
-        unsettled=_whitened(fit.series.unsettled, Softened(new)),
+        unsettled=_whitened(fit.series.unsettled, new),
     )
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
@@ -206,17 +244,19 @@ def corner_hz(fit: ExtendedFit) -> float:
     return float(np.max(size * weights)) / (2 * np.pi)
 
 
-def _runs(fit: ExtendedFit, scatter: Scatter, forces: Forces) -> list[_Run]:
+def _runs(fit: ExtendedFit, scatter: Scatter, kicks: Array) -> list[_Run]:
     """The runs whose scatter counts."""
     series, counts = fit.series, scatter.counts(fit.series)
-    doings = whitened_rows.flatten_rows(series, _doings(fit, scatter.size, forces(fit)))
+    nothing = np.zeros((*series.weight.shape, 4, kicks.shape[-1]))
+    moved = fit.flow.seen(fit.flow.carried(nothing, nothing[:, 1:], in_steps=kicks))
+    doings = whitened_rows.flatten_rows(series, moved)
     shared = whitened_rows.flatten_rows(series, base_sensitivities(fit.flow)[0])
     slow = whitened_rows.flatten_rows(series, _slow(fit))
     out = []
     for k, (rows, _, own) in enumerate(fit.design.own):
         if counts[k]:
             beside = np.concatenate([own, shared[rows], slow[rows]], axis=1)
-            out.append(_Run(rows, doings[rows], beside))
+            out.append(_Run(k, rows, doings[rows], beside))
     return out
 
 
@@ -244,9 +284,9 @@ def turn_forces(series: MeasuredRuns, v: Array) -> tuple[Array, Array]:
 Forces = Callable[[ExtendedFit], tuple[Array, Array]]
 
 
-def _doings(fit: ExtendedFit, size: Array, forces: tuple[Array, Array]) -> Array:
-    """What one σ of scatter does in every piece of the log, over σ, (R, n, 4, 2 · pieces): of a
-    row's mean half in the step before its middle, half in that behind."""
+def _kicks(fit: ExtendedFit, size: Array, forces: tuple[Array, Array]) -> Array:
+    """Jumps in the steps by one σ of scatter in every piece of the log, (R, n − 1, 4, 2 · pieces): of
+    a row's mean half in the step before its middle, half in that behind."""
     series, flow = fit.series, fit.flow
     runs, steps = flow.middle.shape[:2]
     count = min(PIECES, steps + 1)
@@ -258,9 +298,7 @@ def _doings(fit: ExtendedFit, size: Array, forces: tuple[Array, Array]) -> Array
         force = real(unit) * (series.step_s * size[:, n, None] / 2)[..., None]
         for row in (k, k + 1):
             kicks[:, k, :, n, piece[row]] += np.moveaxis(force / many[row][:, None], 1, 0)
-    kicks = kicks.reshape(runs, steps, 4, 2 * count)
-    nothing = np.zeros((runs, steps + 1, 4, 2 * count))
-    return flow.seen(flow.carried(nothing, nothing[:, 1:], in_steps=kicks))
+    return kicks.reshape(runs, steps, 4, 2 * count)
 
 
 def _slow(fit: ExtendedFit) -> Array:

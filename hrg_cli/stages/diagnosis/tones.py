@@ -122,7 +122,7 @@ def residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[tuple[Array, Arra
 
     out = []
     reference = fit.series.reference_frequency_hz
-    model = fit.prediction.seen + unsettled_part(fit)
+    model = fit.prediction.by_log + unsettled_part(fit)
     for k, wave in enumerate(waves):
         rows = fit.series.weight[k] > 0
         at = fit.series.time_s[k][rows]

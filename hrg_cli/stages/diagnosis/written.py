@@ -192,7 +192,7 @@ def hold_written(
         at = series.time_s[k][inside]
         u = _at(at, t, slow) * np.exp(1j * turn * at)[:, None]
         weight = series.weight[k][inside][:, None]
-        measured, said = series.envelope[k][inside], fit.prediction.seen[k][inside]
+        measured, said = series.envelope[k][inside], fit.prediction.by_log[k][inside]
         compared[k] = inside
         missed[k, inside] = real(measured - u) * weight
         fitted[k, inside] = real(measured - said) * weight
