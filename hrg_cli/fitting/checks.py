@@ -84,15 +84,21 @@ def goodness(chi2: float, dof: int, sentence: str = "", name: str = "chi2_per_do
 
 
 def whiteness(
-    residuals: Sequence[Array], sentence: str = "", name: str = "whiteness", allowed: float = 0.0
+    residuals: Sequence[Array],
+    sentence: str = "",
+    name: str = "whiteness",
+    allowed: float = 0.0,
+    stated: float = 0.0,
 ) -> Check:
-    """−log₁₀ of the chance of the residuals' slow part under white noise of their own level,
-    against that of `CHANCE`.
+    """−log₁₀ of the chance of the residuals' slow part under white noise of their own level, or of
+    the stated one where that is larger, against that of `CHANCE`.
 
     residuals: one array (n,) or (n, k) a run, in the order of time (or of whatever they are held
     against). The sums over blocks of 2, 4, 8 … rows of white noise of variance σ² have variance
     mσ²; the largest excess of all lengths counts, for all of them tried. allowed: excess of the
-    slow part that does no harm, as a part of the white level.
+    slow part that does no harm, as a part of the white level. stated: variance that every error
+    already allows for; behind a lock-in's filter rows scatter by less than a long average of them
+    needs, which is what they state, and their slow part is no more than that.
     """
     from scipy.special import chdtrc
 
@@ -101,7 +107,7 @@ def whiteness(
         if residuals
         else np.zeros(0)
     )
-    variance = float(np.mean(level**2)) if len(level) else 0.0
+    variance = max(float(np.mean(level**2)), stated) if len(level) else 0.0
     if not variance > 0:
         return Check(
             name, 0.0, -float(np.log10(CHANCE)), bool(np.all(np.isfinite(level))), sentence
@@ -176,10 +182,10 @@ def check_statistics(
     coloured: str = "",
 ) -> list[Check]:
     """The two statistical checks that close every fit: χ² at the stated noise, and white residuals
-    run by run where they are given."""
+    (over the stated σ) run by run where they are given."""
     checks = [goodness(chi2, dof, sentence)]
     if len(residuals):
-        checks.append(whiteness(residuals, coloured, allowed=NOISE_KNOWN))
+        checks.append(whiteness(residuals, coloured, allowed=NOISE_KNOWN, stated=1.0))
     return checks
 
 

@@ -31,6 +31,10 @@ MANY_BLOCKS = 1000
 taken in any case."""
 
 
+APART = 4
+"""Rows of a sum from which its level may be less than the stated noise's."""
+
+
 @dataclass(frozen=True)
 class Flat:
     """A direction of z these runs do not fix: unit vector in natural scales, and its standard
@@ -47,12 +51,14 @@ def inflation(fit: Fit) -> tuple[float, float]:
     Parameters move with what is slow, so the factor is the level at the longest scale that still
     has a thousand sums, be it above or below the white one (windows that share samples
     anticorrelate); a level at a still longer scale counts when it exceeds that by 4 of its errors.
-    Sums lost to the fitted parameters are allowed for.
+    Neighbours alone never make it less than the stated noise: behind a filter they scatter by less
+    than what is slow, for which the noise is stated. Sums lost to the fitted parameters are allowed
+    for.
     """
     white = fit.chi2 / fit.dof
     residual = fit.response.residual()
     own = 4 + fit.response.state.phase.shape[1]
-    worst, size = white, 2
+    worst, size = max(white, 1.0), 2
     while True:
         sums, lost = [], len(fit.freedom.names)
         for run, record in enumerate(fit.response.batch.runs):
@@ -69,7 +75,7 @@ def inflation(fit: Fit) -> tuple[float, float]:
         level = float(np.sum(joined**2) / size / left)
         # χ²/dof of `left` sums scatters by √(2/left)
         if left > MANY_BLOCKS or level > worst * (1 + 4 * np.sqrt(2 / left)):
-            worst = level
+            worst = level if size >= APART else max(level, 1.0)
         size *= 2
     return worst, max(1.0, worst / white) if white > 0 else 1.0
 

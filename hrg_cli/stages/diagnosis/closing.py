@@ -139,6 +139,7 @@ def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
             runs,
             f"what is left is not white in the order of {name.replace('_', ' ')}",
             f"white_in_{name}",
+            stated=1.0,
         )
 
 

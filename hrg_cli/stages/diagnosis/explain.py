@@ -25,6 +25,12 @@ from .variants import Variant
 
 LEAST_CHANGE = 0.03
 """Relative difference of the noise from the stated one that is let be."""
+SLOWER, FEWEST_ROUGH = (4, 8), 20
+"""Rows of the means that are asked where neighbours scatter by less than they state, and the rows of
+second differences from which they are."""
+CHANCE = 5.0
+"""Excess of the slower level over the neighbours' that chance does not make, times the root of the
+second differences: their median scatters by 1.6."""
 
 
 def explain(base: ExtendedFit, candidates: Sequence[Variant], most: int) -> Case:
@@ -76,19 +82,35 @@ def reweighted(fit: ExtendedFit, level: float) -> ExtendedFit:
 
 def noise_level(fit: ExtendedFit, remainder: Remainder | None) -> float | None:
     """White noise over the stated one, from second differences of what is left in the end; None
-    where they agree, and where a gross misfit is left, however large the noise."""
+    where they agree, and where a gross misfit is left, however large the noise.
+
+    Neighbours that scatter by less than they state may be correlated (a lock-in's filter), and state
+    what is slow: only as far as means of several rows scatter by less too is the noise less.
+    """
     values = extended_fit.on_rows(fit, (remainder.fit if remainder else fit).residual)
-    ok = fit.series.weight > 0
-    rough = np.diff(values, n=2, axis=1)[ok[:, 2:]]
-    if len(rough) < 20:
+    found = _roughness(values, fit.series.weight, 1)
+    if found is None:
         return None
-    level = float(
-        np.sqrt(np.median(rough**2) / (6 * 0.45494))
-    )  # median of χ² with one degree of freedom
+    level, count = found
+    if level < 1:
+        slower = [_roughness(values, fit.series.weight, rows) for rows in SLOWER]
+        more = [one for one, n in filter(None, slower) if one > level * (1 + CHANCE / np.sqrt(n))]
+        level = min(1.0, max([level, *more]))
     if fit.chi2 > GROSS * fit.dof * max(level, 1.0) ** 2:
         return None
     return (
-        level
-        if abs(level - 1) > max(LEAST_CHANGE, 8 / np.sqrt(rough.size)) and level > 1e-9
-        else None
+        level if abs(level - 1) > max(LEAST_CHANGE, 8 / np.sqrt(count)) and level > 1e-9 else None
     )
+
+
+def _roughness(values: np.ndarray, weight: np.ndarray, rows: int) -> tuple[float, int] | None:
+    """σ of residuals (R, n, 4) by second differences of means of so many rows, as white noise would
+    have it, and the number of these; None where there are too few."""
+    count = values.shape[1] // rows
+    parts = values[:, : count * rows].reshape(len(values), count, rows, -1).sum(axis=2)
+    ok = (weight[:, : count * rows].reshape(len(values), count, rows) > 0).all(axis=2)
+    rough = np.diff(parts, n=2, axis=1)[ok[:, 2:] & ok[:, 1:-1] & ok[:, :-2]]
+    if len(rough) < FEWEST_ROUGH:
+        return None
+    # of a squared normal number the median is 0.455 of the mean; a second difference has 6 σ²
+    return float(np.sqrt(np.median(rough**2) / (6 * rows * 0.45494))), rough.size
