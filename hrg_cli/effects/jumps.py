@@ -97,8 +97,10 @@ def part_after(time_s: Array, instant: float) -> Array:
     length, which the times (..., n) of its neighbours show."""
     if time_s.ndim == 0 or time_s.shape[-1] < 2:
         return np.asarray(time_s > instant, float)
-    width = np.maximum(np.gradient(time_s, axis=-1), np.finfo(float).tiny)
-    return np.asarray(np.clip((time_s - instant) / width + 0.5, 0, 1))
+    after, width = time_s - instant, np.gradient(time_s, axis=-1)
+    # rows that only fill up a shorter run have no length
+    lengths = np.divide(after, width, out=np.sign(after), where=width > 0)
+    return np.asarray(np.clip(lengths + 0.5, 0, 1))
 
 
 def run_parameter(what: str = "in which it happens") -> Parameter:
