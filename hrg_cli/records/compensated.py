@@ -22,6 +22,9 @@ class Compensated(Record):
         "rad s-1", "its standard deviation, NaN where it is not known", optional=True, valid=SCATTER
     )
     angle_estimate_rad: Array = column("rad", "its integral from the run's start")
+    angle_estimate_rad_std: Array | None = column(
+        "rad", "its standard deviation, NaN where it is not known", optional=True, valid=SCATTER
+    )
     residual_before_rad_s: Array | None = column(
         "rad s-1", "rate error with a constant scale factor only", optional=True, valid=LOGGED
     )

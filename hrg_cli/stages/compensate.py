@@ -21,6 +21,7 @@ from .calibration.table import (
     need_range,
     standard_deviations,
 )
+from .compensation.angle_spread import AngleSpread
 from .compensation.figures import MOST_RATES, RateSpread, Totals
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 
@@ -148,7 +149,7 @@ def _stream(
     outside = left_out(wave, stretch > 0)
     unknown = [f"{outside} of its figures"] if outside else []
     scale_factor = float(np.mean(np.asarray(calibration.scale_factor_harmonics)[:, 0]))
-    spread = RateSpread()
+    spread, angles = RateSpread(), AngleSpread(calibration)
     totals = Totals(np.zeros((3, CELLS_A_PERIOD)), max(1, -(-len(wave) // windows // MOST_RATES)))
     angle, slowest, fastest = 0.0, np.inf, -np.inf
     step = max(windows, ROWS_AT_ONCE // windows * windows)
@@ -173,6 +174,7 @@ def _stream(
         rate = (drift - path.turn / time) / scale
         logged = (of_log[1:] == of_log[:-1]) & (of_log[1:] > 0)
         noise, own = deviations(calibration, path, blocks, rate, scale)
+        of_angle = angles.along(path, blocks, rate, scale)
         steady = path.rate_rad_s[logged] if logged.any() and known else _smooth(rate)
         slowest, fastest = min(slowest, float(steady.min())), max(fastest, float(steady.max()))
         on_ground = rate - earth_rate
@@ -186,7 +188,7 @@ def _stream(
         spread.add(noise, own, after)
         record = Compensated(
             time_s=path.middle(path.time_s), rate_estimate_rad_s=on_ground, rate_estimate_rad_s_std=np.hypot(noise, own),
-            angle_estimate_rad=middle,
+            angle_estimate_rad=middle, angle_estimate_rad_std=of_angle,
             residual_before_rad_s=before, residual_after_rad_s=after,
             gyro_id=wave.gyro_id or calibration.gyro_id, run_id=wave.run_id, lot_id=wave.lot_id, mode_number=wave.mode_number,
             status=wave.status, status_reasons=(*wave.status_reasons, *unknown),

@@ -150,7 +150,7 @@ def test_identified_errors_of_other_filters(tmp_path, lock):
 
 @pytest.mark.parametrize(
     ("poles", "constant_s"),
-    [(4, 0.08), (1, 0.25)] + [pytest.param(2, 0.25, marks=pytest.mark.slow)],
+    [(4, 0.08), (1, 0.25), pytest.param(2, 0.25, marks=pytest.mark.slow)],
 )
 def test_rows_of_a_slow_filter_are_no_colour(tmp_path, poles, constant_s):
     """60 s at 100 Hz are too few rows for windows that are independent: they state what is slow, and

@@ -52,6 +52,19 @@ def test_errors_are_as_large_as_stated_from_raw_samples(raw, windows):
 
 
 @pytest.mark.parametrize("windows", [1, 4])
+def test_angles_are_off_by_what_is_stated_from_raw_samples(raw, windows):
+    """Ten flights with one table; the noise of the first block is in all of a flight's angles."""
+    tables, waves = raw
+    z = []
+    for wave in waves:
+        done = collect(compensate(wave, tables, windows_per_increment=windows))
+        begin = float(np.mean(wave.time_s[:windows]))
+        off = done.angle_estimate_rad - RATE * (done.time_s - begin)
+        z.append(off / done.angle_estimate_rad_std)
+    assert 0.55 < np.sqrt(np.mean(np.square(z))) < 1.5
+
+
+@pytest.mark.parametrize("windows", [1, 4])
 def test_errors_are_as_large_as_stated_beside_windows_that_are_left_out(raw, windows):
     """Increments across holes are longer and so better known; blocks that lost windows are worse."""
     tables, waves = raw
@@ -84,7 +97,7 @@ def test_a_log_that_ends_early_changes_no_deviation(raw):
 def test_the_tables_own_errors_are_in_it():
     """Tables from noisy runs: the mean of a standing wave's rates is off by what they are, and the
     stated part is as large; the noise of the flight itself is 1e-9."""
-    truth, off, told = Truth(4, scale_ripple=0), [], []
+    truth, off, told, summed = Truth(4, scale_ripple=0), [], [], []
     for seed in range(25):
         runs = programme(truth, (20,), (-0.5, 0.5), duration=12, noise=2e-5, seed=seed)
         tables = calibrate(runs, harmonics=2, scale_factor_harmonics=0, model="table", bootstrap=0)
@@ -92,7 +105,10 @@ def test_the_tables_own_errors_are_in_it():
         done = collect(compensate(flight, tables))
         off.append(np.mean(done.rate_estimate_rad_s) - 0.2)
         told.append(summary(done)["rate_std_rad_s"]["by_tables"])
+        angle = done.angle_estimate_rad - 0.2 * (done.time_s - done.time_s[0] + 0.01)
+        summed.append((angle / done.angle_estimate_rad_std)[-1])
     assert 0.6 < np.sqrt(np.mean(np.square(off) / np.square(told))) < 1.4
+    assert 0.6 < np.sqrt(np.mean(np.square(summed))) < 1.4
 
 
 def test_a_stream_of_pieces_states_what_the_whole_does(raw, monkeypatch):
@@ -101,6 +117,7 @@ def test_a_stream_of_pieces_states_what_the_whole_does(raw, monkeypatch):
     monkeypatch.setattr(stage, "ROWS_AT_ONCE", 32)
     joined = collect(list(compensate(wave, tables)))
     assert joined.rate_estimate_rad_s_std == pytest.approx(whole.rate_estimate_rad_s_std)
+    assert joined.angle_estimate_rad_std == pytest.approx(whole.angle_estimate_rad_std)
     assert json.loads(joined.details)["rate_std_rad_s"] == pytest.approx(
         json.loads(whole.details)["rate_std_rad_s"]
     )

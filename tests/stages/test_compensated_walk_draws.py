@@ -33,13 +33,16 @@ def test_rates_and_their_sum_are_off_by_what_is_stated():
     truth = Truth(4)
     runs = [walking(truth, rate, 120.0, k) for k, rate in enumerate((-0.5, 0.5))]
     tables = calibrate(runs, harmonics=2, scale_factor_harmonics=2, model="table", bootstrap=0)
-    z, angle = [], []
+    z, angle, summed = [], [], []
     for seed in range(DRAWS):
         done = collect(compensate(walking(truth, RATE, SECONDS, 100 + seed), tables))
         error = done.rate_estimate_rad_s - RATE
         z.append(error / done.rate_estimate_rad_s_std)
         angle.append(np.mean(error) * SECONDS)
+        off = done.angle_estimate_rad - RATE * (done.time_s - done.time_s[0] + WINDOW / 2)
+        summed.append((off / done.angle_estimate_rad_std)[[0, 3, 50, 200, -1]])
     assert 0.92 < np.sqrt(np.mean(np.square(z))) < 1.08
+    assert np.all(np.abs(np.sqrt(np.mean(np.square(summed), axis=0)) - 1) < 0.17)
     # the sum walks as N√t, N = √WALK/K: 200 values, chance 1e-3
     walked = np.sqrt(WALK * SECONDS) / truth.k[0, 0]
     assert 0.85 < np.sqrt(np.mean(np.square(angle))) / walked < 1.2

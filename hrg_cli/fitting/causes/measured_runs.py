@@ -10,17 +10,9 @@ from typing import Any
 import numpy as np
 
 from .designs import Basis, Softened
+from .walks import Walk
 
 Array = np.ndarray
-
-
-@dataclass(frozen=True)
-class Walk:
-    """What most likely moved the waves beside the drive's log: jumps of the motion in every step
-    (R, n − 1, 2), and by how much they moved what is seen (R, n, 2) where they were looked for."""
-
-    jumps: Array
-    seen: Array
 
 
 @dataclass(frozen=True)

@@ -50,30 +50,61 @@ def standard_deviations(
 ) -> tuple[Array, Array]:
     """Standard deviations (n,) of D and K at (x, θ): noise of the fit, and of the interpolation
     between nodes where it was estimated."""
-    kind = "linear" if calibration.interpolation in ("linear", "monotone") else "cubic"
-    weights = node_weights(x, calibration.node, kind)
-    nodes, width = (
-        len(calibration.node),
-        calibration.drift_harmonics.shape[1] + calibration.scale_factor_harmonics.shape[1],
-    )
+    places = _places(calibration)
+    between = interpolation_along(calibration, x)
     out = []
-    doubt = interpolation_std(calibration)
-    shape = bump(x, np.asarray(calibration.node, float))
-    for first, size, key in (
-        (0, calibration.drift_harmonics.shape[1], TABLES[0]),
-        (
-            calibration.drift_harmonics.shape[1],
-            calibration.scale_factor_harmonics.shape[1],
-            TABLES[1],
-        ),
+    for rows, own, doubt in zip(
+        _rows_of_tables(calibration, x, wave_angle_rad), places, between.T, strict=True
     ):
-        basis = harmonic_basis(wave_angle_rad, (size - 1) // 2, calibration.mode_number)
-        places = (np.arange(nodes)[:, None] * width + first + np.arange(size)).ravel()
-        block = np.asarray(calibration.covariance)[np.ix_(places, places)]
-        rows = (weights[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
-        variance = np.sum((rows @ block) * rows, axis=1) + (float(doubt.get(key, 0.0)) * shape) ** 2
+        block = np.asarray(calibration.covariance)[np.ix_(own, own)]
+        variance = np.sum((rows @ block) * rows, axis=1) + doubt**2
         out.append(np.sqrt(np.maximum(variance, 0)))
     return out[0], out[1]
+
+
+def coefficient_rows(
+    calibration: Calibration, x: Array, wave_angle_rad: Array, weight: Array
+) -> Array:
+    """Derivatives (n, P) by all coefficients, in the order of their covariance, of weight[0] D +
+    weight[1] K at (x, θ); weight (2, n)."""
+    out = np.zeros((len(x), len(np.asarray(calibration.covariance))))
+    tables = _rows_of_tables(calibration, x, wave_angle_rad)
+    for rows, own, factor in zip(tables, _places(calibration), weight, strict=True):
+        out[:, own] = rows * factor[:, None]
+    return out
+
+
+def interpolation_along(calibration: Calibration, x: Array) -> Array:
+    """Standard deviations (n, 2) that interpolation between nodes adds to D and K at x; 0 where it
+    was not estimated."""
+    doubt = interpolation_std(calibration)
+    shape = bump(x, np.asarray(calibration.node, float))
+    return np.stack([float(doubt.get(key, 0.0)) * shape for key in TABLES], axis=1)
+
+
+def _places(calibration: Calibration) -> tuple[Array, Array]:
+    """Where the coefficients of D and those of K stand in their covariance."""
+    drift, scale = (
+        table.shape[1]
+        for table in (calibration.drift_harmonics, calibration.scale_factor_harmonics)
+    )
+    node = np.arange(len(calibration.node))[:, None] * (drift + scale)
+    return (node + np.arange(drift)).ravel(), (node + drift + np.arange(scale)).ravel()
+
+
+def _rows_of_tables(
+    calibration: Calibration, x: Array, wave_angle_rad: Array
+) -> tuple[Array, Array]:
+    """Derivatives of D and of K (n, nodes · harmonics) by their own coefficients."""
+    kind = "linear" if calibration.interpolation in ("linear", "monotone") else "cubic"
+    weights = node_weights(x, calibration.node, kind)
+
+    def rows(table: Array) -> Array:
+        order = (table.shape[1] - 1) // 2
+        basis = harmonic_basis(wave_angle_rad, order, calibration.mode_number)
+        return (weights[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
+
+    return rows(calibration.drift_harmonics), rows(calibration.scale_factor_harmonics)
 
 
 def interpolation_std(calibration: Calibration) -> dict[str, float]:

@@ -19,7 +19,7 @@ from .data import is_averaged_well, prepare
 from .drive_frame import late_frames
 from .drive_log import fit_lateness, is_thinkable, lateness, scattered_commands
 from .drive_ripple import Ripple
-from .drive_scatter import allow, allowed_for, has_log
+from .drive_scatter import allow, allowed_for, follow_walk, has_log
 from .lost_samples import PhaseStep
 from .rate_steps import fit_rate_steps
 from .refits import loosen
@@ -66,11 +66,13 @@ def fit_base(
 
 
 def settle_log(fit: ExtendedFit) -> ExtendedFit:
-    """The fit again beside what the drive's log leaves unknown, once no misfit is gross enough to be
-    laid on it; the same where that is done, or nothing is logged."""
-    if is_gross(fit) or fit.series.scatter is not None or not has_log(fit.series):
+    """The fit again beside what the drive's log leaves unknown, and along the motion that this makes
+    likely, once no misfit is gross enough to be laid on it; the same where nothing is logged."""
+    if is_gross(fit) or not has_log(fit.series):
         return fit
-    return _beside_log(fit_lateness(fit))
+    if fit.series.scatter is None:
+        fit = _beside_log(fit_lateness(fit))
+    return follow_walk(fit)
 
 
 def _beside_log(fit: ExtendedFit) -> ExtendedFit:
@@ -79,6 +81,8 @@ def _beside_log(fit: ExtendedFit) -> ExtendedFit:
     if not has_log(fit.series):
         return fit
     fit = allowed_for(fit)
+    if not is_gross(fit):
+        fit = follow_walk(fit)
     answers = [Ripple.of(fit).spread, late_frames(fit), lateness(fit), scattered_commands(fit)]
     return allow(fit, np.concatenate(answers, axis=1))
 

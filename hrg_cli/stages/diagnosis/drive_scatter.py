@@ -21,7 +21,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -29,10 +28,11 @@ from ...effects.effect import frame
 from ...fitting.causes import designs, extended_fit, whitened_rows
 from ...fitting.causes.designs import Basis, Softened
 from ...fitting.causes.extended_fit import ExtendedFit
-from ...fitting.causes.measured_runs import MeasuredRuns, Walk
+from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.causes.sensitivities import base_sensitivities
 from ...fitting.causes.slow_prediction import predict
-from ...fitting.causes.wave_frame import directions, imaginary, real
+from ...fitting.causes.walks import Pieces, Walk, WalkPart
+from ...fitting.causes.wave_frame import directions, real
 
 Array = np.ndarray
 SLOW = 4
@@ -120,59 +120,45 @@ class _Run:
     beside: Array
 
 
-@dataclass(frozen=True)
-class _Walk:
-    """A scatter as it may have moved some runs: kicks (R, n − 1, 4, k) of its pieces in the steps, and
-    what they do to every run's rows, over σ."""
-
-    runs: Sequence[int]
-    kicks: Array
-    doings: Sequence[tuple[slice, Array]]
-
-    @cached_property
-    def softened(self) -> Softened:
-        """What it makes of the rows' covariance."""
-        return Softened(tuple((rows, *_directions(columns)) for rows, columns in self.doings))
-
-
 def allowed_for(fit: ExtendedFit) -> ExtendedFit:
     """The fit again beside as much of the log's scatter and of its frame's noise as the waves leave
     possible; the same where none could be seen."""
     if not has_log(fit.series):
         return fit
-    walks = list[_Walk]()
     for scatter, forces in (
         (Scatter.of(fit.series), _of_commands),
         (Scatter.of_frame(fit.series), _of_frame),
     ):
         if np.any(scatter.counts(fit.series)):
-            kicks = _kicks(fit, scatter.size, forces(fit))
-            runs = _runs(fit, scatter, kicks)
+            pieces = _pieces(fit, scatter.size, forces(fit))
+            runs = _runs(fit, scatter, pieces)
             part = _part(fit.residual, runs)
             told = part if forces is _of_commands else fit.series.scatter_part
-            doings = [(run.rows, part * run.doings) for run in runs]
-            walks.append(_Walk([run.number for run in runs], part * kicks, doings))
-            fit = _soften(fit, walks[-1].softened, told)
-    return _along_likely_motion(fit, walks) if walks else fit
+            fit = _soften(fit, runs, replace(pieces, jumps=part * pieces.jumps), part, told)
+    return fit
 
 
-def _along_likely_motion(fit: ExtendedFit, walks: Sequence[_Walk]) -> ExtendedFit:
-    """The fit again along the motion that the waves make likely.
+def follow_walk(fit: ExtendedFit) -> ExtendedFit:
+    """The fit again along the motion that the waves make likely; the same where the log holds all.
 
     Loops take back what they see of a walk, by commands that the log does hold: the motion predicted
     from these alone has the walk with the other sign, and whatever follows it would be correlated
-    with the residual, which is the walk. The likely walk of every piece is w = Dᵀ C⁻¹ r.
+    with the residual, which is the walk.
     """
-    left, jumps = fit.residual, np.zeros(fit.prediction.motion[:, 1:].shape, complex)
-    for walk in reversed(walks):
-        left = walk.softened.off(left)
-        for k, (rows, doings) in zip(walk.runs, walk.doings, strict=True):
-            jumps[k] += imaginary(walk.kicks[k] @ (doings.T @ left[rows]))
-    nothing = np.zeros_like(fit.prediction.seen)
-    walked = replace(fit.series, walk=Walk(jumps, nothing))
-    moved = predict(walked, fit.point, fit.flow.near).seen - fit.prediction.by_log
-    series = replace(fit.series, walk=Walk(jumps, moved))
+    series, walk = fit.series, fit.series.walk
+    if walk is None or series.scatter is None:
+        return fit
+    jumps = walk.likely(fit.residual, series.scatter)
+    nothing = np.zeros_like(walk.seen)
+    of_log = predict(_along(series, walk, np.zeros_like(jumps), nothing), fit.point, fit.flow.near)
+    walked = predict(_along(series, walk, jumps, nothing), fit.point, fit.flow.near)
+    series = _along(series, walk, jumps, walked.seen - of_log.seen)
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
+
+
+def _along(series: MeasuredRuns, walk: Walk, jumps: Array, seen: Array) -> MeasuredRuns:
+    """The runs with another walk."""
+    return replace(series, walk=replace(walk, jumps=jumps, seen=seen))
 
 
 def has_log(series: MeasuredRuns) -> bool:
@@ -187,14 +173,27 @@ def row_length_s(series: MeasuredRuns) -> float:
     return float(min(lengths))
 
 
-def _soften(fit: ExtendedFit, new: Softened, scatter_part: float) -> ExtendedFit:
-    """The fit again with more that may stand beside it; `scatter_part` is what that makes of the
-    log's scatter."""
-    known = fit.series.scatter
+def _soften(
+    fit: ExtendedFit, runs: Sequence[_Run], pieces: Pieces, part: float, told: float
+) -> ExtendedFit:
+    """The fit again where what `part` of the scatter does to these runs may stand beside it, and may
+    have walked by these pieces; `told` is what that makes of the log's scatter."""
+    own, turns = [], []
+    for run in runs:
+        Q, power, turn = _directions(part * run.doings)
+        own.append((run.rows, Q, power))
+        turns.append(WalkPart(run.number, pieces, turn))
+    known, walk, new = fit.series.scatter, fit.series.walk, Softened(tuple(own))
+    motion = fit.prediction.motion
     series = replace(
         fit.series,
         scatter=Softened((*(() if known is None else known.own), *new.own)),
-        scatter_part=scatter_part,
+        walk=Walk(
+            (*(() if walk is None else walk.parts), *turns),
+            np.zeros_like(motion[:, 1:]),
+            np.zeros_like(motion),
+        ),
+        scatter_part=told,
         unsettled=_whitened(fit.series.unsettled, new),
     )
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
@@ -244,9 +243,9 @@ def corner_hz(fit: ExtendedFit) -> float:
     return float(np.max(size * weights)) / (2 * np.pi)
 
 
-def _runs(fit: ExtendedFit, scatter: Scatter, kicks: Array) -> list[_Run]:
+def _runs(fit: ExtendedFit, scatter: Scatter, pieces: Pieces) -> list[_Run]:
     """The runs whose scatter counts."""
-    series, counts = fit.series, scatter.counts(fit.series)
+    series, counts, kicks = fit.series, scatter.counts(fit.series), pieces.kicks()
     nothing = np.zeros((*series.weight.shape, 4, kicks.shape[-1]))
     moved = fit.flow.seen(fit.flow.carried(nothing, nothing[:, 1:], in_steps=kicks))
     doings = whitened_rows.flatten_rows(series, moved)
@@ -284,21 +283,14 @@ def turn_forces(series: MeasuredRuns, v: Array) -> tuple[Array, Array]:
 Forces = Callable[[ExtendedFit], tuple[Array, Array]]
 
 
-def _kicks(fit: ExtendedFit, size: Array, forces: tuple[Array, Array]) -> Array:
-    """Jumps in the steps by one σ of scatter in every piece of the log, (R, n − 1, 4, 2 · pieces): of
-    a row's mean half in the step before its middle, half in that behind."""
-    series, flow = fit.series, fit.flow
-    runs, steps = flow.middle.shape[:2]
-    count = min(PIECES, steps + 1)
-    piece = np.arange(steps + 1) * count // (steps + 1)
-    many = np.sqrt(np.bincount(piece))[piece]
-    k = np.arange(steps)
-    kicks = np.zeros((runs, steps, 4, 2, count))
-    for n, unit in enumerate(forces):
-        force = real(unit) * (series.step_s * size[:, n, None] / 2)[..., None]
-        for row in (k, k + 1):
-            kicks[:, k, :, n, piece[row]] += np.moveaxis(force / many[row][:, None], 1, 0)
-    return kicks.reshape(runs, steps, 4, 2 * count)
+def _pieces(fit: ExtendedFit, size: Array, forces: tuple[Array, Array]) -> Pieces:
+    """The log's pieces, and the jumps by one σ of scatter in the row before a step or behind it."""
+    series, rows = fit.series, fit.series.time_s.shape[1]
+    jumps = [
+        real(unit) * (series.step_s * size[:, n, None] / 2)[..., None]
+        for n, unit in enumerate(forces)
+    ]
+    return Pieces(np.stack(jumps, axis=-1), np.arange(rows) * min(PIECES, rows) // rows)
 
 
 def _slow(fit: ExtendedFit) -> Array:
@@ -317,7 +309,7 @@ def _part(residual: Array, runs: Sequence[_Run]) -> float:
     powers, squares = [], []
     for run in runs:
         beside = designs.orthonormal(run.beside, INDEPENDENT)
-        Q, power = _directions(run.doings - beside @ (beside.T @ run.doings))
+        Q, power, _ = _directions(run.doings - beside @ (beside.T @ run.doings))
         powers.append(power)
         squares.append((Q.T @ residual[run.rows]) ** 2)
     power, square = np.concatenate(powers), np.concatenate(squares)
@@ -327,12 +319,13 @@ def _part(residual: Array, runs: Sequence[_Run]) -> float:
     return float(np.sqrt(np.sum(likely * PARTS**2) / np.sum(likely)))
 
 
-def _directions(doings: Array) -> tuple[Array, Array]:
-    """Orthonormal Q (N, r) and variances (r,) of D Dᵀ = Q diag(variance) Qᵀ, from the small Gram
-    matrix DᵀD; those below `WEAKEST` left out."""
+def _directions(doings: Array) -> tuple[Array, Array, Array]:
+    """Orthonormal Q (N, r), variances Λ (r,) and V (k, r) of D = Q√Λ Vᵀ, from the small Gram matrix
+    DᵀD; those below `WEAKEST` left out."""
     power, turn = np.linalg.eigh(doings.T @ doings)
     keep = power > WEAKEST
-    return doings @ (turn[:, keep] / np.sqrt(power[keep])), power[keep]
+    turn, power = turn[:, keep], power[keep]
+    return doings @ (turn / np.sqrt(power)), power, turn
 
 
 def _whitened(known: Basis | None, soft: Softened) -> Basis | None:

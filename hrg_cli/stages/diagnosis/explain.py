@@ -108,7 +108,7 @@ def _roughness(values: np.ndarray, weight: np.ndarray, rows: int) -> tuple[float
     have it, and the number of these; None where there are too few."""
     count = values.shape[1] // rows
     parts = values[:, : count * rows].reshape(len(values), count, rows, -1).sum(axis=2)
-    ok = (weight[:, : count * rows].reshape(len(values), count, rows) > 0).all(axis=2)
+    ok = np.min(weight[:, : count * rows].reshape(len(values), count, rows), axis=2) > 0
     rough = np.diff(parts, n=2, axis=1)[ok[:, 2:] & ok[:, 1:-1] & ok[:, :-2]]
     if len(rough) < FEWEST_ROUGH:
         return None

@@ -1,0 +1,85 @@
+"""What most likely moved the waves of driven runs beside their log, in jumps of the motion from step
+to step.
+
+Knows which pieces of the log may have been off, by what forces, and how their scatter stands in the
+rows (`designs.Softened`); from a residual it takes the likeliest walk.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .designs import Softened
+from .wave_frame import imaginary
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Pieces of the log that scatter by one value each: jumps (R, n − 1, 4, c) in the steps by one σ
+    of c commands in the row before or behind, and which piece every row (n,) belongs to."""
+
+    jumps: Array
+    piece: Array
+
+    @property
+    def count(self) -> int:
+        """Number of pieces."""
+        return int(self.piece[-1]) + 1
+
+    @property
+    def share(self) -> Array:
+        """1/√rows of every row's piece (n,): what one σ of the piece is in each of its rows."""
+        return 1 / np.sqrt(np.bincount(self.piece))[self.piece]
+
+    def kicks(self) -> Array:
+        """Jumps in the steps by one σ of every piece, (R, n − 1, 4, c · pieces): of a row's mean half
+        in the step before its middle, half in that behind."""
+        runs, steps, _, commands = self.jumps.shape
+        out = np.zeros((runs, steps, 4, commands, self.count))
+        k = np.arange(steps)
+        for row in (k, k + 1):
+            part = self.jumps * self.share[row][:, None, None]
+            out[:, k, :, :, self.piece[row]] += np.moveaxis(part, 1, 0)
+        return out.reshape(runs, steps, 4, commands * self.count)
+
+    def walked(self, run: int, value: Array) -> Array:
+        """Jumps (n − 1, 2) of one run's steps by values (c · pieces,) of its pieces."""
+        rows = value.reshape(-1, self.count)[:, self.piece] * self.share
+        return np.asarray(
+            imaginary(np.einsum("kic,ck->ki", self.jumps[run], rows[:, 1:] + rows[:, :-1]))
+        )
+
+
+@dataclass(frozen=True)
+class WalkPart:
+    """One run's pieces as one part of the scatter: D = Q√Λ Vᵀ over σ, of which V (c · pieces, r)
+    stands here."""
+
+    run: int
+    pieces: Pieces
+    turn: Array
+
+
+@dataclass(frozen=True)
+class Walk:
+    """The likely part of what may scatter: jumps of the motion in every step (R, n − 1, 2), and by
+    how much they moved what is seen (R, n, 2) where they were found; the parts stand in the order
+    of those of the scatter."""
+
+    parts: tuple[WalkPart, ...]
+    jumps: Array
+    seen: Array
+
+    def likely(self, residual: Array, scatter: Softened) -> Array:
+        """Jumps (R, n − 1, 2) by the likeliest values of all pieces, w = Dᵀ C⁻¹ r, of a residual
+        (N,) that is whitened by C^{−1/2}."""
+        left, jumps = residual.copy(), np.zeros_like(self.jumps)
+        for part, (rows, Q, power) in zip(reversed(self.parts), reversed(scatter.own), strict=True):
+            along = Q.T @ left[rows] / np.sqrt(1 + power)
+            jumps[part.run] += part.pieces.walked(part.run, part.turn @ (np.sqrt(power) * along))
+            left[rows] -= Q @ (along * (np.sqrt(1 + power) - 1))
+        return jumps

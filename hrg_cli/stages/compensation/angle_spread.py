@@ -1,0 +1,81 @@
+"""Standard deviation of the angle that a compensated rate sums up to.
+
+The noise of the wave angle does not grow: of all increments' it leaves that of the first block and
+of the two about the place. The gyro's own walk grows as N√t. The tables' errors are the same
+whenever the wave comes by, and are summed up as what they are, through the coefficients' whole
+covariance C: with g = Σ ∂Ω/∂c Δt their variance is gᵀCg, which grows as t where the wave stands and
+cancels where it turns.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...fitting.tables.increments import AnglePath
+from ...records import Calibration
+from ..calibration.table import angle_random_walk_of, coefficient_rows, interpolation_along
+
+Array = np.ndarray
+ROWS = 2048
+"""Increments whose sums over all coefficients are held at a time."""
+
+
+class AngleSpread:
+    """Sums over the increments of one run so far, taken in piece by piece."""
+
+    def __init__(self, calibration: Calibration) -> None:
+        self.calibration = calibration
+        self.covariance = np.asarray(calibration.covariance, float)
+        self.walk = angle_random_walk_of(calibration) ** 2
+        self.gained = np.zeros(len(self.covariance))
+        self.doubted = np.zeros(2)
+        self.begin: tuple[float, float, float] | None = None
+        """Time, variance of the angle and width of the first block."""
+
+    def along(self, path: AnglePath, blocks: Array, rate: Array, scale: Array) -> Array:
+        """σ (n,) of the angle in the middles of a piece's increments, NaN where the angle's own is
+        not stated.
+
+        blocks (b,): temperature or frequency of the blocks; rate and scale (n,): Ω and K.
+        """
+        parts = [
+            self._of_tables(path, blocks, rate, scale, slice(first, first + ROWS))
+            for first in range(0, len(path), ROWS)
+        ]
+        return np.sqrt(self._of_noise(path, scale) + np.concatenate(parts))
+
+    def _of_noise(self, path: AnglePath, scale: Array) -> Array:
+        """Variance (n,) by the noise of the angle, m²(σ_0² + (σ_i² + σ_{i+1}²)/4)/K², and by the walk,
+        N²(t_i − t_0 + (Δt − w)/4) with t_i the start of the increment; of the run's first increment
+        it is half of its own change that counts."""
+        variance = np.where(path.angle_variance > 0, path.angle_variance, np.nan)
+        first = self.begin is None
+        if self.begin is None:
+            self.begin = float(path.time_s[0]), float(variance[0]), float(path.width_s[0])
+        begin_s, of_first, width = self.begin
+        ends = (variance[1:] + variance[:-1]) / 4
+        noise = ends + of_first
+        walked = path.time_s[:-1] - begin_s + (path.interval_s - width) / 4
+        if first:
+            noise[0], walked[0] = ends[0], (path.interval_s[0] - width / 3) / 4
+        return np.asarray((path.mode_number / scale) ** 2 * noise + self.walk * walked)
+
+    def _of_tables(
+        self, path: AnglePath, blocks: Array, rate: Array, scale: Array, some: slice
+    ) -> Array:
+        """Variance (n,) by the coefficients and by what is unknown between nodes, of some of the
+        increments, which are then summed up."""
+        x, angle = path.middle(blocks)[some], path.middle(path.angle_rad)[some]
+        time, rate, scale = path.interval_s[some], rate[some], scale[some]
+        weight = np.stack([time / scale, -rate * time / scale])
+        summed = np.cumsum(coefficient_rows(self.calibration, x, angle, weight), axis=0)
+        doubts = np.cumsum(weight.T * interpolation_along(self.calibration, x), axis=0)
+        middle, between = (
+            total + sums - np.diff(sums, axis=0, prepend=0.0) / 2
+            for total, sums in ((self.gained, summed), (self.doubted, doubts))
+        )
+        self.gained = self.gained + summed[-1]
+        self.doubted = self.doubted + doubts[-1]
+        return np.asarray(
+            np.sum((middle @ self.covariance) * middle, axis=1) + np.sum(between**2, axis=1)
+        )
