@@ -167,9 +167,17 @@ class Softened:
     own: tuple[tuple[slice, Array, Array], ...]
 
     def off(self, S: Array) -> Array:
-        """Columns (N, …) whitened, (1 + Q Λ Qᵀ)^{−1/2} S."""
+        """Columns (N, …) whitened, W S: (1 + Q Λ Qᵀ)^{−1/2} of one part after the other."""
+        return self._one_after_the_other(S, self.own)
+
+    def back(self, S: Array) -> Array:
+        """Wᵀ S, so that of rows r the noise that is most likely in them is Wᵀ W r."""
+        return self._one_after_the_other(S, self.own[::-1])
+
+    @staticmethod
+    def _one_after_the_other(S: Array, parts: Sequence[tuple[slice, Array, Array]]) -> Array:
         out = S.copy()
-        for rows, Q, power in self.own:
+        for rows, Q, power in parts:
             along = Q.T @ out[rows]
             out[rows] -= Q @ (along.T * (1 - 1 / np.sqrt(1 + power))).T
         return out

@@ -23,7 +23,7 @@ from .motion_budget import spend_motion
 from .sensitivities import Propagation, Wanted, propagation
 from .slow_prediction import Near, Prediction, predict
 from .wave_frame import directions, imaginary, real
-from .whitened_rows import layout_of, sensitivities, whiten_rows
+from .whitened_rows import layout_of, sensitivities
 
 __all__ = ["DivergedError", "ExtendedFit", "along_wave", "fit", "on_rows", "unsettled_part"]
 
@@ -158,14 +158,22 @@ def on_rows(fit: ExtendedFit, values: Array) -> Array:
 
 
 def unsettled_part(fit: ExtendedFit) -> Array:
-    """What of the measured envelopes stands beside the prediction along what nobody knows of the
-    runs, and is no misfit, (R, n, 2)."""
+    """What of the measured envelopes most likely stands beside the prediction along what nobody
+    knows of the runs or what may have scattered, and is neither misfit nor noise, (R, n, 2).
+
+    Of a residual r = noise + that, both of known covariance, W r being white, the noise is Wᵀ W r.
+    """
     series = fit.series
-    if series.unsettled is None:
+    if series.unsettled is None and series.scatter is None:
         return np.zeros_like(fit.prediction.seen)
-    whole = whiten_rows(series, fit.prediction.residual())
+    noise = fit.residual
+    if series.unsettled is not None:
+        noise = series.unsettled.off(noise)
+    if series.scatter is not None:
+        noise = series.scatter.back(noise)
     scale = np.where(series.weight > 0, series.weight, 1.0)
-    return np.asarray(imaginary(on_rows(fit, whole - fit.residual)) / scale[..., None])
+    beside = fit.prediction.residual() - on_rows(fit, noise)
+    return np.asarray(imaginary(beside) / scale[..., None])
 
 
 def along_wave(fit: ExtendedFit, values: Array) -> Array:

@@ -42,8 +42,9 @@ ISOLATED, LOBE, BESIDE = 10.0, 2.5, 8.0
 run away from it: a misfit of the motion is no line alone."""
 SHOWN = 0.05
 """Part of a tone that a window must show for its true size to be told from what is seen."""
-LEFT_OUT = 1.5
-"""Usual distances of the rows beyond which some between two were left out."""
+LEFT_OUT = 1.75
+"""Usual distances of the rows beyond which some between two were left out; a row of two windows
+beside rows of one stands 1.5 away."""
 SCATTER = 0.2
 """Part of a tone's χ² that its vectors' scatter from run to run may have where its phase is the
 same in all of them."""
