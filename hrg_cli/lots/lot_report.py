@@ -53,8 +53,8 @@ def report_of(
     passed = [row for row in rows if row["passed"]]
     worst = sorted((row for row in rows if not row["passed"]), key=lambda row: row["rank"])
     reasons = [f"{row['gyro_id'] or 'a recording'}: {row['why']}" for row in worst[:MOST_TOLD]]
-    if len(worst) > MOST_TOLD:
-        reasons.append(f"{len(worst) - MOST_TOLD} more gyros did not pass; lot.csv says why")
+    if untold := sum(bool(row["gyro_id"]) for row in worst[MOST_TOLD:]):
+        reasons.append(f"{untold} more gyros did not pass; lot.csv says why")
     known = sum(bool(row["gyro_id"]) for row in rows)
     unreadable = [r for r in recordings if r.get("unreadable")]
     doubts = {
@@ -76,7 +76,7 @@ def report_of(
         "status": "refused" if refused else "suspect" if any(doubts.values()) else "valid",
         "status_reasons": reasons,
         "lot_id": lot.lot_id,
-        "gyros": len(rows),
+        "gyros": known,
         "passed": len(passed),
         "recordings": len(recordings),
         "recordings_failed": sum(r["status"] == "failed" for r in recordings),
