@@ -11,7 +11,6 @@ from typing import Any
 from ..errors import HrgError
 from ..limits import Judged, Row, rows_of, table_of
 from ..reporting.answer import requirement
-from ..reporting.figure_names import name_of_figure
 from .entry import Entry
 from .guard import guard_limits, probability_outside
 
@@ -49,14 +48,14 @@ class Held:
 
     def sentence(self, k: float) -> str:
         """Why it does not pass, in people's names and units."""
-        name, shown = name_of_figure(self.row.name), requirement(self.row)
+        shown = requirement(self.row)
         if self.row.words is not None:
             return self.row.sentence()
         if self.row.value is None:
-            return f"{name} is not in the file"
+            return f"{shown.label} is not in the file"
         if self.row.passed and self.in_guard_band:
-            return f"{name} is {shown.value}, less than {k:g} σ from its limit {shown.limit}"
-        return f"{name} is {shown.value}, the limit is {shown.limit}"
+            return f"{shown.label} is {shown.value}, less than {k:g} σ from its limit {shown.limit}"
+        return f"{shown.label} is {shown.value}, the limit is {shown.limit}"
 
 
 def tables_of(limits: Mapping[str, Any], kinds: Sequence[str]) -> dict[str, Mapping[str, Any]]:
