@@ -58,16 +58,20 @@ def report_of(
     known = sum(bool(row["gyro_id"]) for row in rows)
     unreadable = [r for r in recordings if r.get("unreadable")]
     doubts = {
-        "have a fault": [r for r in passed if r["health"] not in ("", "sound", "not examined")],
-        "stand off the lot": [r for r in passed if r["outliers"]],
-        "have a suspect result": [r for r in passed if r["status"] == "suspect"],
+        ("has a fault or is in doubt", "have a fault or are in doubt"): [
+            r for r in passed if r["health"] not in ("", "sound", "not examined")
+        ],
+        ("stands off the lot", "stand off the lot"): [r for r in passed if r["outliers"]],
+        ("has a suspect result", "have a suspect result"): [
+            r for r in passed if r["status"] == "suspect"
+        ],
     }
-    for what, ones in doubts.items():
+    for (one, several), ones in doubts.items():
         if ones:
             named = sorted(ones, key=lambda row: row["rank"])[:MOST_NAMED]
             more = f" and {len(ones) - len(named)} more" if len(ones) > len(named) else ""
             reasons.append(
-                f"{len(ones)} of {known} gyros {what}:"
+                f"{len(ones)} of {known} gyros {one if len(ones) == 1 else several}:"
                 f" {', '.join(str(row['gyro_id']) for row in named)}{more}"
             )
     refused = worst or unreadable or not rows

@@ -221,6 +221,20 @@ def test_a_recording_of_no_known_gyro_is_no_gyro(report, page):
     assert report["gyros"] == GYROS and "" in {row["gyro_id"] for row in report["rows"]}
 
 
+@pytest.mark.parametrize("faulty", [1, 2])
+def test_one_gyro_has_and_two_have(faulty):
+    """One "have a fault", and one in doubt had one."""
+    sound = {"passed": True, "rank": 1, "outliers": "", "status": "valid", "health": "sound"}
+    rows = [sound | {"gyro_id": f"G{k}", "cause": "", "runs_failed": 0} for k in range(3)]
+    for row in rows[:faulty]:
+        row["health"] = "in doubt"
+    told = report_of(LotSettings(recordings=["x"]), rows, [])
+    said = "has a fault or is in doubt" if faulty == 1 else "have a fault or are in doubt"
+    names = ", ".join(f"G{k}" for k in range(faulty))
+    assert told["status_reasons"] == [f"{faulty} of 3 gyros {said}: {names}"]
+    assert f"; {faulty} {said}." in sentence(told)
+
+
 def test_no_gyro_is_missed_in_words():
     """More gyros than have a sentence, and a recording of none of them: the rest is counted without
     it."""
