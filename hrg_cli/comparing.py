@@ -46,16 +46,20 @@ class Comparison:
         known = [abs(d.sigma) for d in self.differences if d.sigma is not None]
         return max(known) if known else None
 
-    def beyond(self, limit_sigma: float) -> list[str]:
-        """Sentences: what differs by more, what is in one alone (causes), which words changed."""
-        far = [d for d in self.differences if d.sigma is not None and abs(d.sigma) > limit_sigma]
-        said = [
-            f"{d.name} moved by {d.sigma:+.3g} σ, at most {limit_sigma:g} was wanted" for d in far
+    @property
+    def is_empty(self) -> bool:
+        """Whether the two are alike in every figure and word."""
+        moved = any(d.difference for d in self.differences)
+        return not (moved or self.only_old or self.only_new or self.words)
+
+    @property
+    def lone_causes(self) -> list[tuple[str, str]]:
+        """Causes that one result alone has: "old" or "new", and the cause's name."""
+        return [
+            (place, cause)
+            for place, names in (("old", self.only_old), ("new", self.only_new))
+            for cause in sorted({n.split(".")[1] for n in names if n.startswith("effects.")})
         ]
-        for place, names in (("old", self.only_old), ("new", self.only_new)):
-            causes = sorted({n.split(".")[1] for n in names if n.startswith("effects.")})
-            said += [f"cause {cause} is in the {place} result alone" for cause in causes]
-        return said + [f"{name} was {old}, is {new}" for name, old, new in self.words]
 
 
 def compare(old: Record, new: Record) -> Comparison:
@@ -155,7 +159,8 @@ def compare_tables(old: Calibration, new: Calibration) -> Sequence[Difference]:
     reached = (node >= low) & (node <= high)
     if not reached.any():
         return []
-    there = new.values_at(node[reached], angle[reached])
+    # both by one way: where the tables are alike, rounding is too
+    here, there = (one.values_at(node[reached], angle[reached]) for one in (old, new))
     # σ of the new table at the old one's nodes: that of its nearest node and angle
     near = np.abs(np.asarray(new.node, float)[None] - node[reached][:, None]).argmin(axis=1)
     turn = np.abs(np.asarray(new.wave_angle_rad, float)[None] - angle[reached][:, None]).argmin(
@@ -163,20 +168,17 @@ def compare_tables(old: Calibration, new: Calibration) -> Sequence[Difference]:
     )
     found = []
     for k, name in enumerate(("drift_rad_s", "scale_factor")):
-        table, table_std = (
-            np.asarray(getattr(old, name))[reached],
-            np.asarray(getattr(old, f"{name}_std"))[reached],
-        )
+        old_std = np.asarray(getattr(old, f"{name}_std"))[reached]
         new_std = np.asarray(getattr(new, f"{name}_std"))[near, turn]
-        sigma = (there[k] - table) / np.where((s := np.hypot(table_std, new_std)) > 0, s, np.nan)
+        sigma = (there[k] - here[k]) / np.where((s := np.hypot(old_std, new_std)) > 0, s, np.nan)
         if np.isfinite(sigma).any():
             at = int(np.nanargmax(np.abs(sigma)))
             said = f"table.{name}"
             found.append(
                 _difference(
                     said,
-                    float(table[at]),
-                    float(table_std[at]),
+                    float(here[k][at]),
+                    float(old_std[at]),
                     float(there[k][at]),
                     float(new_std[at]),
                     2,

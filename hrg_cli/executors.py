@@ -15,6 +15,7 @@ import signal
 import threading
 import time
 import uuid
+import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
@@ -30,7 +31,7 @@ from typing import Any, TypeVar
 
 from . import threads
 from .errors import HrgError
-from .extras import how_to_install
+from .extras import PlainPythonWarning, how_to_install
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -59,8 +60,9 @@ class InlineExecutor(Executor):
 
 
 def _end_with_parent() -> None:
-    """In a worker: the terminal's Ctrl-C is the parent's to answer, and the worker ends when the
+    """In a worker: the terminal's Ctrl-C and words are the parent's, and the worker ends when the
     parent does, however it ended."""
+    warnings.filterwarnings("ignore", category=PlainPythonWarning)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
 

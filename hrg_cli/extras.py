@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from importlib.util import find_spec
 
 EXTRAS = {
@@ -45,14 +46,15 @@ def without_pages() -> str | None:
     return f"pages and figures need {how_to_install(gone[0])}" if gone else None
 
 
-def without_compiler() -> str | None:
-    """Why simulations take long; None where they do not."""
-    gone = missing("fast")
-    return (
-        f"simulating in plain Python, some hundred times as slow as with {how_to_install(gone[0])}"
-        if gone
-        else None
-    )
+class PlainPythonWarning(UserWarning):
+    """A simulation that takes long for want of a compiler."""
+
+
+def warn_of_plain_python() -> None:
+    """Warn, without a compiler, that what is simulated now takes long."""
+    if gone := missing("fast"):
+        said = "simulating in plain Python, some hundred times as slow as with"
+        warnings.warn(PlainPythonWarning(f"{said} {how_to_install(gone[0])}"), stacklevel=3)
 
 
 def _is_there(package: str) -> bool:

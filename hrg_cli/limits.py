@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
@@ -34,6 +34,8 @@ class Row:
     std: float | None = None
     """Standard deviation of the value, where the file knows it."""
     units: str = ""
+    kind: str = ""
+    """Kind of the file that it is a figure of."""
 
     @property
     def margin_sigma(self) -> float | None:
@@ -156,12 +158,13 @@ def check_tables(limits: Mapping[str, Any]) -> None:
 def rows_of(judged: Judged, table: Mapping[str, Any]) -> list[Row]:
     """A row a limit of a kind's table, the status first. UsageError: as `check`."""
     figures = judged.figures
-    rows = [_status_row(judged.status, table.get("status", "valid"))]
+    kind = judged.kind
+    rows = [replace(_status_row(judged.status, table.get("status", "valid")), kind=kind)]
     for name, limit in table.items():
         if name == "status":
             continue
         if name == "verdict" and judged.verdict is not None:
-            rows.append(_verdict_row(judged.verdict, limit))
+            rows.append(replace(_verdict_row(judged.verdict, limit), kind=kind))
             continue
         minimum, maximum = bounds(name, limit)
         value = figures.get(name)
@@ -181,7 +184,10 @@ def rows_of(judged: Judged, table: Mapping[str, Any]) -> list[Row]:
             ),
             None,
         )
-        rows.append(Row(name, value, minimum, maximum, bool(inside), std=std, units=unit_of(name)))
+        units = unit_of(name)
+        rows.append(
+            Row(name, value, minimum, maximum, bool(inside), std=std, units=units, kind=kind)
+        )
     return rows
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from . import pipeline, settings, store
 from .errors import HrgError
 from .executors import local_processes, run_tasks
+from .extras import warn_of_plain_python
 from .records import Calibration, Diagnosis, Periods, Record, Recording, Resonator, Source, Wave
 from .stages.rehearse import rehearse
 from .stages.rehearsing.figures import Rehearsed
@@ -48,6 +49,7 @@ def rehearse_file(
     inputs = [attach_measured(wave, beside) for wave in inputs_of(path, beside)]
 
     def share(works: Sequence[Work]) -> list[Rehearsed | None]:
+        warn_of_plain_python()  # for the processes that share it
         return run_tasks(
             rehearse_once,
             works,

@@ -10,6 +10,7 @@ import pytest
 import records_by_hand as by_hand
 
 from hrg_cli import store
+from hrg_cli.commands.told_differences import told_beyond
 from hrg_cli.comparing import compare, compare_tables
 from hrg_cli.errors import UsageError
 from hrg_cli.limit_values import limit_value, quantity_of, suggest, unit_of
@@ -215,9 +216,9 @@ def test_diff_of_diagnoses_and_tables():
         verdict="adequate",
         report=json.dumps(report | {"verdict": "adequate", "effects": report["effects"][:1]}),
     )
-    said = compare(old, new).beyond(5.0)
+    said = told_beyond(compare(old, new), 5.0)
     assert (
-        "cause gain_mismatch is in the old result alone" in said
+        "cause gain mismatch is in the old result alone" in said
         and "verdict was explained, is adequate" in said
     )
     tables = by_hand.calibration()
@@ -235,7 +236,7 @@ def test_baseline(hrg, results, tmp_path):
     store.write(earlier / "resonator.h5", moved(by_hand.resonator(), "scale_factor", 7.0))
     given = limits(results, '[resonator]\nstatus = "any"\nscale_factor = 0.6\n')
     done = hrg("check", results / "resonator.h5", "--limits", given, "--baseline", earlier)
-    assert done.status == 3 and "scale_factor moved by -7 σ" in done.err
+    assert done.status == 3 and "scale factor K moved by −7 σ" in done.err
     assert (
         hrg(
             "check",

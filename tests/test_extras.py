@@ -25,11 +25,9 @@ sys.meta_path.insert(0, Absent())
 """
 
 
-@pytest.fixture
-def base(tmp_path):
-    """`hrg` as a base installation runs it, in a folder of its own."""
+def hrg_without(names, tmp_path):
+    """`hrg` as an installation without these packages runs it, in a folder of its own."""
     (tmp_path / "absent").mkdir()
-    names = [name for name in EXTRAS if name != "numba"]  # the compiler has a test of its own
     (tmp_path / "absent" / "sitecustomize.py").write_text(BLOCKER.format(names=names))
     path = os.pathsep.join([str(tmp_path / "absent"), str(ROOT), os.environ.get("PYTHONPATH", "")])
 
@@ -44,6 +42,18 @@ def base(tmp_path):
         )
 
     return hrg
+
+
+@pytest.fixture
+def base(tmp_path):
+    """`hrg` of a base installation with the compiler, which has tests of its own."""
+    return hrg_without([name for name in EXTRAS if name != "numba"], tmp_path)
+
+
+@pytest.fixture
+def plain(tmp_path):
+    """`hrg` without the compiler."""
+    return hrg_without(["numba"], tmp_path)
 
 
 def test_the_project_declares_the_extras_that_messages_name():
@@ -99,3 +109,43 @@ def test_what_an_absent_package_is_needed_for_fails_with_one_sentence(
 def test_help_needs_no_optional_package(base):
     for words in (("--help",), ("report", "--help"), ("batch", "--help")):
         assert base(*words).returncode == 0
+
+
+SHORT = """
+[device]
+frequency_hz = 1000.0
+quality_factor = 20000.0
+[recording]
+sample_rate_hz = 8000.0
+duration_s = 0.05
+"""
+SLOWLY = "simulating in plain Python"
+
+
+def test_a_lot_of_recordings_is_not_said_to_be_simulated(plain, tmp_path):
+    """`hrg batch` said so whatever its stages were."""
+    listed = ", ".join(f'"{path}"' for path in SAMPLES[:2])
+    (tmp_path / "lot.toml").write_text(f'recordings = [{listed}]\nstages = ["identify"]\n')
+    made = plain("batch", "lot.toml", "-o", "lot", "--jobs", "2")
+    assert made.returncode == 0 and SLOWLY not in made.stdout + made.stderr, made.stderr
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_what_is_simulated_without_a_compiler_is_said_once(plain, tmp_path, jobs):
+    """However many runs and processes there are; not of envelopes, and not quietly."""
+    runs = '[[run]]\nrun_id = "a"\n[[run]]\nrun_id = "b"\n'
+    (tmp_path / "file.toml").write_text(SHORT + runs)
+    given = ("simulate", "file.toml", "--jobs", jobs, "--force", "-o", "made.h5")
+    made = plain(*given)
+    assert made.returncode == 0, made.stderr
+    [said] = [line for line in made.stderr.splitlines() if SLOWLY in line]
+    assert said.endswith("run pip install 'hrg-cli[fast]'") and "Warning" not in made.stderr
+    assert SLOWLY not in plain(*given, "-q").stderr
+    assert SLOWLY not in plain(*given, "--model", "slow").stderr
+
+
+def test_an_effect_put_into_samples_is_not_simulated(plain):
+    """`hrg inject` said so though no engine runs."""
+    words = ("--effect", "gain_mismatch", "--set", "gain=0.01", "-o", "injected.h5")
+    made = plain("inject", SAMPLES[0], *words)
+    assert made.returncode == 0 and SLOWLY not in made.stderr, made.stderr

@@ -7,9 +7,9 @@ import pytest
 import records_by_hand as by_hand
 
 from hrg_cli import store
-from hrg_cli.commands.told_differences import told_differences
-from hrg_cli.comparing import compare
-from hrg_cli.reporting.figure_names import name_of_figure
+from hrg_cli.commands.told_differences import told_beyond, told_differences
+from hrg_cli.comparing import compare, compare_tables
+from hrg_cli.reporting.figure_names import name_figures, name_of_figure
 
 
 def moved(record, sigmas):
@@ -68,3 +68,59 @@ def test_a_figure_kept_twice_is_told_once():
     report = json.loads(old.report)
     rows = told_differences(compare(old, old.replace(report=json.dumps(report))).differences)
     assert len(rows) == len(set(rows))
+
+
+@pytest.mark.parametrize("kind", ["resonator", "diagnosis"])
+def test_a_file_and_itself_have_nothing_to_tell(tmp_path, hrg, kind):
+    """Every figure was a row of zeros."""
+    store.write(tmp_path / "one.h5", getattr(by_hand, kind)())
+    shown = hrg("diff", tmp_path / "one.h5", tmp_path / "one.h5").out
+    assert shown.splitlines() == ["nothing moved"]
+    kept = hrg("diff", tmp_path / "one.h5", tmp_path / "one.h5", "--json").json
+    assert all(one["difference"] == 0 for one in kept["differences"]) and kept["largest_sigma"] == 0
+
+
+@pytest.mark.parametrize("nodes", [1, 2, 5, 9])
+def test_a_table_and_itself_differ_by_nothing(nodes):
+    """What interpolation rounds of one of the two was 1e-11 σ."""
+    one = by_hand.calibration(nodes)
+    found = compare_tables(one, one)
+    assert len(found) == 2 and all(d.difference == 0 and d.sigma == 0 for d in found)
+
+
+def test_what_rounding_moves_is_not_told(tmp_path, hrg):
+    old = by_hand.resonator()
+    store.write(tmp_path / "old.h5", old)
+    given = ("diff", tmp_path / "old.h5", tmp_path / "new.h5")
+    for sigmas, told in ((1e-8, "no figure moved by 0.01 σ or more\n"), (0.03, None)):
+        store.write(tmp_path / "new.h5", moved(old, sigmas), force=True)
+        shown = hrg(*given).out
+        assert shown == told if told else "scale factor K" in shown
+
+
+def test_what_moved_too_far_is_said_in_names_and_units(tmp_path, hrg):
+    """The sentences of --limit-sigma were keys and no values."""
+    old = by_hand.resonator()
+    store.write(tmp_path / "old.h5", old)
+    store.write(tmp_path / "new.h5", moved(old, 30.0))
+    for words in (
+        ("diff", tmp_path / "old.h5", tmp_path / "new.h5"),
+        ("check", tmp_path / "new.h5", "--baseline", tmp_path / "old.h5"),
+    ):
+        told = hrg(*words, "--limit-sigma", "6")
+        assert told.status == 3 and "_" not in told.err.replace("θ_", ""), told.err
+        assert "scale factor K moved by 21.2 σ (" in told.err and " ppm), at most 6" in told.err
+    both = [json.loads(by_hand.diagnosis().report), by_hand.diagnosis()]
+    less = both[1].replace(report=json.dumps(both[0] | {"effects": both[0]["effects"][1:]}))
+    gone = both[0]["effects"][0]["name"]
+    [said] = [s for s in told_beyond(compare(both[1], less), 1e9) if s.startswith("cause")]
+    assert said == f"cause {gone.replace('_', ' ')} is in the old result alone"
+
+
+def test_figures_of_one_name_are_told_apart():
+    split = "frequency_split_rad_s"
+    assert name_figures([("resonator", split)]) == {("resonator", split): "frequency split Δf"}
+    two = name_figures([("resonator", split), ("diagnosis", f"values.{split}")])
+    assert set(two.values()) == {"frequency split Δf, resonator", "frequency split Δf, diagnosis"}
+    same = name_figures([("diagnosis", f"values.{split}"), ("diagnosis", f"details.{split}")])
+    assert len(set(same.values())) == 2 and all(split in words for words in same.values())

@@ -21,6 +21,7 @@ from ..reporting import check_pages, console
 from ..reporting.answer import Answer, answer
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, Files, command, existing
+from .told_differences import told_beyond
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
 USUAL_SIGMA = 5.0
@@ -224,9 +225,9 @@ def _compare_with(path: Path, record: Record, baseline: Path, limit_sigma: float
     """What has moved by more than `limit_sigma` since the baseline."""
     if not baseline.is_dir():
         with _needed_of(baseline) as earlier:
-            return compare(earlier, record).beyond(limit_sigma)
+            return told_beyond(compare(earlier, record), limit_sigma)
     other = baseline / path.name
     if not other.exists():
         return [f"{other.name} is not in the baseline {baseline}"]
     with _needed_of(other) as earlier:
-        return compare(earlier, record).beyond(limit_sigma)
+        return told_beyond(compare(earlier, record), limit_sigma)

@@ -16,7 +16,7 @@ from ..errors import UsageError
 from ..reporting import console
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, command, existing, no_settings
-from .told_differences import HEAD, told_differences
+from .told_differences import HEAD, told_beyond, told_differences, told_lone
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
 
@@ -59,7 +59,7 @@ def diff_files(old: Path | None, new: Path | None, run: Common, limit_sigma: flo
         found = compare(
             *(opened.enter_context(store.open_record(p, store.kind_of(p))) for p in paths)
         )
-    beyond = found.beyond(limit_sigma) if limit_sigma is not None else []
+    beyond = told_beyond(found, limit_sigma) if limit_sigma is not None else []
     report = {
         "kind": "diff",
         "status": "refused" if beyond else "valid",
@@ -76,18 +76,24 @@ def diff_files(old: Path | None, new: Path | None, run: Common, limit_sigma: flo
 
 SHOWN = 30
 """Figures that a person is shown; the JSON holds all."""
+LEAST_SIGMA = 0.01
+"""A move that a person is shown: less is what rounding and the order of sums leave."""
 
 
 def _show(found: Comparison) -> None:
     for name, old, new in found.words:
         print(f"{name}: {old} → {new}")
     known = [d for d in found.differences if d.sigma is not None]
-    rows = told_differences(known)
+    rows = told_differences([d for d in known if abs(d.sigma or 0.0) >= LEAST_SIGMA])
     if rows:
         console.print_table("", HEAD, rows[:SHOWN])
-    if not known:
-        print("no figure has a standard deviation in both")
-    for place, names in (("old", found.only_old), ("new", found.only_new)):
-        causes = sorted({n.split(".")[1] for n in names if n.startswith("effects.")})
-        for cause in causes:
-            print(f"cause {cause.replace('_', ' ')}: in the {place} result alone")
+    elif found.is_empty:
+        print("nothing moved")
+    else:
+        print(
+            f"no figure moved by {LEAST_SIGMA:g} σ or more"
+            if known
+            else "no figure has a standard deviation in both"
+        )
+    for place, cause in told_lone(found):
+        print(f"cause {cause}: in the {place} result alone")

@@ -8,6 +8,7 @@ import functools
 import inspect
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ import typer
 import typer.main
 
 from ..errors import InterruptedRunError, UsageError
-from ..extras import without_compiler
+from ..extras import PlainPythonWarning
 from ..reporting.text import first_paragraph
 from .common import Common
 from .guard import run_guarded
@@ -127,8 +128,6 @@ JOBS_OF_REHEARSAL = {
 }
 NO_DRAWS = {"seed": "nothing is drawn at random"}
 ONE_PROCESS = {"jobs": "the work is done by one process"}
-SIMULATING = frozenset({"batch", "diagnose", "inject", "rehearse", "run", "simulate", "study"})
-"""Commands that run the engine over samples, which without a compiler takes long."""
 _SETTINGS = ("config", "assignments", "show_config")
 
 
@@ -200,6 +199,25 @@ def command(
 
 
 @contextlib.contextmanager
+def _slowness_said(quiet: bool) -> Iterator[None]:
+    """A simulation in plain Python is said when it begins, once; other warnings are shown, or not,
+    as before."""
+    shown, said = warnings.showwarning, set[str]()
+
+    def show(text: Warning | str, kind: type[Warning], *place: Any) -> None:
+        if not issubclass(kind, PlainPythonWarning):
+            shown(text, kind, *place)
+        elif str(text) not in said:
+            said.add(str(text))
+            print(text, file=sys.stderr, flush=True)
+
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore" if quiet else "always", category=PlainPythonWarning)
+        warnings.showwarning = show  # type: ignore[assignment]
+        yield
+
+
+@contextlib.contextmanager
 def _dropped_where_it_fails(outputs: Sequence[Path]) -> Iterator[None]:
     """A command that fails leaves no output, also where it fails after writing one."""
     if not outputs:
@@ -249,12 +267,8 @@ def _piped(
     outputs = [*_paths(common.output), *(p for key in also_written for p in _paths(given[key]))]
     taken = [value for key, value in given.items() if key not in also_written]
     _need_apart([p for value in (*taken, common.config) for p in _paths(value)], outputs)
-    if name in SIMULATING and not common.quiet and (slow := without_compiler()):
-        from ..reporting.console import message
-
-        message(slow)
     try:
-        with _dropped_where_it_fails(outputs):
+        with _dropped_where_it_fails(outputs), _slowness_said(common.quiet):
             function(common, **given)
     except KeyboardInterrupt:
         if common.output is not None and common.output.is_dir():

@@ -62,7 +62,8 @@ Figures = Annotated[
     typer.Option(
         "--figure",
         metavar="NAME",
-        help="A figure to tell of; may be repeated (default: those with limits, else with a σ).",
+        help="A figure to tell of, by its name in the JSON; may be repeated (default: those with"
+        " limits, else with a σ).",
         show_default=False,
     ),
 ]

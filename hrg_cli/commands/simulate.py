@@ -16,6 +16,7 @@ from .. import pipeline, settings, store
 from ..effects import load_effects
 from ..errors import HrgError
 from ..executors import local_processes, run_tasks
+from ..extras import warn_of_plain_python
 from ..records import Recording
 from ..reporting import console
 from ..stages.simulate import simulate, size_bytes, summary
@@ -117,6 +118,8 @@ def _need_room(runs: Sequence[SimulationFile], file: Path, folder: Path) -> None
 def _all(tasks: Sequence[Task], jobs: int, progress: pipeline.Progress) -> list[dict[str, Any]]:
     if len(tasks) == 1:
         return [_one(tasks[0], progress)]
+    if tasks[0].values["model"] == "fast":  # the processes leave it to this one
+        warn_of_plain_python()
     reports = run_tasks(
         _one, tasks, partial(local_processes, jobs), lambda count: progress(count / len(tasks))
     )

@@ -16,6 +16,7 @@ import typer
 
 from .. import pipeline, settings, store
 from ..errors import UsageError
+from ..extras import warn_of_plain_python
 from ..records import Recording
 from ..reporting import console
 from ..store import atomic_path, check_output
@@ -120,6 +121,8 @@ def run_study(
         check_output(folder / "x", True) if folder.is_dir() else check_output(folder)
         folder.mkdir(exist_ok=True)
         check_output(folder / f"{name}.json", run.force)
+    if values.get("jobs", 1) > 1:  # its processes leave it to this one
+        warn_of_plain_python()
     mark: dict[str, Any] = {"settings": {k: v for k, v in values.items() if k not in OF_NO_ROW}}
     if name in OF_RECORDINGS:
         read = [store.read(Path(path), Recording) for path in recordings]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..comparing import Difference
+from ..comparing import Comparison, Difference
 from ..reporting.figure_names import name_of_figure
 from ..reporting.quantities import quantity, round_with_std
-from ..reporting.text import number
+from ..reporting.text import number, plain
 
 HEAD = ("figure", "old", "new", "change", "moved by, σ")
 
@@ -26,6 +26,22 @@ def told_differences(found: Sequence[Difference]) -> list[tuple[str, ...]]:
         if row not in rows:
             rows.append(row)
     return rows
+
+
+def told_beyond(found: Comparison, limit_sigma: float) -> list[str]:
+    """Sentences: what moved by more, what is in one alone (causes), which words changed."""
+    far = [d for d in found.differences if d.sigma is not None and abs(d.sigma) > limit_sigma]
+    said = [
+        f"{name} moved by {sigma} σ ({change}), at most {limit_sigma:g} was wanted"
+        for name, _, _, change, sigma in told_differences(far)
+    ]
+    said += [f"cause {cause} is in the {place} result alone" for place, cause in told_lone(found)]
+    return said + [f"{name} was {old}, is {new}" for name, old, new in found.words]
+
+
+def told_lone(found: Comparison) -> list[tuple[str, str]]:
+    """Causes that one result alone has, in words: "old" or "new", and the cause."""
+    return [(place, plain(cause.replace("_", " "))) for place, cause in found.lone_causes]
 
 
 def _said(one: Difference, value: float, std: float | None) -> str:

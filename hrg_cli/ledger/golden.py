@@ -24,6 +24,7 @@ class Golden:
     """
 
     station: str
+    kind: str
     name: str
     units: str
     measurements: int
@@ -53,6 +54,7 @@ def _row(station: str, own: FigureSeries, others: FigureSeries) -> Golden:
     mean, std = mean_of(own)
     return Golden(
         station=station,
+        kind=own.entries[0].kind,
         name=own.name,
         units=own.units,
         measurements=len(own),

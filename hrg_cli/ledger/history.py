@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..reporting.figure_names import name_of_figure
 from .charts import Chart, chart
 from .entry import KINDS, Entry
 from .judging import Bounds, Held, bounds_of, hold_limits, share_of_limit, tables_of
@@ -64,7 +65,7 @@ class History:
             if e.status == "refused" and not self.held
         ]
         return said + [
-            f"{figure.name} is out of control"
+            f"{name_of_figure(figure.name)} is out of control"
             for figure in self.figures
             if figure.chart is not None and figure.chart.out_of_control
         ]

@@ -10,6 +10,7 @@ from typing import Any
 
 from ..errors import HrgError
 from ..limits import Judged, Row, rows_of, table_of
+from ..reporting.answer import requirement
 from .entry import Entry
 from .guard import guard_limits, probability_outside
 
@@ -46,10 +47,15 @@ class Held:
         return self.row.passed and not self.in_guard_band
 
     def sentence(self, k: float) -> str:
-        """Why it does not pass."""
+        """Why it does not pass, in people's names and units."""
+        shown = requirement(self.row)
+        if self.row.words is not None:
+            return self.row.sentence()
+        if self.row.value is None:
+            return f"{shown.label} is not in the file"
         if self.row.passed and self.in_guard_band:
-            return f"{self.row.name} is {self.row.value:.6g}, less than {k:g} σ from its limit"
-        return self.row.sentence()
+            return f"{shown.label} is {shown.value}, less than {k:g} σ from its limit {shown.limit}"
+        return f"{shown.label} is {shown.value}, the limit is {shown.limit}"
 
 
 def tables_of(limits: Mapping[str, Any], kinds: Sequence[str]) -> dict[str, Mapping[str, Any]]:

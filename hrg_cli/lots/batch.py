@@ -20,7 +20,7 @@ from typing import Any
 
 from .. import settings, store
 from ..executors import OpenExecutor, dask_workers, local_processes, run_tasks
-from ..extras import without_pages
+from ..extras import warn_of_plain_python, without_pages
 from .groups import Origin
 from .gyro_page import PAGE
 from .lot_course import LotCourse, Progress, saying_how_far
@@ -65,6 +65,8 @@ def run_lot(
     command = _command(path, assignments, over)
     recordings = recordings_of(lot, path.parent)
     claim(folder, force)
+    if "diagnose" in lot.stages:  # simulates what it has written
+        warn_of_plain_python()
     with only_writer(folder):
         tasks = tasks_of(lot, recordings, folder, command)
         course = LotCourse(lot, tasks, progress)

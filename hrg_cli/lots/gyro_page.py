@@ -47,9 +47,7 @@ def answer_gyro(
 def _missed(found: Answer) -> list[str]:
     """The limits that the gyro misses, in people's units."""
     return [
-        f"{r.name.removeprefix('values.').replace('_', ' ')} {r.value}, wanted {r.limit}"
-        if r.limit[:1] not in "≥≤"
-        else f"{label(r.name)} {r.value}, limit {r.limit}"
+        f"{r.label} {r.value}, {'limit' if r.limit[:1] in '≥≤' else 'wanted'} {r.limit}"
         for r in found.requirements
         if not r.passed
     ]

@@ -53,21 +53,25 @@ def report_of(
     passed = [row for row in rows if row["passed"]]
     worst = sorted((row for row in rows if not row["passed"]), key=lambda row: row["rank"])
     reasons = [f"{row['gyro_id'] or 'a recording'}: {row['why']}" for row in worst[:MOST_TOLD]]
-    if len(worst) > MOST_TOLD:
-        reasons.append(f"{len(worst) - MOST_TOLD} more gyros did not pass; lot.csv says why")
+    if untold := sum(bool(row["gyro_id"]) for row in worst[MOST_TOLD:]):
+        reasons.append(f"{untold} more gyros did not pass; lot.csv says why")
     known = sum(bool(row["gyro_id"]) for row in rows)
     unreadable = [r for r in recordings if r.get("unreadable")]
     doubts = {
-        "have a fault": [r for r in passed if r["health"] not in ("", "sound", "not examined")],
-        "stand off the lot": [r for r in passed if r["outliers"]],
-        "have a suspect result": [r for r in passed if r["status"] == "suspect"],
+        ("has a fault or is in doubt", "have a fault or are in doubt"): [
+            r for r in passed if r["health"] not in ("", "sound", "not examined")
+        ],
+        ("stands off the lot", "stand off the lot"): [r for r in passed if r["outliers"]],
+        ("has a suspect result", "have a suspect result"): [
+            r for r in passed if r["status"] == "suspect"
+        ],
     }
-    for what, ones in doubts.items():
+    for (one, several), ones in doubts.items():
         if ones:
             named = sorted(ones, key=lambda row: row["rank"])[:MOST_NAMED]
             more = f" and {len(ones) - len(named)} more" if len(ones) > len(named) else ""
             reasons.append(
-                f"{len(ones)} of {known} gyros {what}:"
+                f"{len(ones)} of {known} gyros {one if len(ones) == 1 else several}:"
                 f" {', '.join(str(row['gyro_id']) for row in named)}{more}"
             )
     refused = worst or unreadable or not rows
@@ -76,7 +80,7 @@ def report_of(
         "status": "refused" if refused else "suspect" if any(doubts.values()) else "valid",
         "status_reasons": reasons,
         "lot_id": lot.lot_id,
-        "gyros": len(rows),
+        "gyros": known,
         "passed": len(passed),
         "recordings": len(recordings),
         "recordings_failed": sum(r["status"] == "failed" for r in recordings),

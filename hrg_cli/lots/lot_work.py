@@ -22,6 +22,7 @@ from typing import Any
 
 from .. import chain
 from ..errors import NO_MEMORY, DiskFullError, HrgError, is_no_memory
+from ..extras import PlainPythonWarning
 from .gyro_page import answer_gyro
 
 TABLED = (
@@ -214,6 +215,7 @@ def _reporting(told: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             warnings.simplefilter(
                 "ignore", RuntimeWarning
             )  # of numpy in steps that are judged by their result
+            warnings.simplefilter("ignore", PlainPythonWarning)  # said by who shares the work
             yield result
     except DiskFullError:  # no verdict on the gyro: the whole lot stops
         raise

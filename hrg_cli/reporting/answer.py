@@ -17,6 +17,7 @@ from ..records import REHEARSAL, Calibration, Compensated, Diagnosis, Record, Re
 from ..units import DEGREE_PER_HOUR
 from . import answer_use, answer_words
 from .answer_words import Cause, Departure
+from .figure_names import name_figures, name_of_figure
 from .json_text import calibration_rms, entries, figure_of_merit, json_list, json_object
 from .quantities import label_of, parameter, quantity
 from .text import plain
@@ -31,6 +32,7 @@ class Requirement:
     whether it passes."""
 
     name: str
+    label: str
     value: str
     limit: str
     margin_sigma: float | None
@@ -156,7 +158,7 @@ def answer(
         validity=_validity(verdict, examined),
         verdict=verdict,
         why=_why(report, examined),
-        requirements=tuple(requirement(row) for row in rows),
+        requirements=_requirements(rows),
         departure=departure,
         causes=causes,
         parameters=parameters,
@@ -222,10 +224,18 @@ def _why(report: Mapping[str, Any], examined: Sequence[Record]) -> tuple[str, ..
     return tuple(dict.fromkeys([*failed, *reasons]))
 
 
-def requirement(row: Row) -> Requirement:
+def _requirements(rows: Sequence[Row]) -> tuple[Requirement, ...]:
+    """Rows of several files for people, by names that tell them apart; what several files of a
+    kind say alike once."""
+    names = name_figures({(row.kind, row.name) for row in rows})
+    return tuple(dict.fromkeys(requirement(row, names[row.kind, row.name]) for row in rows))
+
+
+def requirement(row: Row, label: str = "") -> Requirement:
     """A row of `hrg check` for people."""
+    label = label or name_of_figure(row.name)
     if row.words is not None:
-        return Requirement(row.name, *row.words, None, row.passed)
+        return Requirement(row.name, label, *row.words, None, row.passed)
     units = row.units
     bounds = (
         [f"≥ {quantity(row.name, row.minimum, None, units)}"] if row.minimum is not None else []
@@ -236,7 +246,7 @@ def requirement(row: Row) -> Requirement:
     value = (
         "not in the file" if row.value is None else quantity(row.name, row.value, row.std, units)
     )
-    return Requirement(row.name, value, " and ".join(bounds), row.margin_sigma, row.passed)
+    return Requirement(row.name, label, value, " and ".join(bounds), row.margin_sigma, row.passed)
 
 
 def _parameters(

@@ -22,7 +22,7 @@ def show(found: Answer) -> None:
         print(f"  {reason}")
     if found.requirements:
         required = [
-            (r.name, r.value, r.limit, _margin(r.margin_sigma), "yes" if r.passed else "NO")
+            (r.label, r.value, r.limit, _margin(r.margin_sigma), "yes" if r.passed else "NO")
             for r in found.requirements
         ]
         print_table("", ("requirement", "value", "limit", "margin, σ", "passed"), required)

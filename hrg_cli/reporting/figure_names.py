@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
+from collections.abc import Collection
 
 from ..limit_values import SUFFIXES
 from .figures_in_words import WORDS
@@ -29,6 +31,20 @@ def name_of_figure(name: str) -> str:
     if parts[0] == "effects":
         return f"{_words(parts[1])}: {' '.join(map(_words, parts[2:]))}"
     return " ".join(OF_PARAMETERS.get(part) or _words(part) for part in parts)
+
+
+def name_figures(figures: Collection[tuple[str, str]]) -> dict[tuple[str, str], str]:
+    """(kind, key) -> the figure in words; where several would be called alike, with the kind of
+    their file, and with the key where that does not tell them apart."""
+    said = {(kind, key): name_of_figure(key) for kind, key in figures}
+    for more in (lambda kind, key: f", {kind}", lambda kind, key: f" ({plain(key)})"):
+        alike = defaultdict(list)
+        for figure, words in said.items():
+            alike[words].append(figure)
+        for words, named in alike.items():
+            if len(named) > 1:
+                said |= {figure: words + more(*figure) for figure in named}
+    return said
 
 
 def _words(part: str) -> str:

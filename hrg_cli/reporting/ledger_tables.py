@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ..ledger.charts import BEYOND, Chart
 from ..ledger.gauge import Component, GaugeStudy
 from ..ledger.golden import Golden
@@ -9,8 +11,12 @@ from ..ledger.history import FigureHistory, History
 from ..ledger.overview import FigureReport, Overview, Standing
 from ..ledger.trend import Move
 from .console import print_table, say
+from .figure_names import name_figures, name_of_figure
 from .quantities import quantity, unit_for
 from .text import number
+
+Names = Mapping[tuple[str, str], str]
+"""(kind, key) of a figure -> what it is called."""
 
 
 def show_overview(found: Overview) -> None:
@@ -30,24 +36,26 @@ def show_overview(found: Overview) -> None:
         "", ("gyro", "kind", "results", "newest", "station", "status", "moved most", "limits"),
         [_standing(row) for row in found.standings],
     )  # fmt: skip
+    names = name_figures([(row.kind, row.name) for row in found.figures])
     if found.figures:
         print_table(
             "over the gyros (one value each)",
             ("figure", "gyros", "mean", "spread", "chart", "Cp", "Cpk"),
-            [_population(row) for row in found.figures],
+            [_population(row, names) for row in found.figures],
         )
     studies = [row for row in found.figures if row.gauge is not None]
     if studies:
         print_table(
             "gauge study (standard deviations; what is not told apart: –)",
             ("figure", "gyros", found.by, "interaction", "repeats", "own σ", "gauge of variance", "wrongly accepted"),
-            [_study(row) for row in studies],
+            [_study(row, names) for row in studies],
         )  # fmt: skip
+    names = name_figures({(row.kind, row.name) for row in found.golden})
     if found.golden:
         print_table(
             "golden unit",
             ("figure", found.by, "n", "mean", "from the others", "since the first", "a day", "chart"),
-            [_golden(row) for row in found.golden],
+            [_golden(row, names) for row in found.golden],
         )  # fmt: skip
     if found.false_alarms_expected:
         say(f"points beyond 3 σ expected by chance: {number(found.false_alarms_expected, 2)}")
@@ -69,10 +77,11 @@ def show_history(found: History) -> None:
     ]
     head = ("processed", "kind", "status", "station", "operator", "fixture", "firmware", "order", "SHA-256", "left out")  # fmt: skip
     print_table("", head, rows)
+    names = name_figures([(row.kind, row.name) for row in found.figures])
     print_table(
         "",
         ("figure", "n", "now", "against the last", "of the limit", "since the first", "of the limit", "a day", "limit in", "chart"),
-        [_course(row) for row in found.figures],
+        [_course(row, names) for row in found.figures],
     )  # fmt: skip
 
 
@@ -81,8 +90,10 @@ def _many(count: int, what: str) -> str:
 
 
 def _standing(row: Standing) -> tuple[str, ...]:
-    missed = [h.row.name for h in row.held if not h.passed]
-    moved = f"{row.moved_figure} {_sigma(row.moved_sigma)}" if row.moved_figure else "–"
+    missed = [name_of_figure(h.row.name) for h in row.held if not h.passed]
+    moved = (
+        f"{name_of_figure(row.moved_figure)} {_sigma(row.moved_sigma)}" if row.moved_figure else "–"
+    )
     return (
         row.entry.gyro_id,
         row.entry.kind,
@@ -95,14 +106,14 @@ def _standing(row: Standing) -> tuple[str, ...]:
     )
 
 
-def _population(row: FigureReport) -> tuple[str, ...]:
+def _population(row: FigureReport, names: Names) -> tuple[str, ...]:
     cp, cpk = "–", "–"
     if row.capability is not None:
         found = row.capability
         cp = _interval(found.cp, found.cp_interval)
         cpk = _interval(found.cpk, found.cpk_interval) + ("" if found.is_normal else " not normal")
     return (
-        row.name,
+        names[row.kind, row.name],
         str(row.gyros),
         quantity(row.name, row.mean, row.mean_std, row.units),
         _spread(row, row.std),
@@ -112,12 +123,12 @@ def _population(row: FigureReport) -> tuple[str, ...]:
     )
 
 
-def _study(row: FigureReport) -> tuple[str, ...]:
+def _study(row: FigureReport, names: Names) -> tuple[str, ...]:
     study = row.gauge
     assert isinstance(study, GaugeStudy)
     risk = "–" if row.risks is None else f"{number(100 * row.risks.false_acceptance, 2)} %"
     return (
-        row.name,
+        names[row.kind, row.name],
         *(
             _component(row, study.components.get(name))
             for name in ("gyro", "station", "interaction", "repeat")
@@ -128,9 +139,9 @@ def _study(row: FigureReport) -> tuple[str, ...]:
     )
 
 
-def _golden(row: Golden) -> tuple[str, ...]:
+def _golden(row: Golden, names: Names) -> tuple[str, ...]:
     return (
-        row.name,
+        names[row.kind, row.name],
         row.station or "–",
         str(row.measurements),
         quantity(row.name, row.mean, row.mean_std, row.units),
@@ -143,9 +154,9 @@ def _golden(row: Golden) -> tuple[str, ...]:
     )
 
 
-def _course(row: FigureHistory) -> tuple[str, ...]:
+def _course(row: FigureHistory, names: Names) -> tuple[str, ...]:
     return (
-        row.name,
+        names[row.kind, row.name],
         str(len(row.values)),
         quantity(row.name, row.values[-1], row.stds[-1], row.units),
         _moved(row.name, row.since_before, row.units),

@@ -39,16 +39,19 @@
   });
 
   function filter() {
-    var words = field.value.toLowerCase().split(/\s+/).filter(Boolean), wanted = choice.value, seen = 0, all = 0;
+    var words = field.value.toLowerCase().split(/\s+/).filter(Boolean), wanted = choice.value;
+    var seen = 0, all = 0, strays = 0;
     tables.forEach(function (table, number) {
       Array.from(table.tBodies[0].rows).forEach(function (row) {
         var text = row.dataset.text.toLowerCase(), tags = row.dataset.tags.split(" ");
         var there = words.every(function (word) { return text.includes(word); }) && (!wanted || tags.includes(wanted));
         row.hidden = !there;
-        if (number === 0) { all += 1; seen += there; }
+        if (number === 0 && row.dataset.stray === undefined) { all += 1; seen += there; }
+        if (number === 0 && row.dataset.stray !== undefined) { strays += there; }
       });
     });
-    said.textContent = seen === all ? "All " + all + " gyros are shown." : seen + " of " + all + " gyros are shown.";
+    said.textContent = (seen === all ? "All " + all : seen + " of " + all) + " gyros"
+      + (strays ? " and " + strays + (strays === 1 ? " recording" : " recordings") + " of no known gyro" : "") + " are shown.";
   }
 
   if (field) {

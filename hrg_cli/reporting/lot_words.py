@@ -27,7 +27,8 @@ def sentence(report: Mapping[str, Any]) -> str:
     if strays:
         text += f"; {strays} {'recording is' if strays == 1 else 'recordings are'} of no known gyro"
     if faulty:
-        text += f"; {len(faulty)} {'has' if len(faulty) == 1 else 'have'} a fault or are in doubt"
+        are = "has a fault or is" if len(faulty) == 1 else "have a fault or are"
+        text += f"; {len(faulty)} {are} in doubt"
     if off := len(report["outliers"]):
         text += f"; {off} {'stands' if off == 1 else 'stand'} off the lot"
     text += "."

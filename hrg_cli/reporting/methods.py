@@ -3,7 +3,9 @@ copied."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from ..records import Calibration, Diagnosis, Record, Resonator
 from ..stages.rate_table import is_rate_table
@@ -21,9 +23,18 @@ CITATIONS = (
     ),
     "JCGM 100:2008, Guide to the expression of uncertainty in measurement, 7.2.2",
 )
+_MARK = re.compile(r"\[(\d)\]")
 
 
-def methods(records: Sequence[Record], counts: Mapping[str, int]) -> str:
+@dataclass(frozen=True)
+class Methods:
+    """The paragraph, and what it cites, in the order in which it does."""
+
+    text: str
+    citations: tuple[str, ...]
+
+
+def methods(records: Sequence[Record], counts: Mapping[str, int]) -> Methods:
     """The paragraph; only what these records were made by is in it."""
     of = {record.kind: record for record in records}
     runs = counts.get("wave") or counts.get("recording") or 0
@@ -42,7 +53,7 @@ def methods(records: Sequence[Record], counts: Mapping[str, int]) -> str:
         "Values are given with their standard deviation in the last digits [3]. Computed with hrg"
         f" {__version__}."
     )
-    return " ".join(said)
+    return _numbered(" ".join(said))
 
 
 def _of_resonator(resonator: Record | None) -> list[str]:
@@ -66,9 +77,14 @@ def _of_diagnosis(diagnosis: Record | None) -> list[str]:
     report = json_object(diagnosis.report)
     tested, found = len(entries(report, "tested")), len(entries(report, "effects"))
     taken = len(json_list(diagnosis.run_ids))
+    held = f"The same model was held against {taken} run{'s' if taken != 1 else ''} for {tested}"
+    if not found:
+        return [
+            f"{held} further effects, which would be taken in where they are significant after"
+            " correction for the number tried and judged on data held out; none was."
+        ]
     return [
-        f"The same model was held against {taken} run{'s' if taken != 1 else ''} for {tested}"
-        f" further effects; {found} {'was' if found == 1 else 'were'} taken in, each"
+        f"{held} further effects; {found} {'was' if found == 1 else 'were'} taken in, each"
         " significant after correction for the number tried and judged on data held out. A"
         " cause's share is the wave's difference between the fits with and without it,"
         " everything else fitted anew."
@@ -89,6 +105,8 @@ def _of_calibration(calibration: Record | None) -> list[str]:
     ]
 
 
-def cited(text: str) -> list[tuple[int, str]]:
-    """The citations that a paragraph names, with their numbers."""
-    return [(n, words) for n, words in enumerate(CITATIONS, start=1) if f"[{n}]" in text]
+def _numbered(text: str) -> Methods:
+    """The marks of `CITATIONS` as numbers in the order of the text."""
+    order = list(dict.fromkeys(_MARK.findall(text)))
+    numbered = _MARK.sub(lambda mark: f"[{order.index(mark[1]) + 1}]", text)
+    return Methods(numbered, tuple(CITATIONS[int(n) - 1] for n in order))

@@ -24,7 +24,6 @@ from ..records import KINDS
 from ..version import __version__
 from .figures.drawing import png
 from .living import as_text
-from .methods import cited
 from .page_answers import Shown, answer_gyros, draw_answer
 from .page_content import STEPS, ShownStep, list_steps
 from .page_figures import draw_file, draw_files, look_beside
@@ -141,7 +140,6 @@ def _render(entries: list[PageEntry], answers: list[Shown], truth: bool, full: b
     return environment.get_template("page.html").render(
         entries=entries,
         answers=answers,
-        cited=cited,
         as_text=as_text,
         shade=SHADES,
         full=full,

@@ -16,7 +16,7 @@ from .figures import calibration
 from .figures.answer import before_and_after
 from .figures.drawing import Plot, style
 from .living import living_data
-from .methods import methods
+from .methods import Methods, methods
 from .page_figures import picture_of
 from .page_files import PageEntry, Picture
 from .surface import surface_data
@@ -35,7 +35,7 @@ class Shown:
     pictures: list[Picture]
     living: dict[str, Any] | None
     surface: dict[str, Any] | None
-    methods: str
+    methods: Methods
 
 
 def answer_gyros(

@@ -26,10 +26,17 @@ var PLOTS = (function () {
     return found;
   }
 
+  /* Marks of a logarithmic axis: the powers of ten, with 2 and 5 between them where they are fewer than three: one mark tells no scale. */
   function decades(low, high) {
-    var found = [];
-    for (var k = Math.ceil(Math.log10(low) - 1e-9); k <= Math.log10(high) + 1e-9; k += 1) { found.push(Math.pow(10, k)); }
-    return found.length ? found : [low];
+    function marks(factors) {
+      var found = [];
+      for (var k = Math.floor(Math.log10(low)); k <= Math.log10(high); k += 1) {
+        factors.forEach(function (f) { var v = f * Math.pow(10, k); if (v >= low * (1 - 1e-9) && v <= high * (1 + 1e-9)) { found.push(v); } });
+      }
+      return found;
+    }
+    var whole = marks([1]), finer = whole.length < 3 ? marks([1, 2, 5]) : whole;
+    return finer.length ? finer : [low];
   }
 
   return {element: element, short: short, steps: steps, decades: decades};

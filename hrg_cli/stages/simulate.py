@@ -14,6 +14,7 @@ from pydantic import Field
 from .. import effects as catalogue
 from ..effects.effect import no_term, same_signal, same_state
 from ..errors import HrgError
+from ..extras import warn_of_plain_python
 from ..physics import fast_engine, slow_engine, slow_motion
 from ..physics.plant import Block, Environment, Plant, Readout, linear_plant
 from ..records import Recording
@@ -182,6 +183,7 @@ def _fast(
         _call(effect, "readout", p, pickoff)
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
     start, angle = start_of(settings)
+    warn_of_plain_python()
     made = fast_engine.run(
         world, plant, control, start, step, _count(settings), angle,
         electronics=electronics_of(settings, pickoff), noise=noise_of(settings, pickoff), random=random,

@@ -39,7 +39,7 @@ def test_a_mean_is_rounded_by_its_own_sigma_where_no_spread_is(hrg, tmp_path, gy
     [std] = {e.figures[SPLIT].std for e in database.read_entries(ledger)}
     assert figure.mean_std == pytest.approx(std / np.sqrt(gyros))
     shown = hrg("ledger", "show", "--ledger", ledger).out.splitlines()
-    [row] = [line for line in shown if line.startswith(SPLIT)]
+    [row] = [line for line in shown if line.startswith("frequency split Δf")]
     assert round_with_std(figure.mean * 1e3 / np.pi, figure.mean_std * 1e3 / np.pi) in row
     assert "(" in row
 
@@ -105,7 +105,10 @@ def test_status_3_outside_limits_and_out_of_control_when_strict(hrg, files, tmp_
     asked = ("ledger", "show", "--ledger", ledger, "--limits", limits)
     assert hrg(*asked).status == 0
     told = hrg(*asked, "--set", f"resonator.{SPLIT}.maximum=0.1002")
-    assert told.status == 3 and f"SN-1, resonator: {SPLIT} is 0.1004" in told.err
+    assert (
+        told.status == 3
+        and "SN-1, resonator: frequency split Δf is 31.958(32) mHz, the limit is" in told.err
+    )
     mistyped = hrg(*asked, "--set", "resonator.frequency_splt_rad_s=0.1")
     assert mistyped.status == 2 and "did you mean" in mistyped.err
     rng = np.random.default_rng(0)
@@ -117,6 +120,30 @@ def test_status_3_outside_limits_and_out_of_control_when_strict(hrg, files, tmp_
     told = hrg(*chart)
     assert told.status == 0 and "out: 1 beyond 3 σ" in told.out and "T-99" in told.err
     assert hrg(*chart, "--strict").status == 3
+
+
+def test_the_screen_has_names_and_units_not_keys(hrg, files, tmp_path):
+    """Tables and sentences of `show` and `history` had keys; two kinds' figures of one name are
+    told apart."""
+    ledger, limits = tmp_path / "l.sqlite", tmp_path / "limits.toml"
+    limits.write_text(f"[resonator]\n{SPLIT} = 0.1002\n[diagnosis]\n'values.{SPLIT}' = 0.0999\n")
+    hrg("ledger", "add", *files, "--ledger", ledger, "--station", "1")
+    named = f"values.{SPLIT}"
+    diagnosed = [entry(f"SN-{k}", 20.0 + k, 0.1, name=named, kind="diagnosis") for k in (1, 2)]
+    database.add(ledger, diagnosed)
+    for words in (("show", "--golden", "SN-1"), ("history", "SN-1")):
+        for limited in ((), ("--limits", limits, "--guard-sigma", 2)):
+            told = hrg("ledger", *words, "--ledger", ledger, *limited)
+            said = told.out + told.err
+            assert told.status == (3 if limited else 0) and "frequency split Δf" in said
+            for key in (SPLIT, "rad_s", "_hz", "_1_s", "values.", "damping_", "0.1004"):
+                assert key not in said, (words, key)
+            if limited:
+                assert "frequency split Δf, resonator" in told.out
+                assert "frequency split Δf, diagnosis" in told.out
+    asked = ("--figure", SPLIT, "--figure", named, "--json")
+    kept = hrg("ledger", "history", "SN-1", "--ledger", ledger, *asked).json
+    assert {SPLIT, named} == {figure["name"] for figure in kept["figures"]}, "keys for programs"
 
 
 def test_a_guard_band_refuses_what_is_too_near(hrg, files, tmp_path):

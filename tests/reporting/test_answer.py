@@ -10,14 +10,15 @@ import records_by_hand as by_hand
 
 from hrg_cli import store
 from hrg_cli.extended import write_extended
-from hrg_cli.limits import Row
+from hrg_cli.limits import Row, check
 from hrg_cli.physics import ellipse
 from hrg_cli.records import Diagnosis, Resonator, Wave, collect
 from hrg_cli.reporting.answer import answer
 from hrg_cli.reporting.answer_text import untold
 from hrg_cli.reporting.answer_use import matrix_of, snippet
 from hrg_cli.reporting.answer_words import size_of
-from hrg_cli.reporting.methods import cited, methods
+from hrg_cli.reporting.figures.answer import before_and_after
+from hrg_cli.reporting.methods import CITATIONS, methods
 from hrg_cli.reporting.quantities import label_of, parameter, quantity, readable, round_with_std
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
@@ -425,8 +426,41 @@ def test_one_signal_has_no_equation_of_a_wave_and_only_what_is_cited_is_listed()
     assert modes.modes_alone
     assert answer([modes]).equation == ""
     paragraph = methods([modes], {"recording": 1})
-    assert "axes and the scale factor" not in paragraph
-    assert [n for n, _ in cited(paragraph)] == [3]
+    assert "axes and the scale factor" not in paragraph.text
+    assert paragraph.citations == (CITATIONS[2],) and "[1]" in paragraph.text
+    both = methods([by_hand.resonator(), by_hand.diagnosis()], {"wave": 4})
+    assert both.citations == (CITATIONS[0], CITATIONS[2])
+    assert re.findall(r"\[(\d)\]", both.text) == ["1", "2"], "no number is left out"
+
+
+def test_without_causes_nothing_is_said_of_them():
+    """A sound gyro's page had a bar that filled its panel, called "Whose it is", and told what a
+    cause's share is."""
+    record = by_hand.diagnosis()
+    report = json.loads(record.report) | {"effects": [], "verdict": "adequate"}
+    sound = record.replace(report=json.dumps(report), verdict="adequate")
+    told = methods([sound], {"wave": 4}).text
+    assert "none was" in told and "share" not in told and "0 were" not in told
+    made = answer([sound])
+    plot = before_and_after(sound, made.departure, made.causes)
+    assert len(plot.figure.axes) == 1 and plot.title == "What is left"
+    found = answer([record])
+    plot = before_and_after(record, found.departure, found.causes)
+    assert len(plot.figure.axes) == 2 and plot.title == "Before and after"
+
+
+def test_requirements_of_two_files_are_told_apart_in_words():
+    rows = check(by_hand.resonator(), {"frequency_split_rad_s": 1.0, "status": "any"})
+    rows += check(by_hand.diagnosis(), {"status": "any", "values.frequency_split_rad_s": 1.0})
+    found = answer([by_hand.diagnosis()], rows)
+    assert [r.label for r in found.requirements] == [
+        *("status, resonator", "frequency split Δf, resonator"),
+        *("status, diagnosis", "frequency split Δf, diagnosis"),
+    ]
+    assert answer([by_hand.diagnosis()], rows * 3) == found, "what files say alike is said once"
+    assert [r.label for r in answer([by_hand.diagnosis()], rows[:2]).requirements] == [
+        *("status", "frequency split Δf"),
+    ]
 
 
 def test_a_large_split_is_told_in_hertz():

@@ -11,7 +11,7 @@ import pytest
 
 from hrg_cli.lots.groups import Origin
 from hrg_cli.lots.lot_diagnosis import lot_diagnosis
-from hrg_cli.lots.lot_report import measured, report_of
+from hrg_cli.lots.lot_report import MOST_TOLD, measured, report_of
 from hrg_cli.lots.lot_settings import LotSettings
 from hrg_cli.lots.lot_table import judged_rows
 from hrg_cli.reporting.figures.lot import distribution, pareto
@@ -218,6 +218,41 @@ def test_a_recording_of_no_known_gyro_is_no_gyro(report, page):
         and f"of {GYROS + 1} gyros" not in page
     )
     assert all(f"of {GYROS + 1} gyros" not in reason for reason in report["status_reasons"])
+    assert report["gyros"] == GYROS and "" in {row["gyro_id"] for row in report["rows"]}
+
+
+@pytest.mark.parametrize("faulty", [1, 2])
+def test_one_gyro_has_and_two_have(faulty):
+    """One "have a fault", and one in doubt had one."""
+    sound = {"passed": True, "rank": 1, "outliers": "", "status": "valid", "health": "sound"}
+    rows = [sound | {"gyro_id": f"G{k}", "cause": "", "runs_failed": 0} for k in range(3)]
+    for row in rows[:faulty]:
+        row["health"] = "in doubt"
+    told = report_of(LotSettings(recordings=["x"]), rows, [])
+    said = "has a fault or is in doubt" if faulty == 1 else "have a fault or are in doubt"
+    names = ", ".join(f"G{k}" for k in range(faulty))
+    assert told["status_reasons"] == [f"{faulty} of 3 gyros {said}: {names}"]
+    assert f"; {faulty} {said}." in sentence(told)
+
+
+def test_no_gyro_is_missed_in_words():
+    """More gyros than have a sentence, and a recording of none of them: the rest is counted without
+    it."""
+    rows = [
+        {
+            "gyro_id": f"G{k}",
+            "passed": False,
+            "why": "x",
+            "rank": k,
+            "outliers": "",
+            "status": "failed",
+        }
+        for k in range(MOST_TOLD + 5)
+    ]
+    stray = rows[0] | {"gyro_id": "", "rank": len(rows)}
+    told = report_of(LotSettings(recordings=["x"]), [*rows, stray], [])
+    assert told["status_reasons"][-1].startswith("5 more gyros did not pass")
+    assert told["gyros"] == len(rows)
 
 
 def test_lots_without_results_have_a_page(report):
@@ -310,10 +345,14 @@ def test_the_table_filters_by_keyboard(window):
     window.run("document.getElementById('filter').focus()")
     window.keys(*"phase mis")
     assert window.run(FIRST % 0) == window.run(FIRST % 1) == ["SN-005", "SN-006"]
-    assert window.run("return document.getElementById('shown').textContent").startswith("2 of 61")
+    shown = "return document.getElementById('shown').textContent"
+    assert window.run(shown) == f"2 of {GYROS} gyros are shown."
     window.run("document.querySelector('#controls button').click()")
     window.run("return new Promise(done => setTimeout(done, 50))")
-    assert len(window.run(FIRST % 0)) == 61
+    assert len(window.run(FIRST % 0)) == GYROS + 1
+    assert window.run(shown) == f"All {GYROS} gyros and 1 recording of no known gyro are shown.", (
+        "a recording of nobody's is no gyro"
+    )
     window.run("document.querySelector('[data-filter=\"nonlinear damping\"]').focus()")
     window.keys("\ue007")
     assert window.run(FIRST % 0) == ["SN-004"]

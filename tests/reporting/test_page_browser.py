@@ -219,6 +219,8 @@ def test_headings_and_ids_are_in_order(window):
 
 
 SAID = "return document.querySelector('.living .figures').textContent"
+MARKS = """return [...document.querySelectorAll('.living .plots svg')].flatMap(s => ['middle', 'end']
+    .map(a => [...s.querySelectorAll(`text[text-anchor=${a}]`)].filter(t => /^[−\\d.×⁰-⁹]+$/.test(t.textContent)).length));"""
 SPREAD = """const d = [...document.querySelectorAll('.living .plots svg')][0].querySelector('.trace').getAttribute('d');
     const y = [...d.matchAll(/ ([\\d.]+)/g)].map(m => +m[1]); return Math.max(...y) - Math.min(...y);"""
 
@@ -232,6 +234,8 @@ def test_the_living_figure_follows_its_switches(window, living):
     nothing said on the console."""
     window.open(living.as_uri())
     assert window.run("return document.querySelectorAll('.living svg').length") == 2
+    marks = window.run(MARKS)
+    assert min(marks) >= 2, "an axis with one mark has no scale"
     with_all, flat = drift(window), window.run(SPREAD)
     window.run("document.querySelectorAll('.living input')[0].click()")
     without_first, bent = drift(window), window.run(SPREAD)

@@ -2,7 +2,7 @@
 docs/FAULTS.md.
 
 The figures are those that `make faults` and `make mutants` left in build/faults; both add to what
-is there.
+is there. What was not run here stays as the page has it.
 """
 
 from __future__ import annotations
@@ -175,23 +175,41 @@ def mutants(told: dict[str, Any]) -> str:
     )
 
 
-PARTS = (("damage", damage), ("calls", calls), ("kills", kills), ("sizes", sizes))
+PARTS = (
+    ("damage", "Damaged inputs", damage),
+    ("calls", "Failing calls", calls),
+    ("kills", "Kills", kills),
+    ("sizes", "Sizes", sizes),
+)
 
 
-def page(folder: Path) -> str:
-    """The whole page, of the parts that were run."""
+def page(folder: Path, before: str = "") -> str:
+    """The whole page: the parts that were run, and of an earlier page those that were not."""
+    kept = sections(before)
     parts = [HEAD]
-    for name, told_runs in PARTS:
+    for name, title, told_runs in PARTS:
         if (folder / f"{name}.jsonl").exists():
             text = (folder / f"{name}.jsonl").read_text()
             parts.append(told_runs([json.loads(line) for line in text.splitlines()]))
+        elif title in kept:
+            parts.append(kept[title])
     if (folder / "mutants.json").exists():
         parts.append(mutants(json.loads((folder / "mutants.json").read_text())))
+    elif "Mutations" in kept:
+        parts.append(kept["Mutations"])
     return "\n".join(parts)
 
 
+def sections(text: str) -> dict[str, str]:
+    """The parts of a page by their titles."""
+    found = text.split("\n## ")[1:]
+    return {part.partition("\n")[0]: f"## {part.rstrip()}\n" for part in found}
+
+
 if __name__ == "__main__":
-    text = page(KEPT)
+    targets = [Path(name) for name in sys.argv[1:]]
+    earlier = targets[0].read_text(encoding="utf-8") if targets and targets[0].exists() else ""
+    text = page(KEPT, earlier)
     print(text)
-    for name in sys.argv[1:]:
-        Path(name).write_text(text, encoding="utf-8")
+    for target in targets:
+        target.write_text(text, encoding="utf-8")

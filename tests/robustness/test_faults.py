@@ -204,6 +204,20 @@ def test_the_page_tells_what_broke_and_what_is_kept():
     assert page._what_broke(runs[1:]) == "none broke a promise."
 
 
+def test_what_was_not_run_stays_on_the_page(tmp_path):
+    """The page of an empty folder had nothing but its head: figures of runs elsewhere were lost."""
+    before = (Path(__file__).parents[2] / "docs" / "FAULTS.md").read_text(encoding="utf-8")
+    assert page.page(tmp_path, before) == before
+    log = {"bytes": 2_000_000_000, "peak_mb": {"import": 90.0}}
+    (tmp_path / "sizes.jsonl").write_text(json.dumps(log) + "\n")
+    after = page.page(tmp_path, before)
+    titles = list(page.sections(after))
+    assert titles == ["Damaged inputs", "Failing calls", "Kills", "Sizes", "Mutations"]
+    assert "A log of 2.00 GB: peak memory of import 90 MB." in after
+    kept = page.sections(before) | {"Sizes": ""}
+    assert page.sections(after) | {"Sizes": ""} == kept
+
+
 def test_sizes_that_grow_are_told():
     flat = {"begun_mb": 100.0, "ended_mb": 101.0, "files": 5}
     assert sizes.broken({"lots": [flat, flat]}) == []

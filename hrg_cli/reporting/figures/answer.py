@@ -17,14 +17,14 @@ BINS = 40
 def before_and_after(
     record: Diagnosis, departure: Departure | None, causes: tuple[Cause, ...]
 ) -> Plot | None:
-    """Measured less simulated against time, before and after; beside it the shares. None where the
-    record holds no rows."""
+    """Measured less simulated against time, before and after; beside it the shares; without causes
+    what is left alone. None where the record holds no rows."""
     if not len(record) or np.ndim(record.measured) != 2 or np.shape(record.measured)[1] != 4:
         return None
     amplitude = departure is not None and departure.key == "amplitude_ppm"
     run, time_s = np.asarray(record.run), np.asarray(record.time_s)
     factor, unit = time_unit(float(np.ptp(time_s)))
-    figure, axes = panels(1, 2, height=2.7, width=8.2)
+    figure, axes = panels(1, 2 if causes else 1, height=2.7, width=8.2)
     ax = axes[0, 0]
     pairs = [
         ("without the causes", record.simulated_before, 1),
@@ -43,17 +43,26 @@ def before_and_after(
     labels(ax, x=f"time, {unit}", y=quantity, title="Measured less modelled")
     if causes:
         ax.legend(loc="best")
-    shown = _shares(axes[0, 1], departure, causes)
+    shown = _shares(axes[0, 1], departure, causes) if causes else _left(departure)
     good = (
         "Good: a flat band about zero, as wide as the noise. Bad: bends and slopes, which noise"
         " does not make."
     )
     return Plot(
         "answer",
-        "Before and after",
+        "Before and after" if causes else "What is left",
         f"{shown} Dots: rows; lines: a run's running mean. {good}",
         figure,
     )
+
+
+def _left(departure: Departure | None) -> str:
+    """The error of a gyro without causes, in words: one number needs no bar."""
+    if departure is None:
+        return "No figure of the error is known."
+    words = next(w for key, w, *_ in QUANTITIES if key == departure.key)
+    where = " on data left out" if departure.held_out else ""
+    return f"{words.capitalize()} error{where}: {number(departure.after, 3)} {departure.unit}."
 
 
 def _shares(ax: object, departure: Departure | None, causes: tuple[Cause, ...]) -> str:
@@ -65,9 +74,9 @@ def _shares(ax: object, departure: Departure | None, causes: tuple[Cause, ...]) 
     if departure is None:
         ax.set_axis_off()
         return "No figure of the error is known."
-    rows = [("without", departure.before, SERIES[1])] if causes else []
+    rows = [("without", departure.before, SERIES[1])]
     rows += [(c.words, getattr(c, departure.key) or 0.0, MUTED) for c in causes[:6]]
-    rows += [("left" if causes else "error", departure.after, SERIES[0])]
+    rows += [("left", departure.after, SERIES[0])]
     ax.barh(range(len(rows)), [v for _, v, _ in rows], color=[c for *_, c in rows], height=0.6)
     ax.set_yticks(range(len(rows)), [name for name, *_ in rows])
     ax.invert_yaxis()
@@ -87,8 +96,6 @@ def _shares(ax: object, departure: Departure | None, causes: tuple[Cause, ...]) 
     labels(ax, x=f"{words} error, {departure.unit}", title="Whose it is")
     note(ax, "on data left out" if departure.held_out else "")
     left = f"{number(departure.after, 3)} {departure.unit}"
-    if not causes:
-        return f"{words.capitalize()} error {left}."
     return (
         f"{words.capitalize()} error {number(departure.before, 3)} {departure.unit} without the"
         f" causes, {left} with them."

@@ -10,6 +10,8 @@ class Requirement(Shape):
 
     name: str
     """The figure."""
+    label: str
+    """The figure in words."""
     value: str
     """What was found."""
     limit: str

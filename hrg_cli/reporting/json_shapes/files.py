@@ -42,6 +42,8 @@ class Row(Shape):
     """Its standard deviation."""
     units: str
     """Unit."""
+    kind: str = ""
+    """Kind of the file that it is a figure of."""
     margin_sigma: Number
     """Distance from the nearest limit in σ, negative outside."""
 
