@@ -35,6 +35,8 @@ SIZES = {
         "sin_rad_s_k": -5e-4,
         "reference_temperature_degc": 22.0,
     },
+    # what a gyro has, 1e-5, is 2 σ of runs of 2 s
+    "scale_factor_temperature": {"relative_1_k": 3e-4, "reference_temperature_degc": 22.0},
     "thermal_gradient": {"frequency_s_k": 2e-8, "split_cos_rad_k": 3e-4, "split_sin_rad_k": 0.0},
     "thermal_hysteresis": {"relative": 2e-8},
     "inertial_nonlinearity": {"inverse_length_squared": 1e-6},
@@ -49,9 +51,12 @@ SIZES = {
     },
     "gain_step": {"c_gain": 1e-3, "s_gain": -1e-3, "time_s": 0.9, "run": 2.0},
 }
-CONSTANTS = {"mismatch_temperature": "gain_mismatch"}
-"""What follows temperature is, about another temperature than the runs' own mean, a constant
-beside."""
+CONSTANTS = {
+    "mismatch_temperature": "gain_mismatch",
+    "thermal_frequency_curvature": "thermal_frequency",
+}
+"""What follows temperature is, about another temperature than the runs' own mean, a constant beside,
+and what bends with it a slope."""
 SAMPLE = (
     "gain_mismatch",
     "pickoff_nonlinearity",
