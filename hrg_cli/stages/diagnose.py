@@ -215,7 +215,8 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     case, pieces, tones = _explain_beside_tones(asked, cut, near)
     samples = _seen_in_samples(asked.waves, case, cut, tones)
     model, written = _written(asked, case, cut, pieces, samples)
-    closing = closing_checks(case, written, samples.shown, samples.unnamed_hz, samples.odd)
+    sized = Sized.of(case)
+    closing = closing_checks(case, sized, written, samples.shown, samples.unnamed_hz, samples.odd)
     failed = checks.failures(closing)
     if failed and (folded := folded_beside(pieces, samples.named)):
         failed = [folded, *failed]
@@ -224,7 +225,6 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     ahead = forecast(case, asked.waves[0].units)
     untouched = _untouched(case, cut) if cut.steps or tones else case.search.base
     gain = held_out(untouched, case.search.final, cut.own, cut.origin)
-    sized = Sized.of(case)
     report = report_of(verdict, case, sized, gain, asked.resonator, untouched)
     report |= {
         "effects": samples.shown + [in_form(e, case.form) for e in report["effects"]],

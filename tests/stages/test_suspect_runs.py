@@ -47,6 +47,16 @@ def test_the_wrong_run_and_its_mistake_are_named(kind):
     assert "χ² a degree of freedom falls from" in found[0].evidence and found[0].correction
 
 
+def test_a_driven_run_whose_recorder_exchanged_channels():
+    """The loops' log stays as it was: mirrored with the channels it left a gross misfit, and one
+    channel was called inverted."""
+    records = recordings(table_of(3, runs=5, forced=True, quadrature_loop="finite"))
+    culprit = next(k for k, record in enumerate(records) if record.mode == "forced")
+    right = records[culprit]
+    records[culprit] = right.replace(c=np.array(right.s), s=np.array(right.c))
+    assert told(estimated(records)) == [(right.run_id, KINDS["swapped"])]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", (0, 2, 3, 4, 5))
 @pytest.mark.parametrize("kind", SAMPLED)

@@ -23,6 +23,7 @@ from .gain import folds_of, predict_folds
 from .places import another_start, beside_strike
 from .scoring import is_possible
 from .search import Search
+from .sized import Sized
 from .thresholds import (
     BOUND_COST,
     FREQUENCIES,
@@ -55,6 +56,7 @@ def word(causes: bool, is_open: bool) -> str:
 
 def closing_checks(
     case: Case,
+    sized: Sized,
     written: Written | None,
     waveform: Sequence[dict[str, object]],
     lines_hz: Sequence[float] = (),
@@ -62,7 +64,7 @@ def closing_checks(
 ) -> list[Check]:
     """All checks of a diagnosis, in the order in which a reader would ask.
 
-    waveform: entries of the causes that the samples show before any dynamics; lines_hz: what was
+    sized: the fit whose numbers are told; waveform: entries of the causes that the samples show before any dynamics; lines_hz: what was
     taken out of the waves and is no named cause's; odd: a sentence on windows that hold more than
     noise, empty where there are none.
     """
@@ -101,7 +103,7 @@ def closing_checks(
         *_whiteness(final),
         *_strikes(final, case.inquiry.noise.slow),
         *_runs(final),
-        *_causes(search, waveform),
+        *_causes(search, sized, waveform),
         *_frequencies(case.frequencies),
         *_physics(final),
         checks.holds(
@@ -223,14 +225,17 @@ def beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
     )
 
 
-def _causes(search: Search, waveform: Sequence[dict[str, object]]) -> Iterator[Check]:
+def _causes(search: Search, sized: Sized, waveform: Sequence[dict[str, object]]) -> Iterator[Check]:
     """Every named cause on its own: off zero and of a thinkable size."""
     fit = search.final
     walk = unknown_walk(fit)
     for one in search.found:
         name = one.variant.effect.name
-        wald = fit.away(one.variant.effect)[1] if one.sizes is None else one.delta_bic
-        sigma = float(np.sqrt(max(wald, 0.0))) if np.isfinite(wald) else float("nan")
+        sigma = (
+            sized.sigma_off(one.variant.effect)
+            if one.sizes is None
+            else float(np.sqrt(max(one.delta_bic, 0.0)))
+        )
         yield checks.at_least(
             f"{name}_stands_off_zero",
             sigma,

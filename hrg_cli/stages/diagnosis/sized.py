@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...effects.effect import Effect
 from ...fitting.causes import extended_fit
 from ...fitting.causes.extended_fit import ExtendedFit
 from .case import Case
@@ -47,6 +48,19 @@ class Sized:
         """Standard deviation of a number with σ `std` in the fit, which stands at `others` in each
         of the other fits."""
         return float(np.sqrt(self.factor * std**2 + sum((value - v) ** 2 for v in others)))
+
+    def sigma_off(self, effect: Effect) -> float:
+        """How many of the standard deviations that are told an effect of the fit stands off neutral:
+        aᵀ C⁻¹ a with what is left over and the other fits in C (Wald), as a square root."""
+        columns = self.fit.layout.effect(effect.name)
+        covariance = self.factor * self.fit.covariance[columns, columns]
+        off, _ = self.fit.away(effect)
+        for other in self.others:
+            if effect.name in {one.name for one, _ in other.point.active}:
+                moved = off - other.away(effect)[0]
+                covariance = covariance + np.outer(moved, moved)
+        wald = float(off @ np.linalg.pinv(covariance, hermitian=True) @ off)
+        return float(np.sqrt(max(wald, 0.0))) if np.isfinite(wald) else float("nan")
 
     @property
     def others(self) -> list[ExtendedFit]:

@@ -76,18 +76,27 @@ def _own(wave: Wave, others: ExtendedFit, coordinate: str) -> tuple[float, float
     return None
 
 
-def of_the_channels(wave: Wave) -> Iterator[Reading]:
+def of_the_channels(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """Channels exchanged or inverted."""
+
+    def likelier(mirrored: Wave) -> Wave:
+        # a recorder that exchanges channels leaves the loops' log as it was; cables that do so
+        # before the board mirror what it commands as well
+        if wave.drive_quadrature is None:
+            return mirrored
+        ways = [mirrored, change.invert_quadrature_drive(mirrored)]
+        return ways[int(np.argmin(misfits(ways, others)))]
+
     yield Reading(
         "channels swapped",
-        (change.swap_channels(wave),),
+        (likelier(change.swap_channels(wave)),),
         0,
         "with C and S exchanged",
         "exchange the columns of C and S of this run and import it anew",
     )
     yield Reading(
         "one channel inverted",
-        (change.invert_channel(wave),),
+        (likelier(change.invert_channel(wave)),),
         0,
         "with one channel's sign turned",
         "turn the sign of one channel of this run (a negative scale factor) and import it anew",
@@ -301,7 +310,7 @@ Maker = Callable[[Wave, ExtendedFit], Iterator[Reading]]
 
 def readings(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """Every mistake that this run's motion could show beside the others' coordinates."""
-    yield from of_the_channels(wave)
+    yield from of_the_channels(wave, others)
     yield from of_the_time(wave, others)
     yield from of_the_rate(wave, others)
     yield from of_a_knock(wave)

@@ -28,14 +28,17 @@ def swap_and_invert(wave: Wave) -> Wave:
     return wave.replace(wave_angle_rad=wave.wave_angle_rad + np.pi / (2 * wave.mode_number))
 
 
+def invert_quadrature_drive(wave: Wave) -> Wave:
+    """The logged command against quadrature with the other sign; the wave where none is logged."""
+    if wave.drive_quadrature is None:
+        return wave
+    return wave.replace(drive_quadrature=-np.asarray(wave.drive_quadrature, float))
+
+
 def _mirrored(wave: Wave, about_rad: float) -> Wave:
-    quadrature = (
-        None if wave.drive_quadrature is None else -np.asarray(wave.drive_quadrature, float)
-    )
     return wave.replace(
         wave_angle_rad=about_rad - wave.wave_angle_rad,
         quadrature_amplitude=-wave.quadrature_amplitude,
-        drive_quadrature=quadrature,
     )
 
 
