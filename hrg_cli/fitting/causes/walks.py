@@ -18,7 +18,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Pieces:
+class LogPieces:
     """Pieces of the log that scatter by one value each: jumps (R, n − 1, 4, c) in the steps by one σ
     of c commands in the row before or behind, and which piece every row (n,) belongs to."""
 
@@ -60,7 +60,7 @@ class WalkPart:
     stands here."""
 
     run: int
-    pieces: Pieces
+    pieces: LogPieces
     turn: Array
 
 

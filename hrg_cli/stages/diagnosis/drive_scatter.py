@@ -31,7 +31,7 @@ from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.causes.sensitivities import base_sensitivities
 from ...fitting.causes.slow_prediction import predict
-from ...fitting.causes.walks import Pieces, Walk, WalkPart
+from ...fitting.causes.walks import LogPieces, Walk, WalkPart
 from ...fitting.causes.wave_frame import directions, real
 
 Array = np.ndarray
@@ -174,7 +174,7 @@ def row_length_s(series: MeasuredRuns) -> float:
 
 
 def _soften(
-    fit: ExtendedFit, runs: Sequence[_Run], pieces: Pieces, part: float, told: float
+    fit: ExtendedFit, runs: Sequence[_Run], pieces: LogPieces, part: float, told: float
 ) -> ExtendedFit:
     """The fit again where what `part` of the scatter does to these runs may stand beside it, and may
     have walked by these pieces; `told` is what that makes of the log's scatter."""
@@ -243,7 +243,7 @@ def corner_hz(fit: ExtendedFit) -> float:
     return float(np.max(size * weights)) / (2 * np.pi)
 
 
-def _runs(fit: ExtendedFit, scatter: Scatter, pieces: Pieces) -> list[_Run]:
+def _runs(fit: ExtendedFit, scatter: Scatter, pieces: LogPieces) -> list[_Run]:
     """The runs whose scatter counts."""
     series, counts, kicks = fit.series, scatter.counts(fit.series), pieces.kicks()
     nothing = np.zeros((*series.weight.shape, 4, kicks.shape[-1]))
@@ -283,14 +283,14 @@ def turn_forces(series: MeasuredRuns, v: Array) -> tuple[Array, Array]:
 Forces = Callable[[ExtendedFit], tuple[Array, Array]]
 
 
-def _pieces(fit: ExtendedFit, size: Array, forces: tuple[Array, Array]) -> Pieces:
+def _pieces(fit: ExtendedFit, size: Array, forces: tuple[Array, Array]) -> LogPieces:
     """The log's pieces, and the jumps by one σ of scatter in the row before a step or behind it."""
     series, rows = fit.series, fit.series.time_s.shape[1]
     jumps = [
         real(unit) * (series.step_s * size[:, n, None] / 2)[..., None]
         for n, unit in enumerate(forces)
     ]
-    return Pieces(np.stack(jumps, axis=-1), np.arange(rows) * min(PIECES, rows) // rows)
+    return LogPieces(np.stack(jumps, axis=-1), np.arange(rows) * min(PIECES, rows) // rows)
 
 
 def _slow(fit: ExtendedFit) -> Array:
