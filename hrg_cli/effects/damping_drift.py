@@ -35,4 +35,5 @@ EFFECT = Effect(
     ),
     plant=plant,
     slow=slow,
+    acts_on="velocity",
 )

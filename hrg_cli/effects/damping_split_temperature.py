@@ -41,4 +41,5 @@ EFFECT = Effect(
     next_experiment="runs at rates of both signs and several wave angles, at several temperatures",
     plant=plant,
     slow=slow,
+    acts_on="velocity",
 )

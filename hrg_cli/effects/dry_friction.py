@@ -94,4 +94,5 @@ EFFECT = Effect(
     ),
     plant=plant,
     slow=slow,
+    acts_on="velocity",
 )

@@ -138,7 +138,9 @@ class Effect:
     whole_samples: its size comes in samples only, so that it has no small one.
     makes_harmonics: a read-out that puts multiples of the oscillation into the samples. makes_tone:
     it puts a line of its own there. scales: the resonator's parameter that follows the temperature by
-    it. same_as_parameter: the one that it changes, exactly, in every run. starts: values from which
+    it. same_as_parameter: the one that it changes, exactly, in every run. acts_on: "velocity" where
+    its force follows the motion's velocity, whose envelopes turn beside those of the displacement by
+    KΩ/ω, so that its slow term is given these. starts: values from which
     it is tried beside these runs: instants at which a parameter that is not
     fitted is held, levels of one
         that sets in.
@@ -171,6 +173,7 @@ class Effect:
     makes_tone: bool = False
     scales: str = ""
     same_as_parameter: str = ""
+    acts_on: Literal["displacement", "velocity"] = "displacement"
     starts: Callable[[Runs], Sequence[Values]] = only_neutral
 
     def values(self, given: Mapping[str, Any] | None = None) -> dict[str, float]:

@@ -123,4 +123,5 @@ EFFECT = Effect(
     ),
     plant=plant,
     slow=slow,
+    acts_on="velocity",
 )

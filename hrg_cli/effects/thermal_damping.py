@@ -45,5 +45,6 @@ EFFECT = Effect(
     next_experiment="ring-downs at several temperatures, each at constant temperature",
     plant=plant,
     slow=slow,
+    acts_on="velocity",
     scales="damping_rate_1_s",
 )

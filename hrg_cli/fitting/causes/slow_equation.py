@@ -60,6 +60,7 @@ class RungeKuttaStage:
         self.main, self.quadrature = series.main_drive, series.quadrature_drive
         self.holds = bool(np.any(np.isfinite(series.held_amplitude)))
         self.L = generators(series, point) if self.holds else np.empty((*series.time_s.shape, 0))
+        self.plain = _plain(series, point)
         self.held, self.held_slope = series.held_amplitude, series.held_slope
         self.follow_1_s = FOLLOWING / max(float(series.time_s.max() - series.time_s.min()), 1e-9)
 
@@ -73,7 +74,8 @@ class RungeKuttaStage:
         state.drive = self.state.drive[:, k]
         one.state, one.active, one.driven = state, self.active, self.driven
         one.second, one.lead = self.second, self.lead
-        one.main, one.quadrature, one.L = self.main[:, k], self.quadrature[:, k], self.L[:, k]
+        one.main, one.quadrature = self.main[:, k], self.quadrature[:, k]
+        one.L, one.plain = self.L[:, k], self.plain[:, k]
         one.holds, one.held, one.held_slope, one.follow_1_s = (
             self.holds,
             self.held[:, k],
@@ -147,12 +149,16 @@ class RungeKuttaStage:
         return total
 
     def acted_on(self, effect: Effect, v: Array, state: SlowState) -> Array:
-        """Envelopes that an effect's slow term looks at: loops and forcers see the displacement, v +
-        jf/2ω, the resonator moves as v does.
+        """Envelopes that an effect's slow term looks at: loops and forcers see the displacement u =
+        v + jf/2ω, what slows the motion its velocity, ż = Re[(jωu + u̇) e^{jωt}], over jω: u + (Lv +
+        f)/jω, and springs move as v does.
 
         With the displacement for all, driven runs whose frequency follows 40 K of temperature are
-        missed by what that makes of the force's lead.
+        missed by what that makes of the force's lead; with v for what follows the velocity, a
+        damping that changes by Δν leaves out ΔνKΩ/ω of quadrature a second.
         """
+        if effect.acts_on == "velocity":
+            return v - self.lead * (2 * times(self.plain, v) + state.drive)
         by_loops = self.driven and effect.family == "control"
         return v + self.lead * state.drive if by_loops else v
 
@@ -193,9 +199,14 @@ def generators(series: MeasuredRuns, point: Point) -> Array:
 def _orders(series: MeasuredRuns, point: Point) -> tuple[Array, Array]:
     """L by plain averaging, and what the second order changes of it, (R, n, 2, 2)."""
     omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
-    plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
+    plain = _plain(series, point)
     full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
     return plain, point.p[6] * (full - plain)
+
+
+def _plain(series: MeasuredRuns, point: Point) -> Array:
+    """L by plain averaging, (R, n, 2, 2)."""
+    return coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
 
 
 def jump_times(series: MeasuredRuns, point: Point) -> list[float]:

@@ -194,6 +194,7 @@ def average_rows(
     carry: Callable[[Array, Array], Matrix],
     phase: Callable[[Array], Array] | None = None,
     grid: tuple[float, float] | None = None,
+    beside: Array | None = None,
 ) -> EnvelopeRun:
     """At most about `blocks` rows: each block's rows are carried to its mean time with an
     approximate motion, then averaged.
@@ -203,7 +204,8 @@ def average_rows(
     enters only as (δL² + [δL, L])dt²/24 of the row: averaging along the motion that is fitted to the
     rows, until neither changes, leaves none. Weights 1/σ². Blocks are equal pieces of time; empty ones
     (gaps) vanish. `grid`: where the first piece begins and how long each is, of the whole run that
-    this is a part of.
+    this is a part of. `beside`: what moves the envelopes beside that motion, u̇ = Lu + g (n, 2): a
+    slope ġ within a block, as the carried rows see it, leaves ġτ²/2 = τg/2 in their mean.
     """
     if grid is None:
         if len(run) <= blocks:
@@ -221,10 +223,12 @@ def average_rows(
 
     time = mean(run.time_s)
     turn = course(run.time_s, run.turn_rad).at(time)
-    c, s = apply(
-        carry(time[which] - run.time_s, turn[which] - run.turn_rad),
-        (run.envelope[:, 0], run.envelope[:, 1]),
-    )
+    late = time[which] - run.time_s
+    propagator = carry(late, turn[which] - run.turn_rad)
+    c, s = run.envelope[:, 0], run.envelope[:, 1]
+    if beside is not None:
+        c, s = c + late / 2 * beside[:, 0], s + late / 2 * beside[:, 1]
+    c, s = apply(propagator, (c, s))
     if phase is not None:
         turned_by = np.exp(1j * (phase(time)[which] - phase(run.time_s)))
         c, s = c * turned_by, s * turned_by

@@ -3,7 +3,7 @@ base model."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -89,7 +89,10 @@ def prepare(
         rows = min(rows, max(len(run) for run in runs)) // coarser
     thin = [
         envelope_runs.average_rows(
-            r, rows, propagator.carry(p if w.mode != "forced" else _undamped(p), o)
+            r,
+            rows,
+            propagator.carry(p if w.mode != "forced" else _undamped(p), o),
+            beside=_drive_less_loss(r, w, float(p[DAMPING])),
         )
         for r, o, w in zip(runs, offsets, waves, strict=True)
     ]
@@ -120,6 +123,25 @@ def _undamped(p: Array) -> Array:
     held = np.array(p, float)
     held[0] = 0.0
     return held
+
+
+def _drive_less_loss(run: EnvelopeRun, wave: Wave, damping_1_s: float) -> Array | None:
+    """What a logged drive makes of a wave beside the undamped resonator, f − νu at a run's rows
+    (n, 2); None where none is logged.
+
+    Of a held amplitude little is left of the two together, so that an error of ν does nothing.
+    """
+    if wave.mode != "forced" or not _has(wave.drive_main):
+        return None
+
+    def at_rows(values: Array | None) -> Array:
+        return np.interp(run.time_s, *_finite(wave.time_s, values))
+
+    turn, e_A, e_B, _ = frame(run.envelope, at_rows(wave.phase_rad))
+    main = at_rows(wave.drive_main)
+    quadrature = at_rows(wave.drive_quadrature) if _has(wave.drive_quadrature) else 0 * main
+    force = turn[:, None] * (main[:, None] * e_A - 1j * quadrature[:, None] * e_B)
+    return force - damping_1_s * run.envelope
 
 
 def _fastest_turn(run: EnvelopeRun) -> float:
@@ -206,7 +228,6 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Measured
             "held_amplitude": held,
             "held_slope": np.gradient(held, t),
         }
-        row["envelope"] = row["envelope"] - _bend(row, wave.window_s)
         for name, values in row.items():
             columns.setdefault(name, []).append(padded(values))
         columns.setdefault("weight", []).append(
@@ -264,17 +285,6 @@ def _logged(wave: Wave, name: str, forced: Array) -> Impulse | None:
     if not forced.any() or not _has(values):
         return None
     return impulse(*_finite(wave.time_s, values))
-
-
-def _bend(row: Mapping[str, Array], window_s: float) -> Array:
-    """By how much the mean of a row's windows misses its middle, (h² − w²)ü/24, (n, 2): what the
-    commands bend of the wave within a row of length h, ü their slope along the wave, beside what
-    windows of length w allow for; the motion that rows are averaged along knows no command."""
-    t = row["time_s"]
-    turn, e_A, e_B, _ = frame(row["envelope"], row["phase_rad"])
-    main, quadrature = (np.gradient(row[name], t) for name in ("main_drive", "quadrature_drive"))
-    size = np.maximum(np.gradient(t) ** 2 - window_s**2, 0.0) / 24 * turn
-    return size[:, None] * (main[:, None] * e_A - 1j * quadrature[:, None] * e_B)
 
 
 def _amplitude(u: Array) -> Array:

@@ -147,7 +147,7 @@ def covariates(series: MeasuredRuns, u: Array, cycles: Sequence[float] = ()) -> 
         )
         steep = series.temperature_rate_degc_s[good]
         top = float(np.abs(steep).max())
-        if np.ptp(steep) > 1e-6 * top:
+        if np.ptp(steep) > 1e-6 * top and top * span > LEAST_KELVIN:
             yield Covariate(
                 "temperature rate", "Ṫ/Ṫ₀", lambda u, s: _one(u, s.temperature_rate_degc_s / top)
             )
