@@ -63,6 +63,9 @@ class MeasuredRuns:
     walk: Walk | None = None
     """The likely part of what may scatter. The motion has it, so that what follows the motion
     follows the wave as it was; the residual has not, whose likelihood knows the scatter whole."""
+    frame_turn: Array | None = None
+    """By how much the frame of the commands stands beside the wave's angle and phase, rad (R, n, 2);
+    None: not at all."""
     scatter_part: float = 1.0
     """Part of the log's scatter from row to row that may be none of the drive's: all, before the waves
     were asked."""
@@ -95,7 +98,7 @@ class MeasuredRuns:
     def alone(self) -> MeasuredRuns:
         """The rows without what is said of all of them together: what is unsettled, and what may
         scatter."""
-        return replace(self, unsettled=None, scatter=None, walk=None)
+        return replace(self, unsettled=None, scatter=None, walk=None, frame_turn=None)
 
     @property
     def numbers(self) -> Array:
@@ -143,6 +146,7 @@ _ARRAYS = (
     "forced",
     "held_amplitude",
     "held_slope",
+    "frame_turn",
 )
 
 _INTEGRALS = {

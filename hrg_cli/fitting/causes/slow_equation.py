@@ -61,6 +61,7 @@ class RungeKuttaStage:
         self.holds = bool(np.any(np.isfinite(series.held_amplitude)))
         self.L = generators(series, point) if self.holds else np.empty((*series.time_s.shape, 0))
         self.plain = _plain(series, point)
+        self.frame_turn = series.frame_turn
         self.held, self.held_slope = series.held_amplitude, series.held_slope
         self.follow_1_s = FOLLOWING / max(float(series.time_s.max() - series.time_s.min()), 1e-9)
 
@@ -76,6 +77,7 @@ class RungeKuttaStage:
         one.second, one.lead = self.second, self.lead
         one.main, one.quadrature = self.main[:, k], self.quadrature[:, k]
         one.L, one.plain = self.L[:, k], self.plain[:, k]
+        one.frame_turn = None if self.frame_turn is None else self.frame_turn[:, k]
         one.holds, one.held, one.held_slope, one.follow_1_s = (
             self.holds,
             self.held[:, k],
@@ -101,6 +103,8 @@ class RungeKuttaStage:
                 self.held_slope - loss + self.follow_1_s * (self.held - a_A),
                 main,
             )
+        if self.frame_turn is not None:
+            turn, e_A, e_B = _turned(turn, e_A, e_B, self.frame_turn)
         return turn[..., None] * (main[..., None] * e_A - 1j * self.quadrature[..., None] * e_B)
 
     @cached_property
@@ -175,6 +179,12 @@ class RungeKuttaStage:
     def idle(self) -> bool:
         """Nothing acts beside L."""
         return not self.driven and not self.active
+
+
+def _turned(turn: Array, e_A: Array, e_B: Array, beside: Array) -> tuple[Array, Array, Array]:
+    """The frame (e^{jφ}, e_A, e_B) beside the wave's by angles and phases (..., 2)."""
+    cos, sin = np.cos(beside[..., :1]), np.sin(beside[..., :1])
+    return turn * np.exp(1j * beside[..., 1]), cos * e_A + sin * e_B, cos * e_B - sin * e_A
 
 
 def second_order_force(p: Array, frequency_hz: float) -> Array:

@@ -42,7 +42,7 @@ class Prediction:
     def by_log(self) -> Array:
         """What is seen under the logged commands alone, without what may have walked beside them."""
         walk = self.series.walk
-        return self.seen if walk is None else self.seen - walk.seen
+        return self.seen if walk is None else self.seen - walk.moved
 
     def residual(self) -> Array:
         """Measured minus what the log foretells over σ as reals, (R, n, 4), linear in the phase

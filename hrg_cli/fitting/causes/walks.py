@@ -57,10 +57,10 @@ class LogPieces:
 @dataclass(frozen=True)
 class WalkPart:
     """One run's pieces as one part of the scatter: D = Q√Λ Vᵀ over σ, of which V (c · pieces, r)
-    stands here."""
+    stands here; without pieces what scatters is no walk."""
 
     run: int
-    pieces: LogPieces
+    pieces: LogPieces | None
     turn: Array
 
 
@@ -68,11 +68,23 @@ class WalkPart:
 class Walk:
     """The likely part of what may scatter: jumps of the motion in every step (R, n − 1, 2), and by
     how much they moved what is seen (R, n, 2) where they were found; the parts stand in the order
-    of those of the scatter."""
+    of those of the scatter. Likewise of what the commands' frame, which the runs hold, `turned` of
+    what is seen, to first order: so much of it is known with its covariance."""
 
     parts: tuple[WalkPart, ...]
     jumps: Array
     seen: Array
+    turned: Array | None = None
+
+    @classmethod
+    def none(cls, motion: Array) -> Walk:
+        """That of runs (R, n, 2) which do not walk."""
+        return cls((), np.zeros_like(motion[:, 1:]), np.zeros_like(motion))
+
+    @property
+    def moved(self) -> Array:
+        """All that it moved of what is seen, (R, n, 2)."""
+        return self.seen if self.turned is None else self.seen + self.turned
 
     def likely(self, residual: Array, scatter: Softened) -> Array:
         """Jumps (R, n − 1, 2) by the likeliest values of all pieces, w = Dᵀ C⁻¹ r, of a residual
@@ -80,6 +92,8 @@ class Walk:
         left, jumps = residual.copy(), np.zeros_like(self.jumps)
         for part, (rows, Q, power) in zip(reversed(self.parts), reversed(scatter.own), strict=True):
             along = Q.T @ left[rows] / np.sqrt(1 + power)
-            jumps[part.run] += part.pieces.walked(part.run, part.turn @ (np.sqrt(power) * along))
+            if part.pieces is not None:
+                value = part.turn @ (np.sqrt(power) * along)
+                jumps[part.run] += part.pieces.walked(part.run, value)
             left[rows] -= Q @ (along * (np.sqrt(1 + power) - 1))
         return jumps

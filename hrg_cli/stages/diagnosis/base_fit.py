@@ -16,10 +16,11 @@ from ...fitting.causes.fit_point import Point
 from ...records import Wave
 from .base_priors import freedom_of
 from .data import is_averaged_well, prepare
-from .drive_frame import late_frames
+from .drive_frame import FrameAnswers, follow_frames
 from .drive_log import fit_lateness, is_thinkable, lateness, scattered_commands
 from .drive_ripple import Ripple
 from .drive_scatter import allow, allowed_for, follow_walk, has_log
+from .drive_start import allow_starts
 from .lost_samples import PhaseStep
 from .rate_steps import fit_rate_steps
 from .refits import loosen
@@ -29,6 +30,10 @@ from .waveform import phase_steps, split_at
 
 AVERAGED_AGAIN = 2
 """Times that rows are averaged anew along the motion last fitted: the first may lack the splits."""
+
+
+FRAMES_AGAIN = 3
+"""Times that the commands are turned anew to the frame that the waves make likely."""
 
 
 def fit_base(
@@ -80,11 +85,22 @@ def _beside_log(fit: ExtendedFit) -> ExtendedFit:
     that loops answer may have done: white in every run, or the same in all of one instrument."""
     if not has_log(fit.series):
         return fit
-    fit = allowed_for(fit)
+    fit = allow_starts(allowed_for(fit))
     if not is_gross(fit):
         fit = follow_walk(fit)
-    answers = [Ripple.of(fit).spread, late_frames(fit), lateness(fit), scattered_commands(fit)]
-    return allow(fit, np.concatenate(answers, axis=1))
+    for _ in range(FRAMES_AGAIN):
+        frames = FrameAnswers.of(fit)
+        answers = [
+            Ripple.of(fit).spread,
+            frames.spread(fit),
+            lateness(fit),
+            scattered_commands(fit),
+        ]
+        beside = allow(fit, np.concatenate(answers, axis=1))
+        fit = follow_frames(beside, frames)
+        if fit is beside:
+            break
+    return fit
 
 
 def start_fit(fit: ExtendedFit) -> ExtendedFit:

@@ -20,14 +20,18 @@ has one lateness, so that a force turned alike at every rate stays a rotation of
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from ...effects.effect import frame
-from ...fitting.causes import whitened_rows
+from ...fitting.causes import extended_fit, whitened_rows
 from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.measured_runs import MeasuredRuns
-from ...fitting.causes.sensitivities import base_sensitivities
-from ...fitting.causes.wave_frame import real
+from ...fitting.causes.sensitivities import Propagation, base_sensitivities, propagation
+from ...fitting.causes.slow_prediction import predict
+from ...fitting.causes.walks import Walk
+from ...fitting.causes.wave_frame import imaginary, real
 from ...fitting.envelopes.coordinates import SCALE_FACTOR
 from .drive_scatter import row_length_s, turn_forces
 
@@ -38,6 +42,8 @@ than a loop bears that is meant to hold it."""
 BANDWIDTHS = 5
 """Loops allowed for, evenly in the logarithm of their natural frequency: of a frequency split's phase
 over some cycles, one between two of them leaves a combination of what all of them leave, to 4 %."""
+SETTLED_RAD = 1e-4
+"""Turn of the commands' frame that is none: a hundredth of that is missed of the force."""
 FINER = 4
 """Instants a row at which a loop's answer is followed."""
 DAMPING = 0.5**0.5
@@ -45,12 +51,63 @@ DAMPING = 0.5**0.5
 half of it to a sixth."""
 
 
-def late_frames(fit: ExtendedFit) -> Array:
-    """What one standard deviation of a late frame's answers does to the waves, over σ (N, k)."""
-    doings = whitened_rows.flatten_own(fit.series, _doings(fit))
-    if np.all(np.any(fit.series.forced > 0, axis=1)):
-        return _beside_scale_factor(fit, doings)
-    return doings
+@dataclass(frozen=True)
+class FrameAnswers:
+    """By how much one standard deviation of every answer of a late frame turns the commands' angle,
+    and their phase, rad (R, n, k), and what they all do to the waves, over σ (N, 2k)."""
+
+    angle: Array
+    phase: Array
+    doings: Array
+
+    @classmethod
+    def of(cls, fit: ExtendedFit) -> FrameAnswers:
+        """Beside a fit."""
+        series, courses = fit.series, courses_of(fit)
+        turning = float(np.max(np.abs(_slope(series.time_s, courses[0]))))
+        angle, phase = (_answers(series, course, turning) for course in courses)
+        moved = fit.flow.seen(carry_turns(fit.flow, series, angle, phase))
+        return cls(angle, phase, whitened_rows.flatten_own(series, moved))
+
+    def spread(self, fit: ExtendedFit) -> Array:
+        """What one standard deviation of each does, over σ (N, 2k); driven runs alone show that
+        scale factor which their loops make of it."""
+        return _beside_scale_factor(fit, self.doings) if _all_driven(fit.series) else self.doings
+
+    def turn(self, size: Array) -> Array:
+        """Turn of the frame by answers of these sizes (2k,), rad (R, n, 2)."""
+        angle, phase = np.split(size, 2)
+        return np.stack([self.angle @ angle, self.phase @ phase], axis=-1)
+
+
+def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
+    """The fit again with the commands in the frame that the waves make likely; the same where that is
+    settled.
+
+    fit: beside these answers. Of a frame late by 80 ms, in which the wave turns by 0.06 rad, the
+    force along the wave lacks two thousandths: more than columns of first order hold. So the frame
+    is turned by the likely answers' whole angle, c = Dᵀ C⁻¹ r, and columns stand about that. Driven
+    runs alone do not know the late part of it from their scale factor.
+    """
+    series = fit.series
+    if series.unsettled is None or _all_driven(series):
+        return fit
+    size = answers.doings.T @ series.unsettled.off(fit.residual)
+    turn = answers.turn(size)
+    before = 0.0 if series.frame_turn is None else series.frame_turn
+    if np.abs(turn - before).max() < SETTLED_RAD:
+        return fit
+    series = replace(series, frame_turn=turn)
+    flow = propagation(predict(series, fit.point, fit.flow.near))
+    carried = carry_turns(flow, series, answers.angle, answers.phase)
+    walk = Walk.none(flow.prediction.motion) if series.walk is None else series.walk
+    turned = imaginary(flow.viewed(carried) @ size)
+    series = replace(series, walk=replace(walk, turned=turned))
+    return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
+
+
+def _all_driven(series: MeasuredRuns) -> bool:
+    return bool(np.all(np.any(series.forced > 0, axis=1)))
 
 
 def _beside_scale_factor(fit: ExtendedFit, doings: Array) -> Array:
@@ -62,12 +119,11 @@ def _beside_scale_factor(fit: ExtendedFit, doings: Array) -> Array:
     return doings - np.outer(column, column @ doings / size) if size > 0 else doings
 
 
-def _doings(fit: ExtendedFit) -> Array:
-    """What one standard deviation of every answer does to the waves, over σ, (R, n, 4, k)."""
-    flow, series = fit.flow, fit.series
-    courses = _courses(fit)
-    turning = float(np.max(np.abs(_slope(series.time_s, courses[0]))))
-    answers = [_answers(series, course, turning) for course in courses]
+def carry_turns(flow: Propagation, series: MeasuredRuns, angle: Array, phase: Array) -> Array:
+    """How turns of the commands' frame in angle and phase, rad (R, n, k) each, change the motion,
+    (R, n, 4, 2k)."""
+    answers = angle, phase
+    between = tuple((a[:, 1:] + a[:, :-1]) / 2 for a in answers)
     at_rows, at_middle = (
         np.concatenate(
             [
@@ -78,13 +134,13 @@ def _doings(fit: ExtendedFit) -> Array:
         )
         for runs, motion, beside in (
             (series, flow.prediction.motion, answers),
-            (flow.centre, flow.middle, [(a[:, 1:] + a[:, :-1]) / 2 for a in answers]),
+            (flow.centre, flow.middle, between),
         )
     )
-    return flow.seen(flow.carried(at_rows, at_middle))
+    return flow.carried(at_rows, at_middle)
 
 
-def _courses(fit: ExtendedFit) -> tuple[Array, Array]:
+def courses_of(fit: ExtendedFit) -> tuple[Array, Array]:
     """Angle mθ and phase of the wave over the rows, rad (R, n), in driven runs."""
     series, v = fit.series, fit.flow.prediction.motion
     turn, e_A, _, _ = frame(v, series.phase_rad)
@@ -104,13 +160,18 @@ def _answers(series: MeasuredRuns, course: Array, turning_rad_s: float) -> Array
     lateness and for every loop that may follow it, (R, n, k)."""
     late_s = MOST_LATE_RAD / turning_rad_s if turning_rad_s > 0 else 0.0
     late = -late_s * _slope(series.time_s, course)
+    left = unfollowed(series, course, natural_frequencies(series))
+    return np.concatenate([late[..., None], left], axis=-1)
+
+
+def natural_frequencies(series: MeasuredRuns) -> Array:
+    """ω_n of the loops allowed for, rad/s: between a run's length and a row."""
     lengths = [np.ptp(t[w > 0]) for t, w in zip(series.time_s, series.weight, strict=True)]
     slowest, fastest = 2 * np.pi / max(lengths), 1 / row_length_s(series)
-    natural = np.geomspace(slowest, max(fastest, slowest), BANDWIDTHS)
-    return np.concatenate([late[..., None], _unfollowed(series, course, natural)], axis=-1)
+    return np.geomspace(slowest, max(fastest, slowest), BANDWIDTHS)
 
 
-def _unfollowed(series: MeasuredRuns, course: Array, natural_rad_s: Array) -> Array:
+def unfollowed(series: MeasuredRuns, course: Array, natural_rad_s: Array) -> Array:
     """What loops of second order leave of a course (R, n) that they have followed steadily before,
     (R, n, loops): −s²/(s² + √2 ω_n s + ω_n²), by the bilinear rule on a fine grid."""
     from scipy import signal

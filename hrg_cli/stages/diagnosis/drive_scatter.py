@@ -120,6 +120,19 @@ class _Run:
     beside: Array
 
 
+def soften_runs(fit: ExtendedFit, changed: Array) -> ExtendedFit:
+    """The fit again where changes of the driven runs' motion (R, n, 4, k) may stand beside it in each
+    of them, of standard deviation 1; the same where they could not be seen."""
+    doings = whitened_rows.flatten_rows(fit.series, fit.flow.seen(changed))
+    driven = np.any(fit.series.forced > 0, axis=1)
+    runs = [
+        _Run(k, rows, doings[rows], np.zeros((0, 0)))
+        for k, (rows, _, _) in enumerate(fit.design.own)
+        if driven[k] and np.linalg.norm(doings[rows], axis=0).max(initial=0.0) > LEAST
+    ]
+    return _soften(fit, runs, None, 1.0, fit.series.scatter_part) if runs else fit
+
+
 def allowed_for(fit: ExtendedFit) -> ExtendedFit:
     """The fit again beside as much of the log's scatter and of its frame's noise as the waves leave
     possible; the same where none could be seen."""
@@ -146,7 +159,7 @@ def follow_walk(fit: ExtendedFit) -> ExtendedFit:
     with the residual, which is the walk.
     """
     series, walk = fit.series, fit.series.walk
-    if walk is None or series.scatter is None:
+    if walk is None or series.scatter is None or not walk.parts:
         return fit
     jumps = walk.likely(fit.residual, series.scatter)
     nothing = np.zeros_like(walk.seen)
@@ -174,10 +187,10 @@ def row_length_s(series: MeasuredRuns) -> float:
 
 
 def _soften(
-    fit: ExtendedFit, runs: Sequence[_Run], pieces: LogPieces, part: float, told: float
+    fit: ExtendedFit, runs: Sequence[_Run], pieces: LogPieces | None, part: float, told: float
 ) -> ExtendedFit:
     """The fit again where what `part` of the scatter does to these runs may stand beside it, and may
-    have walked by these pieces; `told` is what that makes of the log's scatter."""
+    have walked by these pieces, if it walks; `told` is what that makes of the log's scatter."""
     own, turns = [], []
     for run in runs:
         Q, power, turn = _directions(part * run.doings)
@@ -188,10 +201,10 @@ def _soften(
     series = replace(
         fit.series,
         scatter=Softened((*(() if known is None else known.own), *new.own)),
-        walk=Walk(
-            (*(() if walk is None else walk.parts), *turns),
-            np.zeros_like(motion[:, 1:]),
-            np.zeros_like(motion),
+        walk=replace(
+            Walk.none(motion),
+            parts=(*(() if walk is None else walk.parts), *turns),
+            turned=None if walk is None else walk.turned,
         ),
         scatter_part=told,
         unsettled=_whitened(fit.series.unsettled, new),
