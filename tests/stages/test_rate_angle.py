@@ -77,3 +77,21 @@ def test_error_over_sigma_is_one_for_rate_and_angle(mode, relative):
     of_rate, of_angle = ratios(mode, relative, 24)
     rms = [np.sqrt(np.mean(z**2)) for z in (of_rate, of_angle, of_angle[:, -1])]
     assert min(rms) > 0.6 and max(rms) < 1.5, rms
+
+
+def test_with_the_earths_rate_given_the_answer_is_against_the_ground():
+    """The wave feels the rate against the stars: Ω_E sin(latitude) more than the ground shows of a
+    vertical axis; here a planet that turns four thousand times as fast, of which 0.2 rad/s is seen."""
+    latitude, spin = 40.0, 0.3111
+    seen = spin * np.sin(np.radians(latitude))
+    exact = resonator(EXACT, 0)
+    stars = rate(wave_of(0), exact)
+    for told in ({"earth_rate_deg_h": np.degrees(seen) * 3600}, {"latitude_deg": latitude}):
+        ground = rate(wave_of(0), exact, **told)
+        turned = seen if "earth_rate_deg_h" in told else 7.2921150e-5 * np.sin(np.radians(latitude))
+        off = ground.rate_estimate_rad_s - (swing(ground.time_s) - turned)
+        assert np.sqrt(np.mean((off / ground.rate_estimate_rad_s_std) ** 2)) < 1.7
+        fallen = stars.angle_estimate_rad - ground.angle_estimate_rad
+        expected = turned * (ground.time_s - ground.time_s[0])
+        assert fallen == pytest.approx(expected, rel=1e-6, abs=1e-9)
+        assert ground.angle_estimate_rad_std == pytest.approx(stars.angle_estimate_rad_std)

@@ -213,9 +213,9 @@ def _coefficient(square: float, std: float, least: float) -> Coefficient:
 
     An estimate of a variance is about as far from the truth in its logarithm.
     """
-    if least <= SEEN * std:
-        return _unseen(square + ONE_SIDED_95 * std)
     value, factor = float(np.sqrt(square)), np.exp(NORMAL_95 * std / square / 2)
+    if least <= SEEN * std:
+        return _unseen((value * factor) ** 2)
     low = min(value / factor, float(np.sqrt(least) * np.exp(-std / least / 2)))
     return Coefficient(value, float(std / (2 * value)), low, float(value * factor))
 
