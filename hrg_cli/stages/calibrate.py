@@ -30,7 +30,7 @@ from .calibration.prices import an_hour_more
 from .calibration.resonators import ResonatorCoefficients, pool_resonators
 from .calibration.stability import say_unstable
 from .calibration.summary import summary as summary
-from .calibration.table import say_between
+from .calibration.table import check_between
 from .calibration.variant_solutions import Wanted
 from .calibration.variants import FACTORS
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
@@ -219,7 +219,7 @@ def calibrate(
         )
     record = chosen.record(runs.usable.waves, runs.valid, details)
     if not refusals:
-        record = _with_use(record, details, fitted).judged(say_between(record), "valid")
+        record = _with_between(_with_use(record, details, fitted))
     return runs.judge(record, refusals, remarks)
 
 
@@ -239,6 +239,15 @@ def _with_use(record: Calibration, details: dict[str, Any], fitted: Fitted) -> C
         "hour": an_hour_more(record, fitted.paths),
     }
     return record.replace(details=json.dumps(details | use))
+
+
+def _with_between(record: Calibration) -> Calibration:
+    """The record with the checks of what its tables do not know between nodes; it stays valid, since
+    its standard deviations hold it."""
+    between, details = check_between(record), json.loads(record.details)
+    details["checks"] += [check.table() for check in between]
+    told = list(dict.fromkeys(failures(between)))
+    return record.replace(details=json.dumps(details)).judged(told, "valid")
 
 
 def _given_resonators(

@@ -14,14 +14,9 @@ from ..errors import HrgError
 from ..fitting import checks
 from ..fitting.checks import Check
 from ..fitting.envelopes.rate_driven import rate_driven
-from ..fitting.envelopes.rate_from_model import (
-    HOPELESS,
-    MOST_NODES,
-    SETTLED,
-    TOO_COARSE,
-    RateEstimate,
-    rate_from_model,
-)
+from ..fitting.envelopes.rate_estimate import MOST_NODES, RateEstimate
+from ..fitting.envelopes.rate_fit import HOPELESS, SETTLED
+from ..fitting.envelopes.rate_from_model import TOO_COARSE, rate_from_model
 from ..fitting.samples.rate_log import left_out, stretches
 from ..records import Compensated, Resonator, Wave
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
@@ -55,26 +50,27 @@ def rate(
         float, Field(description="known phase error of its quadrature force")
     ] = 0.0,
 ) -> Compensated:
-    """Ω(t) of a run with the resonator held, its standard deviation, and beside it −m·(dθ/dt)/K,
-    which has the drift in it.
+    """Ω(t) of a run and the angle turned, each with its standard deviation, from the resonator, and
+    beside it −m·(dθ/dt)/K, which has the drift in it.
 
     The linear slow model u' = L(Ω) u, L = −ν − νδμ R(2mθ_μ) + jδω R(2mθ_ω) + KΩ J (PHYSICS §0;
-    the last task of seed A), is fitted to the run's envelopes by least squares with Ω free at the
-    nodes and linear between them. A gyro shows the rate against the stars; with the Earth's rate
-    given the answer is the rate against the ground, as a table logs it.
+    the last task of seed A), is fitted to the run's envelopes by least squares: Ω a cubic spline of
+    its values at the nodes, the resonator known to its covariance. A gyro shows the rate against
+    the stars; with the Earth's rate given the answer is the rate against the ground, as a table
+    logs it.
 
     Parameters
     ----------
     wave
         A run of the gyro, (n,) rows with angles in rad and times in s.
     resonator
-        The identified resonator, held; it has to know K.
+        The identified resonator with its covariance; it has to know K.
 
     Returns
     -------
     Compensated
-        At each node: time [s], Ω with its standard deviation [rad/s], its integral [rad]; where a
-        rate was logged, what the plain and the fitted estimate leave of it [rad/s].
+        At each node: time [s], Ω [rad/s] and its integral from the first node [rad], each with its
+        standard deviation; where a rate was logged, what the plain and the fitted estimate leave of it [rad/s].
 
     Raises
     ------
@@ -129,11 +125,13 @@ def rate(
         _less(values, wave, stretch, found.time_s)
         for values in (found.plain_rate_rad_s, found.rate_rad_s)
     )
+    angle, angle_std = found.turned()
     result = Compensated(
         time_s=found.time_s,
         rate_estimate_rad_s=found.rate_rad_s,
         rate_estimate_rad_s_std=found.rate_rad_s_std,
-        angle_estimate_rad=_integral(found.rate_rad_s, found.time_s),
+        angle_estimate_rad=angle,
+        angle_estimate_rad_std=angle_std,
         residual_before_rad_s=before,
         residual_after_rad_s=after,
         gyro_id=wave.gyro_id,
@@ -252,10 +250,6 @@ def _in_memory(wave: Wave) -> Wave:
     )
 
 
-def _integral(values: Array, time_s: Array) -> Array:
-    return np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(time_s))])
-
-
 def _less(estimate: Array, wave: Wave, stretch: Array, time_s: Array) -> Array | None:
     """The estimate less the logged rate, NaN where the log does not reach (`stretch`: the windows'
     stretch of it, 0 outside); None without a log."""
@@ -274,9 +268,10 @@ def _less(estimate: Array, wave: Wave, stretch: Array, time_s: Array) -> Array |
 
 
 def _figures(found: RateEstimate, before: Array | None, after: Array | None) -> dict[str, Any]:
-    """Mean rate with its error, the plain estimate's, their difference (the drift), and what either
+    """Mean rate and angle turned with their errors, the plain estimate's, their difference (the drift), and what either
     leaves of the logged rate (`before`, `after`)."""
     covariance, count = found.covariance, len(found.time_s)
+    angle, angle_std = found.turned()
     apart = found.plain_rate_rad_s - found.rate_rad_s
     figures: dict[str, Any] = {
         "nodes": count,
@@ -286,6 +281,7 @@ def _figures(found: RateEstimate, before: Array | None, after: Array | None) -> 
             "std": float(np.sqrt(covariance.sum()) / count),
         },
         "median_std_rad_s": float(np.median(found.rate_rad_s_std)),
+        "turned_rad": {"value": float(angle[-1]), "std": float(angle_std[-1])},
         "plain_rate": {
             "equation": "-m*dtheta/dt/K",
             "mean_rad_s": float(found.plain_rate_rad_s.mean()),

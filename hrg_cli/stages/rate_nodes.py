@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..fitting.envelopes.rate_from_model import FEWEST_NODES, RateEstimate
+from ..fitting.envelopes.rate_estimate import RateEstimate
+from ..fitting.envelopes.rate_from_model import FEWEST_NODES
 
 FORETOLD = 1e-3
 """Variance of a node's error by interpolation, in its own, over the fall of χ² that twice as many

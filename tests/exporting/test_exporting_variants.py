@@ -14,8 +14,10 @@ from forced_runs import wave_of
 
 from hrg_cli.exporting import export
 from hrg_cli.fitting.tables.increments import path_of
+from hrg_cli.records import collect
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.calibration.table import measured_at, measured_drift
+from hrg_cli.stages.compensate import compensate
 
 VARIANTS = ("table", "parametric", "quadrature", "phase", "combined", "physical")
 
@@ -53,12 +55,12 @@ def calibrations(runs):
     }
 
 
-@pytest.mark.parametrize("model", VARIANTS)
-def test_header_of_each_variant_computes_what_compensate_does(calibrations, model, tmp_path):
+def compiled(calibration, rows, tmp_path):
+    """(drift with its measured part, measured part, rate) (n, 3) that the compiled header gives for
+    rows (n, 5) of abscissa, angle, its speed, a_B/a_A and frequency; and what it states of itself."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("no C compiler (cc) is installed")
-    calibration = calibrations[model]
     exported = export(calibration, ".h")
     (tmp_path / "hrg_calibration.h").write_text(exported.text)
     (tmp_path / "try.c").write_text(
@@ -72,6 +74,18 @@ def test_header_of_each_variant_computes_what_compensate_does(calibrations, mode
         cwd=tmp_path,
         check=True,
     )
+    given = "\n".join(" ".join(f"{v:.17g}" for v in row) for row in rows) + "\n"
+    out = subprocess.run(
+        ["./try"], cwd=tmp_path, input=given, capture_output=True, text=True, check=True
+    ).stdout
+    return np.array(
+        [[float(v) for v in line.split()] for line in out.splitlines()]
+    ), exported.errors
+
+
+@pytest.mark.parametrize("model", VARIANTS)
+def test_header_of_each_variant_computes_what_compensate_does(calibrations, model, tmp_path):
+    calibration = calibrations[model]
     # a path of a thousand increments that go nowhere: the same points that the header is asked for
     draw = np.random.default_rng(1)
     count = 1001
@@ -94,19 +108,11 @@ def test_header_of_each_variant_computes_what_compensate_does(calibrations, mode
         path.middle(path.frequency_hz),
         path.turn / path.interval_s / 2,
     )
-    given = (
-        "\n".join(
-            " ".join(f"{v:.17g}" for v in row) for row in zip(x, angle, speed, ratio, frequency)
-        )
-        + "\n"
-    )
-    out = subprocess.run(
-        ["./try"], cwd=tmp_path, input=given, capture_output=True, text=True, check=True
-    ).stdout
-    found = np.array([[float(v) for v in line.split()] for line in out.splitlines()])
+    rows = np.column_stack([x, angle, speed, ratio, frequency])
+    found, errors = compiled(calibration, rows, tmp_path)
     measured = measured_drift(calibration, path)
     drift, scale = calibration.values_at(x, angle)
-    stated = exported.errors["drift_rad_s_interpolation"] + exported.errors["drift_rad_s_rounding"]
+    stated = errors["drift_rad_s_interpolation"] + errors["drift_rad_s_rounding"]
     assert len(found) == 1000
     assert (model in ("table", "parametric")) == (np.abs(measured).max() == 0)
     assert np.abs(found[:, 1] - measured).max() <= 1e-9 * max(np.abs(measured).max(), 1e-12)
@@ -115,13 +121,59 @@ def test_header_of_each_variant_computes_what_compensate_does(calibrations, mode
         <= 1.05 * stated + 1e-9 * np.abs(measured).max()
     )
     rate = (drift + measured - path.turn / path.interval_s) / scale
-    of_scale = (
-        exported.errors["scale_factor_interpolation"] + exported.errors["scale_factor_rounding"]
-    )
+    of_scale = errors["scale_factor_interpolation"] + errors["scale_factor_rounding"]
     assert (
         np.abs(found[:, 2] - rate).max()
         <= 1.1 * (stated + of_scale * np.abs(rate).max()) / 0.5 + 1e-12
     )
+
+
+@pytest.mark.parametrize("model", VARIANTS)
+def test_a_thousand_increments_of_a_turning_wave_are_compensated_alike(
+    calibrations, model, tmp_path
+):
+    """Firmware that feeds the header with middles and differences of the windows against `hrg
+    compensate` of the same run; an increment turns 4θ by 0.016 rad, of which the mean of D keeps
+    all but 1e-5."""
+    count, dt = 1001, 0.02
+    t = np.arange(count) * dt
+    calibration, wave = (
+        calibrations[model],
+        wave_of(
+            t,
+            0.4 + 0.2 * t + 0.01 * np.sin(3 * t),
+            20 + 15 * np.sin(0.7 * t),
+            None,
+            1e-9,
+            "p",
+            ratio=0.05 * np.sin(1.3 * t),
+        ).replace(frequency_hz=5000.0 + 0.01 * np.cos(2 * t)),
+    )
+
+    def middle(values):
+        return (values[1:] + values[:-1]) / 2
+
+    columns = (
+        wave.temperature_degc,
+        wave.wave_angle_rad,
+        wave.quadrature_amplitude,
+        wave.frequency_hz,
+    )
+    x, angle, ratio, frequency = map(middle, columns)
+    speed = np.diff(wave.wave_angle_rad) / dt
+    found, errors = compiled(
+        calibration, np.column_stack([x, angle, speed, ratio, frequency]), tmp_path
+    )
+    told = np.asarray(collect(compensate(wave, calibration)).rate_estimate_rad_s)
+    assert len(found) == len(told) == 1000
+    of_drift, of_scale = (
+        sum(errors[f"{name}_{kind}"] for kind in ("interpolation", "rounding"))
+        for name in ("drift_rad_s", "scale_factor")
+    )
+    # courses bend between windows: h²/8 of their second derivative
+    bent = 1e-4 * np.abs(found[:, 0]).max()
+    allowed = (of_drift + of_scale * np.abs(told).max() + bent) / 0.5
+    assert np.abs(found[:, 2] - told).max() < allowed + 1e-12
 
 
 @pytest.mark.parametrize("model", VARIANTS)

@@ -17,7 +17,7 @@ from hrg_cli.fitting.tables.allan_terms import (
 )
 from hrg_cli.physics.noise import Flicker
 
-INTERVAL = 0.5
+INTERVAL, FINE = 0.5, 8
 
 
 def draw(seed, quantization=0.0, walk=0.0, bias=0.0, ramp=0.0, count=10_000):
@@ -26,9 +26,9 @@ def draw(seed, quantization=0.0, walk=0.0, bias=0.0, ramp=0.0, count=10_000):
         INTERVAL
     ) * random.normal(size=count)
     if bias:
-        rate += Flicker(np.array([bias**2 / np.pi]), 0.1, count * INTERVAL, random).draw(
-            count, INTERVAL
-        )[:, 0]
+        # means over the interval: instants would hold the flicker's aliases as white noise
+        flicker = Flicker(np.array([bias**2 / np.pi]), 0.1, count * INTERVAL, random)
+        rate += flicker.draw(count * FINE, INTERVAL / FINE).reshape(count, FINE).mean(axis=1)
     return rate + np.cumsum(random.normal(size=count)) * ramp * np.sqrt(INTERVAL)
 
 
@@ -68,14 +68,34 @@ def test_coefficients_and_their_intervals(truth):
     for seed in range(runs):
         found = allan_terms(draw(seed, **truth), INTERVAL)
         for name, coefficient in found.coefficients.items():
-            slack = 0.01 * wanted[name]  # flicker drawn on points is not quite the continuous law
-            held[name] += coefficient.low - slack <= wanted[name] <= coefficient.high + slack
+            held[name] += coefficient.low <= wanted[name] <= coefficient.high
             off[name].append(coefficient.value)
         assert found.chi2 / found.dof < 4
     for name in NAMES:
         assert held[name] >= runs - 5, name  # chance of fewer at 95 %: below 1e-3
         if wanted[name]:
             assert np.median(off[name]) == pytest.approx(wanted[name], rel=0.25)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "truth",
+    [
+        dict(quantization=3e-3, walk=3e-3), dict(walk=3e-3, ramp=1e-4), dict(walk=3e-3, ramp=3e-5),
+        dict(walk=2e-3, bias=6e-4), dict(walk=2e-3, bias=6e-4, ramp=3e-5), dict(walk=2e-3, bias=1e-4),
+    ],
+)  # fmt: skip
+def test_intervals_hold_the_truth_as_often_as_they_say(truth):
+    """120 series each. A random walk at a third of what shows plainly passed for a flicker in 17 of
+    120 (11 beside a flicker), and its limit was below it in 14 of 18 (15 of 113)."""
+    series = 120
+    wanted = [truth.get(key, 0.0) for key in ("quantization", "walk", "bias", "ramp")]
+    held = np.zeros(len(NAMES))
+    for seed in range(series):
+        found = allan_terms(draw(1000 + seed, **truth), INTERVAL).coefficients.values()
+        held += [c.low <= true <= c.high for c, true in zip(found, wanted, strict=True)]
+    # at 95 % fewer than 105 come with a chance of 5e-4; the normal law of a variance costs 2 %
+    assert held.min() >= 105, held
 
 
 def test_scale_of_time_and_rate_do_not_matter():

@@ -3,6 +3,7 @@ saturation, multiplexing, spring."""
 
 import numpy as np
 import pytest
+from scipy.optimize import curve_fit, root
 
 from hrg_cli.physics import ellipse, fast_engine
 from hrg_cli.physics.board_reading import round_to_step
@@ -74,6 +75,33 @@ def test_a_late_amplitude_loop_is_unstable_beyond_pi_half(margin, stable):
     assert (late < 0.02) == stable
     if not stable:
         assert late > 0.2
+
+
+@pytest.mark.parametrize(("gain", "corner_hz", "delay"), [(25.0, 1.0, 0), (12.0, 2.0, 40)])
+def test_filter_and_delay_make_the_amplitude_ring_as_their_poles_say(gain, corner_hz, delay):
+    """s + ν + g e^{−sτ}/(1 + s/2πf_c) = 0, τ: delay and half of reading and of holding, the low pass
+    that of the board; the amplitude returns from 2 % off along its slowest pole."""
+    nu, periods = 0.05, 4
+    e = Electronics(periods, delay_periods=delay, filter_hz=corner_hz, phase_loop_hz=1.0)
+    control = Control(forced=True, amplitude_gain_1_s=gain, amplitude_integral_1_s2=0.0)
+    t, a_A, *_ = run(Mechanics(1000.0, nu), control, e, seconds=2.0, start=1.02)
+    late = (delay + periods) / 1000.0
+
+    def closed(s):
+        return s + nu + gain * np.exp(-s * late) / (1 + s / (2 * np.pi * corner_hz))
+
+    pole = root(
+        lambda x: (lambda v: [v.real, v.imag])(closed(x[0] + 1j * x[1])),
+        [-np.pi * corner_hz, np.sqrt(2 * np.pi * corner_hz * gain)],
+        tol=1e-12,
+    ).x
+    later = t > 0.15
+
+    def ring(time, level, x, y, decay, turns):
+        return level + np.exp(decay * time) * (x * np.cos(turns * time) + y * np.sin(turns * time))
+
+    found = curve_fit(ring, t[later], a_A[later], p0=[a_A[-1], 0.02, 0.0, *pole])[0][3:]
+    assert found == pytest.approx(pole, abs=0.03 * np.hypot(*pole))
 
 
 def test_phase_loop_has_the_noise_of_its_bandwidth():

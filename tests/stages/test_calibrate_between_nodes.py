@@ -1,5 +1,7 @@
 """What a few dwells leave unknown between them is in the standard deviations, and is told."""
 
+import json
+
 import numpy as np
 import pytest
 from forced_runs import Truth, forced_run, programme
@@ -67,6 +69,35 @@ def test_between_nodes_errors_are_as_stated_however_the_tables_bend(nodes, inter
             square.append(errors_over_std(calibrated(truth, nodes, seed, interpolation), truth))
     rms = np.sqrt(np.mean(np.square(square), axis=0))
     assert np.all((rms > 0.2) & (rms < 1.3)), rms
+
+
+def between_checks(record):
+    """{name: check} of what is not known between nodes."""
+    every = json.loads(record.details)["checks"]
+    return {check["name"]: check for check in every if check["name"].endswith("_between_nodes")}
+
+
+@pytest.mark.parametrize(
+    ("nodes", "fall", "passed"), [(3, 0.6, False), (5, 0.6, False), (5, 0.02, True)]
+)
+def test_what_lies_between_the_nodes_is_a_check(nodes, fall, passed):
+    """Its value is what interpolation adds midway over the error at the nodes."""
+    record = calibrated(Bent(1, fall), nodes, 1)
+    checks = between_checks(record)
+    assert set(checks) == {"drift_between_nodes", "scale_factor_between_nodes"}
+    assert all(check["passed"] is passed for check in checks.values()), checks
+    theta = np.linspace(0, np.pi / 2, 24, endpoint=False)
+    step = (HIGH - LOW) / (nodes - 1)
+
+    def rms(first):
+        places = np.repeat(np.arange(first, HIGH + 1e-9, step), len(theta))
+        angles = np.tile(theta, len(places) // len(theta))
+        return [np.sqrt(np.mean(s**2)) for s in standard_deviations(record, places, angles)]
+
+    for check, midway, at_nodes in zip(checks.values(), rms(LOW + step / 2), rms(LOW), strict=True):
+        # the fit's own part midway differs little from that at the nodes
+        assert np.hypot(check["value"], 1.0) == pytest.approx(midway / at_nodes, rel=0.3)
+    assert (record.status, bool(record.status_reasons)) == ("valid", not passed)
 
 
 def test_what_few_nodes_leave_unknown_is_said_with_what_to_do():

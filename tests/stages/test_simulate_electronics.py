@@ -72,6 +72,25 @@ def test_electronics_leaves_the_log_and_the_noise_to_see():
     assert seen == pytest.approx(5 * 1e-3 * np.sqrt(2 / 128), rel=0.3)
 
 
+@pytest.mark.parametrize("bits", [7, 9])
+def test_a_converter_s_steps_are_noise_of_a_twelfth_of_their_square(bits):
+    """q = 2 full scales/2^bits, with noise of one step to dither: each sample is off by q/√12, the
+    quadrature of a window of N samples by √(2/N) of that, the command by the loop's gain."""
+    step = 2 * 1.5 / 2**bits
+    fine, coarse = (
+        run(
+            control=FORCED,
+            electronics={},
+            readout={"noise": step} | converter,
+            environment={"rate_rad_s": 2.0},
+        )
+        for converter in ({}, {"adc_bits": bits, "full_scale": 1.5})
+    )
+    off = coarse.drive_quadrature[200:] - fine.drive_quadrature[200:]
+    # 230 commands: ± 5 %; the loop's answer to its own noise is slow
+    assert np.std(off) == pytest.approx(5 * step / np.sqrt(12) * np.sqrt(2 / 128), rel=0.2)
+
+
 @pytest.mark.parametrize(
     ("tables", "words"),
     [

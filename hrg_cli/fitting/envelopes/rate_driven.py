@@ -20,13 +20,8 @@ from ...errors import HrgError
 from ...physics import drift as law
 from ...physics.resonator import Mechanics
 from ...records import Resonator, Wave
-from .rate_from_model import (
-    MOST_NODES,
-    ROWS_A_FINER_NODE,
-    TOO_COARSE,
-    RateEstimate,
-    node_count,
-)
+from .rate_estimate import MOST_NODES, RateEstimate, integrals
+from .rate_from_model import ROWS_A_FINER_NODE, TOO_COARSE, node_count
 from .resonator_spread import from_vector, mechanics_of, spread_points, vector_covariance, vector_of
 
 Array = np.ndarray
@@ -141,7 +136,7 @@ def _fit_nodes(
 
     std = np.sqrt(mean(run.turned_std**2)[:, 0] / size)
     design = (
-        np.column_stack([np.ones(len(size)), -g.scale_factor * mean(_integrals(grid, t))])
+        np.column_stack([np.ones(len(size)), -g.scale_factor * mean(integrals(grid, t))])
         / std[:, None]
     )
     operator = np.linalg.pinv(design)
@@ -195,11 +190,3 @@ def _cumulate(values: Array, t: Array) -> Array:
     """∫ from the first row along the last axis, by the trapezium rule."""
     pieces = (values[..., 1:] + values[..., :-1]) / 2 * np.diff(t)
     return np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(pieces, axis=-1)], axis=-1)
-
-
-def _integrals(grid: Array, t: Array) -> Array:
-    """∫ of the cubic splines that are 1 at one node and 0 at the others, (nodes, n)."""
-    from scipy.interpolate import CubicSpline
-
-    whole = CubicSpline(grid, np.eye(len(grid))).antiderivative()
-    return np.asarray(whole(t)).T

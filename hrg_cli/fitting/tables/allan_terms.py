@@ -6,7 +6,9 @@ averaging times come from one record and are strongly correlated: with the two-s
 the terms found and the filter of n samples
 |H|² = 2 sin⁴(πfnτ₀)/(n sin πfτ₀)², cov(σ²_i, σ²_j) = (1/T)∫(2S)²|H_i|²|H_j|² df. The squares of the coefficients, not negative, are
 fitted by generalised least squares with it, iterated; the interval of a coefficient is that of its
-square.
+square. A term that is not told from zero is left out; its upper limit is that of a record which holds
+as much, and the others' intervals hold what they would be beside it at that limit. So of a flicker and
+a random walk neither is told where either would do.
 
 Rates that are differences of angles averaged over windows of width w hold the noise of the rate through a further box, sinc²(πfw) in S:
 white rate noise leaves N²/τ·(1 − w/2τ), half of N²/τ where a window fills the interval. Windows that
@@ -16,6 +18,7 @@ the box; left out, N would come out 3 % high.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +40,7 @@ SEEN = 2.0
 """Standard deviations of a squared coefficient from which it is told from zero."""
 NORMAL_95 = 1.96
 ONE_SIDED_95 = 1.645
+LIMIT_ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -77,8 +81,6 @@ def allan_terms(
     window_s: width of the even average behind the angles whose differences the rates are;
     bend_off_s: length of the windows in it that stand for their middle, 0: for their mean.
     """
-    from scipy.optimize import nnls
-
     rate = np.asarray(rate, float)
     time, deviation, relative = allan_deviation(rate, interval_s, POINTS)
     known = time <= LONGEST * len(rate) * interval_s
@@ -92,40 +94,98 @@ def allan_terms(
     design = terms * unit
     covariance = np.diag((2 * variance * relative) ** 2)
     weights = _filters(time, interval_s, len(rate))
+    problem = _Problem(
+        design,
+        variance,
+        lambda found: _covariance(found * unit, weights, interval_s, window_s, bend_off_s),
+    )
     for _ in range(ROUNDS):
-        root = _root(covariance)
-        squares = nnls(root @ design, root @ variance)[0] * unit
-        covariance = _covariance(squares, weights, interval_s, window_s, bend_off_s)
-    root = _root(covariance)
-    white, target = root @ design, root @ variance
-    found: dict[str, Coefficient] = {}
-    kept = list(range(len(NAMES)))
-    while kept:
-        squares = nnls(white[:, kept], target)[0]
-        deviations = np.sqrt(
-            np.maximum(
-                np.diag(np.linalg.pinv(white[:, kept].T @ white[:, kept], hermitian=True)), 1e-300
-            )
-        )
-        weakest = int(np.argmin(squares / deviations))
-        if squares[weakest] > SEEN * deviations[weakest]:
-            break
-        k = kept.pop(
-            weakest
-        )  # what is not told from zero must not pull at the others: each is fitted beside those that are
-        found[NAMES[k]] = _coefficient(squares[weakest] * unit[k], deviations[weakest] * unit[k])
-    for place, k in enumerate(kept):
-        found[NAMES[k]] = _coefficient(squares[place] * unit[k], deviations[place] * unit[k])
-    model = terms @ np.array([found[name].value ** 2 for name in NAMES])
-    chi2 = float(np.sum((root @ (variance - model)) ** 2))
+        covariance = problem.covariance_of(problem.solve(covariance, range(len(NAMES)))[0])
+    kept, squares, stds = _drop_unseen(problem, covariance)
+    limits = _limits(problem, kept, squares)
+    least = _least(problem, covariance, kept, squares, limits)
+    model = design @ squares
+    chi2 = float(np.sum((_root(covariance) @ (variance - model)) ** 2))
+    found = {k: _unseen(limit * unit[k]) for k, limit in limits.items()}
+    for k in kept:
+        found[k] = _coefficient(squares[k] * unit[k], stds[k] * unit[k], least[k] * unit[k])
     return AllanTerms(
         time,
         deviation,
         np.sqrt(model),
-        {name: found[name] for name in NAMES},
+        {name: found[k] for k, name in enumerate(NAMES)},
         chi2,
         len(time) - len(kept),
     )
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Terms (points, 4), their columns of length one, the variances (points,) that they add up to,
+    and the covariance of these that given terms have."""
+
+    design: Array
+    variance: Array
+    covariance_of: Callable[[Array], Array]
+
+    def solve(self, covariance: Array, kept: Sequence[int]) -> tuple[Array, Array]:
+        """Squares (4,) of some of the terms, not negative, and their standard deviations."""
+        from scipy.optimize import nnls
+
+        root, own = _root(covariance), list(kept)
+        white = root @ self.design[:, own]
+        squares, stds = np.zeros(len(NAMES)), np.zeros(len(NAMES))
+        squares[own] = nnls(white, root @ self.variance)[0]
+        spread = np.linalg.pinv(white.T @ white, hermitian=True)
+        stds[own] = np.sqrt(np.maximum(np.diag(spread), 1e-300))
+        return squares, stds
+
+
+def _drop_unseen(problem: _Problem, covariance: Array) -> tuple[list[int], Array, Array]:
+    """The terms that are told from zero, their squares and standard deviations (4,): what is not
+    must not pull at the others."""
+    kept = list(range(len(NAMES)))
+    while kept:
+        squares, stds = problem.solve(covariance, kept)
+        weakest = min(kept, key=lambda k: squares[k] / stds[k])
+        if squares[weakest] > SEEN * stds[weakest]:
+            return kept, squares, stds
+        kept.remove(weakest)
+    return kept, np.zeros(len(NAMES)), np.zeros(len(NAMES))
+
+
+def _limits(problem: _Problem, kept: Sequence[int], squares: Array) -> dict[int, float]:
+    """95 % upper limits of the squares that were dropped, each beside those that are kept. The
+    record scatters as it would with the term at its limit, by more than without it."""
+    limits = {}
+    for k in sorted(set(range(len(NAMES))) - set(kept)):
+        supposed, high = squares.copy(), 0.0
+        for _ in range(LIMIT_ROUNDS):
+            supposed[k] = high
+            found, stds = problem.solve(problem.covariance_of(supposed), [*kept, k])
+            high = float(found[k] + ONE_SIDED_95 * stds[k])
+        limits[k] = high
+    return limits
+
+
+def _least(
+    problem: _Problem,
+    covariance: Array,
+    kept: Sequence[int],
+    squares: Array,
+    limits: dict[int, float],
+) -> Array:
+    """Squares (4,) of the kept terms with that dropped term at its limit that takes most off them:
+    a flicker and a random walk of one run are hard to tell apart."""
+    least = squares.copy()
+    if kept:
+        root, own = _root(covariance), list(kept)
+        for k, limit in limits.items():
+            taken = np.linalg.lstsq(
+                root @ problem.design[:, own], root @ problem.design[:, k] * limit, rcond=None
+            )[0]
+            least[own] = np.minimum(least[own], squares[own] - taken)
+    return least
 
 
 def through_windows(time_s: Array, window_s: float, bend_off_s: float = 0.0) -> Array:
@@ -148,16 +208,21 @@ def through_windows(time_s: Array, window_s: float, bend_off_s: float = 0.0) -> 
     return np.stack(parts, axis=1)
 
 
-def _coefficient(square: float, std: float) -> Coefficient:
-    if square > SEEN * std:
-        factor = np.exp(
-            NORMAL_95 * std / square / 2
-        )  # an estimate of a variance is about as far from the truth in its logarithm
-        value = float(np.sqrt(square))
-        return Coefficient(
-            value, float(std / (2 * value)), float(value / factor), float(value * factor)
-        )
-    high = float(np.sqrt(square + ONE_SIDED_95 * std))
+def _coefficient(square: float, std: float, least: float) -> Coefficient:
+    """Of a square that is told from zero, unless what else may be there leaves only `least` of it.
+
+    An estimate of a variance is about as far from the truth in its logarithm.
+    """
+    value, factor = float(np.sqrt(square)), np.exp(NORMAL_95 * std / square / 2)
+    if least <= SEEN * std:
+        return _unseen((value * factor) ** 2)
+    low = min(value / factor, float(np.sqrt(least) * np.exp(-std / least / 2)))
+    return Coefficient(value, float(std / (2 * value)), low, float(value * factor))
+
+
+def _unseen(limit: float) -> Coefficient:
+    """Of a term that is not told from zero, with the upper limit of its square."""
+    high = float(np.sqrt(limit))
     return Coefficient(0.0, high / ONE_SIDED_95, 0.0, high)
 
 

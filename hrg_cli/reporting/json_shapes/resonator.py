@@ -68,6 +68,8 @@ class Rate(Common):
     """Mean rate."""
     median_std_rad_s: Number
     """Median standard deviation of the rate at a node."""
+    turned_rad: Value
+    """Angle turned from the first node to the last, the integral of the rate."""
     plain_rate: PlainRate
     """The rate without the resonator as a reference."""
     plain_error_rms_rad_s: Number = None

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
+from ...fitting.checks import Check, at_most
 from ...fitting.tables.increments import AnglePath
 from ...fourier import harmonic_basis, node_weights
 from ...records import Calibration
@@ -121,29 +122,43 @@ def interpolation_std(calibration: Calibration) -> dict[str, float]:
     return {name: float(value) for name, value in doubt.items()}
 
 
-def say_between(calibration: Calibration) -> list[str]:
-    """What few nodes leave unknown between them, where that is more than the noise at them."""
+def check_between(calibration: Calibration) -> list[Check]:
+    """What interpolation adds midway between nodes over the standard deviation at them, of D and of
+    K; none where it was not estimated. Both are in every standard deviation: one that fails is a
+    programme's, not an error's."""
     nodes = np.asarray(calibration.node, float)
     doubt = interpolation_std(calibration)
-    if not doubt or len(nodes) > FEW_NODES:
+    if not doubt:
         return []
     angle = np.linspace(0, np.pi / calibration.mode_number, ANGLES, endpoint=False)
     at_nodes = standard_deviations(
         calibration, np.repeat(nodes, ANGLES), np.tile(angle, len(nodes))
     )
     stds = [float(np.sqrt(np.mean(std**2))) for std in at_nodes]
-    if all(doubt[key] < TOLD * std for key, std in zip(TABLES, stds, strict=True)):
-        return []
-    unit = "°C" if calibration.axis == "temperature" else "Hz"
-    places = " and ".join(f"{x:.3g}" for x in (nodes[1:] + nodes[:-1]) / 2)
+    between = [float(doubt.get(key, 0.0)) for key in TABLES]
+    sentence = _say_between(calibration, between, stds)
+    return [
+        at_most(f"{key}_between_nodes", midway / max(std, 1e-300), TOLD, sentence)
+        for key, midway, std in zip(("drift", "scale_factor"), between, stds, strict=True)
+    ]
+
+
+def _say_between(calibration: Calibration, between: list[float], stds: list[float]) -> str:
+    """The sentence of D's and K's standard deviations midway and at the nodes, and what to do."""
+    nodes = np.asarray(calibration.node, float)
     said, known = (
         f"D to {np.degrees(drift) * 3600:.2g} °/h and K to {1e6 * scale:.2g} ppm"
-        for drift, scale in ([doubt[key] for key in TABLES], stds)
+        for drift, scale in (between, stds)
     )
-    return [
-        f"no run shows how the tables bend between their {len(nodes)} nodes: midway they give {said}"
-        f" (at the nodes {known}), by how they bend from node to node; add dwells at {places} {unit}"
-    ]
+    told = f"midway they give {said} (at the nodes {known})"
+    if len(nodes) > FEW_NODES:
+        return f"the tables bend between their {len(nodes)} nodes: {told}; add nodes between them"
+    unit = "°C" if calibration.axis == "temperature" else "Hz"
+    places = " and ".join(f"{x:.3g}" for x in (nodes[1:] + nodes[:-1]) / 2)
+    return (
+        f"no run shows how the tables bend between their {len(nodes)} nodes: {told}, by how they bend"
+        f" from node to node; add dwells at {places} {unit}"
+    )
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,69 @@
+"""A rate found at even times: its spline, its integral and their standard deviations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..checks import goodness
+
+Array = np.ndarray
+MOST_NODES = 640
+
+
+@dataclass(frozen=True)
+class RateEstimate:
+    """Nodes (k,), rate [rad/s] with covariance (k, k), the plain estimate −m·dθ/dt/K on the nodes,
+    and the fit's χ² per degree of freedom."""
+
+    time_s: Array
+    rate_rad_s: Array
+    covariance: Array
+    plain_rate_rad_s: Array
+    chi2_per_dof: float
+    dof: int
+    finer_z: float = 0.0
+    """By how many of its standard deviations χ² falls more than by chance with twice as many
+    nodes."""
+    converged: bool = True
+    truncation: float = 0.0
+    """What averaging along the better motion still moved, in standard deviations of a node."""
+    residual: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    """What is left of the rows over their noise, (n, 4)."""
+    most_nodes: int = MOST_NODES
+    """Nodes that the run's windows carry at most."""
+    window_s: float = 0.0
+    """Length of a window."""
+
+    @property
+    def adequate(self) -> bool:
+        """Whether χ² agrees with the noise the windows state."""
+        return goodness(self.chi2_per_dof * self.dof, self.dof).passed
+
+    @property
+    def rate_rad_s_std(self) -> Array:
+        """Standard deviations on the nodes."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def turned(self) -> tuple[Array, Array]:
+        """Angle [rad] from the first node to each (k,), with its standard deviation: Ω is a spline
+        of its nodes, so its integral is ∫Ω = WΩ, with the covariance W cov Wᵀ."""
+        whole = integrals(self.time_s, self.time_s).T
+        # rounding may leave a variance just below 0 where nothing is turned
+        variance = np.maximum(np.einsum("ij,jk,ik->i", whole, self.covariance, whole), 0.0)
+        return whole @ self.rate_rad_s, np.sqrt(variance)
+
+
+def cardinal(time_s: Array, grid: Array) -> Array:
+    """Cubic splines at times that are 1 at one node and 0 at the others, (k, n)."""
+    from scipy.interpolate import CubicSpline
+
+    return np.asarray(CubicSpline(grid, np.eye(len(grid)))(time_s)).T
+
+
+def integrals(grid: Array, time_s: Array) -> Array:
+    """Their integrals from the first node to times, (k, n)."""
+    from scipy.interpolate import CubicSpline
+
+    return np.asarray(CubicSpline(grid, np.eye(len(grid))).antiderivative()(time_s)).T

@@ -1,0 +1,219 @@
+"""Ω(t) at given nodes: Gauss–Newton on a run's envelopes, the resonator known to its covariance.
+
+The run itself shows some of the resonator (its decay is ν), so the resonator's coordinates are fitted
+beside the rate and held by what is known of them: p = p₀ + Sz, SSᵀ their covariance, with the rows
+z = 0 ± 1 (Bayes with a normal prior). With S = 0 this is the resonator held. What the run does not
+show, K above all, stays where it was and is in the rate's deviations with all of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...physics.resonator import Mechanics
+from ...records import Resonator, details_number
+from . import coordinates, rows
+from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
+from .envelope_runs import EnvelopeRun
+from .likelihood import triangle
+from .rate_estimate import RateEstimate, cardinal
+from .rate_start import mean_offset
+from .resonator_spread import vector_covariance
+from .response import Response, State, batch, real, respond
+from .scaled_columns import measure_columns
+from .trapezium import integrate
+
+Array = np.ndarray
+ITERATIONS = 20
+ROWS, ROWS_OF_A_NODE = 2000, 12
+"""Averaged rows of the run that are fitted, at least, and for each node: a row must not span what
+the nodes follow."""
+HOPELESS = 1000.0
+"""χ² per degree of freedom from which the fit has not found the rate at all (another resonator,
+another gyro)."""
+AVERAGINGS, SETTLED = 4, 0.1
+"""Times the rows are averaged along the rate found at most, and the part of a standard deviation it
+may still move."""
+OWN = 5
+"""Unknowns of the run before the rates: the start envelope's four reals and the phase that the
+frequency's error makes over it."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What is known of the resonator: coordinates p (7,) and S (7, q), whose SSᵀ is their
+    covariance."""
+
+    p: Array
+    spread: Array
+
+    @property
+    def scale_factor(self) -> float:
+        """K."""
+        return float(self.p[SCALE_FACTOR])
+
+
+def reference(resonator: Resonator, mechanics: Mechanics) -> Reference:
+    """The reference of a resonator; directions in which it is exact are left out."""
+    p = coordinates.from_mechanics(mechanics)
+    p[SECOND_ORDER] = details_number(resonator.details, "second_order", "value", default=1.0)
+    size, direction = np.linalg.eigh(vector_covariance(resonator))
+    doubted = size > 1e-24 * np.sum(p[:SECOND_ORDER] ** 2)
+    spread = np.zeros((COUNT, int(doubted.sum())))
+    spread[:SECOND_ORDER] = direction[:, doubted] * np.sqrt(size[doubted])
+    return Reference(p, spread)
+
+
+def fit_rate(
+    whole: EnvelopeRun, grid: Array, rate: Array, plain: Array, known: Reference
+) -> RateEstimate:
+    """The fit from a rate; the rows are averaged along the motion found until that moves it no
+    more."""
+    result, moved = None, np.inf
+    for _ in range(AVERAGINGS):
+        turn = integrate(cardinal(whole.time_s, grid).T @ rate, whole.time_s)
+        run = replace(whole, turn_rad=turn)
+        offset = mean_offset(run, known.p)
+        count = min(
+            rows.rows_needed(known.p, [run], max(ROWS, ROWS_OF_A_NODE * len(grid))), rows.MOST_ROWS
+        )
+        start = respond(
+            batch([run.rows(slice(None, None, max(1, len(run) - 1)))]),
+            State(known.p, run.envelope[:1], np.array([[offset * run.duration_s]])),
+        )
+        run = rows.average_along([run], start, count)[0]
+        result = _descend(_Problem.of(run, grid, known), run, rate, offset, plain)
+        moved = float(
+            np.max(np.abs(result.rate_rad_s - rate) / np.maximum(result.rate_rad_s_std, 1e-300))
+        )
+        rate = result.rate_rad_s
+        if moved < SETTLED or len(run) == len(whole) or result.chi2_per_dof > HOPELESS:
+            break
+    assert result is not None
+    return replace(result, truncation=0.0 if len(run) == len(whole) else moved)
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Rows of one run, and the nodes' weights at the begin, middle and end of its steps, (k, n−1),
+    and integrated to its rows, (k, n).
+
+    Unknowns x: the run's own five, the rates at the nodes, z.
+    """
+
+    run: EnvelopeRun
+    grid: Array
+    known: Reference
+    begin: Array
+    middle: Array
+    end: Array
+    turning: Array
+
+    @classmethod
+    def of(cls, run: EnvelopeRun, grid: Array, known: Reference) -> _Problem:
+        """The problem of a run's averaged rows."""
+        step = np.diff(run.time_s)
+        begin, end = cardinal(run.time_s[:-1], grid), cardinal(run.time_s[1:], grid)
+        middle = cardinal(run.time_s[:-1] + step / 2, grid)
+        turning = _turning(run.time_s, begin, middle, end)
+        return cls(run, grid, known, begin, middle, end, turning)
+
+    @property
+    def rates(self) -> slice:
+        """Places of the rates in x."""
+        return slice(OWN, OWN + len(self.grid))
+
+    def at(self, x: Array) -> Response:
+        """The model at the unknowns."""
+        data = batch([replace(self.run, turn_rad=x[self.rates] @ self.turning)])
+        p = self.known.p + self.known.spread @ x[self.rates.stop :]
+        start = np.array([[x[0] + 1j * x[1], x[2] + 1j * x[3]]])
+        return respond(data, State(p, start, x[4:OWN][None]))
+
+    def chi2(self, x: Array, response: Response) -> float:
+        """χ² of the rows and of the resonator's departure from what is known of it."""
+        return response.chi2 + float(np.sum(x[self.rates.stop :] ** 2))
+
+    def step(self, x: Array, response: Response) -> tuple[Array, Array]:
+        """Gauss–Newton's change of x and the covariance of x at unit noise."""
+        factor = response.state.p[SCALE_FACTOR]
+        # Rates times K: a change of K is one of all rates alike, with the same rounding.
+        turned = response.turning_sensitivity(
+            *(h[:, None] for h in (self.begin, self.middle, self.end))
+        )
+        shared = response.coordinate_sensitivities().copy()
+        shared[SCALE_FACTOR] = np.tensordot(x[self.rates], turned, 1)
+        of_resonator = np.tensordot(self.known.spread.T, shared, 1)
+        columns = np.concatenate([response.run_sensitivities(), factor * turned, of_resonator])
+        design = real(columns[:, 0], response.batch.weight[0])
+        residual = response.residual()[0].ravel()
+        z = x[self.rates.stop :]
+        prior = np.eye(len(x))[self.rates.stop :]
+        return _solve_with_covariance(
+            np.concatenate([design, prior]), np.concatenate([residual.real, residual.imag, -z])
+        )
+
+
+def _descend(
+    problem: _Problem, run: EnvelopeRun, rate: Array, offset: float, plain: Array
+) -> RateEstimate:
+    """The rate at the nodes by Gauss–Newton with step halving from `rate`; offset: of the
+    frequency, rad/s."""
+    first, span = run.envelope[0], run.time_s[-1] - run.time_s[0]
+    own = [first[0].real, first[0].imag, first[1].real, first[1].imag, offset * span]
+    x = np.concatenate([own, rate, np.zeros(problem.known.spread.shape[1])])
+    rates, dof = problem.rates, max(1, 4 * len(run) - len(rate) - OWN)
+    covariance, converged = np.zeros((len(rate), len(rate))), False
+    with np.errstate(over="ignore", invalid="ignore"):
+        response = problem.at(x)
+        chi2 = problem.chi2(x, response)
+        for _ in range(ITERATIONS):
+            change, whole = problem.step(x, response)
+            covariance = whole[rates, rates]
+            std, moved = np.sqrt(np.diag(covariance)), np.abs(change[rates])
+            size = 1.0
+            while True:
+                trial = problem.at(x + size * change)
+                reached = problem.chi2(x + size * change, trial)
+                if reached <= chi2 * (1 + 1e-9) or size <= 1e-3:
+                    break
+                size /= 2
+            if not reached <= chi2 * (1 + 1e-9):
+                converged = bool(np.all(moved < SETTLED * std))  # nothing left to gain
+                break
+            x, response, chi2 = x + size * change, trial, reached
+            if np.all(moved < 0.01 * std * np.sqrt(max(1.0, chi2 / (4 * len(run))))):
+                converged = True
+                break
+    left = response.residual()[0]
+    return RateEstimate(
+        problem.grid,
+        x[rates],
+        covariance * max(1.0, chi2 / dof),
+        plain,
+        chi2 / dof,
+        dof,
+        converged=converged,
+        residual=np.concatenate([left.real, left.imag], axis=1),
+    )
+
+
+def _solve_with_covariance(design: Array, target: Array) -> tuple[Array, Array]:
+    """Least squares (k,) and its covariance (k, k) at unit noise.
+
+    The rows are many and the unknowns few: both come from the small triangle R of [design, target],
+    whose last column holds Qᵀ·target.
+    """
+    length = measure_columns(design)
+    R = triangle(np.column_stack([design / length, target]))
+    inverse = np.linalg.pinv(R[:-1, :-1], rcond=1e-12)
+    return inverse @ R[:-1, -1] / length, inverse @ inverse.T / np.outer(length, length)
+
+
+def _turning(time_s: Array, begin: Array, middle: Array, end: Array) -> Array:
+    """∫ of each node's weight (nodes, n) from the run's first row, by Simpson's rule, which is exact
+    for the cubic between two rows."""
+    steps = np.cumsum((begin + 4 * middle + end) * np.diff(time_s) / 6, axis=1)
+    return np.concatenate([np.zeros((len(begin), 1)), steps], axis=1)
