@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator, MutableMapping
 from contextlib import contextmanager
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 import typer.core
@@ -135,6 +135,10 @@ COMMANDS = {
 that the list of commands is shown without loading them."""
 
 
+Misuse = cast("type[Exception]", typer.BadParameter.__mro__[1])
+"""What typer raises for a command, option or value that there is not."""
+
+
 class Loaded(MutableMapping[str, Any]):
     """The commands of a table; one is loaded when it is asked for."""
 
@@ -184,6 +188,16 @@ class Commands(typer.core.TyperGroup):
         finally:
             self.commands = whole
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The options before the command; a wrong one is told in one line."""
+        with _in_one_line(ctx):
+            return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; an option of it that there is not is told in one line."""
+        with _in_one_line(ctx):
+            return super().invoke(ctx)
+
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """The list of commands under the help."""
         with self._by_summary():
@@ -193,6 +207,32 @@ class Commands(typer.core.TyperGroup):
         """The commands and options that begin so."""
         with self._by_summary():
             return super().shell_complete(ctx, incomplete)
+
+
+@contextmanager
+def _in_one_line(ctx: Any) -> Iterator[None]:
+    """Wrong use is told as every other failure is: one line, here with where help is, and status
+    2."""
+    try:
+        yield
+    except Misuse as error:
+        if type(error).__name__ == "NoArgsIsHelpError":
+            raise
+        from .commands.guard import USAGE, leave
+
+        found: Any = error
+        leave(_say_misuse(found.format_message(), (found.ctx or ctx).command_path), USAGE)
+
+
+def _say_misuse(said: str, command: str) -> str:
+    """The line of a wrong use: the command, what is wrong, what may be meant, where help is."""
+    said = said.rstrip(".").replace(": Value error, ", ": ").replace(". Did you", "; did you")
+    wrong, meant, options = said.partition(" (Possible options: ")
+    if meant:
+        said = f"{wrong}; did you mean {' or '.join(options.rstrip(')').split(', '))}?"
+    name = command.removeprefix("hrg").strip()
+    said = f"{said[:1].lower()}{said[1:]}"
+    return f"{f'{name}: ' if name else ''}{said}; see `{command} -h`"
 
 
 app = typer.Typer(

@@ -62,17 +62,19 @@ class Comparison:
         ]
 
 
-def compare(old: Record, new: Record) -> Comparison:
-    """Hold two results of one kind against each other. HrgError: two kinds, two gyros' mode
-    numbers."""
+def compare(
+    old: Record, new: Record, called: tuple[str, str] = ("the old file", "the new one")
+) -> Comparison:
+    """Hold two results of one kind, called so in errors, against each other. HrgError: two kinds,
+    two gyros' mode numbers."""
     if old.kind != new.kind:
         raise HrgError(
-            f"the old file is a {old.kind}, the new one a {new.kind}; two of one kind were expected"
+            f"{called[0]} is a {old.kind}, {called[1]} a {new.kind}; name two of one kind"
         )
     mode = getattr(old, "mode_number", 2)
     if mode != getattr(new, "mode_number", mode):
         raise HrgError(
-            f"the old file is of mode number {mode}, the new one of"
+            f"{called[0]} is of mode number {mode}, {called[1]} of"
             f" {getattr(new, 'mode_number', mode)}; compare like with like"
         )
     first, second = figures_of(old), figures_of(new)

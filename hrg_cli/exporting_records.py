@@ -22,6 +22,8 @@ from .extras import how_to_install
 from .records import Array, Calibration, Record, Recording
 
 FORMATS = (".csv", ".json", ".parquet", ".xlsx", ".mat")
+HEADER = ".h"
+"""What calibrations alone go to besides."""
 EXCEL_ROWS = 1_048_575
 """Rows that a sheet takes below its head."""
 
@@ -44,9 +46,10 @@ def export_record(record: Record, output: Path) -> bytes:
     package missing, too many rows for a sheet."""
     suffix, packed = format_of(output)
     if suffix not in _WRITERS:
+        endings = (*FORMATS, HEADER) if isinstance(record, Calibration) else FORMATS
         raise UsageError(
             f"{output}: cannot export as {suffix or 'a file without an ending'}; end its name in"
-            f" {', '.join(FORMATS)}"
+            f" {', '.join(endings)}"
         )
     content = _WRITERS[suffix](record)
     return gzip.compress(content, mtime=0) if packed else content

@@ -68,7 +68,12 @@ MAY_IMPORT: dict[str, set[str]] = {
     "handbook": {*CHAIN, *RESULTS, "reporting", "lots", "ledger", "studies", "commands", "cli"},
 }
 """Room (folder or module of the package) -> the rooms below it that it may import."""
-LIVES_IN = {"reporting/lot_page.py": "lots", "reporting/ledger_tables.py": "ledger"}
+LIVES_IN = {
+    "reporting/lot_page.py": "lots",
+    "reporting/ledger_tables.py": "ledger",
+    "reporting/ledger_page.py": "ledger",
+    "reporting/figures/ledger.py": "ledger",
+}
 """Pages and tables of one room alone, kept beside the others for what they share with them."""
 NUMPY_ONLY = {"physics", "effects"}
 

@@ -225,9 +225,9 @@ def _compare_with(path: Path, record: Record, baseline: Path, limit_sigma: float
     """What has moved by more than `limit_sigma` since the baseline."""
     if not baseline.is_dir():
         with _needed_of(baseline) as earlier:
-            return told_beyond(compare(earlier, record), limit_sigma)
+            return told_beyond(compare(earlier, record, (str(baseline), str(path))), limit_sigma)
     other = baseline / path.name
     if not other.exists():
         return [f"{other.name} is not in the baseline {baseline}"]
     with _needed_of(other) as earlier:
-        return told_beyond(compare(earlier, record), limit_sigma)
+        return told_beyond(compare(earlier, record, (str(other), str(path))), limit_sigma)

@@ -53,6 +53,8 @@ Ledger = Annotated[
     typer.Option("--ledger", envvar="HRG_LEDGER", help="The ledger, an SQLite file."),
 ]
 DEFAULT = Path("ledger.sqlite")
+PAGE = ".html"
+"""Suffix of an output that is a page for people."""
 Limits = Annotated[
     Path | None,
     typer.Option(help="TOML file with limits, as for hrg check.", show_default=False),
@@ -83,7 +85,8 @@ Since = Annotated[
     ),
 ]
 ASKING = {
-    "output": "File for the report (.json) or the results themselves (.jsonl, .csv, .parquet).",
+    "output": "File for the page (.html), the report (.json) or the results themselves (.jsonl, .csv,"
+    " .parquet).",
     "config": "TOML file with more limits, over those of --limits.",
     "assignments": "Change one limit, e.g. resonator.scale_factor.minimum=0.5; may be repeated.",
     "show_config": "Print the limits as TOML and leave.",
@@ -232,7 +235,13 @@ def show_ledger(
         entries, limits=wanted, golden=golden, names=chosen[1], guard_sigma=guard_sigma, by=by
     )
     report = _judge_overview(found, started, ledger) | of_overview(found)
-    return _hand_over(run, report, entries), lambda: ledger_tables.show_overview(found)
+
+    def page() -> str:
+        from ..reporting.ledger_page import overview_page
+
+        return overview_page(found, report["status"])
+
+    return _hand_over(run, report, entries, page), lambda: ledger_tables.show_overview(found)
 
 
 def show_history(
@@ -254,7 +263,13 @@ def show_history(
         entries, gyro, limits=wanted, names=chosen[1], guard_sigma=guard_sigma, by=by
     )
     report = _judge_overview(found, started, ledger) | of_history(found)
-    return _hand_over(run, report, found.entries), lambda: ledger_tables.show_history(found)
+
+    def page() -> str:
+        from ..reporting.ledger_page import history_page
+
+        return history_page(found, report["status"])
+
+    return _hand_over(run, report, found.entries, page), lambda: ledger_tables.show_history(found)
 
 
 def _parse_wanted(run: Common, limits: Path | None) -> dict[str, Any]:
@@ -288,13 +303,18 @@ def _judge_overview(found: Overview | History, started: float, ledger: Path) -> 
     }
 
 
-def _hand_over(run: Common, report: Mapping[str, Any], entries: Sequence[Entry]) -> dict[str, Any]:
-    """The report with its output: the results for other programs by the suffix, else the report
-    itself."""
+def _hand_over(
+    run: Common,
+    report: Mapping[str, Any],
+    entries: Sequence[Entry],
+    page: Callable[[], str],
+) -> dict[str, Any]:
+    """The report with its output: by the suffix the page, the results for other programs, else the
+    report itself."""
     output = run.output
-    if output is None or output.suffix not in FORMATS:
+    if output is None or output.suffix not in (*FORMATS, PAGE):
         return run.kept(report)
-    content = FORMATS[output.suffix](entries)
+    content = page().encode() if output.suffix == PAGE else FORMATS[output.suffix](entries)
     with store.atomic_path(output, run.force) as temporary:
         temporary.write_bytes(content)
     return {**report, "output": str(output)}

@@ -220,7 +220,8 @@ def _named(log: Log, path: str, role: str, wanted: str | int) -> int:
         number = int(wanted)
         if not 1 <= number <= len(log.channels):
             raise HrgError(
-                f"{path}: {role} = {number}: it has {len(log.channels)} columns ({listing(log)})"
+                f"{path}: {role} = {number}: it has {len(log.channels)} columns ({listing(log)});"
+                " name one of these"
             )
         index = number - 1
     else:

@@ -35,6 +35,8 @@ class Golden:
     trend: Trend | None
     scatter_p: float | None
     chart: Chart | None
+    measured: FigureSeries
+    """The chart's points in the order of time."""
 
 
 def golden_unit(entries: Sequence[Entry], names: Sequence[str], by: str) -> list[Golden]:
@@ -65,6 +67,7 @@ def _row(station: str, own: FigureSeries, others: FigureSeries) -> Golden:
         trend=trend(own),
         scatter_p=repeats_p(own),
         chart=chart(own.values),
+        measured=own,
     )
 
 

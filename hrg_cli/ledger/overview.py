@@ -21,7 +21,7 @@ from .gauge import GaugeStudy, gauge_study
 from .golden import Golden, golden_unit
 from .guard import Risks, risks
 from .judging import Bounds, GaugeOf, Held, bounds_of, hold_limits, tables_of
-from .series import AXIS, independent, newest, series, usual
+from .series import AXIS, FigureSeries, independent, newest, series, usual
 from .trend import move
 
 Array = np.ndarray
@@ -57,11 +57,16 @@ class FigureReport:
     std: float | None
     bounds: Bounds
     chart: Chart | None
-    points: tuple[str, ...]
-    """Serial numbers of the chart's points."""
+    measured: FigureSeries
+    """The chart's points in the order of time."""
     capability: Capability | None
     gauge: GaugeStudy | None
     risks: Risks | None
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Serial numbers of the chart's points."""
+        return tuple(entry.gyro_id for entry in self.measured.entries)
 
 
 @dataclass(frozen=True)
@@ -196,8 +201,8 @@ def list_gyros(
     alone."""
     made = newest(e for e in entries if name in e.figures)
     population = series([e for e in made.values() if e.gyro_id != golden], name)
-    order = np.argsort(population.times, kind="stable")
-    values = population.values[order]
+    population = population.where(np.argsort(population.times, kind="stable"))
+    values = population.values
     every = series(entries, name)
     own = np.where(np.isnan(every.stds), 0.0, every.stds)
     where = [str(getattr(e, by)) for e in every.entries]
@@ -217,7 +222,7 @@ def list_gyros(
         std=float(values.std(ddof=1)) if len(values) > 1 else None,
         bounds=bounds,
         chart=chart(values),
-        points=tuple(population.entries[i].gyro_id for i in order),
+        measured=population,
         capability=capability(values, *bounds),
         gauge=gauge,
         risks=wrong,

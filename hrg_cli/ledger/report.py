@@ -14,6 +14,7 @@ from .history import FigureHistory, History
 from .judging import Bounds, Held
 from .overview import FigureReport, Overview, Standing
 from .times import iso
+from .trend import Move, Trend
 
 
 def of_overview(found: Overview) -> dict[str, Any]:
@@ -105,7 +106,9 @@ def _gauge(study: GaugeStudy | None) -> dict[str, Any] | None:
 
 
 def _golden(row: Golden) -> dict[str, Any]:
-    return {**asdict(row), "chart": _chart(row.chart, ())}
+    plain = {key: value for key, value in vars(row).items() if key not in ("chart", "measured")}
+    told = {key: asdict(v) if isinstance(v, Move | Trend) else v for key, v in plain.items()}
+    return {**told, "chart": _chart(row.chart, ())}
 
 
 def _course(row: FigureHistory) -> dict[str, Any]:

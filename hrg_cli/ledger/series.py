@@ -35,8 +35,8 @@ class FigureSeries:
         return len(self.values)
 
     def where(self, chosen: Array) -> FigureSeries:
-        """The measurements of a mask (n,)."""
-        entries = tuple(e for e, wanted in zip(self.entries, chosen, strict=True) if wanted)
+        """The measurements of a mask (n,), or those at these places in their order."""
+        entries = tuple(self.entries[i] for i in np.arange(len(self))[chosen])
         return FigureSeries(
             self.name,
             self.units,

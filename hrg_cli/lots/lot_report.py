@@ -52,7 +52,7 @@ def report_of(
     off the lot, or has a result in doubt."""
     passed = [row for row in rows if row["passed"]]
     worst = sorted((row for row in rows if not row["passed"]), key=lambda row: row["rank"])
-    reasons = [f"{row['gyro_id'] or 'a recording'}: {row['why']}" for row in worst[:MOST_TOLD]]
+    reasons = [f"{row['gyro_id'] or 'a recording'}: {row['reason']}" for row in worst[:MOST_TOLD]]
     if untold := sum(bool(row["gyro_id"]) for row in worst[MOST_TOLD:]):
         reasons.append(f"{untold} more gyros did not pass; lot.csv says why")
     known = sum(bool(row["gyro_id"]) for row in rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from ..ledger.charts import BEYOND, Chart
 from ..ledger.gauge import Component, GaugeStudy
@@ -12,6 +12,7 @@ from ..ledger.overview import FigureReport, Overview, Standing
 from ..ledger.trend import Move
 from .console import print_table, say
 from .figure_names import name_figures, name_of_figure
+from .page_table import PageTable
 from .quantities import quantity, unit_for
 from .text import number
 
@@ -21,6 +22,19 @@ Names = Mapping[tuple[str, str], str]
 
 def show_overview(found: Overview) -> None:
     """Every gyro, then every figure over the gyros, then the golden unit."""
+    say(say_what_counts(found))
+    _print([tabulate_gyros(found), *tabulate_figures(found)])
+    if found.false_alarms_expected:
+        say(f"points beyond 3 σ expected by chance: {number(found.false_alarms_expected, 2)}")
+
+
+def show_history(found: History) -> None:
+    """Every result, then every figure."""
+    _print([tabulate_results(found), tabulate_courses(found)])
+
+
+def say_what_counts(found: Overview) -> str:
+    """How many results of how many gyros, and how many are left out."""
     left_out = [
         f"{count} {what}"
         for count, what in (
@@ -31,38 +45,42 @@ def show_overview(found: Overview) -> None:
     ]
     said = f"; left out of the statistics: {', '.join(left_out)}" if left_out else ""
     gyros = len({s.entry.gyro_id for s in found.standings})
-    say(f"{_many(found.entries, 'result')} of {_many(gyros, 'gyro')}{said}")
-    print_table(
-        "", ("gyro", "kind", "results", "newest", "station", "status", "moved most", "limits"),
-        [_standing(row) for row in found.standings],
-    )  # fmt: skip
+    return f"{_many(found.entries, 'result')} of {_many(gyros, 'gyro')}{said}"
+
+
+def tabulate_gyros(found: Overview) -> PageTable:
+    """Every gyro's standing, a row a standing."""
+    head = ("gyro", "kind", "results", "newest", "station", "status", "moved most", "limits")
+    return PageTable("", head, [_standing(row) for row in found.standings])
+
+
+def tabulate_figures(found: Overview) -> list[PageTable]:
+    """Every figure over the gyros, its gauge study, the golden unit; without the tables that would
+    be empty."""
     names = name_figures([(row.kind, row.name) for row in found.figures])
-    if found.figures:
-        print_table(
+    of_golden = name_figures({(row.kind, row.name) for row in found.golden})
+    tables = [
+        PageTable(
             "over the gyros (one value each)",
             ("figure", "gyros", "mean", "spread", "chart", "Cp", "Cpk"),
             [_population(row, names) for row in found.figures],
-        )
-    studies = [row for row in found.figures if row.gauge is not None]
-    if studies:
-        print_table(
+        ),
+        PageTable(
             "gauge study (standard deviations; what is not told apart: –)",
             ("figure", "gyros", found.by, "interaction", "repeats", "own σ", "gauge of variance", "wrongly accepted"),
-            [_study(row, names) for row in studies],
-        )  # fmt: skip
-    names = name_figures({(row.kind, row.name) for row in found.golden})
-    if found.golden:
-        print_table(
+            [_study(row, names) for row in found.figures if row.gauge is not None],
+        ),
+        PageTable(
             "golden unit",
             ("figure", found.by, "n", "mean", "from the others", "since the first", "a day", "chart"),
-            [_golden(row, names) for row in found.golden],
-        )  # fmt: skip
-    if found.false_alarms_expected:
-        say(f"points beyond 3 σ expected by chance: {number(found.false_alarms_expected, 2)}")
+            [_golden(row, of_golden) for row in found.golden],
+        ),
+    ]  # fmt: skip
+    return [table for table in tables if table.rows]
 
 
-def show_history(found: History) -> None:
-    """Every result, then every figure."""
+def tabulate_results(found: History) -> PageTable:
+    """Every result of one gyro, in the order of processing."""
     counting = {entry.sha256 for entry in found.counting}
     rows = [
         (
@@ -76,13 +94,20 @@ def show_history(found: History) -> None:
         for e in found.entries
     ]
     head = ("processed", "kind", "status", "station", "operator", "fixture", "firmware", "order", "SHA-256", "left out")  # fmt: skip
-    print_table("", head, rows)
+    return PageTable("", head, rows)
+
+
+def tabulate_courses(found: History) -> PageTable:
+    """How every figure of one gyro moved."""
     names = name_figures([(row.kind, row.name) for row in found.figures])
-    print_table(
-        "",
-        ("figure", "n", "now", "against the last", "of the limit", "since the first", "of the limit", "a day", "limit in", "chart"),
-        [_course(row, names) for row in found.figures],
-    )  # fmt: skip
+    since = ("against the last", "of the limit", "since the first", "of the limit")
+    head = ("figure", "n", "now", *since, "a day", "limit in", "chart")
+    return PageTable("", head, [_course(row, names) for row in found.figures])
+
+
+def _print(tables: Sequence[PageTable]) -> None:
+    for table in tables:
+        print_table(table.caption, table.head, table.rows)
 
 
 def _many(count: int, what: str) -> str:
@@ -92,7 +117,9 @@ def _many(count: int, what: str) -> str:
 def _standing(row: Standing) -> tuple[str, ...]:
     missed = [name_of_figure(h.row.name) for h in row.held if not h.passed]
     moved = (
-        f"{name_of_figure(row.moved_figure)} {_sigma(row.moved_sigma)}" if row.moved_figure else "–"
+        f"{name_of_figure(row.moved_figure)} {say_sigma(row.moved_sigma)}"
+        if row.moved_figure
+        else "–"
     )
     return (
         row.entry.gyro_id,
@@ -178,10 +205,11 @@ def _moved(name: str, move: Move | None, units: str) -> str:
     if move.sigma is None:
         return quantity(name, move.change, None, units)
     std = abs(move.change / move.sigma) if move.sigma else None
-    return f"{quantity(name, move.change, std, units)}, {_sigma(move.sigma)}"
+    return f"{quantity(name, move.change, std, units)}, {say_sigma(move.sigma)}"
 
 
-def _sigma(value: float | None) -> str:
+def say_sigma(value: float | None) -> str:
+    """How many σ a change is."""
     return "–" if value is None else f"{value:+.1f} σ".replace("-", "−")
 
 

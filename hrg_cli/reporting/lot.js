@@ -1,6 +1,7 @@
 (function () {
   var tables = Array.from(document.querySelectorAll("table.sortable"));
   var field = document.getElementById("filter"), choice = document.getElementById("show"), said = document.getElementById("shown");
+  var what = tables.length && tables[0].dataset.rows || "gyros";
 
   function key(row, column) {
     var cell = row.children[column], value = cell.dataset.v;
@@ -50,7 +51,7 @@
         if (number === 0 && row.dataset.stray !== undefined) { strays += there; }
       });
     });
-    said.textContent = (seen === all ? "All " + all : seen + " of " + all) + " gyros"
+    said.textContent = (seen === all ? "All " + all : seen + " of " + all) + " " + what
       + (strays ? " and " + strays + (strays === 1 ? " recording" : " recordings") + " of no known gyro" : "") + " are shown.";
   }
 

@@ -100,6 +100,9 @@ def test_every_gyro_has_its_row(reference):
     assert not rows["G1"]["passed"] and "damaged.h5" in rows["G1"]["why"]
     assert not rows["G2"]["passed"] and "at most 0.375 was wanted" in rows["G2"]["why"]
     assert not rows[""]["passed"] and "unknown.h5" in rows[""]["why"]
+    said = next(r for r in report["status_reasons"] if r.startswith("G2: "))
+    assert "frequency split Δf" in said and "limit ≤ 119.366 mHz" in said, "as the page says it"
+    assert "rad_s" not in said and "0.375" not in said
     assert report["recordings"] == 8 and report["recordings_failed"] == 2
     assert [(r["name"], r["gyro_id"]) for r in report["unreadable"]] == [
         ("damaged.h5", "G1"),
