@@ -72,12 +72,14 @@ def fit_base(
 
 def settle_log(fit: ExtendedFit) -> ExtendedFit:
     """The fit again beside what the drive's log leaves unknown, and along the motion that this makes
-    likely, once no misfit is gross enough to be laid on it; the same where nothing is logged."""
-    if is_gross(fit) or not has_log(fit.series):
+    likely; the same where nothing is logged, or where a misfit is left that is gross beside all of
+    that too: it would be laid on it."""
+    if not has_log(fit.series):
         return fit
     if fit.series.scatter is None:
-        fit = _beside_log(fit_lateness(fit))
-    return follow_walk(fit)
+        beside = _beside_log(fit if is_gross(fit) else fit_lateness(fit))
+        return fit if is_gross(beside) else follow_walk(beside)
+    return fit if is_gross(fit) else follow_walk(fit)
 
 
 def _beside_log(fit: ExtendedFit) -> ExtendedFit:
