@@ -4,18 +4,21 @@ whole predictions."""
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from hrg_cli.effects import find
 from hrg_cli.fitting.causes import (
     coordinate_priors,
     descent,
     designs,
+    fast_march,
     slow_prediction,
     whitened_rows,
 )
 from hrg_cli.fitting.causes.fit_point import Point
 from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.causes.sensitivities import base_sensitivities, propagation
+from hrg_cli.fitting.causes.walks import Walk
 from hrg_cli.fitting.causes.wave_frame import real
 
 STRONG = {
@@ -61,6 +64,35 @@ def test_all_steps_at_once_are_the_steps_row_by_row():
     )
     again = slow_prediction.predict(series, point, propagation(near).near).motion
     np.testing.assert_allclose(again, marched, atol=1e-11)
+
+
+def beside(series, what):
+    """The programme as a case of a drive that the march has a branch for."""
+    random = np.random.default_rng(3)
+    rows = (*series.time_s.shape, 2)
+    if what == "held amplitude":
+        held = np.where(series.forced > 0, 1 + 0.1 * np.sin(series.time_s), np.nan)
+        return replace(series, held_amplitude=held, held_slope=0.1 * np.cos(series.time_s))
+    if what == "turned frame":
+        return replace(series, frame_turn=0.2 * random.normal(size=rows))
+    if what == "walk":
+        jumps = 0.01 * random.normal(size=(rows[0], rows[1] - 1, 2)) * (1 + 0.5j)
+        return replace(series, walk=Walk((), jumps, np.zeros(rows, complex)))
+    return series
+
+
+@pytest.mark.parametrize("what", ["logged commands", "held amplitude", "turned frame", "walk"])
+def test_compiled_march_takes_the_same_steps(what, monkeypatch):
+    """One equation, written for whole arrays of rows and for one row of one run."""
+    pytest.importorskip("numba")
+    series, point = programme()
+    point = replace(point, active=())
+    rule = slow_prediction.Rule(beside(series, what), point)
+    fast = rule.marched(point.start)
+    monkeypatch.setattr(fast_march, "compiled", lambda: None)
+    plain = rule.marched(point.start)
+    np.testing.assert_allclose(fast, plain, atol=1e-12)
+    assert np.abs(plain[0, -1] - plain[0, 0]).max() > 0.1, "it moves"
 
 
 def test_sensitivities_are_differences_of_whole_predictions():

@@ -25,6 +25,7 @@ from ...effects.jumps import part_after
 from ...physics.plant import SlowState
 from ...physics.resonator import exponential
 from ..envelopes import coordinates
+from .fast_march import Constants, Instants
 from .fit_point import Point, state_of
 from .measured_runs import MeasuredRuns
 
@@ -85,6 +86,28 @@ class RungeKuttaStage:
             self.follow_1_s,
         )
         return one
+
+    def instants(self, L: Array) -> Instants:
+        """The same in numbers and arrays alone, for a march without causes."""
+        shape = L.shape[:2]
+
+        def whole(values: Array) -> Array:
+            return np.array(np.broadcast_to(values, shape), float)
+
+        return Instants(
+            L=L,
+            main=whole(self.main),
+            quadrature=whole(self.quadrature),
+            phase_rad=whole(self.state.phase_rad),
+            held=whole(self.held),
+            held_slope=whole(self.held_slope),
+            turned=np.zeros((*shape, 2)) if self.frame_turn is None else self.frame_turn,
+            follow_1_s=float(self.follow_1_s),
+        )
+
+    def constants(self) -> Constants:
+        """What all instants share of that."""
+        return Constants(self.second, complex(self.lead))
 
     def drive(self, v: Array) -> Array:
         """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B) along the wave as the

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from . import fast_march
+from .fast_march import Steps
 from .fit_point import Point
 from .measured_runs import MeasuredRuns
 from .slow_equation import RungeKuttaStage, generators, jump, times
@@ -162,6 +164,17 @@ class Rule:
         """The same row by row."""
         motion = np.empty((*self.rows.state.time_s.shape, 2), complex)
         u = motion[:, 0] = start
+        fast = None if self.rows.active else fast_march.compiled()
+        if fast is not None:
+            steps = Steps(self.h[..., 0], self.E[..., 0], self.jumps + np.zeros_like(motion[:, 1:]))
+            fast(
+                self.rows.instants(self.L),
+                self.halves.instants(self.M),
+                steps,
+                self.rows.constants(),
+                motion,
+            )
+            return motion
         before = self.rows.at(0)
         for k in range(motion.shape[1] - 1):
             after = self.rows.at(k + 1)

@@ -1,0 +1,132 @@
+"""The driven motion without causes, row by row: the rule of `slow_prediction.Rule` and the drive of
+`slow_equation.RungeKuttaStage`, a run after another in scalars, compiled by numba where it is
+installed.
+
+A gross misfit is marched thousands of times, in a rule whose every row hangs on the one before.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ...physics.compilation import compile_all
+
+Array = np.ndarray
+
+
+class Instants(NamedTuple):
+    """What a row, or a step's middle, of every run knows of itself."""
+
+    L: Array
+    """(R, n, 2, 2)"""
+    main: Array
+    """Commands as logged, amplitude/s (R, n)."""
+    quadrature: Array
+    phase_rad: Array
+    """The phase that the wave's is taken near to (R, n)."""
+    held: Array
+    """Amplitude that is held where none is logged, NaN elsewhere (R, n), and its slope."""
+    held_slope: Array
+    turned: Array
+    """Turn of the commands' frame in angle and phase, rad (R, n, 2)."""
+    follow_1_s: float
+    """Rate at which a held amplitude is followed."""
+
+
+class Constants(NamedTuple):
+    """The force's second order (2, 2) and its lead."""
+
+    second: Array
+    lead: complex
+
+
+class Steps(NamedTuple):
+    """Length of every step (R, n − 1), half the run's mean turn over it, and jumps (R, n − 1, 2)."""
+
+    h: Array
+    half_turn: Array
+    jumps: Array
+
+
+def _along(
+    c: complex, s: complex, v0: complex, v1: complex, of: Instants, r: int, k: int
+) -> tuple[complex, complex]:
+    """The drive along the axes of envelopes (c, s) that move as (v0, v1) do."""
+    electrical = 0.5 * math.atan2(
+        2 * (c.real * s.real + c.imag * s.imag),
+        c.real * c.real + c.imag * c.imag - s.real * s.real - s.imag * s.imag,
+    )
+    cos, sin = math.cos(electrical), math.sin(electrical)
+    wave = cos * c + sin * s
+    near = of.phase_rad[r, k]
+    if wave.real * math.cos(near) + wave.imag * math.sin(near) < 0:
+        cos, sin, wave = -cos, -sin, -wave
+    size = math.hypot(wave.real, wave.imag)
+    turn = wave / size if size > 0 else wave
+    main = of.main[r, k]
+    if not math.isnan(of.held[r, k]):
+        lost = (of.L[r, k, 0, 0] * v0 + of.L[r, k, 0, 1] * v1) * cos + (
+            of.L[r, k, 1, 0] * v0 + of.L[r, k, 1, 1] * v1
+        ) * sin
+        loss = lost.real * turn.real + lost.imag * turn.imag
+        main = of.held_slope[r, k] - loss + of.follow_1_s * (of.held[r, k] - size)
+    angle, phase = of.turned[r, k, 0], of.turned[r, k, 1]
+    if angle != 0 or phase != 0:
+        x, y = math.cos(angle), math.sin(angle)
+        cos, sin = x * cos - y * sin, x * sin + y * cos
+        turn = turn * complex(math.cos(phase), math.sin(phase))
+    across = 1j * of.quadrature[r, k]
+    return turn * (main * cos + across * sin), turn * (main * sin - across * cos)
+
+
+def _slope(
+    c: complex, s: complex, of: Instants, r: int, k: int, shared: Constants
+) -> tuple[complex, complex]:
+    """dv/dt = Lv + (1 + second) f."""
+    f0, f1 = _along(c, s, c, s, of, r, k)
+    if shared.lead != 0:
+        f0, f1 = _along(c + shared.lead * f0, s + shared.lead * f1, c, s, of, r, k)
+    second = shared.second
+    return (
+        of.L[r, k, 0, 0] * c + of.L[r, k, 0, 1] * s + f0 + second[0, 0] * f0 + second[0, 1] * f1,
+        of.L[r, k, 1, 0] * c + of.L[r, k, 1, 1] * s + f1 + second[1, 0] * f0 + second[1, 1] * f1,
+    )
+
+
+def march(rows: Instants, middles: Instants, steps: Steps, shared: Constants, out: Array) -> None:
+    """Fill the motion (R, n, 2) behind its start by the rule of Runge and Kutta."""
+    for r in range(out.shape[0]):
+        for k in range(out.shape[1] - 1):
+            h, E = steps.h[r, k], steps.half_turn[r, k]
+            c, s = out[r, k, 0], out[r, k, 1]
+            a0, a1 = _slope(c, s, rows, r, k, shared)
+            b0, b1 = _slope(E * (c + h / 2 * a0), E * (s + h / 2 * a1), middles, r, k, shared)
+            d0, d1 = _slope(E * c + h / 2 * b0, E * s + h / 2 * b1, middles, r, k, shared)
+            e0, e1 = _slope(E * (E * c + h * d0), E * (E * s + h * d1), rows, r, k + 1, shared)
+            out[r, k + 1, 0] = (
+                E * (E * (c + h / 6 * a0) + h / 3 * (b0 + d0)) + h / 6 * e0 + steps.jumps[r, k, 0]
+            )
+            out[r, k + 1, 1] = (
+                E * (E * (s + h / 6 * a1) + h / 3 * (b1 + d1)) + h / 6 * e1 + steps.jumps[r, k, 1]
+            )
+
+
+@functools.lru_cache(maxsize=1)
+def compiled() -> Callable[[Instants, Instants, Steps, Constants, Array], None] | None:
+    """The march compiled, and kept on disk where there is a folder for it; None without numba."""
+    try:
+        from numba import njit
+    except ImportError:
+        return None
+    try:
+        return _march_of(functools.partial(njit, cache=True))["march"]
+    except RuntimeError:  # no folder to cache in
+        return _march_of(njit)["march"]
+
+
+_march_of = functools.partial(compile_all, functions=(_along, _slope, march), opened=())
