@@ -243,6 +243,7 @@ def test_no_gyro_is_missed_in_words():
             "gyro_id": f"G{k}",
             "passed": False,
             "why": "x",
+            "reason": "x",
             "rank": k,
             "outliers": "",
             "status": "failed",

@@ -164,16 +164,22 @@ def _answers(series: MeasuredRuns, course: Array, turning_rad_s: float) -> Array
     return np.concatenate([late[..., None], left], axis=-1)
 
 
-def natural_frequencies(series: MeasuredRuns) -> Array:
-    """ω_n of the loops allowed for, rad/s: between a run's length and a row."""
+def natural_frequencies(series: MeasuredRuns, slowest: float = 2 * np.pi) -> Array:
+    """ω_n of the loops allowed for, rad/s: from `slowest` over a run's length to one over a row's."""
     lengths = [np.ptp(t[w > 0]) for t, w in zip(series.time_s, series.weight, strict=True)]
-    slowest, fastest = 2 * np.pi / max(lengths), 1 / row_length_s(series)
-    return np.geomspace(slowest, max(fastest, slowest), BANDWIDTHS)
+    least, most = slowest / max(lengths), 1 / row_length_s(series)
+    return np.geomspace(least, max(most, least), BANDWIDTHS)
 
 
-def unfollowed(series: MeasuredRuns, course: Array, natural_rad_s: Array) -> Array:
-    """What loops of second order leave of a course (R, n) that they have followed steadily before,
-    (R, n, loops): −s²/(s² + √2 ω_n s + ω_n²), by the bilinear rule on a fine grid."""
+def unfollowed(
+    series: MeasuredRuns, course: Array, natural_rad_s: Array, *, as_before: bool = False
+) -> Array:
+    """What loops of second order leave of a course (R, n), (R, n, loops): −s²/(s² + √2 ω_n s + ω_n²),
+    by the bilinear rule on a fine grid.
+
+    Loops have followed the run's mean line when it begins; `as_before`: a course like the run's own,
+    turned about its start, so that nothing begins and what is left is what the course alone leaves.
+    """
     from scipy import signal
 
     out = np.zeros((*course.shape, len(natural_rad_s)))
@@ -183,12 +189,16 @@ def unfollowed(series: MeasuredRuns, course: Array, natural_rad_s: Array) -> Arr
             continue
         grid = np.linspace(t[good][0], t[good][-1], FINER * int(np.count_nonzero(good)))
         values = np.interp(grid, t[good], course[k][good])
-        values -= np.polynomial.Polynomial.fit(grid, values, 1)(grid)
+        values -= values[0]
+        whole = np.concatenate([-values[:0:-1], values]) if as_before else values
+        steps = np.arange(len(whole))
+        whole -= np.polynomial.Polynomial.fit(steps, whole, 1)(steps)
         for loop, natural in enumerate(natural_rad_s):
             rule = signal.bilinear(
                 [-1.0, 0.0, 0.0],
                 [1.0, 2 * DAMPING * natural, natural**2],
                 1 / (grid[1] - grid[0]),
             )
-            out[k, :, loop] = np.interp(t, grid, signal.lfilter(*rule, values))
+            left = signal.lfilter(*rule, whole)[-len(values) :]
+            out[k, :, loop] = np.interp(t, grid, left)
     return out

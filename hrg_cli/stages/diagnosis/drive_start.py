@@ -6,6 +6,9 @@ within a manoeuvre, stands beside its steady answer by its free motion: of a sec
 cos at and e^{−at} sin at with a = ω_n/√2, of a first order e^{−ω_n t}. Each driven run has its own, no
 larger than what such a tracker leaves of the wave later on. Without it a board whose frequency
 estimate settles in 0.4 s left "a turning with the cube of the rate" at 8 σ, of a clean gyro.
+
+One that settles for most of a run cannot be told from a frame that stands beside the wave for good,
+which is a rotation of the drive: a run is worth recording once its loops have settled.
 """
 
 from __future__ import annotations
@@ -18,6 +21,9 @@ from .drive_frame import DAMPING, carry_turns, courses_of, natural_frequencies, 
 from .drive_scatter import has_log, soften_runs
 
 Array = np.ndarray
+SETTLED_BY = 0.2
+"""Part of a run by which its trackers have settled, to a thirtieth of what they began with."""
+SETTLED_TO = 1 / 30
 
 
 def allow_starts(fit: ExtendedFit) -> ExtendedFit:
@@ -31,8 +37,8 @@ def allow_starts(fit: ExtendedFit) -> ExtendedFit:
 
 def _settling(series: MeasuredRuns, course: Array) -> Array:
     """One standard deviation of every free motion beside a course (R, n), rad (R, n, k)."""
-    natural = natural_frequencies(series)
-    size = np.abs(unfollowed(series, course, natural)).max(axis=(0, 1))
+    natural = natural_frequencies(series, slowest=np.log(1 / SETTLED_TO) / SETTLED_BY / DAMPING)
+    size = np.abs(unfollowed(series, course, natural, as_before=True)).max(axis=(0, 1))
     t = (series.time_s - series.time_s[:, :1])[..., None]
     at = DAMPING * natural * t
     modes = (np.exp(-at) * np.cos(at), np.exp(-at) * np.sin(at), np.exp(-natural * t))
