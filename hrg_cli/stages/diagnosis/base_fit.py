@@ -79,7 +79,7 @@ def settle_log(fit: ExtendedFit) -> ExtendedFit:
     if fit.series.scatter is None:
         beside = _beside_log(fit if is_gross(fit) else fit_lateness(fit))
         return fit if is_gross(beside) else follow_walk(beside)
-    return fit if is_gross(fit) else follow_walk(fit)
+    return fit if is_gross(fit) else _beside_frames(follow_walk(fit))
 
 
 def _beside_log(fit: ExtendedFit) -> ExtendedFit:
@@ -88,8 +88,12 @@ def _beside_log(fit: ExtendedFit) -> ExtendedFit:
     if not has_log(fit.series):
         return fit
     fit = allow_starts(allowed_for(fit))
-    if not is_gross(fit):
-        fit = follow_walk(fit)
+    return _beside_frames(fit if is_gross(fit) else follow_walk(fit))
+
+
+def _beside_frames(fit: ExtendedFit) -> ExtendedFit:
+    """The fit beside what is the same in all runs of one instrument, in the frame that the waves make
+    likely beside the causes there are: what these have done would be laid on it."""
     for _ in range(FRAMES_AGAIN):
         frames = FrameAnswers.of(fit)
         answers = [

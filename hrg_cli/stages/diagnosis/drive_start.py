@@ -21,7 +21,7 @@ from .drive_frame import DAMPING, carry_turns, courses_of, natural_frequencies, 
 from .drive_scatter import has_log, soften_runs
 
 Array = np.ndarray
-SETTLED_BY = 0.2
+SETTLED_BY = 0.3
 """Part of a run by which its trackers have settled, to a thirtieth of what they began with."""
 SETTLED_TO = 1 / 30
 
