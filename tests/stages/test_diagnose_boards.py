@@ -93,6 +93,8 @@ def test_what_hides_in_a_quiet_board_is_found(gain):
     """The larger one left χ² 238 and was "partly explained": once it was taken in, what the frame had
     done was gross enough to be laid on no frame."""
     record, said = diagnosed(3, 100.0, {"gain_mismatch": {"gain": gain}}, noise=3e-5)
-    assert record.verdict == "explained" and [e["name"] for e in said["effects"]] == ["gain_mismatch"]
+    assert record.verdict == "explained" and [e["name"] for e in said["effects"]] == [
+        "gain_mismatch"
+    ]
     value = said["effects"][0]["parameters"]["gain"]
     assert abs(value["value"] - gain) < 4.5 * value["std"] and value["std"] < 3e-6
