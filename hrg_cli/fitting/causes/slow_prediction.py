@@ -112,6 +112,8 @@ class Rule:
         )
         if series.walk is not None:
             self.jumps = self.jumps + series.walk.jumps
+        self.fast = fast_march.compiled() if self.rows.driven and not self.rows.active else None
+        """The rule compiled, where nothing acts beside the drive."""
 
     def step(
         self,
@@ -164,13 +166,12 @@ class Rule:
         """The same row by row."""
         motion = np.empty((*self.rows.state.time_s.shape, 2), complex)
         u = motion[:, 0] = start
-        fast = None if self.rows.active else fast_march.compiled()
-        if fast is not None:
-            steps = Steps(self.h[..., 0], self.E[..., 0], self.jumps + np.zeros_like(motion[:, 1:]))
-            fast(
+        if self.fast is not None:
+            jumps = self.jumps + np.zeros_like(motion[:, 1:])
+            self.fast(
                 self.rows.instants(self.L),
                 self.halves.instants(self.M),
-                steps,
+                Steps(self.h[..., 0], self.E[..., 0], jumps),
                 self.rows.constants(),
                 motion,
             )
@@ -198,6 +199,9 @@ def predict(series: MeasuredRuns, point: Point, near: Near | None = None) -> Pre
     """All runs from their start states, each step by the Runge–Kutta rule; `near` finds them
     sooner."""
     rule = Rule(series, point)
+    if rule.fast is not None:
+        marched = rule.marched(point.start)
+        return Prediction(series, point, marched, rule.rows.seen(marched))
     if rule.rows.idle or near is None:
         propagators = rule.linear()
         u = np.empty((*series.time_s.shape, 2), complex)
@@ -210,9 +214,8 @@ def predict(series: MeasuredRuns, point: Point, near: Near | None = None) -> Pre
     else:
         u, step = near[0].copy(), near[1]
         u[:, 0] = point.start
-    motion = rule.settled(u, step)
-    if motion is None:
-        motion = rule.marched(point.start)
+    found = rule.settled(u, step)
+    motion = rule.marched(point.start) if found is None else found
     return Prediction(series, point, motion, rule.rows.seen(motion))
 
 
