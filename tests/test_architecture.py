@@ -211,3 +211,19 @@ def test_a_class_has_a_name_of_its_own() -> None:
                 found.setdefault(node.name, []).append(path.relative_to(PACKAGE).as_posix())
     twice = {name: where for name, where in found.items() if len(where) > 1}
     assert set(twice) <= TWICE, twice
+
+
+MAY_PRINT = {"console", "guard", "cli", "common", "frame", "version"}
+"""Words of the program alone, names handed to the next command of a pipe, and what is made safe."""
+
+
+def test_words_of_files_go_to_the_terminal_by_one_door() -> None:
+    """`print` of a gyro's name let its escape sequences through (`ledger add`)."""
+    found = {
+        f"{path.relative_to(PACKAGE)}: {node.lineno}"
+        for path in PACKAGE.rglob("*.py")
+        if path.stem not in MAY_PRINT and "handbook" not in path.parts
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "print"
+    }
+    assert not found, f"{found}: console.say() leaves out what steers a terminal"

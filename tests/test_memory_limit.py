@@ -71,3 +71,11 @@ def test_an_input_that_memory_has_no_room_for_is_not_called_damaged(tmp_path):
     assert "damaged" in str(
         read_error(OSError(errno.EIO, "Input/output error"), tmp_path / "in.h5")
     )
+
+
+def test_a_chunk_that_gets_no_memory_is_not_called_damaged(tmp_path):
+    """h5py tells of it by an OSError without a number."""
+    lacking = OSError("Can't synchronously read data (memory allocation failed for raw data chunk)")
+    said = str(read_error(lacking, tmp_path / "in.h5", "/wave/flags"))
+    assert "needs more memory than is free" in said and "/wave/flags" in said
+    assert "damaged" not in said

@@ -112,6 +112,21 @@ def test_no_text_of_a_file_reaches_the_terminal_unchanged(hrg, tmp_path):
         assert not set(told.out + told.err) & set("\x1b\x07\x9b\u202e"), (words[0], told)
 
 
+def test_no_text_of_a_result_reaches_the_terminal_unchanged(hrg, tmp_path):
+    """A ledger printed the gyro's name as the file holds it."""
+    attack = "\x1b]0;owned\x07\x9b31m\u202e"
+    path, ledger = tmp_path / "a\x1b[31m.h5", tmp_path / "l\x1b[31m.sqlite"
+    store.write(path, records_by_hand.RECORDS["resonator"]().replace(gyro_id=attack))
+    for words in (
+        ["ledger", "add", path, "--ledger", ledger],
+        ["ledger", "show", "--ledger", ledger],
+        ["diff", path, path],
+        ["info", path],
+    ):
+        told = hrg(*words)
+        assert told.out and not set(told.out + told.err) & set("\x1b\x07\x9b\u202e"), words
+
+
 @pytest.mark.parametrize(
     "make",
     [os.mkfifo, lambda path: os.symlink("/dev/null", path)],

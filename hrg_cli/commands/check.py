@@ -199,7 +199,7 @@ def _show(done: Sequence[Checked]) -> None:
         console.print_table("", head, [line[1:] for line in lines])
     for one in done:
         if one.moved == []:
-            print(f"{one.name}: nothing moved from the baseline")
+            console.say(f"{one.name}: nothing moved from the baseline")
 
 
 def limits_of(run: Common, limits: Path | None) -> dict[str, Any]:

@@ -83,18 +83,18 @@ LEAST_SIGMA = 0.01
 
 def _show(found: Comparison) -> None:
     for name, old, new in found.words:
-        print(f"{name}: {old} → {new}")
+        console.say(f"{name}: {old} → {new}")
     known = [d for d in found.differences if d.sigma is not None]
     rows = told_differences([d for d in known if abs(d.sigma or 0.0) >= LEAST_SIGMA])
     if rows:
         console.print_table("", HEAD, rows[:SHOWN])
     elif found.is_empty:
-        print("nothing moved")
+        console.say("nothing moved")
     else:
-        print(
+        console.say(
             f"no figure moved by {LEAST_SIGMA:g} σ or more"
             if known
             else "no figure has a standard deviation in both"
         )
     for place, cause in told_lone(found):
-        print(f"cause {cause}: in the {place} result alone")
+        console.say(f"cause {cause}: in the {place} result alone")

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from ..effects import EFFECTS, page
+from ..reporting import console
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, command, no_settings
 
@@ -63,4 +64,4 @@ def effects_page(name: str | None, run: Common) -> tuple[dict[str, Any], Callabl
         text = "\n".join(f"{e['name']:30}{e['family']:12}{e['title']}" for e in listed)
         report |= {"effects": listed}
     report["elapsed_s"] = round(time.monotonic() - started, 3)
-    return run.kept(report), lambda: print(text)
+    return run.kept(report), lambda: console.say(text)

@@ -22,7 +22,7 @@ from ..ledger.history import history as history_of
 from ..ledger.overview import Overview, overview
 from ..ledger.report import head, of_history, of_overview
 from ..ledger.times import moment
-from ..reporting import ledger_tables
+from ..reporting import console, ledger_tables
 from .check import limits_of
 from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing
 
@@ -212,8 +212,8 @@ def add_files(
     def show() -> None:
         for path, (entry, new) in zip(paths, done, strict=True):
             said = "entered" if new else "known already by its SHA-256, not entered again"
-            print(f"{path.name}: {entry.kind} of {entry.gyro_id}, {entry.status}: {said}")
-        print(f"{ledger}: {report['added']} added, {report['known']} known")
+            console.say(f"{path.name}: {entry.kind} of {entry.gyro_id}, {entry.status}: {said}")
+        console.say(f"{ledger}: {report['added']} added, {report['known']} known")
 
     return run.kept(report), show
 

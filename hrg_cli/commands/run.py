@@ -140,7 +140,7 @@ def run_files(
     def show() -> None:
         if found is not None:
             answer_text.show(found)
-        print(f"page: {page}" if not pageless else f"no page: {pageless}")
+        console.say(f"page: {page}" if not pageless else f"no page: {pageless}")
 
     return report, show
 
@@ -306,7 +306,7 @@ def _plan(
         "output": None,
         "steps": lines,
     }
-    return report | {"elapsed_s": round(time.monotonic() - started, 3)}, lambda: print(
+    return report | {"elapsed_s": round(time.monotonic() - started, 3)}, lambda: console.say(
         "\n".join(lines)
     )
 

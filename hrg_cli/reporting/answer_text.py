@@ -7,19 +7,19 @@ import re
 from collections.abc import Sequence
 
 from .answer import Answer
-from .console import print_table
+from .console import print_table, say
 from .text import drop_empty_columns, number
 
 
 def show(found: Answer) -> None:
     """Print the answer."""
-    print(found.sentence.replace(". ", ".\n"))
-    print(
+    say(found.sentence.replace(". ", ".\n"))
+    say(
         f"gyro: {found.health}; fit: {found.validity}"
         + (f"; verdict: {found.verdict}" if found.verdict else "")
     )
     for reason in found.why:
-        print(f"  {reason}")
+        say(f"  {reason}")
     if found.requirements:
         required = [
             (r.label, r.value, r.limit, _margin(r.margin_sigma), "yes" if r.passed else "NO")
@@ -49,11 +49,11 @@ def show(found: Answer) -> None:
         print_table("", ("wrong in the supplied model", "believed", "measured", "σ"), moved)
     for line in (found.forecast, *found.suspect_runs, *found.stability):
         if line:
-            print(line)
+            say(line)
     for line in found.next_runs:
-        print(f"next run, {line}")
+        say(f"next run, {line}")
     if found.commands:
-        print("then: " + "\n      ".join(found.commands))
+        say("then: " + "\n      ".join(found.commands))
 
 
 VERDICT = re.compile(r'the verdict is "[^"]*": (.*)', re.S)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..units import to_deg_per_hour
-from .console import print_table
+from .console import print_table, say
 from .quantities import round_with_std
 from .text import number
 
@@ -25,12 +25,12 @@ def show(report: Mapping[str, Any]) -> None:
         if rows:
             print_table("", head, rows)
     if hour := report.get("hour"):
-        print(an_hour(hour))
+        say(an_hour(hour))
     choice = report.get("choice")
     if choice:
-        print(choice["why"].split("; ")[0])  # the table above has the rest
+        say(choice["why"].split("; ")[0])  # the table above has the rest
         for name, why in choice["not_tried"].items():
-            print(f"not tried: {name}, {why}")
+            say(f"not tried: {name}, {why}")
     noise = report.get("noise") or {}
     if noise.get("white_over_stated") is not None:
         walk = noise["angle_random_walk_rad_sqrt_s"] or 0.0  # null: no run turns, so no K is known
@@ -38,7 +38,7 @@ def show(report: Mapping[str, Any]) -> None:
         if walk > 0:
             size = to_deg_per_hour(walk) / 60
             beside = f" and the walk adds, beside it an angle random walk of {size:.3g} °/√h"
-        print(f"noise: {noise['white_over_stated']:.3g} times what the windows state{beside}")
+        say(f"noise: {noise['white_over_stated']:.3g} times what the windows state{beside}")
 
 
 def variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:

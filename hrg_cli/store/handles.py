@@ -21,6 +21,8 @@ MOST_OPEN = 64
 by side."""
 CACHE_BYTES = 1 << 20
 """One chunk; HDF5 2 would keep 8 MB a dataset."""
+UNALLOCATED = "memory allocation failed"
+"""HDF5's words where it got no memory, for which h5py raises an OSError without a number."""
 _in_use: OrderedDict[Handle, None] = OrderedDict()
 
 
@@ -134,6 +136,11 @@ def read_error(error: Exception, path: Path, what: str = "") -> HrgError:
         return HrgError(f"{path}: no such file; name a file that is there")
     if is_no_memory(error):
         return HrgError(f"{path}: {NO_MEMORY}")
+    if UNALLOCATED in str(error):  # too little is free, or a damaged chunk claims too much
+        return HrgError(
+            f"{path}: {f'dataset {what} ' if what else ''}needs more memory than is free"
+            f" ({first_line(error)}); free some, or copy it again if the file is small"
+        )
     if number == errno.ENAMETOOLONG:
         return HrgError(
             f"{str(path)[:80]}…: the name is too long for a file; name a file that is there"

@@ -4,7 +4,9 @@
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
+#include <execinfo.h>
 #include <fcntl.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,7 +20,31 @@ static long nth, seen, hits;
 static int code, armed;
 static char ours[FILES];
 
+/* A crash names the innermost library that is neither this one, nor Python's, nor the C library's: whose code did not stand
+ * the failure. */
+enum { FRAMES = 64 };
+static const char *base_of(const char *path) { const char *slash = strrchr(path, '/'); return slash ? slash + 1 : path; }
+static void crashed(int sig) {
+    static const char *const carriers[] = {"libpython", "python", "libc.so", "libm.so", "libpthread", "ld-linux", "fail_nth"};
+    void *frames[FRAMES];
+    const char *whose = "Python";
+    armed = 0;
+    for (int i = 0, n = backtrace(frames, FRAMES); i < n; i++) {
+        Dl_info at;
+        int carries = !dladdr(frames[i], &at) || !at.dli_fname;
+        for (size_t k = 0; !carries && k < sizeof carriers / sizeof *carriers; k++)
+            carries = strncmp(base_of(at.dli_fname), carriers[k], strlen(carriers[k])) == 0;
+        if (!carries) { whose = base_of(at.dli_fname); break; }
+    }
+    dprintf(2, "crashed inside %s\n", whose);
+    signal(sig, SIG_DFL);
+    raise(sig);
+}
+
 void hrg_fault_arm(const char *where, const char *what, int n, int error) {
+    void *first[1];
+    backtrace(first, 1); /* loads what it needs, which allocates */
+    signal(SIGSEGV, crashed), signal(SIGABRT, crashed);
     snprintf(folder, sizeof folder, "%s", where);
     snprintf(kind, sizeof kind, "%s", what);
     nth = n, code = error, seen = hits = 0, armed = 1;

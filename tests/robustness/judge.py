@@ -268,7 +268,8 @@ def _broken(found: Outcome, folder: Path, output: Path, before: set[str]) -> lis
     """The promises that were broken."""
     broken = []
     if found.status not in (0, 1, 2, 3):
-        broken.append(f"ended with {found.status}")
+        where = re.search(r"crashed (inside \S+)", found.err)
+        broken.append(f"ended with {found.status}" + (f" {where[1]}" if where else ""))
     if NOISE.search(found.err) or NOISE.search(found.out):
         broken.append("a traceback, an internal error or a library's words")
     lines = found.err.strip().splitlines()

@@ -8,6 +8,7 @@ is there. What was not run here stays as the page has it.
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections import Counter
 from pathlib import Path
@@ -96,16 +97,44 @@ def calls(runs: list[dict[str, Any]]) -> str:
     samples = [run["sample"] for run in latest.values() if run.get("sample")]
     each = _either(sorted(set(samples)))
     sampled = f" (of {len(samples)} of them {each} of those, spread evenly)" if samples else ""
-    broken = sum(len(run["failures"]) for run in latest.values())
+    broken = [failure for run in latest.values() for failure in run["failures"]]
     return (
         f"## Failing calls\n\nThe first {_either(most)} of each kind that each of"
         f" {len(latest)} commands makes below its folder{sampled}, one at a time (allocations of"
-        f" 16 KiB or more): {sum(counts.values())} in all, {broken} broke a promise.\n\n"
+        f" 16 KiB or more): {sum(counts.values())} in all, {_whose(broken)}\n\n"
         + "\n".join(lines)
         + f"\n\n| command | {' | '.join(kinds)} | broke |\n|---|{'---|' * (len(kinds) + 1)}\n"
         + "\n".join(_calls_row(name, latest[name], kinds) for name in sorted(latest))
         + "\n\n"
         + LIBRARY
+    )
+
+
+INSIDE = {
+    "crashed inside _multiarray_umath": "inside numpy",
+    "failed init": "by words of numpy's LAPACK",
+    "crashed inside libhdf5": "inside HDF5",
+    "crashed inside libllvmlite": "inside LLVM",
+    "LLVM ERROR": "inside LLVM",
+}
+"""What a failure says (fail_nth.c names the library a crash was in), and what the page says."""
+
+
+def _whose(broken: list[str]) -> str:
+    """How many failing calls broke a promise, in which library, and each that was in none."""
+    if not broken:
+        return "none broke a promise."
+    places: Counter = Counter()
+    own = []
+    for failure in broken:
+        where = next((said for words, said in INSIDE.items() if words in failure), "")
+        places[where] += 1
+        if not where:
+            own.append(re.sub(r"\s*\n\s*", " ", failure.strip()))
+    told = [f"{number} {where}" for where, number in sorted(places.items()) if where]
+    told += [f"{len(own)} in this program" if own else "none in this program"]
+    return f"{len(broken)} broke a promise: {', '.join(told)}." + "".join(
+        f"\n* broken: {failure[:300]}" for failure in own
     )
 
 

@@ -204,6 +204,20 @@ def test_the_page_tells_what_broke_and_what_is_kept():
     assert page._what_broke(runs[1:]) == "none broke a promise."
 
 
+def test_the_page_tells_in_which_library_a_failing_call_ended():
+    """122 crashes of libraries and faults of this program were one number."""
+    crash = "info: alloc 5 fails with ENOMEM: ended with -11 inside {0}\n  crashed inside {0}"
+    broken = [crash.format("libhdf5-9e18.so.320"), crash.format("_multiarray_umath.so")]
+    assert page._whose(broken) == (
+        "2 broke a promise: 1 inside HDF5, 1 inside numpy, none in this program."
+    )
+    own = "plan: open 3 fails with EACCES: not one sentence\n  hrg: a\n  hrg: b"
+    said = page._whose([*broken, own])
+    assert "1 in this program." in said
+    assert said.endswith("* broken: plan: open 3 fails with EACCES: not one sentence hrg: a hrg: b")
+    assert page._whose([]) == "none broke a promise."
+
+
 def test_what_was_not_run_stays_on_the_page(tmp_path):
     """The page of an empty folder had nothing but its head: figures of runs elsewhere were lost."""
     before = (Path(__file__).parents[2] / "docs" / "FAULTS.md").read_text(encoding="utf-8")
