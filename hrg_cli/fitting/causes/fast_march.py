@@ -45,7 +45,7 @@ class Constants(NamedTuple):
     lead: complex
 
 
-class Steps(NamedTuple):
+class RuleSteps(NamedTuple):
     """Length of every step (R, n − 1), half the run's mean turn over it, and jumps (R, n − 1, 2)."""
 
     h: Array
@@ -98,7 +98,9 @@ def _slope(
     )
 
 
-def march(rows: Instants, middles: Instants, steps: Steps, shared: Constants, out: Array) -> None:
+def march(
+    rows: Instants, middles: Instants, steps: RuleSteps, shared: Constants, out: Array
+) -> None:
     """Fill the motion (R, n, 2) behind its start by the rule of Runge and Kutta."""
     for r in range(out.shape[0]):
         for k in range(out.shape[1] - 1):
@@ -117,7 +119,7 @@ def march(rows: Instants, middles: Instants, steps: Steps, shared: Constants, ou
 
 
 @functools.lru_cache(maxsize=1)
-def compiled() -> Callable[[Instants, Instants, Steps, Constants, Array], None] | None:
+def compiled() -> Callable[[Instants, Instants, RuleSteps, Constants, Array], None] | None:
     """The march compiled, and kept on disk where there is a folder for it; None without numba."""
     try:
         from numba import njit

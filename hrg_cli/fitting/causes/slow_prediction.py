@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from . import fast_march
-from .fast_march import Steps
+from .fast_march import RuleSteps
 from .fit_point import Point
 from .measured_runs import MeasuredRuns
 from .slow_equation import RungeKuttaStage, generators, jump, times
@@ -171,7 +171,7 @@ class Rule:
             self.fast(
                 self.rows.instants(self.L),
                 self.halves.instants(self.M),
-                Steps(self.h[..., 0], self.E[..., 0], jumps),
+                RuleSteps(self.h[..., 0], self.E[..., 0], jumps),
                 self.rows.constants(),
                 motion,
             )
