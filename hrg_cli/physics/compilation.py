@@ -42,7 +42,8 @@ def compile_all(
 
 
 def fingerprint(functions: Sequence[Function]) -> str:
-    """Digest of the functions' code and of the numbers they take from their modules."""
+    """Digest of the functions' code, of the numbers they take from their modules and of what their
+    arguments are (what is kept names these classes, and is not read where one is gone)."""
     return hashlib.sha256(repr([_content(f) for f in functions]).encode()).hexdigest()[:12]
 
 
@@ -54,4 +55,5 @@ def _content(function: Any) -> tuple[Any, ...]:
         for name in code.co_names
         if isinstance(value := function.__globals__.get(name), (int, float))
     ]
-    return code.co_code, code.co_consts, code.co_names, numbers
+    kinds = [function.__globals__.get(kind, kind) for kind in function.__annotations__.values()]
+    return code.co_code, code.co_consts, code.co_names, numbers, kinds

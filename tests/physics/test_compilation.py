@@ -25,6 +25,23 @@ def test_the_fingerprint_follows_code_and_numbers_of_every_part():
     assert fingerprint([bound(inner, STEP=2.0), outer]) != plain
 
 
+def test_the_fingerprint_follows_the_kinds_of_arguments():
+    """A class that had been renamed was looked for by its old name in what was kept on disk."""
+
+    def taking(kind):
+        def inner(x):
+            return x + STEP
+
+        inner.__annotations__["x"] = kind
+        return inner
+
+    class Renamed(tuple):
+        pass
+
+    assert fingerprint([taking(tuple)]) == fingerprint([taking(tuple)])
+    assert fingerprint([taking(Renamed)]) != fingerprint([taking(tuple)])
+
+
 @pytest.mark.parametrize("opened", [(), ("inner",)])
 def test_a_compiled_function_calls_what_is_given_for_a_name(opened):
     njit = pytest.importorskip("numba").njit
