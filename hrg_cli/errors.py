@@ -2,8 +2,11 @@
 what to do."""
 
 import errno
+from collections.abc import Iterable
 
 NO_MEMORY = "not enough memory; use fewer or shorter inputs"
+ROOM = 60
+"""Characters that a list of names has in a message of two lines."""
 UNMAPPED = "failed to map segment"
 """What the system says of a library that memory has no room for; Python keeps no number of it."""
 
@@ -16,6 +19,18 @@ def is_no_memory(error: BaseException) -> bool:
         return getattr(error, "errno", None) == errno.ENOMEM or any(UNMAPPED in s for s in said)
     silent = isinstance(error, SystemError) and "exception" in str(error)
     return silent or isinstance(error, MemoryError)
+
+
+def name_some(names: Iterable[object], room: int = ROOM) -> str:
+    """Names in a sentence: as many as have room, at least one, and how many there are."""
+    every = [str(name) for name in names]
+    shown, length = every[:1], len("".join(every[:1]))
+    for name in every[1:]:
+        length += len(name) + 2
+        if length > room:
+            return f"{', '.join(shown)} … ({len(every)} in all)"
+        shown.append(name)
+    return ", ".join(shown)
 
 
 class HrgError(Exception):

@@ -20,12 +20,15 @@ import numpy as np
 from .errors import HrgError, UsageError
 from .extras import how_to_install
 from .records import Array, Calibration, Record, Recording
+from .reporting.text import spreadsheet
 
 FORMATS = (".csv", ".json", ".parquet", ".xlsx", ".mat")
 HEADER = ".h"
 """What calibrations alone go to besides."""
 EXCEL_ROWS = 1_048_575
 """Rows that a sheet takes below its head."""
+LONGEST_CELL = 32_000
+"""Characters of a text that a cell takes."""
 
 
 def format_of(output: Path) -> tuple[str, bool]:
@@ -188,9 +191,16 @@ _WRITERS: Mapping[str, Callable[[Record], bytes]] = {
 
 
 def _frame(record: Record) -> Any:
+    """The table for what spreadsheets open: texts of a file are none of their formulas."""
     import pandas as pd
 
-    return pd.DataFrame(columns_of(record))
+    columns = columns_of(record)
+    texts = {
+        name: [spreadsheet(value) for value in values.tolist()]
+        for name, values in columns.items()
+        if values.dtype.kind in "OU"
+    }
+    return pd.DataFrame(columns | texts)
 
 
 def package_for(package: str) -> Any:
@@ -222,6 +232,5 @@ def _safe(value: Any) -> Any:
     if isinstance(value, float) and not np.isfinite(value):
         return None
     if isinstance(value, str):
-        text = "".join(c for c in value if c >= " " or c in "\n\t")[:32_000]
-        return f"'{text}" if text[:1] in ("=", "+", "@") else text
+        return spreadsheet(value)[:LONGEST_CELL]
     return value if isinstance(value, int | float | bool) or value is None else str(value)

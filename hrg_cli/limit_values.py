@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from .errors import UsageError
@@ -158,6 +158,19 @@ def _factor(name: str, unit: str) -> float:
         f"limit {name}: {what};"
         f" {suggest(unit, known) or 'one of ' + ', '.join(k for k in known if k) + ' was expected'}"
     )
+
+
+def whole_names(table: Mapping[str, Any], begin: str = "") -> dict[str, Any]:
+    """Limits by the whole names of their figures: of a name with dots that stands in no quotes TOML
+    makes a table in a table."""
+    found: dict[str, Any] = {}
+    for name, limit in table.items():
+        inner = isinstance(limit, Mapping) and limit
+        if inner and not any(suggest(key, ("minimum", "maximum")) for key in limit):
+            found |= whole_names(limit, f"{begin}{name}.")
+        else:
+            found[f"{begin}{name}"] = limit
+    return found
 
 
 def suggest(word: str, known: Iterable[str]) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from .errors import HrgError, UsageError
-from .limit_values import limit_value, suggest, unit_of
+from .limit_values import limit_value, suggest, unit_of, whole_names
 from .records import KINDS, Calibration, Diagnosis, Record, Recording, Resonator
 
 STATUSES = {"valid": 0, "suspect": 1, "refused": 2}
@@ -131,9 +131,8 @@ def table_of(kind: str, limits: Mapping[str, Any]) -> Mapping[str, Any]:
     UsageError: a table that looks mistyped."""
     check_tables(limits)
     own = limits.get(kind)
-    table: Mapping[str, Any] = (
-        own if isinstance(own, Mapping) else {k: v for k, v in limits.items() if not is_group(v)}
-    )
+    outside = {k: v for k, v in limits.items() if not is_group(v)}
+    table = whole_names(own if isinstance(own, Mapping) else outside)
     if not table:
         raise HrgError(
             f"the limits hold nothing for a {kind} file; write a table [{kind}] with"

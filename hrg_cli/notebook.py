@@ -86,6 +86,9 @@ class NotebookView:
                     np.asarray(value[:]),
                     {"units": spec.units or "", "long_name": spec.meaning},
                 )
+        if (times := _even_times(self)) is not None:
+            said = {"units": "s", "long_name": "time of each sample, from its rate"}
+            variables["time_s"] = (("row",), times, said)
         data = xr.Dataset(variables, attrs=attributes)
         for dimension in list(data.dims):
             known = [
@@ -114,7 +117,8 @@ class NotebookView:
         """
         columns = self.columns()  # type: ignore[attr-defined]
         there = [n for n, spec in columns.items() if spec.dims and getattr(self, n) is not None]
-        name = column or next((n for n in PLOTTED if n in there), there[0] if there else "")
+        telling = [n for n in PLOTTED if n in there and not _is_index(n, columns[n].dims)]
+        name = column or next(iter(telling or there), "")
         if name not in there:
             raise HrgError(
                 f"{name or 'the record'}: is no column of this {self.kind}; it has"  # type: ignore[attr-defined]
@@ -124,23 +128,37 @@ class NotebookView:
             ax = need_package("matplotlib.pyplot", "plot").subplots()[1]
         spec, y = columns[name], np.asarray(getattr(self, name)[:])
         across = spec.dims[1] if spec.dims[0] == "node" and len(spec.dims) > 1 else spec.dims[0]
-        along = next(
-            (
-                n
-                for n in COORDINATES.get(across, ())
-                if n in there and n != name and columns[n].dims == (across,)
-            ),
-            None,
-        )
-        x = (
-            np.asarray(getattr(self, along)[:])
-            if along
-            else np.arange(y.shape[spec.dims.index(across)])
-        )
+        along, x = _abscissa(self, name, across, y.shape[spec.dims.index(across)])
         ax.plot(x, y.T if across != spec.dims[0] else y, "o" if x.dtype.kind == "O" else "-")
-        ax.set_xlabel(along or "row")
+        ax.set_xlabel(along)
         ax.set_ylabel(f"{name}, {spec.units}" if spec.units not in (None, "1", "any") else name)
         return ax
+
+
+def _is_index(name: str, dims: Any) -> bool:
+    """Whether a column says where along its dimension the others stand."""
+    return len(dims) == 1 and COORDINATES.get(dims[0], ("",))[0] == name
+
+
+def _even_times(record: Any) -> Any:
+    """Times of the rows of evenly sampled channels, which no column holds; None for others."""
+    rate = getattr(record, "sample_rate_hz", None)
+    if rate is None or getattr(record, "time_s", None) is not None:
+        return None
+    return np.arange(len(record)) / rate
+
+
+def _abscissa(record: Any, name: str, across: str, size: int) -> tuple[str, Any]:
+    """What a column is plotted against, and its values: the coordinate of its dimension, else the
+    row."""
+    columns = record.columns()
+    for along in COORDINATES.get(across, ()):
+        there = along in columns and getattr(record, along) is not None
+        if there and along != name and columns[along].dims == (across,):
+            return along, np.asarray(getattr(record, along)[:])
+    if across == "row" and (times := _even_times(record)) is not None:
+        return "time_s", times
+    return "row", np.arange(size)
 
 
 def _facts(record: Any) -> dict[str, Any]:

@@ -4,7 +4,6 @@ into its status."""
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -84,11 +83,9 @@ def write_verdict(path: Path, record: Record, told: Rehearsal, typed: str) -> No
 def settings_of(path: Path, stage: str) -> dict[str, Any]:
     """The settings of a stage that a file keeps. HrgError: they cannot be read."""
     try:
-        found = tomllib.loads(store.provenance_of(path).settings).get(stage, {})
-    except tomllib.TOMLDecodeError as error:
-        raise HrgError(
-            f"{path}: the settings it keeps cannot be read ({error}); make it again"
-        ) from error
+        found = settings.parse_toml(store.provenance_of(path).settings).get(stage, {})
+    except HrgError as error:
+        raise HrgError(f"{path}: {error}; make it again") from error
     return dict(found) if isinstance(found, dict) else {}
 
 

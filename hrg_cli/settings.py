@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from .errors import HrgError, UsageError
+from .errors import HrgError, UsageError, name_some
 
 
 @functools.cache
@@ -37,7 +37,7 @@ def model_of(stage: Callable[..., Any]) -> Any:
 
 MOST_KEYS = 100_000
 """Keys, tables and lists of a settings file."""
-MOST_TOLD = 20
+MOST_TOLD = 3
 """Wrong keys that one sentence names."""
 
 
@@ -84,9 +84,12 @@ def _need_few_keys(text: str, where: str) -> None:
 def parse_toml(text: str) -> dict[str, Any]:
     """A TOML text (a record's settings) as a dictionary. HrgError: it is none."""
     try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise HrgError("the settings kept in the file are not TOML") from error
+        _need_few_keys(text, "the text")
+        tree = tomllib.loads(text)
+        _need_usual_numbers(tree, "the text")
+        return tree
+    except (ValueError, RecursionError, HrgError) as error:
+        raise HrgError("its settings or its model, kept as TOML, are damaged") from error
 
 
 def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -253,18 +256,18 @@ def validate(
         return model.model_validate(dict(values))
     except ValidationError as error:
         found = error.errors(include_url=False)
-        problems = [_problem(one, model, prefix) for one in found[:MOST_TOLD]]
+        problems = [_problem(one, model, prefix, len(found) == 1) for one in found[:MOST_TOLD]]
         more = [f"and {len(found) - MOST_TOLD} more"] if len(found) > MOST_TOLD else []
         kind = UsageError if usage else HrgError
         raise kind(f"{where}: {'; '.join(problems + more)}") from error
 
 
-def _problem(error: Mapping[str, Any], model: Any, prefix: str) -> str:
-    """One of pydantic's errors in words."""
+def _problem(error: Mapping[str, Any], model: Any, prefix: str, alone: bool) -> str:
+    """One of pydantic's errors in words; an unknown key that stands alone is answered with those
+    that there are."""
     key = prefix + ".".join(str(part) for part in error["loc"])
     if error["type"] == "extra_forbidden":
-        close = _closest(str(error["loc"][-1]), model, error["loc"][:-1])
-        return f"unknown key {key}" + (f" (did you mean {close}?)" if close else "")
+        return f"unknown key {key}{_hint(str(error['loc'][-1]), model, error['loc'][:-1], alone)}"
     if error["type"] == "missing":
         return f"{key} is missing"
     says = error["msg"].removeprefix("Value error, ")
@@ -273,14 +276,18 @@ def _problem(error: Mapping[str, Any], model: Any, prefix: str) -> str:
     return ": ".join(part for part in parts if part)
 
 
-def _closest(word: str, model: Any, place: tuple[Any, ...]) -> str:
+def _hint(word: str, model: Any, place: tuple[Any, ...], alone: bool) -> str:
+    """The key that an unknown one may mean, or those that there are."""
     import difflib
 
     for part in place:
         field = getattr(model, "model_fields", {}).get(part)
         model = getattr(field, "annotation", None)
-    found = difflib.get_close_matches(word, list(getattr(model, "model_fields", {})), 1)
-    return found[0] if found else ""
+    known = list(getattr(model, "model_fields", {}))
+    close = difflib.get_close_matches(word, known, 1)
+    if close:
+        return f" (did you mean {close[0]}?)"
+    return f" (there are {name_some(known)})" if known and alone else ""
 
 
 def to_toml(values: Mapping[str, Any]) -> str:

@@ -14,13 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from . import settings, store
-from .errors import HrgError
+from .errors import HrgError, name_some
 from .records import Record
 
 RESULTS = ("whole", "without checksums", "changed", "damaged")
 """From best to worst."""
-NAMED = 3
-"""Names that a sentence tells."""
 LARGEST_NOTE = 4 << 20
 """Bytes; a lot's notes are far smaller."""
 
@@ -82,12 +80,6 @@ def report(verdicts: Sequence[FileState]) -> dict[str, Any]:
     }
 
 
-def named_first(names: Sequence[str]) -> str:
-    """Names in a sentence: three of them, and how many more there are."""
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return ", ".join(names[:NAMED]) + more
-
-
 def _files_of(folder: Path) -> list[Path]:
     """The hrg files of a folder and those below it."""
     return [
@@ -129,6 +121,8 @@ class _Verification:
                     "keeps no checksums (a laboratory's file, or an older hrg's); changes would not"
                     " show",
                 )
+                for sentence in store.unreadable(path):
+                    verdict.worse("damaged", sentence)
             for sentence in changed or []:
                 verdict.worse("changed", sentence)
             with store.open_record(path, store.kind_of(path)) as record:
@@ -161,7 +155,7 @@ class _Verification:
         if others:
             verdict.worse(
                 "changed",
-                f"was made from another {named_first(others)} than lies here; that was changed or"
+                f"was made from another {name_some(others)} than lies here; that was changed or"
                 " made again",
             )
         self._compare(record, found, verdict)
@@ -183,7 +177,7 @@ class _Verification:
             by_kind.setdefault(kind.kind, {}).setdefault(made.settings, []).append(source.name)
         for kind_name, by_settings in by_kind.items():
             if len(by_settings) > 1:
-                groups = "; ".join(named_first(names) for names in by_settings.values())
+                groups = "; ".join(name_some(names) for names in by_settings.values())
                 keys = ", ".join(_different(list(by_settings))) or "their text"
                 verdict.notes.append(
                     f"its {kind_name} files were made with different settings ({keys}): {groups}"

@@ -46,7 +46,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "memory": FILES,
     "verification": FILES,
     "signatures": FILES,
-    "exporting_records": FILES,
+    "exporting_records": {*FILES, "reporting"},
     "limits": {*STAGES, "stages", "limit_values"},
     "holding": {"errors", "limit_values", "limits", "records"},
     "measured_export": {*STAGES, "stages"},

@@ -10,10 +10,13 @@ import pytest
 import records_by_hand as by_hand
 
 from hrg_cli import store
+from hrg_cli.chain import Step
+from hrg_cli.commands.run import _judge
 from hrg_cli.commands.told_differences import told_beyond
 from hrg_cli.comparing import compare, compare_tables
 from hrg_cli.errors import UsageError
 from hrg_cli.limit_values import limit_value, quantity_of, suggest, unit_of
+from hrg_cli.limits import Row
 from hrg_cli.records import Recording
 from hrg_cli.reporting.quantities import quantity
 from hrg_cli.units import DEGREE_PER_HOUR
@@ -348,3 +351,21 @@ def test_a_damping_split_is_told_as_its_limit_is_written(tmp_path, hrg):
     refused = hrg("check", tmp_path / "resonator.h5", "--limits", given)
     assert refused.status == 3 and "≤ 5 °/h" in refused.out
     assert "°/h, the limit is ≤ 5 °/h" in refused.err and "1/s" not in refused.err
+
+
+STEP = Step("calibrate", (), "calibration.h5", "valid", ())
+
+
+def test_a_missed_limit_has_its_units_everywhere(hrg, results):
+    """JUnit and the summary of `run` told rad/s without a unit, where the table told °/h."""
+    told = hrg(
+        *("check", results / "resonator.h5", "--junit", results / "units.xml"),
+        *("--set", 'resonator.damping_split_1_s="1 deg/h"'),
+    )
+    assert told.status == 3 and "°/h, the limit is ≤ 1 °/h" in told.err
+    suite = ElementTree.parse(results / "units.xml").getroot()
+    (failure,) = suite.iter("failure")
+    assert "°/h, the limit is ≤ 1 °/h" in failure.get("message", "")
+    row = Row("damping_split_1_s", 0.02, None, 1e-3, False)
+    (reason, *_) = _judge([STEP], [row])["status_reasons"]
+    assert reason.endswith("°/h, the limit is ≤ 206.265 °/h")

@@ -1,12 +1,15 @@
 """Figures held against limits."""
 
+import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from forced_runs import Truth, programme
 
-from hrg_cli.errors import HrgError
-from hrg_cli.limits import MOST_LIMITS, check
+from hrg_cli.errors import HrgError, UsageError
+from hrg_cli.limits import MOST_LIMITS, Judged, check, rows_of, table_of
+from hrg_cli.reporting.lot_page import limits_of
 from hrg_cli.settings import load_toml
 from hrg_cli.stages.calibrate import calibrate
 
@@ -92,3 +95,37 @@ def test_a_file_of_limits_is_bounded(record, count):
             check(record, table)
     else:
         assert len(check(record, table)) == count + 1  # and the status
+
+
+JUDGED = Judged(
+    "calibration", "valid", {"drift_rms_rad_s.held_out": 1e-6, "scale_factor": 0.55}, None
+)
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        '"drift_rms_rad_s.held_out" = "5 deg/h"',
+        'drift_rms_rad_s.held_out = "5 deg/h"',
+        'drift_rms_rad_s = { held_out = { maximum = "5 deg/h" } }',
+        '[calibration.drift_rms_rad_s]\nheld_out = "5 deg/h"',
+    ],
+)
+def test_a_name_with_dots_needs_no_quotes(written):
+    """Without them it was "limit drift_rms_rad_s has held_out", and --set had no way to give it."""
+    limits = tomllib.loads(f"[calibration]\n{written}\n")
+    _, row = rows_of(JUDGED, table_of("calibration", limits))
+    assert row.name == "drift_rms_rad_s.held_out"
+    assert row.maximum == pytest.approx(5 * np.pi / 180 / 3600)
+
+
+@pytest.mark.parametrize("limit", ["{ minimun = 0.5 }", "{ minimum = 0.5, most = 0.6 }"])
+def test_a_mistyped_bound_stays_one(limit):
+    limits = tomllib.loads(f"[calibration]\nscale_factor = {limit}\n")
+    with pytest.raises(UsageError, match="minimum"):
+        rows_of(JUDGED, table_of("calibration", limits))
+
+
+def test_a_lots_limit_needs_no_quotes():
+    limits = tomllib.loads("[calibration]\ndrift_rms_rad_s.held_out = 1e-3\n")
+    assert limits_of("drift_rms_rad_s_held_out", limits) == (None, 1e-3)

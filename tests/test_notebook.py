@@ -29,6 +29,33 @@ def test_short_names_and_plots(kind):
         record.plot(column="nothing")
 
 
+@pytest.mark.parametrize(
+    ("kind", "against", "shown"),
+    [
+        ("recording", "time_s", "c"),
+        ("wave", "time_s", "wave_angle_rad, rad"),
+        ("calibration", "wave_angle_rad", "drift_rad_s, rad s-1"),
+    ],
+)
+def test_the_first_plot_is_of_what_was_measured(kind, against, shown):
+    """A calibration's was of its own nodes, a recording's against the row."""
+    mpl = pytest.importorskip("matplotlib")
+    mpl.use("Agg")
+    record = by_hand.RECORDS[kind]()
+    ax = record.plot()
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (against, shown)
+    if kind == "recording":
+        assert ax.lines[0].get_xdata()[:3] == pytest.approx(np.arange(3) / record.sample_rate_hz)
+
+
+def test_even_samples_have_times():
+    pytest.importorskip("xarray")
+    record = by_hand.recording()
+    data = record.to_xarray()
+    assert data.c.dims == ("time_s",) and data.time_s.attrs["units"] == "s"
+    assert np.diff(data.time_s) == pytest.approx(1 / record.sample_rate_hz)
+
+
 def test_xarray_has_coordinates():
     pytest.importorskip("xarray")
     wave = by_hand.wave().to_xarray()

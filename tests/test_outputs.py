@@ -20,6 +20,7 @@ from conftest import PACKAGE, ringing
 from hrg_cli import store
 from hrg_cli.errors import HrgError, UsageError
 from hrg_cli.exporting import export
+from hrg_cli.exporting_records import export_record
 from hrg_cli.lots.lot_table import write_table
 from hrg_cli.reporting.text import c_comment, plain, spreadsheet
 
@@ -70,9 +71,28 @@ def test_texts_stay_inside_a_comment_of_c(attack, tmp_path):
     assert made.returncode == 0, made.stderr
 
 
-@pytest.mark.parametrize(
-    "attack", ["=cmd|' /C calc'!A0", "+1+1", "-2+3", "@SUM(A1)", " =1", "\t=1", "＝1", "\x1b[31m=1"]
-)
+FORMULAS = ("=cmd|' /C calc'!A0", "+1+1", "-2+3", "@SUM(A1)", " =1", "\t=1", "＝1", "\x1b[31m=1")
+
+
+@pytest.mark.parametrize("attack", FORMULAS)
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".xlsx"])
+def test_an_exported_file_holds_no_formulas(suffix, attack, tmp_path):
+    """Names of parameters and gyros came through as they were; a sheet had a rule of its own that
+    knew "=", "+" and "@"."""
+    record = records_by_hand.RECORDS["resonator"]()
+    names = np.array([attack, *record.name[1:]], dtype=object)
+    written = tmp_path / f"t{suffix}"
+    written.write_bytes(export_record(record.replace(name=names, gyro_id=attack), written))
+    read = {".csv": pd.read_csv, ".parquet": pd.read_parquet}.get(suffix, pd.read_excel)
+    tables = [read(written)]
+    if suffix == ".xlsx":
+        tables.append(pd.read_excel(written, sheet_name="about", header=None))
+    said = [cell for table in tables for cell in table.to_numpy().ravel() if isinstance(cell, str)]
+    assert sum(spreadsheet(attack) == cell for cell in said) == len(tables)
+    assert [cell for cell in said if spreadsheet(cell) != cell] == []
+
+
+@pytest.mark.parametrize("attack", FORMULAS)
 def test_texts_are_no_formulas_in_a_spreadsheet(attack, tmp_path):
     assert (
         spreadsheet(attack)[0] in ("'", "\ufffd")

@@ -4,6 +4,7 @@ refuses mixed gyros and tells its plan."""
 import gzip
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import records_by_hand as by_hand
 from conftest import PACKAGE, ringing
 
 from hrg_cli import store
-from hrg_cli.records import Recording, Wave
+from hrg_cli.records import Recording, Resonator, Wave
 
 ROOT = Path(__file__).parent.parent
 SAMPLE = sorted((ROOT / "sample_data").glob("free-*.h5"))[:2]
@@ -142,13 +143,24 @@ def recordings(tmp_path_factory):
 FEW = ("--set", "demodulate.periods_per_window=20", "--set", "diagnose.most_effects=1")
 
 
+def test_what_a_run_would_do_can_be_done_by_hand(hrg, recordings, tmp_path):
+    """Its lines named files by themselves, which no shell finds, and left the settings out."""
+    out, config = tmp_path / "by hand", tmp_path / "chain.toml"
+    config.write_text("[demodulate]\nperiods_per_window = 20\n")
+    planned = hrg("run", recordings, "-o", out, "--config", config, "--dry-run")
+    assert planned.status == 0 and not out.exists()
+    steps = [shlex.split(line) for line in planned.out.splitlines()]
+    assert "--resonator" in steps[-1] and steps[-1][1] == "diagnose"
+    out.mkdir()
+    for _, *words in steps[:-1]:
+        assert hrg(*words).status == 0, words
+    assert store.read(out / "resonator.h5", Resonator).gyro_id
+    times = store.read(out / "free-1.wave.h5", Wave).time_s
+    assert np.median(np.diff(times)) == pytest.approx(20 / 1003.7, rel=0.01)
+
+
 def test_run_takes_a_folder_and_resumes(hrg, recordings, tmp_path):
     out = tmp_path / "out"
-    assert (
-        "identify free-1.wave.h5 free-2.wave.h5"
-        in hrg("run", recordings, "-o", out, "--dry-run").out
-        and not out.exists()
-    )
     first = hrg("run", recordings, "-o", out, *FEW, "--json")
     assert first.status in (0, 3) and (out / "diagnosis.extended_resonator.h5").exists(), first.err
     assert first.json["answer"]["sentence"] and "<svg" in (out / "report.html").read_text()

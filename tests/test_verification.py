@@ -115,7 +115,13 @@ def claim_more(path):
         file.create_dataset("periods/time_s", shape=(1 << 40,), dtype="f8", chunks=(1 << 16,))
 
 
+def spoil_checksums(path):
+    with h5py.File(path, "r+") as file:
+        file.attrs["checksums"] = "nan"
+
+
 CHANGES = {
+    "the checksums themselves": (spoil_checksums, "the checksums were changed"),
     "a dataset that claims a size": (claim_more, "the values of /periods/time_s were changed"),
     "a value in its last digits": (change_value, "the values of /periods/signals were changed"),
     "an attribute": (change_attribute, "the attributes of /periods were changed"),
@@ -202,6 +208,30 @@ def test_a_laboratorys_file_is_not_called_whole(tmp_path, hrg):
         hrg("verify", tmp_path / "a.h5").status == 0
         and hrg("verify", tmp_path / "a.h5", "--strict").status == 3
     )
+
+
+@pytest.mark.parametrize("text", ["", "nan", "[]", "{", "[" * 20_000, '{"/": ', 3.0, "{}"])
+def test_checksums_that_are_none_were_changed(text, tmp_path):
+    """Whoever spoilt them made of a changed file one that never had any, and exit 0 of 3."""
+    store.write(tmp_path / "a.h5", ringing())
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        file.attrs["checksums"] = text
+    assert [v.result for v in verify([tmp_path / "a.h5"])] == ["changed"]
+
+
+def test_values_that_cannot_be_read_are_damage_without_checksums_too(tmp_path):
+    """They were "without checksums": nothing had read them."""
+    path = tmp_path / "log.h5"
+    store.write(path, ringing(seconds=2.0))
+    with h5py.File(path, "r+") as file:
+        del file.attrs["checksums"]
+        place = file["recording/s"].id.get_chunk_info(0)
+    raw = bytearray(path.read_bytes())
+    raw[place.byte_offset + place.size // 2] ^= 0xFF
+    path.write_bytes(raw)
+    (state,) = verify([path])
+    assert state.result == "damaged"
+    assert any("/recording/s cannot be read" in found for found in state.findings)
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.kind)

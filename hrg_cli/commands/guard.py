@@ -22,10 +22,8 @@ from ..errors import (
     is_no_memory,
 )
 from ..extras import how_to_install, optional
-from ..reporting.text import plain
+from ..reporting.text import one_line
 
-LONGEST_WORD, SHOWN, LONGEST_LINE = 1024, 100, 3000
-"""Characters: no name of a file is longer than the first; what is shown of such a word; all."""
 DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
 
 
@@ -101,7 +99,7 @@ def run_guarded(body: Callable[[], None], verbose: bool = False) -> None:
     except UsageError as error:
         leave(str(error), USAGE)
     except DiskFullError as error:
-        print(f"hrg: {sentence(str(error))}", file=sys.stderr, flush=True)
+        print(f"hrg: {one_line(str(error))}", file=sys.stderr, flush=True)
         sys.stdout.flush()
         os._exit(FAILED)  # HDF5 crashes at a normal exit after a full disk
     except InterruptedRunError as error:
@@ -136,15 +134,7 @@ def _unforeseen(error: Exception, verbose: bool) -> NoReturn:
     )
 
 
-def sentence(text: str) -> str:
-    """A message as one line; of a foreign word that would fill pages (a key of a damaged file) the
-    beginning is shown."""
-    words = (w if len(w) <= LONGEST_WORD else f"{w[:SHOWN]}…" for w in text.split())
-    line = plain(" ".join(words))
-    return line if len(line) <= LONGEST_LINE else f"{line[:LONGEST_LINE]}…"
-
-
 def leave(text: str, status: int) -> NoReturn:
     """One line on standard error, then the exit status."""
-    print(f"hrg: {sentence(text)}", file=sys.stderr, flush=True)
+    print(f"hrg: {one_line(text)}", file=sys.stderr, flush=True)
     raise typer.Exit(status) from None

@@ -74,7 +74,7 @@ def info_file(
         for reason in answer_text.untold(reasons, found.why if found is not None else ()):
             console.say(f"  {reason}")
         if found is not None:
-            answer_text.show(found)
+            answer_text.show(found, path.parent)
         shown = {p.name for p in found.parameters} if found is not None else set()
         left = {name: value for name, value in facts.items() if name not in shown}
         console.print_table("", ("figure", "value"), figures_in_words.told(left))

@@ -16,14 +16,16 @@ from .. import settings, store
 from ..chain import Step
 from ..errors import HrgError
 from ..extras import without_pages
-from ..gyro import gyro_of, inputs_of, plan_steps, run_gyro
+from ..gyro import gyro_of, inputs_of, run_gyro
 from ..holding import hold
 from ..limits import Row, check_tables
 from ..pipeline import STAGES
 from ..reporting import answer_text, console
 from ..reporting.answer import Answer, answer
+from ..reporting.check_pages import why_not
 from ..stages.demodulate import demodulate
 from .common import Common
+from .dry_run import say_by_hand
 from .frame import Files, command, command_line, existing
 from .options import flags_of
 
@@ -102,7 +104,7 @@ def run_files(
     paths = existing(recordings, "the recordings of one gyro, or their folder")
     folder = run.need_output("results/")
     if dry_run:
-        return _plan(paths, folder, tables, rehearsals, started)
+        return _plan(say_by_hand(paths, folder, tables, run), started)
     inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
     gyro = gyro_of(inputs)
     made_folder = not folder.is_dir()
@@ -139,7 +141,7 @@ def run_files(
 
     def show() -> None:
         if found is not None:
-            answer_text.show(found)
+            answer_text.show(found, folder)
         console.say(f"page: {page}" if not pageless else f"no page: {pageless}")
 
     return report, show
@@ -194,7 +196,7 @@ def _judge(steps: Sequence[Step], rows: Sequence[Row]) -> dict[str, Any]:
     deciding = (
         [step for step in steps if step.name != "identify"] if _is_explained(steps) else steps
     )
-    missed = [row.sentence() for row in rows if not row.passed]
+    missed = [why_not(row) for row in rows if not row.passed]
     failed = any(step.status == "failed" for step in steps)
     worst = "refused" if failed or missed else max((s.status for s in deciding), key=_ORDER.index)
     return {
@@ -286,19 +288,8 @@ def _is_explained(steps: Sequence[Step]) -> bool:
     )
 
 
-def _plan(
-    paths: Sequence[Path],
-    folder: Path,
-    tables: dict[str, Any],
-    rehearsals: Mapping[str, Any] | None,
-    started: float,
-) -> Shown:
-    lines = [
-        f"hrg {name} {' '.join(inputs)} -o {folder / output}"
-        if output
-        else f"hrg {name} {folder / inputs[0]} --times {(rehearsals or {})['times']}"
-        for name, inputs, output in plan_steps(paths, tables, rehearsals is not None)
-    ]
+def _plan(lines: list[str], started: float) -> Shown:
+    """What would be done, as commands."""
     report = {
         "kind": "plan of a run",
         "status": "valid",

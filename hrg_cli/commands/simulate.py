@@ -109,9 +109,9 @@ def _need_room(runs: Sequence[SimulationFile], file: Path, folder: Path) -> None
     need, free = sum(map(size_bytes, runs)), shutil.disk_usage(folder).free
     if need > free:
         raise HrgError(
-            f"{file}: would give {need / 1e9:.3g} GB of samples, before they are compressed, and"
-            f" {folder} has {free / 1e9:.3g} GB free; shorten recording.duration_s, lower"
-            " recording.sample_rate_hz or choose another --output"
+            f"{file}: would give {need / 1e9:.3g} GB of samples, {folder} has {free / 1e9:.3g} GB"
+            " free; shorten recording.duration_s, lower recording.sample_rate_hz or choose another"
+            " --output"
         )
 
 

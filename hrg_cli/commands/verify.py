@@ -10,9 +10,10 @@ from typing import Annotated, Any
 import typer
 
 from .. import signatures
+from ..errors import name_some
 from ..reporting import console
 from ..reporting.text import drop_empty_columns
-from ..verification import named_first, report, verify
+from ..verification import report, verify
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, Files, command, existing, no_settings
 
@@ -66,6 +67,6 @@ def verify_files(
         console.print_table("", *drop_empty_columns(head, rows))
         absent = sorted({name for v in verdicts for name in v.not_followed})
         if absent:
-            console.say(f"not in the folder, so not followed: {named_first(absent)}")
+            console.say(f"not in the folder, so not followed: {name_some(absent)}")
 
     return run.kept(told), show

@@ -21,7 +21,7 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from ..errors import HrgError
+from ..errors import HrgError, name_some
 from ..physics import ellipse
 from ..physics.plant import Control, Environment, Plant, Readout, SlowState
 
@@ -184,7 +184,7 @@ class Effect:
         unknown = sorted(set(given) - set(known))
         if unknown:
             raise HrgError(
-                f"effects.{self.name}: unknown parameter {', '.join(unknown)}; it has"
+                f"effects.{self.name}: unknown parameter {name_some(unknown)}; it has"
                 f" {', '.join(known)}"
             )
         for name, value in given.items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..errors import HrgError
+from ..errors import HrgError, name_some
 from .log import Channel, Log
 from .quantities import is_temperature, is_time
 
@@ -125,11 +125,10 @@ class Roles:
 
 def listing(log: Log) -> str:
     """The log's columns for an error message."""
-    shown = [
+    return name_some(
         f"{i + 1} {c.name}" + (f" [{c.units}]" if c.units else "")
         for i, c in enumerate(log.channels)
-    ]
-    return ", ".join(shown[:20]) + (f" … ({len(shown)} in all)" if len(shown) > 20 else "")
+    )
 
 
 def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
@@ -163,7 +162,9 @@ def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
         free = [i for i in free if not (log.channels[i].rising and _tells_time(log.channels[i]))]
     _fill_channels(log, path, taken, free, single="s" in left_out)
     if taken["c"] == taken["s"]:
-        raise HrgError(f"{path}: c and s are both column {listing(log)}; name two different ones")
+        raise HrgError(
+            f"{path}: c and s are both column {(taken['c'] or 0) + 1}; name two of {listing(log)}"
+        )
     return Roles(**taken)  # type: ignore[arg-type]
 
 
@@ -205,8 +206,8 @@ def _fill_channels(
     if len([i for i in numbers if i != taken["time"]]) == 1 and not single:
         raise HrgError(
             f"{path}: has one channel only ({listing(log)}), two (C and S) were expected; name"
-            ' the other one\'s file with s_file, or give s = "none" to import it with S = 0:'
-            " then its frequency and damping can be found, its wave angle cannot"
+            ' the other one\'s file with s_file, or give s = "none": frequency and damping alone'
+            " can then be found"
         )
     asked_for = " and which ".join(m.upper() for m in missing)
     raise HrgError(

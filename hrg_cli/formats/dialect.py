@@ -188,10 +188,9 @@ def _need_one_way(path: Path, left_out: Sequence[LeftOut], first: int, line: str
     for rows in left_out:
         if rows.otherwise and rows.rows >= FEWEST_OTHERWISE:
             raise HrgError(
-                f"{path}: the way its numbers are written changes after line {rows.last_line}:"
-                f" {rows.example!r} in line {rows.first_line}, {line.strip()[:40]!r} in"
-                f" line {first + 1}; one separator and one decimal sign were expected: write the"
-                " log in one way or import its parts"
+                f"{path}: its numbers are written in two ways: {rows.example!r} in line"
+                f" {rows.first_line}, {line.strip()[:40]!r} in line {first + 1}; write all in one"
+                f" way, or cut the log after line {rows.last_line}"
             )
 
 

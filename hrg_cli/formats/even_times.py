@@ -73,9 +73,8 @@ class TimeJudge:
         if step == 0:
             raise HrgError(
                 f"{self.path}: {self._row(row)} repeats the time of the row before ({count} such"
-                " rows nearby): the times are rounded more coarsely than the samples follow each"
-                " other, or rows are doubled; give sample_rate_hz if the sampling is even, else"
-                " remove the doubled rows"
+                " rows nearby), times must rise; give sample_rate_hz where they are rounded,"
+                " remove doubled rows"
             )
         raise HrgError(
             f"{self.path}: {self._row(row)}: the time goes back by {-step:.6g} s; times must rise"

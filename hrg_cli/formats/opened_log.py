@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import HrgError
+from ..errors import HrgError, name_some
 from ..records.recording import ONE_CHANNEL
 from .columns import Roles, find
 from .log import Log
@@ -105,11 +105,10 @@ def need_same_length(log: Log, roles: Roles, where: str) -> None:
     beside = timed or slow_lengths <= fast_lengths
     if len(fast_lengths) == 1 and len(slow_lengths) <= 1 and beside:
         return
-    shown = ", ".join(f"{role} {rows}" for role, rows in (length | slow).items())
+    shown = name_some(f"{role} {rows}" for role, rows in (length | slow).items())
     raise HrgError(
-        f"{where}: its columns differ in length ({shown}); the log is cut short or its columns were"
-        " sampled apart: name the times of the slow columns with auxiliary_time, leave one out"
-        ' with "none", or record again'
+        f"{where}: its columns differ in length ({shown}), equal ones were expected; name the times of"
+        ' slow columns with auxiliary_time, leave a column out with "none", or record again'
     )
 
 
@@ -124,9 +123,9 @@ def unit_of_channels(log: Log, roles: Roles, units: str | None, where: str) -> s
         )
         if level is not None and index is not None:
             raise HrgError(
-                f"{where}: channel {role}, column {index + 1} ({log.channels[index].name}), is in"
-                f" {level}: the logarithm of an amplitude, where samples of an oscillation were"
-                " expected; import it with --envelope --amplitude COLUMN --decibel"
+                f"{where}: channel {role} (column {index + 1}) is in {level}, samples of an"
+                " oscillation were expected; import the amplitude with --envelope --amplitude"
+                " COLUMN --decibel"
             )
     if units is not None:
         return units

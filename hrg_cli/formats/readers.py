@@ -11,6 +11,7 @@ from pathlib import Path
 from ..errors import HrgError
 from . import audio, hdf5, matlab, parquet, tdms, text
 from .log import Log, Reader
+from .unpacked import is_packed, open_unpacked
 
 READERS: tuple[Reader, ...] = (
     audio.READER,
@@ -36,7 +37,13 @@ def open_log(
     known = {reader.name: reader for reader in READERS}
     if format and format not in known:
         raise HrgError(f"format is {format!r}, expected one of {', '.join(known)}")
-    reader = known.get(format) or next((r for r in READERS if r.recognises(path, head)), None)
+    readers = (text.READER,) if is_packed(path) else READERS
+    reader = known.get(format) or next((r for r in readers if r.recognises(path, head)), None)
+    if reader is None and is_packed(path):
+        raise HrgError(
+            f"{path}: is compressed (gzip) and no text inside, which alone is read so; unpack it"
+            " first"
+        )
     if reader is None:
         raise HrgError(
             f"{path}: is of no format known here (it begins with {head[:8]!r}); {EXPECTED}"
@@ -55,7 +62,7 @@ def _head(path: Path) -> bytes:
     if not os.access(path, os.R_OK):
         raise HrgError(f"{path}: no right to read it; ask for read access")
     try:
-        with open(path, "rb") as file:
+        with open_unpacked(path) as file:
             head = file.read(4096)
     except OSError as error:
         raise HrgError(f"{path}: cannot be read ({error.strerror}); copy it again") from error

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import HrgError
+from ..errors import HrgError, name_some
 from .readers import guard_reading, open_log
 
 LARGEST_TABLE = 1 << 28
@@ -30,7 +30,7 @@ def read_table(
     chosen = [i for i, channel in enumerate(log.channels) if channel.kind != "text"]
     lengths = {log.channels[i].length for i in chosen}
     if len(lengths) > 1:
-        shown = ", ".join(f"{log.channels[i].name} {log.channels[i].length}" for i in chosen)
+        shown = name_some(f"{log.channels[i].name} {log.channels[i].length}" for i in chosen)
         raise HrgError(
             f"{path}: its columns differ in length ({shown}); columns of one length were expected"
         )

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import HrgError
+from ..errors import HrgError, name_some
 from .log import BLOCK_ROWS, Blocks, Channel, Log, Reader, need_library
 
 
@@ -80,7 +80,7 @@ def _complete(path: Path, status: Any) -> None:
         if state.read_length != state.expected_length
     ]
     raise HrgError(
-        f"{path}: its last segment is cut short ({', '.join(short) or 'samples are missing'}); copy"
+        f"{path}: its last segment is cut short ({name_some(short) or 'samples are missing'}); copy"
         " or record it again"
     )
 

@@ -20,6 +20,7 @@ from .clock import Clock, floating_quantum, quantum
 from .dialect import HEAD_BYTES, Dialect, cell_kind, is_text, sniff, split_line
 from .instruments import understand
 from .log import Array, Blocks, Channel, Log, Reader
+from .unpacked import open_unpacked, read_ends
 
 BLOCK_BYTES = 8 << 20
 LONGEST_LINE = 1 << 20
@@ -32,10 +33,7 @@ def recognises(path: Path, head: bytes) -> bool:
 
 def open_text(path: Path, separator: str | None = None, decimal: str | None = None) -> Log:
     """The log of a text file. HrgError: no numbers in it, or a line longer than any log has."""
-    with open(path, "rb") as file:
-        head = file.read(HEAD_BYTES)
-        file.seek(max(0, path.stat().st_size - 4096))
-        tail = file.read(4096)
+    head, tail, size = read_ends(path, HEAD_BYTES, 4096)
     dialect = sniff(path, head, separator, decimal)
     rising = _rising(dialect)
     channels = tuple(
@@ -60,7 +58,7 @@ def open_text(path: Path, separator: str | None = None, decimal: str | None = No
         format="text",
         channels=layout.channels,
         read=lambda indexes: _read(path, dialect, tuple(indexes)),
-        rows=path.stat().st_size // row_bytes,
+        rows=size // row_bytes,
         sample_rate_hz=layout.sample_rate_hz,
         start_time=start,
         header=dialect.header,
@@ -105,7 +103,7 @@ def _quantum(dialect: Dialect, last: list[str], index: int) -> float:
 def _lines(path: Path, dialect: Dialect) -> Iterator[tuple[int, bytes]]:
     """Blocks of whole lines (line number of the first, bytes in UTF-8 or Latin-1), from the first
     data line on."""
-    with open(path, "rb") as file:
+    with open_unpacked(path) as file:
         decoder = (
             codecs.getincrementaldecoder("utf-16")("replace")
             if dialect.encoding == "utf-16"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import sqlite3
 from collections.abc import Iterator, Sequence
@@ -42,8 +43,10 @@ _SCHEMA = (
 
 
 def add(path: Path, entries: Sequence[Entry]) -> list[bool]:
-    """Enter all, or none where anything fails; whether each is new (by its SHA-256). HrgError: the
-    database is damaged, another program's, busy, or cannot be written."""
+    """Enter all, or none where anything fails; whether each is new (by its SHA-256). HrgError: a
+    figure is not finite; the database is damaged, another program's, busy, or cannot be written."""
+    for entry in entries:
+        _need_finite(entry)
     if not os.path.lexists(path) and path.parent.is_dir():
         try:
             return _add_to_new(path, entries)
@@ -51,6 +54,16 @@ def add(path: Path, entries: Sequence[Entry]) -> list[bool]:
             if not path.exists():  # otherwise another program has made it meanwhile
                 raise HrgError(str(error).replace("--output", "--ledger")) from error
     return _add_to(path, path, entries)
+
+
+def _need_finite(entry: Entry) -> None:
+    """HrgError: a figure is no number that a table or a chart could show."""
+    for name, figure in entry.figures.items():
+        if not math.isfinite(figure.value):
+            raise HrgError(
+                f"{entry.file}: its {name} is {figure.value}, a finite number was expected; nothing"
+                " was entered: make the file again"
+            )
 
 
 def _add_to_new(path: Path, entries: Sequence[Entry]) -> list[bool]:

@@ -38,6 +38,10 @@ class FigureHistory:
     chart: Chart | None
 
 
+MOST_MOVED_SIGMA = 5.0
+"""A move from one result to the next beyond which one of them is in doubt: that of `check`."""
+
+
 @dataclass(frozen=True)
 class History:
     """Everything `history` tells: the results in the order of processing, which of them count (not
@@ -57,18 +61,29 @@ class History:
 
     @property
     def doubts(self) -> list[str]:
-        """Sentences: figures out of control, and newest results that are refused."""
+        """Sentences: newest results that are refused, figures out of control, and those that moved
+        since the last by more than both their σ allow."""
         last = {e.kind: e for e in self.entries}
         said = [
             f"the newest {e.kind} is refused"
             for e in last.values()
             if e.status == "refused" and not self.held
         ]
-        return said + [
-            f"{name_of_figure(figure.name)} is out of control"
-            for figure in self.figures
-            if figure.chart is not None and figure.chart.out_of_control
-        ]
+        return (
+            said
+            + [
+                f"{name_of_figure(figure.name)} is out of control"
+                for figure in self.figures
+                if figure.chart is not None and figure.chart.out_of_control
+            ]
+            + [
+                f"{name_of_figure(figure.name)} moved by {figure.since_before.sigma:+.3g} σ since the"
+                f" last, {MOST_MOVED_SIGMA:g} σ at most were expected; measure again"
+                for figure in self.figures
+                if figure.since_before is not None
+                and abs(figure.since_before.sigma or 0.0) > MOST_MOVED_SIGMA
+            ]
+        )
 
 
 def history(

@@ -63,7 +63,7 @@ def run_lot(
     path, folder = Path(path), Path(folder)
     lot = read_lot(path, assignments, over)
     command = _command(path, assignments, over)
-    recordings = recordings_of(lot, path.parent)
+    recordings = recordings_of(lot, path)
     claim(folder, force)
     if "diagnose" in lot.stages:  # simulates what it has written
         warn_of_plain_python()

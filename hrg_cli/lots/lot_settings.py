@@ -13,7 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from .. import settings
 from ..errors import HrgError
 from ..formats import import_log
-from ..limits import bounds
+from ..limit_values import whole_names
+from ..limits import bounds, check_tables
 from ..pipeline import STAGES
 from .groups import GROUPED_BY
 
@@ -165,13 +166,13 @@ class LotSettings(BaseModel):
                 given |= getattr(run, attribute)
         return given
 
-    def values(self, stage: str, file_name: str = "") -> Table:
-        """The whole checked settings of a stage."""
+    def values(self, stage: str, file_name: str = "", where: str = "the lot's file") -> Table:
+        """The whole checked settings of a stage; `where` names what holds them."""
         function = import_log if stage == "import" else STAGES[stage].function()
         checked = settings.validate(
             settings.model_of(function),
             self.table(stage, file_name),
-            "the lot's file",
+            where,
             prefix=f"{stage}.",
         )
         return {key: getattr(checked, key) for key in type(checked).model_fields}
@@ -195,26 +196,28 @@ def read_lot(
         raise HrgError(
             f'{path}: names no recordings; write recordings = "data/*.h5" or [[gyro]] tables'
         )
+    check_tables(lot.limits)
     for table in lot.limits.values():
-        for name, limit in table.items():
+        for name, limit in whole_names(table).items():
             if name not in ("status", "verdict"):
                 bounds(name, limit)
     for stage in ("import", *PER_RECORDING, *lot.stages):
-        lot.values(stage)
-        for pattern in lot.runs:
-            lot.values(stage, pattern)
+        for pattern in ("", *lot.runs):
+            lot.values(stage, pattern, str(path))
     return lot
 
 
-def recordings_of(lot: LotSettings, base: Path) -> list[tuple[str | None, Path]]:
-    """(gyro or None, file) of every recording, sorted, none twice. HrgError: a name or pattern that
-    no file fits."""
+def recordings_of(lot: LotSettings, path: Path) -> list[tuple[str | None, Path]]:
+    """(gyro or None, file) of every recording that the lot's file names, sorted, none twice.
+    HrgError: a name or pattern that no file fits."""
     found: dict[Path, str | None] = {}
     for gyro, patterns in [(None, lot.recordings), *((g.gyro_id, g.recordings) for g in lot.gyro)]:
         for pattern in patterns:
-            files = _matching(base, pattern)
+            files = _matching(path.parent, pattern)
             if not files:
-                raise HrgError(f"{base}: no file fits {pattern!r}; correct the lot's file")
+                raise HrgError(
+                    f"{path}: no file fits {pattern!r} in {path.parent.absolute()}; correct it"
+                )
             for file in files:
                 found[file] = gyro if gyro is not None else found.get(file)
     return [(gyro, path) for path, gyro in sorted(found.items())]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from .columns import JSON_LIST, JSON_OBJECT, LOGGED, SCATTER, Array, Valid, attribute, column
 from .record import Record
@@ -49,3 +50,7 @@ class Diagnosis(Record):
     )
     report: str = attribute("JSON: the whole verdict", valid=JSON_OBJECT)
     extended_model: str = attribute("the extended model as TOML", default="")
+
+    def told(self, table: str) -> list[dict[str, Any]]:
+        """The rows of a table of the report; none where it has no such table."""
+        return list(json.loads(self.report).get(table) or [])

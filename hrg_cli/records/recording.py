@@ -64,7 +64,7 @@ class Recording(Record):
     """
 
     kind: ClassVar[str] = "recording"
-    made_by: ClassVar[str] = "hrg import or hrg simulate"
+    made_by: ClassVar[str] = "hrg import` or `hrg simulate"
     c: Array = column("any", "channel C, raw", dtype="raw", valid=RAW)
     s: Array = column("any", "channel S, raw", dtype="raw", valid=RAW)
     time_s: Array | None = column(

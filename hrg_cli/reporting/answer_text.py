@@ -5,14 +5,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 
 from .answer import Answer
 from .console import print_table, say
 from .text import drop_empty_columns, number
 
 
-def show(found: Answer) -> None:
-    """Print the answer."""
+def show(found: Answer, folder: Path = Path()) -> None:
+    """Print the answer; folder: where the files lie that it tells what to do with."""
     say(found.sentence.replace(". ", ".\n"))
     say(
         f"gyro: {found.health}; fit: {found.validity}"
@@ -53,7 +54,8 @@ def show(found: Answer) -> None:
     for line in found.next_runs:
         say(f"next run, {line}")
     if found.commands:
-        say("then: " + "\n      ".join(found.commands))
+        where = "then: " if folder == Path() else f"then, in {folder}:\n      "
+        say(where + "\n      ".join(found.commands))
 
 
 VERDICT = re.compile(r'the verdict is "[^"]*": (.*)', re.S)

@@ -40,10 +40,10 @@ class JudgedFile(Protocol):
 
 def why_missed(one: JudgedFile) -> list[str]:
     """Why a file does not pass."""
-    return [_missed(row) for row in one.rows if not row.passed] + list(one.moved or [])
+    return [why_not(row) for row in one.rows if not row.passed] + list(one.moved or [])
 
 
-def _missed(row: Row) -> str:
+def why_not(row: Row) -> str:
     """Why a figure does not pass, in the units of the screen."""
     if row.words is not None or row.value is None:
         return row.sentence()
@@ -68,7 +68,7 @@ def junit(files: Sequence[JudgedFile], found: Answer | None) -> str:
     suite's output."""
     root = ElementTree.Element("testsuites", name="hrg check")
     for one in files:
-        cases = [(row.name, None if row.passed else row.sentence()) for row in one.rows]
+        cases = [(row.name, None if row.passed else why_not(row)) for row in one.rows]
         if one.moved is not None:
             cases.append(("baseline", "; ".join(one.moved) or None))
         failures = sum(why is not None for _, why in cases)

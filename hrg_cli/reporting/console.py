@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from ..pipeline import Progress
-from .text import plain
+from .text import one_line, plain
 
 NUMERAL = re.compile(r"(?:[−+-]?\d[\d.]*(?:\(\d+\))?(?:×10[⁻⁰¹²³⁴-⁹]+)?|–)?")
 """A number as `text.number` and `quantities.round_with_std` write it, a dash, or nothing."""
@@ -20,7 +20,7 @@ NUMERAL = re.compile(r"(?:[−+-]?\d[\d.]*(?:\(\d+\))?(?:×10[⁻⁰¹²³⁴-�
 
 def message(text: str) -> None:
     """One line on standard error."""
-    print(plain(text), file=sys.stderr, flush=True)
+    print(one_line(text), file=sys.stderr, flush=True)
 
 
 def say(text: str) -> None:

@@ -4,6 +4,7 @@ hold."""
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from ..records import Diagnosis
@@ -22,10 +23,10 @@ QUANTITIES = (
 
 def show(record: Diagnosis, report: Mapping[str, Any]) -> None:
     """Print the answer of a diagnosis; `report` is the command's JSON, which names its file."""
-    name = str(report.get("output") or "diagnosis.h5").rsplit("/", 1)[-1]
-    found = answer([record], (), {"diagnosis": name})
+    file = Path(str(report.get("output") or "diagnosis.h5"))
+    found = answer([record], (), {"diagnosis": file.name})
     assert found is not None
-    answer_text.show(found)
+    answer_text.show(found, file.parent)
 
 
 def gains(gain: Mapping[str, Any]) -> Rows:

@@ -18,6 +18,7 @@ from urllib.parse import quote
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from ..limit_values import whole_names
 from ..limits import bounds
 from ..lots.groups import GROUPED_BY
 from ..version import __version__
@@ -138,8 +139,9 @@ def limits_of(name: str, limits: Mapping[str, Any]) -> Limits:
         spelt.add(("calibration", "scale_factor"))
     for kind, key in sorted(spelt):
         table = limits.get(kind)
-        if isinstance(table, Mapping) and key in table:
-            return bounds(key, table[key])
+        named = whole_names(table) if isinstance(table, Mapping) else {}
+        if key in named:
+            return bounds(key, named[key])
     return None, None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Sequence
 from numbers import Real
@@ -19,10 +20,29 @@ FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")
 LONGEST_COMMENT = 300
 """Characters of a foreign text in a comment."""
 
+LONGEST_PATH, LONGEST_WORD, LONGEST_LINE = 1024, 80, 400
+"""Characters of a file's path, of any other word, of the words beside the paths."""
+
 
 def plain(value: Any) -> str:
     """Text in which unreadable characters are a replacement mark."""
     return UNREADABLE.sub("\ufffd", str(value))
+
+
+def shorten(text: str, most: int) -> str:
+    """Text of so many characters at most, without its middle where it is longer: a file's suffix
+    and what is to be done stand at the end."""
+    head, tail = -(-most * 2 // 3) - 1, most // 3
+    return text if len(text) <= most else f"{text[:head]}…{text[-tail:]}"
+
+
+def one_line(text: str) -> str:
+    """A message as one line; a foreign word (a key of a damaged file) that would fill it is shown
+    by its ends, and so is what is too long for a message."""
+    most = [LONGEST_PATH if os.sep in word else LONGEST_WORD for word in text.split()]
+    words = [shorten(word, room) for word, room in zip(text.split(), most, strict=True)]
+    paths = sum(len(word) for word in words if os.sep in word)
+    return plain(shorten(" ".join(words), LONGEST_LINE + paths))
 
 
 def first_paragraph(text: str | None) -> str:

@@ -19,7 +19,7 @@ from pydantic import Field
 
 from ..effects import EFFECTS, find
 from ..effects.effect import INSTANT, Effect
-from ..errors import HrgError
+from ..errors import HrgError, name_some
 from ..fitting import checks
 from ..fitting.causes import extended_fit, motion_budget
 from ..fitting.causes.extended_fit import ExtendedFit
@@ -333,7 +333,7 @@ def _need_both_channels(waves: Sequence[Wave]) -> None:
     """HrgError: in every run one channel holds noise alone, so that there is no wave to model."""
     if waves and all(has_dead_channel(thin_run(envelope_runs.from_wave(wave))) for wave in waves):
         raise HrgError(
-            f"{', '.join(wave.run_id or 'a run' for wave in waves)}: one channel alone was recorded,"
+            f"{name_some(wave.run_id or 'a run' for wave in waves)}: one channel alone was recorded,"
             " diagnose needs both; hrg identify gives the modes that it shows"
         )
 

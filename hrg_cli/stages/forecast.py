@@ -154,9 +154,9 @@ def forecast(
     drawn = map_drift(gyros, drive, quadrature_gain_1_s)
     if drive == "force" and not np.max(np.abs(drawn["quadrature_ratio"])) < LARGEST_RATIO:
         raise HrgError(
-            f"{resonator.gyro_id or 'the resonator'}: δω/(ν + k_q) = {ratio:.3g}; a force drive"
-            " lets its wave become a circle, so it has no steady drift. Add a quadrature loop"
-            " (--quadrature-gain-1-s), trim it (--trim) or forecast a run-down (--drive free)"
+            f"{resonator.gyro_id or 'the resonator'}: δω/(ν + k_q) = {ratio:.3g}; driven by force"
+            " its wave becomes a circle, without a steady drift; add --quadrature-gain-1-s, --trim"
+            " or --drive free"
         )
     run = Conditions(drive, quadrature_gain_1_s, wave_angle_rad, rate_rad_s, duration_s)
     table, error = follow_wave(gyros, mechanics, run)

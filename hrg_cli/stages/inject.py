@@ -12,7 +12,6 @@ not know stay as they were measured. What an effect does to the logs, it does to
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any
 
@@ -24,6 +23,7 @@ from ..effects.effect import Effect, nothing
 from ..errors import HrgError
 from ..physics.plant import Environment, Readout
 from ..records import Recording, Resonator, collect
+from ..settings import parse_toml
 from .demodulate import demodulate
 from .estimate import estimate
 from .injection.motion import Hidden, integrate_change
@@ -115,7 +115,7 @@ def inject(
 def summary(record: Recording) -> dict[str, Any]:
     """The stage's part of the JSON."""
     settings = (
-        tomllib.loads(record.provenance.settings).get("inject", {})
+        parse_toml(record.provenance.settings).get("inject", {})
         if record.provenance.settings
         else {}
     )

@@ -30,9 +30,9 @@ class LoopWatch:
     def unstable(self, time_s: float) -> HrgError:
         """What is to be said where the wave has grown beyond all numbers."""
         return HrgError(
-            f"simulation: run {self._settings.run_id}: the loops are unstable, the wave has no"
-            f" finite amplitude at {time_s:g} s; lower the gains or the delay, or give"
-            " electronics.drive_full_scale, at which the drive saturates"
+            f"simulation: run {self._settings.run_id}: the loops are unstable, the wave grows"
+            f" without bound by {time_s:g} s; lower the gains or the delay, or give"
+            " electronics.drive_full_scale"
         )
 
     def see(self, rows: Mapping[str, Array]) -> None:
@@ -64,11 +64,10 @@ class LoopWatch:
         ) / self._settings.device.frequency_hz
         if np.abs(amplitude / wanted - 1).max() > HELD:
             found.append(
-                "the loops do not hold the wave: in the second half its amplitude is"
-                f" {amplitude.min():.3g} to {amplitude.max():.3g} of a set {wanted:.3g} (gain ×"
-                f" delay of the amplitude loop = {c.amplitude_gain_1_s * late_s:.2g}, of the phase"
-                f" loop {math.sqrt(2) * 2 * math.pi * e.phase_loop_hz * late_s:.2g}; a loop is"
-                " unstable from about π/2)"
+                "the loops do not hold the wave: its amplitude is at last"
+                f" {amplitude.min():.3g} to {amplitude.max():.3g} of a set {wanted:.3g} (gain × delay:"
+                f" amplitude loop {c.amplitude_gain_1_s * late_s:.2g}, phase loop"
+                f" {math.sqrt(2) * 2 * math.pi * e.phase_loop_hz * late_s:.2g}; unstable from π/2)"
             )
         ratio = np.concatenate(self._ratio)
         if c.quadrature_loop != "off" and ratio.max() > HELD:

@@ -5,8 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..errors import HrgError
+from ..errors import HrgError, name_some
 from ..records import Resonator, Wave
+
+MOST_GYROS = 3
+"""Gyros that a message names."""
 
 
 def of_one_gyro(waves: Sequence[Wave], command: str, resonator: Resonator | None = None) -> None:
@@ -20,8 +23,7 @@ def of_one_gyro(waves: Sequence[Wave], command: str, resonator: Resonator | None
         runs.setdefault(resonator.gyro_id, []).append("the resonator")
     if len(runs) > 1:
         said = "; ".join(
-            f"{gyro}: {', '.join(names[:4])}{' …' if len(names) > 4 else ''}"
-            for gyro, names in sorted(runs.items())
+            f"{gyro}: {name_some(names, 20)}" for gyro, names in sorted(runs.items())[:MOST_GYROS]
         )
         raise HrgError(
             f"runs of {len(runs)} gyros were given ({said}), one was expected; {command} each gyro"

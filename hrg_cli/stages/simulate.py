@@ -13,7 +13,7 @@ from pydantic import Field
 
 from .. import effects as catalogue
 from ..effects.effect import no_term, same_signal, same_state
-from ..errors import HrgError
+from ..errors import HrgError, name_some
 from ..extras import warn_of_plain_python
 from ..physics import fast_engine, slow_engine, slow_motion
 from ..physics.plant import Block, Environment, Plant, Readout, linear_plant
@@ -97,7 +97,7 @@ def simulate(
             f" {next(iter(runs))}, or simulate them all"
         )
     if run is not None and run not in runs:
-        raise HrgError(f"simulation: there is no run {run}; it has {', '.join(list(runs)[:20])}")
+        raise HrgError(f"simulation: there is no run {run}; it has {name_some(runs)}")
     settings = next(iter(runs.values())) if run is None else runs[run]
     return simulate_run(
         settings, extra_effects, model=model, seed=seed, block_samples=block_samples

@@ -15,7 +15,7 @@ from .atomic import (
     whole_or_none,
 )
 from .handles import need_possible, need_readable
-from .headings import changes, heading_of, is_hdf5, kind_of, provenance_of, texts_of
+from .headings import changes, heading_of, is_hdf5, kind_of, provenance_of, texts_of, unreadable
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord
 from .reading import open_record, read, read_any
 from .writing import created_now, sha256, write
@@ -42,6 +42,7 @@ __all__ = [
     "remove_stale",
     "sha256",
     "texts_of",
+    "unreadable",
     "whole_or_none",
     "write",
 ]

@@ -241,4 +241,6 @@ def write_error(error: OSError, path: Path) -> HrgError:
         return HrgError(f"{path}: {NO_MEMORY}")
     if error.errno == errno.ENAMETOOLONG:
         return HrgError(f"{str(path)[:80]}…: the name is too long; choose a shorter --output")
-    return HrgError(f"{path}: cannot be written ({first_line(error)}); choose another --output")
+    return HrgError(
+        f"{path}: cannot be written ({error.strerror or first_line(error)}); choose another --output"
+    )

@@ -133,8 +133,8 @@ def seal(file: h5py.File, running: dict[str, Running]) -> None:
 
 
 def kept_in(file: h5py.File) -> dict[str, str] | None:
-    """The digests a file keeps, None where it keeps none."""
-    with contextlib.suppress(ValueError, KeyError):
+    """The digests a file keeps, None where what it keeps are none."""
+    with contextlib.suppress(ValueError, KeyError, RecursionError):
         found = json.loads(_text(file.attrs[NAME]))
         if isinstance(found, dict):
             return {str(place): str(digest) for place, digest in found.items()}
@@ -143,9 +143,11 @@ def kept_in(file: h5py.File) -> dict[str, str] | None:
 
 def changes(file: h5py.File) -> list[str] | None:
     """What differs from what was written, in words; None where the file keeps no checksums."""
+    if NAME not in file.attrs:
+        return None
     kept = kept_in(file)
     if kept is None:
-        return None
+        return ["the checksums were changed"]
     left = dict(kept)
     said = []
     for path, item in contents(file):
@@ -160,13 +162,35 @@ def changes(file: h5py.File) -> list[str] | None:
     return said + [f"{place} was removed" for place in gone]
 
 
+def unreadable(file: h5py.File) -> list[str]:
+    """What cannot be read back, in words: all that a file without checksums can be asked."""
+    said = []
+    for path, item in contents(file):
+        if isinstance(item, h5py.Dataset):
+            what = f"the values of {path}"
+            if _is_hollow(item):
+                said.append(f"{what} are not stored")
+                continue
+            try:
+                of_dataset(item)
+            except (OSError, RuntimeError):
+                said.append(f"{what} cannot be read (damaged)")
+    return said
+
+
+def _is_hollow(dataset: h5py.Dataset) -> bool:
+    """Whether a dataset claims far more values than the file has room for."""
+    claimed = dataset.size * dataset.dtype.itemsize
+    stored: int = dataset.id.get_storage_size()
+    return bool(claimed > CLAIMED_BYTES and claimed > CLAIMED_RATIO * stored)
+
+
 def _compared_values(kept: str | None, dataset: h5py.Dataset, what: str) -> list[str]:
     """The same of a dataset, which is read only where its type and shape are those that were
     kept."""
-    claimed = dataset.size * dataset.dtype.itemsize
     if kept is not None and kept.split(" ")[0] != _form(dataset):
         return [f"{what} were changed"]
-    if claimed > CLAIMED_BYTES and claimed > CLAIMED_RATIO * dataset.id.get_storage_size():
+    if _is_hollow(dataset):
         return [f"{what} are not stored"]
     return _compared(kept, lambda: of_dataset(dataset), what)
 

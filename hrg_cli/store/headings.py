@@ -150,6 +150,13 @@ def changes(path: Path | str) -> list[str] | None:
         return checksums.changes(file)
 
 
+def unreadable(path: Path | str) -> list[str]:
+    """What of a file's values cannot be read back: a sentence a dataset. HrgError: it cannot be
+    opened."""
+    with open_for_reading(Path(path)) as file:
+        return checksums.unreadable(file)
+
+
 @contextlib.contextmanager
 def open_for_reading(path: Path) -> Iterator[h5py.File]:
     """An HDF5 file for reading; every way h5py fails becomes a sentence."""

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import HrgError
-from ..records import SIZES, Calibration, Column, Record, Recording, Resonator, Valid
+from ..records import SIZES, Calibration, Column, Diagnosis, Record, Recording, Resonator, Valid
 from ..units import canonical
+from .covariance_checks import covariance_problem
+from .report_checks import report_problem
 
 Array = np.ndarray
 KINDS_OF_NUMBER = {"raw": "iuf", "f8": "iuf", "u1": "iu", "i2": "iu", "i4": "iu", "i8": "iu"}
@@ -177,13 +179,10 @@ def bound_together(record: Record) -> str | None:
     if isinstance(record, Calibration):
         return _calibration_problem(record)
     if isinstance(record, Resonator):
-        names = [str(name) for name in record.name]
-        twice = next((name for name in names if names.count(name) > 1), None)
-        return (
-            None
-            if twice is None
-            else f"/resonator/name has {twice[:60]!r} twice; each parameter once was expected"
-        )
+        return _resonator_problem(record)
+    if isinstance(record, Diagnosis):
+        problem = report_problem(record.report)
+        return None if problem is None else f"attribute report of /diagnosis {problem}"
     if hasattr(record, "signals") and len(record):
         count, wanted = np.shape(record.signals)[1], 8 if record.readout == "carrier" else 4  # type: ignore[attr-defined]
         if count != wanted:
@@ -225,6 +224,15 @@ def _recording_problem(record: Recording) -> str | None:
     return None
 
 
+def _resonator_problem(record: Resonator) -> str | None:
+    names = [str(name) for name in record.name]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        return f"/resonator/name has {twice[:60]!r} twice; each parameter once was expected"
+    problem = covariance_problem(record.covariance)
+    return None if problem is None else f"/resonator/covariance {problem}"
+
+
 def _calibration_problem(record: Calibration) -> str | None:
     nodes = record.temperature_degc if record.axis == "temperature" else record.frequency_hz
     if nodes is None:
@@ -246,6 +254,9 @@ def _calibration_problem(record: Calibration) -> str | None:
             f"/calibration/covariance has {len(record.covariance)} rows, {coefficients} were"
             " expected, one a coefficient"
         )
+    problem = covariance_problem(record.covariance)
+    if problem is not None:
+        return f"/calibration/covariance {problem}"
     if record.node_min > record.node_max or record.rate_min_rad_s > record.rate_max_rad_s:
         return "the lowest value of a range is above its highest"
     return None
@@ -265,9 +276,7 @@ class WrittenBlocks:
         problem = self._problem(record)
         if problem is not None:
             raise HrgError(
-                f"{self.path}: was not written: the {record.kind} made here would break its own"
-                f" promise: {problem}; look for values out of all proportion in the input, and"
-                " report it where there are none"
+                f"{self.path}: was not written: {problem}; look for values out of all proportion in the input, or report it"
             )
         self.rows += len(record)
 

@@ -36,8 +36,6 @@ from .validity import WrittenBlocks
 
 HASHED_BYTES = 1 << 20
 ROW_CHUNK = {"recording": 1 << 18}
-LARGEST_CORRELATION = 1 + 1e-6
-"""Correlation above which a covariance is none and is not written."""
 _SCALE_ONLY = "This is a netCDF dimension but not a netCDF variable. %9d"
 
 
@@ -123,7 +121,6 @@ def write(
                 raise HrgError(f"{path}: nothing to write; the stage before it produced no record")
             if finish is not None:
                 last = finish(last)
-            _refuse_no_covariance(last, Path(path))
             _finish(file, last)
             seal(file, running)
             file.close()
@@ -142,25 +139,6 @@ def write(
             raise
     assert last is not None
     return last
-
-
-def _refuse_no_covariance(record: Record, path: Path) -> None:
-    """HrgError: the record's covariance is none (a correlation beyond 1, a negative variance); such
-    errors must not reach a file."""
-    matrix = getattr(record, "covariance", None)
-    if not isinstance(matrix, np.ndarray) or matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
-        return
-    variance = np.diag(matrix)
-    std = np.sqrt(np.where(variance > 0, variance, 1.0))
-    off = np.abs(matrix / np.outer(std, std))
-    np.fill_diagonal(off, 0.0)
-    worst = float(np.nan_to_num(off).max(initial=0.0))
-    if worst > LARGEST_CORRELATION or np.any(variance < 0):
-        raise HrgError(
-            f"{path}: the {record.kind}'s covariance has a correlation of {worst:.3g} or a negative"
-            " variance, at most 1 was expected; this is a fault of the program, report it with the"
-            " inputs"
-        )
 
 
 def _need_space(block: Record, path: Path) -> None:

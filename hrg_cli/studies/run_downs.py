@@ -23,7 +23,7 @@ NAMES = tuple(name for name, _ in resonator.PARAMETERS)
 MOST_WINDOWS, MOST_CHANGING = 12_000, 3_000
 """Most windows of a run, and of one whose rate changes."""
 SUBSTEPS = 4
-"""Steps a window over which a changing rate is taken as its mean."""
+"""Steps a window over which a changing rate changes evenly."""
 NOISE_SCATTER = 6
 """Degrees of freedom of a window's own noise estimate."""
 RAW_SAMPLES = 120_000
@@ -199,11 +199,24 @@ def envelope(
     )
     step = np.diff(fine)
     mean = np.diff(course.turned(fine)) / step + earth
-    steps = resonator.exponential(resonator.generator(gyro, mean), step)
+    slope = np.diff(course.rate(fine)) / step
+    steps = resonator.exponential(_mean_generator(gyro, mean, slope, step), step)
     out, u = np.empty((len(fine) - 1, 2), complex), first
     for k, matrix in enumerate(steps):
         u = out[k] = matrix @ u
     return out[SUBSTEPS - 1 :: SUBSTEPS]
+
+
+def _mean_generator(gyro: Mechanics, mean: Array, slope: Array, step: Array) -> Array:
+    """L̄ with exp(L̄ h) the motion over steps h (n,) along which the rate changes evenly, to h⁴.
+
+    L̄ = L(Ω̄) + h² Ω̇ [∂L/∂Ω, L(Ω̄)]/12, the first two terms of Magnus' series. Without the second a
+    scale factor that is known to 1e-6 was off by 3 of its σ.
+    """
+    still = resonator.generator(gyro, mean)
+    turning = resonator.generator(gyro, mean + 1) - still
+    bracket = turning @ still - still @ turning
+    return still + (step**2 * slope / 12)[:, None, None] * bracket
 
 
 def _wave(

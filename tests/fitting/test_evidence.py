@@ -199,6 +199,22 @@ def test_held_out_error_of_one_fold_is_that_of_a_refit_without_it():
         np.testing.assert_allclose(left[fold], y[fold] - X[fold] @ again, rtol=1e-9, atol=1e-12)
 
 
+def test_what_the_other_folds_hold_no_information_on_stays_where_it_is():
+    """A cause that one run alone shows (a temperature that goes up there) was carried to 1e10 σ by
+    the rounding of the others' columns."""
+    random = np.random.default_rng(6)
+    X, y = random.standard_normal((60, 3)), random.standard_normal(60)
+    X[15:, 2] *= 1e-9
+    left_over = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+    folds = np.array_split(np.arange(60), 4)
+    own = {k: np.zeros((15, 0)) for k in range(4)}
+    left = left_out_folds.predict_folds(left_over, X, own, folds, least_information=1e-4)
+    assert 0.7 < np.sqrt(np.mean(left**2)) < 1.3
+    rest = X[15:, :2]
+    step = np.linalg.lstsq(rest, left_over[15:], rcond=None)[0]
+    np.testing.assert_allclose(left[:15], left_over[:15] - X[:15, :2] @ step, rtol=1e-6)
+
+
 def test_the_price_is_that_of_every_parameter():
     """BIC against its origin: the mean of the likelihood over a wide normal prior (odds of two
     models) is what m columns cost, ln N each, but for what does not grow with N."""

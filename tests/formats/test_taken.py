@@ -87,7 +87,7 @@ def test_a_decimal_comma_that_becomes_a_point_is_refused(tmp_path, first, then):
         tmp_path, top=2000, other=lambda i: row(i, *first), separator=then[0], decimal=then[1]
     )
     with pytest.raises(
-        HrgError, match=r"numbers are written changes after line 2001.*line 2.*line 2002"
+        HrgError, match=r"written in two ways: .* in line 2, .* in line 2002; .* after line 2001"
     ):
         import_log(path)
 
@@ -112,7 +112,8 @@ def test_titles_keys_and_units_are_no_lost_rows(tmp_path):
 def test_a_logarithm_is_no_oscillation(tmp_path, unit):
     path = log(tmp_path, title=f"time (s),ch1 ({unit}),ch2 ({unit})")
     with pytest.raises(
-        HrgError, match=rf"in {unit}: the logarithm.*--envelope --amplitude COLUMN --decibel"
+        HrgError,
+        match=rf"is in {unit}, samples of an oscillation.*--envelope --amplitude COLUMN --decibel",
     ):
         import_log(path)
     with pytest.raises(HrgError, match="logarithm"):

@@ -19,6 +19,7 @@ from hrg_cli.stages.diagnosis.gain import held_out
 FORCED = {
     "drive_feedthrough",
     "quadrature_drive_phase_error",
+    "drive_gain",
     "drive_gain_mismatch",
     "drive_nonorthogonality",
     "drive_rotation",

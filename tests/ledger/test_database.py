@@ -49,12 +49,15 @@ def test_the_same_file_twice_is_one_row(tmp_path):
     assert database.read_entries(path) == one
 
 
-def test_nothing_is_entered_where_one_fails(tmp_path):
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+def test_nothing_is_entered_where_one_fails(value, tmp_path):
+    """What is no number was blamed on the ledger ("is damaged"), or entered where it is infinite."""
     path = tmp_path / "l.sqlite"
     database.add(path, entries(2))
-    bad = entry("SN-x", 0.0, float("nan"))
-    with pytest.raises(HrgError):
+    bad = entry("SN-x", 0.0, value)
+    with pytest.raises(HrgError, match=rf"{value}, a finite number was expected") as refused:
         database.add(path, [*entries(5, "NEW"), bad])
+    assert str(refused.value).startswith(bad.file)
     assert database.read_entries(path) == entries(2)
 
 
@@ -82,7 +85,8 @@ def test_a_new_ledger_is_whole_or_absent(room, tmp_path):
 def test_an_old_ledger_is_as_it_was_where_the_disk_is_full(tmp_path):
     path = tmp_path / "l.sqlite"
     database.add(path, entries(2))
-    with files_no_longer_than(path.stat().st_size), pytest.raises(HrgError):
+    room = files_no_longer_than(path.stat().st_size)
+    with room, pytest.raises(HrgError, match=r"l\.sqlite: .*nothing was entered"):
         database.add(path, entries(500, "NEW"))
     assert database.read_entries(path) == entries(2)
 

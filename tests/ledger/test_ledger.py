@@ -299,3 +299,12 @@ def test_a_lot_is_entered_gyro_by_gyro(hrg, tmp_path):
     (tmp_path / "no.sqlite").write_text("no database at all, but some text of more than a head")
     told = hrg(*asked[:3], tmp_path / "other", "--ledger", tmp_path / "no.sqlite")
     assert told.status == 1 and "no.sqlite" in told.err
+
+
+@pytest.mark.parametrize(("by", "doubted"), [(4.0, False), (-6.0, True), (13.2, True)])
+def test_a_large_move_since_the_last_is_in_doubt(by, doubted):
+    """A page said "nothing is in doubt" beside a move of 13.2 σ: the chart's own spread held it."""
+    last = 0.1 + by * np.sqrt(2) * 1e-4
+    rows = [entry("SN-1", float(day), last if day == 9 else 0.1) for day in range(10)]
+    found = history(rows, "SN-1")
+    assert any(f"moved by {by:+.3g} σ since the last" in said for said in found.doubts) == doubted

@@ -279,20 +279,31 @@ def test_few_tasks_are_on_their_way_at_a_time(monkeypatch):
     assert found == tasks and executor.most == 3
 
 
-def test_a_damaged_dataset_is_its_gyros_and_named_unreadable(tmp_path):
-    """Whose a recording is, its attributes tell; what else is wrong with it, the work finds."""
+BY_ITSELF = 'recordings = "*.h5"\n'
+BY_THE_LOT = '[[gyro]]\ngyro_id = "G7"\nrecordings = ["*.h5"]\n'
+
+
+@pytest.mark.parametrize(
+    ("whose", "told_by"),
+    [(BY_ITSELF, "its gyro_id can still be read"), (BY_THE_LOT, "by the lot's file")],
+)
+def test_a_damaged_dataset_is_its_gyros_and_named_unreadable(whose, told_by, tmp_path):
+    """Whose a recording is, its attributes tell, or the lot's file; what else is wrong with it, the
+    work finds."""
     store.write(tmp_path / "a.h5", run_down("G7", "0", 0.1, 0.3, 0))
     store.write(tmp_path / "b.h5", run_down("G7", "1", 0.6, 0.3, 1))
     with h5py.File(tmp_path / "b.h5", "a") as file:
         del file["recording/s"]
-    (tmp_path / "lot.toml").write_text('recordings = "*.h5"\nstages = ["identify"]\n')
+    stages = 'stages = ["identify"]\n'
+    (tmp_path / "lot.toml").write_text(stages + whose)
     report = run_lot(tmp_path / "lot.toml", tmp_path / "out")
     assert report["status"] == "refused" and [row["gyro_id"] for row in report["rows"]] == ["G7"]
     row = report["rows"][0]
     assert row["runs"] == 2 and row["runs_failed"] == 1 and "frequency_split_rad_s" in row
     lost = report["unreadable"]
     assert [(r["name"], r["gyro_id"]) for r in lost] == [("b.h5", "G7")]
-    assert "recording/s is missing" in lost[0]["error"]
+    assert "recording/s is missing" in lost[0]["error"] and lost[0]["told_by"] == told_by
+    assert (told_by in lost[0]["error"]) is (whose is BY_ITSELF)  # what was asked for goes unsaid
 
 
 def started(*arguments: str) -> subprocess.Popen[bytes]:

@@ -166,8 +166,8 @@ def test_hostile_results_stay_text(tmp_path):
     "report",
     [
         "{}",
-        '{"effects": 3, "gain": {"before": null}, "tested": [1], "remainder": "x"}',
-        '{"effects": [{"name": null, "z": null}]}',
+        '{"effects": [], "gain": {"before": null}, "tested": [1], "remainder": "x"}',
+        '{"effects": [{"name": "x", "z": null}]}',
     ],
 )
 def test_any_diagnosis_json_gives_a_page(tmp_path, report):

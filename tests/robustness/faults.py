@@ -118,10 +118,11 @@ def put_damage(
     return counts, failures
 
 
-def replay(good: Path, folder: Path) -> list[str]:
-    """Every damage that ever broke a promise."""
+def replay(good: Path, folder: Path) -> tuple[list[tuple[dict, int]], list[str]]:
+    """Every damage that ever broke a promise: how those end that keep it now, and what breaks it
+    again."""
     cases = {case.name: case for case in programme.ready(good)}
-    failures = []
+    ended, failures = [], []
     for entry in json.loads(CORPUS.read_text()):
         if entry["case"] in cases:
             trial = Trial(cases[entry["case"]], entry["input"], entry["damages"])
@@ -131,7 +132,9 @@ def replay(good: Path, folder: Path) -> list[str]:
                     f"{json.dumps(entry)}\n  {'; '.join(found.broken)}\n "
                     f" {found.err.strip()[-300:]}"
                 )
-    return failures
+            else:
+                ended.append((entry, found.status))
+    return ended, failures
 
 
 def told_by_case(counts: Counter) -> str:
@@ -199,11 +202,13 @@ def main() -> int:
     folder = Path(tempfile.mkdtemp(prefix="hrg-faults-"))
     good = programme.build(judge.clean(folder / "good"))
     cases = programme.named(programme.ready(good, not asked.no_costly), asked.only)
-    failures = replay(good, folder / "trial") if asked.trials and not asked.only else []
+    replaying = asked.trials and not asked.only
+    replayed, failures = replay(good, folder / "trial") if replaying else ([], [])
     if asked.trials:
         used = sum(os.times()[:4])
         counts, broken = put_damage(good, folder / "trial", cases, asked.trials, asked.seed, KEPT)
         told = {"seed": asked.seed, "trials": asked.trials, "cpu_s": sum(os.times()[:4]) - used}
+        told |= {"replayed": replayed} if replayed else {}
         keep("damage.jsonl", told, counts, broken)
         print(f"{asked.trials} damaged inputs, seed {asked.seed}\n{told_by_case(counts)}")
         failures += broken

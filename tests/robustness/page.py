@@ -27,7 +27,7 @@ bounded time and memory. An input that broke one is kept in `tests/robustness/co
 LIBRARY = """A crash (exit -11) at a failed allocation is the library's: numpy (2.4.6) lets go of Python's lock before the iterator of
 a broadcast or cast of more than 500 elements allocates its buffers (64 KiB each), and where these cannot be had it raises
 MemoryError without the lock (`npyiter_allocate_buffers` below `NpyIter_Reset`). `np.ones(4000)[:, None, None] * np.eye(2)` and
-`np.ones((4000, 2)) + np.full((4000, 2), 1j)` with the second allocation refused end in a segmentation fault without any code of
+`np.ones((4000, 2)) + np.full((4000, 2), 1j)` with such a buffer refused end in a segmentation fault without any code of
 this project. An end by exit -6 is LLVM's, which ends the process where it has no memory to compile ("LLVM ERROR: out of memory").
 What such an end leaves is what a kill leaves: the output is absent, and the next run removes the temporary file.
 """
@@ -39,9 +39,11 @@ def damage(runs: list[dict[str, Any]]) -> str:
     for run in runs:
         for name, status, number in run["counts"]:
             counts[name, status] += number
+    replayed = _replayed(runs)
+    _ended_since(counts, runs, replayed)
     trials, cpu = sum(run["trials"] for run in runs), sum(run["cpu_s"] for run in runs)
     names = sorted({name for name, _ in counts})
-    statuses = sorted({status for _, status in counts})
+    statuses = sorted({status for (_, status), number in counts.items() if number})
     rows = [
         f"| {name} | " + " | ".join(str(counts[name, status] or "") for status in statuses) + " |"
         for name in names
@@ -49,10 +51,26 @@ def damage(runs: list[dict[str, Any]]) -> str:
     seeds = ", ".join(str(run["seed"]) for run in runs)
     return (
         f"## Damaged inputs\n\n{trials} inputs over {len(names)} commands, seeds {seeds}:"
-        f" {_what_broke(runs)} {1e3 * cpu / max(trials, 1):.0f} ms of processor time each.\n\n"
+        f" {_what_broke(runs)}{' The table has how these end now.' if replayed else ''}"
+        f" {1e3 * cpu / max(trials, 1):.0f} ms of processor time each.\n\n"
         f"| command | {' | '.join(f'exit {status}' for status in statuses)} |\n"
         f"|---|{'---|' * len(statuses)}\n" + "\n".join(rows) + "\n"
     )
+
+
+def _replayed(runs: list[dict[str, Any]]) -> dict[str, int]:
+    """How each input of the corpus ended when it was last replayed."""
+    return {_canonical(entry): status for run in runs for entry, status in run.get("replayed", [])}
+
+
+def _ended_since(counts: Counter, runs: list[dict[str, Any]], replayed: dict[str, int]) -> None:
+    """Count what once ended as nothing may under the exit status that it has now."""
+    for failure in (failure for run in runs for failure in run["failures"]):
+        entry, ended = _input_of(failure), re.search(r"ended with (-?\d+)", failure)
+        now = replayed.get(_canonical(entry))
+        if ended and now is not None:
+            counts[entry["case"], int(ended[1])] -= 1
+            counts[entry["case"], now] += 1
 
 
 def _what_broke(runs: list[dict[str, Any]]) -> str:

@@ -50,7 +50,7 @@ def test_damaged_inputs_break_no_promise(good, tmp_path):
 
 
 def test_what_broke_a_promise_once_does_not_again(good, tmp_path):
-    failures = faults.replay(good, tmp_path / "trial")
+    _, failures = faults.replay(good, tmp_path / "trial")
     assert not failures, "\n".join(failures)
 
 
@@ -202,6 +202,25 @@ def test_the_page_tells_what_broke_and_what_is_kept():
     assert said.startswith("2 broke a promise") and "1 of these are in the corpus" in said
     assert "none of the 30 inputs since" in said
     assert page._what_broke(runs[1:]) == "none broke a promise."
+
+
+def test_the_page_shows_how_an_input_ends_since_it_was_mended():
+    """Exits of code that was mended long ago stood in the table as if they were today's."""
+    entry = json.loads(faults.CORPUS.read_text())[0]
+    name = entry["case"]
+    failure = f"seed 1, trial 2: {json.dumps(entry)}\n  ended with 70\n  "
+    then = {
+        "seed": 1,
+        "trials": 2,
+        "cpu_s": 0.1,
+        "counts": [[name, 70, 1], [name, 0, 1]],
+        "failures": [failure],
+    }
+    today = then | {"seed": 2, "counts": [[name, 0, 2]], "failures": []}
+    assert "exit 70" in page.damage([then, today])
+    said = page.damage([then, today | {"replayed": [[entry, 1]]}])
+    assert "exit 70" not in said and f"| {name} | 3 | 1 |" in said
+    assert "The table has how these end now." in said
 
 
 def test_the_page_tells_in_which_library_a_failing_call_ended():

@@ -79,7 +79,7 @@ def test_the_damping_half_is_exact_in_r(model):
 def test_one_resonator_for_three_temperatures_is_refused():
     waves = elliptic_programme((0.0, 20.0, 40.0))
     with pytest.raises(
-        HrgError, match=r"identified at 20 to 20 °C, the runs go from 0 to 40 °C.*not extrapolated"
+        HrgError, match=r"are of 20 to 20 °C, the runs go from 0 to 40 °C; add by --resonator"
     ):
         calibrate(waves, resonator_of(tempered(20.0), 20.0), model="physical", bootstrap=0)
     # a resonator that does not say its temperature
@@ -268,5 +268,7 @@ def test_resonator_files_over_temperature_by_command(hrg, tmp_path):
         "calibrate", *waves, "--model", "physical", *resonators[:2], "-o", tmp_path / "one.h5"
     )
     assert (
-        alone.status == 1 and "not extrapolated" in alone.err and not (tmp_path / "one.h5").exists()
+        alone.status == 1
+        and "the resonators are of 0 to 0 °C, the runs go" in alone.err
+        and not (tmp_path / "one.h5").exists()
     )

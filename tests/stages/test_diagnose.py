@@ -22,6 +22,7 @@ from hrg_cli.stages.simulation_file import runs_of
 FORCED = {
     "drive_feedthrough",
     "quadrature_drive_phase_error",
+    "drive_gain",
     "drive_gain_mismatch",
     "drive_nonorthogonality",
     "drive_rotation",

@@ -103,6 +103,11 @@ def test_an_offset_is_no_feed_through():
     named(programme(32, {"coherent_offset": OFFSET}, forced=True), "coherent_offset")
 
 
+def test_a_drive_gain_is_not_a_damping():
+    table = programme(37, {"drive_gain": {"gain": 0.01}}, forced=True)
+    true_values(table, named(table, "drive_gain"), "damping_split_1_s", "damping_axis_rad")
+
+
 @pytest.mark.slow
 def test_a_drive_gain_mismatch_is_not_a_damping_split():
     table = programme(33, {"drive_gain_mismatch": {"gain": 0.01}}, forced=True)

@@ -196,7 +196,7 @@ def test_the_trim_leaves_a_round_resonator():
 
 
 def test_refusals_name_what_to_do():
-    with pytest.raises(HrgError, match="quadrature loop"):
+    with pytest.raises(HrgError, match=r"becomes a circle.*add --quadrature-gain-1-s"):
         forecast(made(split=0.1))
     with pytest.raises(HrgError, match="--scale-factor"):
         forecast(made(scale_factor=0.0))

@@ -247,7 +247,9 @@ def test_what_memory_does_not_hold_is_refused_with_a_sentence():
         (0.55 + 0.31 + 0.122) * 100 / 0.25, rel=0.02
     )
     fast = envelope_runs.turn_table(run, 1e4)
-    with pytest.raises(HrgError, match="rad a row where 1 is the most"):
+    with pytest.raises(
+        HrgError, match=r"rad in each of the .* rows that memory has, 1 rad at most"
+    ):
         rows.rows_needed(coordinates.from_mechanics(GYRO), [fast] * 40, 300)
 
 

@@ -51,8 +51,8 @@ SIZES = {
     "gain_step": {"c_gain": 4e-3, "s_gain": -7e-3, "time_s": 0.21},
     "converter_nonlinearity": {"mid_scale": 1e-3, "step": 0.0},
 }
-LOOPS = ("drive_gain_mismatch", "drive_nonorthogonality", "drive_rotation", "parasitic_force", "quadrature_drive_phase_error",
-         "finite_quadrature_gain")  # fmt: skip
+LOOPS = ("drive_gain", "drive_gain_mismatch", "drive_nonorthogonality", "drive_rotation", "parasitic_force",
+         "quadrature_drive_phase_error", "finite_quadrature_gain")  # fmt: skip
 """In a driven run the loops would answer, in the recording their commands stay as they are."""
 BRANCHES = {"thermal_hysteresis": 4e-2}
 

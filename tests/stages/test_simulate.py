@@ -302,6 +302,7 @@ def test_effects_act_and_neutral_ones_do_not():
         ("coherent_offset", {"in_phase_c": 1e-3, "quadrature_s": 1e-3}, False),
         ("rate_bias", {"rate_rad_s": 0.01}, False),
         ("thermal_lag", {"time_constant_s": 0.5}, False),
+        ("drive_gain", {"gain": 0.02}, True),
         ("drive_gain_mismatch", {"gain": 0.02}, True),
     ],
 )

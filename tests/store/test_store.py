@@ -53,7 +53,7 @@ def test_round_trip(kind, tmp_path):
 
 def test_texts_of_any_length_come_back_whole(tmp_path):
     """A diagnosis of twelve runs says more than the 64 kB that attributes of fixed size hold."""
-    report = json.dumps({"values": ["ä" * 1000] * 300}, ensure_ascii=False)
+    report = json.dumps({"remarks": ["ä" * 1000] * 300}, ensure_ascii=False)
     reasons = tuple(f"reason {k}" for k in range(9000))
     record = small(Diagnosis).replace(
         report=report,

@@ -8,6 +8,7 @@ import pytest
 import records_by_hand
 
 from hrg_cli.records import Column, Valid, Wave
+from hrg_cli.store.covariance_checks import covariance_problem
 from hrg_cli.store.validity import attribute_problem, bound_together, values_problem
 
 EDGES = (
@@ -52,3 +53,58 @@ def test_times_out_of_all_proportion_are_refused(first):
     times = np.array([first, 0.0, 1.0])
     assert "at least -1000000000000" in values_problem(times, Wave.columns()["time_s"])
     assert values_problem(np.array([-9e11, 0.0, 9e11]), Wave.columns()["time_s"]) is None
+
+
+COVARIANCE = np.array([[4.0, -1e-9, 0.0], [-1e-9, 1e-18, 0.0], [0.0, 0.0, 0.0]])
+"""Units far apart, a correlation of −1/2, a value that is known exactly."""
+BROKEN = {
+    "negative variance, -4 in row 1": ((0, 0), -4.0),
+    "negative variance, -1e-18 in row 2": ((1, 1), -1e-18),
+    "not symmetric in row 1, column 2": ((0, 1), 1e-9),
+    "correlation of -1.05 in row 1, column 2": (([0, 1], [1, 0]), -2.1e-9),
+    "correlation of inf in row 1, column 3": (([0, 2], [2, 0]), 1e-12),
+}
+
+
+@pytest.mark.parametrize("kind", ["resonator", "calibration"])
+@pytest.mark.parametrize("says", BROKEN)
+def test_a_covariance_is_one(kind, says):
+    """A variance of −1e-3 passed, and `rate` made a valid result of it."""
+    record = records_by_hand.RECORDS[kind]()
+    size = len(record.covariance)
+    matrix = np.zeros((size, size))
+    matrix[:3, :3] = COVARIANCE
+    assert bound_together(record.replace(covariance=matrix)) is None
+    place, value = BROKEN[says]
+    matrix[place] = value
+    assert says in bound_together(record.replace(covariance=matrix))
+
+
+REPORTS = {
+    "values is no list": '{"values": 3}',
+    "effects is no list": '{"effects": [3]}',
+    "a row of values has no value": '{"values": [{"name": "x"}]}',
+    "a row of values has no std": '{"values": [{"name": "x", "value": 1, "std": true}]}',
+    "a row of effects has no name": '{"effects": [{"name": 3}]}',
+    "a row of not_separable has no effects": '{"not_separable": [{}]}',
+    "the parameters of 'drag' are none": '{"effects": [{"name": "drag", "parameters": {"k": 1}}]}',
+}
+
+
+@pytest.mark.parametrize("says", REPORTS)
+def test_the_tables_of_a_diagnosis_are_tables(says):
+    """`diff`, `ledger add`, `check` and `plan` ended in internal errors."""
+    record = records_by_hand.RECORDS["diagnosis"]()
+    assert says in bound_together(record.replace(report=REPORTS[says]))
+    whole = '{"values": [{"name": "x", "value": 1, "std": 2.5}], "effects": null, "wander": []}'
+    assert bound_together(record) is None is bound_together(record.replace(report=whole))
+
+
+def test_rounding_breaks_no_covariance():
+    """A random matrix of rank 3 with deviations from 1e-9 to 1e9 and rounding of 1e-9 of each."""
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(8, 3)) * 10.0 ** np.linspace(-9, 9, 8)[:, None]
+    matrix = root @ root.T
+    matrix *= 1 + 1e-9 * rng.normal(size=matrix.shape)
+    assert covariance_problem(matrix) is None
+    assert covariance_problem(np.full((2, 2), 1e300)) is None

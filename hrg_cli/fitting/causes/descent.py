@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import HrgError
+from ...errors import HrgError, name_some
 from .coordinate_priors import CoordinatePriors, prior_residual, prior_rows
 from .damping_bound import passive_damping, wall_ahead
 from .designs import Design, Factored, factor_design
@@ -44,7 +44,7 @@ def no_motion(series: MeasuredRuns, point: Point) -> DivergedError:
     """Why there is no fit at all."""
     taken = ", ".join(effect.name for effect, _ in point.active)
     return DivergedError(
-        f"{', '.join(series.names)}: the model{f' with {taken}' if taken else ''} finds no fit to"
+        f"{name_some(series.names)}: the model{f' with {taken}' if taken else ''} finds no fit to"
         " these runs together; diagnose free and forced runs apart, or leave out the run that"
         " differs most"
     )
@@ -81,7 +81,9 @@ def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePri
         factored = factor_design(design)
     except np.linalg.LinAlgError as error:
         raise no_motion(series, prediction.point) from error
-    if not np.all(np.isfinite(factored.triangle)):
+    with np.errstate(over="ignore"):
+        size = float(np.sum(np.square(factored.triangle)))
+    if not np.isfinite(size):
         raise no_motion(series, prediction.point)
     priors = (
         prior_rows(freedom, layout, series),

@@ -124,7 +124,7 @@ def to_parameters(p: Array, mode_number: int) -> tuple[Array, Array]:
         safe = size if size > 0 else 1.0
         slopes[row, first : first + 2] = (x / safe, y / safe) if size > 0 else (1.0, 0.0)
         slopes[row + 1, first : first + 2] = (
-            np.array([-y, x]) / safe**2 / (2 * mode_number) if size > 0 else (0.0, 0.0)
+            np.array([-y, x]) / safe / safe / (2 * mode_number) if size > 0 else (0.0, 0.0)
         )
     return values, slopes
 

@@ -55,9 +55,9 @@ def rows_needed(p: Array, runs: Sequence[EnvelopeRun], least: int) -> int:
     for run, whole in zip(runs, motion, strict=True):
         if len(run) > rows and whole / rows > COARSEST_RAD:
             raise HrgError(
-                f"{run.run_id or 'the run'}: the wave moves by {whole:.3g} rad, and {len(runs)}"
-                f" runs leave {rows} rows in memory for each, {whole / rows:.2g} rad a row where"
-                f" {COARSEST_RAD:g} is the most; identify fewer or shorter runs at once"
+                f"{run.run_id or 'the run'}: the wave moves by {whole / rows:.2g} rad in each of"
+                f" the {rows} rows that memory has, {COARSEST_RAD:g} rad at most were expected;"
+                " identify fewer or shorter runs at once"
             )
     return rows
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import HrgError
+from ...errors import HrgError, name_some
 from ...fitting.tables.dwells import (
     choose_powers,
     design,
@@ -91,7 +91,7 @@ def rows_of(
 
 def _column(table: Mapping[str, Any], name: str) -> Array:
     if name not in table:
-        raise HrgError(f"the table has no column {name!r}; it has {', '.join(map(str, table))}")
+        raise HrgError(f"the table has no column {name!r}; it has {name_some(table)}")
     return np.asarray(table[name], float)
 
 

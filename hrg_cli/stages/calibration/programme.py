@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...errors import HrgError
+from ...errors import HrgError, name_some
 from ...fitting.tables.increments import AnglePath
 from ...fourier import node_weights
 
@@ -56,7 +56,7 @@ def choose_nodes(
     if not finite.all():
         missing = [p.run_id or "?" for p in paths if not np.isfinite(p.abscissa(axis)).all()]
         raise HrgError(
-            f"run {', '.join(missing)}: {name} is missing in a part of the runs; log it in all of"
+            f"run {name_some(missing)}: {name} is missing in a part of the runs; log it in all of"
             " them or leave these runs out"
         )
     low, high = float(x.min()), float(x.max())
@@ -132,7 +132,7 @@ def examine(paths: Sequence[AnglePath], nodes: Array, axis: str, harmonics: int)
     for j, node in enumerate(nodes):
         at = f"at {node:.4g} {unit} " if len(nodes) > 1 else ""
         near = weights[:, j] > 0.3
-        names = ", ".join(dict.fromkeys(paths[i].run_id or f"number {i + 1}" for i in run[near]))
+        names = name_some(dict.fromkeys(paths[i].run_id or f"number {i + 1}" for i in run[near]))
         if not near.any():
             findings.append(
                 Finding(

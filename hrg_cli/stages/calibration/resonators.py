@@ -134,9 +134,9 @@ def _need_usable(resonator: Resonator, widest_degc: float) -> None:
     span = resonator.temperature_span_degc
     if span is not None and span > widest_degc:
         raise HrgError(
-            f"a resonator file was identified from runs that span {span:.3g} °C; its"
-            " coefficients are those of no temperature: identify the runs of each temperature"
-            " by themselves and give each file with --resonator"
+            f"a resonator file was identified from runs that span {span:.3g} °C, of one temperature"
+            " were expected; identify each temperature by itself and give each file with"
+            " --resonator"
         )
 
 
@@ -176,9 +176,9 @@ def pool_resonators(
         lowest, highest = float(places.min()), float(places.max())
         if low < lowest - margin or high > highest + margin:
             raise HrgError(
-                f"the resonators were identified at {lowest:.4g} to {highest:.4g} {unit}, the runs"
-                f" go from {low:.4g} to {high:.4g} {unit}; their coefficients are not extrapolated:"
-                f" add resonator files (--resonator, repeated) of free runs at the outer {name}s"
+                f"the resonators are of {lowest:.4g} to {highest:.4g} {unit}, the runs go from"
+                f" {low:.4g} to {high:.4g} {unit}; add by --resonator those of free runs at the"
+                f" outer {name}s"
             )
     pooled = [
         _pool([found[i] for i in group], f"{np.mean(places[group]):.4g} {unit}") for group in groups

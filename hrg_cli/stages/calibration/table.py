@@ -41,8 +41,8 @@ def need_range(calibration: Calibration, x: Array, where: str) -> None:
     if low < calibration.node_min - slack or high > calibration.node_max + slack:
         raise HrgError(
             f"{where}: its {name} goes from {low:.6g} to {high:.6g} {unit}, the tables hold from"
-            f" {calibration.node_min:.6g} to {calibration.node_max:.6g} {unit} and are not"
-            " extrapolated; calibrate over the wider range"
+            f" {calibration.node_min:.6g} to {calibration.node_max:.6g}; calibrate over the wider"
+            " range"
         )
 
 
@@ -156,8 +156,8 @@ def _say_between(calibration: Calibration, between: list[float], stds: list[floa
     unit = "°C" if calibration.axis == "temperature" else "Hz"
     places = " and ".join(f"{x:.3g}" for x in (nodes[1:] + nodes[:-1]) / 2)
     return (
-        f"no run shows how the tables bend between their {len(nodes)} nodes: {told}, by how they bend"
-        f" from node to node; add dwells at {places} {unit}"
+        f"no run shows how the tables bend between their {len(nodes)} nodes: {told}; add dwells at"
+        f" {places} {unit}"
     )
 
 

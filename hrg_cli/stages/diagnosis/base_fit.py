@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...errors import HrgError
+from ...errors import HrgError, name_some
 from ...fitting.causes import extended_fit
 from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.fit_point import Point
@@ -43,16 +43,21 @@ def fit_base(
     scale_factor: float | None,
     blocks: int,
     free_phase: bool,
+    quick: bool = False,
 ) -> ExtendedFit:
-    """The base model fitted to runs, averaged along the motion that it has itself."""
+    """The base model fitted to runs, averaged along the motion that it has itself; `quick`: of driven
+    runs the first fit alone, beside nothing that a log may have missed."""
 
     def along(motion: Point | None) -> tuple[ExtendedFit, Point]:
         series, point, _ = prepare(pieces, scale_factor, blocks, coarser, motion)
         series = replace(series, free_phase=free_phase)
         freedom = freedom_of(series, point, scale_factor)
-        return start_fit(extended_fit.fit(series, point, freedom)), point
+        fit = extended_fit.fit(series, point, freedom)
+        return fit if quick and has_log(series) else start_fit(fit), point
 
     first, motion = along(None)
+    if quick and has_log(first.series):
+        return first
     for _ in range(AVERAGED_AGAIN):
         if is_averaged_well(first.series, motion, first.point):
             break
@@ -162,7 +167,7 @@ def fit_together(pieces: Sequence[Wave], fitted: Callable[..., ExtendedFit]) -> 
         return fitted(pieces)
     except extended_fit.DivergedError as error:
         raise HrgError(
-            f"{', '.join(dict.fromkeys(w.run_id for w in pieces))}: the base model finds no fit to these runs"
+            f"{name_some(dict.fromkeys(w.run_id for w in pieces))}: the base model finds no fit to these runs"
             " together; diagnose free and forced runs apart, or leave out the run that differs"
             " most"
         ) from error

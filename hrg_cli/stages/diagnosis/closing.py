@@ -176,7 +176,7 @@ def _runs(fit: ExtendedFit) -> Iterator[Check]:
     if len(fit.series.names) < 2:
         return
     kind, folds = folds_of(fit, fewest_runs=2)
-    left = predict_folds(fit, kind, folds)
+    left = predict_folds(fit, kind, folds, LEAST_INFORMATION)
     level = max(fit.chi2 / fit.dof, 1.0)
     ratios = [
         float(np.sqrt(np.mean(left[fold] ** 2) / level)) / _expected(fit, fold) for fold in folds

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...errors import name_some
 from ...fitting.causes.extended_fit import ExtendedFit
 
 GROSS = 1e3
@@ -26,7 +27,7 @@ def find_strangers(base: ExtendedFit) -> str | None:
     first = int(np.argmax(gaps)) + 1
     low, high = ([base.series.names[i] for i in part] for part in (order[:first], order[first:]))
     return (
-        f"the runs are not of one gyro: {', '.join(low)} at {hz[:first].mean():.6g} Hz,"
-        f" {', '.join(high)} at {hz[first:].mean():.6g} Hz, and no model fits both (χ² a degree of"
+        f"the runs are not of one gyro: {name_some(low, 30)} at {hz[:first].mean():.6g} Hz,"
+        f" {name_some(high, 30)} at {hz[first:].mean():.6g} Hz, and no model fits both (χ² a degree of"
         f" freedom {base.chi2 / base.dof:.3g}); diagnose them apart"
     )

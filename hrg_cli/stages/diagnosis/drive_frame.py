@@ -42,6 +42,8 @@ than a loop bears that is meant to hold it."""
 BANDWIDTHS = 5
 """Loops allowed for, evenly in the logarithm of their natural frequency: of a frequency split's phase
 over some cycles, one between two of them leaves a combination of what all of them leave, to 4 %."""
+MOST_TURNED_RAD = 1.0
+"""Turn of the commands' frame beyond which they would not hold the wave that they were made for."""
 SETTLED_RAD = 1e-4
 """Turn of the commands' frame that is none: a hundredth of that is missed of the force."""
 FINER = 4
@@ -82,7 +84,7 @@ class FrameAnswers:
 
 def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     """The fit again with the commands in the frame that the waves make likely; the same where that is
-    settled.
+    settled, or where no frame of loops that hold a wave is likely: a gross misfit would be laid on it.
 
     fit: beside these answers. Of a frame late by 80 ms, in which the wave turns by 0.06 rad, the
     force along the wave lacks two thousandths: more than columns of first order hold. So the frame
@@ -94,6 +96,8 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
         return fit
     size = answers.doings.T @ series.unsettled.off(fit.residual)
     turn = answers.turn(size)
+    if np.abs(turn).max() > MOST_TURNED_RAD:
+        return fit
     before = 0.0 if series.frame_turn is None else series.frame_turn
     if np.abs(turn - before).max() < SETTLED_RAD:
         return fit

@@ -59,17 +59,26 @@ def folds_of(
     return "time", [np.flatnonzero(block == b) for b in range(TIME_BLOCKS)]
 
 
-def predict_folds(fit: ExtendedFit, kind: str, folds: list[Array]) -> Array:
-    """Whitened residual (N,) of every fold, predicted from the others (linearised at the
-    optimum)."""
+def predict_folds(
+    fit: ExtendedFit, kind: str, folds: list[Array], least_information: float = 0.0
+) -> Array:
+    """Whitened residual (N,) of every fold, predicted from the others (linearised at the optimum);
+    what these hold less information on than a part of all stays where it is."""
     prior = coordinate_rows(fit.freedom, fit.layout)
     if kind == "runs":
         own = {number: _own(fit, rows) for number, rows in enumerate(folds)}
         return left_out_folds.predict_folds(
-            fit.residual, fit.design.shared, own, folds, prior[:, fit.design.places]
+            fit.residual,
+            fit.design.shared,
+            own,
+            folds,
+            prior[:, fit.design.places],
+            least_information,
         )
     own = {number: np.zeros((len(rows), 0)) for number, rows in enumerate(folds)}
-    return left_out_folds.predict_folds(fit.residual, fit.design.whole(), own, folds, prior)
+    return left_out_folds.predict_folds(
+        fit.residual, fit.design.whole(), own, folds, prior, least_information
+    )
 
 
 def _own(fit: ExtendedFit, rows: Array) -> Array:

@@ -96,11 +96,9 @@ def _close(verdict: Verdict, found: rate_offset.RateOffset, unclear: bool) -> No
             checks.holds(
                 "rate_is_distinct",
                 not unclear,
-                "an unknown rate is ill-conditioned here (condition number"
-                f" {verdict.condition:.3g}, {found.distinct:.1g} of its information is its own):"
-                f" the wave passes {np.degrees(span):.0f}° of the 360° of 2mθ, where a steady rate"
-                " and a damping split turn it alike, and the residual's own structure decides"
-                " between them; give the rate, or runs at several angles",
+                f"an unknown rate is ill-conditioned here (condition number {verdict.condition:.3g}):"
+                f" in the {np.degrees(span):.0f}° of the 360° of 2mθ that the wave passes it turns the"
+                " wave as a damping split does; give the rate, or runs at several angles",
             ),
         ],
     )

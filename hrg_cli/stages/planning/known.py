@@ -3,8 +3,6 @@ parameters as information."""
 
 from __future__ import annotations
 
-import json
-import tomllib
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,6 +15,7 @@ from ...fitting.envelopes.coordinates import COUNT, from_mechanics, to_parameter
 from ...fitting.envelopes.resonator_spread import slope_covariance
 from ...physics.resonator import PARAMETERS, Mechanics
 from ...records import Diagnosis, Resonator, Wave
+from ...settings import parse_toml
 from .information import InformationColumns
 
 Array = np.ndarray
@@ -25,12 +24,8 @@ Array = np.ndarray
 def mechanics_of(known: Resonator | Diagnosis) -> Mechanics:
     """The resonator's parameters. HrgError: neither frequency nor damping among them."""
     if isinstance(known, Diagnosis):
-        given = {row["name"]: float(row["value"]) for row in json.loads(known.report)["values"]}
-        mode_number = (
-            int(tomllib.loads(known.extended_model)["device"]["mode_number"])
-            if known.extended_model
-            else 2
-        )
+        given = {row["name"]: float(row["value"]) for row in known.told("values")}
+        mode_number = _mode_number(known.extended_model)
     else:
         given = {name: value for name, (value, _, _) in known.parameters().items()}
         mode_number = known.mode_number
@@ -39,6 +34,15 @@ def mechanics_of(known: Resonator | Diagnosis) -> Mechanics:
         raise HrgError("the resonator holds neither frequency nor damping; identify it first")
     values.setdefault("scale_factor", nominal_scale_factor(mode_number))
     return Mechanics(**values, mode_number=mode_number)
+
+
+def _mode_number(extended_model: str) -> int:
+    """The angular mode number of a written model. HrgError: it holds none."""
+    device = parse_toml(extended_model).get("device", {"mode_number": 2})
+    found = device.get("mode_number", 2) if isinstance(device, dict) else None
+    if not isinstance(found, int) or not 1 <= found <= 1000:
+        raise HrgError("the extended model it keeps is damaged (mode_number); diagnose again")
+    return found
 
 
 def device_table(m: Mechanics) -> dict[str, Any]:
@@ -96,7 +100,7 @@ def information_of(known: Resonator | Diagnosis, m: Mechanics, layout: Informati
             slope_covariance(known)[np.ix_(there, there)],
         )
     else:
-        stds = {row["name"]: float(row["std"]) for row in json.loads(known.report)["values"]}
+        stds = {row["name"]: float(row["std"]) for row in known.told("values")}
         rows = [k for k, name in enumerate(order) if 0 < stds.get(name, 0.0) < np.inf]
         covariance = np.diag([stds[order[k]] ** 2 for k in rows])
     if rows:

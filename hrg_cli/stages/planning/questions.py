@@ -52,13 +52,13 @@ def open_causes(
     if isinstance(known, Diagnosis):
         report = json.loads(known.report)
         settled: list[list[str]] = []
-        for found in report["effects"]:
+        for found in known.told("effects"):
             if found["name"] in names:
                 sizes[found["name"]] = {
                     key: float(p["value"])
-                    for key, p in (found["parameters"] | found.get("held", {})).items()
+                    for key, p in (found.get("parameters", {}) | found.get("held", {})).items()
                 }
-                rivals = [r for r in found["indistinguishable_from"] if r in names]
+                rivals = [r for r in found.get("indistinguishable_from", ()) if r in names]
                 (groups if rivals else settled).append([found["name"], *rivals])
         for group in _unseen(report) if not causes else ():
             sizes |= {name: {} for name in group if name not in sizes}
@@ -100,11 +100,7 @@ def never_told(known: Resonator | Diagnosis) -> list[str]:
     """Sentences about what the diagnosis left open and no run of any menu can tell."""
     if not isinstance(known, Diagnosis):
         return []
-    told = {
-        name
-        for group in json.loads(known.report).get("not_separable", [])
-        for name in group["effects"]
-    }
+    told = {name for group in known.told("not_separable") for name in group["effects"]}
     return [
         f"no run can tell {name} from {same}" for name, same in INHERENT.items() if name in told
     ]

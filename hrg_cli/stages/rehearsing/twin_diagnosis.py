@@ -3,8 +3,6 @@ diagnosis of it finds again."""
 
 from __future__ import annotations
 
-import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -14,6 +12,7 @@ import numpy as np
 from ...effects import EFFECTS
 from ...errors import HrgError
 from ...records import Diagnosis
+from ...settings import parse_toml
 from . import twin_colour
 from .twin import Twin
 from .twin_run import Measured, TwinRun, choose_sample_rate, name_run, write_carrier
@@ -37,7 +36,9 @@ def make_twin_of_diagnosis(
     """
     if not truth.extended_model:
         raise HrgError("was refused and holds no extended model; there is nothing to simulate")
-    config = tomllib.loads(truth.extended_model)
+    config = parse_toml(truth.extended_model)
+    if not isinstance(config.get("run"), list):
+        raise HrgError("has an extended model without runs; it is damaged: diagnose again")
     if len(config["run"]) != len(inputs):
         raise HrgError(
             f"has an extended model of {len(config['run'])} runs, {len(inputs)} waves were"
@@ -67,7 +68,7 @@ def make_twin_of_diagnosis(
 def causes(record: Diagnosis) -> Causes:
     """The causes that a diagnosis names; a cause seen twice, as it is told first."""
     out: Causes = {}
-    for one in json.loads(record.report)["effects"]:
+    for one in record.told("effects"):
         found = {
             name: (float(p["value"]), float(p["std"]))
             for name, p in (one.get("parameters") or {}).items()
@@ -88,8 +89,7 @@ def causes_held(twin: Twin) -> Causes:
 
 def base_values(record: Diagnosis) -> dict[str, tuple[float, float]]:
     """The resonator beside the causes: values and standard deviations by name."""
-    rows = json.loads(record.report).get("values") or []
-    return {row["name"]: (float(row["value"]), float(row["std"])) for row in rows}
+    return {row["name"]: (float(row["value"]), float(row["std"])) for row in record.told("values")}
 
 
 def same_sign(

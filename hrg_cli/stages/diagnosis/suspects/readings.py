@@ -135,8 +135,6 @@ def _turning_hz(wave: Wave) -> Array:
 
 def of_the_rate(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """A rate log of another sign, unit or size, late, or none."""
-    if wave.mode != "free":
-        return
     common = others.coordinate(SCALE_FACTOR)
     logged = mean_rate(wave)
     if not abs(common) > 0:
@@ -303,15 +301,3 @@ def of_a_knock(wave: Wave) -> Iterator[Reading]:
         " it moves as the others do: cut there",
         f"cut the run at {instants}, or simulate the knock as momentum_kick",
     )
-
-
-Maker = Callable[[Wave, ExtendedFit], Iterator[Reading]]
-
-
-def readings(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
-    """Every mistake that this run's motion could show beside the others' coordinates."""
-    yield from of_the_channels(wave, others)
-    yield from of_the_time(wave, others)
-    yield from of_the_rate(wave, others)
-    yield from of_a_knock(wave)
-    yield from of_the_damping(wave, others)

@@ -61,18 +61,18 @@ def _left(fit: ExtendedFit) -> float:
 
 
 def fit_warming(
-    fitted: Callable[[Sequence[Wave]], ExtendedFit],
+    fitted: Callable[..., ExtendedFit],
     candidates: Sequence[Variant],
     base: ExtendedFit,
-) -> Callable[[Sequence[Wave]], ExtendedFit] | None:
+) -> Callable[..., ExtendedFit] | None:
     """The fit with frequency and damping that follow the temperature; None where that does not
     lower χ² of the runs much."""
     thermal = [variant for variant in candidates if variant.effect.scales]
     if not thermal or not base.series.has_temperature:
         return None
 
-    def fit(waves: Sequence[Wave]) -> ExtendedFit:
-        plain = fitted(waves)
+    def fit(waves: Sequence[Wave], *, quick: bool = False) -> ExtendedFit:
+        plain = fitted(waves, quick=quick)
         point = plain.point
         for variant in thermal:
             point = fit_point.add_effect(point, variant.effect, variant.values)

@@ -3,38 +3,26 @@ agree with them."""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
-from ....errors import HrgError
-from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
 from ....records import Array, Wave
 from ..thresholds import GROSS
 from ..variants import Variant
-from .laws import is_one_law
-from .logs import usual_scale_factor, wrong_logs
-from .readings import DAMPING, KNOCK, Maker, Reading, fit_held, of_a_knock, own_damping, readings
+from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none
+from .leaks import find_leaks
+from .logs import wrong_logs
+from .mistakes import Maker, find_mistakes
+from .readings import DAMPING, KNOCK, Reading, fit_held, of_a_knock
 from .rivals import fit_catalogue, fit_warming
 from .suspicion import Suspicion
 from .thermometers import of_the_thermometer
-from .transformations import undo_damping
 
-Fitted = Callable[[Sequence[Wave]], ExtendedFit]
-
-ODD = 1e3
-"""Δχ² by which mistakes that leave a usual scale factor go before those that do not."""
-REMOVED = 0.9
-"""Part of the excess of χ² that the mistakes undone must remove together."""
 STEP = 1.4
 """Times by which χ² must fall for one more run to be doubted."""
-PRICE = 20.0
-"""Δ(χ² + k ln N), at the noise that is left, by which a mistake with more freedom must beat one
-with less."""
 RIVAL = 3.0
 """χ² a degree of freedom that causes of the catalogue may leave over that of the best mistake: then
 no run is blamed."""
@@ -43,37 +31,10 @@ CLEAR = 3.0
 good."""
 DOUBTED = 2
 """Runs whose mistakes are tried, those without which the others agree best."""
-LEAK_ROUNDS = 3
-"""Dampings of the runs and the rest of the model, in turn."""
+FINALISTS = 3
+"""Mistakes of a run, first among quick fits of driven runs, that are fitted in full."""
 MOST_LEFT_OUT = 10
 """Runs left out one by one; of more, those that the base model misses most."""
-
-
-@dataclass(frozen=True)
-class SuspectCase:
-    """One reading of one run with the fit it leaves."""
-
-    run: int
-    reading: Reading
-    fit: ExtendedFit
-    apart: ExtendedFit | None = None
-    """The fit of the run alone, where it is none of the others'."""
-
-    @property
-    def chi2(self) -> float:
-        """Of all runs."""
-        return self.fit.chi2 + (self.apart.chi2 if self.apart else 0.0)
-
-    @property
-    def dof(self) -> int:
-        """Of all runs."""
-        return self.fit.dof + (self.apart.dof if self.apart else 0)
-
-    def price(self, noise: float) -> float:
-        """χ² at a noise, what its freedom costs, and a scale factor that no resonator has."""
-        rows = len(self.fit.residual)
-        odd = 0.0 if usual_scale_factor(self.fit) else ODD
-        return self.chi2 / noise + self.reading.parameters * float(np.log(rows)) + odd
 
 
 def suspect_runs(
@@ -93,32 +54,13 @@ def suspect_runs(
         return wrong_logs(waves, base)
     warm = fit_warming(fitted, candidates, base)
     found = (
-        _wrong_runs(waves, fitted, base, readings)
-        or _find_leaks(waves, fitted, base)
+        _wrong_runs(waves, fitted, base, find_mistakes)
+        or find_leaks(waves, fitted, base)
         or (_wrong_runs(waves, warm, warm(waves), of_the_thermometer) if warm is not None else None)
     )
     if found is None or physics < RIVAL * max(1.0, found.chi2_per_dof) or found.follow_a_law:
         return wrong_logs(waves, base)
     return [*wrong_logs(waves, found.fit), *found.suspicions]
-
-
-@dataclass(frozen=True)
-class SuspectFound:
-    """What explains the runs: the suspicions, the numbers free in them, the fit before and the fit
-    once they are undone, and what that leaves."""
-
-    suspicions: tuple[Suspicion, ...]
-    numbers: int
-    before: ExtendedFit
-    fit: ExtendedFit
-    chi2_per_dof: float
-
-    @property
-    def follow_a_law(self) -> bool:
-        """Whether the mistakes of several runs are one law of what is logged of these."""
-        return len(self.suspicions) > 1 and is_one_law(
-            self.before, self.chi2_per_dof, self.numbers, PRICE
-        )
 
 
 def _wrong_runs(
@@ -143,7 +85,7 @@ def _wrong_runs(
                 for case in _cases(_fit_without(waves, k), waves[k], k, others, fitted, makers)
             ]
         else:
-            others = _fit(_flat(pieces), fitted)
+            others = fit_or_none(_flat(pieces), fitted)
             cases = (
                 [] if others is None else _cases(pieces, waves[run], run, others, fitted, makers)
             )
@@ -203,8 +145,11 @@ def _cases(
 ) -> list[SuspectCase]:
     """Every mistake of one run beside the pieces of the others; last that it is none of theirs."""
     alone = len(_flat(pieces)) == 0
-    out = list(_read(pieces, run, of_a_knock(wave) if alone else makers(wave, others), fitted))
-    apart = None if alone else _fit([wave], lambda own: fit_held(own, others, COORDINATES[:-1]))
+    made = of_a_knock(wave) if alone else makers(wave, others)
+    out = _read(pieces, run, list(made), fitted)
+    apart = (
+        None if alone else fit_or_none([wave], lambda own: fit_held(own, others, COORDINATES[:-1]))
+    )
     if apart is not None:
         own = apart.chi2 / apart.dof < CLEAR * max(1.0, others.chi2 / others.dof)
         figures = (
@@ -221,65 +166,51 @@ def _cases(
     return out
 
 
-def _find_leaks(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> SuspectFound | None:
-    """Dampings that differ from run to run and nothing else: gas. The runs with more damping than
-    those of the least are named."""
-    if len(waves) < 3 or any(wave.mode != "free" for wave in waves):
-        return None
-    fit, undone, less = base, list(waves), np.zeros(len(waves))
-    for _ in range(LEAK_ROUNDS):
-        dampings = [own_damping(wave, fit) for wave in undone]
-        if any(one is None for one in dampings):
-            return None
-        less += np.array([one[0] - fit.coordinate(DAMPING) for one in dampings if one is not None])
-        undone = [undo_damping(wave, d) for wave, d in zip(waves, less, strict=True)]
-        again = _fit(undone, fitted)
-        if again is None or again.chi2 > fit.chi2:
-            return None
-        fit = again
-    before, after = base.chi2 / base.dof, fit.chi2 / fit.dof
-    order = np.argsort(less)
-    gaps = np.diff(less[order])
-    high = order[int(np.argmax(gaps)) + 1 :]
-    if after - 1 > (1 - REMOVED) * (before - 1) or gaps.max() < 0.5 * np.ptp(less):
-        return None
-    common = fit.coordinate(DAMPING) + float(less[order[0]])
-    told = tuple(
-        Suspicion(
-            waves[k].run_id,
-            "loss of pressure",
-            f"its damping is {fit.coordinate(DAMPING) + less[k]:.5g} 1/s, the least of the runs"
-            f" {common:.5g}: with a damping of its own in every run χ² a degree of freedom falls"
-            f" from {before:.3g} to {after:.3g}",
-            "check the vacuum between the runs: gas damping; calibrate these runs apart",
-        )
-        for k in sorted(high)
-    )
-    return SuspectFound(told, len(waves) - 1, base, fit, after)
-
-
 def _read(
-    pieces: Sequence[tuple[Wave, ...]], run: int, made: Iterator[Reading], fitted: Fitted
-) -> Iterator[SuspectCase]:
-    for reading in made:
-        fit = _fit([*_flat(pieces[:run]), *reading.pieces, *_flat(pieces[run + 1 :])], fitted)
-        if fit is not None:
-            yield SuspectCase(run, reading, fit)
+    pieces: Sequence[tuple[Wave, ...]], run: int, made: Sequence[Reading], fitted: Fitted
+) -> list[SuspectCase]:
+    """A run's mistakes fitted in its place, of driven runs those alone that come first when fitted
+    quickly."""
+
+    def fit_all(made: Sequence[Reading], quick: bool) -> list[SuspectCase]:
+        out = []
+        for reading in made:
+            waves = [*_flat(pieces[:run]), *reading.pieces, *_flat(pieces[run + 1 :])]
+            fit = fit_or_none(waves, fitted, quick)
+            if fit is not None:
+                out.append(SuspectCase(run, reading, fit))
+        return out
+
+    if len(made) > FINALISTS and _any_logged(_flat(pieces)):
+        quickly = fit_all(made, quick=True)
+        noise = max(1.0, min((case.chi2 / case.dof for case in quickly), default=1.0))
+        ranked = sorted(quickly, key=lambda case: case.price(noise))
+        made = [case.reading for case in ranked[:FINALISTS]]
+    return fit_all(made, quick=False)
 
 
 def _without_each(
     waves: Sequence[Wave], left_out: Sequence[int], fitted: Fitted, level: ExtendedFit
 ) -> list[tuple[int, ExtendedFit]]:
     """The fits without each of the runs beside those left out already, that which leaves the others
-    agreeing best first."""
+    agreeing best first; of driven runs those alone that come first when fitted quickly."""
     there = [k for k in range(len(waves)) if k not in left_out]
     missed = dict(zip(there, _misfits(level), strict=True))
-    out = []
-    for run in sorted(there, key=lambda k: -missed[k])[:MOST_LEFT_OUT]:
-        fit = _fit([waves[k] for k in there if k != run], fitted)
-        if fit is not None:
-            out.append((run, fit))
-    return sorted(out, key=lambda pair: pair[1].chi2 / pair[1].dof)
+
+    def fit_all(runs: Sequence[int], quick: bool) -> list[tuple[int, ExtendedFit]]:
+        fits = [(k, fit_or_none([waves[j] for j in there if j != k], fitted, quick)) for k in runs]
+        found = [(k, fit) for k, fit in fits if fit is not None]
+        return sorted(found, key=lambda pair: pair[1].chi2 / pair[1].dof)
+
+    runs = sorted(there, key=lambda k: -missed[k])[:MOST_LEFT_OUT]
+    if len(runs) > DOUBTED and _any_logged(waves):
+        runs = [k for k, _ in fit_all(runs, quick=True)[:DOUBTED]]
+    return fit_all(runs, quick=False)
+
+
+def _any_logged(waves: Sequence[Wave]) -> bool:
+    """Whether a drive is logged, so that a fit in full takes several to allow for its log."""
+    return any(wave.drive_main is not None for wave in waves)
 
 
 def _fit_without(waves: Sequence[Wave], run: int) -> list[tuple[Wave, ...]]:
@@ -296,14 +227,6 @@ def _misfits(fit: ExtendedFit) -> Array:
 
 def _flat(pieces: Sequence[tuple[Wave, ...]]) -> list[Wave]:
     return [wave for run in pieces for wave in run]
-
-
-def _fit(waves: Sequence[Wave], fitted: Fitted) -> ExtendedFit | None:
-    with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
-        fit = fitted(waves)
-        if np.isfinite(fit.chi2):
-            return fit
-    return None
 
 
 def _figures(fit: ExtendedFit) -> str:

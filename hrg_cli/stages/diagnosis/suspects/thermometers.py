@@ -16,7 +16,8 @@ from ....records import Array, Wave
 from . import transformations as change
 from .readings import DAMPING, FINEST, Reading, fit_held, least
 
-COURSE_ROUNDS = 3
+COURSE_ROUNDS = 4
+"""Of the course and, but in the first, the level: beside a course that is far off a damping is anything."""
 PLAUSIBLE_DEGC = 200.0
 """Distance from the other runs' temperatures that a run may have had."""
 LONGEST_LAG = 0.5
@@ -98,15 +99,16 @@ def _shown_course(wave: Wave, others: ExtendedFit) -> Wave | None:
     )
     span = float(wave.time_s[-1] - wave.time_s[0])
     per_degc = slope * 2 * np.pi * wave.reference_frequency_hz * span
-    for _ in range(COURSE_ROUNDS):
+    for number in range(COURSE_ROUNDS):
+        free = [DAMPING] if number else []
         with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
-            fit = fit_held([change.replace_temperature(wave, level, slopes)], others, [DAMPING])
+            fit = fit_held([change.replace_temperature(wave, level, slopes)], others, free)
             rows = fit.series.weight[0] > 0
             x = (fit.series.time_s[0][rows] - float(wave.time_s[0])) / span
             left = _phase_left(fit)[rows]
             bend = np.polynomial.polynomial.polyfit(x, left, 3)
             slopes = slopes + np.array([2 * bend[2], 3 * bend[3]]) / per_degc
-            if loss != 0:
+            if free and loss != 0:
                 warmer = (fit.coordinate(DAMPING) / others.coordinate(DAMPING) - 1) / loss
                 level += warmer if abs(warmer) < PLAUSIBLE_DEGC else 0.0
             continue

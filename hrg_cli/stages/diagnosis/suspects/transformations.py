@@ -4,6 +4,7 @@ it should have been."""
 from __future__ import annotations
 
 from dataclasses import replace as replaced
+from typing import Any
 
 import numpy as np
 
@@ -94,6 +95,29 @@ def advance_rate(wave: Wave, late_s: float) -> Wave:
     rate, time = np.asarray(wave.rate_rad_s, float), np.asarray(wave.time_s, float)
     known = np.isfinite(rate)
     return wave.replace(rate_rad_s=np.interp(time + late_s, time[known], rate[known]))
+
+
+COMMANDS = ("drive_main", "drive_quadrature")
+
+
+def scale_drive(wave: Wave, factor: float) -> Wave:
+    """The logged commands multiplied."""
+    return wave.replace(**{name: factor * values for name, values in _commands(wave).items()})
+
+
+def advance_drive(wave: Wave, late_s: float) -> Wave:
+    """The commands' log moved forward by the time it came late; first and last values held."""
+    time = np.asarray(wave.time_s, float)
+    moved: dict[str, Any] = {}
+    for name, values in _commands(wave).items():
+        known = np.isfinite(values)
+        moved[name] = np.interp(time + late_s, time[known], values[known])
+    return wave.replace(**moved)
+
+
+def _commands(wave: Wave) -> dict[str, Any]:
+    logs = {name: getattr(wave, name) for name in COMMANDS}
+    return {name: np.asarray(log, float) for name, log in logs.items() if log is not None}
 
 
 def from_kelvin(wave: Wave) -> Wave:

@@ -1,0 +1,45 @@
+"""What `hrg run` would do, as commands that do it by hand."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..gyro import inputs_of, plan_steps
+from ..pipeline import STAGES
+from .common import Common
+
+
+def say_by_hand(
+    paths: Sequence[Path], folder: Path, tables: Mapping[str, Mapping[str, Any]], run: Common
+) -> list[str]:
+    """A command a step, which reads what is given or what a step before it wrote, with the
+    settings of its stage."""
+    times = tables.get("rehearse", {}).get("times")
+    place = _places(paths, tables)
+    lines: list[str] = []
+    made: set[str] = set()
+    for name, inputs, output in plan_steps(paths, tables, times is not None):
+        read = [str(folder / one if one in made else place.get(one, one)) for one in inputs]
+        beside = STAGES[name].beside if name in STAGES else ()
+        models = [m for m in beside if f"{m}.h5" in made]
+        read += [w for m in models for w in (f"--{m}", str(folder / f"{m}.h5"))]
+        told = ["-o", str(folder / output)] if output else ["--times", str(times)]
+        lines.append(shlex.join(["hrg", name, *read, *told, *_settings(name, run)]))
+        made.add(output)
+    return lines
+
+
+def _places(paths: Sequence[Path], tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Path]:
+    """Where each file that is given lies, by its name."""
+    inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
+    return {path.name: path for one in inputs for path in (one.path, *one.logs) if path.exists()}
+
+
+def _settings(name: str, run: Common) -> list[str]:
+    """The options that give a stage its settings."""
+    of_stage = [text for text in run.assignments if text.startswith(f"{name}.")]
+    config = [] if run.config is None else ["--config", str(run.config)]
+    return config + [word for text in of_stage for word in ("--set", text)]

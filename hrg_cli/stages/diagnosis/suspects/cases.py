@@ -1,0 +1,85 @@
+"""One mistake of one run with the fit that it leaves, and what the search for wrong runs found."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....errors import HrgError
+from ....fitting.causes import extended_fit
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....records import Wave
+from .laws import is_one_law
+from .logs import usual_scale_factor
+from .readings import Reading
+from .suspicion import Suspicion
+
+Fitted = Callable[..., ExtendedFit]
+"""The base model fitted to waves, one a piece of a run; `quick=True`: beside nothing that a drive's log
+may have missed."""
+
+ODD = 1e3
+"""Δχ² by which mistakes that leave a usual scale factor go before those that do not."""
+REMOVED = 0.9
+"""Part of the excess of χ² that the mistakes undone must remove together."""
+PRICE = 20.0
+"""Δ(χ² + k ln N), at the noise that is left, by which a mistake with more freedom must beat one
+with less."""
+
+
+@dataclass(frozen=True)
+class SuspectCase:
+    """One reading of one run with the fit it leaves."""
+
+    run: int
+    reading: Reading
+    fit: ExtendedFit
+    apart: ExtendedFit | None = None
+    """The fit of the run alone, where it is none of the others'."""
+
+    @property
+    def chi2(self) -> float:
+        """Of all runs."""
+        return self.fit.chi2 + (self.apart.chi2 if self.apart else 0.0)
+
+    @property
+    def dof(self) -> int:
+        """Of all runs."""
+        return self.fit.dof + (self.apart.dof if self.apart else 0)
+
+    def price(self, noise: float) -> float:
+        """χ² at a noise, what its freedom costs, and a scale factor that no resonator has."""
+        rows = len(self.fit.residual)
+        odd = 0.0 if usual_scale_factor(self.fit) else ODD
+        return self.chi2 / noise + self.reading.parameters * float(np.log(rows)) + odd
+
+
+@dataclass(frozen=True)
+class SuspectFound:
+    """What explains the runs: the suspicions, the numbers free in them, the fit before and the fit
+    once they are undone, and what that leaves."""
+
+    suspicions: tuple[Suspicion, ...]
+    numbers: int
+    before: ExtendedFit
+    fit: ExtendedFit
+    chi2_per_dof: float
+
+    @property
+    def follow_a_law(self) -> bool:
+        """Whether the mistakes of several runs are one law of what is logged of these."""
+        return len(self.suspicions) > 1 and is_one_law(
+            self.before, self.chi2_per_dof, self.numbers, PRICE
+        )
+
+
+def fit_or_none(waves: Sequence[Wave], fitted: Fitted, quick: bool = False) -> ExtendedFit | None:
+    """The base model's fit to waves; None where it finds none."""
+    with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
+        fit = fitted(waves, quick=True) if quick else fitted(waves)
+        if np.isfinite(fit.chi2):
+            return fit
+    return None

@@ -1,0 +1,52 @@
+"""A driven run whose log of the drive is wrong: of the other sign, of another size, late."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....records import Wave
+from . import transformations as change
+from .readings import FINEST, LATEST, Reading, least
+
+LARGEST = 100.0
+"""Times by which a log may be too large or too small."""
+
+
+def of_the_drive(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+    """A drive log of another sign or size, or late."""
+    if wave.drive_main is None or wave.drive_quadrature is None:
+        return
+    yield Reading(
+        "drive log of wrong sign",
+        (change.scale_drive(wave, -1.0),),
+        0,
+        "with the sign of the logged commands turned",
+        "turn the sign of this run's drive log",
+    )
+    power = least(
+        lambda x: change.scale_drive(wave, float(np.exp(x))), others, np.log(LARGEST), FINEST
+    )
+    if power is not None:
+        factor = float(np.exp(power))
+        yield Reading(
+            "drive log of wrong scale",
+            (change.scale_drive(wave, factor),),
+            1,
+            f"with the logged commands multiplied by {factor:.4g}",
+            f"multiply this run's drive log by {factor:.4g}, or find its unit",
+        )
+    span = float(wave.time_s[-1] - wave.time_s[0])
+    late = least(lambda t: change.advance_drive(wave, t), others, LATEST * span, FINEST * span)
+    if late is not None:
+        early = "late" if late > 0 else "early"
+        yield Reading(
+            f"drive log {early}",
+            (change.advance_drive(wave, late),),
+            1,
+            f"with its drive log moved by {-late:+.4g} s",
+            f"the drive log comes {abs(late):.4g} s too {early}: shift its times, or start both"
+            " clocks together",
+        )
