@@ -226,8 +226,9 @@ def test_citations_of_physics_resolve():
                 assert found, f"{path.relative_to(ROOT)} cites {label}"
 
 
-def test_validation_names_tests_that_exist():
-    page = (ROOT / "docs" / "explanation" / "validation.md").read_text(encoding="utf-8")
+@pytest.mark.parametrize("which", ["validation", "papers"])
+def test_a_page_names_tests_that_exist(which):
+    page = (ROOT / "docs" / "explanation" / f"{which}.md").read_text(encoding="utf-8")
     named = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", page)
     assert len(named) > 20
     for file, test in named:
