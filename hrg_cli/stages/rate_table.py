@@ -161,9 +161,9 @@ def _doubts(known: bool, too_many: int, rows: int, spike_sigma: float) -> list[s
         )
     if too_many:
         doubts.append(
-            f"{too_many} of {rows} rows lie beyond {spike_sigma:g} robust standard deviations: so"
-            " many are no spikes, and none was left out; the table's curve is not the gyro's: give"
-            " a smaller node_spacing_degc, or more rows"
+            f"{too_many} of {rows} rows lie beyond {spike_sigma:g} robust standard deviations, too"
+            " many to be spikes: the curve does not fit, and none was left out; give a smaller"
+            " node_spacing_degc, or more rows"
         )
     return doubts
 

@@ -192,9 +192,8 @@ def causes(layout: TableLayout) -> list[tuple[str, Array, Callable[[float], str]
             f" angle ({z:.3g} times its error); use --model quadrature, or a firmer quadrature loop"
         ),
         "rate": lambda z: (
-            "the drift moves with the rate itself, which the tables over temperature and angle do"
-            f" not hold ({z:.3g} times its error): an asymmetry or nonlinearity of the scale"
-            " factor, or a frequency split under a soft quadrature loop"
+            f"the drift moves with the rate itself ({z:.3g} times its error), which no table holds:"
+            " a scale factor that is not linear, or a frequency split under a soft quadrature loop"
         ),
         "quadrature_drive": lambda z: (
             f"the drift moves with the logged quadrature drive ({z:.3g} times its error): a phase"

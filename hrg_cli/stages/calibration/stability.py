@@ -158,9 +158,8 @@ def say_unstable(found: dict[str, Any] | None, dropped: Sequence[str]) -> list[s
         unit = " rad/s" if row["kind"] == "drift" else ""
         out.append(
             f"the {row['name']} does not repeat between programmes (told by {found['told_by']}, p ="
-            f" {row['p_value']:.2g}): it scatters by {row['scatter']:.2g}{unit} beside its own"
-            f" {row['amplitude']:.2g}{unit}, which the tables' errors do not hold; look for what"
-            " differs, or use --stable-only"
+            f" {row['p_value']:.2g}): it scatters by {row['scatter']:.2g} of"
+            f" {row['amplitude']:.2g}{unit}; look for what differs, or use --stable-only"
         )
     return out
 

@@ -233,16 +233,11 @@ def sentence(fit: ExtendedFit) -> str:
     if walk < TOLD:
         return ""
     size = float(np.max(scatter.size[scatter.worst]))
-    allowed = (
-        "; as much of that as the waves leave possible is in every standard deviation"
-        if fit.series.scatter is not None
-        else ""
-    )
+    allowed = "; so much is in every standard deviation" if fit.series.scatter is not None else ""
     return (
-        f"the drive's log scatters by {size:.2g} amplitude/s from row to row, of which the waves"
-        f" leave {100 * min(fit.series.scatter_part, 1.0):.2g} % possible beside what they show:"
-        f" that alone moves them by {walk:.2g} σ within a run{allowed}; log the drive's means, or"
-        " every value that the loops set"
+        f"the drive's log scatters by {size:.2g} amplitude/s from row to row; the"
+        f" {100 * min(fit.series.scatter_part, 1.0):.2g} % of it that the waves do not exclude move"
+        f" them by {walk:.2g} σ within a run{allowed}; log the drive's means"
     )
 
 

@@ -189,8 +189,8 @@ def folded_beside(waves: Sequence[Wave], found: Sequence[Effect]) -> str:
         if apart * window_s < 1:
             return (
                 f"multiple {order} of the oscillation, which {makers[0]} makes, is folded to"
-                f" {apart:.3g} Hz beside it by the sampling at {sampling:.6g} Hz, where windows of"
-                f" {window_s:.3g} s do not part them and no model has it; sample at another rate"
+                f" {apart:.3g} Hz beside it, which windows of {window_s:.3g} s do not part; sample"
+                f" at another rate than {sampling:.6g} Hz"
             )
     return ""
 

@@ -96,9 +96,9 @@ def _close(verdict: Verdict, found: rate_offset.RateOffset, unclear: bool) -> No
             checks.holds(
                 "rate_is_distinct",
                 not unclear,
-                f"an unknown rate is ill-conditioned here (condition number {verdict.condition:.3g}):"
-                f" in the {np.degrees(span):.0f}° of the 360° of 2mθ that the wave passes it turns the"
-                " wave as a damping split does; give the rate, or runs at several angles",
+                f"an unknown rate is ill-conditioned (condition number {verdict.condition:.3g}), like a"
+                f" damping split where the wave passes {np.degrees(span):.0f}° of the 360° of 2mθ;"
+                " give the rate, or runs at several angles",
             ),
         ],
     )
