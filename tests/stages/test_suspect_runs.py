@@ -103,6 +103,35 @@ def test_a_driven_run_whose_log_is_wrong(what):
     assert told(estimated(records)) == [(right.run_id, what)]
 
 
+@pytest.mark.parametrize(
+    "factor", [0.95, *(pytest.param(f, marks=pytest.mark.slow) for f in (0.8, 1.15, 2.0))]
+)
+def test_a_driven_run_sampled_at_another_rate(factor):
+    """The logs keep their own clock: moved with the samples they left χ² 5 to 2000. At 0.95 χ² of
+    all runs is 1.2 beside what a drive's log may miss; the frequency alone tells."""
+    records = recordings(table_of(3, runs=5, forced=True, turning=1, quadrature_loop="finite"), 3)
+    right = records[0]
+    assert right.mode == "forced"
+    records[0] = right.replace(
+        sample_rate_hz=right.sample_rate_hz * factor, nominal_frequency_hz=None
+    )
+    (found,) = suspicions(estimated(records))
+    assert (found.run_id, found.what) == (right.run_id, "sampling rate wrong")
+    assert float(found.correction.split()[-1]) == pytest.approx(factor, rel=1e-5)
+
+
+def test_a_frequency_that_follows_the_amplitude_is_no_wrong_clock():
+    """Two of six runs at half the amplitude of a very soft spring oscillate 3 % beside the others."""
+    pull = 0.04 * 2 * np.pi * table_of(2)["device"]["frequency_hz"]
+    table = table_of(2, {"cubic_stiffness": {"pull_rad_s": pull}})
+    for run in table["run"][::3]:
+        run["start"]["amplitude"] = 0.5
+    waves = estimated(recordings(table))
+    hz = np.array([np.median(wave.frequency_hz) for wave in waves])
+    assert np.ptp(hz) / np.median(hz) > 0.02
+    assert told(waves) == []
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", (0, 2, 3, 4, 5))
 @pytest.mark.parametrize("kind", SAMPLED)

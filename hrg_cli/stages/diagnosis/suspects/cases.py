@@ -51,10 +51,12 @@ class SuspectCase:
         return self.fit.dof + (self.apart.dof if self.apart else 0)
 
     def price(self, noise: float) -> float:
-        """χ² at a noise, what its freedom costs, and a scale factor that no resonator has."""
-        rows = len(self.fit.residual)
+        """Excess of χ² at a noise, what its freedom costs, and a scale factor that no resonator has."""
+        rows = len(self.fit.residual) + (len(self.apart.residual) if self.apart else 0)
         odd = 0.0 if usual_scale_factor(self.fit) else ODD
-        return self.chi2 / noise + self.reading.parameters * float(np.log(rows)) + odd
+        # less one a row: a reading that leaves rows out is not the better for it
+        excess = self.chi2 / noise - rows
+        return excess + self.reading.parameters * float(np.log(rows)) + odd
 
 
 @dataclass(frozen=True)

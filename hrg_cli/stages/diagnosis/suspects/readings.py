@@ -67,6 +67,11 @@ def misfits(waves: Sequence[Wave], others: ExtendedFit) -> Array:
     return np.full(len(waves), np.inf)
 
 
+def _misfit_of_row(wave: Wave, others: ExtendedFit) -> float:
+    """χ² a row of a way that a run may have been: of ways that leave different rows."""
+    return float(misfits([wave], others)[0]) / max(1, len(wave))
+
+
 def _own(wave: Wave, others: ExtendedFit, coordinate: str) -> tuple[float, float] | None:
     """A coordinate as this run alone shows it beside the others' values, and its σ; None where the
     fit finds no end."""
@@ -117,9 +122,11 @@ def of_the_time(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     factor = own / hz
     if abs(factor - 1) < TIME_LEAST or not 1e-2 < factor < 1e2:
         return
+    # logs of the samples' own clock go with them; those of another keep their times
+    ways = [change.scale_times(wave, factor), change.scale_times_of_samples(wave, factor)]
     yield Reading(
         "sampling rate wrong",
-        (change.scale_times(wave, factor),),
+        (ways[int(np.argmin([_misfit_of_row(way, others) for way in ways]))],),
         1,
         f"with all its times multiplied by {factor:.6g} (it oscillates at {own:.6g} Hz, the others"
         f" at {hz:.6g} Hz)",

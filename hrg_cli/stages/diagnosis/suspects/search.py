@@ -10,7 +10,7 @@ import numpy as np
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
 from ....records import Array, Wave
-from ..thresholds import GROSS
+from ..thresholds import FREQUENCIES_APART, GROSS
 from ..variants import Variant
 from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none
 from .leaks import find_leaks
@@ -26,6 +26,8 @@ STEP = 1.4
 RIVAL = 3.0
 """χ² a degree of freedom that causes of the catalogue may leave over that of the best mistake: then
 no run is blamed."""
+EVEN = 1.05
+"""Times by which causes of the catalogue must leave less than a run of strange frequency, undone."""
 CLEAR = 3.0
 """Times χ² a degree of freedom of the best runs without one, up to which leaving out another is as
 good."""
@@ -42,15 +44,18 @@ def suspect_runs(
     fitted: Fitted,
     base: ExtendedFit,
     candidates: Sequence[Variant] = (),
-    *,
-    gross: float = GROSS,
 ) -> list[Suspicion]:
     """The runs that are not what they say they are, none where physics explains the runs as well.
 
     waves: as given, one a run; fitted: the base model's fit to waves; base: that of these;
     candidates: the catalogue beside `base`.
     """
-    if base.chi2 / base.dof < gross or (physics := fit_catalogue(base, candidates, RIVAL)) < RIVAL:
+    if strange := _find_strange_frequencies(base):
+        alone = _strange_runs(waves, fitted, base, strange)
+        # a frequency that follows the amplitude does so within each run too, and explains more
+        if alone is not None and fit_catalogue(base, candidates, 1.0) > alone.chi2_per_dof / EVEN:
+            return [*wrong_logs(waves, alone.fit), *alone.suspicions]
+    if base.chi2 / base.dof < GROSS or (physics := fit_catalogue(base, candidates, RIVAL)) < RIVAL:
         return wrong_logs(waves, base)
     warm = fit_warming(fitted, candidates, base)
     found = (
@@ -61,6 +66,38 @@ def suspect_runs(
     if found is None or physics < RIVAL * max(1.0, found.chi2_per_dof) or found.follow_a_law:
         return wrong_logs(waves, base)
     return [*wrong_logs(waves, found.fit), *found.suspicions]
+
+
+def _find_strange_frequencies(fit: ExtendedFit) -> list[int]:
+    """The runs that oscillate beside what most of them do; none where no two are far apart."""
+    hz = np.asarray(fit.frequency_hz, float)
+    near = np.abs(hz[:, None] / hz - 1) < FREQUENCIES_APART
+    # of groups of one size the first: which of two runs is wrong is said to be unknown
+    most = near[int(np.argmax(near.sum(axis=1)))]
+    return [int(k) for k in np.flatnonzero(~most)]
+
+
+def _strange_runs(
+    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, strange: Sequence[int]
+) -> SuspectFound | None:
+    """The mistake of every run that oscillates beside the others; None where the others alone find
+    no fit."""
+    before = base.chi2 / base.dof
+    pieces: list[tuple[Wave, ...]] = [
+        () if k in strange else (wave,) for k, wave in enumerate(waves)
+    ]
+    others = fit_or_none(_flat(pieces), fitted)
+    if others is None:
+        return None
+    told, fit, numbers = [], others, 0
+    for run in strange:
+        cases = _cases(pieces, waves[run], run, others, fitted, find_mistakes)
+        if not cases:
+            return None
+        case, beside = _choose(cases)
+        told.append(_describe_case(waves, case, beside, before))
+        fit, numbers = case.fit, numbers + case.reading.parameters
+    return SuspectFound(tuple(told), numbers, base, fit, fit.chi2 / fit.dof)
 
 
 def _wrong_runs(
@@ -91,12 +128,8 @@ def _wrong_runs(
             )
         if not cases:
             return None
-        noise = max(1.0, min(case.chi2 / case.dof for case in cases))
-        ranked = sorted(cases, key=lambda case: case.price(noise) + PRICE * case.reading.parameters)
-        last = ranked[0]
-        chosen.append(
-            (last, tuple(c for c in ranked[1:] if c.price(noise) < last.price(noise) + PRICE))
-        )
+        last, beside = _choose(cases)
+        chosen.append((last, beside))
         if last.apart is None:
             pieces[last.run] = last.reading.pieces
     if last is None or last.chi2 / last.dof - 1 > (1 - REMOVED) * (before - 1):
@@ -104,6 +137,14 @@ def _wrong_runs(
     told = tuple(_describe_case(waves, case, beside, before) for case, beside in chosen)
     numbers = sum(case.reading.parameters for case, _ in chosen)
     return SuspectFound(told, numbers, level, last.fit, last.chi2 / last.dof)
+
+
+def _choose(cases: Sequence[SuspectCase]) -> tuple[SuspectCase, tuple[SuspectCase, ...]]:
+    """The reading that explains most for what it costs, and those that explain as much."""
+    noise = max(1.0, min(case.chi2 / case.dof for case in cases))
+    ranked = sorted(cases, key=lambda case: case.price(noise) + PRICE * case.reading.parameters)
+    first = ranked[0]
+    return first, tuple(c for c in ranked[1:] if c.price(noise) < first.price(noise) + PRICE)
 
 
 def _find_culprits(

@@ -65,6 +65,24 @@ def scale_times(wave: Wave, factor: float) -> Wave:
     )
 
 
+LOGS = ("rate_rad_s", "temperature_degc", "drive_main", "drive_quadrature")
+"""Columns that a slower recorder with a clock of its own may have written."""
+
+
+def scale_times_of_samples(wave: Wave, factor: float) -> Wave:
+    """The wave with its own times multiplied, the logs beside it on the clock that they had; without
+    the rows that no log reaches."""
+    scaled = scale_times(wave, factor)
+    logged, time = np.asarray(wave.time_s, float), np.asarray(scaled.time_s, float)
+    known = int(np.count_nonzero(time <= logged[-1]))
+    names = [name for name in LOGS if getattr(wave, name) is not None]
+    # a row was given what the log says at its wrong time: of the right time another row has it
+    moved = {
+        name: np.interp(time, logged, np.asarray(getattr(wave, name), float)) for name in names
+    }
+    return scaled.replace(**moved).rows(0, known)
+
+
 def undo_damping(wave: Wave, less_1_s: float) -> Wave:
     """The wave as it would have been with a damping rate smaller by `less_1_s`: everything times
     e^{Δν t}."""
