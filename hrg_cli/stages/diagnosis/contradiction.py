@@ -6,12 +6,10 @@ import numpy as np
 
 from ...errors import name_some
 from ...fitting.causes.extended_fit import ExtendedFit
+from .thresholds import FREQUENCIES_APART
 
 GROSS = 1e3
 """χ² a degree of freedom from which it is asked whether the runs are of one gyro."""
-APART = 0.02
-"""Relative distance of two runs' frequencies that no temperature makes: fused silica's 90 ppm/K
-over 200 K."""
 
 
 def find_strangers(base: ExtendedFit) -> str | None:
@@ -22,7 +20,7 @@ def find_strangers(base: ExtendedFit) -> str | None:
     order = np.argsort(base.frequency_hz)
     hz = base.frequency_hz[order]
     gaps = np.diff(hz) / hz[:-1]
-    if not len(gaps) or gaps.max() < APART:
+    if not len(gaps) or gaps.max() < FREQUENCIES_APART:
         return None
     first = int(np.argmax(gaps)) + 1
     low, high = ([base.series.names[i] for i in part] for part in (order[:first], order[first:]))

@@ -69,11 +69,13 @@ def suspect_runs(
 
 
 def _find_strange_frequencies(fit: ExtendedFit) -> list[int]:
-    """The runs that oscillate beside what most of them do; none where no two are far apart."""
+    """The runs that oscillate beside what most of them do; none where no two are far apart, or no
+    more than half are together: then no run tells which of the others is wrong."""
     hz = np.asarray(fit.frequency_hz, float)
     near = np.abs(hz[:, None] / hz - 1) < FREQUENCIES_APART
-    # of groups of one size the first: which of two runs is wrong is said to be unknown
     most = near[int(np.argmax(near.sum(axis=1)))]
+    if 2 * most.sum() <= len(hz):
+        return []
     return [int(k) for k in np.flatnonzero(~most)]
 
 
