@@ -8,7 +8,7 @@ from pathlib import Path
 
 from . import store
 from .records import Diagnosis, Source
-from .stages.diagnosis.extended_resonator import extended_resonator
+from .stages.diagnosis.extended.extended_resonator import extended_resonator
 
 
 def extended_paths(output: Path) -> tuple[Path, Path]:

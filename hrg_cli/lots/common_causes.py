@@ -1,7 +1,7 @@
 """Causes that many gyros have in common, of a size that no single one of them need show.
 
 Every gyro's diagnosis holds one-step estimates x ± σ of all causes beside its own final fit, and
-how alike they are, ρ (`stages/diagnosis/scores.py`). They are pooled over every group of gyros
+how alike they are, ρ (`stages/diagnosis/report/scores.py`). They are pooled over every group of gyros
 (`pooling`, `groups`); the surest pair of cause and group is taken in, the other causes of these
 gyros are then told beside it, z_b → (z_b − ρ z_a)/√(1 − ρ²), and the next is looked for. The chance
 that a lot without a common cause is given one is `rate` at most: p is multiplied by the number of

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..effects import EFFECTS
 from ..records import Diagnosis
-from ..stages.diagnosis.shares import difference, figures
+from ..stages.diagnosis.report.shares import difference, figures
 from .json_text import as_float, child, entries
 from .quantities import quantity
 from .text import number, plain

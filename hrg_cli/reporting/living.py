@@ -14,7 +14,7 @@ import numpy as np
 
 from ..fitting.tables.allan import allan_deviation
 from ..records import Array, Diagnosis
-from ..stages.diagnosis.shares import difference, figures
+from ..stages.diagnosis.report.shares import difference, figures
 from ..units import DEGREE_PER_HOUR
 from .answer_words import in_words
 from .json_text import entries, json_list, json_object

@@ -27,34 +27,34 @@ from ..fitting.causes.fit_point import Active
 from ..fitting.causes.slow_equation import jump_times
 from ..fitting.envelopes import envelope_runs
 from ..records import Diagnosis, Resonator, Wave
-from .diagnosis.base_fit import Cut, cut_at_losses, fit_base, fit_together
-from .diagnosis.case import Case
-from .diagnosis.closing import closing_checks, word
-from .diagnosis.contradiction import find_strangers
-from .diagnosis.explain import explain, reweighted
-from .diagnosis.forecast import forecast
-from .diagnosis.gain import held_out
-from .diagnosis.heard import find_unheard
-from .diagnosis.lines import folded_beside
-from .diagnosis.model import simulation_file
-from .diagnosis.odd_windows import say_odd_windows as odd_ones
-from .diagnosis.orientation import orient_runs, settle_signs
-from .diagnosis.record import doubts, in_form, left_over, record_of, with_shares
-from .diagnosis.refusal import refuse, stop_search
-from .diagnosis.report import report as report_of
-from .diagnosis.scores import scores
-from .diagnosis.scoring import is_gross
-from .diagnosis.shares import switched_off
-from .diagnosis.sized import Sized
-from .diagnosis.stability import stability
+from .diagnosis.base.contradiction import find_strangers
+from .diagnosis.base.joint_fit import Cut, cut_at_losses, fit_base, fit_together
+from .diagnosis.closing.closing_checks import closing_checks, word
+from .diagnosis.closing.sized import Sized
+from .diagnosis.closing.stability import stability
+from .diagnosis.closing.wander import wander
+from .diagnosis.extended.model import simulation_file
+from .diagnosis.extended.written import Written, write_faithfully
+from .diagnosis.fits.scoring import is_gross
+from .diagnosis.fits.variants import Variant, variants
+from .diagnosis.report.record import doubts, in_form, left_over, record_of, with_shares
+from .diagnosis.report.refusal import refuse, stop_search
+from .diagnosis.report.report import report as report_of
+from .diagnosis.report.scores import scores
+from .diagnosis.report.shares import switched_off
+from .diagnosis.samples.heard import find_unheard
+from .diagnosis.samples.lines import folded_beside
+from .diagnosis.samples.odd_windows import say_odd_windows as odd_ones
+from .diagnosis.samples.tones import Tone, confirm_tones, take_out_tones, without_tones
+from .diagnosis.samples.waveform import causes, near_tones, unnamed
+from .diagnosis.search.case import Case
+from .diagnosis.search.explain import explain, reweighted
+from .diagnosis.search.forecast import forecast
+from .diagnosis.search.gain import held_out
+from .diagnosis.search.orientation import orient_runs, settle_signs
 from .diagnosis.suspects import Suspicion, stuck_columns, suspect_runs
 from .diagnosis.suspects.rivals import nearest
 from .diagnosis.thresholds import GROSS
-from .diagnosis.tones import Tone, confirm_tones, take_out_tones, without_tones
-from .diagnosis.variants import Variant, variants
-from .diagnosis.wander import wander
-from .diagnosis.waveform import causes, near_tones, unnamed
-from .diagnosis.written import Written, write_faithfully
 from .identification.modes import has_dead_channel, thin_run
 from .one_gyro import of_one_gyro
 from .usable import ESTIMATE_AGAIN, named_apart, not_refused, why_refused, with_known_rates

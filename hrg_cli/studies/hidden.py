@@ -24,9 +24,9 @@ from ..fitting.causes.fit_point import state_of
 from ..fitting.causes.wave_frame import real
 from ..records import Wave, collect
 from ..stages.demodulate import demodulate
-from ..stages.diagnosis.base_priors import freedom_of
-from ..stages.diagnosis.data import prepare
-from ..stages.diagnosis.rate_steps import fit_rate_steps
+from ..stages.diagnosis.base.base_priors import freedom_of
+from ..stages.diagnosis.base.data import prepare
+from ..stages.diagnosis.base.rate_steps import fit_rate_steps
 from ..stages.estimate import estimate
 from ..stages.simulate import run_ids, simulate
 

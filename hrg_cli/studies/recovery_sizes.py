@@ -18,9 +18,9 @@ from ..errors import HrgError
 from ..fitting.causes import extended_fit, fit_point, scales
 from ..fitting.causes.extended_fit import ExtendedFit
 from ..records import Recording, Wave
-from ..stages.diagnosis.base_priors import freedom_of
-from ..stages.diagnosis.data import prepare
-from ..stages.diagnosis.rate_steps import fit_rate_steps
+from ..stages.diagnosis.base.base_priors import freedom_of
+from ..stages.diagnosis.base.data import prepare
+from ..stages.diagnosis.base.rate_steps import fit_rate_steps
 from .hidden import ALL_ROWS, MIDDLE, direction_of, setting_in
 
 Array = np.ndarray

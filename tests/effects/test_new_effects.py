@@ -14,7 +14,7 @@ from hrg_cli.physics.plant import SlowState, add_accelerations
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.records import collect
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis.data import prepare
+from hrg_cli.stages.diagnosis.base.data import prepare
 from hrg_cli.stages.simulate import run_ids, simulate
 from hrg_cli.studies.hidden import programme, waves
 

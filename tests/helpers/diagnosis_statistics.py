@@ -11,10 +11,10 @@ from hrg_cli.effects import find
 from hrg_cli.effects.effect import RUN
 from hrg_cli.fitting.causes import extended_fit, fit_point, scales, whitened_rows
 from hrg_cli.fitting.causes.wave_frame import real
-from hrg_cli.stages.diagnosis.base_fit import fit_base
-from hrg_cli.stages.diagnosis.base_priors import freedom_of
-from hrg_cli.stages.diagnosis.data import prepare
-from hrg_cli.stages.diagnosis.gain import held_out
+from hrg_cli.stages.diagnosis.base.base_priors import freedom_of
+from hrg_cli.stages.diagnosis.base.data import prepare
+from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
+from hrg_cli.stages.diagnosis.search.gain import held_out
 
 FORCED = {
     "drive_feedthrough",

@@ -288,7 +288,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("float(np.mean(joined**2)) / length / variance", "float(np.mean(joined**2)) / variance"),
         ),
     ),
-    "stages/diagnosis/gain.py": (
+    "stages/diagnosis/search/gain.py": (
         "tests/stages/test_gain.py",
         (
             ("squares.std(ddof=1) / np.sqrt(len(squares))", "squares.std(ddof=1)"),

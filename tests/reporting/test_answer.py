@@ -22,7 +22,7 @@ from hrg_cli.reporting.methods import CITATIONS, methods
 from hrg_cli.reporting.quantities import label_of, parameter, quantity, readable, round_with_std
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
-from hrg_cli.stages.diagnosis.shares import difference, figures, sets_left_out
+from hrg_cli.stages.diagnosis.report.shares import difference, figures, sets_left_out
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import run_ids, simulate
 from hrg_cli.units import DEGREE_PER_HOUR

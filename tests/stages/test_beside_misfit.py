@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from hrg_cli.stages.diagnosis.beside_misfit import TakenAway
+from hrg_cli.stages.diagnosis.search.beside_misfit import TakenAway
 
 ROWS, DRAWS = 100, 300
 SHAPES = 12

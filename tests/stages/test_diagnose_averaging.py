@@ -9,9 +9,9 @@ from synthetic_waves import GYRO, run_down
 from hrg_cli import collect, demodulate, estimate, simulate
 from hrg_cli.effects import find
 from hrg_cli.fitting.causes import extended_fit, fit_point
-from hrg_cli.stages.diagnosis.base_fit import fit_base
-from hrg_cli.stages.diagnosis.base_priors import freedom_of
-from hrg_cli.stages.diagnosis.data import is_averaged_well, prepare
+from hrg_cli.stages.diagnosis.base.base_priors import freedom_of
+from hrg_cli.stages.diagnosis.base.data import is_averaged_well, prepare
+from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 
 SPLIT_RAD_S = 0.19
 DRIVEN = {

@@ -10,12 +10,12 @@ from diagnosis_programme import programme, verdict, waves
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import evidence
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis.base_fit import fit_base
-from hrg_cli.stages.diagnosis.inquiry import STATED, Inquiry
-from hrg_cli.stages.diagnosis.offsets import offsets_of
-from hrg_cli.stages.diagnosis.run_patterns import patterns
+from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
+from hrg_cli.stages.diagnosis.fits.variants import variants
+from hrg_cli.stages.diagnosis.search.inquiry import STATED, Inquiry
+from hrg_cli.stages.diagnosis.search.offsets import offsets_of
+from hrg_cli.stages.diagnosis.search.run_patterns import patterns
 from hrg_cli.stages.diagnosis.thresholds import MOST_RIVALS
-from hrg_cli.stages.diagnosis.variants import variants
 
 
 def test_a_stiffness_lowered_by_rotation_is_found_from_runs_of_one_rate_each():

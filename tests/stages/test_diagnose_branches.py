@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hrg_cli.stages.diagnosis.branches import mean_branch
+from hrg_cli.stages.diagnosis.base.branches import mean_branch
 
 FINE = np.linspace(0.0, 10.0, 400_001)
 

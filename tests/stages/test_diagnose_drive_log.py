@@ -10,7 +10,8 @@ from hrg_cli.fitting.causes import extended_fit, slow_prediction, whitened_rows
 from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
 from hrg_cli.fitting.causes.fit_point import Point
 from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
-from hrg_cli.stages.diagnosis import drive_log, drive_scatter
+from hrg_cli.stages.diagnosis.drive import command_log as drive_log
+from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
 
 P = np.array([1.5, 0.1, 0.05, 0.9, -0.4, 0.55, 1.0])
 NOISE, ROWS, LENGTH_S = 3e-5, 150, 1.5

@@ -12,8 +12,8 @@ from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.fitting.samples.course import impulse, mean_of
 from hrg_cli.physics.ellipse import wave
-from hrg_cli.stages.diagnosis import drive_scatter
-from hrg_cli.stages.diagnosis.drive_ripple import Ripple
+from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
+from hrg_cli.stages.diagnosis.drive.ripple import Ripple
 
 HZ, STEPS = 250.0, 24
 P = np.array([1.5, 0.1, 0.05, 0.9, -0.4, 0.55, 0.0])

@@ -21,9 +21,11 @@ from hrg_cli.fitting.causes.sensitivities import base_sensitivities
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.fitting.samples.course import impulse, mean_of, means_of_values
 from hrg_cli.physics.resonator import exponential
-from hrg_cli.stages.diagnosis import closing, drive_scatter, tones
-from hrg_cli.stages.diagnosis.drive_scatter import Scatter
-from hrg_cli.stages.diagnosis.written import find_change
+from hrg_cli.stages.diagnosis.closing import closing_checks as closing
+from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
+from hrg_cli.stages.diagnosis.drive.scatter import Scatter
+from hrg_cli.stages.diagnosis.extended.written import find_change
+from hrg_cli.stages.diagnosis.samples import tones
 
 P = np.array([1.5, 0.1, 0.05, 0.9, -0.4, 0.55, 0.0])
 RATES = np.array([3.0, -3.0, 1.5])

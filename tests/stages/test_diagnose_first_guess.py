@@ -7,8 +7,8 @@ from diagnosis_programme import programme, waves
 
 from hrg_cli.fitting.envelopes import coordinates, envelope_runs
 from hrg_cli.fitting.envelopes.propagator import guess_roughly
-from hrg_cli.stages.diagnosis.base_fit import fit_base
-from hrg_cli.stages.diagnosis.first_guess import regress_driven
+from hrg_cli.stages.diagnosis.base.first_guess import regress_driven
+from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 import pytest
 from diagnosis_programme import programme, verdict
 
-from hrg_cli.stages.diagnosis import form
+from hrg_cli.stages.diagnosis.search import form
 
 TABLE = {"gain_mismatch": {"gain": 4e-3}, "nonlinear_damping": {"damping_1_s": 4e-3}}
 

@@ -12,9 +12,9 @@ from hrg_cli.effects.effect import INSTANT, RUN
 from hrg_cli.effects.jumps import jumps
 from hrg_cli.fitting.causes import evidence
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis import places
-from hrg_cli.stages.diagnosis.base_fit import fit_base
-from hrg_cli.stages.diagnosis.variants import variants
+from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
+from hrg_cli.stages.diagnosis.fits import places
+from hrg_cli.stages.diagnosis.fits.variants import variants
 
 RUNS, LENGTH_S, CLEAN = 4, 1.0, 5
 PLAIN = {"scale_factor": None, "blocks": 120, "free_phase": False}

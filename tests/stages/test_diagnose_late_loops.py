@@ -6,7 +6,7 @@ import pytest
 
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
-from hrg_cli.stages.diagnosis.base_fit import fit_base
+from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import simulate
 

@@ -9,9 +9,9 @@ from diagnosis_statistics import CYCLE, FORCED, base_of, measured, sized, table_
 from hrg_cli.effects import EFFECTS, find
 from hrg_cli.fitting.causes import evidence
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis import tested
-from hrg_cli.stages.diagnosis.inquiry import STATED
-from hrg_cli.stages.diagnosis.variants import variants
+from hrg_cli.stages.diagnosis.fits.variants import variants
+from hrg_cli.stages.diagnosis.report import tested
+from hrg_cli.stages.diagnosis.search.inquiry import STATED
 
 PLAIN = [
     e.name

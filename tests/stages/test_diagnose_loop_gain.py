@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hrg_cli.stages.diagnosis import loop_gain
+from hrg_cli.stages.diagnosis.drive import loop_gain
 
 ROWS, STEP_S, GAIN_1_S, INTEGRAL_1_S2, SIGMA = 400, 0.02, 12.0, 6.0, 1e-5
 

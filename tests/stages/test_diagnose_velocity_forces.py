@@ -11,10 +11,10 @@ from hrg_cli.effects import find
 from hrg_cli.fitting.causes import extended_fit, fit_point
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.physics.resonator import Mechanics
-from hrg_cli.stages.diagnosis.base_fit import fit_base
-from hrg_cli.stages.diagnosis.base_priors import freedom_of
-from hrg_cli.stages.diagnosis.data import prepare
-from hrg_cli.stages.diagnosis.open_terms import covariates
+from hrg_cli.stages.diagnosis.base.base_priors import freedom_of
+from hrg_cli.stages.diagnosis.base.data import prepare
+from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
+from hrg_cli.stages.diagnosis.fits.open_terms import covariates
 
 GYRO = {
     "device": {

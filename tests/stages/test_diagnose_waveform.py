@@ -10,9 +10,9 @@ from hrg_cli.physics import ellipse
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis.jumps import jumps
+from hrg_cli.stages.diagnosis.samples.jumps import jumps
+from hrg_cli.stages.diagnosis.samples.waveform import causes, phase_steps
 from hrg_cli.stages.diagnosis.suspects.transformations import scale_times
-from hrg_cli.stages.diagnosis.waveform import causes, phase_steps
 from hrg_cli.stages.estimate import estimate
 
 RATE_HZ = 20011.0

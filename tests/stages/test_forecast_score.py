@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import multivariate_normal
 
-from hrg_cli.stages.diagnosis.forecast import Errors
+from hrg_cli.stages.diagnosis.search.forecast import Errors
 
 
 def errors(random, rows=7, learned=3):

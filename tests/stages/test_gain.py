@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hrg_cli.fitting.causes.left_out_folds import HeldOut
-from hrg_cli.stages.diagnosis.gain import _root, folds_of
+from hrg_cli.stages.diagnosis.search.gain import _root, folds_of
 
 FOLDS, DRAWS = 16, 600
 

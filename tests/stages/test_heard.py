@@ -8,7 +8,7 @@ from wrong_runs import estimated, recordings
 from hrg_cli.effects import EFFECTS
 from hrg_cli.physics import ellipse
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis.heard import harmonics, is_excluded
+from hrg_cli.stages.diagnosis.samples.heard import harmonics, is_excluded
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}
 CURVES = {

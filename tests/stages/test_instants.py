@@ -10,14 +10,14 @@ from synthetic_waves import as_wave, envelope
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.physics.resonator import Mechanics
-from hrg_cli.stages.diagnosis.base_priors import freedom_of
-from hrg_cli.stages.diagnosis.case import Case
-from hrg_cli.stages.diagnosis.data import prepare
-from hrg_cli.stages.diagnosis.inquiry import Inquiry
-from hrg_cli.stages.diagnosis.instants import take_strikes
-from hrg_cli.stages.diagnosis.scoring import is_gross
-from hrg_cli.stages.diagnosis.search import Search
-from hrg_cli.stages.diagnosis.variants import variants
+from hrg_cli.stages.diagnosis.base.base_priors import freedom_of
+from hrg_cli.stages.diagnosis.base.data import prepare
+from hrg_cli.stages.diagnosis.fits.scoring import is_gross
+from hrg_cli.stages.diagnosis.fits.variants import variants
+from hrg_cli.stages.diagnosis.search.case import Case
+from hrg_cli.stages.diagnosis.search.inquiry import Inquiry
+from hrg_cli.stages.diagnosis.search.instants import take_strikes
+from hrg_cli.stages.diagnosis.search.selection import Search
 
 PENDULUM = Mechanics(0.3563, 3e-4, 4e-5, 0.4, 6e-4, 0.7, 1.0, 1)
 RATE_RAD_S, LENGTH_S, ROWS, NOISE = -5e-5, 1450.0, 103, 3e-4

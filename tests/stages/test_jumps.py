@@ -8,7 +8,7 @@ from synthetic_waves import as_wave, envelope
 
 from hrg_cli.physics import resonator
 from hrg_cli.physics.resonator import Mechanics
-from hrg_cli.stages.diagnosis.jumps import jumps
+from hrg_cli.stages.diagnosis.samples.jumps import jumps
 
 WINDOWS, WINDOW_S, NOISE = 160, 6e-3, 1e-5
 FAST = Mechanics(523.0, 0.9, 0.25, 0.35, 21.0, 0.9, 0.55)

@@ -8,7 +8,7 @@ from diagnosis_programme import programme, waves
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis.odd_windows import at_the_top, odd_windows
+from hrg_cli.stages.diagnosis.samples.odd_windows import at_the_top, odd_windows
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import run_ids, simulate
 

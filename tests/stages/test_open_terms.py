@@ -10,7 +10,7 @@ from diagnosis_programme import programme, waves
 from diagnosis_statistics import base_of
 
 from hrg_cli.fitting.causes import scales, whitened_rows
-from hrg_cli.stages.diagnosis.open_terms import (
+from hrg_cli.stages.diagnosis.fits.open_terms import (
     PLACES,
     covariates,
     decay_of,
@@ -18,7 +18,7 @@ from hrg_cli.stages.diagnosis.open_terms import (
     step_at,
     tone_of,
 )
-from hrg_cli.stages.diagnosis.remainder import Term, columns_of, peaks
+from hrg_cli.stages.diagnosis.search.remainder import Term, columns_of, peaks
 
 
 @pytest.fixture(scope="module")

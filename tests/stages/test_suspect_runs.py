@@ -8,11 +8,11 @@ from wrong_runs import COURSES, KINDS, estimated, knocked, recordings, table_of,
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis.base_priors import freedom_of
-from hrg_cli.stages.diagnosis.data import prepare
-from hrg_cli.stages.diagnosis.rate_steps import fit_rate_steps
+from hrg_cli.stages.diagnosis.base.base_priors import freedom_of
+from hrg_cli.stages.diagnosis.base.data import prepare
+from hrg_cli.stages.diagnosis.base.rate_steps import fit_rate_steps
+from hrg_cli.stages.diagnosis.fits.variants import variants
 from hrg_cli.stages.diagnosis.suspects import suspect_runs
-from hrg_cli.stages.diagnosis.variants import variants
 
 SAMPLED = tuple(KINDS)
 IN_THE_WAVEFORM = ("dropped_samples", "mains_tone", "momentum_kick")

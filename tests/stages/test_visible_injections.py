@@ -16,18 +16,18 @@ import pytest
 from hrg_cli.effects import EFFECTS
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
-from hrg_cli.stages.diagnosis.base_fit import fit_base
-from hrg_cli.stages.diagnosis.case import Case
-from hrg_cli.stages.diagnosis.inquiry import Inquiry
-from hrg_cli.stages.diagnosis.instants import take_strikes
-from hrg_cli.stages.diagnosis.refits import adopt
-from hrg_cli.stages.diagnosis.scoring import is_gross, score_effects
-from hrg_cli.stages.diagnosis.search import Search
+from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
+from hrg_cli.stages.diagnosis.fits.refits import adopt
+from hrg_cli.stages.diagnosis.fits.scoring import is_gross, score_effects
+from hrg_cli.stages.diagnosis.fits.variants import variants
+from hrg_cli.stages.diagnosis.samples.tones import take_out_tones
+from hrg_cli.stages.diagnosis.samples.waveform import causes
+from hrg_cli.stages.diagnosis.search.case import Case
+from hrg_cli.stages.diagnosis.search.inquiry import Inquiry
+from hrg_cli.stages.diagnosis.search.instants import take_strikes
+from hrg_cli.stages.diagnosis.search.selection import Search
 from hrg_cli.stages.diagnosis.suspects.rivals import nearest
 from hrg_cli.stages.diagnosis.thresholds import GROSS
-from hrg_cli.stages.diagnosis.tones import take_out_tones
-from hrg_cli.stages.diagnosis.variants import variants
-from hrg_cli.stages.diagnosis.waveform import causes
 from hrg_cli.stages.estimate import estimate
 
 pytestmark = pytest.mark.slow

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...records import Diagnosis
-from ...stages.diagnosis.shares import difference
+from ...stages.diagnosis.report.shares import difference
 from ..answer_words import QUANTITIES, Cause, Departure
 from ..text import number
 from .drawing import INK, MUTED, SERIES, Plot, binned, dots, labels, note, panels, time_unit

@@ -24,8 +24,8 @@ from ...fitting.envelopes.base_fit import nominal_scale_factor
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
 from ...physics.resonator import exponential
 from ...records import Resonator, Wave
-from ..diagnosis.base_priors import freedom_of
-from ..diagnosis.data import prepare
+from ..diagnosis.base.base_priors import freedom_of
+from ..diagnosis.base.data import prepare
 from ..planning.known import mechanics_of
 from .oscillation import interpolate_oscillation
 

@@ -27,7 +27,7 @@ from ...physics.plant import linear_plant
 from ...physics.resonator import Mechanics
 from ...records import Wave
 from .. import simulate
-from ..diagnosis.data import prepare
+from ..diagnosis.base.data import prepare
 from ..simulation_file import SimulationFile
 
 Array = np.ndarray

@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
-from ..inquiry import STATED
-from ..remainder import describe
+from ..search.inquiry import STATED
+from ..search.remainder import describe
 from ..thresholds import SIGNIFICANT
 
 

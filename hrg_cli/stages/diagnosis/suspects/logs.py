@@ -10,7 +10,7 @@ import numpy as np
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.base_fit import nominal_scale_factor
 from ....records import Wave
-from ..lines import frequency_of
+from ..samples.lines import frequency_of
 from ..thresholds import GROSS
 from .suspicion import Suspicion
 

@@ -15,8 +15,8 @@ from ....fitting.causes.coordinate_priors import CoordinatePriors
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES, COUNT
 from ....records import Array, Wave
-from ..data import prepare
-from ..jumps import jumps
+from ..base.data import prepare
+from ..samples.jumps import jumps
 from . import transformations as change
 
 DAMPING, SCALE_FACTOR = "damping", "scale_factor"

@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
-from ..refits import QUICK_STEPS, adopt_hopeful
-from ..scoring import score_effects
-from ..variants import Variant
+from ..fits.refits import QUICK_STEPS, adopt_hopeful
+from ..fits.scoring import score_effects
+from ..fits.variants import Variant
 from .logs import usual_scale_factor
 
 MOST = 2

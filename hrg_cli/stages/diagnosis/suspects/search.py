@@ -10,8 +10,8 @@ import numpy as np
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
 from ....records import Array, Wave
+from ..fits.variants import Variant
 from ..thresholds import FREQUENCIES_APART, GROSS
-from ..variants import Variant
 from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none
 from .leaks import find_leaks
 from .logs import wrong_logs

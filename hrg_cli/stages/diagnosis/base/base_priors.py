@@ -1,0 +1,78 @@
+"""Diagnosis, what is known of the base model's coordinates before a fit: weak priors, and whether the
+runs tell the scale factor at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ....fitting.causes.coordinate_priors import CoordinatePriors
+from ....fitting.causes.fit_point import Point
+from ....fitting.causes.measured_runs import MeasuredRuns
+from ....fitting.envelopes.base_fit import nominal_scale_factor
+from ....fitting.envelopes.coordinates import DAMPING, FREQUENCY_SPLIT, SCALE_FACTOR, SECOND_ORDER
+from ....fitting.envelopes.envelope_runs import EnvelopeRun
+from ....records import Wave
+
+Array = np.ndarray
+SHAPES = 0.1
+"""Part of the nominal scale factor by which the mode shapes of shells differ."""
+DIFFERENT_RATES = 0.1
+"""Part of the greatest rate by which rates must differ to count as different."""
+
+
+def freedom_of(series: MeasuredRuns, point: Point, scale_factor: float | None) -> CoordinatePriors:
+    """Weak priors on the splits; while the misfit is gross, K is held where these runs cannot tell
+    it, the second order's scale at 1.
+
+    With one rate and less than a turn of the wave, K Ω does what a damping split does: a scale
+    factor fitted there takes up any misfit. Once it is not gross, K may be any that a mode shape
+    makes (`SHAPES`; a pendulum's is 1), and the scale that of plain averaging, 0.
+    """
+    span = float(series.time_s.max())
+    damping = max(abs(float(point.p[DAMPING])), 0.01 / span)
+    split = max(float(np.hypot(*point.p[FREQUENCY_SPLIT])), damping, 1 / span)
+    nominal = nominal_scale_factor(series.mode_number) if scale_factor is None else scale_factor
+    std = np.array([np.inf, 10 * damping, 10 * damping, 30 * split, 30 * split, 0.0, 0.0])
+    loose = std.copy()
+    loose[SECOND_ORDER] = 1.0
+    if scale_factor is None and shows_scale_factor(series, nominal):
+        std[SCALE_FACTOR] = loose[SCALE_FACTOR] = 3.0
+    elif scale_factor is None and series.mode_number > 1:
+        loose[SCALE_FACTOR] = SHAPES * nominal
+    mean = np.array([0, 0, 0, 0, 0, nominal, 1.0])
+    return CoordinatePriors(mean, std, loose=CoordinatePriors(np.append(mean[:6], 0.5), loose))
+
+
+def shows_scale_factor(series: MeasuredRuns, nominal: float) -> bool:
+    """Whether the runs tell K: at rates that differ, or at one that turns the wave through a whole
+    period of its splits."""
+    good = series.weight > 0
+    turned = [
+        float(np.ptp(angle[rows]))
+        for angle, rows in zip(series.table_angle_rad, good, strict=True)
+        if rows.any()
+    ]
+    return _tell(series.rate_rad_s[good], turned, nominal)
+
+
+def _tell(rates: Array, turned: Sequence[float], nominal: float) -> bool:
+    """Whether logged rates, and the table's turn in every run, tell K."""
+    if len(rates) and np.ptp(rates) > DIFFERENT_RATES * np.abs(rates).max():
+        return True
+    return bool(2 * abs(nominal) * max(turned, default=0.0) > 2 * np.pi)
+
+
+def held_scale_factor(
+    waves: Sequence[Wave], runs: Sequence[EnvelopeRun], scale_factor: float | None
+) -> float | None:
+    """The scale factor to be held from the guess on: the user's, or, where no run tells it, the
+    nominal one; None where it is free."""
+    if scale_factor is not None:
+        return scale_factor
+    logs = [np.asarray(w.rate_rad_s, float) for w in waves if w.rate_rad_s is not None]
+    rates = np.concatenate([np.zeros(0), *(log[np.isfinite(log)] for log in logs)])
+    nominal = nominal_scale_factor(waves[0].mode_number)
+    turned = [float(np.ptp(run.turn_rad)) for run in runs]
+    return None if _tell(rates, turned, nominal) else nominal

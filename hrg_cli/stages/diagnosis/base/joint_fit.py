@@ -1,0 +1,181 @@
+"""Diagnosis, the base model fitted to the runs: averaged along their own motion, cut where samples
+seem lost."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ....errors import HrgError, name_some
+from ....fitting.causes import extended_fit
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.fit_point import Point
+from ....records import Wave
+from ..drive.command_log import fit_lateness, is_thinkable, lateness, scattered_commands
+from ..drive.frame import FrameAnswers, follow_frames
+from ..drive.ripple import Ripple
+from ..drive.scatter import allow, allowed_for, follow_walk, has_log
+from ..drive.tracker_start import allow_starts
+from ..fits.refits import loosen
+from ..fits.scoring import is_gross
+from ..samples.lost_samples import PhaseStep
+from ..samples.waveform import phase_steps, split_at
+from ..thresholds import WORTH
+from .base_priors import freedom_of
+from .data import is_averaged_well, prepare
+from .rate_steps import fit_rate_steps
+
+AVERAGED_AGAIN = 2
+"""Times that rows are averaged anew along the motion last fitted: the first may lack the splits."""
+
+
+FRAMES_AGAIN = 3
+"""Times that the commands are turned anew to the frame that the waves make likely."""
+
+
+def fit_base(
+    pieces: Sequence[Wave],
+    coarser: int = 1,
+    *,
+    scale_factor: float | None,
+    blocks: int,
+    free_phase: bool,
+    quick: bool = False,
+) -> ExtendedFit:
+    """The base model fitted to runs, averaged along the motion that it has itself; `quick`: of driven
+    runs the first fit alone, beside nothing that a log may have missed."""
+
+    def along(motion: Point | None) -> tuple[ExtendedFit, Point]:
+        series, point, _ = prepare(pieces, scale_factor, blocks, coarser, motion)
+        series = replace(series, free_phase=free_phase)
+        freedom = freedom_of(series, point, scale_factor)
+        fit = extended_fit.fit(series, point, freedom)
+        return fit if quick and has_log(series) else start_fit(fit), point
+
+    first, motion = along(None)
+    if quick and has_log(first.series):
+        return first
+    for _ in range(AVERAGED_AGAIN):
+        if is_averaged_well(first.series, motion, first.point):
+            break
+        motion = first.point
+        again, _ = along(motion)
+        if is_gross(first) and again.chi2 / again.dof >= first.chi2 / first.dof:
+            break  # no motion of the base model is theirs
+        first = again
+    late = fit_lateness(first)
+    if not is_gross(late) and is_thinkable(late):
+        return _beside_log(fit_rate_steps(late))
+    # a gross misfit would be laid on the log's time, but not on what the log's own scatter and the
+    # loops' own gains may do
+    beside = _beside_log(first)
+    return fit_rate_steps(first) if is_gross(beside) else beside
+
+
+def settle_log(fit: ExtendedFit) -> ExtendedFit:
+    """The fit again beside what the drive's log leaves unknown, and along the motion that this makes
+    likely; the same where nothing is logged, or where a misfit is left that is gross beside all of
+    that too: it would be laid on it."""
+    if not has_log(fit.series):
+        return fit
+    if fit.series.scatter is None:
+        beside = _beside_log(fit if is_gross(fit) else fit_lateness(fit))
+        return fit if is_gross(beside) else follow_walk(beside)
+    return fit if is_gross(fit) else _beside_frames(follow_walk(fit))
+
+
+def _beside_log(fit: ExtendedFit) -> ExtendedFit:
+    """The fit beside what the log's rows, the frame that its commands are turned to, and the ripple
+    that loops answer may have done: white in every run, or the same in all of one instrument."""
+    if not has_log(fit.series):
+        return fit
+    fit = allow_starts(allowed_for(fit))
+    return _beside_frames(fit if is_gross(fit) else follow_walk(fit))
+
+
+def _beside_frames(fit: ExtendedFit) -> ExtendedFit:
+    """The fit beside what is the same in all runs of one instrument, in the frame that the waves make
+    likely beside the causes there are: what these have done would be laid on it."""
+    for _ in range(FRAMES_AGAIN):
+        frames = FrameAnswers.of(fit)
+        answers = [
+            Ripple.of(fit).spread,
+            frames.spread(fit),
+            lateness(fit),
+            scattered_commands(fit),
+        ]
+        beside = allow(fit, np.concatenate(answers, axis=1))
+        fit = follow_frames(beside, frames)
+        if fit is beside:
+            break
+    return fit
+
+
+def start_fit(fit: ExtendedFit) -> ExtendedFit:
+    """The base fit with what is weakly known free where that is no way to hide a gross misfit."""
+    if not is_gross(fit) or fit.freedom.loose is None:
+        return loosen(fit)
+    with contextlib.suppress(extended_fit.DivergedError):
+        loose = fit.freedom.loose
+        free = extended_fit.fit(fit.series, fit.point, replace(loose, loose=loose))
+        return fit if is_gross(free) else loosen(free)
+    return fit
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Runs cut where samples seem lost: the steps, the pieces, which run each is of, the base fit;
+    beside them the fit of whole runs, and which run each of its own is."""
+
+    steps: list[PhaseStep]
+    pieces: list[Wave]
+    origin: list[int]
+    base: ExtendedFit
+    untouched: ExtendedFit
+    own: list[int]
+
+
+def cut_at_losses(
+    waves: Sequence[Wave],
+    fitted: Callable[..., ExtendedFit],
+    near: Callable[[ExtendedFit], ExtendedFit],
+) -> Cut:
+    """The runs as they are to be diagnosed: whole where cuts are not worth it, and where a gross
+    misfit is left of the pieces by the few causes that leave least (`near`): a loss is then held
+    against that (`instants`).
+
+    HrgError: the base model finds no fit to them together.
+    """
+    steps = phase_steps(waves)
+    pieces, origin = split_at(waves, steps)
+    base = fit_together(pieces, fitted)
+    if steps:
+        with contextlib.suppress(extended_fit.DivergedError):
+            whole, runs = fitted(waves), list(range(len(waves)))
+            if not _needs_cuts(base, whole) or is_gross(near(base)):
+                return Cut([], list(waves), runs, whole, whole, runs)
+            return Cut(steps, pieces, origin, base, whole, runs)
+    return Cut(steps, pieces, origin, base, base, origin)
+
+
+def fit_together(pieces: Sequence[Wave], fitted: Callable[..., ExtendedFit]) -> ExtendedFit:
+    """The base model's fit to runs. HrgError: there is none."""
+    try:
+        return fitted(pieces)
+    except extended_fit.DivergedError as error:
+        raise HrgError(
+            f"{name_some(dict.fromkeys(w.run_id for w in pieces))}: the base model finds no fit to these runs"
+            " together; diagnose free and forced runs apart, or leave out the run that differs"
+            " most"
+        ) from error
+
+
+def _needs_cuts(cut: ExtendedFit, whole: ExtendedFit) -> bool:
+    """Whether runs cut where samples seem lost are fitted better than whole ones, by more than the
+    pieces' own starts and frequencies cost."""
+    rows = len(cut.residual)
+    more = cut.basis.shape[1] - whole.basis.shape[1]
+    return whole.chi2 * rows / len(whole.residual) - cut.chi2 > WORTH + more * np.log(rows)

@@ -1,0 +1,1 @@
+"""Diagnosis, the end: what the final result must pass before it may be called what it is."""

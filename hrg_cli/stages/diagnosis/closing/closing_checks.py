@@ -1,0 +1,325 @@
+"""Diagnosis, the closing checks: what the final model must pass before it may be called adequate or
+explained.
+
+Each check looks at the result and not at how it was reached, at the noise that the windows state;
+one that fails takes the word away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ....fitting import checks
+from ....fitting.causes.extended_fit import ExtendedFit, along_wave
+from ....fitting.checks import Check
+from ....fitting.envelopes.base_fit import nominal_scale_factor
+from ....physics import ellipse
+from ..drive.scatter import TOLD, Scatter
+from ..extended.written import Written
+from ..fits.places import another_start, beside_strike
+from ..fits.scoring import is_possible
+from ..search.case import Case
+from ..search.gain import folds_of, predict_folds
+from ..search.selection import Search
+from ..thresholds import (
+    BOUND_COST,
+    FREQUENCIES,
+    INADEQUATE,
+    MOST_RIVALS,
+    NOISE_LEVEL,
+    OWN_SIGMA,
+    RUN_PREDICTED,
+    SAME_FREQUENCY,
+    SCALE_FACTORS,
+    SIGNIFICANT,
+    WRITTEN,
+)
+from .sized import Sized
+
+Array = np.ndarray
+LEAST_INFORMATION = 1e-4
+"""Part of all information on a combination of numbers that the other runs must hold to predict it
+at all."""
+ROUNDING = 1e-9
+"""Of what stands still: an order by its rounding is none."""
+
+
+def word(causes: bool, is_open: bool) -> str:
+    """The verdict's word from whether causes are named and whether anything stays open."""
+    if is_open:
+        return "partly explained" if causes else "unexplained"
+    return "explained" if causes else "adequate"
+
+
+def closing_checks(
+    case: Case,
+    sized: Sized,
+    written: Written | None,
+    waveform: Sequence[dict[str, object]],
+    lines_hz: Sequence[float] = (),
+    odd: str = "",
+) -> list[Check]:
+    """All checks of a diagnosis, in the order in which a reader would ask.
+
+    sized: the fit whose numbers are told; waveform: entries of the causes that the samples show before any dynamics; lines_hz: what was
+    taken out of the waves and is no named cause's; odd: a sentence on windows that hold more than
+    noise, empty where there are none.
+    """
+    search, level = case.search, case.inquiry.noise.white
+    final = search.final
+    return [
+        checks.holds(
+            "nothing_left_over",
+            case.remainder is None,
+            "the residual still follows something that the catalogue does not hold",
+        ),
+        checks.holds(
+            "catalogued_form", case.form is None, "a cause has another form than the catalogue's"
+        ),
+        checks.holds(
+            "lines_named",
+            not lines_hz,
+            "a line that nothing named makes was taken out of the waves, at "
+            + " and ".join(f"{hz:.6g} Hz" for hz in lines_hz),
+        ),
+        checks.goodness(
+            final.chi2 * level**2,
+            final.dof,
+            "the final model leaves more than the noise that the windows state",
+            "chi2_per_dof",
+        ),
+        checks.at_most(
+            "noise_level",
+            level,
+            NOISE_LEVEL,
+            f"the noise between the windows is {level:.3g} times what they state",
+        ),
+        checks.holds(
+            "windows_alike", not odd, odd or "every window's noise is like its neighbours'"
+        ),
+        *_whiteness(final),
+        *_strikes(final, case.inquiry.noise.slow),
+        *_runs(final),
+        *_causes(search, sized, waveform),
+        *_frequencies(case.frequencies),
+        *_physics(final),
+        checks.holds(
+            "converged",
+            final.converged and search.base.converged,
+            "a fit stopped before it had settled",
+        ),
+        *_written(written),
+    ]
+
+
+def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
+    """The residual in the wave's own frame, run by run, in the order of time and of what else
+    moves."""
+    series = fit.series
+    own = along_wave(fit, fit.residual)
+    good = series.weight > 0
+    _, _, angle, _ = ellipse.wave(fit.prediction.seen, series.mode_number)
+    amplitude = np.sqrt(np.sum(np.abs(fit.prediction.seen) ** 2, axis=-1))
+    orders = {
+        "time": series.time_s,
+        "wave_angle": angle,
+        "amplitude": amplitude,
+        "temperature": series.temperature_degc,
+        "rate": series.rate_rad_s,
+    }
+    for name, along in orders.items():
+        reach = np.ptp(np.where(good, along, along[:, :1]), axis=1)
+        if name != "time" and not np.any(reach > ROUNDING * np.abs(along).max()):
+            continue
+        runs = [
+            own[k][good[k]][np.argsort(along[k][good[k]], kind="stable")] for k in range(len(own))
+        ]
+        yield checks.whiteness(
+            runs,
+            f"what is left is not white in the order of {name.replace('_', ' ')}",
+            f"white_in_{name}",
+            stated=1.0,
+        )
+
+
+def _strikes(fit: ExtendedFit, slow: float) -> Iterator[Check]:
+    """No run moves on, from one of its rows, as from another start, and what strikes in the model is
+    all that struck there."""
+    moved = "from {:.4g} s on run {} moves as from another start: what struck it there is not {}"
+    found = [("nothing_strikes", another_start(fit, slow), INADEQUATE, "in the model")]
+    found += [
+        (
+            f"{effect.name}_is_what_struck",
+            beside_strike(values, fit, slow),
+            SIGNIFICANT,
+            f"{effect.name} alone",
+        )
+        for effect, values in fit.point.active
+        if effect.strikes
+    ]
+    for name, place, allowed, cause in found:
+        if place is not None:
+            yield checks.at_most(
+                name,
+                -float(np.log10(max(place.chance, 1e-300))),
+                -float(np.log10(allowed)),
+                moved.format(place.time_s, fit.series.names[place.run], cause),
+            )
+
+
+def _runs(fit: ExtendedFit) -> Iterator[Check]:
+    """Every run predicted by the others, its own start and frequency fitted on it: errors over what
+    they may be."""
+    if len(fit.series.names) < 2:
+        return
+    kind, folds = folds_of(fit, fewest_runs=2)
+    left = predict_folds(fit, kind, folds, LEAST_INFORMATION)
+    level = max(fit.chi2 / fit.dof, 1.0)
+    ratios = [
+        float(np.sqrt(np.mean(left[fold] ** 2) / level)) / _expected(fit, fold) for fold in folds
+    ]
+    worst = int(np.argmax(ratios))
+    run = fit.series.names[int(fit.rows[folds[worst][0], 0])]
+    yield checks.at_most(
+        "runs_predicted", ratios[worst], RUN_PREDICTED, f"run {run} is not predicted by the others"
+    )
+
+
+def _expected(fit: ExtendedFit, fold: Array) -> float:
+    """rms over σ of a run predicted by the others: its noise, and what they leave unknown of the
+    shared numbers, (1 + tr(J C Jᵀ)/n)^½."""
+    shared = fit.design.shared[fold]
+    if not shared.shape[1]:
+        return 1.0
+    places = fit.design.places
+    information = np.linalg.pinv(fit.covariance[np.ix_(places, places)], hermitian=True)
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    power, vectors = np.linalg.eigh((information - shared.T @ shared) / np.outer(size, size))
+    unknown = np.sum((shared / size @ vectors) ** 2, axis=0) / np.maximum(power, LEAST_INFORMATION)
+    return float(np.sqrt(1 + unknown.sum() / len(fold)))
+
+
+def unknown_walk(fit: ExtendedFit) -> float:
+    """Walk of the wave, over σ, that the scatter of the drive's log may have left out of a run and
+    that the fit's own σ do not hold."""
+    if fit.series.scatter is not None:
+        return 0.0
+    return float(np.max(Scatter.of(fit.series).walk))
+
+
+def beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
+    """A cause so many σ off zero beside a walk of the wave, in σ, that the scatter of the drive's
+    log may have left out; nothing where that is less than the noise."""
+    if walk < TOLD:
+        return
+    beside = sigma / float(np.hypot(1.0, walk))
+    yield checks.at_least(
+        f"{name}_stands_beside_drive_log",
+        beside,
+        OWN_SIGMA,
+        f"{name} is no more than {beside:.2g} σ off zero beside the walk of {walk:.2g} σ that the"
+        " scatter of the drive's log may have left out",
+    )
+
+
+def _causes(search: Search, sized: Sized, waveform: Sequence[dict[str, object]]) -> Iterator[Check]:
+    """Every named cause on its own: off zero and of a thinkable size."""
+    fit = search.final
+    walk = unknown_walk(fit)
+    for one in search.found:
+        name = one.variant.effect.name
+        sigma = (
+            sized.sigma_off(one.variant.effect)
+            if one.sizes is None
+            else float(np.sqrt(max(one.delta_bic, 0.0)))
+        )
+        yield checks.at_least(
+            f"{name}_stands_off_zero",
+            sigma,
+            OWN_SIGMA,
+            f"{name} is no more than {sigma:.2g} of its σ off zero",
+        )
+        yield from beside_drive_log(name, sigma, walk)
+        yield checks.holds(
+            f"{name}_is_possible",
+            is_possible(one.variant.effect, fit),
+            f"{name} came out larger than such a cause can be, or of a sign that it cannot have",
+        )
+        yield checks.at_most(
+            f"{name}_is_told_apart",
+            float(len(one.rivals)),
+            float(MOST_RIVALS),
+            f"{name} or any of {len(one.rivals)} other causes explains the runs as well",
+        )
+    for entry in waveform:
+        parameters = entry["parameters"]
+        assert isinstance(parameters, dict)
+        known = all(
+            np.isfinite(p["value"]) and np.isfinite(p["std"]) and p["std"] > 0
+            for p in parameters.values()
+        )
+        yield checks.holds(
+            f"{entry['name']}_is_measured",
+            known,
+            f"{entry['name']} has a figure without a standard deviation",
+        )
+
+
+def _frequencies(said: Mapping[str, Any]) -> Iterator[Check]:
+    """Every run keeps a frequency of its own, which takes up whatever changes from run to run: they
+    must agree, or follow a cause."""
+    if said.get("sigma") is None:
+        return
+    exact = float(said["scatter_hz"]) < SAME_FREQUENCY * float(np.mean(said["hz"]))
+    yield checks.at_most(
+        "run_frequencies",
+        0.0 if exact else float(said["sigma"]),
+        FREQUENCIES,
+        str(said["sentence"]),
+    )
+
+
+def _physics(fit: ExtendedFit) -> Iterator[Check]:
+    """Base parameters that a resonator can have."""
+    level = max(fit.chi2 / fit.dof, 1.0)
+    yield checks.at_most(
+        "passive",
+        fit.bound_cost / level,
+        BOUND_COST,
+        "the damping stands at the bound of a passive resonator and would be beyond it",
+    )
+    if fit.layout.coordinate("scale_factor") is not None:
+        nominal = nominal_scale_factor(fit.series.mode_number)
+        value, std = fit.coordinate("scale_factor"), fit.coordinate_std("scale_factor")
+        low, high = (part * nominal for part in SCALE_FACTORS)
+        sure = value + 3 * std, value - 3 * std
+        text = (
+            f"the scale factor came out as {value:.4g}: the rate log has another unit or sign, or"
+            " the channels are swapped"
+        )
+        yield checks.at_least("scale_factor_above", sure[0], low, text)
+        yield checks.at_most("scale_factor_below", sure[1], high, text)
+    finite = bool(
+        np.all(np.isfinite(fit.point.p))
+        and np.all(np.isfinite(fit.residual))
+        and np.all(np.isfinite(fit.covariance))
+    )
+    yield checks.holds("finite", finite, "a number of the model is not finite")
+    yield checks.covariance_is_one(fit.covariance, "the covariance of the fit is none")
+
+
+def _written(written: Written | None) -> Iterator[Check]:
+    """The file that was written against the fit."""
+    if written is None:
+        yield checks.holds(
+            "written_model", False, "the extended model could not be simulated from its own file"
+        )
+        return
+    text = (
+        "the extended model simulated from its file misses the measurement by"
+        f" {written.rms_over_noise:.3g} σ rms, the fit by {written.fitted_rms_over_noise:.3g}"
+    )
+    yield checks.at_most("written_model", written.ratio, WRITTEN, text)

@@ -1,0 +1,50 @@
+"""Diagnosis, what a cause's held shape leaves unknown: a power that the catalogue fixes is one of
+several that the data may allow, and every number beside it goes with it.
+
+With χ²(p) about the held power p₀ taken as a parabola through p₀ − 1, p₀ and p₀ + 1, and a prior of
+one, the power is p₀ + d ± σ, σ = (χ²″/2 + 1)^−½. The model refitted at √(d² + σ²) from p₀, on the
+side of d, shows by how much each number may be off.
+"""
+
+from __future__ import annotations
+
+import contextlib
+
+import numpy as np
+
+from ....fitting.causes import extended_fit, fit_point
+from ....fitting.causes.extended_fit import ExtendedFit
+
+SHAPE = "power"
+"""Name of a parameter that sets a cause's shape and not its size."""
+
+
+def one_sigma_off(fit: ExtendedFit, inflation: float) -> list[ExtendedFit]:
+    """Refits of a model, whose variances are inflated, with each held power moved by one σ; none where no
+    cause has one."""
+    return [
+        moved
+        for effect, values in fit.point.active
+        if any(p.name == SHAPE and not p.fitted for p in effect.parameters)
+        and (moved := _moved(fit, effect.name, values[SHAPE], inflation)) is not None
+    ]
+
+
+def _moved(fit: ExtendedFit, name: str, power: float, inflation: float) -> ExtendedFit | None:
+    below, above = (_at(fit, name, power + step) for step in (-1.0, 1.0))
+    if below is None or above is None:
+        return above or below
+    less, more = (below.chi2 - fit.chi2) / inflation, (above.chi2 - fit.chi2) / inflation
+    curvature = max((less + more) / 2, 0.0) + 1.0
+    best = (less - more) / 4 / curvature
+    return _at(fit, name, power + float(np.copysign(np.hypot(best, curvature**-0.5), best)))
+
+
+def _at(fit: ExtendedFit, name: str, power: float) -> ExtendedFit | None:
+    """The model refitted with another power of a cause."""
+    effect, values = next(pair for pair in fit.point.active if pair[0].name == name)
+    with contextlib.suppress(extended_fit.DivergedError):
+        point = fit_point.add_effect(fit.point, effect, {**values, SHAPE: power})
+        again = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
+        return again if again.converged else None
+    return None

@@ -1,0 +1,86 @@
+"""Diagnosis, the fit whose numbers are told, with what widens their standard deviations."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....effects.effect import Effect
+from ....fitting.causes import extended_fit
+from ....fitting.causes.extended_fit import ExtendedFit
+from ..fits.refits import adopt, leave_out
+from ..fits.scoring import score_effects
+from ..search.case import Case
+from .held_shapes import one_sigma_off
+
+
+@dataclass(frozen=True)
+class Sized:
+    """The fit whose numbers are told, its variances times `factor`, and the fit beside the open
+    terms where there are any.
+
+    What the catalogue does not hold pulls at every number: what it leaves over widens the noise,
+    and by how much a number moves once it is described as well as it can be counts as an error of
+    its own.
+    """
+
+    fit: ExtendedFit
+    beside: ExtendedFit
+    factor: float
+    off: Sequence[ExtendedFit] = ()
+    """Refits with a held shape moved by one σ (`held_shapes`)."""
+    in_place: Sequence[ExtendedFit] = ()
+    """Refits with a rival in the place of a cause that it is not told from: base values that differ
+    between them are not known better than that."""
+
+    @classmethod
+    def of(cls, case: Case) -> Sized:
+        """From the final fit of the catalogue's causes and what is left over."""
+        final = case.search.final
+        factor = max(case.inquiry.noise.slow, final.chi2 / final.dof, 1.0)
+        beside = final if case.remainder is None else case.remainder.fit
+        return cls(final, beside, factor, one_sigma_off(final, factor), with_rivals(case))
+
+    def std(self, std: float, value: float, others: Sequence[float]) -> float:
+        """Standard deviation of a number with σ `std` in the fit, which stands at `others` in each
+        of the other fits."""
+        return float(np.sqrt(self.factor * std**2 + sum((value - v) ** 2 for v in others)))
+
+    def sigma_off(self, effect: Effect) -> float:
+        """How many of the standard deviations that are told an effect of the fit stands off neutral:
+        aᵀ C⁻¹ a with what is left over and the other fits in C (Wald), as a square root."""
+        columns = self.fit.layout.effect(effect.name)
+        covariance = self.factor * self.fit.covariance[columns, columns]
+        off, _ = self.fit.away(effect)
+        for other in self.others:
+            if effect.name in {one.name for one, _ in other.point.active}:
+                moved = off - other.away(effect)[0]
+                covariance = covariance + np.outer(moved, moved)
+        wald = float(off @ np.linalg.pinv(covariance, hermitian=True) @ off)
+        return float(np.sqrt(max(wald, 0.0))) if np.isfinite(wald) else float("nan")
+
+    @property
+    def others(self) -> list[ExtendedFit]:
+        """Fits in which a number stands elsewhere by what counts as an error of its own."""
+        return [self.beside, *self.off]
+
+
+def with_rivals(case: Case) -> list[ExtendedFit]:
+    """The final fit with each rival in the place of its cause, where that has a fit."""
+    out: list[ExtendedFit] = []
+    for one in case.search.found:
+        if not one.rivals:
+            continue
+        reduced = leave_out(case.search.final, one.variant.effect.name, base=case.search.base)
+        if reduced is None:
+            continue
+        for score, variant in score_effects(reduced, case.inquiry.candidates):
+            if score.name in one.rivals and score.visible:
+                with contextlib.suppress(extended_fit.DivergedError):
+                    fit = adopt(reduced, score, variant)
+                    if fit.converged:
+                        out.append(fit)
+    return out

@@ -1,0 +1,189 @@
+"""Diagnosis, the time of a drive's log: its rows stand for the command at an instant, over the step
+about it, or until the next row, and nobody says which.
+
+A command that is held until the next row acts half a step later than a row about its own time, and
+a converter, a filter or a delay add to that. How late the log is, τ, f(t) = f_log(t − τ), is taken
+as the waves show it, the same in all runs, and no cause is judged by what a change of τ can do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ....fitting import checks
+from ....fitting.causes import extended_fit, whitened_rows
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.measured_runs import MeasuredRuns
+from ....fitting.causes.slow_equation import RungeKuttaStage
+from ....fitting.causes.wave_frame import real
+from ....fitting.samples.course import impulse, mean_of
+from ....records import Wave
+from ..fits.refits import HOPELESS
+from ..thresholds import GROSS
+from .scatter import Scatter, has_log, row_length_s
+
+Array = np.ndarray
+COMMANDS = (("main_drive", "main_impulse"), ("quadrature_drive", "quadrature_impulse"))
+"""The commands and their integrals."""
+ROUNDS = 4
+REACH = 0.5
+"""Standard deviation of τ beforehand, in the shortest run's row length: what is later than a row
+would have been seen as such."""
+THINKABLE = 4.0
+"""Standard deviations beforehand beyond which a lateness must leave nothing but noise to be one."""
+SETTLED = 0.03
+"""Part of its standard deviation by which τ may still move."""
+CLEAR = 3.0
+"""σ of the commands' scatter from which a part of them is more than that."""
+STEP = 1e-3
+"""Change of τ for its effect, in row lengths: the model is linear in it."""
+
+
+def fit_lateness(fit: ExtendedFit) -> ExtendedFit:
+    """The fit again with the commands as late as the waves show them; the same where none is
+    logged."""
+    if not has_log(fit.series):
+        return fit
+    before = 1 / (REACH * row_length_s(fit.series)) ** 2
+    for _ in range(ROUNDS):
+        column = fit.basis.off(whitened_rows.flatten_rows(fit.series, of_lateness(fit)))
+        if _is_beside_the_point(fit, column):
+            break
+        told = fit.basis.off(
+            whitened_rows.flatten_rows(fit.series, of_lateness(fit, beyond_scatter))
+        )
+        along, power = float(told @ column), max(float(told @ told), np.finfo(float).tiny)
+        information = along**2 / power + before
+        late = fit.series.drive_late_s
+        step = (along / power * float(told @ fit.residual) - late * before) / information
+        fit = extended_fit.fit(delay_commands(fit.series, step), fit.point, fit.freedom)
+        if step**2 * information < SETTLED**2:
+            break
+    return fit
+
+
+def is_thinkable(fit: ExtendedFit) -> bool:
+    """Whether the commands' lateness is one that a log may have, or all that is wrong with the runs:
+    others are a misfit laid on the log's time."""
+    late, usual = abs(fit.series.drive_late_s), REACH * row_length_s(fit.series)
+    return late <= THINKABLE * usual or checks.goodness(fit.chi2, fit.dof).passed
+
+
+def _is_beside_the_point(fit: ExtendedFit, column: Array) -> bool:
+    """Whether the misfit is gross and would be with the commands at any time: no refit says more."""
+    size = max(float(column @ column), np.finfo(float).tiny)
+    left = fit.chi2 - float(column @ fit.residual) ** 2 / size
+    return left > HOPELESS * GROSS * fit.dof
+
+
+def lateness(fit: ExtendedFit) -> Array:
+    """What one standard deviation of the log's lateness does to the waves, over σ (N, 1).
+
+    Of what the commands do beyond their scatter: loops answer the windows' noise, which the residual
+    is, and to take the whole column off it would leave the rest of that column in its place.
+    """
+    column = whitened_rows.flatten_own(fit.series, of_lateness(fit, beyond_scatter))
+    return REACH * row_length_s(fit.series) * column[:, None]
+
+
+def scattered_commands(fit: ExtendedFit) -> Array:
+    """What the commands' scatter from row to row does to the waves, of either command, over σ (N, 2):
+    how much of it was the drive's own nobody knows.
+
+    Single values of a noisy command hold noise that the drive's mean did not, and what follows from
+    it would be followed by the waves in part: as if every command were so much too large.
+    """
+    series = fit.series
+    if not np.any(Scatter.of(series).counts(series)):
+        return np.zeros((len(fit.residual), 0))
+    smooth, columns = beyond_scatter(series), []
+    for command, integral in COMMANDS:
+        part = getattr(series, command) - getattr(smooth, command)
+        area = np.zeros_like(part)
+        area[:, 1:] = np.cumsum(series.step_s * (part[:, 1:] + part[:, :-1]) / 2, axis=1)
+        changed = replace(
+            series,
+            **{
+                command: getattr(series, command) + STEP * part,
+                integral: getattr(series, integral) + STEP * area,
+            },
+        )
+        columns.append(whitened_rows.flatten_own(series, _change(fit, changed) / STEP))
+    return np.stack(columns, axis=-1)
+
+
+def of_lateness(
+    fit: ExtendedFit, part: Callable[[MeasuredRuns], MeasuredRuns] = lambda series: series
+) -> Array:
+    """What is seen of a lateness of one second, over σ, (R, n, 4); of a part of the commands."""
+    small = STEP * row_length_s(fit.series)
+    return _change(fit, delay_commands(fit.series, small, part(fit.series))) / small
+
+
+def _change(fit: ExtendedFit, other: MeasuredRuns) -> Array:
+    """By how much the waves change, over σ (R, n, 4), with the commands of another series."""
+    flow, point = fit.flow, fit.point
+    motion, rows = fit.prediction.motion, RungeKuttaStage(other, point)
+    halves = RungeKuttaStage(other.middle(), point)
+    at_rows = real(rows.beside(motion) - flow.rows.beside(motion))[..., None]
+    at_middle = real(halves.beside(flow.middle) - flow.halves.beside(flow.middle))[..., None]
+    direct = real(rows.seen(motion) - flow.rows.seen(motion))[..., None]
+    carried = flow.viewed(flow.carried(at_rows, at_middle))
+    return fit.prediction.judged(carried + direct)[..., 0]
+
+
+def beyond_scatter(series: MeasuredRuns) -> MeasuredRuns:
+    """The commands without their scatter: coefficients c over orthonormal cosines less (3s)²/c of
+    them, s the white scatter from row to row.
+
+    Loops on noisy envelopes answer the noise that the fit leaves, which would be taken for a
+    lateness of what they command.
+    """
+    from scipy.fft import dct, idct
+
+    size = Scatter.of(series).size
+    columns = {}
+    for n, name in enumerate(("main_drive", "quadrature_drive")):
+        values = getattr(series, name).copy()
+        for k, weight in enumerate(series.weight):
+            good = weight > 0
+            c = dct(values[k, good], norm="ortho")
+            power = np.maximum(c**2, np.finfo(float).tiny)
+            values[k, good] = idct(
+                c * np.maximum(1 - (CLEAR * size[k, n]) ** 2 / power, 0.0), norm="ortho"
+            )
+        columns[name] = values
+    return replace(series, **columns)
+
+
+def delay_commands(
+    series: MeasuredRuns, late_s: float, moving: MeasuredRuns | None = None
+) -> MeasuredRuns:
+    """The commands later still by a time that is short against the rows: f − τḟ, and ∫f − τf;
+    moving: the series whose commands f are late, where that is a part of them."""
+    moving = series if moving is None else moving
+    width = np.gradient(series.time_s, axis=1)
+    width = np.where(width > 0, width, np.inf)
+    changes = {}
+    for command, integral in COMMANDS:
+        values = getattr(moving, command)
+        changes[command] = getattr(series, command) - late_s * np.gradient(values, axis=1) / width
+        changes[integral] = getattr(series, integral) - late_s * values
+    return replace(series, drive_late_s=series.drive_late_s + late_s, **changes)
+
+
+def shift_commands(wave: Wave, late_s: float) -> Wave:
+    """The wave with the commands in its log's rows at the times at which they act."""
+
+    def at(values: Array | None) -> Array | None:
+        if values is None or late_s == 0:
+            return values
+        known = np.isfinite(values)
+        log = impulse(t[known], np.asarray(values, float)[known])
+        return np.where(known, mean_of(log, t - late_s, wave.window_s), np.nan)
+
+    t = np.asarray(wave.time_s, float)
+    return wave.replace(drive_main=at(wave.drive_main), drive_quadrature=at(wave.drive_quadrature))

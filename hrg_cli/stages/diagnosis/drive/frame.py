@@ -1,0 +1,208 @@
+"""Diagnosis, the frame that loops command in: where their electronics see the wave, later than it is.
+
+The model turns a logged command to the wave's own angle and phase. Electronics read a window, filter it,
+hold what they command, and follow the phase by a loop of some bandwidth, so that their frame stands
+beside the wave by ε in angle and η in phase:
+
+    F + ε e^{jφ}(f_A e_B + j f_B e_A) + jη F.
+
+- Late by τ: ε = −τ d(mθ)/dt, η = −τ dφ/dt. The mean force then turns the wave by ντ of its own turn, as
+  another scale factor K/(1 + ντ) does; driven runs alone show that one. Beside it a force that follows
+  the damping along the wave makes harmonics 4θ that no K holds.
+- Followed by a loop of second order (natural frequency ω_n, damping 1/√2): ε and η are the wave's angle
+  and phase through −s²/(s² + √2 ω_n s + ω_n²), which passes all that is quicker than ω_n. A frequency
+  split moves the phase in 4θ, and a loop of 1 Hz leaves a quarter of it where mθ turns by 1.65 rad/s.
+
+No log holds τ or ω_n. Any lateness that still lets loops hold the wave, and loops of any bandwidth
+between a run's length and a row, are therefore allowed for, the same in all runs together: one board
+has one lateness, so that a force turned alike at every rate stays a rotation of the drive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ....effects.effect import frame
+from ....fitting.causes import extended_fit, whitened_rows
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.measured_runs import MeasuredRuns
+from ....fitting.causes.sensitivities import Propagation, base_sensitivities, propagation
+from ....fitting.causes.slow_prediction import predict
+from ....fitting.causes.walks import Walk
+from ....fitting.causes.wave_frame import imaginary, real
+from ....fitting.envelopes.coordinates import SCALE_FACTOR
+from .scatter import row_length_s, turn_forces
+
+Array = np.ndarray
+MOST_LATE_RAD = 0.3
+"""Turn of the wave within a frame's lateness: a third as much force across the wave as along it is more
+than a loop bears that is meant to hold it."""
+BANDWIDTHS = 5
+"""Loops allowed for, evenly in the logarithm of their natural frequency: of a frequency split's phase
+over some cycles, one between two of them leaves a combination of what all of them leave, to 4 %."""
+MOST_TURNED_RAD = 1.0
+"""Turn of the commands' frame beyond which they would not hold the wave that they were made for."""
+SETTLED_RAD = 1e-4
+"""Turn of the commands' frame that is none: a hundredth of that is missed of the force."""
+FINER = 4
+"""Instants a row at which a loop's answer is followed."""
+DAMPING = 0.5**0.5
+"""Of the loops: what one with up to four times as much leaves is a combination of theirs to 2 %, with
+half of it to a sixth."""
+
+
+@dataclass(frozen=True)
+class FrameAnswers:
+    """By how much one standard deviation of every answer of a late frame turns the commands' angle,
+    and their phase, rad (R, n, k), and what they all do to the waves, over σ (N, 2k)."""
+
+    angle: Array
+    phase: Array
+    doings: Array
+
+    @classmethod
+    def of(cls, fit: ExtendedFit) -> FrameAnswers:
+        """Beside a fit."""
+        series, courses = fit.series, courses_of(fit)
+        turning = float(np.max(np.abs(_slope(series.time_s, courses[0]))))
+        angle, phase = (_answers(series, course, turning) for course in courses)
+        moved = fit.flow.seen(carry_turns(fit.flow, series, angle, phase))
+        return cls(angle, phase, whitened_rows.flatten_own(series, moved))
+
+    def spread(self, fit: ExtendedFit) -> Array:
+        """What one standard deviation of each does, over σ (N, 2k); driven runs alone show that
+        scale factor which their loops make of it."""
+        return _beside_scale_factor(fit, self.doings) if _all_driven(fit.series) else self.doings
+
+    def turn(self, size: Array) -> Array:
+        """Turn of the frame by answers of these sizes (2k,), rad (R, n, 2)."""
+        angle, phase = np.split(size, 2)
+        return np.stack([self.angle @ angle, self.phase @ phase], axis=-1)
+
+
+def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
+    """The fit again with the commands in the frame that the waves make likely; the same where that is
+    settled, or where no frame of loops that hold a wave is likely: a gross misfit would be laid on it.
+
+    fit: beside these answers. Of a frame late by 80 ms, in which the wave turns by 0.06 rad, the
+    force along the wave lacks two thousandths: more than columns of first order hold. So the frame
+    is turned by the likely answers' whole angle, c = Dᵀ C⁻¹ r, and columns stand about that. Driven
+    runs alone do not know the late part of it from their scale factor.
+    """
+    series = fit.series
+    if series.unsettled is None or _all_driven(series):
+        return fit
+    size = answers.doings.T @ series.unsettled.off(fit.residual)
+    turn = answers.turn(size)
+    if np.abs(turn).max() > MOST_TURNED_RAD:
+        return fit
+    before = 0.0 if series.frame_turn is None else series.frame_turn
+    if np.abs(turn - before).max() < SETTLED_RAD:
+        return fit
+    series = replace(series, frame_turn=turn)
+    flow = propagation(predict(series, fit.point, fit.flow.near))
+    carried = carry_turns(flow, series, answers.angle, answers.phase)
+    walk = Walk.none(flow.prediction.motion) if series.walk is None else series.walk
+    turned = imaginary(flow.viewed(carried) @ size)
+    series = replace(series, walk=replace(walk, turned=turned))
+    return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
+
+
+def _all_driven(series: MeasuredRuns) -> bool:
+    return bool(np.all(np.any(series.forced > 0, axis=1)))
+
+
+def _beside_scale_factor(fit: ExtendedFit, doings: Array) -> Array:
+    """Columns (N, k) less what another scale factor does: driven runs alone show the one that their
+    loops make of it."""
+    shared = whitened_rows.flatten_own(fit.series, base_sensitivities(fit.flow)[0])
+    column = shared[:, SCALE_FACTOR]
+    size = float(column @ column)
+    return doings - np.outer(column, column @ doings / size) if size > 0 else doings
+
+
+def carry_turns(flow: Propagation, series: MeasuredRuns, angle: Array, phase: Array) -> Array:
+    """How turns of the commands' frame in angle and phase, rad (R, n, k) each, change the motion,
+    (R, n, 4, 2k)."""
+    answers = angle, phase
+    between = tuple((a[:, 1:] + a[:, :-1]) / 2 for a in answers)
+    at_rows, at_middle = (
+        np.concatenate(
+            [
+                real(force)[..., None] * answer[..., None, :]
+                for force, answer in zip(turn_forces(runs, motion), beside, strict=True)
+            ],
+            axis=-1,
+        )
+        for runs, motion, beside in (
+            (series, flow.prediction.motion, answers),
+            (flow.centre, flow.middle, between),
+        )
+    )
+    return flow.carried(at_rows, at_middle)
+
+
+def courses_of(fit: ExtendedFit) -> tuple[Array, Array]:
+    """Angle mθ and phase of the wave over the rows, rad (R, n), in driven runs."""
+    series, v = fit.series, fit.flow.prediction.motion
+    turn, e_A, _, _ = frame(v, series.phase_rad)
+    driven = np.where(series.weight > 0, series.forced, 0.0)
+    angle = np.unwrap(np.arctan2(e_A[..., 1], e_A[..., 0]), axis=1)
+    return driven * angle, driven * np.unwrap(np.angle(turn), axis=1)
+
+
+def _slope(time_s: Array, course: Array) -> Array:
+    """Rate of change over the rows, (R, n); 0 where rows are padded."""
+    step = np.gradient(time_s, axis=1)
+    return np.divide(np.gradient(course, axis=1), step, out=np.zeros_like(course), where=step > 0)
+
+
+def _answers(series: MeasuredRuns, course: Array, turning_rad_s: float) -> Array:
+    """By how much the commands' frame stands beside a course (R, n), for one standard deviation of its
+    lateness and for every loop that may follow it, (R, n, k)."""
+    late_s = MOST_LATE_RAD / turning_rad_s if turning_rad_s > 0 else 0.0
+    late = -late_s * _slope(series.time_s, course)
+    left = unfollowed(series, course, natural_frequencies(series))
+    return np.concatenate([late[..., None], left], axis=-1)
+
+
+def natural_frequencies(series: MeasuredRuns, slowest: float = 2 * np.pi) -> Array:
+    """ω_n of the loops allowed for, rad/s: from `slowest` over a run's length to one over a row's."""
+    lengths = [np.ptp(t[w > 0]) for t, w in zip(series.time_s, series.weight, strict=True)]
+    least, most = slowest / max(lengths), 1 / row_length_s(series)
+    return np.geomspace(least, max(most, least), BANDWIDTHS)
+
+
+def unfollowed(
+    series: MeasuredRuns, course: Array, natural_rad_s: Array, *, as_before: bool = False
+) -> Array:
+    """What loops of second order leave of a course (R, n), (R, n, loops): −s²/(s² + √2 ω_n s + ω_n²),
+    by the bilinear rule on a fine grid.
+
+    Loops have followed the run's mean line when it begins; `as_before`: a course like the run's own,
+    turned about its start, so that nothing begins and what is left is what the course alone leaves.
+    """
+    from scipy import signal
+
+    out = np.zeros((*course.shape, len(natural_rad_s)))
+    for k, (t, weight) in enumerate(zip(series.time_s, series.weight, strict=True)):
+        good = weight > 0
+        if not course[k].any():
+            continue
+        grid = np.linspace(t[good][0], t[good][-1], FINER * int(np.count_nonzero(good)))
+        values = np.interp(grid, t[good], course[k][good])
+        values -= values[0]
+        whole = np.concatenate([-values[:0:-1], values]) if as_before else values
+        steps = np.arange(len(whole))
+        whole -= np.polynomial.Polynomial.fit(steps, whole, 1)(steps)
+        for loop, natural in enumerate(natural_rad_s):
+            rule = signal.bilinear(
+                [-1.0, 0.0, 0.0],
+                [1.0, 2 * DAMPING * natural, natural**2],
+                1 / (grid[1] - grid[0]),
+            )
+            left = signal.lfilter(*rule, whole)[-len(values) :]
+            out[k, :, loop] = np.interp(t, grid, left)
+    return out

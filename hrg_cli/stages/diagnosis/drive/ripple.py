@@ -1,0 +1,118 @@
+"""Diagnosis, loops that look at the oscillation itself: its ripple at 2ω in what they command makes a
+slow force that no log of their slow commands holds.
+
+What oscillates under slow forces G (u̇ = G) ripples beside its mean v, u = v − (j/2ω)G* e^{−2jωt}, since
+u̇ = G − G* e^{−2jωt} for z = Re u e^{jωt}, ż = −ω Im u e^{jωt}. A force F(u) that turns with the
+instant state answers with its part A = ∂F/∂u, and the mean of the product is −(j/2ω) A*G (averaging to
+second order; direct integration agrees to a thousandth).
+
+- The direction: with F = e^{jφ}(f_A e_A − j f_B e_B), A = (P + jQJ)/2(a² − b²), P = a f_A − b f_B,
+  Q = a f_B − b f_A: of a held amplitude that is ν/4ω of the wave's own motion. Loops that look at
+  demodulated envelopes have none of it, so it is as uncertain as it is large.
+- The sizes: a loop of gain k that holds a_A answers the ripple of a_A by q e_A e_Aᵀ v̇/4ω, one that nulls
+  a_B likewise by q e_B e_Bᵀ v̇/4ω, |q| ≤ k, with a phase that its delay, its filter and its sampling make
+  and nobody knows. Of the second q the imaginary part makes quadrature, which the waves show; the
+  real part turns the wave in proportion to its rate, as the scale factor does, and may be as large.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....effects.effect import frame
+from ....fitting.causes import whitened_rows
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.slow_equation import RungeKuttaStage, generators, times
+from ....fitting.causes.wave_frame import real
+from ..fits.scoring import is_gross
+from .loop_gain import bound_gains
+
+Array = np.ndarray
+ANY_PHASE = 2.0
+"""Size that either part of an answer of unknown phase may have, over what is seen of one part."""
+DIRECTION, QUADRATURE = 0, 2
+
+
+@dataclass(frozen=True)
+class Ripple:
+    """What a ripple's answers do to the waves over σ (N, 5): of the direction, of the quadrature
+    loop in its two parts and of the amplitude loop, those for 1/s; and how large the answers of
+    either loop may be, 1/s."""
+
+    doings: Array
+    amplitude_1_s: float
+    quadrature_1_s: float
+
+    @classmethod
+    def of(cls, fit: ExtendedFit) -> Ripple:
+        """Beside a fit, from its residual and from the loops' own gains; without a quadrature loop
+        nothing is seen, and nothing answers.
+
+        Any gross misfit might be taken for an answer: beside one the gains alone tell, and a loop
+        whose gain is not known answers nothing.
+        """
+        doings = whitened_rows.flatten_own(fit.series, _doings(fit))
+        if not fit.series.quadrature_drive.any():
+            return cls(doings, 0.0, 0.0)
+        seen = np.inf if is_gross(fit) else ANY_PHASE * _seen(fit, doings)
+        sizes = (min(seen, gain) for gain in bound_gains(fit.series))
+        return cls(doings, *(size if np.isfinite(size) else 0.0 for size in sizes))
+
+    @property
+    def spread(self) -> Array:
+        """What one standard deviation of each does, over σ (N, 5)."""
+        sizes = [self.quadrature_1_s] * 2 + [self.amplitude_1_s] * 2
+        return self.doings * np.array([1.0, *sizes])
+
+
+def _seen(fit: ExtendedFit, doings: Array) -> float:
+    """Size, with its σ, of the part that makes quadrature: the larger, with or without that of the
+    direction, which does nearly the same and may hide it."""
+    column = fit.basis.off(doings[:, QUADRATURE])
+    size = max(float(column @ column), np.finfo(float).tiny)
+    left = (fit.residual, fit.residual - doings[:, DIRECTION])
+    seen = max(abs(float(column @ residual)) / size for residual in left)
+    return float(np.hypot(seen, size**-0.5))
+
+
+def _doings(fit: ExtendedFit) -> Array:
+    """Of the direction's answer, and of q = 1 and q = j 1/s of the sizes', (R, n, 4, 5)."""
+    flow, series, point = fit.flow, fit.series, fit.point
+    at_rows = _forces(flow.rows, generators(series, point), fit.prediction.motion)
+    between = _forces(flow.halves, generators(flow.centre, point), flow.middle)
+    return flow.seen(flow.carried(at_rows, between))
+
+
+def _forces(stage: RungeKuttaStage, L: Array, v: Array) -> Array:
+    """The five forces on the envelopes v, as reals (R, n, 4, 5)."""
+    G = times(L, v) + stage.beside(v)
+    turn, e_A, e_B, _ = frame(v, stage.state.phase_rad)
+    seen = [np.conj(turn) * np.sum(axis * w, axis=-1) for w in (v, G) for axis in (e_A, e_B)]
+    a, b, G_A, G_B = seen[0].real, -seen[1].imag, seen[2], seen[3]
+    over = stage.state.forced / (4 * stage.state.omega_r_rad_s)
+    unit = over / np.maximum(a**2 - b**2, np.finfo(float).tiny)
+    f_A, f_B = stage.main, stage.quadrature
+    P, Q = (a * f_A - b * f_B) * unit, (a * f_B - b * f_A) * unit
+    # the axis and the phase of v less those of the displacement that demodulation shows
+    axis, phase = (
+        2 * (a * G_B.imag + b * G_A.real) * unit,
+        -2 * (a * G_A.real + b * G_B.imag) * unit,
+    )
+    answers = np.stack(
+        [
+            [
+                -1j * P * G_A - Q * G_B + 1j * (phase * f_A + axis * f_B),
+                -1j * P * G_B + Q * G_A + axis * f_A + phase * f_B,
+            ],
+            [0 * G_B, over * G_B],
+            [0 * G_B, 1j * over * G_B],
+            [over * G_A, 0 * G_A],
+            [1j * over * G_A, 0 * G_A],
+        ],
+        axis=-1,
+    )
+    answers = turn[..., None] * answers
+    forces = answers[0][..., None, :] * e_A[..., None] + answers[1][..., None, :] * e_B[..., None]
+    return np.moveaxis(real(np.moveaxis(forces, -1, -2)), -1, -2)

@@ -1,0 +1,178 @@
+"""Diagnosis, the extended model: one measured run as the tables of a simulation file: start,
+courses of rate and temperature, loops."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.fit_point import Point, state_of
+from ....fitting.causes.layout import FREQUENCY
+from ....fitting.causes.slow_equation import RungeKuttaStage
+from ....fitting.causes.slow_prediction import motion_of
+from ....fitting.causes.wave_frame import imaginary
+from ....fitting.envelopes.coordinates import DAMPING
+from ....fitting.samples.course import course
+from ....physics import ellipse
+from ....records import Wave
+from ...run_tables import drive_log, loops, points, rate_course, sample_noise
+from ..base.data import command, impulse_of
+from ..drive.command_log import shift_commands
+
+Array = np.ndarray
+BACKWARD = 16
+"""Steps from the first row back to the run's start."""
+HELD = (
+    "weight",
+    "temperature_rate_degc_s",
+    "branch",
+    "forced",
+    "held_amplitude",
+    "held_slope",
+)
+"""Columns that stay what they are at the first row."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a file is written where there is more than one. replayed: a logged drive stands as its
+    log, not as the loops that the log shows; straight: a rate goes straight between its log's rows,
+    not along the course that the fits integrate."""
+
+    replayed: bool = False
+    straight: bool = False
+
+
+def run_table(
+    fit: ExtendedFit,
+    own: Sequence[int],
+    wave: Wave,
+    piece: Wave,
+    sample_rate_hz: float,
+    change: Array,
+    way: Way,
+    lost_s: float = 0.0,
+) -> dict[str, Any]:
+    """[start], [environment], [readout], [recording] and [control] of a run, of which the fit's runs `own` are the pieces.
+
+    change (5,): what is added to the start state; lost_s: time of samples lost before the first of
+    the pieces, which its motion has gone through.
+    """
+    series, k = fit.series, own[0]
+    wave = shift_commands(wave, series.drive_late_s)
+    clock = np.exp(-2j * np.pi * series.reference_frequency_hz * lost_s)
+    a_A, a_B, angle, phase = (
+        float(v)
+        for v in ellipse.wave(
+            _start(fit, k, wave, way.straight, -lost_s) * clock + imaginary(change[:FREQUENCY]),
+            series.mode_number,
+        )
+    )
+    length = float(wave.time_s[-1] + wave.window_s / 2)
+    run: dict[str, Any] = {
+        "start": {"amplitude": a_A, "quadrature": a_B, "wave_angle_rad": angle, "phase_rad": phase},
+        "environment": _environment(fit, own, wave, length, way.straight),
+        "readout": {"noise": sample_noise(piece, sample_rate_hz), "units": wave.units},
+        "recording": {"duration_s": length},
+    }
+    if wave.mode == "forced":
+        log = drive_log(wave, length) if way.replayed else None
+        run["control"] = {"mode": "forced"}
+        if log is None:
+            run["control"] |= loops(_moving(fit, own, wave), max(float(fit.point.p[DAMPING]), 0.0))
+        else:
+            both = {"quadrature_loop": "finite"} if "drive_quadrature" in log else {}
+            run["control"] |= both | {"log": log}
+    return run
+
+
+def _moving(fit: ExtendedFit, own: Sequence[int], wave: Wave) -> Wave:
+    """The wave with the modelled motion's amplitudes: the simulated loops see those, without noise
+    and the read-out's defects."""
+    good = [fit.series.weight[k] > 0 for k in own]
+    times = np.concatenate([fit.series.time_s[k][g] for k, g in zip(own, good, strict=True)])
+    shown = fit.flow.rows.shown(fit.prediction.motion)
+    u = np.concatenate([shown[k][g] for k, g in zip(own, good, strict=True)])
+    a_A, a_B = ellipse.wave(u, fit.series.mode_number)[:2]
+    t = np.asarray(wave.time_s, float)
+    return wave.replace(
+        main_amplitude=np.interp(t, times, a_A), quadrature_amplitude=np.interp(t, times, a_B)
+    )
+
+
+def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -> Array:
+    """Envelopes (2,) of the displacement at t = `begin`: the whole equation integrated back from the first
+    row, drive and effects included."""
+    series, first = fit.series.runs([k]), float(fit.series.time_s[k, 0])
+    if first <= begin:
+        return fit.flow.rows.shown(fit.prediction.motion)[k, 0]
+    times = np.linspace(first, begin, BACKWARD + 1)[None]
+    since = times - first
+
+    def along(values: Array, slope: Array | float = 0.0) -> Array:
+        return values[:, :1] + slope * since
+
+    rate = along(series.rate_rad_s)
+    if wave.rate_rad_s is not None and np.any(known := np.isfinite(wave.rate_rad_s)):
+        at, logged = (
+            np.asarray(wave.time_s, float)[known],
+            np.asarray(wave.rate_rad_s, float)[known],
+        )
+        rate = np.interp(times, at, logged) if straight else course(at, logged).at(times)
+    columns: dict[str, Any] = {
+        name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD
+    }
+    back = replace(
+        series.alone(),
+        time_s=times,
+        envelope=np.repeat(series.envelope[:, :1], times.size, axis=1),
+        rate_rad_s=rate,
+        temperature_degc=along(series.temperature_degc, series.temperature_rate_degc_s[:, :1]),
+        temperature_impulse=None,
+        table_angle_rad=along(
+            series.table_angle_rad, rate if straight else (rate[:, :1] + rate) / 2
+        ),
+        phase_rad=along(series.phase_rad, series.turn_rad_s[:, None]),
+        main_drive=command(wave, "drive_main", times[0], series.forced)[None],
+        quadrature_drive=command(wave, "drive_quadrature", times[0], series.forced)[None],
+        main_impulse=impulse_of(wave, "drive_main", times[0], series.forced)[None],
+        quadrature_impulse=impulse_of(wave, "drive_quadrature", times[0], series.forced)[None],
+        **columns,
+    )
+    point = Point(
+        fit.point.p, fit.prediction.motion[[k], 0], fit.point.offset_rad_s[[k]], fit.point.active
+    )
+    return RungeKuttaStage(back, point).shown(motion_of(back, point))[0, -1]
+
+
+def _environment(
+    fit: ExtendedFit, own: Sequence[int], wave: Wave, length_s: float, straight: bool
+) -> dict[str, Any]:
+    """Rate and temperature, constant or along straight lines; the temperature is the resonator's
+    where the thermometer lags."""
+    series = fit.series
+    out = rate_course(wave.time_s, wave.rate_rad_s, length_s, straight)
+    if series.has_temperature:
+        # an effect may make the logged temperature the resonator's
+        true = state_of(series, fit.point)
+        good = [series.weight[k] > 0 for k in own]
+        t = np.concatenate([series.time_s[k][g] for k, g in zip(own, good, strict=True)])
+        warm = np.concatenate([true.temperature_degc[k][g] for k, g in zip(own, good, strict=True)])
+        steep = np.concatenate(
+            [series.temperature_rate_degc_s[k][g] for k, g in zip(own, good, strict=True)]
+        )
+        if np.ptp(warm) <= 1e-4:
+            out["temperature_degc"] = float(warm.mean())
+        else:
+            ends = np.array([0.0, length_s])
+            outside = warm[[0, -1]] + steep[[0, -1]] * (ends - t[[0, -1]])
+            times, values = points(
+                np.concatenate([ends[:1], t, ends[1:]]),
+                np.concatenate([outside[:1], warm, outside[1:]]),
+            )
+            out["temperature"] = {"kind": "points", "time_s": times, "temperature_degc": values}
+    return out

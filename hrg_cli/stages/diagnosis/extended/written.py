@@ -1,0 +1,256 @@
+"""Diagnosis, the written model: the TOML simulated as a user would, and held against the
+measurement and against the fit it comes from.
+
+Raw samples of the engine that is not the fitting model, demodulated like a recording, without
+noise: what is left over σ must be what the fit leaves, or the file is not the model that was
+fitted.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ....effects.effect import Effect
+from ....errors import HrgError
+from ....fitting.causes import designs
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.layout import OWN
+from ....fitting.causes.sensitivities import base_sensitivities
+from ....fitting.causes.slow_equation import jump_times
+from ....fitting.causes.wave_frame import real
+from ....fitting.causes.whitened_rows import flatten_own, flatten_rows
+from ....fitting.envelopes.envelope_runs import envelopes_of
+from ....fitting.samples.demodulator import MOVING_PERIODS
+from ....records import Wave, collect
+from ...demodulate import demodulate
+from ...estimate import estimate
+from ...simulate import simulate_run
+from ...simulation_file import runs_of
+from ..samples.tones import Tone
+from .run import Way
+
+Array = np.ndarray
+MOST_SAMPLES = 30_000_000
+"""Samples simulated at most, all runs together; longer runs are followed for their first part
+only."""
+NEAR = 1.02
+"""Misfit over that of the fit up to which a file is left as it is."""
+PERIODS = MOVING_PERIODS
+"""Periods a window of the simulated samples, the shortest whose basis moves with the envelope: the
+file's own demodulation must miss nothing that the measurement's noise could show."""
+MOVES = 3
+"""Rounds in which a file's starts and frequencies are moved nearer to the fit."""
+NEXT_ROWS = 2.0
+"""Rows' lengths on either side of a jump in which measured rows hold a mean of both sides,
+simulated ones do not."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """rms over σ of measured less simulated, of measured less fitted on the same rows, and the part
+    of the runs that was simulated.
+
+    change (R, 5): of every run's start state and frequency offset that would bring the simulation
+    nearest to the fit.
+    """
+
+    rms_over_noise: float
+    fitted_rms_over_noise: float
+    share: float
+    change: Array
+
+    @property
+    def ratio(self) -> float:
+        """How much worse the file is than the fit."""
+        return self.rms_over_noise / max(self.fitted_rms_over_noise, 1e-300)
+
+    def table(self) -> dict[str, float]:
+        """As JSON."""
+        return {
+            "rms_over_noise": self.rms_over_noise,
+            "fitted_rms_over_noise": self.fitted_rms_over_noise,
+            "share": self.share,
+        }
+
+
+Candidate = tuple[str, Written | None]
+"""A file's text and how it holds; None: it cannot be simulated."""
+
+
+def write_faithfully(
+    written: Callable[[Array | None, Way], str],
+    fit: ExtendedFit,
+    origin: Sequence[int],
+    extra_effects: Sequence[Effect],
+    tone: Tone | None = None,
+) -> Candidate:
+    """The file and how it holds: the first that misses the measurement no more than the fit, or the
+    one that misses least.
+
+    written: the file's text with a change of the runs' starts and frequencies, in one of the ways
+    that it may be written. Loops are the better model of an instrument, since they serve other runs
+    too, but those that are fitted to a log may not be the recorded ones: then the log stands, with
+    starts and frequencies moved to where the simulation misses the fit least. Last, rates go
+    straight: one that swings beside its log may be nearer to that than to the log's course.
+    tone: the one that was taken out of the measurement and is in the file.
+    """
+    driven = bool(np.any(fit.series.forced))
+    along = Way(replayed=driven)
+    ways = [*([Way()] if driven else []), along, Way(replayed=driven, straight=True)]
+
+    def tried(text: str) -> Candidate:
+        return text, hold_written(text, fit, origin, extra_effects, tone)
+
+    best: Candidate = "", None
+    told: set[str] = set()
+    for way in ways:
+        text = written(None, way)
+        if text in told:  # constant rates are written alike in every way
+            continue
+        told.add(text)
+        one = tried(text)
+        if way == along:
+            one = _moved_nearer(one, lambda change: tried(written(change, along)))
+        best = _nearer(best, one)
+        if best[1] is not None and best[1].ratio < NEAR:
+            break
+    return best
+
+
+def _moved_nearer(one: Candidate, tried: Callable[[Array], Candidate]) -> Candidate:
+    """The file with the runs' starts and frequencies moved to where the simulation misses the fit
+    least; a round is linear in what the last left."""
+    change: Array | float = 0.0
+    for _ in range(MOVES):
+        held = one[1]
+        if held is None or held.ratio < NEAR:
+            break
+        change = change + held.change
+        other = tried(change)
+        if _nearer(one, other) is one:
+            break
+        one = other
+    return one
+
+
+def _nearer(one: Candidate, other: Candidate) -> Candidate:
+    """Of two files the one that misses less; the first where the other cannot be simulated."""
+    if one[1] is None or other[1] is None:
+        return other if one[1] is None else one
+    return other if other[1].rms_over_noise < one[1].rms_over_noise else one
+
+
+def hold_written(
+    text: str,
+    fit: ExtendedFit,
+    origin: Sequence[int],
+    extra_effects: Sequence[Effect],
+    tone: Tone | None = None,
+) -> Written | None:
+    """Simulate a written model and compare it at the fit's rows; None where it cannot be simulated.
+
+    origin: the file's run of each piece. tone: the one that the rows were freed of; the simulation
+    is freed of the same, so that one which the file has wrong is left in it.
+    """
+    table = tomllib.loads(text)
+    try:
+        runs = runs_of(table)
+    except HrgError:
+        return None
+    wanted = sum(run.recording.sample_rate_hz * run.recording.duration_s for run in runs)
+    share = min(1.0, MOST_SAMPLES / wanted)
+    order = list(dict.fromkeys(origin))
+    simulated = []
+    for number, run in enumerate(runs):
+        short = run.recording.model_copy(update={"duration_s": run.recording.duration_s * share})
+        quiet = run.model_copy(
+            update={"recording": short, "readout": run.readout.model_copy(update={"noise": 0.0})}
+        )
+        try:
+            wave = _estimated(collect(simulate_run(quiet, extra_effects)))
+        except HrgError:
+            return None
+        simulated.append(_envelopes(wave, fit, tone, origin.index(order[number])))
+    series = fit.series
+    missed, fitted = np.zeros((2, *series.weight.shape, 4))
+    compared = np.zeros(series.weight.shape, bool)
+    for k in range(len(series.names)):
+        t, slow, turn = simulated[order.index(origin[k])]
+        inside = (
+            (series.weight[k] > 0)
+            & (series.time_s[k] >= t[0])
+            & (series.time_s[k] <= t[-1])
+            & ~_jumping(fit, k)
+        )
+        if not inside.any():
+            continue
+        at = series.time_s[k][inside]
+        u = _at(at, t, slow) * np.exp(1j * turn * at)[:, None]
+        weight = series.weight[k][inside][:, None]
+        measured, said = series.envelope[k][inside], fit.prediction.by_log[k][inside]
+        compared[k] = inside
+        missed[k, inside] = real(measured - u) * weight
+        fitted[k, inside] = real(measured - said) * weight
+    # what nobody knows of the runs (the way through a step of the rate) counts neither for the fit
+    # nor for the file
+    figures = [
+        float(np.sqrt(np.mean(flatten_rows(series, side) ** 2))) for side in (missed, fitted)
+    ]
+    change = find_change(fit, missed - fitted, compared)
+    return Written(figures[0], figures[1], share, change) if fitted.any() else None
+
+
+def find_change(fit: ExtendedFit, difference: Array, compared: Array) -> Array:
+    """What of the runs' starts and frequency offsets (R, 5) makes up most of a difference over σ
+    (R, n, 4), judged as the fit judges, on the rows that were compared."""
+    own = base_sensitivities(fit.flow)[1] * compared[..., None, None]
+    columns, wanted = flatten_own(fit.series, own), flatten_own(fit.series, difference)
+    change = np.zeros((len(fit.series.names), OWN))
+    for k, (rows, _, _) in enumerate(fit.design.own):
+        if compared[k].any():
+            change[k] = designs.solve(columns[rows], wanted[rows])[0]
+    return change
+
+
+def _estimated(recording: Any) -> Wave:
+    """The simulated recording's wave, by the chain that a measurement goes through."""
+    return collect(estimate(collect(demodulate(recording, periods_per_window=PERIODS))))
+
+
+def _envelopes(
+    wave: Wave, fit: ExtendedFit, tone: Tone | None, k: int
+) -> tuple[Array, Array, float]:
+    """Times, envelopes against the fit's reference less their mean turn (n, 2), and that turn, of
+    the simulated wave of piece k; freed of the tone that the measured one was freed of."""
+    good = wave.good()
+    t = np.asarray(wave.time_s, float)[good]
+    u = envelopes_of(wave, good)
+    if tone is not None:
+        seen = tone.in_windows(float(fit.frequency_hz[k]), float(wave.window_s))
+        u = u - seen.envelope(k, t, float(wave.reference_frequency_hz))
+    phase = np.asarray(wave.phase_rad, float)[good]
+    shift = 2 * np.pi * (float(wave.reference_frequency_hz) - fit.series.reference_frequency_hz)
+    own = float((phase[-1] - phase[0]) / (t[-1] - t[0]))
+    return t, u * np.exp(-1j * own * t)[:, None], own + shift
+
+
+def _jumping(fit: ExtendedFit, k: int) -> Array:
+    """Rows of a run (n,) next to an instant at which the motion jumps, where windows see both
+    sides."""
+    t = fit.series.time_s[k]
+    near = np.zeros(len(t), bool)
+    for instant in jump_times(fit.series, fit.point):
+        row_s = float(np.median(np.diff(t[fit.series.weight[k] > 0])))
+        near |= np.abs(t - instant) < NEXT_ROWS * row_s
+    return near
+
+
+def _at(at: Array, t: Array, u: Array) -> Array:
+    from scipy.interpolate import CubicSpline
+
+    return np.asarray(CubicSpline(t, u)(at))

@@ -1,0 +1,299 @@
+"""Diagnosis, the vocabulary of the open search: places of the envelope equation and of the
+read-out, and functions of what is known.
+
+u' += g·M u or u_m = u + g·M u. M: damping −1, frequency j, their splits −R, jR, turning J, circular
+jJ, one channel's gain or phase; g: powers of time, amplitude, temperature, rate, harmonics of an
+angle, and in time a step, a tone or a decay e^{−t/τ} of free shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ....effects.effect import Effect, Parameter
+from ....fitting.causes.measured_runs import MeasuredRuns
+from ....physics import ellipse
+
+Array = np.ndarray
+LEAST_KELVIN = 1e-6
+"""Range of temperature below which it is constant but for rounding."""
+HARMONICS = (1, 2, 3, 4, 6, 8)
+"""Of mθ: the harmonic theorem's, those of two defects together, and 12θ, 16θ of an HRG's
+electrodes."""
+STEPS, DECAYS = 15, 4
+"""Instants of steps on the first grid, and decays from half the longest run downwards in factors of
+two; then their shape is refined."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a term acts: its columns M u, the symbol it changes and its unit; `readout`: on what is
+    seen, not on the motion."""
+
+    name: str
+    symbol: str
+    units: str
+    readout: bool
+    columns: Callable[[Array], list[Array]]
+
+
+def _mirror(u: Array) -> Array:
+    """(uᵀu) u*/u†u: what every isotropic nonlinearity has beside the part along u (PHYSICS §7)."""
+    size = np.sum(np.abs(u) ** 2, axis=-1, keepdims=True)
+    return np.sum(u**2, axis=-1, keepdims=True) * np.conj(u) / np.where(size > 0, size, 1.0)
+
+
+def _turned(u: Array) -> Array:
+    """J u."""
+    return np.stack([u[..., 1], -u[..., 0]], -1)
+
+
+def _split(u: Array) -> list[Array]:
+    """R(0) u and R(π/2) u."""
+    c, s = u[..., 0], u[..., 1]
+    return [np.stack([c, -s], -1), np.stack([s, c], -1)]
+
+
+PLACES = (
+    Place("damping", "ν", "s-1", False, lambda u: [-u]),
+    Place("frequency", "φ̇", "rad s-1", False, lambda u: [1j * u]),
+    Place("damping split", "νδμ", "s-1", False, lambda u: [-x for x in _split(u)]),
+    Place("frequency split", "δω", "rad s-1", False, lambda u: [1j * x for x in _split(u)]),
+    Place("turning", "−mθ̇", "rad s-1", False, lambda u: [_turned(u)]),
+    Place("circular", "ṙ", "s-1", False, lambda u: [1j * _turned(u)]),
+    Place(
+        "precession with quadrature",
+        "φ̇ and −mθ̇·a_A/2a_B",
+        "rad s-1",
+        False,
+        lambda u: [1j * _mirror(u)],
+    ),
+    Place("gain", "a", "1", True, lambda u: [u]),
+    Place("gain split", "g/2", "1", True, lambda u: _split(u)[:1]),
+    Place("non-orthogonality", "ε/2", "1", True, lambda u: _split(u)[1:]),
+    Place("gain of C", "g_C", "1", True, lambda u: [u * [1, 0]]),
+    Place("gain of S", "g_S", "1", True, lambda u: [u * [0, 1]]),
+    Place("phase", "φ", "rad", True, lambda u: [1j * u]),
+    Place("phase split", "ψ/2", "rad", True, lambda u: [1j * _split(u)[0]]),
+    Place("quadrature cross-talk", "ε_q/2", "rad", True, lambda u: [1j * _split(u)[1]]),
+    Place("phase of C", "ψ_C", "rad", True, lambda u: [u * [1j, 0]]),
+    Place("phase of S", "ψ_S", "rad", True, lambda u: [u * [0, 1j]]),
+    Place("angle", "−mθ", "rad", True, lambda u: [_turned(u)]),
+    Place("quadrature offset", "r", "1", True, lambda u: [1j * _turned(u)]),
+)
+"""Of places that do the same in some runs the first is named."""
+
+Function = Callable[[Array, Any], Array]
+"""(u (..., 2), series or slow state) -> values (parts, ...)."""
+
+
+@dataclass(frozen=True)
+class Covariate:
+    """A function of what is known along the runs, `parts` of it (two: cosine and sine), with its
+    name and formula."""
+
+    name: str
+    formula: str
+    function: Function
+    parts: int = 1
+    harmonic: int = 0
+    """Of the wave angle θ, or of the table's angle."""
+    shape: OpenShape | None = None
+    places: tuple[str, ...] = ()
+    """Names of the places it makes sense at; all where none is named."""
+
+
+@dataclass(frozen=True)
+class OpenShape:
+    """What is still free in a covariate's form: how it is made from the number, the number, and the
+    first grid's spacing."""
+
+    make: Callable[[MeasuredRuns, float], Covariate]
+    value: float
+    width: float
+
+
+def covariates(series: MeasuredRuns, u: Array, cycles: Sequence[float] = ()) -> Iterator[Covariate]:
+    """The functions looked through; scales come from the motion u (R, n, 2) of the runs; `cycles`:
+    of tones in the longest run."""
+    good = series.weight > 0
+    a0 = float(np.sqrt((_amplitude(u)[good] ** 2).mean()))
+    span = _span(series)
+    yield Covariate("none", "1", lambda u, s: np.ones((1, *u.shape[:-1])))
+    for power, formula in ((0.5, "√(t/T)"), (1, "t/T"), (2, "(t/T)²")):
+        yield Covariate("time", formula, _of_time(power, span))
+    for power, formula in (
+        (1, "a/a₀"),
+        (2, "(a/a₀)²"),
+        (3, "(a/a₀)³"),
+        (4, "(a/a₀)⁴"),
+        (-1, "a₀/a"),
+    ):
+        yield Covariate("amplitude", formula, _of_amplitude(power, a0))
+    warm = series.temperature_degc[good]
+    if np.ptp(warm) > LEAST_KELVIN:
+        mean, scale = float(warm.mean()), float(np.ptp(warm))
+        yield Covariate(
+            "temperature", "(T − T₀)/ΔT", lambda u, s: _one(u, (s.temperature_degc - mean) / scale)
+        )
+        yield Covariate(
+            "temperature",
+            "((T − T₀)/ΔT)²",
+            lambda u, s: _one(u, ((s.temperature_degc - mean) / scale) ** 2),
+        )
+        steep = series.temperature_rate_degc_s[good]
+        top = float(np.abs(steep).max())
+        if np.ptp(steep) > 1e-6 * top and top * span > LEAST_KELVIN:
+            yield Covariate(
+                "temperature rate", "Ṫ/Ṫ₀", lambda u, s: _one(u, s.temperature_rate_degc_s / top)
+            )
+    fastest = float(np.abs(series.rate_rad_s[good]).max())
+    if fastest > 0:
+        yield Covariate("rate", "Ω/Ω₀", lambda u, s: _one(u, s.rate_rad_s / fastest))
+        yield Covariate("rate", "|Ω|/Ω₀", lambda u, s: _one(u, np.abs(s.rate_rad_s) / fastest))
+        yield Covariate("rate", "(Ω/Ω₀)²", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 2))
+        yield Covariate("rate", "(Ω/Ω₀)³", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 3))
+        yield _scale_factor("time", "t/T", lambda u, s: s.time_s / span, fastest)
+        yield _scale_factor("amplitude", "(a/a₀)²", lambda u, s: (_amplitude(u) / a0) ** 2, fastest)
+        if np.ptp(warm) > LEAST_KELVIN:
+            yield _scale_factor(
+                "temperature",
+                "(T − T₀)/ΔT",
+                lambda u, s: (s.temperature_degc - mean) / scale,
+                fastest,
+            )
+        if np.ptp(series.table_angle_rad[good]) > 1:
+            for n in (1, 2):
+                yield Covariate(
+                    f"table angle × {n}", f"harmonic {n} of the table angle", _of_table(n), 2, n
+                )
+    for n in HARMONICS:
+        harmonic = series.mode_number * n
+        yield Covariate("wave angle", f"harmonic {harmonic}θ", _of_wave(n), 2, harmonic)
+        if n in (2, 4):
+            yield Covariate(
+                "wave angle and amplitude",
+                f"harmonic {harmonic}θ × (a/a₀)²",
+                _of_wave(n, a0),
+                2,
+                harmonic,
+            )
+    for k in range(1, STEPS + 1):
+        yield step_at(series, k / (STEPS + 1))
+    for k in range(1, DECAYS + 1):
+        yield decay_of(series, -k * np.log(2))
+    for number in cycles:
+        yield tone_of(series, number)
+
+
+def _scale_factor(
+    name: str, formula: str, follows: Callable[[Array, Any], Array], fastest: float
+) -> Covariate:
+    """What a scale factor does that follows something: the rate times that, at the turning
+    alone."""
+    return Covariate(
+        f"rate and {name}",
+        f"Ω/Ω₀ × {formula}",
+        lambda u, s: _one(u, follows(u, s) * s.rate_rad_s / fastest),
+        places=("turning",),
+    )
+
+
+def _of_time(power: float, span: float) -> Function:
+    return lambda u, s: _one(u, np.maximum(s.time_s / span, 0.0) ** power)
+
+
+def _of_amplitude(power: int, unit: float) -> Function:
+    return lambda u, s: (_amplitude(u) / unit)[None] ** power
+
+
+def _of_table(harmonic: int) -> Function:
+    return lambda u, s: _pair(harmonic * s.table_angle_rad) * np.sign(np.abs(s.rate_rad_s))
+
+
+def _of_wave(harmonic: int, unit: float | None = None) -> Function:
+    """A harmonic of mθ, times (a/unit)² where a unit is given."""
+    if unit is None:
+        return lambda u, s: _pair(harmonic * _angle(u))
+    return lambda u, s: _pair(harmonic * _angle(u)) * (_amplitude(u) / unit) ** 2
+
+
+def _one(u: Array, values: Array) -> Array:
+    return np.broadcast_to(values, u.shape[:-1])[None]
+
+
+def _amplitude(u: Array) -> Array:
+    return ellipse.wave(u, 1)[0]
+
+
+def _angle(u: Array) -> Array:
+    return ellipse.wave(u, 1)[2]
+
+
+def _pair(phase: Array) -> Array:
+    return np.stack([np.cos(phase), np.sin(phase)])
+
+
+def _span(series: MeasuredRuns) -> float:
+    return float(series.time_s[series.weight > 0].max())
+
+
+def step_at(series: MeasuredRuns, share: float) -> Covariate:
+    """0 before and 1 after an instant, the same in every run; within a row its share of it."""
+    instant = share * _span(series)
+    width = max(float(np.median(series.step_s[series.step_s > 0])), 1e-12)
+    return Covariate(
+        "time",
+        f"step at t = {instant:.5g} s",
+        lambda u, s: _one(u, np.clip((s.time_s - instant) / width + 0.5, 0, 1)),
+        shape=OpenShape(step_at, share, 1 / (STEPS + 1)),
+    )
+
+
+def decay_of(series: MeasuredRuns, log_share: float) -> Covariate:
+    """e^{−t/τ}, τ = e^log_share of the longest run: what settles after every run's start."""
+    tau = float(np.exp(log_share)) * _span(series)
+    return Covariate(
+        "time",
+        f"e^(−t/{tau:.4g} s)",
+        lambda u, s: _one(u, np.exp(-s.time_s / tau)),
+        shape=OpenShape(decay_of, log_share, float(np.log(2))),
+    )
+
+
+def tone_of(series: MeasuredRuns, cycles: float) -> Covariate:
+    """Cosine and sine of so many cycles over the longest run."""
+    span = _span(series)
+    omega = 2 * np.pi * cycles / span
+    return Covariate(
+        "time",
+        f"tone of {cycles / span:.5g} Hz",
+        lambda u, s: _pair(np.broadcast_to(omega * s.time_s, u.shape[:-1])),
+        2,
+        shape=OpenShape(tone_of, cycles, 0.5),
+    )
+
+
+def effect_of(place: Place, covariate: Covariate, name: str) -> Effect:
+    """An open term as an effect of its own, so that the model can be fitted with it."""
+    count = covariate.parts * len(place.columns(np.ones((1, 2), complex)))
+    names = [f"c{k}" for k in range(count)]
+
+    def change(p: Any, u: Array, state: Any) -> Array:
+        parts = [g[..., None] * m for g in covariate.function(u, state) for m in place.columns(u)]
+        return sum(p[c] * part for c, part in zip(names, parts, strict=True))
+
+    parameters = tuple(Parameter(c, place.units, 1e-3, "coefficient") for c in names)
+    common: dict[str, Any] = {
+        "name": name,
+        "family": "open",
+        "page": covariate.formula,
+        "parameters": parameters,
+    }
+    if place.readout:
+        return Effect(**common, slow_readout=lambda p, u, state: u + change(p, u, state))
+    return Effect(**common, slow=change)

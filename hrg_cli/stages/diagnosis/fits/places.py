@@ -1,0 +1,157 @@
+"""Diagnosis, places: before which row of which run something may have struck, beside a fit.
+
+What strikes at an instant is seen in all that follows and not only in the rows next to it, which
+`effects.jumps` looks at: from there on the run moves as from another start, u(t) = Φ(t, 0) u₀ with
+another u₀. With a run's own columns S_i of row i (those of its start; of a read-out, what it does
+from the start on), what happens before row k has the columns S_i of i ≥ k and none before. Beside
+the model's basis Q and with the residual r perpendicular to it
+    S⊥ᵀ S⊥ = Σ S_iᵀ S_i − Bᵀ B,   B = Σ Q_iᵀ S_i,   S⊥ᵀ r = Σ S_iᵀ r_i,   sums over i ≥ k,
+so that all rows of a run cost as much as one. Where the chance, for all rows, is small the cause is
+scored as any other. A final model beside which a run still moves on as from another start is none,
+whatever it was that struck.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ....effects.effect import INSTANT, RUN, Values, no_term, same_signal
+from ....effects.jumps import FEWEST
+from ....fitting.causes import evidence
+from ....fitting.causes.extended_fit import ExtendedFit
+from ..thresholds import SIGNIFICANT
+from .variants import Variant
+
+Array = np.ndarray
+START = slice(0, 4)
+"""Columns of a run's start among its own."""
+PHASES = 4
+"""Parts of half a period at which a jump of the motion is tried: it is a velocity at one phase of
+the oscillation, which is fitted from the nearest."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Before which row of which run, that row's time, by how much χ² falls with what happens there, and
+    the chance, for all rows of all runs, of as much."""
+
+    run: int
+    row: int
+    time_s: float
+    gain: float
+    chance: float
+
+
+def placed(variant: Variant, fit: ExtendedFit) -> list[Variant]:
+    """A cause that may strike anywhere, at the place that stands out of a fit's residual, at some
+    phases of the oscillation; none where no place does."""
+    series, effect = fit.series, variant.effect
+    place: Place | None = fit.remembered(("place", effect.name), lambda: _place(variant, fit))
+    if place is None:
+        return []
+    t = _times(fit, place.run)
+    at = {
+        INSTANT: float(t[place.row - 1] + t[place.row]) / 2,
+        RUN: float(series.numbers[place.run]),
+    }
+    step = 1 / series.reference_frequency_hz / (2 * PHASES)
+    shifts = step * np.arange(PHASES if effect.slow_jump is not None else 1)
+    return [
+        replace(
+            variant,
+            values={**variant.values, **at, INSTANT: at[INSTANT] + float(shift)},
+            anywhere=False,
+        )
+        for shift in shifts
+    ]
+
+
+def another_start(fit: ExtendedFit, slow: float) -> Place | None:
+    """Where a run moves on as from another start with the least chance; None where all have too few
+    rows. slow: variance of the noise over the stated one."""
+    found = [
+        _clearest(own[:, START], fit, run, slow) for run, (_, _, own) in enumerate(fit.design.own)
+    ]
+    return min((one for one in found if one), key=lambda one: one.chance, default=None)
+
+
+def beside_strike(values: Values, fit: ExtendedFit, slow: float) -> Place | None:
+    """The same at the row before which a cause of the fit strikes, which may not be all that struck
+    there: the chance is that row's alone. None where it is of every run."""
+    if values[RUN] not in fit.series.numbers:
+        return None
+    run = int(np.flatnonzero(fit.series.numbers == values[RUN])[0])
+    row = int(np.searchsorted(_times(fit, run), values[INSTANT]))
+    return _clearest(fit.design.own[run][2][:, START], fit, run, slow, row)
+
+
+def _times(fit: ExtendedFit, run: int) -> Array:
+    """Times of a run's rows with weight."""
+    return np.asarray(fit.series.time_s[run][fit.series.weight[run] > 0])
+
+
+def _place(variant: Variant, fit: ExtendedFit) -> Place | None:
+    """The clearest place of all runs, where chance makes none; None where the other runs together
+    show as much: what strikes does so in one of them, what all of them show is no strike."""
+    runs = range(len(fit.series.names))
+    found = [_clearest(_own_columns(variant, fit, run), fit, run) for run in runs]
+    clear = [one for one in found if one is not None and one.chance < SIGNIFICANT]
+    best = max(clear, key=lambda one: one.gain, default=None)
+    if best is None or 2 * best.gain <= sum(one.gain for one in clear):
+        return None
+    return best
+
+
+def _clearest(
+    S: Array, fit: ExtendedFit, run: int, slow: float = 1.0, only: int | None = None
+) -> Place | None:
+    """The place of a run from which on the columns (4n, m) lower χ² least by chance; `only`: that row
+    alone."""
+    gain, rank = gains(S, fit, run)
+    p = evidence.chances(gain / slow, rank)
+    rows = np.arange(len(p))[FEWEST:-FEWEST]
+    tried = float(np.count_nonzero(fit.series.weight))
+    if only is not None:
+        rows, tried = rows[rows == only], 1.0
+    if len(rows) == 0:
+        return None
+    row = int(rows[np.argmin(p[rows])])
+    chance = evidence.correct_for_tries(float(p[row]), tried)
+    return Place(run, row, float(_times(fit, run)[row]), float(gain[row]), chance)
+
+
+def gains(S: Array, fit: ExtendedFit, run: int) -> tuple[Array, Array]:
+    """By how much χ² falls (n,), for how many parameters (n,), with the columns S (4n, m) of a run
+    from each of its rows on."""
+    rows, own = fit.basis.own[run]
+    Q = np.concatenate([own, fit.basis.shared[rows]], axis=1)
+    left = fit.basis.off(fit.residual)[rows]
+    by_row = (len(S) // 4, 4)
+    S, Q = S.reshape(*by_row, -1), Q.reshape(*by_row, -1)
+    size = np.sqrt(_from_row_on(np.sum(S**2, axis=1)))
+    B = _from_row_on(np.einsum("niq,nim->nqm", Q, S))
+    square = _from_row_on(np.einsum("nij,nik->njk", S, S)) - np.swapaxes(B, 1, 2) @ B
+    along = _from_row_on(np.einsum("nim,ni->nm", S, left.reshape(by_row)))
+    unit = np.where(size > 0, size, 1.0)
+    return evidence.gains(square / unit[:, :, None] / unit[:, None, :], along / unit)
+
+
+def _from_row_on(values: Array) -> Array:
+    """Sums over each row and all that follow."""
+    return np.asarray(np.cumsum(values[::-1], axis=0)[::-1])
+
+
+def _own_columns(variant: Variant, fit: ExtendedFit, run: int) -> Array:
+    """What a cause that strikes before a run's first row may do to it, over σ, (4n, m)."""
+    effect, series = variant.effect, fit.series
+    rows, _, own = fit.design.own[run]
+    moves = effect.slow is not no_term
+    columns = [own[:, START]] if moves or effect.slow_jump is not None else []
+    if moves or effect.slow_readout is not same_signal:
+        t = series.time_s[run]
+        before = {INSTANT: float(2 * t[0] - t.max()), RUN: float(series.numbers[run])}
+        wanted = effect, {**variant.values, **before}, variant.steps
+        columns.append(fit.sensitivities([wanted])[0][rows])
+    return np.concatenate(columns, axis=1)

@@ -1,0 +1,238 @@
+"""Diagnosis, the model fitted again: with one cause more, with one less, with what is weakly known
+free or held."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+
+from ....effects.effect import Effect
+from ....fitting.causes import extended_fit, fit_point
+from ....fitting.causes.evidence import Score
+from ....fitting.causes.extended_fit import ExtendedFit
+from ..thresholds import CLEARLY, WORTH
+from .scoring import is_gross, is_possible, price_of_place, worth
+from .variants import Variant
+
+SHORTLIST = 3
+"""Candidates refitted to the end before one is chosen, at least."""
+QUICK_STEPS = 6
+"""Steps of a first refit where many are compared."""
+HOPELESS = 10.0
+"""Times the χ² of a refit that another cause's score must promise to leave for it not to be tried:
+what cannot fit takes by far the longest to say so."""
+
+
+def adopt(
+    fit: ExtendedFit, score: Score, variant: Variant, most: int = extended_fit.MOST_STEPS
+) -> ExtendedFit:
+    """The fit again with one more effect, from the score's estimate, in `most` steps; parameters
+    these runs do not show stay neutral."""
+    values, effect = dict(variant.values), variant.effect
+    unseen = {
+        name for name, std in zip(variant.steps, score.std, strict=True) if not np.isfinite(std)
+    }
+    if unseen and len(unseen) < len(variant.steps):
+        effect = replace(
+            effect,
+            parameters=tuple(
+                replace(p, fitted=p.fitted and p.name not in unseen) for p in effect.parameters
+            ),
+        )
+    for (name, _), estimate in zip(variant.steps.items(), score.estimate, strict=True):
+        if np.isfinite(estimate):
+            values[name] += float(estimate)
+    for name in variant.secants:  # where the score's estimate is a part of what sets in there
+        values[name] = variant.values[name] + variant.steps[name]
+    first = extended_fit.fit(
+        fit.series,
+        fit_point.add_effect(fit.point, effect, values),
+        fit.freedom,
+        most,
+        fit.flow.near,
+    )
+    if not any(p.fitted_then for p in effect.parameters):
+        return first
+    effect = replace(
+        effect,
+        parameters=tuple(replace(p, fitted=p.fitted or p.fitted_then) for p in effect.parameters),
+    )
+    values = next(dict(given) for one, given in first.point.active if one.name == effect.name)
+    return extended_fit.fit(
+        first.series,
+        fit_point.add_effect(first.point, effect, values),
+        first.freedom,
+        most,
+        first.flow.near,
+    )
+
+
+def shortlist(
+    ranked: Sequence[tuple[Score, Variant]], fit: ExtendedFit, slow: float
+) -> list[tuple[Score, Variant]]:
+    """The best candidates by their scores, and all that come within the odds of `WORTH` of the first:
+    whoever is not refitted is nobody's rival."""
+    level = worth(*ranked[0], fit, slow) - WORTH if ranked else 0.0
+    return [
+        pair
+        for place, pair in enumerate(ranked)
+        if place < SHORTLIST or worth(*pair, fit, slow) > level
+    ]
+
+
+def adopt_hopeful(
+    fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]], most: int
+) -> list[tuple[ExtendedFit, Score, Variant]]:
+    """The fits with each of the candidates, those left out that promise far less than one before
+    them has reached, and those without a motion."""
+    out: list[tuple[ExtendedFit, Score, Variant]] = []
+    least = np.inf
+    for score, variant in ranked:
+        if fit.chi2 - score.gain > HOPELESS * least:
+            continue
+        with contextlib.suppress(extended_fit.DivergedError):
+            trial = adopt(fit, score, variant, most)
+            out.append((trial, score, variant))
+            least = min(least, trial.chi2)
+    return out
+
+
+def hold_unseen(variant: Variant, fit: ExtendedFit) -> Variant:
+    """The variant with its effect as it stands in the fit: unseen parameters held."""
+    return replace(
+        variant,
+        effect=fit.effect(variant.effect.name),
+    )
+
+
+def bic(fit: ExtendedFit) -> float:
+    """χ² + rank·ln N, what the choice of their instants costs causes that happen at one, less what
+    causes save whose parameters are not all needed."""
+    chosen = sum(
+        price_of_place(effect, fit) - _saved(effect, fit) for effect, _ in fit.point.active
+    )
+    return fit.chi2 + fit.basis.shape[1] * float(np.log(len(fit.residual))) + chosen
+
+
+def _saved(effect: Effect, fit: ExtendedFit) -> float:
+    """What of a cause's price ln N a parameter is not owed where some of its parameters at neutral,
+    the others fitted again, would do: χ² rises by aᵀC⁻¹a of those (Wald), and which of them is a
+    choice among as many."""
+    if len(fit.layout.parameters(effect.name)) < 2:
+        return 0.0
+    off, _ = fit.away(effect)
+    columns = fit.layout.effect(effect.name)
+    C = fit.covariance[columns, columns]
+    price = float(np.log(len(fit.residual)))
+    best = 0.0
+    for count in range(1, len(off)):
+        tries = 2 * float(np.log(math.comb(len(off), count)))
+        for idle in itertools.combinations(range(len(off)), count):
+            some = list(idle)
+            rise = float(off[some] @ np.linalg.pinv(C[np.ix_(some, some)]) @ off[some])
+            best = max(best, count * price - tries - rise)
+    return best
+
+
+Trial = tuple[float, ExtendedFit, Score, Variant]
+"""A candidate refitted: its criterion, its fit, its score before, and how it stands."""
+
+
+def refit(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
+    """The candidates refitted, best first; what did not settle or came out as no such cause can be is
+    none.
+
+    Many are refitted in few steps first, and to the end only the best of these and what comes within
+    `WORTH` of them. A selection at another noise asks for the same: what was refitted once is
+    remembered.
+    """
+    tried = tuple((variant.effect, tuple(variant.values.items())) for _, variant in close)
+    trials: list[Trial] = fit.remembered(("refitted", tried), lambda: _refitted(fit, close))
+    return trials
+
+
+def _refitted(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
+    most = QUICK_STEPS if len(close) > SHORTLIST else extended_fit.MOST_STEPS
+    trials: list[Trial] = [(bic(one[0]), *one) for one in adopt_hopeful(fit, close, most)]
+    trials.sort(key=lambda t: t[0])
+    whole: list[Trial] = []
+    for place, (level, trial, score, variant) in enumerate(trials):
+        if place >= SHORTLIST and level > trials[0][0] + WORTH:
+            break
+        if not trial.converged:
+            trial = extended_fit.fit(trial.series, trial.point, trial.freedom, near=trial.flow.near)
+            level = bic(trial)
+        effect, _ = trial.point.active[-1]
+        if trial.converged and is_possible(effect, trial) and _may_stand(effect, fit, trial):
+            whole.append((level, trial, score, variant))
+    return sorted(whole, key=lambda t: t[0])
+
+
+def _may_stand(effect: Effect, fit: ExtendedFit, trial: ExtendedFit) -> bool:
+    """Whether a cause may be taken in: while the misfit is gross and stays so, a part of what does
+    not stand there would do for the whole, and what happens at an instant would have the misfit's
+    own size (`instants`)."""
+    active = {one.name for one, _ in fit.point.active}
+    part = bool(effect.part_of) and not active & set(effect.part_of)
+    return not (part or effect.of_one_run) or not is_gross(trial)
+
+
+def loosen(fit: ExtendedFit) -> ExtendedFit:
+    """The fit with the scale factor free as far as these runs leave it, once the misfit is no
+    longer gross enough to bend it.
+
+    The second order's scale is that of a real resonator; one that was freed is held again where
+    that costs little.
+    """
+    loose = fit.freedom.loose
+    if is_gross(fit) or loose is None:
+        return fit
+    held = extended_fit.fit(
+        fit.series,
+        fit.point,
+        replace(loose.holding("second_order", 1.0), loose=loose),
+        near=fit.flow.near,
+    )
+    freed = fit.layout.coordinate("second_order") is not None
+    return fit if freed and held.chi2 - fit.chi2 > CLEARLY else held
+
+
+def free_second_order(
+    fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]]
+) -> ExtendedFit | None:
+    """The fit with the second order's scale free, where the data ask for that more than for any
+    cause: envelopes that come from plain averaging (0) and not from a resonator (1)."""
+    loose = fit.freedom.loose
+    if is_gross(fit) or loose is None or fit.layout.coordinate("second_order") is not None:
+        return None
+    free = extended_fit.fit(fit.series, fit.point, replace(loose, loose=loose), near=fit.flow.near)
+    best = max((score.gain for score, _ in ranked if score.visible), default=0.0)
+    return free if fit.chi2 - free.chi2 > max(CLEARLY, best) else None
+
+
+def leave_out(fit: ExtendedFit, *names: str, base: ExtendedFit | None = None) -> ExtendedFit | None:
+    """The fit again without some effects; None where no motion is left: the model cannot do without
+    them.
+
+    base: a fit without effects, from whose place the others are fitted too where the effects have
+    led so far that there is no way back.
+    """
+    reduced: ExtendedFit | None = None
+    point = reduce(fit_point.remove_effect, names, fit.point)
+    with contextlib.suppress(extended_fit.DivergedError):
+        reduced = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
+    if base is None or (reduced is not None and reduced.converged):
+        return reduced
+    with contextlib.suppress(extended_fit.DivergedError):
+        again = extended_fit.fit(
+            fit.series, replace(base.point, active=point.active), fit.freedom, near=base.flow.near
+        )
+        if reduced is None or again.chi2 < reduced.chi2:
+            return again
+    return reduced

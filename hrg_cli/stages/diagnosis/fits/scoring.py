@@ -1,0 +1,108 @@
+"""Diagnosis, the score of every cause beside a fit, and of what size a cause is thinkable."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ....effects.effect import Effect
+from ....fitting.causes import evidence, scales
+from ....fitting.causes.evidence import Score
+from ....fitting.causes.extended_fit import ExtendedFit
+from ..thresholds import GROSS, MOST_TYPICAL, OWN_SIGMA, SMALL_IN_MOTION, SMALL_IN_READOUT
+from .places import placed
+from .variants import Variant
+
+
+def is_gross(fit: ExtendedFit) -> bool:
+    """Whether the model is far from the data as a whole."""
+    return fit.chi2 > GROSS * fit.dof
+
+
+def number_of_places(effect: Effect, fit: ExtendedFit) -> int:
+    """At how many places a cause may stand: at every row where it happens at an instant."""
+    return int(np.count_nonzero(fit.series.weight)) if effect.of_one_run else 1
+
+
+def price_of_place(effect: Effect, fit: ExtendedFit) -> float:
+    """What the choice of its place costs a cause, as ΔBIC: −2 ln of the odds of each."""
+    return 2 * float(np.log(number_of_places(effect, fit)))
+
+
+def worth(score: Score, variant: Variant, fit: ExtendedFit, slow: float = 1.0) -> float:
+    """ΔBIC that a candidate's score promises beside a fit; slow: variance of the noise over the
+    stated one."""
+    gained = evidence.criterion(score.gain / slow, score.rank, len(fit.residual))
+    return gained - price_of_place(variant.effect, fit)
+
+
+def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:
+    """Every effect's best variant with its score beside the fit, best criterion first."""
+    active = {effect.name for effect, _ in fit.point.active}
+    open_ones = [
+        one
+        for v in candidates
+        if v.effect.name not in active and not (v.anywhere and is_gross(fit))
+        for one in (placed(v, fit) if v.anywhere else [v])
+    ]
+    columns = fit.sensitivities([variant.wanted for variant in open_ones])
+    best: dict[str, tuple[Score, Variant]] = {}
+    found = evidence.scores(
+        [variant.effect.name for variant in open_ones], fit.residual, columns, fit.basis
+    )
+    for score, variant in zip(found, open_ones, strict=True):
+        if score.visible and not _thinkable(score, variant, fit):
+            continue
+        if score.name not in best or score.gain > best[score.name][0].gain:
+            best[score.name] = (score, variant)
+
+    def order(pair: tuple[Score, Variant]) -> float:
+        score, variant = pair
+        return -worth(score, variant, fit) if score.visible else np.inf
+
+    return sorted(best.values(), key=order)
+
+
+def _thinkable(score: Score, variant: Variant, fit: ExtendedFit) -> bool:
+    """Whether what stands out of the estimate's noise is of a size such a cause can have: small
+    beside the oscillation and the signal."""
+    beyond = np.sign(score.estimate) * np.maximum(np.abs(score.estimate) - 5 * score.std, 0.0)
+    least = {
+        name: float(v) for name, v in zip(variant.steps, beyond, strict=True) if np.isfinite(v)
+    }
+    values = {name: value + least.get(name, 0.0) for name, value in variant.values.items()}
+    return is_small(variant.effect, values, fit)
+
+
+def is_small(effect: Effect, values: Mapping[str, float], fit: ExtendedFit) -> bool:
+    """Whether an effect of these values is of a thinkable size: small beside the oscillation and
+    the signal along the fit's runs.
+
+    What is neither in seconds nor in amplitudes (angles, ratios, slopes by temperature) is also
+    held against its typical size; the others differ from device to device by more than that would
+    allow.
+    """
+    for p in effect.fitted():
+        pure = p.amplitude_power == 0 and scales.seconds_in(p.units) == 0
+        if pure and not p.sets_in and abs(values[p.name] - p.neutral) > MOST_TYPICAL * p.typical:
+            return False
+    u = fit.prediction.motion
+    motion, seen = scales.strength(effect, values, u, fit.flow.rows.lit(u))
+    return motion <= SMALL_IN_MOTION and seen <= SMALL_IN_READOUT
+
+
+def is_possible(effect: Effect, fit: ExtendedFit) -> bool:
+    """Whether an active effect came out as such a cause can be: of a thinkable size, and on the side
+    of neutral that physics allows.
+
+    What lies beyond a parameter's bound by chance is within `OWN_SIGMA` of its standard deviations,
+    misfit included: a friction that drives the wave is another cause's shadow.
+    """
+    values = fit.values(effect.name)
+    level = max(fit.chi2 / fit.dof, 1.0) ** 0.5
+    for p in effect.fitted():
+        reach = OWN_SIGMA * level * fit.parameter_std(effect.name, p.name)
+        if values[p.name] < p.minimum - reach:
+            return False
+    return is_small(effect, values, fit)

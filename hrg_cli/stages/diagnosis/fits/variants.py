@@ -1,0 +1,77 @@
+"""Diagnosis, the ways in which the catalogue's causes may stand beside a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....effects.effect import REFERENCE_TEMPERATURE, Effect
+from ....fitting.causes import scales
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.measured_runs import MeasuredRuns
+from ....fitting.causes.sensitivities import Wanted
+from .open_terms import LEAST_KELVIN
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way an effect may stand: values of its parameters, difference steps of those fitted, and
+    those of them that are secants.
+
+    A secant leads from the neutral value to one tried, of a parameter that has no slope there.
+    anywhere: it happens at an instant that is still to be found beside a fit (`places`).
+    """
+
+    effect: Effect
+    values: Mapping[str, float]
+    steps: Mapping[str, float]
+    secants: tuple[str, ...] = ()
+    anywhere: bool = False
+
+    @property
+    def wanted(self) -> Wanted:
+        """What its sensitivities are asked for by."""
+        return self.effect, self.values, self.steps
+
+
+def variants(effects: Sequence[Effect], fit: ExtendedFit) -> list[Variant]:
+    """All ways the candidates may stand beside this fit."""
+    series = fit.series
+    warm = series.temperature_degc[series.weight > 0]
+    middle = float(np.round(warm.mean(), 3)) if series.has_temperature else 25.0
+    there = _there(series)
+    out = []
+    for effect in effects:
+        values = effect.values()
+        if effect.follows_temperature:
+            values[REFERENCE_TEMPERATURE] = middle
+        steps = scales.steps_of(effect, series)
+        if effect.in_the_log and np.any(getattr(series, effect.in_the_log)):
+            continue
+        if not set(effect.needs) <= there:
+            continue
+        secants = tuple(p.name for p in effect.fitted() if p.sets_in)
+        for start in effect.starts(series):
+            held = {name: value for name, value in start.items() if name not in secants}
+            levels = {name: start[name] - values[name] for name in secants if name in start}
+            out.append(Variant(effect, {**values, **held}, {**steps, **levels}, secants))
+        if effect.strikes:
+            out.append(Variant(effect, values, steps, secants, anywhere=True))
+    return out
+
+
+def _there(series: MeasuredRuns) -> set[str]:
+    """What these runs hold of what effects need."""
+    good = series.weight > 0
+    there = set()
+    if series.has_temperature and np.ptp(series.temperature_degc[good]) > LEAST_KELVIN:
+        there.add("temperature")
+    if any(
+        np.ptp(angle[rows]) > np.pi
+        for angle, rows in zip(series.table_angle_rad, good, strict=True)
+        if rows.any()
+    ):
+        there.add("half a turn")
+    return there

@@ -1,0 +1,1 @@
+"""Diagnosis, what is said: the record and the JSON of a verdict or of a refusal."""

@@ -1,0 +1,85 @@
+"""Diagnosis, the record: the series before and after, and what is said of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.wave_frame import real
+from ....physics import ellipse
+from ....records import Diagnosis, Wave
+from ..drive.scatter import sentence
+from ..search.damping_form import Form
+from ..search.selection import Search
+from .report import describe_in_words
+from .shares import Shares
+
+
+def record_of(
+    search: Search, waves: Sequence[Wave], verdict: str, report: dict[str, Any], model: str
+) -> Diagnosis:
+    """The record: measured and simulated rows of the fits before and after, the words and the
+    file."""
+    series = search.base.series
+    good = series.weight > 0
+    run = np.broadcast_to(np.arange(len(series.names))[:, None], good.shape)[good]
+    measured = series.envelope[good]
+    before, after = (f.prediction.residual()[good] for f in (search.base, search.final))
+    a_A, _, angle, phase = ellipse.wave(measured, series.mode_number)
+    for k in range(len(series.names)):
+        angle[run == k], _ = ellipse.unwrap(angle[run == k], phase[run == k], series.mode_number)
+    return Diagnosis(
+        run=run.astype("i4"),
+        time_s=series.time_s[good],
+        wave_angle_rad=angle,
+        main_amplitude=a_A,
+        temperature_degc=series.temperature_degc[good] if series.has_temperature else None,
+        rate_rad_s=series.rate_rad_s[good],
+        measured=real(measured),
+        simulated_before=real(search.base.prediction.by_log[good]),
+        simulated_after=real(search.final.prediction.by_log[good]),
+        residual_before=before,
+        residual_after=after,
+        series=json.dumps(["C0 real", "S0 real", "C0 imaginary", "S0 imaginary"]),
+        run_ids=json.dumps(list(series.names), ensure_ascii=False),
+        gyro_id=waves[0].gyro_id,
+        verdict=verdict,
+        report=json.dumps(report, ensure_ascii=False),
+        extended_model=model,
+    )
+
+
+def with_shares(record: Diagnosis, shares: Shares) -> Diagnosis:
+    """The record with the rows of the models without some of the causes, where there are causes."""
+    if not shares.left_out:
+        return record
+    return record.replace(simulated_without=shares.rows, left_out=json.dumps(shares.left_out))
+
+
+def in_form(effect: dict[str, Any], form: Form | None) -> dict[str, Any]:
+    """The report's entry of a cause, in the better form where there is one."""
+    return form.amended(effect) if form is not None else effect
+
+
+def left_over(
+    remainder: dict[str, Any] | None, form: Form | None, failed: Sequence[str]
+) -> dict[str, Any] | None:
+    """The report's remainder: open terms, what the catalogue's form leaves, else the sentences of
+    the checks that failed."""
+    if form is not None:
+        return form.completed(remainder)
+    return describe_in_words("; ".join(failed)) if failed and remainder is None else remainder
+
+
+def doubts(verdict: str, failed: Sequence[str], final: ExtendedFit) -> list[str]:
+    """What makes the diagnosis suspect: a word that could not be given, and a drive's log that may
+    be why."""
+    if verdict in ("adequate", "explained"):
+        return []
+    scatter = sentence(final)
+    open_ = [f'the verdict is "{verdict}": {"; ".join(failed[:3])}'] if failed else []
+    return open_ + ([scatter] if scatter else [])

@@ -1,0 +1,86 @@
+"""Diagnosis, the record where no cause may be named: a run is not what it says, or the search led
+nowhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ....effects.effect import Effect
+from ....fitting import checks
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....records import Diagnosis, Resonator, Wave
+from ..closing.sized import Sized
+from ..fits.scoring import score_effects
+from ..fits.variants import variants
+from ..search.case import Case
+from ..search.gain import held_out
+from ..search.inquiry import Inquiry
+from ..search.selection import Search
+from ..suspects import Suspicion
+from .record import record_of
+from .report import describe_in_words
+from .report import report as report_of
+
+
+def refuse(
+    waves: Sequence[Wave],
+    base: ExtendedFit,
+    searched: Sequence[Effect],
+    suspicions: Sequence[Suspicion],
+    resonator: Resonator | None,
+) -> Diagnosis:
+    """The diagnosis of runs of which some are not what they say: these are named, and no physics is
+    blamed."""
+    sentences = [one.sentence for one in suspicions]
+    closing = checks.holds("runs_are_what_they_say", False, "; ".join(sentences))
+    record = _unexplained(waves, base, searched, resonator, closing, suspicions)
+    return record.judged(sentences, "refused")
+
+
+def stop_search(
+    waves: Sequence[Wave],
+    base: ExtendedFit,
+    searched: Sequence[Effect],
+    resonator: Resonator | None,
+    spent: str,
+) -> Diagnosis:
+    """The diagnosis of runs whose search was stopped: no cause that it had come to is named."""
+    sentence = (
+        f"{spent}; the base model leaves χ² {base.chi2 / base.dof:.3g} a degree of freedom and no"
+        " cause settles beside it: look for jumps and damaged rows in the waves, and diagnose the"
+        " runs one by one"
+    )
+    closing = checks.holds("search_finished", False, sentence)
+    record = _unexplained(waves, base, searched, resonator, closing, ())
+    return record.judged([f'the verdict is "unexplained": {sentence}'])
+
+
+def _unexplained(
+    waves: Sequence[Wave],
+    base: ExtendedFit,
+    searched: Sequence[Effect],
+    resonator: Resonator | None,
+    closing: checks.Check,
+    suspicions: Sequence[Suspicion],
+) -> Diagnosis:
+    """The record of a diagnosis that names no cause, with the check that took the word away."""
+    candidates = variants(searched, base)
+    scores = tuple(s for s, _ in score_effects(base, candidates))
+    search = Search(base, base, (), scores, scores)
+    case = Case(Inquiry(tuple(candidates), 0), search)
+    origin = list(range(len(waves)))
+    gain = held_out(base, base, origin, origin)
+    report = report_of("unexplained", case, Sized.of(case), gain, resonator, base)
+    report |= {
+        "lines": [],
+        "frequencies": {},
+        "wander": [],
+        "forecast": None,
+        "checks": [closing.table()],
+        "written_model": None,
+        "suspect_runs": [one.table() for one in suspicions],
+        "stability": [],
+        "scores": None,
+        "remainder": describe_in_words(closing.sentence),
+    }
+    return record_of(search, waves, "unexplained", report, "")

@@ -1,0 +1,167 @@
+"""Diagnosis, the JSON: verdict, values, effects with rivals and next experiments, gain, upper
+limits, remainder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ....fitting.causes import evidence
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.whitened_rows import flatten_rows
+from ....records import Resonator
+from ..closing.sized import Sized
+from ..fits.variants import Variant
+from ..search.case import Case
+from ..search.gain import Gain, figures
+from ..search.remainder import Remainder, Term
+from ..search.selection import Found, Search
+from ..search.separability import not_separable
+from .base_values import values
+from .tested import test_candidates
+
+
+def report(
+    verdict: str,
+    case: Case,
+    sized: Sized,
+    gain: Gain,
+    resonator: Resonator | None,
+    untouched: ExtendedFit,
+) -> dict[str, Any]:
+    """What the contract names of the case and the steps that led there; `sized`: the final fit with
+    what widens its σ; `untouched`: the base fit before tones and steps were taken out."""
+    search = case.search
+    by_name = {v.effect.name: v for v in case.inquiry.candidates}
+    return {
+        "verdict": verdict,
+        "mode_number": search.final.series.mode_number,
+        "baseline": _figures(untouched),
+        "values": values(sized, resonator),
+        "effects": [_effect(one, sized, by_name) for one in search.found],
+        "after": _figures(search.final),
+        "gain": figures(gain),
+        "tested": test_candidates(case),
+        "not_separable": not_separable(case),
+        "noise_factor": case.inquiry.noise.slow,
+        "correlations": _correlations(search),
+        "remainder": None if case.remainder is None else describe(case.remainder),
+        "extended_model": None,
+    }
+
+
+def _figures(fit: ExtendedFit) -> dict[str, float]:
+    """χ² a degree of freedom and the residual's rms in the signals' unit."""
+    weight = fit.series.weight[fit.rows[:, 0], fit.rows[:, 1]]
+    plain = flatten_rows(fit.series, fit.prediction.residual()) / weight
+    return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": float(np.sqrt(np.mean(plain**2)))}
+
+
+def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[str, Any]:
+    effect, fit = one.variant.effect, sized.fit
+    active = fit.values(effect.name)
+    score = _beside_the_others(one, fit, sized.factor)
+    stds = {name: std for name, (_, std) in (one.sizes or {}).items()}
+    sentences = [effect.next_experiment] + [
+        by_name[r].effect.next_experiment for r in one.rivals if r in by_name
+    ]
+    return {
+        "name": effect.name,
+        "z": score[0],
+        "p_value": evidence.correct_for_tries(score[1], one.tried),
+        "delta_bic": one.delta_bic,
+        "parameters": {
+            p.name: {
+                "value": float(active[p.name]),
+                "std": stds[p.name]
+                if p.name in stds
+                else sized.std(
+                    fit.parameter_std(effect.name, p.name),
+                    active[p.name],
+                    [other.values(effect.name)[p.name] for other in sized.others],
+                ),
+                "units": p.units,
+            }
+            for p in effect.fitted()
+        },
+        "held": {
+            p.name: {"value": float(active[p.name]), "units": p.units}
+            for p in effect.parameters
+            if not p.fitted
+        },
+        "indistinguishable_from": list(one.rivals),
+        "next_experiment": (
+            "; ".join(dict.fromkeys(s for s in sentences if s))
+            if one.rivals
+            else effect.next_experiment
+        ),
+        "independence": one.score.independence,
+    }
+
+
+def _beside_the_others(one: Found, fit: ExtendedFit, inflation: float) -> tuple[float, float]:
+    """z and p of an effect in the final fit, from its parameters' joint significance."""
+    effect = one.variant.effect
+    if one.sizes is not None:
+        return evidence.significance(one.delta_bic, max(1, one.score.rank))
+    off, wald = fit.away(effect)
+    bound = one.delta_bic + len(off) * float(np.log(len(fit.residual)))
+    z, p = evidence.significance(min(wald / inflation, bound), max(1, one.score.rank))
+    sign = np.sign(off[0]) if len(off) == 1 else 1.0
+    return float(z * (sign or 1.0)), p
+
+
+def _correlations(search: Search) -> dict[str, Any]:
+    visible = [s for s in search.first if s.visible]
+    return {
+        "names": [s.name for s in visible],
+        "matrix": np.round(evidence.correlations(visible), 4).tolist(),
+    }
+
+
+def describe_in_words(description: str) -> dict[str, Any]:
+    """A remainder of which there are words alone."""
+    return {
+        "description": description,
+        "covariate": None,
+        "harmonic": None,
+        "formula": None,
+        "terms": [],
+    }
+
+
+def describe(remainder: Remainder) -> dict[str, Any]:
+    """The best open term in words and as a formula; further ones behind it."""
+    if not remainder.terms:
+        return describe_in_words("a residual that is neither white nor one of the terms looked for")
+    rows = [_term(t) for t in remainder.terms]
+    first = rows[0]
+    return {
+        "description": (
+            f"{first['place']} that changes with {first['covariate']}"
+            + (f", then {len(rows) - 1} smaller term(s)" if len(rows) > 1 else "")
+        ),
+        "covariate": first["covariate"],
+        "harmonic": first["harmonic"],
+        "formula": first["formula"],
+        "terms": rows,
+    }
+
+
+def _term(term: Term) -> dict[str, Any]:
+    size = term.size
+    place, covariate = term.place, term.covariate
+    return {
+        "place": place.name,
+        "covariate": covariate.name,
+        "harmonic": covariate.harmonic or None,
+        "formula": (
+            f"{place.symbol} → {place.symbol} + {size:.4g} {place.units} · ({covariate.formula})"
+        ),
+        "size": size,
+        "std": float(np.nanmax(np.where(np.isfinite(term.score.std), term.score.std, 0.0))),
+        "units": place.units,
+        "z": term.score.z,
+    }

@@ -1,0 +1,1 @@
+"""Diagnosis, the samples: lines, tones, jumps and clipping, seen before any dynamics."""

@@ -1,0 +1,140 @@
+"""Diagnosis, odd harmonics: clipping where samples were clipped, the converter where they are many,
+else the pick-off's cubic."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ....effects import converter_nonlinearity, pickoff_nonlinearity, saturation
+from ....effects.effect import Effect
+from ....records import Array, Wave
+from .lines import Line, amplitude_of, cell_hz
+from .odd_windows import at_the_top, channel_amplitudes, odd_windows
+from .offered import UNMEASURED, entry
+
+CUBIC_LARGEST = 0.3
+"""γa² of a pick-off's cubic beyond which it is none."""
+DITHERED, EXACTLY = 0.5, 1e-3
+"""Noise in codes from which they are spread, and part of a code to which the file knows it."""
+CLIPPED_PEAK = 4 / np.pi
+"""Fundamental of a wave that is clipped to a square, over the level."""
+
+
+def bent_channels(
+    waves: Sequence[Wave],
+    harmonics: dict[int, Line],
+    codes: Sequence[Line],
+    found: Sequence[Effect],
+) -> list[dict[str, Any]]:
+    """What the odd harmonics are, as entries; none where the dynamics found a read-out that makes
+    them (`found`)."""
+    odd = [n for n in sorted(harmonics) if n % 2]
+    if any(effect.makes_harmonics for effect in found):
+        return []
+    clipped = clipped_windows(waves)
+    if any(one.any() for one in clipped):
+        clipping = _clipping(waves, clipped, [harmonics[n] for n in odd])
+        return [clipping] if clipping is not None else []
+    if codes:
+        return [_converter(waves, codes, harmonics)]
+    if 3 not in harmonics:
+        return []
+    line, size = harmonics[3], float(np.median([amplitude_of(w) for w in waves]))
+    cubic = 4 * float(np.max(line.amplitude)) / size**3
+    if not 0 < cubic * size**2 < CUBIC_LARGEST:
+        return []
+    offer = entry(
+        pickoff_nonlinearity.EFFECT,
+        float(np.sqrt(2 * line.ratio)),
+        {"cubic": (cubic, cubic, "amplitude-2")},
+        2 * line.ratio,
+    )
+    known = {
+        "magnitude": {"cubic": cubic},
+        "magnitude_std": {"cubic": cubic / np.sqrt(2 * line.ratio)},
+    }
+    return [offer | known | {"sign": UNMEASURED}]
+
+
+def clipped_windows(waves: Sequence[Wave]) -> list[Array]:
+    """Windows (n,) of every wave in which samples were clipped: those that the demodulation
+    flagged, else odd ones that are just those of the largest signal."""
+    clipped = [(np.asarray(w.flags) & 1) > 0 for w in waves]
+    odd = [] if any(one.any() for one in clipped) else odd_windows(waves)
+    if at_the_top(waves, odd):
+        for one in odd:
+            clipped[one.run][one.row] = True
+    return clipped
+
+
+def _clipping(
+    waves: Sequence[Wave], clipped: Sequence[Array], odd: Sequence[Line]
+) -> dict[str, Any] | None:
+    """The level between the largest channel that was not clipped and the smallest that was; None
+    where that is no level.
+
+    A channel clipped to a square shows 4/π of the level, so the level is no less than π/4 of the
+    largest seen.
+    """
+    seen = [channel_amplitudes(w) for w in waves]
+    high = np.concatenate([s[c] for s, c in zip(seen, clipped, strict=True)])
+    free = np.concatenate([s[~c & np.isfinite(s)] for s, c in zip(seen, clipped, strict=True)])
+    if not len(high):
+        return None
+    least, most = float(np.nanmax(high)) / CLIPPED_PEAK, float(np.nanmin(high))
+    if len(free):
+        least = max(least, float(free.max()))
+    level, std = (least + max(most, least)) / 2, max(abs(most - least) / 2, 1e-3 * least)
+    z = float(np.sqrt(max([2 * line.ratio for line in odd], default=float(len(high)))))
+    return entry(
+        saturation.EFFECT,
+        z,
+        {"inverse_level": (1 / level, std / level**2, "amplitude-1")},
+        z**2,
+    ) | {"clipped_windows": len(high)}
+
+
+def least_count(waves: Sequence[Wave]) -> float | None:
+    """Step of the converter's codes, where the files know it."""
+    counts = [float(step) for w in waves if (step := getattr(w, "least_count", None))]
+    return float(np.median(counts)) if counts else None
+
+
+def below_the_codes(line: Line, waves: Sequence[Wave]) -> bool:
+    """Whether a line is smaller than half a code in runs whose noise is too small to spread the
+    codes (less than half of one)."""
+    step = least_count(waves)
+    if step is None or float(line.amplitude.max()) > step / 2:
+        return False
+    power = [
+        np.sum(np.asarray(w.spectrum_density, float).mean(axis=-1)) * cell_hz([w])
+        for w in waves
+        if w.spectrum_density is not None
+    ]
+    return bool(power) and float(np.sqrt(np.median(power))) < DITHERED * step
+
+
+def _converter(
+    waves: Sequence[Wave], codes: Sequence[Line], harmonics: dict[int, Line]
+) -> dict[str, Any]:
+    """The codes' own harmonics as one cause: a step h at mid-scale makes harmonics 4h/πn, so h from
+    each of them, its sign unknown."""
+    gain = float(sum(2 * line.ratio for line in codes))
+    low = [(n, line) for n, line in harmonics.items() if n % 2]
+    sizes = [np.pi * n * float(line.amplitude.max()) / 4 for n, line in low] or [
+        np.pi / 4 * float(max(line.amplitude.max() for line in codes))
+    ]
+    height = float(np.median(sizes))
+    parameters = {"mid_scale": (height, height, "amplitude")}
+    if (step := least_count(waves)) is not None:
+        parameters["step"] = (step, EXACTLY * step, "amplitude")
+    offer = entry(converter_nonlinearity.EFFECT, float(np.sqrt(gain)), parameters, gain)
+    return offer | {
+        "lines": len(codes),
+        "magnitude": {"mid_scale": height},
+        "magnitude_std": {"mid_scale": height / np.sqrt(2)},
+        "sign": UNMEASURED,
+    }

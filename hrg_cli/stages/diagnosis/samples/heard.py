@@ -1,0 +1,97 @@
+"""Diagnosis, harmonics that a cause must make: a read-out that bends each channel's value puts odd
+multiples of the oscillation into the samples, and one whose multiples are not there is none.
+
+What a curve y = f(c) makes of c = A cos φ, cos nφ with b_n(A) = (1/π)∫ f(A cos φ) cos nφ dφ, has
+the power b_n²/2 in the samples' residual; all power that stands within the line's width is held
+against that, noise included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import cast
+
+import numpy as np
+
+from ....effects.effect import Effect
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.envelopes.envelope_runs import envelopes_of
+from ....physics.plant import Readout, Samples
+from ....records import Array, Wave
+from .lines import WANDER, WIDTH_CELLS, cell_hz, frequency_of
+
+ORDERS = (3, 5, 7)
+"""Multiples that are looked for."""
+INSIDE = 0.9
+"""Part of the spectrum's width up to which a multiple is heard: beyond it the sampling folds it, and
+a filter may have taken it away."""
+SURE = 3.0
+"""σ by which a cause may be smaller than it came out."""
+EXCEEDS = 2.0
+"""Times the power in the samples that the least of a cause must make to be excluded."""
+POINTS, LEVELS, NODES = 256, 24, 16
+"""Points of a period, amplitudes, and values of the noise at which a curve is drawn."""
+
+
+def find_unheard(fit: ExtendedFit, waves: Sequence[Wave]) -> list[str]:
+    """The causes of a fit that would make harmonics which the samples do not have."""
+    return [
+        effect.name
+        for effect, values in fit.point.active
+        if effect.makes_harmonics and is_excluded(effect, _least(effect, values, fit), waves)
+    ]
+
+
+def _least(effect: Effect, values: Mapping[str, float], fit: ExtendedFit) -> dict[str, float]:
+    """The values nearest to neutral that are within `SURE` σ of the fitted ones."""
+    out = dict(values)
+    neutral = {p.name: p.neutral for p in effect.parameters}
+    for name in fit.layout.parameters(effect.name):
+        off, std = values[name] - neutral[name], fit.parameter_std(effect.name, name)
+        out[name] = neutral[name] + float(np.sign(off)) * max(abs(off) - SURE * std, 0.0)
+    return out
+
+
+def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wave]) -> bool:
+    """Whether one harmonic of these values would be clearly stronger than all that any run's
+    samples hold there."""
+    for wave in waves:
+        if wave.readout != "direct" or wave.spectrum_density is None:
+            continue
+        frequency, grid = frequency_of(wave), np.asarray(wave.spectrum_frequency_hz, float)
+        density, cell = np.asarray(wave.spectrum_density, float), cell_hz([wave])
+        noise = float(np.sqrt(density.sum(axis=0).mean() * cell))
+        made = harmonics(effect, values, _amplitudes(wave), noise)
+        for order, power in zip(ORDERS, made, strict=True):
+            width = WIDTH_CELLS * cell + WANDER * order * frequency
+            near = np.abs(grid - order * frequency) < width + cell
+            if order * frequency > INSIDE * grid[-1] or not near.any():
+                continue
+            if np.any(power > EXCEEDS * density[near].sum(axis=0) * cell):
+                return True
+    return False
+
+
+def harmonics(
+    effect: Effect, values: Mapping[str, float], amplitude: Array, noise: float = 0.0
+) -> Array:
+    """Mean power (orders, channels) of the odd multiples that an effect's curve, its corners
+    rounded by the samples' noise, makes of channels of these amplitudes (n, channels)."""
+    readout = Readout()
+    effect.readout(dict(values), readout)
+    level = np.linspace(0.0, float(amplitude.max()), LEVELS)
+    phase = 2 * np.pi * np.arange(POINTS) / POINTS
+    seen, anywhere = np.zeros((LEVELS, POINTS)), cast(Samples, None)
+    place, weight = np.polynomial.hermite_e.hermegauss(NODES)
+    for x, share in zip(place, weight / weight.sum(), strict=True):
+        one = level[:, None] * np.cos(phase) + noise * x
+        for step in (*readout.steps, *readout.after):
+            one = step(anywhere, one)
+        seen += share * one
+    made = 2 * np.fft.rfft(seen, axis=1).real[:, list(ORDERS)] / POINTS
+    return np.stack([np.mean(np.interp(amplitude, level, b) ** 2, axis=0) / 2 for b in made.T])
+
+
+def _amplitudes(wave: Wave) -> Array:
+    """Amplitudes (n, 2) of the channels in the good rows."""
+    return np.abs(envelopes_of(wave, wave.good()))

@@ -1,0 +1,227 @@
+"""Diagnosis, lines of the residual spectrum: which are the oscillation's own harmonics, which
+follow the wave, which stand on their own.
+
+All is measured in the spectrum's cells and in the oscillation's frequency. A tone from outside has
+the same size whatever the wave's; a partial or a harmonic follows it; a converter puts odd
+harmonics of any order, folded, where a cubic has the third and clipping a few.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ....effects.effect import Effect
+from ....records import Array, Wave
+
+LINE_RATIO = 8.0
+"""Power of a line over the floor from which it counts, in a good part of the runs."""
+WIDTH_CELLS = 1.5
+"""Cells of the spectrum within which two lines are one."""
+WANDER = 1e-4
+"""Part of its frequency that a line may differ from run to run."""
+HARMONICS = 25
+"""Highest multiple of the oscillation that is looked for on its own."""
+ORDERS = (25, 51, 101, 201, 401)
+"""Highest odd orders that a converter's harmonics are looked for to."""
+FEWEST_SPURS, BY_CHANCE = 4, 1e-6
+"""Odd harmonics from which a converter is thought of, and the chance at which so many lines may
+meet odd multiples."""
+SPREAD, BETTER = 1.2, 9.0
+"""Ratio of the runs' amplitudes from which a line's size can be held against them, and Δχ² that
+decides."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line: frequency, amplitudes of C and S, power over the floor, runs that show it, its
+    amplitude and the wave's in each (n, 2)."""
+
+    frequency_hz: float
+    amplitude: Array
+    ratio: float
+    runs: int
+    by_run: Array
+
+    @property
+    def std(self) -> Array:
+        """σ of the amplitudes: a line of power ratio r is known to 1/√2r of itself."""
+        return self.amplitude / np.sqrt(2 * self.ratio)
+
+    @property
+    def follows_the_wave(self) -> bool:
+        """Whether its size goes with the wave's from run to run rather than stays."""
+        size, wave = self.by_run.T
+        if len(size) < 2 or wave.max() < SPREAD * wave.min():
+            return False
+        weight = 2 * self.ratio / size**2
+
+        def misfit(shape: Array) -> float:
+            scale = float(np.sum(weight * size * shape) / np.sum(weight * shape**2))
+            return float(np.sum(weight * (size - scale * shape) ** 2))
+
+        return misfit(wave) + BETTER < misfit(np.ones(len(size)))
+
+    def listed(self, multiple: int, meaning: str) -> dict[str, Any]:
+        """The line as the report lists it."""
+        return {
+            "frequency_hz": self.frequency_hz,
+            "amplitude": [float(a) for a in self.amplitude],
+            "power_over_floor": self.ratio,
+            "multiple": multiple or None,
+            "meaning": meaning,
+        }
+
+
+def cell_hz(waves: Sequence[Wave]) -> float:
+    """Distance of two cells of the averaged spectrum; 0 where there is none."""
+    grids = [w.spectrum_frequency_hz for w in waves if w.spectrum_frequency_hz is not None]
+    cells = [np.diff(grid).mean() for grid in grids if len(grid) > 1]
+    return float(np.median(cells)) if cells else 0.0
+
+
+def sampling_hz(waves: Sequence[Wave]) -> float | None:
+    """Sampling rate, twice the end of the spectrum."""
+    ends = [
+        float(w.spectrum_frequency_hz[-1])
+        for w in waves
+        if w.spectrum_frequency_hz is not None and len(w.spectrum_frequency_hz)
+    ]
+    return 2 * ends[0] if ends else None
+
+
+def amplitude_of(wave: Wave) -> float:
+    """Median main amplitude of the good rows."""
+    good = wave.good()
+    return float(np.median(np.asarray(wave.main_amplitude, float)[good])) if good.any() else 0.0
+
+
+def frequency_of(wave: Wave) -> float:
+    """Median frequency of the good rows, from the phase."""
+    good = wave.good()
+    phase, t = np.asarray(wave.phase_rad, float)[good], np.asarray(wave.time_s, float)[good]
+    above = float(np.median(np.diff(phase) / np.diff(t))) / (2 * np.pi) if len(t) > 1 else 0.0
+    return wave.reference_frequency_hz + above
+
+
+def lines(waves: Sequence[Wave]) -> list[Line]:
+    """Lines that a third of the runs at least show, strongest first."""
+    pool = []
+    for number, wave in enumerate(waves):
+        if (
+            wave.spectrum_line_frequency_hz is None
+            or wave.spectrum_line_ratio is None
+            or wave.spectrum_line_amplitude is None
+        ):
+            continue
+        for f, a, ratio in zip(
+            wave.spectrum_line_frequency_hz,
+            wave.spectrum_line_amplitude,
+            wave.spectrum_line_ratio,
+            strict=True,
+        ):
+            if ratio > LINE_RATIO:
+                pool.append((float(f), np.asarray(a, float), float(ratio), number))
+    out, cell = [], cell_hz(waves)
+    while pool:
+        f, _, _, _ = max(pool, key=lambda p: p[2])
+        width = WIDTH_CELLS * cell + WANDER * f
+        near = [p for p in pool if abs(p[0] - f) < width]
+        pool = [p for p in pool if abs(p[0] - f) >= width]
+        runs = len({p[3] for p in near})
+        if 3 * runs >= len(waves):
+            weight = np.array([p[2] for p in near])
+            frequency = float(np.average([p[0] for p in near], weights=weight))
+            size = np.array([[float(np.hypot(*p[1])), amplitude_of(waves[p[3]])] for p in near])
+            out.append(
+                Line(
+                    frequency,
+                    np.sqrt(np.mean([p[1] ** 2 for p in near], axis=0)),
+                    float(weight.max()),
+                    runs,
+                    size,
+                )
+            )
+    return out
+
+
+def fold(frequency_hz: float | Array, sampling: float | None) -> Any:
+    """A frequency as the sampling shows it, between 0 and half the rate."""
+    return (
+        frequency_hz
+        if not sampling
+        else np.abs((frequency_hz + sampling / 2) % sampling - sampling / 2)
+    )
+
+
+def harmonic_of(
+    line: Line,
+    frequency_hz: float,
+    sampling: float | None,
+    cell: float,
+    wander_hz: float | None = None,
+) -> int:
+    """Which multiple of the oscillation (2 … `HARMONICS`) a line is, folded at half the sampling
+    rate where that is known; 0: none. wander_hz: how far the runs' frequencies may lie apart."""
+    orders = np.arange(2, HARMONICS + 1)
+    wander_hz = 2 * WANDER * frequency_hz if wander_hz is None else wander_hz
+    off = np.abs(line.frequency_hz - fold(orders * frequency_hz, sampling))
+    near = np.flatnonzero(off < WIDTH_CELLS * cell + orders * wander_hz)
+    return int(orders[near[0]]) if len(near) else 0
+
+
+def folded_beside(waves: Sequence[Wave], found: Sequence[Effect]) -> str:
+    """A sentence on the lowest odd multiple of the oscillation that a named cause makes and the
+    sampling folds so near to it that the windows do not part them; empty where there is none.
+
+    The slow model knows a read-out's defect by what it does at the oscillation itself.
+    """
+    sampling, makers = sampling_hz(waves), [e.name for e in found if e.makes_harmonics]
+    if not sampling or not makers:
+        return ""
+    window_s = max(wave.window_s for wave in waves)
+    own = float(np.median([frequency_of(wave) for wave in waves]))
+    for order in range(3, HARMONICS + 1, 2):
+        apart = abs(float(fold(order * own, sampling)) - own)
+        if apart * window_s < 1:
+            return (
+                f"multiple {order} of the oscillation, which {makers[0]} makes, is folded to"
+                f" {apart:.3g} Hz beside it, which windows of {window_s:.3g} s do not part; sample"
+                f" at another rate than {sampling:.6g} Hz"
+            )
+    return ""
+
+
+def spurs(
+    found: Sequence[Line],
+    frequency_hz: float,
+    wander_hz: float,
+    sampling: float | None,
+    cell: float,
+) -> list[Line]:
+    """Lines at odd multiples of the oscillation, of any order, too many for chance; none where they
+    are few.
+
+    Of L lines k meet one of the odd orders up to N by chance with the binomial probability of p = Σ
+    2·tolerance/(half the rate).
+    """
+    from scipy.special import bdtrc
+
+    if sampling is None or len(found) < FEWEST_SPURS:
+        return []
+    best: tuple[float, list[Line]] = (BY_CHANCE, [])
+    places = np.array([line.frequency_hz for line in found])
+    for highest in ORDERS:
+        orders = np.arange(3, highest + 1, 2)
+        reach = WIDTH_CELLS * cell + orders * wander_hz
+        chance = float(np.sum(2 * reach) / (sampling / 2))
+        if chance > 0.5:
+            break
+        met = (np.abs(places[:, None] - fold(orders * frequency_hz, sampling)) < reach).any(axis=1)
+        count = int(met.sum())
+        if count >= FEWEST_SPURS and (p := float(bdtrc(count - 1, len(found), chance))) < best[0]:
+            best = p, [line for line, yes in zip(found, met, strict=True) if yes]
+    return best[1]

@@ -1,0 +1,218 @@
+"""Diagnosis, samples lost or repeated: both channels of a run turn alike between two windows, by a
+whole number of samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ....effects import dropped_samples
+from ....fitting.envelopes.envelope_runs import envelopes_of
+from ....records import Wave
+from .jumps import TOUCHED, jumps
+from .lines import sampling_hz
+from .offered import entry
+
+FEWEST_ROWS = 40
+WHOLE = 2e-3
+"""Distance from a whole number of samples that a loss may have, beside its σ."""
+COUNTED = 1e-3
+"""Distance from a whole number that the samples between two windows may have."""
+KNOWN_STEP = 0.15
+"""σ of a loss in samples up to which it can be asked to be whole."""
+SHIFTED = 5.0
+"""σ of the slow motion's shift within which the time lost lies."""
+MOST_PERIODS = 40
+"""Whole periods that may be lost beside what the phase shows, where the slow motion does not
+tell."""
+
+
+@dataclass(frozen=True)
+class PhaseStep:
+    """A step of the phase of one run: last row before and first row after it, instant, size in (−π,
+    π], its σ, frequency about it."""
+
+    run: int
+    before: int
+    after: int
+    time_s: float
+    step_rad: float
+    std_rad: float
+    frequency_hz: float
+    shift_s: float = 0.0
+    shift_std_s: float = np.inf
+    """Time by which the slow motion moved on, and its σ."""
+
+
+def phase_steps(waves: Sequence[Wave]) -> list[PhaseStep]:
+    """Where both channels of a run turn alike between two windows and do nothing else, at most a
+    few a run."""
+    found = (
+        (number, jump) for number, wave in enumerate(waves) for jump in jumps(wave) if jump.alike
+    )
+    return [
+        PhaseStep(
+            run=number,
+            before=jump.before,
+            after=jump.after,
+            time_s=jump.time_s,
+            step_rad=jump.turn_rad,
+            std_rad=jump.turn_std_rad,
+            frequency_hz=waves[number].reference_frequency_hz + jump.rate_rad_s / (2 * np.pi),
+            shift_s=jump.shift_s,
+            shift_std_s=jump.shift_std_s,
+        )
+        for number, jump in found
+    ]
+
+
+def split_at(waves: Sequence[Wave], steps: Sequence[PhaseStep]) -> tuple[list[Wave], list[int]]:
+    """The waves cut at every step, each piece a run of its own, and the wave each comes from;
+    pieces too short are left out, but for the longest of a run."""
+    pieces, origin = [], []
+    for number, wave in enumerate(waves):
+        own: list[Wave] = []
+        cuts = sorted(
+            (max(0, s.before + 1 - TOUCHED), min(len(wave), s.after + TOUCHED))
+            for s in steps
+            if s.run == number
+        )
+        begin = 0
+        for stop, start in [*cuts, (len(wave), len(wave))]:
+            piece = wave.rows(begin, stop)
+            if cuts:
+                # the window over the step has spoilt the noise estimate of those it was pooled with
+                piece = piece.replace(signal_std=np.minimum(piece.signal_std, _rough(piece)))
+            own.append(piece)
+            begin = start
+        rows = [int(np.count_nonzero(piece.good())) for piece in own]
+        enough = min(FEWEST_ROWS, max(rows))
+        kept = [piece for piece, count in zip(own, rows, strict=True) if count >= enough]
+        pieces += kept
+        origin += [number] * len(kept)
+    return pieces, origin
+
+
+def _rough(wave: Wave) -> float:
+    """Noise of one signal coefficient from the envelopes' third differences."""
+    good = wave.good()
+    u = envelopes_of(wave, good)
+    return (
+        float(np.sqrt(np.median(np.abs(np.diff(u, n=3, axis=0)) ** 2) / (20 * 2 * np.log(2))))
+        if len(u) > 3
+        else np.inf
+    )
+
+
+def join_steps(steps: Sequence[PhaseStep], waves: Sequence[Wave]) -> list[list[PhaseStep]]:
+    """Steps at the same instant and of the same size in several runs are one cause."""
+    groups: list[list[PhaseStep]] = []
+    for step in steps:
+        for group in groups:
+            first = group[0]
+            # runs of another frequency turn by another angle in the same time
+            own = 2 * np.pi * abs(first.frequency_hz - step.frequency_hz)
+            slack = 8 * float(np.hypot(first.std_rad, step.std_rad)) + 2 * own * max(
+                abs(first.shift_s), abs(step.shift_s)
+            )
+            same_size = abs(np.angle(np.exp(1j * (first.step_rad - step.step_rad)))) < slack
+            if (
+                abs(first.time_s - step.time_s) < waves[step.run].window_s
+                and same_size
+                and first.run != step.run
+            ):
+                group.append(step)
+                break
+        else:
+            groups.append([step])
+    return groups
+
+
+def count_lost(
+    group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float
+) -> dict[str, Any] | None:
+    """Samples lost, or repeated where the time is negative; None where the sampling is even and no
+    whole number of samples does it."""
+    omega, first = 2 * np.pi * frequency_hz, group[0]
+    weight = np.array([s.std_rad**-2 for s in group])
+    mean = first.step_rad + float(
+        np.sum(weight * [np.angle(np.exp(1j * (s.step_rad - first.step_rad))) for s in group])
+        / weight.sum()
+    )
+    std = float(weight.sum() ** -0.5)
+    missing, samples = float(np.mod(mean, 2 * np.pi)) / omega, None
+    step_s = _even_step(waves[first.run])
+    if step_s is not None and std / omega < KNOWN_STEP * step_s:
+        best, shown = min(group, key=lambda s: s.std_rad), min(group, key=lambda s: s.shift_std_s)
+        period_s = 1 / best.frequency_hz
+        turns = best.step_rad / (2 * np.pi), best.std_rad / (2 * np.pi)
+        whole = _whole(
+            turns[0] * period_s,
+            turns[1] * period_s,
+            step_s,
+            period_s,
+            (shown.shift_s, shown.shift_std_s),
+        )
+        if whole is None:
+            return None
+        missing, samples = whole * step_s, whole
+    elif mean < 0 and abs(mean) < np.pi / 2:
+        missing = mean / omega
+    parameters = {
+        "lost_s": (missing, std / omega, "s"),
+        "time_s": (first.time_s, float(waves[first.run].window_s) / 2, "s"),
+    }
+    offer = entry(dropped_samples.EFFECT, abs(mean) / std, parameters, (mean / std) ** 2)
+    offer |= {
+        "runs": [waves[s.run].run_id for s in group],
+        "ambiguity_s": 1 / frequency_hz,
+        "what": "lost" if missing > 0 else "repeated",
+    }
+    return offer if samples is None else offer | {"samples": samples}
+
+
+def _even_step(wave: Wave) -> float | None:
+    """Sampling step of an evenly sampled run, whose windows are then all equally far apart; None
+    elsewhere."""
+    rate = sampling_hz([wave])
+    steps = np.diff(np.asarray(wave.time_s, float))
+    regular = (
+        len(steps) > 0
+        and float(np.abs(steps / np.median(steps) - np.round(steps / np.median(steps))).max())
+        < 1e-6
+    )
+    if not rate or not regular or wave.spectrum_frequency_hz is None:
+        return None
+    # windows are a whole number of samples apart, where the samples are even; a spectrum of an odd
+    # number of samples ends half a cell below half the sampling rate
+    odd = 2 * len(wave.spectrum_frequency_hz) - 1
+    apart = float(np.median(steps))
+    for samples in (apart * rate, apart * rate * odd / (odd - 1)):
+        if abs(samples - round(samples)) < COUNTED and round(samples) > 0:
+            return apart / round(samples)
+    return None
+
+
+def _whole(
+    time_s: float, std_s: float, step_s: float, period_s: float, shift: tuple[float, float]
+) -> int | None:
+    """Fewest samples whose time agrees with a step of the phase, but for whole periods, and with
+    the shift of the slow motion."""
+    most = MOST_PERIODS
+    if np.isfinite(shift[1]):
+        most = (
+            max(most, int((abs(shift[0]) + SHIFTED * shift[1]) / period_s) + 1)
+            if shift[1] < MOST_PERIODS * period_s
+            else most
+        )
+    times = time_s + np.arange(-most, most + 1) * period_s
+    whole = np.round(times / step_s)
+    fits = (
+        (np.abs(times / step_s - whole) < 4 * std_s / step_s + WHOLE)
+        & (whole != 0)
+        & (np.abs(times - shift[0]) < SHIFTED * shift[1])
+    )
+    return int(min(whole[fits], key=lambda n: (abs(n), -n))) if fits.any() else None

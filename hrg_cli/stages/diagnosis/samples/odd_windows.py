@@ -1,0 +1,119 @@
+"""Diagnosis, odd windows: those whose samples hold far more than their neighbours' noise.
+
+The demodulation pools the noise of neighbouring windows, but for one whose residual is beyond any
+chance: that one keeps its own, and weighs next to nothing in the fits. What made it so is no noise:
+a clipped top where the signal is at its largest, else a burst that is told and not explained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+
+from ....effects.effect import Effect
+from ....fitting.envelopes.envelope_runs import envelopes_of
+from ....records import Array, Wave
+
+NEIGHBOURS = 12
+"""Windows on either side whose noise is the usual one."""
+ODD = 1.5
+"""σ over the neighbours' from which a window is odd: pooled ones differ by a few hundredths."""
+BY_CHANCE = 1e-6
+"""Chance at which the odd windows of all might be just those of the largest signal."""
+
+
+@dataclass(frozen=True)
+class OddWindow:
+    """A window whose σ is so many times its neighbours': number of its wave, row, time."""
+
+    run: int
+    row: int
+    time_s: float
+    times: float
+
+
+def odd_windows(waves: Sequence[Wave]) -> list[OddWindow]:
+    """Every odd window among the good rows; none in runs too short to have neighbours."""
+    found = []
+    for number, wave in enumerate(waves):
+        rows = np.flatnonzero(wave.good())
+        if len(rows) < 2 * NEIGHBOURS + 1:
+            continue
+        std = np.asarray(wave.signal_std, float)[rows]
+        padded = np.pad(std, NEIGHBOURS, mode="reflect")
+        usual = np.median(
+            np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1), axis=1
+        )
+        found += [
+            OddWindow(number, int(rows[k]), float(wave.time_s[rows[k]]), float(std[k] / usual[k]))
+            for k in np.flatnonzero((std > ODD * usual) & ~_kinked(wave, rows, usual))
+        ]
+    return found
+
+
+def _kinked(wave: Wave, rows: Array, usual: Array) -> Array:
+    """Rows (n,) in which a logged command bends the motion by more than the noise: a change δ of a
+    rate or a drive within a window of length T leaves its envelope by δT/8."""
+    size = np.asarray(wave.main_amplitude, float)[rows]
+    bent = np.zeros(len(rows))
+    for name, scale in (("rate_rad_s", size), ("drive_main", 1.0), ("drive_quadrature", 1.0)):
+        logged = getattr(wave, name, None)
+        if logged is None:
+            continue
+        change = np.abs(np.diff(np.asarray(logged, float)[rows], prepend=np.nan))
+        change = np.nan_to_num(np.fmax(change, np.append(change[1:], np.nan)))
+        bent = np.maximum(bent, change * scale * wave.window_s / 8)
+    return np.asarray(bent > usual)
+
+
+def channel_amplitudes(wave: Wave) -> Array:
+    """The larger amplitude of the two channels (n,)."""
+    u = envelopes_of(wave)
+    return np.asarray(np.abs(u).max(axis=-1))
+
+
+def at_the_top(
+    waves: Sequence[Wave], odd: Sequence[OddWindow], by_chance: float = BY_CHANCE
+) -> bool:
+    """Whether the odd windows are just those of the largest signal, which of N windows chance makes
+    of k once in N over k."""
+    if not odd:
+        return False
+    size = [channel_amplitudes(wave) for wave in waves]
+    good = [wave.good() for wave in waves]
+    least = min(size[one.run][one.row] for one in odd)
+    above = sum(int(np.count_nonzero(s[g] >= least)) for s, g in zip(size, good, strict=True))
+    total = sum(int(np.count_nonzero(g)) for g in good)
+    return above == len(odd) and 1 / comb(total, above) < by_chance
+
+
+def say_odd_windows(
+    waves: Sequence[Wave], instants: Sequence[tuple[int, float]], causes: Sequence[Effect]
+) -> str:
+    """One sentence on the odd windows that no named cause makes; empty where there are none.
+
+    instants: (wave, time) at which a cause acts, within a window of which others may be odd.
+    """
+    odd = odd_windows(waves)
+    if any(cause.sets_in for cause in causes) and at_the_top(waves, odd, by_chance=1.0):
+        return ""
+    odd = [
+        one
+        for one in odd
+        if not any(
+            run == one.run and abs(time_s - one.time_s) < 1.5 * waves[run].window_s
+            for run, time_s in instants
+        )
+    ]
+    if not odd:
+        return ""
+    worst = max(odd, key=lambda one: one.times)
+    which = "one window holds" if len(odd) == 1 else f"{len(odd)} windows hold"
+    return (
+        f"{which} more than noise: {worst.times:.3g} times its neighbours' in run"
+        f" {waves[worst.run].run_id or worst.run} at {worst.time_s:.6g} s; look at its samples for"
+        " a clipped top, a burst or a knock"
+    )

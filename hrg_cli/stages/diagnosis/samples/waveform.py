@@ -1,0 +1,201 @@
+"""Diagnosis, the waveform: what the samples show before any dynamics: lines of the residual,
+clipped windows, samples lost.
+
+A tone stands still in frequency and in size; an odd multiple of the oscillation, folded at half the
+sampling rate, is the pick-off's or the converter's own. Lost samples turn both channels alike
+between two windows. What is named has a size that could be nought and is not; all else is listed as
+a line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ....effects import mains_tone
+from ....effects.effect import Effect
+from ....records import Wave
+from .harmonics import below_the_codes, bent_channels
+from .lines import WIDTH_CELLS, Line, cell_hz, frequency_of, harmonic_of, lines, sampling_hz, spurs
+from .lost_samples import PhaseStep, count_lost, join_steps, phase_steps, split_at
+from .offered import UNMEASURED, entry, sound
+from .tones import MOST_TONES, Tone, channel_parts
+
+__all__ = ["causes", "near_tones", "phase_steps", "split_at", "unnamed"]
+
+
+def causes(
+    waves: Sequence[Wave],
+    steps: Sequence[PhaseStep],
+    tones: Sequence[Tone],
+    frequency_hz: float,
+    found: Sequence[Effect],
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """(effects the waveform shows, as the report's entries; every line with its meaning). `found`:
+    effects named by the dynamics."""
+    sampling, cell, far = sampling_hz(waves), cell_hz(waves), lines(waves)
+    direct = all(w.readout == "direct" for w in waves)
+    near, listed = [], []
+    for tone in tones:
+        line = _as_line(tone)
+        if multiple := _multiple(tone, waves, frequency_hz):
+            # a harmonic that the sampling folds beside the resonance is no tone from outside
+            near.append((line, multiple))
+            listed.append(
+                line.listed(multiple, f"harmonic {multiple} of the oscillation, folded beside it")
+            )
+        elif not tone.standing:
+            listed.append(
+                line.listed(
+                    0, "it dies away beside the wave: a partial of the resonator and no tone"
+                )
+            )
+    strange = near_tones(tones, waves, frequency_hz)
+    everywhere = [*(line for line, _ in near), *far]
+    wander = float(np.std([frequency_of(w) for w in waves]))
+    codes = spurs(everywhere, frequency_hz, wander, sampling, cell) if direct else []
+    codes += (
+        [line for line in far if line not in codes and below_the_codes(line, waves)]
+        if direct
+        else []
+    )
+    harmonics = {multiple: line for line, multiple in near}
+    open_lines = []
+    for line in far:
+        multiple = harmonic_of(line, frequency_hz, sampling, cell)
+        if multiple:
+            harmonics.setdefault(multiple, line)
+            listed.append(line.listed(multiple, f"harmonic {multiple} of the oscillation"))
+        elif line in codes:
+            listed.append(
+                line.listed(
+                    0,
+                    "the converter's: an odd harmonic of the oscillation, folded, or below one of"
+                    " its codes",
+                )
+            )
+        elif not direct:
+            listed.append(line.listed(0, "beside the carrier"))
+        elif any(abs(line.frequency_hz - t.frequency_hz) < WIDTH_CELLS * cell for t in strange):
+            listed.append(line.listed(0, "the tone beside the resonance"))
+        elif line.follows_the_wave:
+            listed.append(
+                line.listed(
+                    0, "its size follows the wave's: a partial of the resonator and no tone"
+                )
+            )
+        else:
+            open_lines.append(line)
+    named = open_lines if len(open_lines) <= MOST_TONES else []
+    unjudged = f"one of {len(open_lines)} lines: partials or several sources, none judged"
+    listed += [line.listed(0, "a tone" if named else unjudged) for line in open_lines]
+    offered = [
+        offer
+        for group in join_steps(steps, waves)
+        if (offer := count_lost(group, waves, frequency_hz)) is not None
+    ]
+    offered += [_beating(tone, waves) for tone in strange]
+    offered += [_tone(line, waves) for line in named]
+    offered += bent_channels(waves, harmonics, codes, found) if direct else []
+    return [offer for offer in offered if sound(offer)], listed
+
+
+def _as_line(tone: Tone) -> Line:
+    size = np.sqrt(np.mean(np.abs(tone.vector) ** 2, axis=0))
+    return Line(tone.frequency_hz, size, tone.gain / 2, len(tone.vector), np.ones((1, 2)))
+
+
+def _multiple(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> int:
+    """Which multiple of the oscillation a tone beside the resonance is, folded; 0: none, or the
+    sampling is not known.
+
+    Runs of length T tell it to 1/T, and the oscillation's own frequency from run to run apart.
+    """
+    sampling = sampling_hz(waves)
+    longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
+    wander = float(np.ptp([frequency_of(w) for w in waves]))
+    if not sampling:
+        return 0
+    return harmonic_of(_as_line(tone), frequency_hz, sampling, 1 / longest, wander)
+
+
+def unnamed(tones: Sequence[Tone], named: Sequence[Effect]) -> list[Tone]:
+    """Tones that were taken out of the waves where nothing that is named makes a line."""
+    makes_lines = any(effect.makes_lines for effect in named)
+    return [] if makes_lines else [tone for tone in tones if tone.standing]
+
+
+def _folded(line: Line, tone: Tone, waves: Sequence[Wave]) -> bool:
+    """Whether the tone seen at the windows' rate is a line of the samples, folded."""
+    windows = (line.frequency_hz - tone.frequency_hz) * float(
+        np.median([np.median(np.diff(w.time_s)) for w in waves])
+    )
+    return abs(windows) > 0.5 and abs(windows - round(windows)) < 0.05 + 0.02 * abs(windows)
+
+
+def near_tones(tones: Sequence[Tone], waves: Sequence[Wave], frequency_hz: float) -> list[Tone]:
+    """Of the tones seen at the windows' rate those that stand on their own there, at their true
+    size."""
+    far = lines(waves)
+    window = float(np.median([w.window_s for w in waves]))
+    return [
+        tone.true(frequency_hz, window)
+        for tone in tones
+        if tone.standing
+        and not _multiple(tone, waves, frequency_hz)
+        and not any(_folded(other, tone, waves) for other in far)
+    ]
+
+
+def _beating(tone: Tone, waves: Sequence[Wave]) -> dict[str, Any]:
+    """A tone near the resonance, at its true size.
+
+    σ of its frequency over runs of length T: √(12/χ²)/2πT, the Cramér–Rao bound with the phases
+    free.
+    """
+    longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
+    vector = tone.mean if tone.common else tone.vector[0]
+    std = float(np.sum(tone.std**-2.0) ** -0.5) if tone.common else float(tone.std[0])
+    frequency_std = float(np.sqrt(12 / tone.gain) / (2 * np.pi * longest))
+    turn = (
+        np.pi * longest * frequency_std
+    )  # phase at t = 0 that goes with the frequency's error, known best in the middle of the run
+    parts = channel_parts(vector)
+    beside = {"c_cos": "c_sin", "c_sin": "c_cos", "s_cos": "s_sin", "s_sin": "s_cos"}
+    parameters = {
+        name: (float(v), float(np.hypot(std, parts[beside[name]] * turn)), "amplitude")
+        for name, v in parts.items()
+    }
+    parameters["frequency_hz"] = (tone.frequency_hz, frequency_std, "Hz")
+    return entry(mains_tone.EFFECT, float(np.sqrt(tone.gain)), parameters, tone.gain) | {
+        "same_phase_in_all_runs": tone.common
+    }
+
+
+def _tone(line: Line, waves: Sequence[Wave]) -> dict[str, Any]:
+    """A line of the averaged spectrum, which knows the size and not the phase: each part is
+    anything up to it."""
+    parameters = {}
+    least = 1e-6 * float(line.amplitude.max())
+    for channel, size in zip("cs", line.amplitude, strict=True):
+        parameters[f"{channel}_cos"] = (float(size), float(max(size, least)), "amplitude")
+        parameters[f"{channel}_sin"] = (0.0, float(max(size, least)), "amplitude")
+    parameters["frequency_hz"] = (line.frequency_hz, cell_hz(waves), "Hz")
+    return (
+        entry(mains_tone.EFFECT, float(np.sqrt(2 * line.ratio)), parameters, 2 * line.ratio)
+        | _magnitude(line)
+        | {"phase": UNMEASURED}
+    )
+
+
+def _magnitude(line: Line) -> dict[str, Any]:
+    return {
+        "magnitude": {
+            channel: float(size) for channel, size in zip("cs", line.amplitude, strict=True)
+        },
+        "magnitude_std": {
+            channel: float(size) for channel, size in zip("cs", line.std, strict=True)
+        },
+    }

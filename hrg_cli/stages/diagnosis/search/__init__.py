@@ -1,0 +1,1 @@
+"""Diagnosis, the search: which causes are taken, and what describes the rest."""

@@ -1,0 +1,177 @@
+"""Diagnosis between the runs: their frequencies, which every run's own fit leaves free, against
+what each cause predicts of them.
+
+ô = H f + G θ + w, w ~ N(0, Σ + s²): ô (R,) the fitted offsets with covariance Σ, H the mean of the
+free and of the forced runs, G what a cause's parameters θ do to them, s an unexplained wander from
+run to run, estimated beside each cause by restricted likelihood. A cause is named where it takes
+away so much of the scatter that, with s unknown, chance would not (F test), whatever the wander's
+size; what the rows of the runs say of it counts as well (`run_patterns`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ....fitting.causes import evidence, extended_fit, fit_point
+from ....fitting.causes.extended_fit import ExtendedFit
+from .case import Case
+from .inquiry import NoiseLevel
+from .offsets import Offsets, offsets_of, scatter
+from .run_patterns import QUIET, SPARE, Pattern, patterns
+from .selection import Found
+
+Array = np.ndarray
+SCATTER = 1e-6
+"""Chance of the offsets' scatter being noise from which it is looked into."""
+SIGNIFICANT, BESIDE_NOISE = 1e-3, 1e-2
+"""Corrected chance of a false alarm allowed; the second where what is left is no more than the
+offsets' own noise."""
+LEAST = 0.3
+"""Smallest wander assumed, in σ of the offsets: fewer runs do not know it better."""
+MOST = 2
+RIVAL = 10.0
+
+
+def take_from_frequencies(case: Case) -> Case:
+    """The case with the causes that the runs' frequencies show, and what is to be said of these
+    frequencies."""
+    search, noise = case.search, case.inquiry.noise
+    fit, found = search.final, list(search.found)
+    follows: list[str] = []
+    ranked: list[Pattern] = []
+    while len(follows) < MOST:
+        offsets, index = offsets_of(fit, noise)
+        if len(offsets.value) - offsets.means.shape[1] < SPARE + 1 or scatter(offsets)[1] > SCATTER:
+            break
+        ranked = patterns(fit, offsets, index, case.inquiry)
+        best = next((one for one in ranked if one.allowed), None)
+        if best is None:
+            break
+        p = evidence.correct_for_tries(best.p_value, len(ranked))
+        if p > (BESIDE_NOISE if best.left_p > QUIET else SIGNIFICANT):
+            break
+        fit, one = _adopt_pattern(fit, best, ranked, offsets)
+        found = [f for f in found if f.variant.effect.name != one.variant.effect.name]
+        found.append(one)
+        follows.append(one.variant.effect.name)
+        ranked = []
+    said = _say_pattern(
+        fit, noise, follows, [o for o in ranked if o.allowed and o.left_p > QUIET], len(ranked)
+    )
+    return replace(case, search=replace(search, final=fit, found=tuple(found)), frequencies=said)
+
+
+def _adopt_pattern(
+    fit: ExtendedFit, best: Pattern, ranked: Sequence[Pattern], offsets: Offsets
+) -> tuple[ExtendedFit, Found]:
+    """The fit with the cause, the runs' frequencies held together up to the wander that is left."""
+    known = best.known
+    size, _ = best.offsets.follow(known.response, best.wander)
+    estimate = known.aside + known.directions @ size
+    values = dict(best.variant.values)
+    for name, value in zip(best.variant.steps, estimate, strict=True):
+        values[name] += float(value)
+    own = float(np.sqrt(np.median(np.diag(offsets.covariance))))
+    freedom = replace(fit.freedom, offset_std=max(best.wander, LEAST * own))
+    # what the cause does to the frequencies leaves the offsets, or a great one would start many
+    # turns away
+    point = replace(fit.point, offset_rad_s=best.offsets.value - known.response @ size)
+    again = extended_fit.fit(
+        fit.series, fit_point.add_effect(point, best.variant.effect, values), freedom
+    )
+    S = fit.sensitivities([best.variant.wanted])[0]
+    score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)
+    level = best.left_over(best.wander)
+    rivals = [
+        o.variant.effect.name
+        for o in ranked
+        if o is not best and o.allowed and o.left_over(best.wander) < level + RIVAL
+    ]
+    worth = evidence.criterion(best.gain, known.response.shape[1], len(fit.residual))
+    return again, Found(
+        best.variant, replace(score, p_value=best.p_value), len(ranked), worth, tuple(rivals)
+    )
+
+
+def _free_offsets(fit: ExtendedFit, follows: Sequence[str]) -> ExtendedFit:
+    """Every run's frequency free again, the causes it follows held where they are."""
+    active = []
+    for effect, values in fit.point.active:
+        if effect.name in follows:
+            effect = replace(
+                effect, parameters=tuple(replace(p, fitted=False) for p in effect.parameters)
+            )
+        active.append((effect, values))
+    return extended_fit.fit(
+        fit.series,
+        replace(fit.point, active=tuple(active)),
+        replace(fit.freedom, offset_std=np.inf),
+    )
+
+
+def _say_pattern(
+    fit: ExtendedFit,
+    noise: NoiseLevel,
+    follows: Sequence[str],
+    fitting: Sequence[Pattern],
+    tried: int,
+) -> dict[str, Any]:
+    """The runs' frequencies with errors, their scatter, and one sentence. fitting: causes, of so
+    many tried, that leave no more than noise, which chance does too often in so few runs."""
+    free = _free_offsets(fit, follows) if follows else fit
+    offsets, _ = offsets_of(free, noise)
+    hz = 1 / (2 * np.pi)
+    std = np.sqrt(np.diag(offsets.covariance)) * hz
+    out: dict[str, Any] = {
+        "hz": free.frequency_hz.tolist(),
+        "std_hz": std.tolist(),
+        "follow": list(follows),
+        "would_follow": [],
+    }
+    if len(offsets.value) <= offsets.means.shape[1]:
+        return out | {
+            "scatter_hz": None,
+            "sigma": None,
+            "sentence": "one run alone: its frequency is compared with no other's",
+        }
+    z, p = scatter(offsets)
+    wander = offsets.wander() * hz
+    out |= {"scatter_hz": wander, "sigma": z}
+    if p > SCATTER:
+        sentence = "the runs' frequencies agree within their errors"
+        return out | {
+            "sentence": (
+                sentence
+                + (f" once {' and '.join(follows)} is taken into account" if follows else "")
+            )
+        }
+    beside = f"beside {' and '.join(follows)} " if follows else ""
+    differ = (
+        f"{beside}the frequencies of the runs differ by {wander:.3g} Hz from run to run ({z:.3g}"
+        " sigma); "
+    )
+    if fitting:
+        names = [one.variant.effect.name for one in fitting]
+        chance = evidence.correct_for_tries(fitting[0].p_value, tried)
+        return out | {
+            "would_follow": names,
+            "sentence": (
+                f"{differ}{' or '.join(names)} would make them so, but so few runs line up with one"
+                f" of {tried} causes by chance with p = {chance:.2g}: record more runs;"
+                f" {fitting[0].variant.effect.next_experiment}"
+            ),
+        }
+    return out | {
+        "sentence": (
+            f"{differ}nothing in the catalogue follows it, every run keeps a frequency of its own; "
+            + (
+                "log the temperature of every run"
+                if not fit.series.has_temperature
+                else "repeat a run as it was"
+            )
+        )
+    }

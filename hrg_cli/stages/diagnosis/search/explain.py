@@ -1,0 +1,116 @@
+"""Diagnosis, from the base fit to the case: causes and what they leave over, at the noise that both
+are judged by, and every step in which a cause may be lost again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ....fitting.causes import extended_fit
+from ....fitting.causes.extended_fit import ExtendedFit
+from ..fits.variants import Variant
+from ..thresholds import GROSS, INADEQUATE, NEVER_LESS
+from .beside_misfit import drop_indistinct
+from .between import take_from_frequencies
+from .case import Case
+from .forecast import drop_misleading
+from .form import take_better_form
+from .inquiry import Inquiry, NoiseLevel
+from .instants import take_strikes
+from .open_rivals import give_way_to_open_terms
+from .remainder import Remainder, adequacy, search_rest
+from .selection import select
+
+LEAST_CHANGE = 0.03
+"""Relative difference of the noise from the stated one that is let be."""
+SLOWER, FEWEST_ROUGH = (4, 8), 20
+"""Rows of the means that are asked where neighbours scatter by less than they state, and the rows of
+second differences from which they are."""
+CHANCE = 5.0
+"""Excess of the slower level over the neighbours' that chance does not make, times the root of the
+second differences: their median scatters by 1.6."""
+
+
+def explain(base: ExtendedFit, candidates: Sequence[Variant], most: int) -> Case:
+    """The causes beside the base fit: searched, held against the runs' frequencies, against open
+    terms, against other forms, against data held out, and against what is left over.
+
+    Where the white noise between windows is not what they state, all is done again at the noise
+    that is there; the case's `inquiry.noise` says so, and the closing checks judge it.
+    """
+    case = _searched(base, Inquiry(tuple(candidates), most))
+    white = noise_level(case.search.final, case.remainder)
+    if white is not None:
+        inquiry = Inquiry(tuple(candidates), most, NoiseLevel(white=white))
+        case = _searched(reweighted(base, white), inquiry)
+    for step in (
+        take_from_frequencies,
+        give_way_to_open_terms,
+        take_better_form,
+        drop_misleading,
+        take_strikes,
+        drop_indistinct,
+    ):
+        case = step(case)
+    return case
+
+
+def _searched(base: ExtendedFit, inquiry: Inquiry) -> Case:
+    """Selection and open search; repeated with inflated noise where, after both, the residual is
+    still not white."""
+    for _ in range(2):
+        search = select(base, inquiry)
+        case = Case(inquiry, search, search_rest(search.final, inquiry.noise))
+        slow, p = adequacy(case.remainder.fit if case.remainder else search.final)
+        if p > INADEQUATE or slow < NEVER_LESS * inquiry.noise.slow:
+            break
+        inquiry = replace(inquiry, noise=replace(inquiry.noise, slow=slow))
+        case = replace(case, inquiry=inquiry)
+    return case
+
+
+def reweighted(fit: ExtendedFit, level: float) -> ExtendedFit:
+    """The fit again with every σ times `level`."""
+    series = fit.series
+    scatter = None if series.scatter is None else series.scatter.over(level)
+    unsettled = None if series.unsettled is None else series.unsettled.over(level)
+    series = replace(series, weight=series.weight / level, scatter=scatter, unsettled=unsettled)
+    return extended_fit.fit(series, fit.point, fit.freedom)
+
+
+def noise_level(fit: ExtendedFit, remainder: Remainder | None) -> float | None:
+    """White noise over the stated one, from second differences of what is left in the end; None
+    where they agree, and where a gross misfit is left, however large the noise.
+
+    Neighbours that scatter by less than they state may be correlated (a lock-in's filter), and state
+    what is slow: only as far as means of several rows scatter by less too is the noise less.
+    """
+    values = extended_fit.on_rows(fit, (remainder.fit if remainder else fit).residual)
+    found = _roughness(values, fit.series.weight, 1)
+    if found is None:
+        return None
+    level, count = found
+    if level < 1:
+        slower = [_roughness(values, fit.series.weight, rows) for rows in SLOWER]
+        more = [one for one, n in filter(None, slower) if one > level * (1 + CHANCE / np.sqrt(n))]
+        level = min(1.0, max([level, *more]))
+    if fit.chi2 > GROSS * fit.dof * max(level, 1.0) ** 2:
+        return None
+    return (
+        level if abs(level - 1) > max(LEAST_CHANGE, 8 / np.sqrt(count)) and level > 1e-9 else None
+    )
+
+
+def _roughness(values: np.ndarray, weight: np.ndarray, rows: int) -> tuple[float, int] | None:
+    """σ of residuals (R, n, 4) by second differences of means of so many rows, as white noise would
+    have it, and the number of these; None where there are too few."""
+    count = values.shape[1] // rows
+    parts = values[:, : count * rows].reshape(len(values), count, rows, -1).sum(axis=2)
+    ok = np.min(weight[:, : count * rows].reshape(len(values), count, rows), axis=2) > 0
+    rough = np.diff(parts, n=2, axis=1)[ok[:, 2:] & ok[:, 1:-1] & ok[:, :-2]]
+    if len(rough) < FEWEST_ROUGH:
+        return None
+    # of a squared normal number the median is 0.455 of the mean; a second difference has 6 σ²
+    return float(np.sqrt(np.median(rough**2) / (6 * rows * 0.45494))), rough.size

@@ -1,0 +1,382 @@
+"""Diagnosis, the forecast: how much better data are predicted that nothing of the model has seen,
+the choice of the causes included.
+
+With four runs or more half of the runs are held out, then the other half; with fewer the last part
+of every run. On the rest the base model is fitted, the causes are *chosen* and fitted anew, and
+both models predict what was held out: a run from its own start and frequency, the last part of a
+run from nothing but its first. The whole wave counts, its phase included:
+    e = |C − Ĉ|² + |S − Ŝ|²,   ratio = (Σe_base / Σe_causes)^½.
+The interval is that of a bootstrap over blocks of what was held out, each with its own draw of what
+the training taught.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ....fitting.causes import extended_fit
+from ....fitting.causes.coordinate_priors import CoordinatePriors
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.fit_point import Point
+from ....fitting.causes.measured_runs import MeasuredRuns
+from ....fitting.causes.sensitivities import propagation
+from ....fitting.causes.slow_prediction import predict
+from ....fitting.causes.wave_frame import real
+from ....fitting.causes.whitened_rows import design_of, layout_of
+from ....physics import ellipse
+from ..fits.refits import leave_out
+from ..thresholds import WORTH
+from .case import Case
+from .selection import select
+from .stand_in import is_beyond_question
+
+Array = np.ndarray
+FEWEST_RUNS = 4
+TRAIN = 0.7
+"""Part of every run that teaches where there are too few runs to hold whole ones out."""
+FEWEST_ROWS, BLOCKS, DRAWS = 40, 8, 400
+COURSE_POINTS = 60
+UNTAUGHT = 3.0
+"""Times its σ from all data beyond which a cause is not known from a part of them, so that what it
+predicts there says nothing of it."""
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Data split in two: series with weight on what teaches, rows (R, n) to be predicted, whether
+    those are whole runs."""
+
+    train: MeasuredRuns
+    test: Array
+    whole_runs: bool
+
+    def taught(self, point: Point) -> Point:
+        """A point of all runs for those that teach, found by number: pieces of one run have its
+        name in common."""
+        kept = self.train.numbers
+        return replace(point, start=point.start[kept], offset_rad_s=point.offset_rad_s[kept])
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of a forecast at the rows held out: run (k,), time (k,), measured less predicted (k,
+    4), relative wave errors (k, 4).
+
+    `parts`: δmθ, δ ln a, δr and δφ (k, 4); `learned` (k, 4, m): what one σ of each of m
+    combinations of the parameters moves the errors by; weight (k,): 1/σ of the rows.
+    """
+
+    run: Array
+    time_s: Array
+    difference: Array
+    parts: Array
+    learned: Array
+    weight: Array
+
+    @property
+    def square(self) -> Array:
+        """e of every row, (k,)."""
+        return np.sum(self.difference**2, axis=1)
+
+    def surprise(self, misfit: float) -> float:
+        """−2 ln of the density that the forecast gave what came, less a constant: of errors e with
+        C = s² + MMᵀ over σ, eᵀC⁻¹e + ln det C/s², M what was `learned` and s² = `misfit`.
+
+        A proper score (Good 1952): what a forecast does not know counts neither for it nor against.
+        """
+        e = (self.difference * self.weight[:, None]).ravel()
+        M = (self.learned * self.weight[:, None, None]).reshape(len(e), -1)
+        known = np.eye(M.shape[1]) + M.T @ M / misfit
+        along = M.T @ e / misfit
+        return float(
+            e @ e / misfit - along @ np.linalg.solve(known, along) + np.linalg.slogdet(known)[1]
+        )
+
+    def drawn(self, random: np.random.Generator) -> Array:
+        """e had the training taught something else within its own uncertainty, (k, DRAWS)."""
+        taught = random.standard_normal((DRAWS, self.learned.shape[-1]))
+        # one at a time: all together are as large as everything else that a diagnosis holds
+        one_by_one = (np.sum((self.difference + self.learned @ one) ** 2, axis=1) for one in taught)
+        return np.stack(list(one_by_one), axis=-1)
+
+
+def folds_of(series: MeasuredRuns) -> list[Fold]:
+    """The splits; empty where the runs are too short for one."""
+    good = series.weight > 0
+    runs = len(series.names)
+    if runs >= FEWEST_RUNS:
+        halves = [np.arange(runs) % 2 == k for k in (0, 1)]
+        return [
+            Fold(series.runs(np.flatnonzero(~half).tolist()), good & half[:, None], True)
+            for half in halves
+        ]
+    first, last = series.time_s[:, 0], np.max(series.time_s, axis=1, where=good, initial=-np.inf)
+    keep = good & (series.time_s <= (first + TRAIN * (last - first))[:, None])
+    if keep.sum(axis=1).min() < FEWEST_ROWS or (good & ~keep).sum() < BLOCKS:
+        return []
+    return [
+        Fold(
+            replace(series.alone(), weight=np.where(keep, series.weight, 0.0)),
+            good & ~keep,
+            False,
+        )
+    ]
+
+
+def forecast(case: Case, unit: str, seed: int = 0) -> dict[str, Any] | None:
+    """The forecast with causes chosen inside each fold, in the signals' unit; None where no fold
+    can be made or fitted, or no cause was found.
+
+    The base fit of all data is where each fold's fit starts.
+    """
+    search = case.search
+    if not search.found:
+        return None
+    base, before, after, chosen = search.base, [], [], []
+    for fold in folds_of(base.series):
+        with contextlib.suppress(extended_fit.DivergedError):
+            plain = train(base, fold)
+            inside = select(plain, case.inquiry)
+            pair = errors_of(plain, base, fold), errors_of(inside.final, base, fold)
+            if all(np.all(np.isfinite(one.difference)) for one in pair):
+                before.append(pair[0])
+                after.append(pair[1])
+                chosen.append([one.variant.effect.name for one in inside.found])
+    if not before:
+        return None
+    random = np.random.default_rng(seed)
+    rows = sum(len(e.run) for e in before)
+    ratio, low, high, std = gain_of(before, after, random)
+    levels = [
+        float(np.sqrt(sum(e.square.sum() for e in side) / (2 * rows))) for side in (before, after)
+    ]
+    held = "runs" if len(base.series.names) >= FEWEST_RUNS else "time"
+    found = {
+        "held_out": held,
+        "before": levels[0],
+        "after": levels[1],
+        "ratio": ratio,
+        "low": low,
+        "high": high,
+        "std": std,
+        "unit": unit,
+        "chosen": chosen,
+        "train_fraction": 0.5 if held == "runs" else TRAIN,
+        "parts": {
+            "before": _root_mean_squares(before, base.series.mode_number),
+            "after": _root_mean_squares(after, base.series.mode_number),
+        },
+        "course": _course(before[0], after[0], base.series),
+    }
+    return found | {"sentence": sentence(found)}
+
+
+def train(base: ExtendedFit, fold: Fold) -> ExtendedFit:
+    """The base model fitted to a fold's training data alone."""
+    return extended_fit.fit(fold.train, replace(fold.taught(base.point), active=()), base.freedom)
+
+
+def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
+    """What a training fit misses of the rows held out."""
+    series = replace(base.series.alone(), weight=np.where(fold.test, base.series.weight, 0.0))
+    if fold.whole_runs:
+        # a run's start and frequency are its own: they are fitted on it, everything shared is held
+        kept = np.flatnonzero(fold.test.any(axis=1))
+        series = series.runs(kept.tolist())
+        still = tuple(
+            (replace(e, parameters=tuple(replace(p, fitted=False) for p in e.parameters)), v)
+            for e, v in fit.point.active
+        )
+        point = replace(
+            fit.point,
+            start=base.point.start[kept],
+            offset_rad_s=base.point.offset_rad_s[kept],
+            active=still,
+        )
+        held = CoordinatePriors(fit.point.p, np.zeros(len(fit.point.p)), passive=False)
+        own = extended_fit.fit(series, point, held)
+        prediction, names = own.prediction, kept
+        learned = _of_own(own, fit)
+    else:
+        prediction, names = predict(series, fit.point), np.arange(len(series.names))
+        with np.errstate(all="ignore"):
+            learned = design_of(propagation(prediction), fit.layout).whole() @ _root(fit.covariance)
+    run, row = np.argwhere(series.weight > 0).T
+    weight = series.weight[run, row]
+    learned = learned.reshape(len(run), 4, -1) / weight[:, None, None]
+    measured, said = series.envelope[run, row], prediction.seen[run, row]
+    misfit = max(
+        1.0, fit.chi2 / fit.dof
+    )  # a model that misses its own training by more than the noise is trusted that much less
+    parts = _parts(measured, said)
+    return Errors(
+        names[run],
+        series.time_s[run, row],
+        real(measured - said),
+        parts,
+        np.sqrt(misfit) * learned,
+        weight,
+    )
+
+
+def _of_own(own: ExtendedFit, fit: ExtendedFit) -> Array:
+    """What one σ of what was learned moves, over σ, (N, m): of the runs' own starts and frequencies,
+    and of all that they share with the training, beside these."""
+    point = replace(own.point, active=fit.point.active)
+    layout = layout_of(own.series, point, fit.freedom)
+    with np.errstate(all="ignore"):
+        design = design_of(propagation(replace(own.prediction, point=point)), layout)
+        of_runs = own.design.whole() @ _root(own.covariance)
+    places = fit.layout.shared
+    of_all = own.basis.off(design.shared) @ _root(fit.covariance[np.ix_(places, places)])
+    return np.concatenate([of_runs, of_all], axis=1)
+
+
+def drop_misleading(case: Case) -> Case:
+    """The case without the causes after which what was held out is predicted worse."""
+    folds = folds_of(case.search.base.series)
+    for one in reversed(case.search.found):
+        name = one.variant.effect.name
+        if is_beyond_question(case.search.final, name):
+            continue
+        if not predicts_worse(case.search.final, name, case.search.base, folds):
+            continue
+        reduced = leave_out(case.search.final, name)
+        if reduced is not None:
+            case = case.without(one, reduced)
+    return case
+
+
+def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequence[Fold]) -> bool:
+    """Whether what is held out is predicted worse with a cause than without it, fitted each time to
+    the training data alone, by odds of `WORTH`.
+
+    Folds whose training does not know the cause (`UNTAUGHT`) are left out; none left: it cannot be
+    said, and is not.
+    """
+    with_it = without_it = 0.0
+    for fold in folds:
+        with contextlib.suppress(extended_fit.DivergedError):
+            taught = extended_fit.fit(fold.train, fold.taught(final.point), final.freedom)
+            ratio = [
+                taught.parameter_std(name, p) / max(final.parameter_std(name, p), 1e-300)
+                for p in final.layout.parameters(name)
+            ]
+            if not ratio or max(ratio) > UNTAUGHT * (np.sqrt(2) if fold.whole_runs else 1.0):
+                continue
+            reduced = leave_out(taught, name)
+            if reduced is None:
+                continue
+            misfit = max(1.0, reduced.chi2 / reduced.dof)
+            one, other = (errors_of(f, base, fold).surprise(misfit) for f in (taught, reduced))
+            if np.isfinite(one) and np.isfinite(other):
+                with_it, without_it = with_it + one, without_it + other
+    return with_it > without_it + WORTH
+
+
+def gain_of(
+    before: Sequence[Errors], after: Sequence[Errors], random: np.random.Generator
+) -> tuple[float, float, float, float]:
+    """(ratio of the errors, 2.5 % and 97.5 % quantile, standard deviation): blocks drawn with
+    replacement, each with its own teaching."""
+    sums: list[list[Array]] = [[], []]
+    for pair in zip(before, after, strict=True):
+        blocks = [b for b in np.array_split(np.arange(len(pair[0].run)), BLOCKS) if len(b)]
+        for side, one in enumerate(pair):
+            drawn = one.drawn(random)
+            sums[side] += [drawn[b].sum(axis=0) for b in blocks]
+    count = len(sums[0])
+    picked = random.multinomial(count, np.full(count, 1 / count), DRAWS)
+    left = [np.sum(picked * np.stack(side, axis=1), axis=1) for side in sums]
+    ratios = np.sqrt(left[0] / np.maximum(left[1], 1e-300))
+    low, high = np.quantile(ratios, [0.025, 0.975])
+    plain = [sum(float(e.square.sum()) for e in side) for side in (before, after)]
+    ratio = float(np.sqrt(plain[0] / max(plain[1], 1e-300)))
+    return ratio, float(min(low, ratio)), float(max(high, ratio)), float(ratios.std(ddof=1))
+
+
+def _root(covariance: Array) -> Array:
+    """Columns whose outer products sum to the covariance, which may be blind to some directions."""
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    size = np.where(size > 0, size, 1.0)
+    level, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    return size[:, None] * vectors * np.sqrt(np.maximum(level, 0.0))
+
+
+def _parts(measured: Array, said: Array) -> Array:
+    """Measured less said: δmθ, δ ln a, δr, δφ, (k, 4)."""
+    a, b, angle, phase = ellipse.wave(measured, 1)
+    a_said, b_said, angle_said, phase_said = ellipse.wave(said, 1)
+    turn = angle - angle_said
+    half = np.round(turn / np.pi)  # (mθ + π, φ + π) is the same wave
+    shift = phase - phase_said - np.pi * half
+    return np.stack(
+        [
+            turn - np.pi * half,
+            np.log(a / a_said),
+            b / a - b_said / a_said,
+            np.angle(np.exp(1j * shift)),
+        ],
+        axis=1,
+    )
+
+
+def _root_mean_squares(sides: Sequence[Errors], mode_number: int) -> dict[str, float]:
+    """Of all folds together: degrees of the wave angle and of the phase, amplitude and quadrature
+    in per cent of the amplitude."""
+    angle, amplitude, quadrature, phase = np.sqrt(
+        np.mean(np.concatenate([e.parts for e in sides]) ** 2, axis=0)
+    )
+    return {
+        "angle_deg": float(np.degrees(angle) / mode_number),
+        "amplitude_percent": float(100 * amplitude),
+        "quadrature_percent": float(100 * quadrature),
+        "phase_deg": float(np.degrees(phase)),
+    }
+
+
+def _course(before: Errors, after: Errors, series: MeasuredRuns) -> list[dict[str, Any]]:
+    """Errors against time of every run of the first fold, for a picture."""
+    out = []
+    units = {
+        "angle_deg": np.degrees(1) / series.mode_number,
+        "amplitude_percent": 100.0,
+        "quadrature_percent": 100.0,
+        "phase_deg": np.degrees(1),
+    }
+    for k in np.unique(before.run):
+        rows = np.flatnonzero(before.run == k)
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, COURSE_POINTS).astype(int))]
+        one: dict[str, Any] = {
+            "run": series.names[int(k)],
+            "time_s": [float(f"{t:.6g}") for t in before.time_s[rows]],
+        }
+        for name, errors in (("before", before), ("after", after)):
+            one[name] = {
+                word: [float(f"{v:.6g}") for v in unit * errors.parts[rows, column]]
+                for column, (word, unit) in enumerate(units.items())
+            }
+        out.append(one)
+    return out
+
+
+def sentence(report: dict[str, Any]) -> str:
+    """The forecast in one line."""
+    what = (
+        "runs that taught nothing"
+        if report["held_out"] == "runs"
+        else f"the last {100 * (1 - report['train_fraction']):.0f} % from the first"
+    )
+    names = list(dict.fromkeys(name for fold in report["chosen"] for name in fold))
+    by = f"with {', '.join(names)}" if names else "no cause was chosen there"
+    unit = "" if report["unit"] == "1" else f" {report['unit']}"
+    return (
+        f"{what}: {report['before']:.3g} → {report['after']:.3g}{unit} rms, phase"
+        f" included ({by}); {report['ratio']:.3g} times as good, 95 % between {report['low']:.3g}"
+        f" and {report['high']:.3g}"
+    )

@@ -1,0 +1,207 @@
+"""Diagnosis, the gain: how much better runs are predicted that the extended model was not fitted
+to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ....effects.effect import frame
+from ....fitting.causes import left_out_folds
+from ....fitting.causes.coordinate_priors import coordinate_rows
+from ....fitting.causes.extended_fit import ExtendedFit, on_rows
+from ....fitting.causes.left_out_folds import HeldOut
+from ....fitting.causes.wave_frame import imaginary
+from ....units import DEGREE_PER_HOUR
+
+Array = np.ndarray
+FEWEST_RUNS = 4
+TIME_BLOCKS = 5
+PIECES = 4
+"""Pieces of a run, over each of which the angle's error is taken as a drift."""
+PPM = 1e6
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Held out by whole "runs" or blocks of "time": squared errors over σ, and what they are as
+    drift, angle and amplitude."""
+
+    kind: str
+    errors: HeldOut
+    quantities: dict[str, dict[str, float]]
+
+
+def folds_of(
+    fit: ExtendedFit, origin: Sequence[int] | None = None, fewest_runs: int = FEWEST_RUNS
+) -> tuple[str, list[Array]]:
+    """("runs", one fold a run) with four runs or more, else ("time", blocks of time across all
+    runs): indices into the residual.
+
+    `origin`: which recorded run each of the fit's runs is a piece of.
+    """
+    run, row = fit.rows[:, 0], fit.rows[:, 1]
+    whole = np.asarray(origin if origin is not None else range(len(fit.series.names)))[run]
+    runs = np.unique(whole)
+    if len(runs) >= fewest_runs:
+        return "runs", [np.flatnonzero(whole == k) for k in runs]
+    time = fit.series.time_s[run, row]
+    block = np.zeros(len(run), int)
+    for k in runs:
+        own = whole == k
+        first, last = time[own].min(), time[own].max()
+        block[own] = np.minimum(
+            (time[own] - first) / (last - first) * TIME_BLOCKS, TIME_BLOCKS - 1
+        ).astype(int)
+    return "time", [np.flatnonzero(block == b) for b in range(TIME_BLOCKS)]
+
+
+def predict_folds(
+    fit: ExtendedFit, kind: str, folds: list[Array], least_information: float = 0.0
+) -> Array:
+    """Whitened residual (N,) of every fold, predicted from the others (linearised at the optimum);
+    what these hold less information on than a part of all stays where it is."""
+    prior = coordinate_rows(fit.freedom, fit.layout)
+    if kind == "runs":
+        own = {number: _own(fit, rows) for number, rows in enumerate(folds)}
+        return left_out_folds.predict_folds(
+            fit.residual,
+            fit.design.shared,
+            own,
+            folds,
+            prior[:, fit.design.places],
+            least_information,
+        )
+    own = {number: np.zeros((len(rows), 0)) for number, rows in enumerate(folds)}
+    return left_out_folds.predict_folds(
+        fit.residual, fit.design.whole(), own, folds, prior, least_information
+    )
+
+
+def _own(fit: ExtendedFit, rows: Array) -> Array:
+    """Columns of a fold's own runs on its rows, (N_f, q); the rows of a fold are those of whole
+    runs, in order."""
+    blocks = [
+        values
+        for block, _, values in fit.design.own
+        if rows[0] <= block.start and block.stop <= rows[-1] + 1
+    ]
+    out = np.zeros((len(rows), sum(b.shape[1] for b in blocks)))
+    row = column = 0
+    for b in blocks:
+        out[row : row + len(b), column : column + b.shape[1]] = b
+        row, column = row + len(b), column + b.shape[1]
+    return out
+
+
+def held_out(
+    before: ExtendedFit,
+    after: ExtendedFit,
+    origin_before: Sequence[int] | None = None,
+    origin_after: Sequence[int] | None = None,
+) -> Gain:
+    """Held-out errors of two fits of the same runs; `origin_…`: the recorded run of each of their
+    pieces."""
+    there = [
+        set(origin) if origin is not None else set(range(len(fit.series.names)))
+        for fit, origin in ((before, origin_before), (after, origin_after))
+    ]
+    # a run that one of them lacks (cut into pieces too short to keep) cannot be a fold of both
+    fewest = FEWEST_RUNS if there[0] == there[1] else len(there[0] | there[1]) + 1
+    kind, first, old = _errors(before, origin_before, fewest)
+    if after is before:
+        second, new = first, old
+    else:
+        _, second, new = _errors(after, origin_after, fewest)
+    names = [name for name in old if name in new]
+    quantities = {
+        name: {
+            "before": old[name][0],
+            "before_std": old[name][1],
+            "after": new[name][0],
+            "after_std": new[name][1],
+        }
+        for name in names
+    }
+    return Gain(kind, HeldOut(first, second), quantities)
+
+
+def _errors(
+    fit: ExtendedFit, origin: Sequence[int] | None, fewest_runs: int
+) -> tuple[str, Array, dict[str, tuple[float, float]]]:
+    """(How it is held out, mean squared error over σ of every fold, what that is as drift, angle
+    and amplitude)."""
+    kind, folds = folds_of(fit, origin, fewest_runs)
+    left = predict_folds(fit, kind, folds)
+    return (
+        kind,
+        np.array([float(np.mean(left[fold] ** 2)) for fold in folds]),
+        _quantities(fit, left, folds),
+    )
+
+
+def predicts_better(before: ExtendedFit, after: ExtendedFit) -> bool:
+    """Whether what was left out is predicted better by runs, or, where single runs alone show a
+    cause, by blocks of time."""
+    kinds = (FEWEST_RUNS, len(before.series.names) + 1)
+    for fewest in kinds:
+        kind, folds = folds_of(before, fewest_runs=fewest)
+        if np.sum(predict_folds(after, kind, folds) ** 2) < np.sum(
+            predict_folds(before, kind, folds) ** 2
+        ):
+            return True
+    return False
+
+
+def _quantities(
+    fit: ExtendedFit, left: Array, folds: list[Array]
+) -> dict[str, tuple[float, float]]:
+    """rms and its standard deviation over the folds of: drift error mθ̇ (°/h), error of the angle
+    mθ and of the amplitude (ppm)."""
+    series, u = fit.series, fit.prediction.seen
+    weight = np.where(series.weight > 0, series.weight, np.inf)
+    difference = imaginary(on_rows(fit, left) / weight[..., None])
+    turn, e_A, e_B, a_A = frame(u, series.phase_rad)
+    angle = np.real(np.sum(difference * e_B, axis=-1) * np.conj(turn)) / a_A
+    amplitude = np.real(np.sum(difference * e_A, axis=-1) * np.conj(turn)) / a_A
+    out: dict[str, list[float]] = {
+        "drift_error_deg_h": [],
+        "angle_error_ppm": [],
+        "amplitude_error_ppm": [],
+    }
+    for fold in folds:
+        run, row = fit.rows[fold[::4], :2].T  # four residuals a row
+        slopes = []
+        for k in np.unique(run):
+            for piece in np.array_split(row[run == k], PIECES):
+                if len(piece) > 2:
+                    t = series.time_s[k, piece] - series.time_s[k, piece].mean()
+                    slopes.append(t @ angle[k, piece] / (t @ t))
+        out["drift_error_deg_h"].append(
+            float(np.mean(np.square(slopes))) / DEGREE_PER_HOUR**2 if slopes else 0.0
+        )
+        out["angle_error_ppm"].append(float(np.mean(angle[run, row] ** 2)) * PPM**2)
+        out["amplitude_error_ppm"].append(float(np.mean(amplitude[run, row] ** 2)) * PPM**2)
+    return {name: _root(np.array(squares)) for name, squares in out.items()}
+
+
+def _root(squares: Array) -> tuple[float, float]:
+    """Root of the mean of squares over folds, and its standard deviation from their scatter."""
+    rms = float(np.sqrt(squares.mean()))
+    spread = float(squares.std(ddof=1) / np.sqrt(len(squares))) if len(squares) > 1 else 0.0
+    return rms, spread / (2 * rms) if rms > 0 else 0.0
+
+
+def figures(gain: Gain) -> dict[str, Any]:
+    """The JSON of a gain."""
+    errors = gain.errors
+    return {
+        "held_out": gain.kind,
+        "before": float(np.sqrt(errors.before.mean())),
+        "after": float(np.sqrt(errors.after.mean())),
+        "ratio": errors.ratio,
+        "std": errors.std if np.isfinite(errors.std) else None,
+    } | gain.quantities

@@ -1,0 +1,216 @@
+"""Diagnosis, beside a gross misfit: what happens at one instant and stands out of it.
+
+A misfit that no cause explains is slow: whatever is as slow takes a part of it away, and says
+nothing. What changes from one row to the next is no slow course. It is judged by its generalised
+least-squares score, the residual itself being the noise: its power λ_b in bands of half cycles a run,
+of each of the wave's four components on its own, with the cause taken out,
+    ΔX² = |P r_w|²,  r_w = (T r)/√λ off the model's own columns,  P onto the cause's (T S)/√λ,
+T the orthonormal cosines of `Spectrum`; F as there. The sizes are those of the same least squares and
+stay as they are in the fit, which the misfit would else bend to its own ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ....effects import EFFECTS
+from ....effects.effect import INSTANT, RUN, Effect
+from ....effects.jumps import FEWEST
+from ....fitting.causes import designs, evidence, extended_fit, fit_point
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.measured_runs import MeasuredRuns
+from ..fits.refits import leave_out
+from ..fits.scoring import is_gross, is_possible, number_of_places, score_effects
+from ..fits.variants import Variant, variants
+from ..thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WORTH
+from .beside_misfit import Spectrum, independent
+from .case import Case
+from .remainder import search_rest
+from .selection import Found
+
+Array = np.ndarray
+SWEEPS = 4
+"""Times that sizes and the misfit beside them follow from one another."""
+APART = range(-4, 5)
+"""Half rows by which the instant may lie beside where the rows jump most."""
+
+
+@dataclass(frozen=True)
+class Strike:
+    """A cause at an instant: Δχ² against the misfit, its rank and chance, its parameters' sizes and
+    σ (K,), and ΔBIC."""
+
+    variant: Variant
+    gain: float
+    rank: int
+    chance: float
+    size: Array
+    std: Array
+    criterion: float
+
+
+def take_strikes(case: Case) -> Case:
+    """The case with what stands out of a gross misfit at an instant, one after another; as it is
+    where the misfit is none."""
+    if case.remainder is None or not is_gross(case.search.final):
+        return case
+    sharp = [effect for effect in EFFECTS if effect.of_one_run]
+    before, case = case, _without(case, sharp)
+    for _ in range(case.inquiry.most):
+        found = _clearest(case.search.final, sharp) if is_gross(case.search.final) else None
+        if found is None:
+            break
+        fit, one = found
+        last = tuple(score for score, _ in score_effects(fit, case.inquiry.candidates))
+        search = replace(case.search, final=fit, found=(*case.search.found, one), last=last)
+        case = replace(case, search=search)
+    if case is before:
+        return case
+    return replace(case, remainder=search_rest(case.search.final, case.inquiry.noise))
+
+
+def _without(case: Case, sharp: Sequence[Effect]) -> Case:
+    """The case without the causes at an instant that plain least squares found: beside a gross
+    misfit their sizes are its own."""
+    names = {effect.name for effect in sharp}
+    search = case.search
+    for one in search.found:
+        if one.variant.effect.name in names:
+            reduced = leave_out(search.final, one.variant.effect.name, base=search.base)
+            if reduced is not None:
+                search = search.without(one, reduced, case.inquiry.candidates)
+    return case if search is case.search else replace(case, search=search)
+
+
+def _clearest(fit: ExtendedFit, effects: Sequence[Effect]) -> tuple[ExtendedFit, Found] | None:
+    """The fit with the cause at an instant that chance makes least, and what it cannot be told from;
+    None where chance makes it, where too many would do, or where it has no fit."""
+    active = {effect.name for effect, _ in fit.point.active}
+    tried = around(
+        variants([effect for effect in effects if effect.name not in active], fit), fit.series
+    )
+    strikes = strikes_of(fit, tried)
+    if not strikes:
+        return None
+    best = max(strikes, key=lambda one: one.criterion)
+    rivals = {
+        one.variant.effect.name
+        for one in strikes
+        if one.criterion > best.criterion - WORTH
+    } - {best.variant.effect.name}  # fmt: skip
+    # the places are those where the rows jump most, of all rows
+    places = sum(number_of_places(effect, fit) for effect in effects)
+    chance = evidence.correct_for_tries(min(one.chance for one in strikes), places)
+    if chance > SIGNIFICANT or len(rivals) > MOST_RIVALS:
+        return None
+    with contextlib.suppress(extended_fit.DivergedError):
+        sizes = {
+            name: (best.variant.values[name] + float(size), float(std))
+            for name, size, std in zip(best.variant.steps, best.size, best.std, strict=True)
+        }
+        values = {**best.variant.values, **{name: size for name, (size, _) in sizes.items()}}
+        again = with_held(fit, best.variant.effect, values)
+        if not (again.converged and is_possible(best.variant.effect, again)):
+            return None
+        S = fit.sensitivities([best.variant.wanted])[0]
+        score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)
+        return again, Found(best.variant, score, places, best.gain, tuple(sorted(rivals)), sizes)
+    return None
+
+
+def around(tried: Sequence[Variant], series: MeasuredRuns) -> list[Variant]:
+    """The variants at instants half rows apart about theirs, whole periods away, with rows enough on
+    either side: the rows know the instant to a part of their length."""
+    period = 1 / series.reference_frequency_hz
+    out = []
+    for one in tried:
+        if INSTANT in one.values and not one.anywhere:
+            number = max(0, int(one.values[RUN]))
+            t = series.time_s[number][series.weight[number] > 0]
+            row = float(np.median(np.diff(t)))
+            shifts = sorted({period * round(k * row / 2 / period) for k in APART})
+            places = [one.values[INSTANT] + shift for shift in shifts]
+            out += [
+                replace(one, values={**one.values, INSTANT: place})
+                for place in places
+                if t[FEWEST] < place < t[-1 - FEWEST]
+            ]
+    return out
+
+
+def with_held(fit: ExtendedFit, effect: Effect, values: Mapping[str, float]) -> ExtendedFit:
+    """The fit again beside an effect that stays as it is."""
+    held = replace(
+        effect,
+        parameters=tuple(replace(p, fitted=False, fitted_then=False) for p in effect.parameters),
+    )
+    point = fit_point.add_effect(fit.point, held, values)
+    return extended_fit.fit(fit.series, point, fit.freedom)
+
+
+def strikes_of(fit: ExtendedFit, tried: Sequence[Variant]) -> list[Strike]:
+    """Of every variant that these runs show beside the model."""
+    columns = fit.sensitivities([variant.wanted for variant in tried])
+    model = _model(fit)
+    residual = Spectrum.of(fit.residual, fit)
+    out = []
+    for variant, S in zip(tried, columns, strict=True):
+        free = fit.basis.off(fit.basis.off(S))
+        shown = np.linalg.norm(free, axis=0) > evidence.BLIND * np.linalg.norm(S, axis=0)
+        if shown.all():
+            out.append(_strike(variant, Spectrum.of(free, fit).coefficients, model, residual))
+    return out
+
+
+def _strike(variant: Variant, S: Array, model: Array, residual: Spectrum) -> Strike:
+    """Of a variant with coefficients S (N, K) off the model's (N, k)."""
+    from scipy.special import fdtrc
+
+    r, cell = residual.coefficients, residual.cell
+    # a phase that says at which instant counts, too
+    size, rank = np.zeros(S.shape[1]), sum(p.fitted_then for p in variant.effect.parameters)
+    rank += S.shape[1]
+    for _ in range(SWEEPS):
+        power, numbers = misfit(r - S @ size, r, cell, rank)
+        weight = 1 / np.sqrt(power[cell])
+        own = np.linalg.qr(model * weight[:, None])[0]
+        free, left = S * weight[:, None], r * weight
+        for _ in range(2):
+            free, left = free - own @ (own.T @ free), left - own @ (own.T @ left)
+        information = np.linalg.pinv(free.T @ free, hermitian=True)
+        size = information @ (free.T @ left)
+    taken = free @ size
+    gain = float(taken @ taken)
+    share = np.bincount(cell, taken**2, len(power)) / max(gain, 1e-300)
+    unsure = max(float(np.sum(share**2 / numbers)), 1e-12)
+    std = np.sqrt(np.maximum(np.diag(information), 0.0))
+    chance = float(fdtrc(rank, 1 / unsure, gain / rank))
+    return Strike(variant, gain, rank, chance, size, std, evidence.criterion(gain, rank, len(r)))
+
+
+def misfit(left: Array, before: Array, cell: Array, rank: int) -> tuple[Array, Array]:
+    """Mean power (B,) of coefficients (N,) in every cell, at least the stated noise's 1, and of how
+    many independent numbers it consists, inf where it is that noise; before: with a cause of so
+    many parameters in them."""
+    from scipy.special import chdtrc
+
+    power, numbers = np.ones(cell.max() + 1), np.full(cell.max() + 1, np.inf)
+    for b in range(len(power)):
+        squares = left[cell == b] ** 2
+        if len(squares) and chdtrc(len(squares), squares.sum()) < INADEQUATE:
+            power[b] = max(float(squares.mean()), 1.0)
+            numbers[b] = max(
+                min(independent(squares), independent(before[cell == b] ** 2) - rank), 1.0
+            )
+    return power, numbers
+
+
+def _model(fit: ExtendedFit) -> Array:
+    """Coefficients (N, k) of an orthonormal basis of the model's own columns."""
+    J = fit.design.whole()
+    basis = designs.orthonormal(J[:, np.linalg.norm(J, axis=0) > 0], designs.CLEAR_RANK)
+    return Spectrum.of(basis, fit).coefficients

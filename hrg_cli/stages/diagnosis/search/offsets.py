@@ -1,0 +1,89 @@
+"""Diagnosis, the runs' frequency offsets: their scatter about common means, and the wander from run
+to run that it asks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ....fitting.causes import designs, evidence
+from ....fitting.causes.extended_fit import ExtendedFit
+from .inquiry import NoiseLevel
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Offsets:
+    """The runs' frequency offsets (R,), their covariance (R, R), the means that are free (R, h),
+    all in rad/s."""
+
+    value: Array
+    covariance: Array
+    means: Array
+
+    def misfit(self, wander: float, extra: Array | None = None) -> tuple[float, Array]:
+        """(χ² that means and extra columns leave, their projector's whitened basis) with a wander
+        of that size."""
+        C = np.linalg.cholesky(self.covariance + wander**2 * np.eye(len(self.value)))
+        columns = self.means if extra is None else np.concatenate([self.means, extra], axis=1)
+        basis = designs.orthonormal(np.linalg.solve(C, columns), 1e-6)
+        y = np.linalg.solve(C, self.value)
+        left = y - basis @ (basis.T @ y)
+        return float(left @ left), basis
+
+    def less(self, shift: Array, covariance: Array) -> Offsets:
+        """The offsets without a shift (R,) that is known with a covariance (R, R)."""
+        return replace(self, value=self.value - shift, covariance=self.covariance + covariance)
+
+    def information(self, response: Array) -> Array:
+        """Of the offsets on what moves them by `response` (R, m), the means free: (m, m)."""
+        C = np.linalg.cholesky(self.covariance)
+        basis = designs.orthonormal(np.linalg.solve(C, self.means), 1e-6)
+        seen = np.linalg.solve(C, response)
+        seen = seen - basis @ (basis.T @ seen)
+        return seen.T @ seen
+
+    def follow(self, response: Array, wander: float) -> tuple[Array, Array]:
+        """(sizes (q,), covariance (q, q)) of what moves them by `response` (R, q), the means
+        free, beside a wander of that size."""
+        C = np.linalg.cholesky(self.covariance + wander**2 * np.eye(len(self.value)))
+        design = np.linalg.solve(C, np.concatenate([self.means, response], axis=1))
+        size = np.linalg.norm(design, axis=0)
+        size[size == 0] = 1.0
+        inverse = np.linalg.pinv(design / size, rcond=1e-6)
+        solution = inverse @ np.linalg.solve(C, self.value) / size
+        first = self.means.shape[1]
+        return solution[first:], (inverse @ inverse.T / np.outer(size, size))[first:, first:]
+
+    def wander(self, extra: Array | None = None) -> float:
+        """s of largest restricted likelihood: where χ² equals the degrees of freedom left, 0 where
+        it is smaller from the start."""
+        dof = len(self.value) - self.misfit(0.0, extra)[1].shape[1]
+        if dof <= 0 or self.misfit(0.0, extra)[0] <= dof:
+            return 0.0
+        low, high = 0.0, 10 * float(np.ptp(self.value)) + float(np.sqrt(np.trace(self.covariance)))
+        for _ in range(60):
+            middle = (low + high) / 2
+            low, high = (middle, high) if self.misfit(middle, extra)[0] > dof else (low, middle)
+        return high
+
+
+def offsets_of(fit: ExtendedFit, noise: NoiseLevel) -> tuple[Offsets, list[int]]:
+    """The offsets of a fit and their places among its parameters."""
+    runs = len(fit.series.names)
+    index = [fit.layout.frequency(k) for k in range(runs)]
+    forced = fit.series.forced[:, 0] > 0
+    means = np.stack([kind.astype(float) for kind in (~forced, forced) if kind.any()], axis=1)
+    return (
+        Offsets(fit.point.offset_rad_s, fit.covariance[np.ix_(index, index)] * noise.slow, means),
+        index,
+    )
+
+
+def scatter(offsets: Offsets) -> tuple[float, float]:
+    """(equivalent z, p) of the offsets' scatter about their means against their own noise."""
+    chi2, basis = offsets.misfit(0.0)
+    dof = len(offsets.value) - basis.shape[1]
+    return evidence.significance(chi2, dof) if dof > 0 else (0.0, 1.0)

@@ -1,0 +1,358 @@
+"""Diagnosis, the rest: an open search over terms of the envelope equation and the read-out times
+functions of t, θ, a, T and Ω.
+
+What is left over is described by the best such terms (`open_terms`), blamed on nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ....fitting.causes import evidence, extended_fit, fit_point
+from ....fitting.causes.designs import Basis
+from ....fitting.causes.evidence import Score
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.measured_runs import MeasuredRuns
+from ....fitting.causes.sensitivities import spread
+from ....fitting.causes.wave_frame import directions, real
+from ....fitting.causes.whitened_rows import flatten_rows
+from ..fits.open_terms import PLACES, Covariate, OpenShape, Place, covariates, effect_of
+from ..fits.refits import bic, leave_out
+from ..thresholds import INADEQUATE, NEVER_LESS, SIGNIFICANT, WORTH
+from .inquiry import STATED, NoiseLevel
+
+Array = np.ndarray
+CELLS, PEAKS = 48, 8
+"""Half cycles in the longest run up to which tones are looked for, and the peaks of the residual's
+spectrum at which they are."""
+SLOW = (0.5, 1.0)
+"""Cycles too few for a peak, looked for always."""
+SHAPED, NEAR = 4, 0.6
+"""Terms whose shape is refined before the best is chosen, and the part of the best one's gain from
+which they are."""
+SMOOTH = 6
+OPEN_TERMS = 3
+"""Open terms that describe a rest; a rest that needs more is not described."""
+FEW = 64
+"""Columns of open terms, about, that are made at a time."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term of the open search with its score beside the fit."""
+
+    place: Place
+    covariate: Covariate
+    score: Score
+
+    @property
+    def size(self) -> float:
+        """Greatest size of the change: of a vector whose parts follow a cosine and a sine, the
+        greater half-axis of its ellipse."""
+        parts = np.nan_to_num(self.score.estimate).reshape(self.covariate.parts, -1)
+        return float(np.linalg.norm(parts, 2))
+
+    def worth(self, rows: int, noise: NoiseLevel = STATED) -> float:
+        """ΔBIC."""
+        return evidence.criterion(self.score.gain / noise.slow, self.score.rank, rows)
+
+
+def terms(fit: ExtendedFit) -> list[Term]:
+    """Every term with its score beside the fit, best first; what coincides with the model is left
+    out, what is equal but for rounding stays in the order of the places.
+    """
+    rows = len(fit.residual)
+    out = [
+        term
+        for term in judge_terms(fit, list(_pairs(fit)), fit.residual, fit.basis)
+        if term.score.visible
+    ]
+    return sorted(out, key=lambda t: -round(t.worth(rows), 3))
+
+
+def _pairs(fit: ExtendedFit) -> Iterator[tuple[Place, Covariate]]:
+    """All terms looked through."""
+    for covariate in covariates(fit.series, fit.flow.prediction.motion, peaks(fit)):
+        for place in PLACES:
+            if (covariate.formula != "1" or place.readout) and (
+                not covariate.places or place.name in covariate.places
+            ):
+                yield place, covariate
+
+
+def peaks(fit: ExtendedFit) -> list[float]:
+    """Cycles of the tones looked for: the highest peaks of the spectrum of all runs' and the wave's
+    components' residuals together."""
+    series = fit.series
+    values = extended_fit.along_wave(fit, fit.residual)
+    good = series.weight > 0
+    span = float(series.time_s[good].max())
+    cycles = np.arange(1.5, CELLS / 2 + 1, 0.25)
+    power = np.zeros(len(cycles))
+    for t, kept, one in zip(series.time_s / span, good, values, strict=True):
+        taper = np.sin(np.pi * np.clip((t - t[0]) / max(np.ptp(t[kept]), 1e-12), 0, 1)) ** 2 * kept
+        wave = np.exp(-2j * np.pi * np.outer(cycles, t)) * taper
+        power += np.sum(np.abs(wave @ one) ** 2, axis=1) / max(float(taper @ taper), 1e-12)
+    inner = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])) + 1
+    return [*SLOW, *(float(cycles[k]) for k in sorted(inner, key=lambda k: -power[k])[:PEAKS])]
+
+
+def judge_terms(
+    fit: ExtendedFit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, Q: Basis
+) -> list[Term]:
+    """Terms with their scores: (place, covariate)."""
+    ledger, order = evidence.Ledger(residual, Q), list[int]()
+    for numbers, columns, widths in columns_of(fit, pairs):
+        ledger.enter(columns, widths)
+        order += numbers
+    names = [f"{pairs[k][0].name} × {pairs[k][1].formula}" for k in order]
+    made = [partial(_alone, fit, pairs[k]) for k in order]
+    found = dict(zip(order, ledger.scores(names, made), strict=True))
+    return [Term(place, covariate, found[k]) for k, (place, covariate) in enumerate(pairs)]
+
+
+def _alone(fit: ExtendedFit, pair: tuple[Place, Covariate]) -> Array:
+    """The columns of one term."""
+    ((_, columns, _),) = columns_of(fit, [pair])
+    return columns
+
+
+def columns_of(
+    fit: ExtendedFit, pairs: Sequence[tuple[Place, Covariate]]
+) -> Iterator[tuple[list[int], Array, list[int]]]:
+    """Numbers, sensitivities over σ side by side (N, Σ widths) and widths of some terms at a time;
+    those of a place share its vectors."""
+    flow, series = fit.flow, fit.series
+    motion, seen = flow.prediction.motion, flow.prediction.seen
+    by_place: dict[str, list[int]] = {}
+    for k, (place, _) in enumerate(pairs):
+        by_place.setdefault(place.name, []).append(k)
+    known: dict[tuple[int, int], Array] = {}
+
+    def values(numbers: list[int], u: Array, where: MeasuredRuns) -> list[Array]:
+        for k in numbers:
+            if (k_key := (id(pairs[k][1]), id(u))) not in known:
+                known[k_key] = np.moveaxis(pairs[k][1].function(u, where), 0, -1)
+        return [known[id(pairs[k][1]), id(u)] for k in numbers]
+
+    for numbers in by_place.values():
+        place = pairs[numbers[0]][0]
+        at_rows = seen if place.readout else motion
+        vectors = _vectors(place, at_rows)
+        for some in _few(numbers, vectors.shape[-1]):
+            parts = values(some, at_rows, series)
+            g = np.concatenate(parts, axis=-1)
+            if place.readout:
+                wide = flow.prediction.judged(spread(vectors, g))
+            else:
+                g_middle = np.concatenate(values(some, flow.middle, flow.centre), axis=-1)
+                wide = flow.seen(
+                    flow.carried_by(vectors, _vectors(place, flow.middle), g, g_middle)
+                )
+            yield (
+                some,
+                flatten_rows(series, wide),
+                [part.shape[-1] * vectors.shape[-1] for part in parts],
+            )
+
+
+def _vectors(place: Place, u: Array) -> Array:
+    """M u of a place as reals, (…, 4, columns)."""
+    return np.stack([real(m) for m in place.columns(u)], -1)
+
+
+def _few(numbers: list[int], columns: int) -> Iterator[list[int]]:
+    """As many at a time as stay in the processor's cache together."""
+    count = max(1, FEW // columns)
+    for first in range(0, len(numbers), count):
+        yield numbers[first : first + count]
+
+
+def refine_term(fit: ExtendedFit, term: Term) -> Term:
+    """The term with what is free in its covariate's form (an instant, a decay, a frequency) to a
+    fiftieth of the first grid."""
+    shape = term.covariate.shape
+    if shape is None:
+        return term
+    width = shape.width
+    for _ in range(2):
+        middle = _shape(term).value
+        trials = [
+            (term.place, shape.make(fit.series, v)) for v in middle + width * np.linspace(-1, 1, 11)
+        ]
+        best = max(judge_terms(fit, trials, fit.residual, fit.basis), key=lambda t: t.score.gain)
+        if best.score.gain > term.score.gain:
+            term = best
+        width /= 5
+    return term
+
+
+def _shape(term: Term) -> OpenShape:
+    assert term.covariate.shape is not None
+    return term.covariate.shape
+
+
+def best_of(fit: ExtendedFit, ranked: Sequence[Term]) -> Term:
+    """The term worth most once the shapes of the nearest are refined; one of the motion where it
+    serves as well as one of the read-out.
+
+    A fast error of the motion looks like one of the read-out.
+    """
+    rows = len(fit.residual)
+    near = [t for t in ranked if t.score.gain >= NEAR * ranked[0].score.gain]
+    shaped = [t for t in near if t.covariate.shape is not None]
+    first: dict[tuple[str, object], Term] = {}
+    for term in shaped:
+        first.setdefault((term.place.name, _shape(term).make), term)
+    better = [refine_term(fit, t) for t in list(first.values())[:SHAPED]]
+    near = sorted([*better, *near], key=lambda t: -round(t.worth(rows), 3))
+    best = near[0]
+    if best.place.readout:
+        margin = max(WORTH, 0.03 * best.score.gain)
+        alike = (t for t in near if not t.place.readout and t.covariate.name == best.covariate.name)
+        moving = next(alike, None)
+        if moving is not None and moving.worth(rows) > best.worth(rows) - margin:
+            best = refine_term(fit, moving)
+    return best
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What the open search says: accepted terms in order, the fit with them, their number of
+    coefficients."""
+
+    terms: tuple[Term, ...]
+    fit: ExtendedFit
+    tried: int
+    rank: int
+
+    @property
+    def chi2(self) -> float:
+        """χ² with the terms."""
+        return self.fit.chi2
+
+
+def search_rest(fit: ExtendedFit, noise: NoiseLevel) -> Remainder | None:
+    """The open search where the fit is not adequate; None where it is.
+
+    Not adequate: the residual's smooth part is too large, or one open term of all those tried finds
+    what is too quick for that part.
+    """
+    level, p = adequacy(fit)
+    if level < NEVER_LESS * noise.slow and noise.slow > 1:
+        return None
+    if p > INADEQUATE:
+        found = describe(fit, noise, OPEN_TERMS, INADEQUATE)
+        return found if found.terms else None
+    return describe(fit, noise, OPEN_TERMS, SIGNIFICANT)
+
+
+def describe(fit: ExtendedFit, noise: NoiseLevel, most: int, significant: float) -> Remainder:
+    """Forward selection of open terms with refit, stopped by corrected p and BIC; then each against
+    all others beside the rest."""
+    rows = len(fit.residual)
+    chosen: list[tuple[str, Term]] = []
+    start, tried = fit.basis.shape[1], 0
+    while len(chosen) < most:
+        ranked = terms(fit)
+        if not ranked:
+            break
+        # the spectrum's other cells were looked at too
+        tried = len(ranked) + (CELLS - PEAKS) * len(PLACES)
+        best = best_of(fit, ranked)
+        _, p = evidence.significance(best.score.gain / noise.slow, best.score.rank)
+        if evidence.correct_for_tries(p, tried) > significant or best.worth(rows, noise) < WORTH:
+            break
+        again = add_term(fit, best, name := f"open term {len(chosen)}")
+        if again is None or not again.chi2 < fit.chi2 - WORTH * noise.slow:
+            break
+        fit = again
+        chosen.append((name, best))
+    fit, chosen = exchange_terms(fit, chosen, noise)
+    return Remainder(
+        tuple(fit_of_term(fit, name, term) for name, term in chosen),
+        fit,
+        tried,
+        fit.basis.shape[1] - start,
+    )
+
+
+def add_term(fit: ExtendedFit, term: Term, name: str) -> ExtendedFit | None:
+    """The fit with the term, in the place of one of that name; None where the model finds no fit:
+    its linear gain is none."""
+    effect = effect_of(term.place, term.covariate, name)
+    values = {
+        q.name: float(v) if np.isfinite(v) else 0.0
+        for q, v in zip(effect.parameters, term.score.estimate, strict=True)
+    }
+    try:
+        return extended_fit.fit(
+            fit.series,
+            fit_point.add_effect(fit.point, effect, values),
+            fit.freedom,
+            near=fit.flow.near,
+        )
+    except extended_fit.DivergedError:
+        return None
+
+
+def fit_of_term(fit: ExtendedFit, name: str, term: Term) -> Term:
+    """The term with its coefficients and their σ as they stand in the fit."""
+    values = next(values for effect, values in fit.point.active if effect.name == name)
+    estimate = np.array(list(values.values()))
+    std = np.array([fit.parameter_std(name, c) for c in values])
+    return replace(term, score=replace(term.score, estimate=estimate, std=std))
+
+
+def exchange_terms(
+    fit: ExtendedFit, chosen: list[tuple[str, Term]], noise: NoiseLevel
+) -> tuple[ExtendedFit, list[tuple[str, Term]]]:
+    """Every term against all others beside the rest, and against none: the first was chosen before
+    the others were there."""
+    if len(chosen) < 2:
+        return fit, chosen
+    rows = len(fit.residual)
+    for name, _ in list(chosen):
+        reduced = leave_out(fit, name)
+        if reduced is None:
+            continue
+        lost = (bic(reduced) - bic(fit)) / noise.slow
+        new = best_of(reduced, terms(reduced))
+        better = new.worth(rows, noise)
+        place = [one for one, _ in chosen].index(name)
+        if max(better, lost) < WORTH:
+            fit, chosen = reduced, [*chosen[:place], *chosen[place + 1 :]]
+        elif better > lost + WORTH:
+            again = add_term(reduced, new, name)
+            if again is not None and bic(again) < bic(fit) - WORTH * noise.slow:
+                fit, chosen = again, [*chosen[:place], (name, new), *chosen[place + 1 :]]
+    return fit, chosen
+
+
+def smooth_columns(fit: ExtendedFit) -> list[tuple[slice, Array]]:
+    """Slow cosines in time of all four components of the wave, run by run: what a deterministic
+    misfit would look like, (N_r, m) each."""
+    series = fit.series
+    frame = np.swapaxes(real(directions(fit.flow.prediction.seen)), -1, -2)
+    good = series.weight > 0
+    last, first = np.max(series.time_s, axis=1, where=good, initial=-np.inf), series.time_s[:, 0]
+    x = (series.time_s - first[:, None]) / (last - first)[:, None]
+    slow = np.cos(np.pi * np.arange(1, SMOOTH + 1) * x[..., None])
+    out = (slow[:, :, None, :, None] * frame[:, :, :, None, :]).reshape(*series.weight.shape, 4, -1)
+    blocks = fit.basis.own
+    return [
+        (rows, out[k][good[k]].reshape(-1, out.shape[-1])) for k, (rows, _) in enumerate(blocks)
+    ]
+
+
+def adequacy(fit: ExtendedFit) -> tuple[float, float]:
+    """(χ² a degree of freedom of the residual's smooth part, its p): 1 and not small when nothing
+    is left but white noise."""
+    from scipy.special import chdtrc
+
+    power, rank = evidence.smooth_power(fit.residual, fit.basis, smooth_columns(fit))
+    return (power / rank, float(chdtrc(rank, power))) if rank else (1.0, 1.0)

@@ -1,0 +1,210 @@
+"""Diagnosis, causes against the runs' frequencies: what each would do to them, and whether the runs
+themselves leave it the size that this asks for.
+
+A cause's parameters θ are told by two independent things: by the rows of the runs, every run's
+frequency free (information I = S⊥ᵀS⊥ of its sensitivities beside the base model), and by the offsets,
+ô = H f + G θ + w (information M). Along v_k with vᵀ(M + I)v = 1 and vᵀMv = μ both are diagonal. Where
+μ > ½ the offsets know more; only there may a cause follow them, elsewhere the runs have said all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....fitting.causes import evidence
+from ....fitting.causes.extended_fit import ExtendedFit
+from ..fits.scoring import is_small
+from ..fits.variants import Variant
+from .inquiry import Inquiry
+from .offsets import Offsets
+
+Array = np.ndarray
+SPARE = 2
+"""Degrees of freedom that must be left over."""
+QUIET = 0.01
+"""p of the scatter that is left from which it counts as noise."""
+EXCLUDED = 4.0
+"""σ by which the runs must exclude the size that the offsets' scatter asks for."""
+TELLING = 4.0
+"""χ² that the rows of the runs should show of the cause, from which what they do show is evidence
+too."""
+BLIND = 1e-9
+"""Information, over the most there is, along which nothing is known."""
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """A cause against the offsets.
+
+    known: what it may do to them, and `offsets`: these less what the rows say that it does; chance
+    that this is none, by offsets and rows together; χ² it takes away, wander left, p of what is left
+    as noise; whether the rows of the runs allow it.
+    """
+
+    variant: Variant
+    known: Knowledge
+    offsets: Offsets
+    p_value: float
+    gain: float
+    wander: float
+    left_p: float
+    allowed: bool
+    stands: bool
+    """Whether the cause stands already, and this is what its runs alone do not show of it."""
+
+    def left_over(self, wander: float) -> float:
+        """χ² of the offsets beside the cause and a wander of that size."""
+        return self.offsets.misfit(wander, self.known.response)[0]
+
+
+def patterns(
+    fit: ExtendedFit, offsets: Offsets, index: Sequence[int], inquiry: Inquiry
+) -> list[Pattern]:
+    """Every cause that could have made the runs' frequencies differ, the least likely by chance
+    first; before all, one that stands already and leaves no more than noise."""
+    active = {effect.name for effect, _ in fit.point.active}
+    out: dict[str, Pattern] = {}
+    open_ones = [
+        one
+        for v in inquiry.candidates
+        if not (v.secants or v.anywhere)
+        and (one := v if v.effect.name not in active else _unshown(v, fit)) is not None
+    ]
+    for variant, S in zip(open_ones, fit.sensitivities([v.wanted for v in open_ones]), strict=True):
+        response = (fit.covariance @ fit.design.along(S))[list(index)]
+        if not np.all(np.isfinite(response)) or not response.any():
+            continue
+        known = Knowledge.of(fit, S, offsets, response, inquiry.noise.slow)
+        if known is None or not _thinkable(known, variant, offsets, fit):
+            continue
+        pattern = _pattern(variant, known, offsets, variant.effect.name in active)
+        if pattern is not None:
+            out[variant.effect.name] = pattern
+    return sorted(
+        out.values(),
+        key=lambda one: (not (one.stands and one.left_p > QUIET), one.p_value, -one.gain),
+    )
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """A cause's parameters along the v_k where the offsets tell more than the rows: response (R, q),
+    directions (m, q), what the rows say of them (q,) with their information (q,).
+
+    aside (m,): the rest, as the rows have it, which shifts the offsets by `shift` (R,) with
+    covariance `blur` (R, R); chance: that the rows show as much of the cause by noise.
+    """
+
+    response: Array
+    directions: Array
+    told: Array
+    information: Array
+    aside: Array
+    shift: Array
+    blur: Array
+    chance: float
+
+    @classmethod
+    def of(
+        cls, fit: ExtendedFit, S: Array, offsets: Offsets, response: Array, slow: float
+    ) -> Knowledge | None:
+        """From sensitivities (N, m) and the response (R, m), the rows' variances times `slow`; None
+        where the runs say all."""
+        from scipy.special import chdtrc
+
+        size = np.linalg.norm(S, axis=0)
+        if not np.all(np.isfinite(size)) or not np.all(size > 0):
+            return None
+        own = fit.basis.off(fit.basis.off(S / size))
+        inside = own.T @ own / slow
+        beside = offsets.information(response / size)
+        scale = np.sqrt(np.maximum(np.diag(inside + beside), 1e-300))
+        power, vectors = np.linalg.eigh((inside + beside) / np.outer(scale, scale))
+        seen = power > BLIND * power[-1]
+        root = vectors[:, seen] / np.sqrt(power[seen]) / scale[:, None]
+        share, turn = np.linalg.eigh(root.T @ beside @ root)
+        V = root @ turn
+        # what is left of 1 by rounding is nothing that rows say
+        information = np.where(1.0 - share > BLIND, 1.0 - share, 0.0)
+        rows = information > 0
+        shown = V.T @ (own.T @ fit.residual / slow)
+        told = np.divide(shown, information, out=np.zeros_like(shown), where=rows)
+        better = share > 0.5
+        if not better.any():
+            return None
+        moved, V = response / size @ V, V / size[:, None]
+        told_power = float(np.sum(information * told**2))
+        return cls(
+            moved[:, better],
+            V[:, better],
+            told[better],
+            information[better],
+            V[:, ~better] @ told[~better],
+            moved[:, ~better] @ told[~better],
+            moved[:, ~better] / information[~better] @ moved[:, ~better].T,
+            float(chdtrc(int(rows.sum()), told_power)) if rows.any() else 1.0,
+        )
+
+
+def _thinkable(known: Knowledge, variant: Variant, offsets: Offsets, fit: ExtendedFit) -> bool:
+    """Whether along one direction the size that would scatter the offsets as they are is one that
+    such a cause can have, and that the rows of the runs do not exclude."""
+    wander = offsets.wander()
+    apart = known.response - known.response.mean(axis=0)
+    for k, direction in enumerate(known.directions.T):
+        needed = wander / max(float(np.sqrt(np.mean(apart[:, k] ** 2))), 1e-300)
+        beyond = (needed - abs(known.told[k])) * np.sqrt(known.information[k])
+        values = {
+            name: variant.values[name] + needed * float(v)
+            for name, v in zip(variant.steps, direction, strict=True)
+        }
+        if beyond < EXCLUDED and is_small(variant.effect, {**variant.values, **values}, fit):
+            return True
+    return False
+
+
+def _pattern(variant: Variant, known: Knowledge, offsets: Offsets, stands: bool) -> Pattern | None:
+    """How well the cause follows the offsets; None where too few runs are left to say so."""
+    from scipy.special import chdtrc, fdtrc
+
+    left = offsets.less(known.shift, known.blur)
+    wander = left.wander(known.response)
+    before, means = left.misfit(wander)
+    after, basis = left.misfit(wander, known.response)
+    rank, dof = basis.shape[1] - means.shape[1], len(left.value) - basis.shape[1]
+    if rank < 1 or dof < SPARE:
+        return None
+    p = float(fdtrc(rank, dof, (before - after) / rank / max(1.0, after / dof)))
+    size, covariance = left.follow(known.response, wander)
+    if known.shift.any() or float(np.sum(known.information * size**2)) > TELLING:
+        p = evidence.both(p, known.chance)
+    quiet = float(chdtrc(dof, left.misfit(0.0, known.response)[0]))
+    allowed = _agrees(known, size, covariance)
+    return Pattern(variant, known, left, p, before - after, wander, quiet, allowed, stands)
+
+
+def _agrees(known: Knowledge, size: Array, covariance: Array) -> bool:
+    """Whether the rows of the runs allow the size that the offsets ask for."""
+    from scipy.special import chdtrc
+
+    told = known.information > 0
+    if not told.any():
+        return True
+    apart = (size - known.told)[told]
+    spread = covariance[np.ix_(told, told)] + np.diag(1 / known.information[told])
+    distance = float(apart @ np.linalg.solve(spread, apart))
+    return bool(chdtrc(int(told.sum()), distance) > chdtrc(1, EXCLUDED**2))
+
+
+def _unshown(variant: Variant, fit: ExtendedFit) -> Variant | None:
+    """A cause that stands, with those of its parameters that its runs alone did not show; None
+    where they showed all."""
+    effect, values = next(pair for pair in fit.point.active if pair[0].name == variant.effect.name)
+    fitted = {p.name for p in effect.fitted()}
+    steps = {name: step for name, step in variant.steps.items() if name not in fitted}
+    if not steps or any(values[name] != variant.values[name] for name in steps):
+        return None
+    return Variant(variant.effect, dict(values), steps)

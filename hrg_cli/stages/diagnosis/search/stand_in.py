@@ -1,0 +1,72 @@
+"""Diagnosis, whether any other cause could stand in the place of one without which the misfit would
+be gross: asked of the linear model first, since a fit without it takes long to find out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ....fitting.causes import designs
+from ....fitting.causes.designs import Basis, Design
+from ....fitting.causes.extended_fit import ExtendedFit
+from ..fits.refits import HOPELESS
+from ..fits.scoring import is_gross
+from ..fits.variants import Variant
+from ..thresholds import GROSS
+
+
+def is_beyond_question(fit: ExtendedFit, name: str) -> bool:
+    """Whether an active effect takes a gross misfit away from driven runs; free ones are fitted
+    without it soon enough."""
+    return _driven(fit) and fit.away(fit.effect(name))[1] > GROSS * fit.dof
+
+
+def takes_nearly_all(before: ExtendedFit, after: ExtendedFit) -> bool:
+    """Whether one cause more takes nearly all of a gross misfit away from driven runs: open terms
+    would take long to do as much, one for each run."""
+    return _driven(before) and is_gross(before) and after.chi2 < before.chi2 / HOPELESS
+
+
+def _driven(fit: ExtendedFit) -> bool:
+    return bool(fit.series.forced.any())
+
+
+def has_none(fit: ExtendedFit, name: str, candidates: Sequence[Variant]) -> bool:
+    """Whether an active effect is beyond question and nothing of the catalogue comes near what it
+    takes away."""
+    if not is_beyond_question(fit, name):
+        return False
+    size, _ = fit.away(fit.effect(name))
+    columns = np.arange(fit.layout.count)[fit.layout.effect(name)]
+    beside = _beside(fit.design, columns)
+    own = fit.design.shared[:, np.isin(fit.design.places, columns)]
+    done = beside.off(own @ size)
+    active = {one.name for one, _ in fit.point.active}
+    others = [
+        one.wanted for one in candidates if one.effect.name not in active and not one.anywhere
+    ]
+    for sensitivity in fit.sensitivities(others):
+        Q = designs.orthonormal(beside.off(sensitivity))
+        left = done - Q @ (Q.T @ done)
+        if float(left @ left) < HOPELESS * fit.chi2:
+            return False
+    return True
+
+
+def _beside(design: Design, columns: np.ndarray) -> Basis:
+    """Orthonormal basis of a design without some of its shared columns."""
+    kept = ~np.isin(design.places, columns)
+    rest = np.flatnonzero(~np.isin(np.arange(design.shape[1]), columns))
+    renumbered = tuple(
+        (rows, slice(*(np.searchsorted(rest, (at.start, at.stop)))), values)
+        for rows, at, values in design.own
+    )
+    less = replace(
+        design,
+        shared=design.shared[:, kept],
+        places=np.searchsorted(rest, design.places[kept]),
+        own=renumbered,
+    )
+    return designs.factor_design(less).basis
