@@ -68,7 +68,12 @@ STAGES = {
             many_beside=("resonator",),
         ),
         Stage("diagnose", "wave", "diagnosis", many=True, beside={"resonator": "resonator"}),
-        Stage("rate", "wave", "compensated", beside={"resonator": "resonator"}),
+        Stage(
+            "rate",
+            "wave",
+            "compensated",
+            beside={"resonator": "resonator", "calibration": "calibration"},
+        ),
         Stage(
             "update",
             "calibration",

@@ -34,11 +34,19 @@ def main(
     resonator: Annotated[
         Path | None, typer.Option(help="The identified resonator, held.", show_default=False)
     ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(help="Tables of the gyro, whose rate is given beside.", show_default=False),
+    ] = None,
     **flags: Any,
 ) -> None:
     """The rate a free or driven run shows, with the identified resonator as reference model."""
     if resonator is None and not run.show_config:
         raise UsageError("no resonator is named; add --resonator resonator.h5")
     run_stage_on_files(
-        run, "rate", [wave] if wave else [], beside={"resonator": resonator}, **flags
+        run,
+        "rate",
+        [wave] if wave else [],
+        beside={"resonator": resonator, "calibration": calibration},
+        **flags,
     )

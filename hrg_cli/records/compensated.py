@@ -31,6 +31,9 @@ class Compensated(Record):
     residual_after_rad_s: Array | None = column(
         "rad s-1", "rate error after the tables", optional=True, valid=LOGGED
     )
+    table_rate_rad_s: Array | None = column(
+        "rad s-1", "rate by a calibration's tables about the node", optional=True, valid=LOGGED
+    )
     gyro_id: str = attribute("the gyro", default="")
     run_id: str = attribute("the run", default="")
     lot_id: str = attribute("the lot", default="")

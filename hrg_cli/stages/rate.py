@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy as np
@@ -18,8 +19,9 @@ from ..fitting.envelopes.rate_estimate import MOST_NODES, RateEstimate
 from ..fitting.envelopes.rate_fit import HOPELESS, SETTLED
 from ..fitting.envelopes.rate_from_model import TOO_COARSE, rate_from_model
 from ..fitting.samples.rate_log import left_out, stretches
-from ..records import Compensated, Resonator, Wave
+from ..records import Calibration, Compensated, Resonator, Wave
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
+from .rate_by_tables import TableRate, rate_by_tables
 from .rate_nodes import DOUBTFUL, follow
 
 Array = np.ndarray
@@ -28,6 +30,7 @@ Array = np.ndarray
 def rate(
     wave: Wave,
     resonator: Resonator,
+    calibration: Calibration | None = None,
     *,
     nodes: Annotated[
         int | None,
@@ -65,12 +68,15 @@ def rate(
         A run of the gyro, (n,) rows with angles in rad and times in s.
     resonator
         The identified resonator with its covariance; it has to know K.
+    calibration
+        Tables of the gyro, whose rate is given beside.
 
     Returns
     -------
     Compensated
         At each node: time [s], Ω [rad/s] and its integral from the first node [rad], each with its
-        standard deviation; where a rate was logged, what the plain and the fitted estimate leave of it [rad/s].
+        standard deviation; where a rate was logged, what the plain and the fitted estimate leave of it [rad/s];
+        with a calibration the mean rate by its tables about each node [rad/s].
 
     Raises
     ------
@@ -119,6 +125,20 @@ def rate(
         found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth
     )
     impossible, doubtful = closing_checks(found, foretold)
+    beside = None
+    if calibration is not None:
+        where = (earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
+        beside = rate_by_tables(wave, calibration, found.time_s, found.rate_rad_s, *where)
+    result = _record_of(wave, found, beside, [*impossible, *doubtful])
+    return result.judged(checks.failures(impossible), "refused").judged(
+        checks.failures(doubtful), "suspect"
+    )
+
+
+def _record_of(
+    wave: Wave, found: RateEstimate, beside: TableRate | None, checked: Sequence[Check]
+) -> Compensated:
+    """The estimate as a record, with what it leaves of the logged rate and what the tables say."""
     # The log may begin late, end early or have gaps: only what it covers is compared.
     stretch = stretches(wave)
     before, after = (
@@ -126,6 +146,9 @@ def rate(
         for values in (found.plain_rate_rad_s, found.rate_rad_s)
     )
     angle, angle_std = found.turned()
+    figures = _figures(found, before, after) | {"checks": [check.table() for check in checked]}
+    if beside is not None:
+        figures["tables"] = beside.figures()
     result = Compensated(
         time_s=found.time_s,
         rate_estimate_rad_s=found.rate_rad_s,
@@ -134,20 +157,16 @@ def rate(
         angle_estimate_rad_std=angle_std,
         residual_before_rad_s=before,
         residual_after_rad_s=after,
+        table_rate_rad_s=None if beside is None else beside.rate_rad_s,
         gyro_id=wave.gyro_id,
         run_id=wave.run_id,
         lot_id=wave.lot_id,
         mode_number=wave.mode_number,
-        details=json.dumps(
-            _figures(found, before, after)
-            | {"checks": [c.table() for c in (*impossible, *doubtful)]}
-        ),
+        details=json.dumps(figures),
     )
     outside = left_out(wave, stretch > 0)
     noted = result.judged([f"{outside} of the comparison with it"] if outside else [], "valid")
-    return noted.judged(checks.failures(impossible), "refused").judged(
-        checks.failures(doubtful), "suspect"
-    )
+    return noted if beside is None else noted.judged(beside.reasons, "suspect")
 
 
 def _need_resonator_of(wave: Wave, resonator: Resonator, name: str) -> None:

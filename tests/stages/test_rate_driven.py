@@ -6,9 +6,10 @@ import pytest
 
 from hrg_cli.errors import HrgError
 from hrg_cli.records import Resonator, collect
+from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.rate import rate
+from hrg_cli.stages.rate import rate, summary
 from hrg_cli.stages.simulate import simulate
 
 DEVICE = dict(
@@ -105,3 +106,27 @@ def test_refusals():
         rate(wave, resonator(), nodes=100)
     with pytest.raises(HrgError, match="no force acts"):
         rate(wave.replace(mode="free"), resonator(), main_phase_error_rad=0.1)
+
+
+def test_the_tables_rate_stands_beside_the_models():
+    """Neither way knows the other's coefficients: tables of the true gyro agree with the true
+    resonator, and a resonator whose K is 1e-3 too large stands 1e-3 of the rate below them. Its
+    split is small, so that the drift's second order, which follows the rate, is in no table."""
+    split = dict(frequency_split_rad_s=0.02)
+    control = dict(quadrature_loop="finite", quadrature_gain_1_s=5.0)
+    turning = [
+        wave_of(control, seed=seed, device=DEVICE | split, environment=dict(rate_rad_s=rate_rad_s))
+        for seed, rate_rad_s in ((11, 2.0), (12, -2.0))
+    ]
+    tables = calibrate(turning, harmonics=2, scale_factor_harmonics=0, model="table")
+    wave = wave_of(control, seed=13, device=DEVICE | split)
+
+    right = rate(wave, resonator(**split), tables)
+    stiff = rate(wave, resonator(**split, scale_factor=0.55 * (1 + 1e-3)), tables)
+
+    agree, apart = (summary(found)["tables"] for found in (right, stiff))
+    assert abs(agree["difference_mean_rad_s"]) < 2e-5  # the angle's noise over the run's 20 s
+    shift = apart["difference_mean_rad_s"] - agree["difference_mean_rad_s"]
+    assert shift == pytest.approx(1e-3 * right.rate_estimate_rad_s.mean(), abs=1e-5)
+    assert np.abs(right.table_rate_rad_s - truth(right.time_s)).max() < 0.01
+    assert rate(wave, resonator(**split)).table_rate_rad_s is None

@@ -57,6 +57,15 @@ class PlainRate(Shape):
     """Rms of that difference."""
 
 
+class TableRateFigures(Shape):
+    """The rate by the tables less that of the reference model, means about the nodes."""
+
+    difference_mean_rad_s: Number | None
+    """Mean over the run; null where the tables have no row."""
+    difference_rms_rad_s: Number | None
+    """Root of the mean square."""
+
+
 class Rate(Common):
     """`hrg rate`."""
 
@@ -76,5 +85,7 @@ class Rate(Common):
     """With a logged rate: rms error of the plain rate."""
     error_rms_rad_s: Number = None
     """With a logged rate: rms error of the estimate."""
+    tables: TableRateFigures | None = None
+    """With a calibration: its tables' rate against this one."""
     checks: list[Check]
     """Checks on the result."""

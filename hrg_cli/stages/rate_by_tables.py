@@ -1,0 +1,83 @@
+"""The rate by a calibration's tables beside that of the reference model: two ways from one wave, of
+which neither knows the other's coefficients."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ..records import Calibration, Compensated, Wave, collect
+from .compensate import compensate
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class TableRate:
+    """What the tables say about each node (n,): their mean rate over its share of the run, NaN where
+    they have no row there, and how far that is from the model's mean over the same time."""
+
+    rate_rad_s: Array
+    difference_rad_s: Array
+    reasons: tuple[str, ...]
+
+    def figures(self) -> dict[str, Any]:
+        """For the JSON: means over the run, null where the tables have no row at all."""
+        known = self.difference_rad_s[np.isfinite(self.difference_rad_s)]
+        mean, rms = (known.mean(), np.sqrt(np.mean(known**2))) if len(known) else (None, None)
+        return {
+            "difference_mean_rad_s": None if mean is None else float(mean),
+            "difference_rms_rad_s": None if rms is None else float(rms),
+        }
+
+
+def rate_by_tables(
+    wave: Wave, calibration: Calibration, time_s: Array, rate_rad_s: Array, *earth: Any
+) -> TableRate:
+    """The tables' rate about the nodes `time_s` (n,) of a model's rate (n,).
+
+    A node's share of the run ends half way to its neighbours. Both rates are means over the rows in
+    it: at the node itself a rate that bends is not its mean.
+
+    Parameters
+    ----------
+    wave
+        The run.
+    calibration
+        The tables.
+    time_s, rate_rad_s
+        Nodes [s] and the reference model's rate there [rad/s], (n,).
+    earth
+        The Earth's rate as `compensate` takes it: deg/h, latitude, tilt and azimuth of the axis in
+        degrees.
+
+    Returns
+    -------
+    TableRate
+        The tables' mean rate about each node, and its difference from the model's.
+
+    Raises
+    ------
+    HrgError
+        As `compensate`: tables of another gyro, refused ones, a temperature outside them.
+    """
+    names = ("earth_rate_deg_h", "latitude_deg", "axis_tilt_deg", "axis_azimuth_deg")
+    made: Compensated = collect(compensate(wave, calibration, **dict(zip(names, earth))))
+    known = np.isfinite(made.rate_estimate_rad_s)
+    at, tables = made.time_s[known], made.rate_estimate_rad_s[known]
+    cell = np.searchsorted((time_s[1:] + time_s[:-1]) / 2, at)
+    inside = (at >= time_s[0]) & (at <= time_s[-1])  # beyond the last nodes a spline runs away
+    cell, at, tables = cell[inside], at[inside], tables[inside]
+    count = np.bincount(cell, minlength=len(time_s))
+
+    def mean(values: Array) -> Array:
+        total = np.bincount(cell, values, len(time_s))
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+    table_rate = mean(tables)
+    difference = table_rate - mean(CubicSpline(time_s, rate_rad_s)(at))
+    reasons = tuple(f"by the tables: {reason}" for reason in made.status_reasons)
+    return TableRate(table_rate, difference, reasons)
