@@ -274,6 +274,7 @@ def jump(series: MeasuredRuns, point: Point, effect: Effect, values: Mapping[str
 def times(L: Array, u: Array) -> Array:
     """L u over (..., 2, 2) and (..., 2)."""
     c, s = u[..., 0], u[..., 1]
-    return np.stack(
-        [L[..., 0, 0] * c + L[..., 0, 1] * s, L[..., 1, 0] * c + L[..., 1, 1] * s], axis=-1
-    )
+    first = L[..., 0, 0] * c + L[..., 0, 1] * s
+    out = np.empty((*first.shape, 2), first.dtype)  # np.stack costs more than the products
+    out[..., 0], out[..., 1] = first, L[..., 1, 0] * c + L[..., 1, 1] * s
+    return out
