@@ -59,6 +59,15 @@ def test_jumps_and_converter_steps_stay_lines() -> None:
         )
 
 
+@pytest.mark.parametrize("knees", [(2.6, 2.66), (2.6, 2.62), (2.5805, 2.63), (2.59, 2.64)])
+def test_a_ramp_between_rests_has_no_overshoot(knees) -> None:
+    """Rows 43 ms apart and one at each corner: between them the table's rate is a straight line."""
+    t = np.unique(np.concatenate([np.arange(0, 5, 0.043), knees]))
+    rate = np.interp(t, knees, (0, 4.6))
+    at = np.linspace(0, 5, 5000)
+    assert np.allclose(course(t, rate).at(at), np.interp(at, t, rate), atol=1e-12)
+
+
 def test_noise_is_not_made_worse() -> None:
     t, rng = rows(), np.random.default_rng(2)
     noise = rng.standard_normal(len(t))

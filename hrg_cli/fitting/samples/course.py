@@ -3,8 +3,9 @@ log shows the bend.
 
 In the interval from t_k, x = t − t_k, of length h: p = line + x (x − h)(α + β x), α and β from
 divided differences (Newton). The bend is taken where it exceeds twice the cubic's own error, |Π(t −
-t_i)|·|f[five rows]|, in the middle: it does so along a smooth course, not in noise, at jumps or
-between the steps of a converter.
+t_i)|·|f[five rows]|, in the middle, and where the second differences at both ends of the interval are of
+one bend: both are so along a smooth course, not in noise, at jumps, at corners of a ramp or between the
+steps of a converter.
 """
 
 from __future__ import annotations
@@ -16,6 +17,9 @@ import numpy as np
 Array = np.ndarray
 FEWEST = 6
 """Rows from which a bend is looked for."""
+SMOOTH = 0.9
+"""Change of the second difference over an interval, over the greatest about it, below which the
+course bends there and has no corner, where it is 1, nor a step, where it is 2."""
 STEADY = 0.5
 """Relative change of the slope from one step to the next up to which a course counts as steady;
 noise alone changes it by more than 1."""
@@ -164,6 +168,18 @@ def through_means(time_s: Array, mean: Array, width_s: float) -> Course:
     return found
 
 
+def _is_smooth(second: Array, k: Array) -> Array:
+    """Whether the second divided differences (n − 1,) at both ends of the intervals k (n,) are of one
+    bend: they differ by less than the greatest of them and their neighbours.
+
+    At a corner of straight lines one of them is the corner and the other 0, at a step they are
+    opposite, however unevenly the rows lie; along a sinusoid of eight rows a period and more they
+    differ by 0.84 of the greatest at most, where it turns from one side to the other.
+    """
+    around = [second[np.clip(k + j, 0, len(second) - 1)] for j in (-2, -1, 0, 1)]
+    return np.abs(around[2] - around[1]) < SMOOTH * np.max(np.abs(around), axis=0)
+
+
 def course(time_s: Array, value: Array) -> Course:
     """The course through a log's rows: times increasing, values finite."""
     t, y = np.asarray(time_s, float), np.asarray(value, float)
@@ -187,5 +203,5 @@ def course(time_s: Array, value: Array) -> Course:
     around = np.abs(of[4])
     fourth = np.maximum(*(around[np.clip(first + j, 0, len(around) - 1)] for j in (-1, 0)))
     error = np.prod([np.abs(middle - t[first + j]) for j in range(4)], axis=0) * fourth
-    bent = bend > 2 * error
+    bent = (bend > 2 * error) & _is_smooth(of[2], k)
     return Course(t, y, np.where(bent, alpha, 0.0), np.where(bent, beta, 0.0))

@@ -3,6 +3,7 @@ rows with standard deviations."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -39,6 +40,10 @@ ends."""
 FREQUENCY_STEP = 3e-5
 """The local frequency is rounded to this part of 1/window, so that a steady run keeps its basis;
 the amplitude errs by less than 1e-9."""
+
+UNHELD_NOISE, UNHELD = 4.0, 0.01
+"""Variance over the samples' noise, and rms over the wave's, above which what windows leave is a
+motion that they do not hold: a beat of whole turns a window looks still from one to the next."""
 
 PROBE = 16
 """One row of so many tells whether the curvature within short windows is worth its correction."""
@@ -92,6 +97,9 @@ class Demodulator:
         self.bent, self.bent_by = 0, 0.0
         """Channel windows whose envelope moves too much for the window, and by how many standard
         deviations."""
+        self.unheld = 0.0
+        """Rms that windows leave beside the noise and beside what their neighbours foretell, over
+        the wave's, median over the looks; 0 where that is none."""
         self.gaps: Gaps | None = None
         """Of uneven sampling."""
         self._ahead_hz = 0.0
@@ -258,6 +266,33 @@ class Demodulator:
         return np.where(
             ((times > self.judged_s[0]) & (times < self.judged_s[1]))[:, None], u, np.nan
         )
+
+    def learn_calm(self, seen: Sequence[tuple[Fits, Array, float, Array]]) -> None:
+        """What windows leave at each look: their fits, centres (n,), local frequency, and the
+        samples' own noise there (channels,)."""
+        levels = []
+        for fits, times, local_hz, noise2 in seen:
+            left2 = fits.residual2.sum(0) / np.maximum(fits.samples, 1)
+            wave2 = (np.abs(fits.envelope) ** 2).sum((0, 2)) / 2
+            if np.isfinite(left2).any():
+                relative = np.nanmedian(left2 / np.maximum(wave2, 1e-300))
+                unheld = self._unheld(fits, times, local_hz, noise2)
+                levels.append((np.nanmedian(left2), relative, unheld))
+        if levels:
+            power, relative, self.unheld = (float(x) for x in np.median(levels, axis=0))
+            self.calm = power, relative
+
+    def _unheld(self, fits: Fits, times: Array, local_hz: float, noise2: Array) -> float:
+        """Rms over the wave's of what windows of one look leave beside its noise (channels,), the
+        motion that their neighbours foretell taken off."""
+        turn = self.turns(float(times[0]), len(times))
+        still = self._take_motion_off(fits, fits.envelope * turn, turn, times, local_hz)
+        known = 0.0 if still.known_residual2 is None else still.known_residual2
+        left2 = np.nanmedian((fits.residual2 - known) / np.maximum(fits.freedom, 1), axis=1)
+        wave2 = np.nanmedian((np.abs(fits.envelope) ** 2).sum((0, 2)) / 2)
+        if left2.sum() <= UNHELD_NOISE * noise2.sum():
+            return 0.0
+        return float(np.sqrt((left2 - noise2).sum() / max(wave2, 1e-300)))
 
     def _count_bent(self, doubt: Array, std: Array) -> None:
         """Keep count of windows in which what the envelope's motion leaves uncorrected exceeds half

@@ -64,18 +64,25 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
                 lowest, highest = run.survey.rails[k]
                 piece = pieces[k][keep]
                 flags[(piece >= highest).any(1) | (piece <= lowest).any(1)] |= FLAG_CLIPPED
-            fits = Fits(
-                envelope,
-                residual2,
-                np.asarray(samples - run.spent()),
-                np.asarray(samples),
-                basis.variance[None],
-                basis.slope,
-                basis.bent if run.apart else basis.curvature,
-                run.apart,
-            )
+            fits = _fits(run, envelope, residual2, basis, samples)
             run.fill(fits, times, local, keep, block, rows)
         yield block
+
+
+def _fits(
+    run: Demodulator, envelope: Array, residual2: Array, basis: WindowBasis, samples: int
+) -> Fits:
+    """Windows of so many samples fitted by one basis."""
+    return Fits(
+        envelope,
+        residual2,
+        np.asarray(samples - run.spent()),
+        np.asarray(samples),
+        basis.variance[None],
+        basis.slope,
+        basis.bent if run.apart else basis.curvature,
+        run.apart,
+    )
 
 
 def _fit_channels(run: Demodulator, pieces: list[Array], basis: WindowBasis) -> tuple[Array, Array]:
@@ -131,26 +138,20 @@ def _window_samples(run: Demodulator, rate: float) -> int:
 def _learn(run: Demodulator, samples: int, rate: float) -> None:
     """What windows of this length leave at each look: the calm level that a settling start stands
     out of, and the noise's colour."""
-    levels = []
-    looks = [
-        look for look in run.survey.looks[1:] or run.survey.looks if look.y.shape[1] >= samples
-    ]
+    found = list(zip(run.survey.looks, run.survey.look_noise2, strict=True))
+    found = [(look, noise2) for look, noise2 in found[1:] or found if look.y.shape[1] >= samples]
+    looks = [look for look, _ in found]
     bases = [run.basis(samples, rate, run.local_hz(float(x.time_s.mean()))) for x in looks]
     run.apart = _motion_counts(run, looks, bases, samples)
-    for look, basis in zip(looks, bases, strict=True):
+    seen = []
+    for (look, noise2), basis in zip(found, bases, strict=True):
         count = look.y.shape[1] // samples
-        fits = [
-            fit_even(look.y[k, : count * samples].reshape(count, samples), basis, run.apart)
-            for k in range(2)
-        ]
-        residual2 = sum(left for _, left in fits) / samples
-        wave2 = sum((np.abs(envelope) ** 2).sum(-1) for envelope, _ in fits) / 2
-        levels.append((np.median(residual2), np.median(residual2 / np.maximum(wave2, 1e-300))))
-    if levels:
-        run.calm = (
-            float(np.median([a for a, _ in levels])),
-            float(np.median([b for _, b in levels])),
-        )
+        pieces = look.y[:, : count * samples].reshape(2, count, samples)
+        envelope, left = zip(*(fit_even(piece, basis, run.apart) for piece in pieces), strict=True)
+        fits = _fits(run, np.stack(envelope), np.stack(left), basis, samples)
+        centres = look.time_s[0] + ((samples - 1) / 2 + np.arange(count) * samples) / rate
+        seen.append((fits, centres, run.local_hz(float(look.time_s.mean())), noise2))
+    run.learn_calm(seen)
     run.learn_colour(
         run.basis(samples, rate, run.local_hz(float(run.survey.looks[0].time_s.mean()))), rate
     )

@@ -39,7 +39,8 @@ class Survey:
 
     `step_s`: median sampling step; `track_s`, `track_hz`: course of the frequency; `rails` ((low,
     high) raw, a channel): where samples are stuck; `least_count` (a channel, its unit, 0: none):
-    the values' step; `strength2`: the stronger channel's variance; `spectrum_*`, `line_*`: as in
+    the values' step; `strength2`: the stronger channel's variance; `look_noise2` (looks, channels): variance
+    of what a look holds beside the oscillation, however that moves; `spectrum_*`, `line_*`: as in
     Periods, from so many segments; `blind_hz`: where the oscillation itself was taken out of the
     spectrum; reasons to suspect or refuse.
     """
@@ -52,6 +53,7 @@ class Survey:
     rails: tuple[tuple[float, float], tuple[float, float]]
     strength2: float
     looks: tuple[Look, ...]
+    look_noise2: Array
     spectrum_hz: Array
     spectrum_density: Array
     spectrum_segments: int
@@ -107,6 +109,7 @@ def survey(recording: Recording, name: str) -> Survey:
         ),
         strength2=rest.strength2,
         looks=tuple(looks),
+        look_noise2=rest.noise2,
         spectrum_hz=rest.spectrum.frequency_hz,
         spectrum_density=density,
         spectrum_segments=segments,
@@ -157,11 +160,13 @@ def _need_rising_times(
 @dataclass(frozen=True)
 class Residual:
     """What the looks hold beside the oscillation: its averaged spectrum, how far from the oscillation
-    that is blind, and the stronger channel's variance without it."""
+    that is blind, the stronger channel's variance without it, and every look's own (looks,
+    channels)."""
 
     spectrum: AveragedSpectrum
     blind_hz: float
     strength2: float
+    noise2: Array
 
 
 def _average_residual(
@@ -174,7 +179,7 @@ def _average_residual(
     """The spectrum of what is left of every look without the oscillation at its local frequency."""
     width = _segment_samples(looks, even)
     spectrum = AveragedSpectrum(np.fft.rfftfreq(width, step_s))
-    strength = []
+    strength, noise2 = [], []
     # four lines: the window's main lobe, where the fit took the oscillation's neighbours too
     blind = 4 / (width * step_s)
     middles = [look.time_s.mean() for look in looks]
@@ -182,12 +187,13 @@ def _average_residual(
         f = finding.bands(float(local), carrier_hz)
         residual, reach = look_residual(look.time_s, look.y, f, finding.nuisances(carrier_hz))
         blind = max(blind, reach)
-        strength.append(look.y.var(-1) - (residual**2).mean(-1))
+        noise2.append((residual**2).mean(-1))
+        strength.append(look.y.var(-1) - noise2[-1])
         for start in range(0, residual.shape[-1] - width + 1, max(1, width // 2)):
             piece = slice(start, start + width)
             if even or np.diff(look.time_s[piece]).max() < 3 * step_s:
                 spectrum.add(look.time_s[piece], residual[:, piece], even)
-    return Residual(spectrum, blind, float(np.max(strength)))
+    return Residual(spectrum, blind, float(np.max(strength)), np.array(noise2))
 
 
 def _segment_samples(looks: Sequence[Look], even: bool) -> int:

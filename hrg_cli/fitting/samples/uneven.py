@@ -170,8 +170,9 @@ def _regular(run: Demodulator, width: float, step: float) -> bool:
 def _learn(run: Demodulator, width: float, step: float) -> None:
     """What windows of this length leave at each look: the calm level that a settling start stands
     out of, and the noise's colour."""
-    levels = []
-    for look in run.survey.looks[1:] or run.survey.looks:
+    found = list(zip(run.survey.looks, run.survey.look_noise2, strict=True))
+    seen = []
+    for look, noise2 in found[1:] or found:
         start, stop = look.time_s[0], look.time_s[-1]
         count = int((stop - start) / width)
         if count == 0:
@@ -179,28 +180,19 @@ def _learn(run: Demodulator, width: float, step: float) -> None:
         inside = look.time_s < start + count * width
         window = ((look.time_s[inside] - start) / width).astype(int)
         centre = start + (np.arange(count) + 0.5) * width
-        bands = run.local_bands(run.local_hz(float(look.time_s.mean())))
+        local = run.local_hz(float(look.time_s.mean()))
         fits = fit_uneven(
             look.time_s[inside],
             look.y[:, inside],
             window,
             centre,
             width,
-            bands,
+            run.local_bands(local),
             run.nuisance,
             run.moving,
         )
-        residual2 = fits.residual2.sum(0) / np.maximum(fits.samples, 1)
-        wave2 = (np.abs(fits.envelope) ** 2).sum((0, 2)) / 2
-        if np.isfinite(residual2).any():
-            levels.append(
-                (np.nanmedian(residual2), np.nanmedian(residual2 / np.maximum(wave2, 1e-300)))
-            )
-    if levels:
-        run.calm = (
-            float(np.median([a for a, _ in levels])),
-            float(np.median([b for _, b in levels])),
-        )
+        seen.append((fits, centre, local, noise2))
+    run.learn_calm(seen)
     basis = window_basis(
         int(width / step), 1 / step, run.local_bands(run.reference_hz), run.nuisance, run.moving
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...fitting.samples.demodulator import Demodulator, Rows
+from ...fitting.samples.demodulator import UNHELD, Demodulator, Rows
 from ...fitting.samples.run_down import RunDown
 from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods
 from .log import WindowLog
@@ -85,7 +85,7 @@ class StreamJudge:
         notes, suspect, refused = list(self.run.notes), list(found.suspect), list(found.refused)
         self._judge_samples(notes, suspect)
         self._note_ends(notes)
-        suspect += [*self._tell_units(), *self._tell_bent()]
+        suspect += [*self._tell_units(), *self._tell_bent(), *self._tell_unheld()]
         if self.flagged.get(FLAG_NOT_FINITE, 0) == self.rows:
             refused.append("no window holds finite samples only")
         return periods.judged(notes, "valid").judged(suspect, "suspect").judged(refused, "refused")
@@ -138,6 +138,23 @@ class StreamJudge:
         return [
             f"channel C is in {recording.c_units!r} and S in {recording.s_units!r}; the same"
             " unit was expected"
+        ]
+
+    def _tell_unheld(self) -> list[str]:
+        """Windows that leave far more than the noise, which their neighbours do not foretell: what
+        moves so fast is seen as something slow, or not at all."""
+        run = self.run
+        if run.unheld < UNHELD:
+            return []
+        periods = run.window_s * run.reference_hz
+        advice = (
+            f"use shorter ones, periods_per_window of {max(1.0, periods / 10):.2g} say"
+            if periods > 1
+            else "another oscillation is near"
+        )
+        return [
+            f"within windows of {periods:.3g} periods the wave moves by more than they hold: beside"
+            f" the noise they leave {100 * run.unheld:.2g} % of it; {advice}"
         ]
 
     def _tell_bent(self) -> list[str]:

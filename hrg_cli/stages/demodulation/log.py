@@ -1,5 +1,6 @@
 """The auxiliary log beside a stream of windows: temperature and rate at a window's centre, commands
-as their means over the window, which move the wave."""
+as their means over the window, which move the wave. A rate that is logged more often than there are
+windows turns the wave by its integral: the centres get what has the log's means over the windows."""
 
 from __future__ import annotations
 
@@ -8,11 +9,26 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.samples.course import Course, Impulse, course, impulse, mean_of, means_of_values
+from ...fitting.samples.course import (
+    Course,
+    Impulse,
+    course,
+    impulse,
+    mean_of,
+    means_of_values,
+    through_means,
+)
 from ...records import Array, Recording
 
 COMMANDS = ("drive_main", "drive_quadrature")
-AUXILIARY = ("temperature_degc", "rate_rad_s", *COMMANDS)
+RATE = "rate_rad_s"
+AUXILIARY = ("temperature_degc", RATE, *COMMANDS)
+FINER = 4
+"""Windows a step of the log up to which the rate is found by its means; over a longer step it is as
+good as straight within a window, but where it turns a corner."""
+BESIDE = 8
+"""Windows on either side of a block from which its centres' rates are found, so that they do not
+depend on where blocks begin."""
 
 
 class WindowLog:
@@ -27,6 +43,8 @@ class WindowLog:
         if time is None or not len(time):
             return
         self.time_s = np.asarray(time, float)
+        self.step_s = float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else np.inf
+        """Median step of the log."""
         if (np.diff(self.time_s) <= 0).any():
             raise HrgError(
                 f"{name}: the times of its auxiliary log do not increase; strictly increasing times"
@@ -47,16 +65,25 @@ class WindowLog:
         if not self.courses:
             return {}
         log = self.time_s
-        reach = float(np.median(np.diff(log))) if len(log) > 1 else np.inf
+        reach = self.step_s
         outside = (times < log[0] - reach) | (times > log[-1] + reach)
         self.rows_outside += int(outside.sum())
         values = {
-            name: mean_of(series, times, window_s)
-            if isinstance(series, Impulse)
-            else series.at(times)
-            for name, series in self.courses.items()
+            name: self._read(name, series, times, window_s) for name, series in self.courses.items()
         }
         if outside.any():
             for series in values.values():
                 series[outside] = np.nan
         return values
+
+    def _read(self, name: str, series: Course | Impulse, times: Array, window_s: float) -> Array:
+        """One quantity of the log at the centres of evenly spaced windows."""
+        if isinstance(series, Impulse):
+            return mean_of(series, times, window_s)
+        if name != RATE or self.step_s >= FINER * window_s:
+            return series.at(times)
+        more = window_s * np.arange(1, BESIDE + 1)
+        wider = np.concatenate([times[0] - more[::-1], times, times[-1] + more])
+        borders = np.append(wider, wider[-1] + window_s) - window_s / 2
+        means = np.diff(series.area_to(borders)) / window_s
+        return through_means(wider, means, window_s).value[BESIDE:-BESIDE]
