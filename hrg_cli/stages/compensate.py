@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
+from ..fitting.checks import failures
 from ..fitting.samples.rate_log import left_out, stretches
 from ..fitting.tables.increments import ROWS_AT_ONCE, AnglePath, path_of
 from ..records import Calibration, Compensated, Wave
@@ -21,6 +22,7 @@ from .calibration.table import (
     need_range,
     standard_deviations,
 )
+from .compensation.against_log import AngleAgainstLog
 from .compensation.angle_spread import AngleSpread
 from .compensation.figures import MOST_RATES, RateSpread, Totals
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
@@ -149,7 +151,7 @@ def _stream(
     outside = left_out(wave, stretch > 0)
     unknown = [f"{outside} of its figures"] if outside else []
     scale_factor = float(np.mean(np.asarray(calibration.scale_factor_harmonics)[:, 0]))
-    spread, angles = RateSpread(), AngleSpread(calibration)
+    spread, angles, against = RateSpread(), AngleSpread(calibration), AngleAgainstLog()
     totals = Totals(np.zeros((3, CELLS_A_PERIOD)), max(1, -(-len(wave) // windows // MOST_RATES)))
     angle, slowest, fastest = 0.0, np.inf, -np.inf
     step = max(windows, ROWS_AT_ONCE // windows * windows)
@@ -185,6 +187,7 @@ def _stream(
             true = np.where(logged, path.rate_rad_s, np.nan)
             before, after = -path.turn / time / scale_factor - true, rate - true
             totals.add(path, before, after)
+            against.add(path.middle(path.time_s), time, after, np.hypot(noise, own), of_angle)
         spread.add(noise, own, after)
         record = Compensated(
             time_s=path.middle(path.time_s), rate_estimate_rad_s=on_ground, rate_estimate_rad_s_std=np.hypot(noise, own),
@@ -192,11 +195,12 @@ def _stream(
             residual_before_rad_s=before, residual_after_rad_s=after,
             gyro_id=wave.gyro_id or calibration.gyro_id, run_id=wave.run_id, lot_id=wave.lot_id, mode_number=wave.mode_number,
             status=wave.status, status_reasons=(*wave.status_reasons, *unknown),
-            details=json.dumps((totals.figures() if known else {}) | spread.figures()),
+            details=json.dumps((totals.figures() if known else {}) | spread.figures() | against.figures()),
         )  # fmt: skip
-        yield _judge_rates(
+        judged = _judge_rates(
             record, calibration, totals if known else None, scale_factor, slowest, fastest, name
         )
+        yield judged.judged(failures([against.check()]))
     if not np.isfinite(slowest):
         raise HrgError(f"{name}: has no good windows; see its flags, and demodulate again")
 

@@ -133,16 +133,39 @@ def test_rates_outside_are_doubted(tables, truth):
 
 
 def test_a_scale_factor_of_another_gyro_is_doubted(tables, truth):
-    """The run's own K, seen against its rate log, differs by a tenth from the tables': suspect; by
-    a fiftieth it is not."""
-    for factor, status in ((1.1, "suspect"), (1.02, "valid")):
+    """The run's own K, seen against its rate log, differs by a tenth from the tables': it is told as
+    that; by a fiftieth the angle is off its log all the same."""
+    for factor in (1.1, 1.02):
         other = Truth(21)
         other.k = truth.k * factor
         run = forced_run(
             other, 10.0, lambda t: 0.4 * np.sin(0.4 * t), 40, 7, run_id="other", noise=1e-6
         )
         done = collect(compensate(run, tables))
-        assert done.status == status, done.status_reasons
+        assert done.status == "suspect"
         assert any("own scale factor" in reason for reason in done.status_reasons) == (
-            status == "suspect"
+            factor > 1.05
         )
+        assert any("off the run's rate log" in reason for reason in done.status_reasons)
+
+
+def test_tables_that_have_aged_are_contradicted_by_the_runs_own_log(tables, truth, run):
+    """A drift of three tenths more than the tables' is all but lost in the noise of every rate and adds up in
+    the angle; the tables' own gyro stays within what is stated of it."""
+    aged = Truth(21)
+    aged.d = truth.d * 1.3
+    later = forced_run(
+        aged, 10.0, lambda t: 0.3 * np.sin(0.4 * t), 40, 98, run_id="later", noise=1e-6
+    )
+    done = collect(compensate(later, tables))
+    assert done.status == "suspect" and "tables that have aged" in done.status_reasons[-1]
+    assert summary(done)["error_over_std_rms"] < 1.3  # hardly anything is seen in single rates
+    figures = summary(done)["angle_against_log"]
+    assert figures["largest_over_std"] > 7
+    at = np.argmin(np.abs(done.time_s - figures["time_s"]))
+    stated = figures["largest_over_std"] * done.angle_estimate_rad_std[at]
+    # what the rates scatter beyond their deviations is the log's own and widens it
+    assert stated <= abs(figures["error_rad"]) < 1.3 * stated
+    without = collect(compensate(later.replace(rate_rad_s=None), tables))
+    assert without.status == "valid" and "angle_against_log" not in summary(without)
+    assert summary(collect(compensate(run, tables)))["angle_against_log"]["largest_over_std"] < 5

@@ -277,6 +277,17 @@ class RateStd(Shape):
     """By the tables, common to all increments at a temperature and an angle."""
 
 
+class AngleAgainstLog(Shape):
+    """The compensated angle against the run's rate log, where it is furthest off."""
+
+    largest_over_std: Number
+    """In standard deviations of the angle."""
+    error_rad: Number
+    """Its error there."""
+    time_s: Number
+    """When."""
+
+
 class Compensate(Common):
     """`hrg compensate`. The figures are absent where the run's rate is not logged; those of the
     standard deviation where the windows do not state one."""
@@ -285,6 +296,8 @@ class Compensate(Common):
     """Stated standard deviations of the rates."""
     error_over_std_rms: Number = None
     """Rms of rate estimate less logged rate over its standard deviation."""
+    angle_against_log: AngleAgainstLog | None = None
+    """Where the compensated angle is furthest off the integral of the logged rate."""
     residual_rms_rad_s: Before | None = None
     """Rms of rate estimate less logged rate."""
     angle_cell_rms_rad_s: Before | None = None
