@@ -108,9 +108,9 @@ NAMES = {
     "damping_part_rad_s": "of the damping split, ν·δμ",
     "sin_8_theta_part_rad_s": "of the frequency split, δω²/λ (sin 8θ)",
     "mean_drift_while_turning_rad_s": "mean while turning",
-    "drift_bound_rad_s": "bound D_max, sum of both",
+    "drift_bound_rad_s": "first-order bound D_max, sum of both",
     "drift_bound_input_rad_s": "bound as input rate, D_max/K",
-    "drift_largest_rad_s": "largest over the wave angle",
+    "drift_largest_rad_s": "largest over the wave angle, exact",
 }
 """The figures in words; λ is the rate at which the quadrature dies away."""
 

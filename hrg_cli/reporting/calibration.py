@@ -159,13 +159,14 @@ def _said(name: str, value: float | None, std: float) -> str:
 
 
 def show_moved(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """What an update moved: each coefficient before, now, the change, the change in its standard
-    deviation, and what became of the tables'."""
+    """What an update moved: each coefficient before, now, the change, each with its own standard
+    deviation, the change in σ, and what became of the tables'."""
     rows = []
     for row in report.get("moved", []):
         before, now = row["before"], row["now"]
         change = None if before is None else now - before
-        said = (_said(row["name"], value, row["std"]) for value in (before, now, change))
+        each = ((before, row["before_std"]), (now, row["now_std"]), (change, row["std"]))
+        said = (_said(row["name"], *value) for value in each)
         rows.append(
             (COEFFICIENTS[row["name"]], *said, number(row["moved_sigma"], 2), row["tables"])
         )

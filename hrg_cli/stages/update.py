@@ -248,20 +248,25 @@ def _made(held: Array, moved: Array, reference: Resonator | None) -> list[str]:
 def _rows(
     new: Array, new_covariance: Array, then: Array, then_covariance: Array, made: list[str]
 ) -> list[dict[str, Any]]:
-    """One row a coefficient: before, now, the change's standard deviation, the change in it, and
-    what became of the tables'."""
+    """One row a coefficient: before, now, the change, each with its standard deviation, the change
+    in σ, and what became of the tables'."""
     rows = []
     for i, name in enumerate(NAMES):
         if not np.isfinite(new[i]):
             continue
-        std = float(np.sqrt(max(new_covariance[i, i] + then_covariance[i, i], 0.0)))
+        now_std, before_std = (
+            float(np.sqrt(max(c[i, i], 0.0))) for c in (new_covariance, then_covariance)
+        )
+        std = float(np.hypot(now_std, before_std))
         change = float(new[i] - then[i])
         known = bool(np.isfinite(then[i]))
         rows.append(
             {
                 "name": name,
                 "before": float(then[i]) if known else None,
+                "before_std": before_std if known else None,
                 "now": float(new[i]),
+                "now_std": now_std,
                 "std": std,
                 "moved_sigma": change / std if known and std > 0 else None,
                 "tables": made[i],

@@ -150,6 +150,16 @@ def test_forecast_figures_are_the_papers():
     assert "mean_drift_while_turning_rad_s" not in run_down, "r settles at no mean in a run-down"
 
 
+@pytest.mark.parametrize("axis", [0.1, 0.35, 0.712])
+@pytest.mark.parametrize("drive", ["force", "parametric", "free"])
+def test_without_a_frequency_split_the_largest_drift_is_the_damping_split(axis, drive):
+    """Wherever its axis lies between the map's angles."""
+    record = made(split=1e-9, damping_axis_rad=axis)
+    largest = forecast(record, drive=drive, duration_s=20.0).figures["drift_largest_rad_s"]
+    assert largest["value"] == pytest.approx(2e-4, rel=1e-5)
+    assert largest["std"] == pytest.approx(0.02 * 2e-4, rel=0.02)
+
+
 def test_a_course_ends_by_itself_and_not_with_those_of_other_starts():
     """A run-down along the stiffness axis keeps its wave; those from between the axes become
     circles: their columns end, the course that was asked for does not, and it is scipy's."""

@@ -66,6 +66,10 @@ def test_what_moved_is_put_right_and_told_in_sigma(calibration, by_reference):
         record = update(calibration, new, old)
         rows = {row["name"]: row for row in summary(record)["moved"]}
         assert summary(record)["changed"] and abs(rows["K_DC_rad_s"]["moved_sigma"]) > 10
+        for row in rows.values():  # each with its own deviation, that of the change with both
+            assert row["std"] == pytest.approx(np.hypot(row["before_std"], row["now_std"]))
+            variance = np.diag(coefficients_of(new)[1])
+            assert np.isclose(variance, row["now_std"] ** 2, rtol=1e-6, atol=0).any()
         before, _ = drift_error(calibration, later, 20.0)
         after, z = drift_error(record, later, 20.0)
         ratios.append(after / before)

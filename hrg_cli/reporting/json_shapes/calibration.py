@@ -315,8 +315,12 @@ class Moved(Shape):
     """The coefficient."""
     before: Number
     """At the tables' time."""
+    before_std: Number
+    """Its standard deviation."""
     now: Number
     """Now."""
+    now_std: Number
+    """Its standard deviation."""
     std: Number
     """Standard deviation of the difference."""
     moved_sigma: Number
