@@ -8,9 +8,11 @@ import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import hrg_cli
+from hrg_cli import Recording, store
 
 PACKAGE = Path(hrg_cli.__file__).parent
 BASE = {"units", "errors", "version", "extras", "threads"}
@@ -192,6 +194,30 @@ print([m for m in ('numpy', 'h5py', 'pandas', 'pydantic', 'scipy') if m in sys.m
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout
     assert out.rstrip().endswith("[]"), out.splitlines()[-1]
+
+
+def test_a_stage_loads_no_other_stage(tmp_path: Path) -> None:
+    """A quiet `demodulate` loaded the simulation, the diagnosis and the rehearsal: half of its
+    second on a short recording."""
+    t = np.arange(8000) / 8000
+    c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
+    run = Recording(c=c, s=0.1 * c, sample_rate_hz=8000.0, mode="free")
+    store.write(tmp_path / "run.h5", run)
+    code = f"""
+import sys
+from hrg_cli.cli import main
+sys.argv = ['hrg', 'demodulate', {str(tmp_path / "run.h5")!r}, '-o', {str(tmp_path / "p.h5")!r}, '-q']
+try:
+    main()
+except SystemExit as left:
+    assert not left.code, left.code
+stages = {{m.split('.')[2] for m in sys.modules if m.startswith('hrg_cli.stages.')}}
+print(sorted(stages - {{'demodulate', 'demodulation'}}), 'hrg_cli.effects' in sys.modules)
+"""
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
+    assert out.split() == ["[]", "False"], out
 
 
 SHAPES = PACKAGE / "reporting" / "json_shapes"

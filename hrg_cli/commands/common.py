@@ -124,7 +124,7 @@ class Common:
     ) -> None:
         """Print the result and leave with the exit status that its validity asks for (0 where it is
         told but not judged)."""
-        from ..reporting import answer_text, console
+        from ..reporting import console
 
         with unread_is_no_failure():
             self._print(report, show)
@@ -135,6 +135,9 @@ class Common:
         if not self.json and not (self.quiet and report["status"] == "valid"):
             reasons = report.get("status_reasons", [])
             if report.get("answer") and not self.quiet and not self.piped:
+                # The words of an answer need the diagnosis' parts, which most commands never load.
+                from ..reporting import answer_text
+
                 reasons = answer_text.untold(reasons, report["answer"]["why"])
             for reason in reasons:
                 console.message(f"{report['status']}: {reason}")

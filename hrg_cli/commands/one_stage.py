@@ -10,8 +10,6 @@ from ..pipeline import STAGES, Outcome, run_stage
 from ..reporting import console
 from .common import Common
 from .frame import command_line, existing
-from .rehearse import and_rehearse
-from .rehearse import show as show_rehearsal
 
 
 def run_stage_on_files(
@@ -43,6 +41,10 @@ def run_stage_on_files(
     if rehearse is None:
         run.finish(outcome.json, lambda: _show(outcome))
         return
+    # A rehearsal needs the whole chain, the simulation and the diagnosis too, which take a second to load.
+    from .rehearse import and_rehearse
+    from .rehearse import show as show_rehearsal
+
     whole = and_rehearse(outcome, output, inputs, rehearse, run)
 
     def show() -> None:

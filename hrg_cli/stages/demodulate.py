@@ -63,7 +63,7 @@ def demodulate(
     block_samples: Annotated[
         int,
         Field(gt=0, description="samples worked on at once; memory depends on it, results do not"),
-    ] = 1 << 20,
+    ] = 1 << 21,
 ) -> Iterator[Periods]:
     """The signals of every window: least-squares coefficients of both channels at one reference
     frequency.

@@ -21,7 +21,7 @@ from .estimation.solution import LastSolution, SolverSettings, solve_block
 from .estimation.tally import Tally
 from .estimation.wave_block import add_frequency, write_block
 
-BLOCK_ROWS = 16384
+BLOCK_ROWS = 1 << 15
 
 
 def estimate(

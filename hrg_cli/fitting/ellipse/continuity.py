@@ -99,9 +99,7 @@ def local_slope(time_s: Array, values: Array, weights: Array, half_width: int) -
     n = len(values)
     h = min(half_width, n - 1)
     used = weights > 0
-    nearest = np.maximum.accumulate(np.where(used, np.arange(n), -1))
-    nearest[nearest < 0] = np.argmax(used) if used.any() else 0
-    filled = np.where(used, values, 0.0)[nearest]
+    filled = values if used.all() else _fill_unused(values, used)
     segments = -(-n // SEGMENT)
     ends = (h, segments * SEGMENT + h - n)
     rows = np.lib.stride_tricks.sliding_window_view
@@ -118,6 +116,13 @@ def local_slope(time_s: Array, values: Array, weights: Array, half_width: int) -
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = ((w * wtv - wt * wv) / (w * wtt - wt * wt)).ravel()[:n]
     return np.where(np.isfinite(slope), slope, np.nan)
+
+
+def _fill_unused(values: Array, used: Array) -> Array:
+    """Values with each unused row as the last used one before it, or the first used one behind."""
+    nearest = np.maximum.accumulate(np.where(used, np.arange(len(values)), -1))
+    nearest[nearest < 0] = np.argmax(used) if used.any() else 0
+    return np.asarray(np.where(used, values, 0.0)[nearest])
 
 
 def _running(terms: Array, length: int) -> Array:
