@@ -320,7 +320,7 @@ def _causes(record: Diagnosis) -> dict[str, float]:
     """How many causes were found, their sizes by name (effects.NAME.PARAMETER), and the values
     beside them (values.NAME), with _std."""
     try:
-        report = dict(json.loads(record.report))
+        report = record.read_report()
     except (ValueError, TypeError):
         report = {}
     effects = report.get("effects") or []

@@ -51,6 +51,25 @@ class Diagnosis(Record):
     report: str = attribute("JSON: the whole verdict", valid=JSON_OBJECT)
     extended_model: str = attribute("the extended model as TOML", default="")
 
+    def read_report(self) -> dict[str, Any]:
+        """The whole verdict: the keys of `hrg diagnose --json`, which
+        `reporting/json_shapes/diagnosis.py` declares.
+
+        Returns
+        -------
+        dict
+            A new object at each call.
+
+        Raises
+        ------
+        ValueError
+            The text is no JSON object: the file was changed by another program.
+        """
+        read = json.loads(self.report)
+        if not isinstance(read, dict):
+            raise ValueError(f"a JSON object was expected, found {type(read).__name__}")
+        return read
+
     def told(self, table: str) -> list[dict[str, Any]]:
         """The rows of a table of the report; none where it has no such table."""
-        return list(json.loads(self.report).get(table) or [])
+        return list(self.read_report().get(table) or [])

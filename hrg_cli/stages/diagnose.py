@@ -8,7 +8,6 @@ give the word, and a forecast of data that taught nothing.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -129,7 +128,7 @@ def diagnose(
     >>> samples = [collect(simulate(config, model="slow", run=run["run_id"])) for run in config["run"]]
     >>> waves = [collect(estimate(collect(demodulate(r, periods_per_window=20)))) for r in samples]
     >>> found = diagnose(waves, most_effects=1)
-    >>> found.verdict, [cause["name"] for cause in json.loads(found.report)["effects"]]
+    >>> found.verdict, [cause["name"] for cause in found.told("effects")]
     ('explained', ['gain_mismatch'])
     """
     of_one_gyro(waves, "diagnose")
@@ -341,7 +340,7 @@ def _need_both_channels(waves: Sequence[Wave]) -> None:
 def summary(diagnosis: Diagnosis) -> dict[str, Any]:
     """The contract's JSON keys of diagnose; `extended_model` is the TOML's path, which whoever
     writes the file fills in."""
-    return json.loads(diagnosis.report)
+    return diagnosis.read_report()
 
 
 def _with_clipped(wave: Wave) -> Wave:

@@ -5,7 +5,7 @@ import pytest
 from diagnosis_programme import programme
 from wrong_runs import estimated, recordings
 
-from hrg_cli.effects import EFFECTS
+from hrg_cli.effects import EFFECTS, Effect, Parameter
 from hrg_cli.physics import ellipse
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.samples.heard import harmonics, is_excluded
@@ -32,6 +32,26 @@ def test_harmonics_of_a_curve_are_those_of_its_fourier_series():
     )
     clipped = harmonics(BY_NAME["saturation"], {"inverse_level": 1 / level}, amplitude[:1])
     assert clipped[0, 0] > 0 and clipped[0, 1] == pytest.approx(0.0, abs=1e-20)
+
+
+def test_harmonics_of_a_read_out_with_memory_are_those_of_its_loop():
+    """Rayleigh's loop: βA² sgn(sin φ) sin²φ/2 beside the line, whose third multiple is a sine of
+    size 4βA²/15π. It was asked with no samples at all around it, and ended in an internal error."""
+    slope, amplitude = 2e-3, np.array([[1.0, 0.4], [0.7, 0.2]])
+
+    def readout(p, readout):
+        def step(block, y):
+            turned = np.hypot(block.z, block.v_over_omega)
+            loop = turned * block.z - np.sign(block.v_over_omega) * block.v_over_omega**2 / 2
+            return y + p["slope"] * loop
+
+        readout.steps.append(step)
+
+    parameters = (Parameter("slope", "amplitude-1", 1e-3, "β"),)
+    behind = Effect("behind", "read-out", "Rayleigh", parameters, readout=readout)
+    third = harmonics(behind, {"slope": slope}, amplitude)[0]
+    expected = np.mean((4 * slope * amplitude**2 / 15 / np.pi) ** 2, 0) / 2
+    np.testing.assert_allclose(third, expected, rtol=0.03)
 
 
 def measured(heard, name, part=1.0):

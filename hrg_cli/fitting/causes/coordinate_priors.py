@@ -43,6 +43,7 @@ class CoordinatePriors:
             return np.zeros((0, len(series.names)))
         forced = series.forced[:, 0] > 0
         alike = forced[:, None] == forced
+        # off the mean of their kind: a frequency that all share is nobody's wander
         return (np.eye(len(forced)) - alike / alike.sum(axis=1)) / self.offset_std
 
 

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..envelopes.coordinates import DAMPING, DAMPING_SPLIT
 from .fit_point import Point
 from .layout import FitColumns
 
 Array = np.ndarray
-DAMPING = ("damping", "damping_cos", "damping_sin")
+CONE = ("damping", "damping_cos", "damping_sin")
 """Coordinates whose cone ν ≥ |νδμ| a passive resonator stays in."""
 
 
 def passive_damping(p: Array) -> Array:
     """Coordinates whose damping is the nearest one that is nowhere negative: ν ≥ |νδμ|."""
-    out, split = p.copy(), float(np.hypot(p[1], p[2]))
-    if p[0] >= split:
+    out, split = p.copy(), float(np.hypot(*p[DAMPING_SPLIT]))
+    mean = float(p[DAMPING])
+    if mean >= split:
         return out
-    least = max(0.0, (float(p[0]) + split) / 2)
-    out[0] = least
-    out[1:3] *= least / split if split > 0 else 0.0
+    # foot of the perpendicular on the cone's side, which is inclined by 45°; beyond its tip the tip
+    least = max(0.0, (mean + split) / 2)
+    out[DAMPING] = least
+    out[DAMPING_SPLIT] *= least / split if split > 0 else 0.0
     return out
 
 
@@ -31,12 +34,13 @@ def wall_ahead(point: Point, layout: FitColumns, step: Array) -> tuple[Array, fl
     """
     p = point.p.copy()
     p[list(layout.coordinates)] += step[: len(layout.coordinates)]
-    split = float(np.hypot(p[1], p[2]))
-    if p[0] >= split * (1 - 1e-12):
+    split = float(np.hypot(*p[DAMPING_SPLIT]))
+    # a point on the cone itself is inside, but for rounding
+    if p[DAMPING] >= split * (1 - 1e-12):
         return None
-    normal = np.array([1.0, *(-p[1:3] / split if split > 0 else (0.0, 0.0))])
+    normal = np.array([1.0, *(-p[DAMPING_SPLIT] / split if split > 0 else (0.0, 0.0))])
     wall = np.zeros(layout.count)
-    for name, part in zip(DAMPING, normal, strict=True):
+    for name, part in zip(CONE, normal, strict=True):
         if (column := layout.coordinate(name)) is not None:
             wall[column] = part
     return (wall, -float(normal @ point.p[:3])) if wall.any() else None

@@ -81,6 +81,7 @@ def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePri
         factored = factor_design(design)
     except np.linalg.LinAlgError as error:
         raise no_motion(series, prediction.point) from error
+    # slopes that grow without end give a triangle that is no numbers, and not always an error
     with np.errstate(over="ignore"):
         size = float(np.sum(np.square(factored.triangle)))
     if not np.isfinite(size):
@@ -93,6 +94,7 @@ def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePri
     wall = wall_ahead(prediction.point, layout, step) if freedom.passive else None
     lost = 0.0
     if wall is not None:
+        # along the wall only; the covariance stays that without it, as the bound is no measurement
         free = step
         step, _ = factored.solve(residual, *priors, *wall)
         lost = _fall(design, residual, free) - _fall(design, residual, step)
@@ -122,6 +124,7 @@ def descend(
             return trial, now, size == 1.0
         size /= 2
     rows, right = here.priors
+    # Marquardt's scaling: rows as long as the columns, so that units of the parameters do not matter
     sizes = np.diag(np.sqrt(np.sum(here.factored.triangle**2, axis=0) + np.sum(rows**2, axis=0)))
     for damping in DAMPED:
         step, _ = here.factored.solve(
@@ -137,7 +140,7 @@ def descend(
 
 def _fall(design: Design, residual: Array, step: Array) -> float:
     """By how much a step lowers χ² in the linear model."""
-    change = design.times(step)
+    change = design.times(step)  # |r|² − |r − Js|²
     return float(2 * residual @ change - change @ change)
 
 

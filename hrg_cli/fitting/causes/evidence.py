@@ -109,6 +109,7 @@ class Ledger:
                     (G - B[:, some].T @ B[:, some]) / unit / unit[:, None],
                     c[some] / unit,
                 )
+            # only each candidate's own block is kept: products between candidates are not asked for
             for k in range(start, stop):
                 own = slice(ends[k] - ends[start], ends[k + 1] - ends[start])
                 self.entries.append((P[own, own], projected[own], size[own]))
@@ -118,6 +119,7 @@ class Ledger:
         """Of all candidates in the order they were entered; `columns`: what makes their columns
         anew."""
         alike: dict[int, list[int]] = {}
+        # those of one width together: one call of eigh for all of them instead of hundreds
         for number, (_, _, size) in enumerate(self.entries):
             alike.setdefault(len(size), []).append(number)
         out: dict[int, Score] = {}
@@ -209,6 +211,7 @@ def _significance(gain: Array, rank: Array) -> tuple[Array, Array]:
     from scipy.special import chdtrc, ndtri
 
     p = np.where(rank > 0, chdtrc(np.maximum(rank, 1), gain), 1.0)
+    # beyond 36 σ p underflows, and |z| of one variable is √χ² to a percent or two
     return np.where(p > 1e-280, np.maximum(0.0, -ndtri(p / 2)), np.sqrt(gain)), p
 
 
@@ -236,6 +239,7 @@ def count_independent(spaces: Sequence[Array]) -> float:
 
 def correct_for_tries(p_value: float, tried: float) -> float:
     """p for the best of `tried` candidates (Šidák)."""
+    # 1 − (1 − p)^n, which in this form keeps its digits where p is 1e-20
     return float(-np.expm1(tried * np.log1p(-min(p_value, 1 - 1e-16))))
 
 
@@ -274,6 +278,7 @@ def smooth_power(
     a, C = [], []
     for (rows, S), (same, Q) in zip(smooth, basis.own, strict=True):
         assert rows == same
+        # unit columns first, so that BLIND is a part of each and not of the longest
         S = S / np.maximum(np.sqrt(np.einsum("ij,ij->j", S, S)), 1e-300)
         S = S - Q @ (Q.T @ S)
         power, V = np.linalg.eigh(S.T @ S)
@@ -287,5 +292,6 @@ def smooth_power(
     power = 1 - s**2
     hidden = power < BLIND**2
     beside = Vt @ left
+    # (I − Cᵀ C)⁻¹ = I + V (1/(1 − s²) − 1) Vᵀ; what the shared part hides altogether is taken off
     more = np.where(hidden, -1.0, 1 / np.where(hidden, 1.0, power) - 1)
     return float(left @ left + np.sum(more * beside**2)), len(left) - int(hidden.sum())

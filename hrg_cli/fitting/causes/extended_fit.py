@@ -71,6 +71,7 @@ class ExtendedFit:
     @property
     def dof(self) -> int:
         """Degrees of freedom."""
+        # a phase that is free in every row costs one of the row's four reals
         given_up = int(np.sum(self.series.weight > 0)) if self.series.free_phase else 0
         unknown = self.series.unsettled.free if self.series.unsettled is not None else 0
         return max(1, len(self.residual) - given_up - unknown - self.layout.count)
@@ -139,6 +140,7 @@ class ExtendedFit:
         columns, now = self.layout.effect(effect.name), self.values(effect.name)
         neutral = {p.name: p.neutral for p in effect.parameters}
         off = np.array([now[name] - neutral[name] for name in self.layout.parameters(effect.name)])
+        # the pseudoinverse, as parameters that the data cannot tell apart leave C singular
         return off, float(off @ np.linalg.pinv(self.covariance[columns, columns]) @ off)
 
     def parameter_std(self, effect: str, name: str) -> float:
@@ -200,6 +202,7 @@ def fit(
     layout = layout_of(series, point, freedom)
     p = passive_damping(point.p) if freedom.passive else point.p
     point = replace(point, p=np.where(freedom.std == 0, freedom.mean, p))
+    # as a part of χ²: four reals a row, so that χ² is about as large as their number
     settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
     with np.errstate(over="ignore", invalid="ignore"):
         spend_motion()
@@ -216,11 +219,12 @@ def fit(
                 break
             steps += 1
             trial, now, whole = descend(here, freedom, value, settled)
-            if not now <= value:
+            if not now <= value:  # written so that a χ² that is no number ends here, too
                 # a step that neither lowers nor raises χ² by more than matters has nowhere to go
                 converged = now <= value + settled * value
                 break
             gained, value, prediction = value - now, now, trial
+            # a shortened step may gain little far from the optimum: that alone settles nothing
             converged = here.expected < settled * value or (gained < settled * value and whole)
     index = np.argwhere(np.broadcast_to((series.weight > 0)[..., None], (*series.weight.shape, 4)))
     return ExtendedFit(

@@ -112,6 +112,7 @@ class RungeKuttaStage:
     def drive(self, v: Array) -> Array:
         """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B) along the wave as the
         loops see it; without a log, what holds the measured amplitude."""
+        # one iteration: the loops see u, which the force itself moves; the next would be (1/ωτ)² of it
         force = self._along(v, v)
         return force if self.lead == 0 else self._along(v + self.lead * force, v)
 
@@ -120,6 +121,7 @@ class RungeKuttaStage:
         turn, e_A, e_B, a_A = frame(u, self.state.phase_rad)
         main = self.main
         if self.holds:
+            # the amplitude's own equation solved for the force, and a slow pull to where it was measured
             loss = np.real(np.sum(times(self.L, v) * e_A, axis=-1) * np.conj(turn))
             main = np.where(
                 np.isfinite(self.held),

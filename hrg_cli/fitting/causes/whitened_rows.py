@@ -36,7 +36,7 @@ def flatten_own(series: MeasuredRuns, values: Array) -> Array:
 def whiten_rows(series: MeasuredRuns, values: Array) -> Array:
     """(R, n, 4, …) -> rows with weight only, (N, …), whitened by what may scatter."""
     keep = series.weight > 0
-    if keep.all():
+    if keep.all():  # a view instead of a copy: the design of long runs is most of the memory
         rows = values.reshape(-1, *values.shape[3:])
     else:
         rows = values[np.broadcast_to(keep[..., None], values.shape[:3])]
@@ -93,5 +93,7 @@ def _fitted_steps(
 ) -> dict[str, float]:
     """Difference steps sized by the value where the effect stands."""
     return {
-        name: 1e-3 * abs(values[name]) or size for name, size in steps_of(effect, series).items()
+        # a thousandth of the value, in which every term is as good as linear; its own size at 0
+        name: 1e-3 * abs(values[name]) or size
+        for name, size in steps_of(effect, series).items()
     }

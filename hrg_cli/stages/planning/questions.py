@@ -3,7 +3,6 @@ can tell."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -50,7 +49,7 @@ def open_causes(
     sizes: dict[str, dict[str, float]] = {name: {} for name in causes}
     groups = [[a, *(b for b in causes if b != a)] for a in causes]
     if isinstance(known, Diagnosis):
-        report = json.loads(known.report)
+        report = known.read_report()
         settled: list[list[str]] = []
         for found in known.told("effects"):
             if found["name"] in names:

@@ -96,7 +96,7 @@ def _compare_sizes(record: Diagnosis, truth: Diagnosis, twin: Twin) -> dict[str,
         for key, (value, std) in seen.items():
             if key in true:
                 found[f"{name} {key}"] = RehearsedFigure(sign * value, std, true[key][0])
-    period = np.pi / int(json.loads(truth.report).get("mode_number", 2))
+    period = np.pi / int(truth.read_report().get("mode_number", 2))
     beside = base_values(truth)
     lost = {
         name

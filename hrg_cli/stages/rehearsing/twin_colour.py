@@ -80,7 +80,7 @@ def of_calibration(truth: Calibration) -> dict[str, Colour]:
 
 def of_diagnosis(truth: Diagnosis) -> Colour:
     """The wander that a diagnosis reports of its final residual."""
-    rows = {row["component"]: row for row in json.loads(truth.report).get("wander") or []}
+    rows = {row["component"]: row for row in truth.read_report().get("wander") or []}
     if not rows:
         return ()
     return tuple(

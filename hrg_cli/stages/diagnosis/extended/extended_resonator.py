@@ -20,7 +20,7 @@ def extended_resonator(diagnosis: Diagnosis) -> Resonator | None:
     something are only as good as the model.
     """
     try:
-        report = json.loads(diagnosis.report)
+        report = diagnosis.read_report()
         rows = [
             (str(v["name"]), float(v["value"]), float(v["std"]), str(v["units"]))
             for v in report["values"]

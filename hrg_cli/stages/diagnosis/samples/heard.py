@@ -9,7 +9,6 @@ against that, noise included.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import cast
 
 import numpy as np
 
@@ -81,15 +80,26 @@ def harmonics(
     effect.readout(dict(values), readout)
     level = np.linspace(0.0, float(amplitude.max()), LEVELS)
     phase = 2 * np.pi * np.arange(POINTS) / POINTS
-    seen, anywhere = np.zeros((LEVELS, POINTS)), cast(Samples, None)
+    seen, around = np.zeros((LEVELS, POINTS)), _period(level[:, None], phase)
     place, weight = np.polynomial.hermite_e.hermegauss(NODES)
     for x, share in zip(place, weight / weight.sum(), strict=True):
         one = level[:, None] * np.cos(phase) + noise * x
         for step in (*readout.steps, *readout.after):
-            one = step(anywhere, one)
+            one = step(around, one)
         seen += share * one
-    made = 2 * np.fft.rfft(seen, axis=1).real[:, list(ORDERS)] / POINTS
-    return np.stack([np.mean(np.interp(amplitude, level, b) ** 2, axis=0) / 2 for b in made.T])
+    # complex: what remembers where the channel turned is behind it, by sines
+    made = 2 * np.fft.rfft(seen, axis=1)[:, list(ORDERS)] / POINTS
+    return np.stack(
+        [np.mean(np.abs(np.interp(amplitude, level, b)) ** 2, axis=0) / 2 for b in made.T]
+    )
+
+
+def _period(level: Array, phase: Array) -> Samples:
+    """Channels that oscillate with these amplitudes (n, 1) through the phases of a period, at rest
+    and undriven: z − j·v/ω is the analytic signal a e^{jφ}."""
+    z, late = level * np.cos(phase), -level * np.sin(phase)
+    still = np.zeros(len(phase))
+    return Samples(phase / (2 * np.pi), z, late, np.zeros(z.shape, complex), still, still)
 
 
 def _amplitudes(wave: Wave) -> Array:
