@@ -19,8 +19,8 @@ from pydantic import Field
 
 from ..fitting.samples.demodulator import Demodulator, Rows
 from ..fitting.samples.even import even_rows
-from ..fitting.samples.run_down import run_down
-from ..fitting.samples.survey import survey
+from ..fitting.samples.run_down import RunDown, run_down
+from ..fitting.samples.survey import survey, survey_quiet
 from ..fitting.samples.uneven import uneven_rows
 from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Periods, Recording
 from ..records.clock import from_first_sample
@@ -118,6 +118,25 @@ def demodulate(
         notes.extend(found.notes)
         looked = survey_run_down(recording, looked, found, name)
     run = Demodulator(recording, looked, name, periods_per_window, moving_envelope, notes=notes)
+    yield from _rows_of(run, found, origin_s, block_samples)
+
+
+def demodulate_quiet(recording: Recording, *, periods_per_window: float) -> Iterator[Periods]:
+    """As `demodulate`, of simulated samples (n,) without noise, of which the envelopes alone are
+    asked: without a search for lines, ends and the noise's colour.
+
+    HrgError: as `demodulate`.
+    """
+    name = check_recording(recording)
+    run = Demodulator(recording, survey_quiet(recording, name), name, periods_per_window, None)
+    yield from _rows_of(run, None, 0.0, 1 << 20)
+
+
+def _rows_of(
+    run: Demodulator, found: RunDown | None, origin_s: float, block_samples: int
+) -> Iterator[Periods]:
+    """Blocks of rows; the last one holds spectrum and status."""
+    recording, looked = run.recording, run.survey
     ends = (recording.times(0, 1)[0], recording.times(len(recording.c) - 1)[0])
     if found is not None:
         run.judged_s = (found.begin_s, found.end_s)

@@ -29,6 +29,10 @@ LONGEST_SPAN = 20.0
 """Times that span so many times what the samples fill at their usual step are a clock that jumps,
 not a run with gaps."""
 
+QUIET_LOOKS = 3
+"""Looks, about, that tell the frequency's course where no noise hides it; what is between them the
+demodulation follows from chunk to chunk."""
+
 LINE_LEAST = 1e-8
 """Lines below this part of the oscillation are the arithmetic's rounding."""
 
@@ -68,6 +72,69 @@ class Survey:
     def frequency_hz(self, time_s: float) -> float:
         """Local frequency, interpolated between the looks."""
         return float(np.interp(time_s, self.track_s, self.track_hz))
+
+
+@dataclass(frozen=True)
+class Course:
+    """Looks along a recording, and the frequency that they show."""
+
+    looks: tuple[Look, ...]
+    even: bool
+    carrier_hz: float | None
+    step_s: float
+    dead: tuple[str, ...]
+    found: SpectralPeak
+    track: tuple[Array, Array]
+
+    @classmethod
+    def of(cls, recording: Recording, name: str, looks: Sequence[Look]) -> Course:
+        """HrgError: constant channels, no oscillation possible below half the sampling rate."""
+        even = recording.time_s is None
+        carrier = recording.carrier_hz if recording.readout == "carrier" else None
+        dead = find_dead_channels(looks, name, recording.status_reasons)
+        step = float(np.median(np.concatenate([np.diff(look.time_s) for look in looks])))
+        if not even:
+            _need_rising_times(recording, looks, step, name)
+        spectra = [finding.even_power(look.y, 1 / step) for look in looks] if even else []
+        nominal = recording.nominal_frequency_hz
+        found = search_oscillation(looks, spectra, step, carrier, nominal, name)
+        track = follow_frequency(looks, spectra, step, found.frequency_hz, carrier)
+        return cls(tuple(looks), even, carrier, step, dead, found, track)
+
+    def survey(
+        self, recording: Recording, rest: Residual, least_count: tuple[float, float]
+    ) -> Survey:
+        """The survey, with what the looks hold beside the oscillation."""
+        # A micro-hertz: a number that a person can write down and that two machines agree on.
+        reference = float(np.round(np.median(self.track[1]), 6))
+        away = rest.blind_hz
+        skip = tuple(
+            (f - away, f + away) for f in (*finding.bands(reference, self.carrier_hz), 0.0)
+        )
+        line_hz, line_amplitude, line_ratio = rest.lines(skip)
+        return Survey(
+            reference_hz=reference,
+            carrier_hz=self.carrier_hz,
+            step_s=self.step_s,
+            track_s=self.track[0],
+            track_hz=self.track[1],
+            rails=(
+                find_rails(recording.c, [look.raw[0] for look in self.looks]),
+                find_rails(recording.s, [look.raw[1] for look in self.looks]),
+            ),
+            strength2=rest.strength2,
+            looks=self.looks,
+            spectrum_hz=rest.spectrum.frequency_hz,
+            spectrum_density=rest.spectrum.mean(),
+            spectrum_segments=rest.spectrum.segments,
+            blind_hz=skip,
+            line_hz=line_hz,
+            line_amplitude=line_amplitude,
+            line_ratio=line_ratio,
+            suspect=self.dead + self.found.suspect,
+            refused=_refuse_noise(self.found),
+            least_count=least_count,
+        )
 
 
 def survey(recording: Recording, name: str) -> Survey:
@@ -120,7 +187,24 @@ def survey(recording: Recording, name: str) -> Survey:
         suspect=dead + found.suspect,
         refused=_refuse_noise(found),
         least_count=find_least_counts(recording, looks),
+    course = Course.of(recording, name, take_looks(recording, recording.time_s is None, name))
+    rest = _average_residual(
+        course.looks, course.even, course.step_s, course.carrier_hz, course.track
     )
+    return course.survey(recording, rest, find_least_counts(recording, course.looks))
+
+
+def survey_quiet(recording: Recording, name: str) -> Survey:
+    """The frequency's course alone, of samples without noise: what they hold beside the oscillation
+    is nothing, and a few looks tell the rest.
+
+    HrgError: as `survey`.
+    """
+    looks = take_looks(recording, recording.time_s is None, name)
+    course = Course.of(recording, name, looks[:: max(1, (len(looks) - 1) // (QUIET_LOOKS - 1))])
+    strength2 = float(max(look.y.var(-1).max() for look in course.looks))
+    none = Residual(AveragedSpectrum(np.zeros(0)), 0.0, strength2)
+    return course.survey(recording, none, (0.0, 0.0))
 
 
 def _refuse_noise(found: SpectralPeak) -> tuple[str, ...]:
@@ -167,6 +251,14 @@ class Residual:
     blind_hz: float
     strength2: float
     noise2: Array
+
+    def lines(self, skip_hz: tuple[tuple[float, float], ...]) -> tuple[Array, Array, Array]:
+        """Frequencies, amplitudes (lines, channels) and power ratios of what stands out of it."""
+        seen = self.spectrum
+        if not seen.segments:
+            return np.zeros(0), np.zeros((0, 2)), np.zeros(0)
+        least = LINE_LEAST * np.sqrt(max(self.strength2, 0.0))
+        return lines(seen.frequency_hz, seen.mean(), seen.segments, skip_hz, least=least)
 
 
 def _average_residual(

@@ -27,7 +27,7 @@ from ....fitting.causes.whitened_rows import flatten_own, flatten_rows
 from ....fitting.envelopes.envelope_runs import envelopes_of
 from ....fitting.samples.demodulator import MOVING_PERIODS
 from ....records import Wave, collect
-from ...demodulate import demodulate
+from ...demodulate import demodulate_quiet
 from ...estimate import estimate
 from ...simulate import simulate_run
 from ...simulation_file import runs_of
@@ -218,8 +218,9 @@ def find_change(fit: ExtendedFit, difference: Array, compared: Array) -> Array:
 
 
 def _estimated(recording: Any) -> Wave:
-    """The simulated recording's wave, by the chain that a measurement goes through."""
-    return collect(estimate(collect(demodulate(recording, periods_per_window=PERIODS))))
+    """The simulated recording's wave, by the chain that a measurement goes through, without what
+    noise asks of it."""
+    return collect(estimate(collect(demodulate_quiet(recording, periods_per_window=PERIODS))))
 
 
 def _envelopes(
