@@ -124,6 +124,7 @@ class Course:
             ),
             strength2=rest.strength2,
             looks=self.looks,
+            look_noise2=rest.noise2,
             spectrum_hz=rest.spectrum.frequency_hz,
             spectrum_density=rest.spectrum.mean(),
             spectrum_segments=rest.spectrum.segments,
@@ -140,53 +141,6 @@ class Course:
 def survey(recording: Recording, name: str) -> Survey:
     """Look at a recording. HrgError: no samples, constant channels, no oscillation possible below
     half the sampling rate."""
-    even = recording.time_s is None
-    carrier = recording.carrier_hz if recording.readout == "carrier" else None
-    looks = take_looks(recording, even, name)
-    dead = find_dead_channels(looks, name, recording.status_reasons)
-    step = float(np.median(np.concatenate([np.diff(look.time_s) for look in looks])))
-    if not even:
-        _need_rising_times(recording, looks, step, name)
-    spectra = [finding.even_power(look.y, 1 / step) for look in looks] if even else []
-    found = search_oscillation(looks, spectra, step, carrier, recording.nominal_frequency_hz, name)
-    track_s, track_hz = follow_frequency(looks, spectra, step, found.frequency_hz, carrier)
-    rest = _average_residual(looks, even, step, carrier, (track_s, track_hz))
-    # A micro-hertz: a number that a person can write down and that two machines agree on.
-    reference = float(np.round(np.median(track_hz), 6))
-    skip = tuple(
-        (f - rest.blind_hz, f + rest.blind_hz) for f in (*finding.bands(reference, carrier), 0.0)
-    )
-    density, segments = rest.spectrum.mean(), rest.spectrum.segments
-    line_hz, line_amplitude, line_ratio = lines(
-        rest.spectrum.frequency_hz,
-        density,
-        segments,
-        skip,
-        least=LINE_LEAST * np.sqrt(max(rest.strength2, 0.0)),
-    )
-    return Survey(
-        reference_hz=reference,
-        carrier_hz=carrier,
-        step_s=step,
-        track_s=track_s,
-        track_hz=track_hz,
-        rails=(
-            find_rails(recording.c, [look.raw[0] for look in looks]),
-            find_rails(recording.s, [look.raw[1] for look in looks]),
-        ),
-        strength2=rest.strength2,
-        looks=tuple(looks),
-        look_noise2=rest.noise2,
-        spectrum_hz=rest.spectrum.frequency_hz,
-        spectrum_density=density,
-        spectrum_segments=segments,
-        blind_hz=skip,
-        line_hz=line_hz,
-        line_amplitude=line_amplitude,
-        line_ratio=line_ratio,
-        suspect=dead + found.suspect,
-        refused=_refuse_noise(found),
-        least_count=find_least_counts(recording, looks),
     course = Course.of(recording, name, take_looks(recording, recording.time_s is None, name))
     rest = _average_residual(
         course.looks, course.even, course.step_s, course.carrier_hz, course.track
@@ -203,7 +157,9 @@ def survey_quiet(recording: Recording, name: str) -> Survey:
     looks = take_looks(recording, recording.time_s is None, name)
     course = Course.of(recording, name, looks[:: max(1, (len(looks) - 1) // (QUIET_LOOKS - 1))])
     strength2 = float(max(look.y.var(-1).max() for look in course.looks))
-    none = Residual(AveragedSpectrum(np.zeros(0)), 0.0, strength2)
+    # noise that nobody looked for bounds nothing
+    unknown = np.full((len(course.looks), 2), np.inf)
+    none = Residual(AveragedSpectrum(np.zeros(0)), 0.0, strength2, unknown)
     return course.survey(recording, none, (0.0, 0.0))
 
 
