@@ -79,7 +79,7 @@ def drop_empty_columns(
 def signed(value: Any, digits: int = 3) -> str:
     """`number` with its sign, plus too."""
     text = number(value, digits)
-    return f"+{text}" if isinstance(value, Real) and value > 0 and text != "–" else text
+    return text if text[0] in "–−0" and not text.startswith("0.") else f"+{text}"
 
 
 def number(value: Any, digits: int = 4) -> str:

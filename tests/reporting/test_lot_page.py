@@ -402,4 +402,4 @@ def test_labels_of_a_figure_do_not_overlap(window):
 
 
 def test_a_distance_is_said_alike_in_the_reason_and_on_its_badge_without_an_exponent():
-    assert [signed(z) for z in (1439.7, -17.23, 163.04)] == ["+1440", "−17.2", "+163"]
+    assert [signed(z) for z in (1439.7, -17.23, 0.52, 0.0)] == ["+1440", "−17.2", "+0.52", "0"]
