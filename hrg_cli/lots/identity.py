@@ -16,6 +16,7 @@ from .groups import GROUPED_BY
 
 LOOKED_AT_BYTES = 1 << 20
 """Head and tail of a damaged file in which a gyro's name is looked for; HDF5 keeps texts there."""
+HDF5_SUFFIXES = (".h5", ".hdf5")
 SHORTEST = 2
 """Characters of a gyro's name from which it is found by chance no more."""
 
@@ -34,6 +35,11 @@ def read_gyro_id(file: Path) -> Told | None:
     """Of an hrg recording, by its attributes alone; None of a laboratory's log. HrgError: it cannot
     be opened."""
     if not _may_be_hdf5(file):
+        if file.suffix.lower() in HDF5_SUFFIXES:
+            raise HrgError(
+                f"{file}: is no HDF5 file, as its name says it is; copy it again, or give a log a name"
+                " of its own kind (.csv)"
+            )
         return None
     try:
         texts = store.heading_of(file, Recording, ("gyro_id", "start_time", *GROUPED_BY))

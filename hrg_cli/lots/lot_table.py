@@ -10,7 +10,7 @@ from statistics import median
 from typing import Any
 
 from .. import store
-from ..reporting.text import number, spreadsheet
+from ..reporting.text import number, signed, spreadsheet
 from .gyro_page import label
 from .lot_settings import LotSettings
 from .pooling import FEWEST, MAD, far_limit
@@ -153,7 +153,7 @@ def _reason(row: Mapping[str, Any]) -> str:
         said.append(f"{row['verdict']}: no known cause")
     said += [*row["failed"], *row["missed"], *row["lost"]]
     said += [
-        f"{label(name)} {row['distances'][name]:+.1f} robust σ off the lot".replace("-", "−")
+        f"{label(name)} {signed(row['distances'][name])} robust σ off the lot"
         for name in row["far"]
     ]
     return "; ".join(said)

@@ -27,7 +27,7 @@ from .figures.lot import Limits, caterpillar, distribution, in_words, pareto, un
 from .lot_words import WORST, sentence
 from .page import SHADES
 from .quantities import round_with_std, unit_for
-from .text import number, plain
+from .text import number, plain, signed
 
 FOLDER = Path(__file__).parent
 LONGEST = 220
@@ -173,12 +173,8 @@ def _cell(row: Row, name: str) -> Cell:
     factor, unit = unit_of(name, value)
     text = round_with_std(value * factor, None if std is None else std * abs(factor))
     z = row[f"{name}_z"]
-    far = _z(z) if name in row["outliers"].split() and z is not None else ""
+    far = signed(z) if name in row["outliers"].split() and z is not None else ""
     return Cell(f"{text} {unit}".strip(), repr(float(value)), far)
-
-
-def _z(value: float) -> str:
-    return (f"{value:+.1f}" if abs(value) < 1000 else f"{value:+.0e}").replace("-", "−")
 
 
 def _middle(rows: Sequence[Row], name: str) -> float:

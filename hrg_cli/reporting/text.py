@@ -76,6 +76,12 @@ def drop_empty_columns(
     return [head[k] for k in kept], [[row[k] for k in kept] for row in rows]
 
 
+def signed(value: Any, digits: int = 3) -> str:
+    """`number` with its sign, plus too."""
+    text = number(value, digits)
+    return text if text[0] in "–−0" and not text.startswith("0.") else f"+{text}"
+
+
 def number(value: Any, digits: int = 4) -> str:
     """A number as a person reads it: plain between 1e-4 and 1e7, else as a power of ten; a dash for
     anything else."""

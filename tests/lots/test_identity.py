@@ -71,6 +71,15 @@ def test_a_lost_recording_goes_to_the_gyro_it_is_named_with(tmp_path, name, read
     assert found == gyro and bool(by) == bool(gyro)
 
 
+def test_what_is_no_hdf5_behind_its_name_is_no_log_of_its_folders_name(tmp_path):
+    """Overwritten at its head: whose it is, its neighbours tell, and not the folder."""
+    lost = tmp_path / "left-7.H5"
+    lost.write_bytes(bytes(3000))
+    with pytest.raises(HrgError, match="is no HDF5 file"):
+        read_gyro_id(lost)
+    assert owner_of(lost, {tmp_path / "left-1.h5": "G1", tmp_path / "right-1.h5": "G2"})[0] == "G1"
+
+
 def test_a_file_cut_off_still_holds_its_name(tmp_path):
     whole = written(tmp_path / "whole.h5")
     cut = tmp_path / "cut" / "other.h5"

@@ -16,6 +16,7 @@ from hrg_cli.lots.lot_settings import LotSettings
 from hrg_cli.lots.lot_table import judged_rows
 from hrg_cli.reporting.figures.lot import distribution, pareto
 from hrg_cli.reporting.lot_page import limits_of, lot_page, parameters, sentence
+from hrg_cli.reporting.text import signed
 
 HOSTILE = '../<script>alert("x")</script>\x1b[31m'
 GYROS = 60
@@ -398,3 +399,7 @@ def test_labels_of_a_figure_do_not_overlap(window):
         }
         return found;""")
     assert overlaps == []
+
+
+def test_a_distance_is_said_alike_in_the_reason_and_on_its_badge_without_an_exponent():
+    assert [signed(z) for z in (1439.7, -17.23, 0.52, 0.0)] == ["+1440", "−17.2", "+0.52", "0"]

@@ -138,7 +138,7 @@ def distribution(rows: Sequence[Row], name: str, limits: Limits = (None, None)) 
     ax.xaxis.set_major_formatter(lambda x, _: number(x, 6))
     from_where = f" less {number(origin, digits)}" if origin else ""
     title = in_words(name)
-    labels(ax, f"{title}{from_where}, {unit or '1'}", "gyros at or below, %", title)
+    labels(ax, f"{title}{from_where}, {unit}".removesuffix(", "), "gyros at or below, %", title)
     said = f" {unit}" if unit else ""
     note(ax, f"median {number(middle, digits)}{said}, 1.4826·MAD {number(spread, 2)}{said}")
     legend(ax, loc="center right" if far.any() and value[far].max() < middle else "best")
@@ -260,7 +260,7 @@ def caterpillar(cause: Mapping[str, Any], key: str) -> Plot | None:
     )
     title = plain(f"{cause['name']}".replace("_", " "))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    labels(ax, "gyros, by day and name", f"{title}, {unit or '1'}", title)
+    labels(ax, "gyros, by day and name", f"{title}, {unit}".removesuffix(", "), title)
     legend(ax, loc="best")
     sure = abs(cause["value"]) / float(np.median(std[inside]) / abs(factor))
     words = (
