@@ -56,7 +56,7 @@ def least_damping(fit: ExtendedFit) -> tuple[float, float]:
     p = fit.point.p
     size = float(np.hypot(*p[DAMPING_SPLIT]))
     slope = np.array([1.0, *(-p[DAMPING_SPLIT] / size if size > 0 else (0.0, 0.0))])
-    index = [fit.layout.coordinate(name) for name in damping_bound.DAMPING]
+    index = [fit.layout.coordinate(name) for name in damping_bound.CONE]
     there = [k for k in range(3) if index[k] is not None]
     rows = [column for column in index if column is not None]
     variance = slope[there] @ fit.covariance[np.ix_(rows, rows)] @ slope[there] if there else 0.0
