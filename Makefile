@@ -32,7 +32,7 @@ run: $(INSTALLED)  ## Demonstrate: a gyro with a hidden fault, free and forced, 
 	PATH="$(CURDIR)/$(BIN):$$PATH" bash configs/run_chain.sh build/run
 
 test: $(READY)  ## Run the tests (quick samples of the long studies included)
-	$(BIN)/python -m pytest -n $(JOBS) -m "not slow and not browser" tests
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not slow and not browser" tests
 
 test-browser: $(READY)  ## Test the report page in Debian's chromium (installed when missing and possible)
 	command -v chromium >/dev/null || (apt-get update -qq && apt-get install -y -qq chromium >/dev/null)

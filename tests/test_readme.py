@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from warm_hrg import warm_hrg
 
 from hrg_cli import Calibration, Recording, store
 from hrg_cli.formats import readers
@@ -82,7 +83,19 @@ def give(folder: Path, name: str | None) -> None:
         store.write(folder / name, by_hand.RECORDS[Path(name).stem]())
 
 
-def run(said: Said, folder: Path, shorter: Sequence[tuple[str, str]] = ()) -> str:
+PLAIN_HRG = f'#!/bin/sh\nexec "{sys.executable}" -m hrg_cli.cli "$@"\n'
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    """A script `hrg` that need not import what it calls."""
+    with warm_hrg(tmp_path_factory.mktemp("warm"), ROOT) as script:
+        yield script
+
+
+def run(
+    said: Said, folder: Path, shorter: Sequence[tuple[str, str]] = (), script: str = PLAIN_HRG
+) -> str:
     """Standard output of the commands in a folder that looks like a clone's root; of those that go
     before them only the files."""
     for part in ("configs", "sample_data"):
@@ -97,7 +110,7 @@ def run(said: Said, folder: Path, shorter: Sequence[tuple[str, str]] = ()) -> st
     commands = before + said.found["commands"]
     hrg = folder / "bin" / "hrg"
     hrg.parent.mkdir()
-    hrg.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m hrg_cli.cli "$@"\n')
+    hrg.write_text(script)
     hrg.chmod(0o755)
     environment = os.environ | {
         "PATH": f"{hrg.parent}:{os.environ['PATH']}",
@@ -153,12 +166,12 @@ def test_every_command_of_tutorials_and_howtos_is_run():
         for said in RUN
     ],
 )
-def test_commands_run_and_print_what_is_shown(said, tmp_path):
+def test_commands_run_and_print_what_is_shown(said, tmp_path, warm):
     """The words are the same; the numbers within 5 % or a few of their last digits, as another
     processor rounds otherwise."""
     if "openssl" in said.found["commands"] and shutil.which("openssl") is None:
         pytest.skip("openssl is not here")
-    printed = run(said, tmp_path)
+    printed = run(said, tmp_path, script=warm)
     if said.found["output"] is None:
         return
     words, numbers = words_and_numbers(printed)
@@ -168,8 +181,8 @@ def test_commands_run_and_print_what_is_shown(said, tmp_path):
 
 
 @pytest.mark.parametrize("said", SAMPLES, ids=[said.id for said in SAMPLES])
-def test_slow_commands_run_on_shorter_recordings(said, tmp_path):
-    run(said, tmp_path, SHORTER)
+def test_slow_commands_run_on_shorter_recordings(said, tmp_path, warm):
+    run(said, tmp_path, SHORTER, warm)
 
 
 def test_every_equation_of_the_papers_has_a_command_that_is_run():

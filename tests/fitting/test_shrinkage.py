@@ -49,7 +49,7 @@ def test_what_is_rarely_there_is_in_the_error_whatever_the_draws(seed):
     assert np.linalg.eigvalsh(found.covariance).min() > 0
 
 
-@pytest.mark.parametrize("noise", [5e-5, 1.5e-3])
+@pytest.mark.parametrize("noise", [5e-5, pytest.param(1.5e-3, marks=pytest.mark.slow)])
 def test_the_error_is_honest_whatever_the_noise(noise):
     square = {"drift": [], "scale": []}
     for seed in range(6):

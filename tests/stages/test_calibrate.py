@@ -44,7 +44,7 @@ def normalised_errors(
     ]
 
 
-@pytest.mark.parametrize("walk", [0.0, 1e-11])
+@pytest.mark.parametrize("walk", [pytest.param(0.0, marks=pytest.mark.slow), 1e-11])
 def test_errors_at_unseen_points_are_as_stated(walk):
     """Quadratic over five nodes, which show that nothing bends further."""
     drift, scale = (

@@ -51,7 +51,7 @@ def errors_over_std(record, truth):
     ("nodes", "interpolation"),
     [
         (3, "cubic"),
-        (4, "cubic"),
+        pytest.param(4, "cubic", marks=pytest.mark.slow),
         pytest.param(5, "cubic", marks=pytest.mark.slow),
         pytest.param(6, "cubic", marks=pytest.mark.slow),
         pytest.param(8, "cubic", marks=pytest.mark.slow),

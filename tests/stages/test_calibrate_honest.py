@@ -97,13 +97,14 @@ def test_physical_coefficients_that_do_not_fit_are_refused_and_not_given_more_no
     assert summary(record)["checks"] and json.loads(record.details)["chi2_per_dof"] > 2
 
 
-def test_physical_over_temperature_predicts_the_drift_at_temperatures_never_seen():
+@pytest.mark.parametrize("draws", [2, pytest.param(5, marks=pytest.mark.slow)])
+def test_physical_over_temperature_predicts_the_drift_at_temperatures_never_seen(draws):
     """Three resonator files; error/σ at 10 and 30 °C along runs with their own quadrature, over
     drawn resonator errors."""
     waves = elliptic_programme((0.0, 20.0, 40.0), duration=10.0)
     unseen = elliptic_programme((10.0, 30.0), seed=7, duration=10.0)
     square = []
-    for seed in range(5):
+    for seed in range(draws):
         found = [
             resonator_of(tempered(T), T, 2e-3, seed=10 * seed + i)
             for i, T in enumerate((0.0, 20.0, 40.0))

@@ -106,7 +106,7 @@ def hidden(effect, seed):
     return values, table
 
 
-@pytest.mark.parametrize("forced", (False, True))
+@pytest.mark.parametrize("forced", (False, pytest.param(True, marks=pytest.mark.slow)))
 def test_a_reference_that_leaks_onto_the_forcers_is_named_in_free_runs(forced):
     """It pushes with and without a drive, so that no drive's leakage is blamed."""
     true = {"in_phase_c_1_s": 1.5e-4, "quadrature_s_1_s": -1e-4}
@@ -176,7 +176,7 @@ def test_a_cause_that_the_runs_held_out_do_not_feel_is_not_given_up():
 def test_what_the_sampling_folds_beside_the_oscillation_is_said():
     """At four samples a period the third multiple, which a bent pick-off makes, stands beside the
     oscillation: found, but not all of it is in the model."""
-    table = programme(1, {"pickoff_nonlinearity": {"cubic": 2e-3}})
+    table = programme(1, {"pickoff_nonlinearity": {"cubic": 2e-3}}, runs=4)
     diagnosis, out = verdict(table)
     assert [e["name"] for e in out["effects"]] == ["pickoff_nonlinearity"]
     assert out["verdict"] == "partly explained"
@@ -184,6 +184,12 @@ def test_what_the_sampling_folds_beside_the_oscillation_is_said():
     told = "; ".join(diagnosis.status_reasons)
     assert "multiple 3 of the oscillation, which pickoff_nonlinearity makes" in told
     assert f"{apart:.3g} Hz beside it" in told
+
+
+@pytest.mark.slow
+def test_what_the_sampling_folds_elsewhere_is_explained():
+    """The same gyro, sampled where no multiple stands beside its oscillation."""
+    table = programme(1, {"pickoff_nonlinearity": {"cubic": 2e-3}})
     table["recording"]["sample_rate_hz"] = 27011.0
     assert verdict(table)[1]["verdict"] == "explained"
 
@@ -219,7 +225,7 @@ def test_lost_samples_are_seen_in_the_waveform():
     assert abs(found["time_s"]["value"] - 0.9) < 0.02
 
 
-@pytest.mark.parametrize("offset_hz", (7.3, 300.0))
+@pytest.mark.parametrize("offset_hz", (7.3, pytest.param(300.0, marks=pytest.mark.slow)))
 def test_a_tone_is_seen_near_and_far_from_the_resonance(offset_hz):
     table = programme(5, runs=4)
     frequency = table["device"]["frequency_hz"] + offset_hz
@@ -360,7 +366,11 @@ def test_the_users_own_effect_is_a_candidate():
 
 def test_two_effects_at_once():
     _, out = verdict(
-        programme(10, {"gain_mismatch": {"gain": 1e-3}, "cubic_stiffness": {"pull_rad_s": 5e-3}})
+        programme(
+            10,
+            {"gain_mismatch": {"gain": 1e-3}, "cubic_stiffness": {"pull_rad_s": 5e-3}},
+            runs=4,
+        )
     )
     assert {e["name"] for e in out["effects"]} == {"gain_mismatch", "cubic_stiffness"}
     assert out["verdict"] == "explained"

@@ -22,7 +22,7 @@ def refused(runs):
 
 
 def test_a_rate_of_the_wrong_sign_is_named_by_its_run():
-    found = refused(turned(waves(programme(5)), 2))
+    found = refused(turned(waves(programme(5, runs=4)), 2))
     assert list(found) == ["run2"] and found["run2"]["what"] == "rate log of wrong sign"
 
 

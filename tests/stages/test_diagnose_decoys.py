@@ -70,7 +70,8 @@ def test_a_gain_mismatch_is_not_a_damping_split():
     true_values(table, named(table, "gain_mismatch"), "damping_split_1_s", "damping_axis_rad")
 
 
-@pytest.mark.parametrize("forced", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow  # of an offset alone test_diagnose_orientation.py holds the same
+@pytest.mark.parametrize("forced", [False, True])
 def test_an_offset_hidden_by_a_larger_cause_needs_no_phase_of_its_own_sign(forced):
     """(mθ, φ) and (mθ + π, φ + π) are one wave: written either way, run by run, it has the same
     causes, though the larger one is found before anything tells the signs."""
@@ -104,7 +105,7 @@ def test_an_offset_is_no_feed_through():
 
 
 def test_a_drive_gain_is_not_a_damping():
-    table = programme(37, {"drive_gain": {"gain": 0.01}}, forced=True)
+    table = programme(37, {"drive_gain": {"gain": 0.01}}, forced=True, runs=4)
     true_values(table, named(table, "drive_gain"), "damping_split_1_s", "damping_axis_rad")
 
 

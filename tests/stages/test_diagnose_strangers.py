@@ -345,7 +345,7 @@ STRANGERS = {
         {"readout": angle_of_eight_theta}, 1e-3, "angle", "wave angle", "8θ", 1e-3, 8
     ),
 }
-QUICK = ("rippling rate", "angle of 8θ", "scale of one sign")
+QUICK = ("rippling rate", "angle of 8θ")
 
 
 def judged(name, hooks, size, seed, **settings):
@@ -420,9 +420,9 @@ def test_what_causes_of_the_catalogue_make_together_is_named_with_its_sizes(hook
     ("hidden", "size", "seed", "runs"),
     [
         # "explained" before by a nonlinear damping beside a friction that drives, 13 σ
-        (absolute_damping, 1e-3, 20, 6),
+        pytest.param(absolute_damping, 1e-3, 20, 6, marks=pytest.mark.slow),
         # its form is that of a² to half a percent, which was 107 of χ²: another cause's shadow
-        pytest.param(absolute_damping, 3e-3, 9, 2, marks=pytest.mark.slow),
+        (absolute_damping, 3e-3, 9, 2),
         pytest.param(driving_friction, 1e-3, 20, 6, marks=pytest.mark.slow),
     ],
 )

@@ -18,7 +18,7 @@ from hrg_cli.stages.estimate import estimate
 RATE_HZ = 20011.0
 
 
-@pytest.mark.parametrize("offset_hz", (32.0, 55.0))
+@pytest.mark.parametrize("offset_hz", (32.0, pytest.param(55.0, marks=pytest.mark.slow)))
 def test_a_tone_keeps_its_size_where_the_windows_damp_it(offset_hz):
     """8 ms leave 0.89 of it at 32 Hz and 0.69 at 55 Hz, of which the curvature that demodulate puts
     back makes 5.6 % and 0.3 % more."""

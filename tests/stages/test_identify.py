@@ -337,7 +337,7 @@ def test_struck_bell(hrg, tmp_path):
         tmp_path,
         source,
         ("--mode", "free", "--nominal-frequency-hz", 3618),
-        ("--periods-per-window", 16),
+        ("--periods-per-window", 32),
     )
     record = identify([wave])
     modes = details(record)["modes"]

@@ -13,7 +13,7 @@ def rows_of(study, method):
 
 
 def test_likelihood_reaches_the_bound_on_simulated_programmes():
-    draws = 24
+    draws = 12
     study = identification_study(draws=draws, methods="likelihood", seed=1)
     rows = rows_of(study, "likelihood")
     assert set(rows) == set(OF_GENERATOR)
