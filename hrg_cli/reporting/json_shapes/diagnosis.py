@@ -23,6 +23,9 @@ class BaseValue(Estimated):
     """With --model: whether the difference is beyond 4 σ."""
     assumed: bool = False
     """Whether the runs do not show it: the value is what is usual, σ as large as that."""
+    sum_with: list[str] = Field(default=[])
+    """Causes of the drive that these runs cannot tell from it: the value is the sum, and σ holds such
+    a cause of typical size."""
 
 
 class Held(Shape):

@@ -44,9 +44,17 @@ def extended_resonator(diagnosis: Diagnosis) -> Resonator | None:
         gyro_id=diagnosis.gyro_id,
         flat_directions=json.dumps(
             [
-                f"{v['name']}: these runs do not show it; {v['value']:.3g} is assumed"
-                for v in report["values"]
-                if v.get("assumed")
+                *(
+                    f"{v['name']}: these runs do not show it; {v['value']:.3g} is assumed"
+                    for v in report["values"]
+                    if v.get("assumed")
+                ),
+                *(
+                    f"{v['name']}: these runs show its sum with {' and '.join(v['sum_with'])};"
+                    " a free run beside them parts these"
+                    for v in report["values"]
+                    if v.get("sum_with")
+                ),
             ],
             ensure_ascii=False,
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from ....physics.resonator import PARAMETERS
 from ....records import Resonator
 from ..closing.sized import Sized
 
+Array = np.ndarray
 TOLD = 0.7
 """Part of its prior's σ that a number keeps where the data tell nothing of it: they hold no more
 than the prior does."""
@@ -20,12 +22,22 @@ WRONG = 4.0
 """σ from which a base value counts as wrong."""
 
 
-def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
+def values(
+    sized: Sized, resonator: Resonator | None, of_forcers: Mapping[str, Array]
+) -> list[dict[str, Any]]:
     """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes
-    them wrong."""
+    them wrong.
+
+    of_forcers: by how much causes of the drive that nothing excludes may move the coordinates
+    (`moves_of_forcers`). That is a part of every σ, and a parameter that they may move by more than
+    these runs show it to says so: it is a sum.
+    """
     fit = sized.fit
     numbers, slopes = to_parameters(fit.point.p, fit.series.mode_number)
     own = fit.coordinate_covariance() * sized.factor
+    shown = np.sqrt(np.maximum(np.diag(slopes @ own @ slopes.T), 0))
+    for moves in of_forcers.values():
+        own = own + moves @ moves.T
     covariance = slopes @ own @ slopes.T
     widen_axes(covariance, own, fit.point.p, fit.series.mode_number)
     stds = np.sqrt(np.maximum(np.diag(covariance), 0))
@@ -45,8 +57,8 @@ def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
     )
     given = resonator.parameters() if resonator is not None else {}
     out = []
-    for (name, units), value, std in zip(
-        PARAMETERS, [frequency, *numbers], [frequency_std, *stds], strict=True
+    for place, ((name, units), value, std) in enumerate(
+        zip(PARAMETERS, [frequency, *numbers], [frequency_std, *stds], strict=True)
     ):
         row: dict[str, Any] = {
             "name": name,
@@ -56,6 +68,8 @@ def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
         }
         if name == "scale_factor" and _is_assumed(fit):
             row |= {"std": max(abs(float(value)), float(std)), "assumed": True}
+        if place and (sum_with := _in_sum(slopes[place - 1], shown[place - 1], of_forcers)):
+            row["sum_with"] = sum_with
         if name in given:
             believed, believed_std, _ = given[name]
             difference = float(value) - believed
@@ -66,6 +80,12 @@ def values(sized: Sized, resonator: Resonator | None) -> list[dict[str, Any]]:
             row["wrong"] = abs(row["sigma"]) > WRONG
         out.append(row)
     return out
+
+
+def _in_sum(slopes: Array, shown: float, of_forcers: Mapping[str, Array]) -> list[str]:
+    """Causes that may move a parameter, of these slopes against the coordinates (7,), by more than
+    what these runs show it to."""
+    return [name for name, moves in of_forcers.items() if np.linalg.norm(slopes @ moves) > shown]
 
 
 def _is_assumed(fit: ExtendedFit) -> bool:

@@ -12,6 +12,7 @@ from ....fitting.causes import evidence
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....records import Resonator
+from ..closing.forcers import moves_of_forcers
 from ..closing.sized import Sized
 from ..fits.variants import Variant
 from ..search.case import Case
@@ -39,7 +40,7 @@ def report(
         "verdict": verdict,
         "mode_number": search.final.series.mode_number,
         "baseline": _figures(untouched),
-        "values": values(sized, resonator),
+        "values": values(sized, resonator, moves_of_forcers(case)),
         "effects": [_effect(one, sized, by_name) for one in search.found],
         "after": _figures(search.final),
         "gain": figures(gain),

@@ -1,0 +1,58 @@
+"""Diagnosis, what the forcers may add to the base parameters unnamed.
+
+A force is known by its command alone. In driven runs a mismatch g of the forcers is a damping split
+−gν/2, a common excess of both a damping −gν, a phase error of the quadrature's force a damping split
+δωΔφ (PHYSICS C1, C3, C4, §2 (iii)): what such runs show is the sum, to a σ that says nothing of the
+parts. Free runs beside them, and quadrature that moves under its own loop, tell the parts.
+
+A cause p that a typical size t of it would not make worth its price, t²|S⊥|² < WORTH + ln N with S⊥ its
+sensitivity off the model's, may therefore be there. With its typical size as prior,
+    Σ = (S⊥ᵀS⊥ + T⁻²)⁻¹, T = diag t,    p̂ = Σ S⊥ᵀr,
+r the residual, in units of what the model leaves. Its mean square is Σ + p̂p̂ᵀ, and it moves the
+coordinates by C Jᵀ S p.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ....fitting.causes import scales
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.envelopes.coordinates import COUNT
+from ..fits.variants import Variant
+from ..search.case import Case
+from ..thresholds import WORTH
+
+Array = np.ndarray
+
+
+def moves_of_forcers(case: Case) -> dict[str, Array]:
+    """By how much the base model's coordinates may be moved by each cause of the drive that is not
+    named and not excluded: columns (7, k), whose squares add up to the mean square."""
+    fit = case.search.final
+    active = {effect.name for effect, _ in fit.point.active}
+    open_ones = [
+        variant
+        for variant in case.inquiry.candidates
+        if "drive" in variant.effect.shown_by and variant.effect.name not in active
+    ]
+    found = {variant.effect.name: _moves(fit, variant) for variant in open_ones}
+    return {name: moves for name, moves in found.items() if moves.any()}
+
+
+def _moves(fit: ExtendedFit, variant: Variant) -> Array:
+    """Columns (7, k) of one cause; none where a typical size of it would have been named."""
+    typical = np.array(list(variant.steps.values())) / scales.SMALL_PART
+    misfit = max(fit.chi2 / fit.dof, 1.0) ** 0.5
+    S = fit.sensitivities([variant.wanted])[0] * typical
+    free = fit.basis.off(fit.basis.off(S)) / misfit
+    hidden = np.sum(free**2, axis=0) < WORTH + np.log(len(fit.residual))
+    S, free = S[:, hidden], free[:, hidden]
+    power, turn = np.linalg.eigh(free.T @ free)
+    left = turn / np.sqrt(1 + np.maximum(power, 0.0))
+    likely = left @ (left.T @ (free.T @ fit.residual)) / misfit
+    S = S @ np.column_stack([left, likely])
+    columns = list(fit.layout.coordinates)
+    out = np.zeros((COUNT, S.shape[1]))
+    out[columns] = (fit.covariance @ fit.design.along(S))[: len(columns)]
+    return out
