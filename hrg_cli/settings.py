@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import re
 import tomllib
 import typing
 from collections.abc import Callable, Iterator, Mapping
@@ -37,6 +38,13 @@ def model_of(stage: Callable[..., Any]) -> Any:
 
 MOST_KEYS = 100_000
 """Keys, tables and lists of a settings file."""
+MOST_NAMES = 100
+"""Names that dots join in one key: the parser keeps every beginning of it, which takes memory with
+the square of their number."""
+_LONG_KEY = re.compile(
+    r"""(?<![\w.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+)"""
+    f"{{{MOST_NAMES}}}"
+)
 MOST_TOLD = 3
 """Wrong keys that one sentence names."""
 
@@ -46,6 +54,8 @@ def load_toml(path: Path | str) -> dict[str, Any]:
     path = Path(path)
     if not path.exists():
         raise HrgError(f"{path}: no such file; name a TOML file")
+    if not path.is_file() and not path.is_dir():  # it may have no end, or nobody who writes it
+        raise HrgError(f"{path}: is a device, pipe or socket; name a TOML file")
     try:
         if path.stat().st_size > 16 << 20:
             raise HrgError(
@@ -78,6 +88,11 @@ def _need_few_keys(text: str, where: str) -> None:
         raise HrgError(
             f"{where}: has {count} keys, tables and lists (signs =, [ and {{), a settings file of at"
             f" most {MOST_KEYS} was expected; divide it"
+        )
+    long_lines = (line for line in text.splitlines() if line.count(".") >= MOST_NAMES)
+    if long := next(filter(None, map(_LONG_KEY.search, long_lines)), None):
+        raise HrgError(
+            f"{where}: the key {long[0][:40]}… joins more than {MOST_NAMES} names by dots; shorten it"
         )
 
 

@@ -188,7 +188,7 @@ class _Verification:
         try:
             noted = (
                 json.loads(path.read_text(encoding="utf-8"))
-                if path.stat().st_size < LARGEST_NOTE
+                if path.is_file() and path.stat().st_size < LARGEST_NOTE
                 else None
             )
             outputs = (

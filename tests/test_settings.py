@@ -1,5 +1,7 @@
 """Settings: signature < file < --set < flags; every wrong key is named, nothing strange passes."""
 
+import os
+from pathlib import Path
 from typing import Annotated, Literal
 
 import pytest
@@ -64,6 +66,34 @@ def test_a_file_of_too_many_keys_is_refused_before_it_is_parsed(keys, tmp_path, 
     with pytest.raises(HrgError, match="keys, tables and lists") as caught:
         settings.load_toml(file)
     assert str(file) in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["a", "a-1 ", '"b c"', "'.'"])
+@pytest.mark.parametrize("form", ["{} = 1", "[{}]", "x = {{ {} = 1 }}"])
+def test_a_key_of_too_many_names_is_refused_before_it_is_parsed(form, name, tmp_path, monkeypatch):
+    """A key of 40 000 names took 3 GB and the process's end for want of memory."""
+    file = tmp_path / "c.toml"
+    file.write_text(form.format(".".join([name] * settings.MOST_NAMES)))
+    assert settings.load_toml(file)
+    file.write_text(form.format(".".join([name] * (settings.MOST_NAMES + 1))))
+    monkeypatch.setattr(settings.tomllib, "loads", lambda text: pytest.fail("it was parsed"))
+    with pytest.raises(HrgError, match="more than 100 names by dots") as caught:
+        settings.load_toml(file)
+    assert str(file) in str(caught.value)
+
+
+@pytest.mark.parametrize("what", ["pipe", "device"])
+def test_what_has_no_end_is_no_settings_file(what, tmp_path, monkeypatch):
+    """A pipe that nobody wrote was waited for without end; the zeros of a device took all
+    memory."""
+    file = tmp_path / "c.toml"
+    if what == "pipe":
+        os.mkfifo(file)
+    else:
+        file.symlink_to(os.devnull)
+    monkeypatch.setattr(Path, "read_text", lambda *_, **__: pytest.fail("it was read"))
+    with pytest.raises(HrgError, match="is a device, pipe or socket; name a TOML file"):
+        settings.load_toml(file)
 
 
 def test_a_sentence_names_some_wrong_keys_and_counts_the_others():

@@ -2,7 +2,9 @@
 lot is found and named."""
 
 import json
+import os
 import shutil
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -208,6 +210,14 @@ def test_a_laboratorys_file_is_not_called_whole(tmp_path, hrg):
         hrg("verify", tmp_path / "a.h5").status == 0
         and hrg("verify", tmp_path / "a.h5", "--strict").status == 3
     )
+
+
+def test_a_pipe_is_no_lots_note(tmp_path, monkeypatch):
+    """A pipe called x.json in the folder was waited for without end."""
+    store.write(tmp_path / "run.h5", small(Recording))
+    os.mkfifo(tmp_path / "x.json")
+    monkeypatch.setattr(Path, "read_text", lambda *_, **__: pytest.fail("it was read"))
+    assert [state.result for state in verify([tmp_path])] == ["whole"]
 
 
 @pytest.mark.parametrize("text", ["", "nan", "[]", "{", "[" * 20_000, '{"/": ', 3.0, "{}"])

@@ -19,6 +19,8 @@ LARGEST_COLUMN_BYTES = 8 << 30
 LARGEST_GAP_BYTES = 64 << 20
 """So much of a dataset may be left unwritten (it reads as zeros) before its size is not
 believed."""
+MOST_SOFT_LINKS = 16
+"""One after another, as many as HDF5 itself follows."""
 LARGEST_CHUNK_BYTES = 256 << 20
 """A chunk is unpacked whole; hrg writes chunks of 1 MB."""
 UNPACKED_BYTES, UNPACKED_RATIO = 256 << 20, 50
@@ -32,6 +34,23 @@ def text_of(value: Any) -> str:
         value = value[0]
     raw = value if isinstance(value, bytes) else str(value).encode("utf-8", "surrogatepass")
     return raw.decode("utf-8", "replace")
+
+
+def need_inside(
+    holder: h5py.Group, path: Path, place: str, links_left: int = MOST_SOFT_LINKS
+) -> None:
+    """Refuse a place that is reached by a link into another file, before it is followed: HDF5 would
+    wait for ever at a pipe that nobody writes."""
+    found: Any = holder.file if place.startswith("/") else holder
+    for part in filter(None, place.split("/")):
+        link = found.get(part, getlink=True)
+        if isinstance(link, h5py.ExternalLink):
+            raise HrgError(f"{path}: {place} lies in another file; copy it into this one")
+        if isinstance(link, h5py.SoftLink) and links_left:
+            need_inside(found, path, link.path, links_left - 1)
+        found = found.get(part)
+        if not isinstance(found, h5py.Group):
+            return
 
 
 def need_declared(dataset: Any, path: Path, place: str, spec: Column) -> None:

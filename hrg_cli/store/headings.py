@@ -16,7 +16,7 @@ from ..errors import HrgError, NotHrgError
 from ..records import Column, Provenance, Record, Source
 from ..version import __version__
 from . import checksums
-from .dataset_checks import text_of
+from .dataset_checks import need_inside, text_of
 from .handles import Handle, reading
 from .layout import BY_NAME, FORMAT, FORMAT_VERSION, default_of, place_of
 from .validity import attribute_problem
@@ -169,6 +169,7 @@ def open_for_reading(path: Path) -> Iterator[h5py.File]:
 
 
 def _texts(file: h5py.File, group: str, names: Sequence[str]) -> dict[str, str]:
+    need_inside(file, Path(file.filename), group)
     held = file[group].attrs if group in file else {}
     return {name: text_of(held[name]) for name in names if name in held}
 
@@ -193,6 +194,8 @@ def _kind(file: h5py.File, path: Path) -> type[Record]:
             f"{path}: its kind is {kind!r}, expected one of {', '.join(BY_NAME)}; write the file"
             f" again with hrg {__version__}"
         )
+    for field_name, spec in BY_NAME[kind].columns().items():
+        need_inside(file, path, place_of(BY_NAME[kind], field_name, spec))
     return BY_NAME[kind]
 
 

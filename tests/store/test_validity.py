@@ -97,6 +97,27 @@ def test_every_column_is_held_to_its_declaration(kind, name, damage, tmp_path):
     assert place in str(by_blocks.value)
 
 
+@pytest.mark.parametrize("through", ["dataset", "group", "soft links"])
+def test_a_link_into_another_file_is_refused_before_it_is_followed(through, tmp_path):
+    """HDF5 waits for ever where the other file is a pipe that nobody writes; here it is none."""
+    path = tmp_path / "run.h5"
+    store.write(path, small(Recording))
+    away = h5py.ExternalLink("gone.h5", "/recording/s")
+    with h5py.File(path, "r+") as file:
+        if through == "group":
+            del file["/recording"]
+            file["/recording"] = away
+        else:
+            del file["/recording/s"]
+            file["/recording/s"] = h5py.SoftLink("/a/t") if through == "soft links" else away
+            file["/a/t"] = h5py.SoftLink("u")
+            file["/a/u"] = away
+    for ask in (store.read_any, store.kind_of, lambda p: store.texts_of(p, "/recording/s", ["x"])):
+        with pytest.raises(HrgError, match=r"lies in another file; copy it into this one$") as told:
+            ask(path)
+        assert str(path) in str(told.value)
+
+
 @pytest.mark.parametrize("number", [-1, 256, 70000])
 def test_whole_numbers_that_their_type_cannot_hold_are_refused(number, tmp_path):
     """A wider integer from another program: kept as eight bits it would be another number."""
