@@ -162,7 +162,7 @@ def integrate_rate(time_s: Array, rate_rad_s: Array | None) -> Array:
         return np.zeros(len(time_s))
     finite = np.isfinite(rate_rad_s)
     rate = np.interp(time_s, time_s[finite], np.asarray(rate_rad_s, float)[finite])
-    return course(time_s, rate).integral_through_six()
+    return course(time_s, rate).integral()
 
 
 def pooled_std(std: Array, u: Array) -> Array:

@@ -5,7 +5,8 @@ In the interval from t_k, x = t − t_k, of length h: p = line + x (x − h)(α 
 divided differences (Newton). The bend is taken where it exceeds twice the cubic's own error, |Π(t −
 t_i)|·|f[five rows]|, in the middle, and where the second differences at both ends of the interval are of
 one bend: both are so along a smooth course, not in noise, at jumps, at corners of a ramp or between the
-steps of a converter.
+steps of a converter. On even rows the cubic's mean over the interval is brought to that of the
+quintic through six rows.
 """
 
 from __future__ import annotations
@@ -85,25 +86,6 @@ class Course:
         # ∫₀ʰ x(x − h)(α + βx) dx = −h³(α/6 + βh/12), beside the trapezium of the line
         bent = h**3 * (self.alpha / 6 + self.beta * h / 12)
         return np.concatenate([[0.0], np.cumsum(h * (self.value[1:] + self.value[:-1]) / 2 - bent)])
-
-    def integral_through_six(self) -> Array:
-        """The same of quintics through six rows where these are even and the course bends over
-        them: of a swing that turns by x a row the cubics' integral misses 11x⁴/720 of itself, the
-        quintics' 191x⁶/60480.
-
-        The quintic's integral over the middle of its five intervals is h (11, −93, 802, 802, −93, 11)/1440
-        of its rows.
-        """
-        pieces = np.diff(self.integral())
-        if len(self.time_s) >= FEWEST:
-            around = np.lib.stride_tricks.sliding_window_view
-            h = np.diff(self.time_s)
-            even = np.ptp(around(h, 5), axis=1) <= EVEN * h[2:-2]
-            # where a swing passes through zero one interval of them shows no bend
-            bent = (around(self.alpha, 5) != 0).sum(1) >= 4
-            through = h[2:-2] * (around(self.value, 6) @ THROUGH_SIX)
-            pieces[2:-2] = np.where(even & bent, through, pieces[2:-2])
-        return np.concatenate([[0.0], np.cumsum(pieces)])
 
     def area_to(self, time_s: Array) -> Array:
         """∫ from the first row to any times, by Simpson's rule from the row before each, exact on the
@@ -229,4 +211,25 @@ def course(time_s: Array, value: Array) -> Course:
     fourth = np.maximum(*(around[np.clip(first + j, 0, len(around) - 1)] for j in (-1, 0)))
     error = np.prod([np.abs(middle - t[first + j]) for j in range(4)], axis=0) * fourth
     bent = (bend > 2 * error) & _is_smooth(of[2], k)
-    return Course(t, y, np.where(bent, alpha, 0.0), np.where(bent, beta, 0.0))
+    return _through_six(Course(t, y, np.where(bent, alpha, 0.0), np.where(bent, beta, 0.0)))
+
+
+def _through_six(cubics: Course) -> Course:
+    """The same, bent further so that its means are those of quintics through six rows where these are
+    even and the course bends over them: of a swing that turns by x a row the cubics' integral misses
+    11x⁴/720 of itself, the quintics' 191x⁶/60480.
+
+    The quintic's integral over the middle of its five intervals is h (11, −93, 802, 802, −93, 11)/1440
+    of its rows; a change of α adds −h³/6 of it to the cubic's.
+    """
+    around = np.lib.stride_tricks.sliding_window_view
+    h = np.diff(cubics.time_s)
+    even = np.ptp(around(h, 5), axis=1) <= EVEN * h[2:-2]
+    # where a swing passes through zero one interval of them shows no bend
+    bent = (around(cubics.alpha, 5) != 0).sum(1) >= 4
+    middle = h[2:-2]
+    through = middle * (around(cubics.value, 6) @ THROUGH_SIX)
+    missed = np.where(even & bent, through - np.diff(cubics.integral())[2:-2], 0.0)
+    alpha = cubics.alpha.copy()
+    alpha[2:-2] -= 6 * missed / middle**3
+    return Course(cubics.time_s, cubics.value, alpha, cubics.beta)

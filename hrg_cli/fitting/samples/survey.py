@@ -75,7 +75,7 @@ class Survey:
 
 
 @dataclass(frozen=True)
-class Course:
+class FrequencyCourse:
     """Looks along a recording, and the frequency that they show."""
 
     looks: tuple[Look, ...]
@@ -87,7 +87,7 @@ class Course:
     track: tuple[Array, Array]
 
     @classmethod
-    def of(cls, recording: Recording, name: str, looks: Sequence[Look]) -> Course:
+    def of(cls, recording: Recording, name: str, looks: Sequence[Look]) -> FrequencyCourse:
         """HrgError: constant channels, no oscillation possible below half the sampling rate."""
         even = recording.time_s is None
         carrier = recording.carrier_hz if recording.readout == "carrier" else None
@@ -141,7 +141,9 @@ class Course:
 def survey(recording: Recording, name: str) -> Survey:
     """Look at a recording. HrgError: no samples, constant channels, no oscillation possible below
     half the sampling rate."""
-    course = Course.of(recording, name, take_looks(recording, recording.time_s is None, name))
+    course = FrequencyCourse.of(
+        recording, name, take_looks(recording, recording.time_s is None, name)
+    )
     rest = _average_residual(
         course.looks, course.even, course.step_s, course.carrier_hz, course.track
     )
@@ -155,7 +157,9 @@ def survey_quiet(recording: Recording, name: str) -> Survey:
     HrgError: as `survey`.
     """
     looks = take_looks(recording, recording.time_s is None, name)
-    course = Course.of(recording, name, looks[:: max(1, (len(looks) - 1) // (QUIET_LOOKS - 1))])
+    course = FrequencyCourse.of(
+        recording, name, looks[:: max(1, (len(looks) - 1) // (QUIET_LOOKS - 1))]
+    )
     strength2 = float(max(look.y.var(-1).max() for look in course.looks))
     # noise that nobody looked for bounds nothing
     unknown = np.full((len(course.looks), 2), np.inf)

@@ -226,7 +226,7 @@ def _read_blocks(
                 f"run {wave.run_id or '?'}: time_s stands or goes back at"
                 f" {time[1 + int(np.argmax(standing))]:g} s; times must increase"
             )
-        integral = course(time, _rate(log, constant_rate) + earth_rate).integral_through_six()
+        integral = course(time, _rate(log, constant_rate) + earth_rate).integral()
         before = integral[start - first - 1] if start else 0.0
         integral = turned + integral[start - first : stop - first] - before
         turned = float(integral[-1])

@@ -84,6 +84,14 @@ class WindowLog:
             return series.at(times)
         more = window_s * np.arange(1, BESIDE + 1)
         wider = np.concatenate([times[0] - more[::-1], times, times[-1] + more])
-        borders = np.append(wider, wider[-1] + window_s) - window_s / 2
-        means = np.diff(series.area_to(borders)) / window_s
-        return through_means(wider, means, window_s).value[BESIDE:-BESIDE]
+        # a window that reaches beyond the log has no mean there
+        begin, end = series.domain
+        half = window_s / 2
+        known = (wider - half >= begin) & (wider + half <= end)
+        value = series.at(wider)
+        if known.any():
+            within = wider[known]
+            borders = np.append(within, within[-1] + window_s) - half
+            means = np.diff(series.area_to(borders)) / window_s
+            value[known] = through_means(within, means, window_s).value
+        return value[BESIDE:-BESIDE]
