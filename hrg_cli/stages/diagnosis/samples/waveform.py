@@ -23,6 +23,10 @@ from .lost_samples import PhaseStep, count_lost, join_steps, phase_steps, split_
 from .offered import UNMEASURED, entry, sound
 from .tones import MOST_TONES, Tone, channel_parts
 
+LEAKS = 2.0
+"""Times 1/πx of a line that windows show at most of it x turns away, the curvature that demodulate puts
+back included."""
+
 __all__ = ["causes", "near_tones", "phase_steps", "split_at", "unnamed"]
 
 
@@ -45,6 +49,14 @@ def causes(
             near.append((line, multiple))
             listed.append(
                 line.listed(multiple, f"harmonic {multiple} of the oscillation, folded beside it")
+            )
+        elif _is_image(tone, far, waves):
+            listed.append(
+                line.listed(
+                    0,
+                    "what a line far from the oscillation, or an offset that drifts, leaks into the"
+                    " windows",
+                )
             )
         elif not tone.standing:
             listed.append(
@@ -127,12 +139,27 @@ def unnamed(tones: Sequence[Tone], named: Sequence[Effect]) -> list[Tone]:
     return [] if makes_lines else [tone for tone in tones if tone.standing]
 
 
-def _folded(line: Line, tone: Tone, waves: Sequence[Wave]) -> bool:
-    """Whether the tone seen at the windows' rate is a line of the samples, folded."""
-    windows = (line.frequency_hz - tone.frequency_hz) * float(
-        np.median([np.median(np.diff(w.time_s)) for w in waves])
-    )
-    return abs(windows) > 0.5 and abs(windows - round(windows)) < 0.05 + 0.02 * abs(windows)
+def _is_image(tone: Tone, far: Sequence[Line], waves: Sequence[Wave]) -> bool:
+    """Whether the tone seen at the windows' rate is what a line of the samples far from the
+    oscillation leaks into the windows, or what an offset of the channels does that drifts.
+
+    A line A cos ω_L t stands in the coefficients of windows of length T as A sin(πx)/(πx) with x =
+    (±f_L − f)T turns a window, and there as a tone at ±f_L + k/T: both signs are as strong far below
+    the oscillation. What drifts is the same in every window: a line at nought.
+    """
+    step_s = float(np.median([np.median(np.diff(w.time_s)) for w in waves]))
+    longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
+    own = tone.frequency_hz * step_s
+    if abs(own - round(own)) < WIDTH_CELLS * step_s / longest:
+        return True
+    near = WIDTH_CELLS * cell_hz(waves) * step_s
+    size = np.sqrt(np.mean(np.abs(tone.vector) ** 2))
+    for line in far:
+        for turns in (line.frequency_hz * step_s - own, -line.frequency_hz * step_s - own):
+            leaks = LEAKS * float(line.amplitude.max()) / (np.pi * max(abs(turns), 0.5))
+            if round(turns) != 0 and abs(turns - round(turns)) < near and size < leaks:
+                return True
+    return False
 
 
 def near_tones(tones: Sequence[Tone], waves: Sequence[Wave], frequency_hz: float) -> list[Tone]:
@@ -145,7 +172,7 @@ def near_tones(tones: Sequence[Tone], waves: Sequence[Wave], frequency_hz: float
         for tone in tones
         if tone.standing
         and not _multiple(tone, waves, frequency_hz)
-        and not any(_folded(other, tone, waves) for other in far)
+        and not _is_image(tone, far, waves)
     ]
 
 
