@@ -31,7 +31,7 @@ from ...demodulate import demodulate_quiet
 from ...estimate import estimate
 from ...simulate import simulate_run
 from ...simulation_file import runs_of
-from ..samples.tones import Tone
+from ..samples.tone import Tone
 from .model import TONE
 from .run import Way
 

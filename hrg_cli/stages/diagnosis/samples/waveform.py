@@ -21,11 +21,14 @@ from .harmonics import below_the_codes, bent_channels
 from .lines import WIDTH_CELLS, Line, cell_hz, frequency_of, harmonic_of, lines, sampling_hz, spurs
 from .lost_samples import PhaseStep, count_lost, join_steps, phase_steps, split_at
 from .offered import UNMEASURED, entry, sound
-from .tones import MOST_TONES, Tone, channel_parts
+from .tone import Tone, channel_parts
+from .tones import MOST_TONES
 
 LEAKS = 2.0
 """Times 1/πx of a line that windows show at most of it x turns away, the curvature that demodulate puts
 back included."""
+IMAGE = "what a line far from the oscillation, or an offset that drifts, leaks into the windows"
+"""What is said of a tone that is the image of something else."""
 
 __all__ = ["causes", "near_tones", "phase_steps", "split_at", "unnamed"]
 
@@ -39,70 +42,28 @@ def causes(
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """(effects the waveform shows, as the report's entries; every line with its meaning). `found`:
     effects named by the dynamics."""
-    sampling, cell, far = sampling_hz(waves), cell_hz(waves), lines(waves)
-    direct = all(w.readout == "direct" for w in waves)
-    near, listed = [], []
-    for tone in tones:
-        line = _as_line(tone)
-        if multiple := _multiple(tone, waves, frequency_hz):
-            # a harmonic that the sampling folds beside the resonance is no tone from outside
-            near.append((line, multiple))
-            listed.append(
-                line.listed(multiple, f"harmonic {multiple} of the oscillation, folded beside it")
-            )
-        elif _is_image(tone, far, waves):
-            listed.append(
-                line.listed(
-                    0,
-                    "what a line far from the oscillation, or an offset that drifts, leaks into the"
-                    " windows",
-                )
-            )
-        elif not tone.standing:
-            listed.append(
-                line.listed(
-                    0, "it dies away beside the wave: a partial of the resonator and no tone"
-                )
-            )
+    far = lines(waves)
+    near, listed = _judge_tones(tones, far, waves, frequency_hz)
     strange = near_tones(tones, waves, frequency_hz)
-    everywhere = [*(line for line, _ in near), *far]
-    wander = float(np.std([frequency_of(w) for w in waves]))
-    codes = spurs(everywhere, frequency_hz, wander, sampling, cell) if direct else []
-    codes += (
-        [line for line in far if line not in codes and below_the_codes(line, waves)]
-        if direct
-        else []
-    )
+    direct = all(w.readout == "direct" for w in waves)
+    codes = _codes(waves, near, far, frequency_hz) if direct else []
+
     harmonics = {multiple: line for line, multiple in near}
+    sampling, cell = sampling_hz(waves), cell_hz(waves)
     open_lines = []
     for line in far:
         multiple = harmonic_of(line, frequency_hz, sampling, cell)
+        meaning = _meaning(line, multiple, codes, direct, strange, cell)
         if multiple:
             harmonics.setdefault(multiple, line)
-            listed.append(line.listed(multiple, f"harmonic {multiple} of the oscillation"))
-        elif line in codes:
-            listed.append(
-                line.listed(
-                    0,
-                    "the converter's: an odd harmonic of the oscillation, folded, or below one of"
-                    " its codes",
-                )
-            )
-        elif not direct:
-            listed.append(line.listed(0, "beside the carrier"))
-        elif any(abs(line.frequency_hz - t.frequency_hz) < WIDTH_CELLS * cell for t in strange):
-            listed.append(line.listed(0, "the tone beside the resonance"))
-        elif line.follows_the_wave:
-            listed.append(
-                line.listed(
-                    0, "its size follows the wave's: a partial of the resonator and no tone"
-                )
-            )
+        if meaning:
+            listed.append(line.listed(multiple, meaning))
         else:
             open_lines.append(line)
     named = open_lines if len(open_lines) <= MOST_TONES else []
     unjudged = f"one of {len(open_lines)} lines: partials or several sources, none judged"
     listed += [line.listed(0, "a tone" if named else unjudged) for line in open_lines]
+
     offered = [
         offer
         for group in join_steps(steps, waves)
@@ -112,6 +73,67 @@ def causes(
     offered += [_tone(line, waves) for line in named]
     offered += bent_channels(waves, harmonics, codes, found) if direct else []
     return [offer for offer in offered if sound(offer)], listed
+
+
+def _judge_tones(
+    tones: Sequence[Tone], far: Sequence[Line], waves: Sequence[Wave], frequency_hz: float
+) -> tuple[list[tuple[Line, int]], list[dict[str, Any]]]:
+    """Of the tones beside the resonance those that are folded harmonics of the oscillation, with
+    their multiple, and what is listed of all that are no tone from outside."""
+    near, listed = [], []
+    for tone in tones:
+        line = _as_line(tone)
+        if multiple := _multiple(tone, waves, frequency_hz):
+            near.append((line, multiple))
+            listed.append(
+                line.listed(multiple, f"harmonic {multiple} of the oscillation, folded beside it")
+            )
+        elif _is_image(tone, far, waves):
+            listed.append(line.listed(0, IMAGE))
+        elif not tone.standing:
+            listed.append(
+                line.listed(
+                    0, "it dies away beside the wave: a partial of the resonator and no tone"
+                )
+            )
+    return near, listed
+
+
+def _codes(
+    waves: Sequence[Wave],
+    near: Sequence[tuple[Line, int]],
+    far: Sequence[Line],
+    frequency_hz: float,
+) -> list[Line]:
+    """Lines that a converter's codes make."""
+    wander = float(np.std([frequency_of(w) for w in waves]))
+    everywhere = [*(line for line, _ in near), *far]
+    codes = spurs(everywhere, frequency_hz, wander, sampling_hz(waves), cell_hz(waves))
+    return codes + [line for line in far if line not in codes and below_the_codes(line, waves)]
+
+
+def _meaning(
+    line: Line,
+    multiple: int,
+    codes: Sequence[Line],
+    direct: bool,
+    strange: Sequence[Tone],
+    cell: float,
+) -> str:
+    """What a line of the spectrum is; empty where it may be a tone from outside."""
+    if multiple:
+        return f"harmonic {multiple} of the oscillation"
+    if line in codes:
+        return (
+            "the converter's: an odd harmonic of the oscillation, folded, or below one of its codes"
+        )
+    if not direct:
+        return "beside the carrier"
+    if any(abs(line.frequency_hz - t.frequency_hz) < WIDTH_CELLS * cell for t in strange):
+        return "the tone beside the resonance"
+    if line.follows_the_wave:
+        return "its size follows the wave's: a partial of the resonator and no tone"
+    return ""
 
 
 def _as_line(tone: Tone) -> Line:
