@@ -7,6 +7,7 @@ known from the neighbouring windows.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,7 @@ from .envelope_motion import (
     slopes,
     take_off_pull,
 )
+from .neighbours import from_neighbours
 from .windows import Fits
 
 Array = np.ndarray
@@ -65,7 +67,10 @@ class MotionWithin:
         bend = doubt = None
         judged = self._keep_judged(smooth, times)
         if self.takes_bends_off or self._bends(judged, offset, fits):
-            bend, doubt = curvatures(judged, offset, self.window_s) or (None, None)
+            bends = from_neighbours(
+                lambda rows: curvatures(rows, offset, self.window_s), judged, offset, self.window_s
+            )
+            bend, doubt = bends or (None, None)
         noisier = pull_noise(
             fits.slope, fits.curvature if bend is not None else None, self.window_s
         )
@@ -85,15 +90,28 @@ class MotionWithin:
     ) -> tuple[Array, Array | None]:
         """The envelopes without the pull of their slopes, and the part of the squared residual that
         these explain where they count; as they are where the fit holds the slopes."""
-        slope = None if self.moving else slopes(u, offset, self.window_s)
+        slope = None if self.moving else self._seen_beside(slopes, u, offset)
         if slope is None:
             return u, None
         known = None
         if fits.apart or motion_counts(fits.residual2, slope, fits.slope):
             still = take_off_pull(u, slope, turn, fits.slope)
-            slope = better_slopes(still, slope, offset, self.window_s)
+            better = self._seen_beside(better_slopes, still, offset)
+            slope = slope if better is None else better
             known = None if fits.apart else motion_residual(slope, turn, fits.slope)
         return take_off_pull(u, slope, turn, fits.slope), known
+
+    def _seen_beside(
+        self, slope_of: Callable[[Array, Array, float], Array | None], u: Array, offset: Array
+    ) -> Array | None:
+        """The envelopes' slopes from their neighbours, past windows that hold no number."""
+
+        def motion(rows: Array) -> tuple[Array] | None:
+            slope = slope_of(rows, offset, self.window_s)
+            return None if slope is None else (slope,)
+
+        found = from_neighbours(motion, u, offset, self.window_s)
+        return None if found is None else found[0]
 
     def _bends(self, u: Array, offset: Array, fits: Fits) -> bool:
         """Whether the envelopes' curvature moves a short window by more than a tenth of its noise,
