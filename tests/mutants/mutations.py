@@ -240,14 +240,14 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/causes/evidence.py": (
-        "tests/fitting/test_evidence.py tests/stages/test_gain.py",
+        "tests/fitting/test_evidence.py tests/stages/diagnosis/search/test_gain.py",
         (
             ("return gain - rank * float(np.log(rows))", "return gain - float(np.log(rows))"),
             ("return gain - rank * float(np.log(rows))", "return gain - 2 * rank"),
         ),
     ),
     "fitting/causes/left_out_folds.py": (
-        "tests/fitting/test_evidence.py tests/stages/test_gain.py",
+        "tests/fitting/test_evidence.py tests/stages/diagnosis/search/test_gain.py",
         (
             ("logs.std(ddof=1) / np.sqrt(len(logs))", "logs.std(ddof=1)"),
             ("0.5 * np.log(np.maximum(self.before", "np.log(np.maximum(self.before"),
@@ -299,7 +299,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "stages/diagnosis/search/gain.py": (
-        "tests/stages/test_gain.py",
+        "tests/stages/diagnosis/search/test_gain.py",
         (
             ("squares.std(ddof=1) / np.sqrt(len(squares))", "squares.std(ddof=1)"),
             ("spread / (2 * rms)", "spread / rms"),

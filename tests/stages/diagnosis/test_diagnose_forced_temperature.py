@@ -10,7 +10,7 @@ import pytest
 
 from hrg_cli import collect, demodulate, diagnose, estimate, simulate
 
-SHIPPED = Path(__file__).parents[2] / "configs" / "forced_temperature.toml"
+SHIPPED = Path(__file__).parents[3] / "configs" / "forced_temperature.toml"
 CAUSES = {"thermal_damping", "scale_factor_temperature", "damping_split_temperature"}
 OF_FREQUENCY = {
     "thermal_frequency": ("relative_1_k", 0),
