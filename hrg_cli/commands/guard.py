@@ -23,6 +23,7 @@ from ..errors import (
 )
 from ..extras import how_to_install, optional
 from ..reporting.text import one_line
+from ..streams import drop, result_stream
 
 DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -35,15 +36,13 @@ def unread_is_no_failure() -> Iterator[None]:
         yield
         sys.stdout.flush()
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        drop(sys.stdout.fileno())
 
 
 @contextlib.contextmanager
 def own_standard_output() -> Iterator[None]:
     """Standard output for this program alone: libraries below Python (LAPACK) that print there
-    would break --json.
-
-    Characters that the terminal's encoding lacks are shown as escapes.
+    would break --json. HrgError: what is printed cannot be written.
     """
     stream = sys.stdout
     try:
@@ -53,25 +52,19 @@ def own_standard_output() -> Iterator[None]:
         return
     stream.flush()
     kept = os.dup(handle)
-    silent = os.open(os.devnull, os.O_WRONLY)
-    sys.stdout = open(  # noqa: SIM115
-        kept,
-        "w",
-        encoding=stream.encoding,
-        errors="backslashreplace",
-        buffering=1 if stream.isatty() else -1,
-    )
-    os.dup2(silent, handle)
-    os.close(silent)
+    sys.stdout = own = result_stream(kept, stream, close=True)
+    drop(handle)
     try:
         yield
     finally:
-        own, sys.stdout = sys.stdout, stream
-        with contextlib.suppress(BrokenPipeError):
-            own.flush()
-        os.dup2(kept, handle)
-        with contextlib.suppress(BrokenPipeError):
-            own.close()
+        sys.stdout = stream
+        try:
+            with contextlib.suppress(BrokenPipeError):
+                own.flush()
+        finally:
+            os.dup2(kept, handle)
+            with contextlib.suppress(BrokenPipeError):
+                own.close()
 
 
 @contextlib.contextmanager
