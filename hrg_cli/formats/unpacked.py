@@ -13,6 +13,28 @@ from ..errors import HrgError
 
 MAGIC = b"\x1f\x8b"
 CHUNK = 1 << 20
+LARGEST_BYTES, LARGEST_RATIO = 256 << 20, 200
+"""A log that unpacks to more than the first is read up to so many times what it stores: rows whose
+time goes on shrink to a tenth, what goes on for ever to a thousandth."""
+
+
+class _Packed(gzip.GzipFile):
+    """A gzip file that is read up to a bound."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "rb")
+        self._path = path
+        self._room = max(LARGEST_BYTES, LARGEST_RATIO * path.stat().st_size)
+
+    def read(self, size: int | None = -1) -> bytes:
+        """Bytes without compression. HrgError: more than the bound."""
+        content = super().read(size)
+        if self.tell() > self._room:
+            raise HrgError(
+                f"{self._path}: unpacks to more than {self._room >> 20} MB, {LARGEST_RATIO} times"
+                " its size; if it is a log, unpack it first"
+            )
+        return content
 
 
 def is_packed(path: Path) -> bool:
@@ -29,7 +51,7 @@ def open_unpacked(path: Path) -> Iterator[BinaryIO]:
             yield plain
         return
     try:
-        with gzip.open(path) as packed:
+        with _Packed(path) as packed:
             yield cast(BinaryIO, packed)
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise HrgError(
