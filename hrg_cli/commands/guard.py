@@ -4,6 +4,7 @@ status, standard output is the command's alone."""
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import os
 import sys
@@ -116,6 +117,8 @@ def _unforeseen(error: Exception, verbose: bool) -> NoReturn:
         leave(f"this needs {how_to_install(gone)}", FAILED)
     if is_no_memory(error):
         leave(NO_MEMORY, FAILED)
+    if isinstance(error, OSError) and (said := said_by_system(error)):
+        leave(said, FAILED)
     if verbose:
         import traceback
 
@@ -125,6 +128,41 @@ def _unforeseen(error: Exception, verbose: bool) -> NoReturn:
         " report it",
         FAILED,
     )
+
+
+REFUSALS = {
+    errno.EACCES: "ask for the right to use it and its folder",
+    errno.EPERM: "ask for the right to use it and its folder",
+    errno.EROFS: "choose another place",
+    errno.ENAMETOOLONG: "choose a shorter name",
+    errno.ELOOP: "its links lead in a circle; name the file itself",
+    errno.ENOTDIR: "a file stands where a folder was expected; correct the path",
+    errno.EMFILE: "raise the limit (ulimit -n) or give fewer --jobs",
+    errno.ENFILE: "close other programs",
+    errno.EIO: "check its disk",
+    errno.ESTALE: "the disk of another host is gone; run the command again when it is back",
+    errno.ENOSPC: "free space",
+    errno.EDQUOT: "free space",
+}
+"""What the system refuses wherever a file is touched, and what to do then."""
+
+
+def said_by_system(error: OSError) -> str | None:
+    """The sentence for what the system refused; None where it may be an error of the program."""
+    if isinstance(error, FileNotFoundError) and error.filename is None and _folder_is_gone():
+        return "the folder that this was started in is gone; change into one that is there"
+    if error.filename is None or error.errno not in REFUSALS:
+        return None
+    name = os.fsdecode(error.filename) if isinstance(error.filename, bytes) else error.filename
+    return f"{name}: cannot be used ({error.strerror}); {REFUSALS[error.errno]}"
+
+
+def _folder_is_gone() -> bool:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 def leave(text: str, status: int) -> NoReturn:
