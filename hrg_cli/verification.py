@@ -224,19 +224,20 @@ class _Verification:
             return
         for name, digest in (outputs or {}).items():
             output = path.parent / Path(str(name)).name
-            if not output.is_file():
-                verdict = self.verdicts.setdefault(
-                    output.resolve(), FileState(str(output), output.suffix.lstrip("."))
-                )
-                verdict.worse("changed", f"was removed; {path.name} notes it")
-                continue
-            found = self._digest(output)
-            if found != digest:
-                self.file(output)
-            if found not in (None, digest):
-                self.verdicts[output.resolve()].worse(
-                    "changed", f"is not what the lot wrote ({path.name} notes another SHA-256)"
-                )
+            if problem := self._unlike(output, digest, path.name):
+                state = FileState(str(output), output.suffix.lstrip("."))
+                self.verdicts.setdefault(output.resolve(), state).worse(*problem)
+
+    def _unlike(self, output: Path, digest: object, note: str) -> tuple[str, str] | None:
+        """(result, finding) where an output of a lot is not as its note says."""
+        if not output.is_file():
+            return "changed", f"was removed; {note} notes it"
+        found = self._digest(output)
+        if found is None:
+            return "damaged", f"cannot be read; {note} notes it"
+        if found != digest:
+            return "changed", f"is not what the lot wrote ({note} notes another SHA-256)"
+        return None
 
     def _in_folder(self, folder: Path) -> list[Path]:
         if folder not in self._beside:

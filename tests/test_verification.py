@@ -387,7 +387,7 @@ def test_a_stream_keeps_the_checksums_of_the_whole(tmp_path):
     assert store.read(tmp_path / "b.h5", Recording).c.dtype == np.dtype("i2")
 
 
-def test_a_lots_notes_are_compared(tmp_path):
+def test_a_lots_notes_are_compared(tmp_path, monkeypatch):
     (tmp_path / "data").mkdir()
     for run, theta in enumerate((0.1, 0.6)):
         store.write(
@@ -403,9 +403,16 @@ def test_a_lots_notes_are_compared(tmp_path):
         force=True,
     )  # and sealed anew
     (out / "G" / "1.periods.h5").unlink()
+    unreadable = out / "G" / "0.periods.h5"
+    own = store.sha256
+    monkeypatch.setattr(
+        store, "sha256", lambda path: own(path if path != unreadable else tmp_path / "gone")
+    )
     verdicts = results(out)
+    assert "cannot be read; 0.json notes it" in verdicts["0.periods.h5"].findings
     assert verdicts["0.wave.h5"].findings == [
-        "is not what the lot wrote (0.json notes another SHA-256)"
+        "its source 0.periods.h5 cannot be read",
+        "is not what the lot wrote (0.json notes another SHA-256)",
     ]
     assert verdicts["1.periods.h5"].findings == ["was removed; 1.json notes it"]
     assert verdicts["resonator.h5"].result == "changed"

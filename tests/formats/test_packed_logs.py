@@ -1,6 +1,8 @@
 """Text logs inside gzip: as the log itself, from every command that takes logs, or a sentence."""
 
+import errno
 import gzip
+import os
 from pathlib import Path
 
 import numpy as np
@@ -68,3 +70,17 @@ def test_what_unpacks_without_end_is_refused(tmp_path, monkeypatch):
     path = packed(tmp_path, b"time [s],C,S\n" + rows)
     assert len(rows) > 2 << 20
     assert len(read_table(path)["C"]) == 120_000
+
+
+@pytest.mark.parametrize(
+    ("number", "said"), [(errno.EMFILE, "too many files are open"), (errno.EIO, "is damaged")]
+)
+def test_a_log_that_cannot_be_looked_into_is_one_sentence(number, said, monkeypatch):
+    """It was an internal error; too many open files were called a log to copy again."""
+
+    def failing(*_):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(unpacked, "open", failing, raising=False)
+    with pytest.raises(HrgError, match=rf"lab_log\.csv: .*{said}"):
+        read_table(LOG)
