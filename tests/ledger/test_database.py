@@ -181,6 +181,35 @@ def test_waiting_for_a_ledger_can_be_interrupted(touch, locked, monkeypatch):
     assert time.monotonic() - started < 5
 
 
+def test_what_is_no_lock_is_not_waited_for(monkeypatch):
+    monkeypatch.setattr(database, "WAIT_S", 10.0)
+    started = time.monotonic()
+    with (
+        contextlib.closing(sqlite3.connect(":memory:", isolation_level=None)) as connection,
+        pytest.raises(sqlite3.OperationalError, match="no such table"),
+    ):
+        database._begin(connection, "BEGIN", "SELECT * FROM missing")
+    assert time.monotonic() - started < 5
+
+
+def test_a_row_that_its_table_forbids_is_damage(tmp_path):
+    """SQLite reads it; only its own check tells that no ledger was written so."""
+    path = tmp_path / "l.sqlite"
+    database.add(path, entries(2))
+    strict, loose = '"station" TEXT NOT NULL', '"station" TEXT'
+    steps = (
+        f"UPDATE sqlite_master SET sql = replace(sql, '{strict}', '{loose}')",
+        "UPDATE entry SET station = NULL",
+        f"UPDATE sqlite_master SET sql = replace(sql, '{loose},', '{strict},')",
+    )
+    for step in steps:  # each with the tables as the last one left them
+        with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as connection:
+            connection.execute("PRAGMA writable_schema = ON")
+            connection.execute(step)
+    with pytest.raises(HrgError, match=r"is a damaged ledger \(.*NULL value in entry\.station"):
+        database.read_entries(path)
+
+
 def test_a_ledger_that_is_let_go_is_entered_into(tmp_path):
     path = tmp_path / "l.sqlite"
     database.add(path, entries(2))

@@ -237,6 +237,22 @@ def test_the_page_tells_in_which_library_a_failing_call_ended():
     assert page._whose([]) == "none broke a promise."
 
 
+def test_commands_that_were_not_run_again_stay_on_the_page():
+    """A run of one command dropped the figures of all others."""
+
+    def run(name, status):
+        counts = [[name, "read", status, 7]]
+        return {"most": 200, "sample": 0, "counts": counts, "failures": []}
+
+    before = page.calls([run("plan", 1), run("rate", 1)])
+    after = page.calls([run("rate", 0)], before)
+    assert "* read: 7 × exit 0" in after and after.count("| rate | 7 |") == 1
+    assert "Not run again" in after and after.count("| plan | 7 |") == 1
+    again = page.calls([run("rate", 0)], after)
+    assert again == after
+    assert "Not run again" not in page.calls([run("plan", 0), run("rate", 0)], after)
+
+
 def test_what_was_not_run_stays_on_the_page(tmp_path):
     """The page of an empty folder had nothing but its head: figures of runs elsewhere were lost."""
     before = (Path(__file__).parents[2] / "docs" / "FAULTS.md").read_text(encoding="utf-8")
