@@ -13,7 +13,7 @@ from hrg_cli import store
 from hrg_cli.errors import HrgError, NotHrgError
 from hrg_cli.records import Recording, Wave
 from hrg_cli.sources import Sources
-from hrg_cli.store import handles
+from hrg_cli.store import handles, heaps
 
 
 @pytest.fixture
@@ -63,6 +63,31 @@ print("went on")
         [sys.executable, "-c", script, str(wave)], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0 and done.stdout == "went on\n", done
+
+
+def collection(size, *objects):
+    """A global heap's collection: signature, size, and of each object its index and length."""
+    pairs = b"".join(
+        index.to_bytes(8, "little") + length.to_bytes(8, "little") + bytes(room)
+        for index, length, room in objects
+    )
+    return heaps.SIGNATURE + size.to_bytes(8, "little") + pairs
+
+
+def test_the_tail_of_a_long_file_is_looked_at(tmp_path, monkeypatch):
+    """Texts written last lie there."""
+    monkeypatch.setattr(heaps, "SCANNED_BYTES", 64)
+    path = tmp_path / "x.h5"
+    path.write_bytes(bytes(1000) + collection(48, (0, 0, 16)))
+    with pytest.raises(HrgError, match="texts at byte 1000 are overwritten"):
+        heaps.check_heaps(path)
+
+
+def test_a_collection_may_go_on_behind_the_part_that_was_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(heaps, "SCANNED_BYTES", 64)
+    path = tmp_path / "x.h5"
+    path.write_bytes(bytes(40) + collection(72, (1, 8, 8), (0, 32, 16)) + bytes(200))
+    heaps.check_heaps(path)
 
 
 @pytest.mark.parametrize("block", [0, 512, 1024, 4096])
