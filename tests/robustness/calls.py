@@ -121,7 +121,10 @@ def attempt(
     arm = (trial.call, trial.nth, trial.code)
     output = folder / trial.case.output
     found = run(words, folder, output, arm)
-    if found.status == 0 and content(output) != whole[trial.case.name]:
+    # Of a chain in a folder the later files hold the hash of the earlier: a chunk that was stored as
+    # it is, for want of memory to compress it, changes them all.
+    comparable = trial.call != "alloc" or not output.is_dir()
+    if found.status == 0 and comparable and content(output) != whole[trial.case.name]:
         found.broken.append("another result than without the failure")
     return found
 

@@ -98,10 +98,11 @@ def _input_of(failure: str) -> Any:
     return json.loads(first[first.index("{") :])
 
 
-COUNTED = """Counted is in a run without a failure; then the command is run again for each call, which fails that once: an open with
-EMFILE and with EACCES, a read, a write with ENOSPC and with EIO, a rename, an allocation of 16 KiB or more; "sector" is a read that fails
-and with it every later one of the same place. A call that does not come in the second run is left out. Where the command ends with 0 all
-the same, its output must be what it is without the failure. Processes that a command starts are not reached.
+COUNTED = """Calls are counted in a run without a failure; then the command is run again for each of them, which fails that once: an
+open with EMFILE and with EACCES, a read, a write with ENOSPC and with EIO, a rename, an allocation of 16 KiB or more; "sector" is a read
+that fails and with it every later one of the same place. A call that does not come in the second run is left out. Where the command ends
+with 0 all the same, its output must be what it is without the failure (after an allocation: where it is one file). Processes that a command
+starts are not reached.
 """
 
 
