@@ -97,14 +97,17 @@ def _less_oscillation(
 @dataclass
 class AveragedSpectrum:
     """Welch's average on one frequency grid: `density` (frequencies, channels) one-sided, unit²/Hz,
-    of `segments` Hann segments."""
+    of `segments` Hann segments; `cross` (frequencies,) what both channels have in common and in
+    phase, the co-spectrum."""
 
     frequency_hz: Array
     density: Array = field(init=False)
+    cross: Array = field(init=False)
     segments: int = 0
 
     def __post_init__(self) -> None:
         self.density = np.zeros((len(self.frequency_hz), 2))
+        self.cross = np.zeros(len(self.frequency_hz))
 
     def add(self, time_s: Array, residual: Array, even: bool) -> None:
         """One segment (channels, n) more; at uneven times the transform is summed directly."""
@@ -120,6 +123,7 @@ class AveragedSpectrum:
             spectrum = (residual * window) @ rotations(time_s - time_s[0], self.frequency_hz).T
             norm = 2 * step / (window**2).sum()
         self.density += (np.abs(spectrum) ** 2 * norm).T
+        self.cross += (spectrum[0] * spectrum[1].conj()).real * norm
         self.segments += 1
 
     def mean(self) -> Array:
@@ -136,6 +140,44 @@ def floor(density: Array, bins: int = 65) -> Array:
     return np.stack(
         [np.interp(np.arange(n), centres, medians[:, k]) for k in range(density.shape[1])], -1
     )
+
+
+COMMON_LINE = 8.0
+"""Power over the floor from which a bin is a line's, whose phases say nothing of the noise."""
+
+UNCORRELATED = 0.1
+"""Correlation up to which noise counts as each channel's own: it moves a σ by a twentieth."""
+
+
+def correlation(
+    averaged: AveragedSpectrum,
+    about_hz: tuple[float, ...],
+    reach_hz: float,
+    blind_hz: tuple[tuple[float, float], ...],
+) -> float | None:
+    """Correlation of the channels' noise about some frequencies: the co-spectrum over both
+    densities' roots, each bin over its floor; 0 where chance or next to nothing makes it, None
+    without a spectrum.
+
+    Channels of unequal noise that were turned into one another afterwards share noise, and so do
+    channels behind one reference. A bin of one segment is a sum of two squares: of N bins a
+    correlation of none scatters by 1/√(2N), of Hann's overlapping segments half as many count.
+    """
+    hz, density = averaged.frequency_hz, averaged.mean()
+    level = floor(density) if len(hz) else density
+    near = np.abs(hz[:, None] - np.array(about_hz)).min(axis=-1) < reach_hz
+    seen = near & (level > 0).all(axis=-1)
+    for low, high in blind_hz:
+        seen &= (hz < low) | (hz > high)
+    ratio = density[seen] / level[seen]
+    quiet = (ratio < COMMON_LINE).all(axis=-1)
+    count = int(quiet.sum()) * averaged.segments
+    if not count:
+        return None
+    common = averaged.cross[seen][quiet] / averaged.segments
+    common /= np.sqrt(level[seen][quiet].prod(axis=-1))
+    found = float(common.mean() / np.sqrt(ratio[quiet].mean(axis=0).prod()))
+    return found if abs(found) > max(UNCORRELATED, 4 / np.sqrt(count)) else 0.0
 
 
 def chi_square_excess(freedom: float, sigmas: float) -> float:

@@ -15,6 +15,7 @@ from functools import reduce
 import numpy as np
 
 from ....fitting.causes.extended_fit import DivergedError, ExtendedFit, unsettled_part
+from ....fitting.envelopes import channel_noise
 from ....fitting.envelopes.envelope_runs import envelopes_of
 from ....fitting.samples.envelope_motion import BEND, CURVED
 from ....fitting.samples.spectrum import floor
@@ -52,8 +53,8 @@ same in all of them."""
 
 @dataclass(frozen=True)
 class Tone:
-    """A tone: frequency, complex amplitudes e (R, 2) of every run at t = 0 of the run, σ of one
-    real part (R,), χ² it takes away.
+    """A tone: frequency, complex amplitudes e (R, 2) of every run at t = 0 of the run, σ (R, 2) of
+    one real part in either channel, χ² it takes away.
 
     `standing`: as strong in the second half of the runs as in the first; a partial of the resonator
     dies away.
@@ -68,13 +69,13 @@ class Tone:
     @property
     def mean(self) -> Array:
         """Mean vector (2,) of the runs, weighed by their noise."""
-        weight = 1 / self.std[:, None] ** 2
-        return np.asarray(np.sum(self.vector * weight, axis=0) / weight.sum())
+        weight = 1 / self.std**2
+        return np.asarray(np.sum(self.vector * weight, axis=0) / weight.sum(axis=0))
 
     @property
     def common(self) -> bool:
         """Whether its phase at t = 0 is the same in all runs."""
-        scatter = np.abs(self.vector - self.mean) ** 2 / self.std[:, None] ** 2
+        scatter = np.abs(self.vector - self.mean) ** 2 / self.std**2
         return bool(np.sum(scatter) < SCATTER * self.gain)
 
     def in_windows(self, frequency_hz: float, window_s: float) -> Tone:
@@ -117,8 +118,9 @@ def response(turns: float) -> float:
 
 
 def residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[tuple[Array, Array, Array]]:
-    """Of every run: times, envelopes measured less modelled (n, 2) against the common reference, σ,
-    at the windows' own rate; without the windows that the model leaves out."""
+    """Of every run: times, envelopes measured less modelled (n, 2) against the common reference, of
+    equal noise in both channels, and its σ, at the windows' own rate; without the windows that the
+    model leaves out."""
     from scipy.interpolate import CubicSpline
 
     out = []
@@ -138,7 +140,9 @@ def residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[tuple[Array, Arra
             CubicSpline(at, model[k][rows] * slow)(t)
             * np.exp(1j * fit.point.offset_rad_s[k] * t)[:, None]
         )
-        out.append((t, measured - seen, np.asarray(wave.signal_std, float)[good]))
+        own = None if fit.series.whitening is None else fit.series.whitening[[k]]
+        left = channel_noise.whiten(own, (measured - seen)[None])[0]
+        out.append((t, left, np.asarray(wave.signal_std, float)[good]))
     return out
 
 
@@ -214,6 +218,9 @@ def strongest(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
     )
     std = np.array([float(np.median(s)) / np.sqrt(len(s)) for _, _, s in data])
     gain = float(np.sum(np.abs(vector) ** 2 / std[:, None] ** 2))
+    whitening = fit.series.whitening
+    vector = channel_noise.whiten(channel_noise.inverse(whitening), vector[:, None])[:, 0]
+    std = std[:, None] * channel_noise.spread(whitening)
     return Tone(best + fit.series.reference_frequency_hz, vector, std, gain, _stands(data, best))
 
 
@@ -268,7 +275,7 @@ def take_out_tone(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
                 quadrature_amplitude=a_B,
                 wave_angle_rad=angle,
                 phase_rad=phase,
-                signal_std=_std_without(wave, tone.vector[k]),
+                **_std_without(wave, tone.vector[k]),
             )
         )
     return out
@@ -279,23 +286,30 @@ def without_tones(waves: Sequence[Wave], tones: Sequence[Tone]) -> list[Wave]:
     return reduce(take_out_tone, (tone for tone in tones if tone.standing), list(waves))
 
 
-def _std_without(wave: Wave, vector: Array) -> Array:
-    """σ (n,) of a coefficient less what the tone e has in it, √(σ² − (|e_C|² + |e_S|²)/4), not
-    below what the spectrum's floor beside the oscillation promises, √(S/T).
+def _std_without(wave: Wave, vector: Array) -> dict[str, Array]:
+    """σ (n,) of a coefficient, and of either channel's (n, 2), less what the tone e has in it, √(σ² −
+    |e_C|²/2) for C, not below what the spectrum's floor beside the oscillation promises, √(S/T).
 
     The demodulation weighs the residual's colour and takes a tone for noise that every window draws
     anew: A²/2 of it in each coefficient of its channel, two of which a channel has.
     """
-    std = np.asarray(wave.signal_std, float)
     if wave.spectrum_density is None or wave.spectrum_frequency_hz is None:
-        return std
+        return {}
     frequency = np.asarray(wave.spectrum_frequency_hz, float)
     density = np.asarray(wave.spectrum_density, float)
     level = floor(density)
     at = int(np.argmin(np.abs(frequency - wave.reference_frequency_hz)))
-    white = float((level[at] * _mean_over_median(density / level)).mean()) / wave.window_s
-    quiet = std**2 - float(np.sum(np.abs(vector) ** 2)) / 4
-    return np.asarray(np.sqrt(np.maximum(quiet, np.minimum(std**2, white))))
+    white = level[at] * _mean_over_median(density / level) / wave.window_s
+    tone = np.abs(vector) ** 2 / 2
+
+    def without(std: Array, tone: Array, white: Array) -> Array:
+        quiet = np.asarray(std, float) ** 2
+        return np.asarray(np.sqrt(np.maximum(quiet - tone, np.minimum(quiet, white))))
+
+    out = {"signal_std": without(wave.signal_std, tone.mean(), white.mean())}
+    if wave.channel_std is not None:
+        out["channel_std"] = without(wave.channel_std, tone, white)
+    return out
 
 
 def _mean_over_median(ratio: Array) -> Array:
