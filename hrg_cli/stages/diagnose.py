@@ -44,7 +44,8 @@ from .diagnosis.report.shares import switched_off
 from .diagnosis.samples.heard import find_unheard
 from .diagnosis.samples.lines import folded_beside
 from .diagnosis.samples.odd_windows import say_odd_windows as odd_ones
-from .diagnosis.samples.tones import Tone, confirm_tones, take_out_tones, without_tones
+from .diagnosis.samples.tone import Tone
+from .diagnosis.samples.tones import confirm_tones, take_out_tones, without_tones
 from .diagnosis.samples.waveform import causes, near_tones, unnamed
 from .diagnosis.search.case import Case
 from .diagnosis.search.explain import explain, reweighted

@@ -16,7 +16,8 @@ from hrg_cli.physics.plant import POLYNOMIAL
 from hrg_cli.records import Resonator
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
-from hrg_cli.stages.diagnosis.samples.tones import confirm_tones, strongest
+from hrg_cli.stages.diagnosis.samples.tone_search import strongest
+from hrg_cli.stages.diagnosis.samples.tones import confirm_tones
 from hrg_cli.stages.simulation_file import runs_of
 
 FORCED = {

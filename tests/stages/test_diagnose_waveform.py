@@ -14,6 +14,7 @@ from hrg_cli.stages.diagnosis.samples.jumps import jumps
 from hrg_cli.stages.diagnosis.samples.waveform import causes, phase_steps
 from hrg_cli.stages.diagnosis.suspects.transformations import scale_times
 from hrg_cli.stages.estimate import estimate
+from hrg_cli.stages.simulate import run_ids, simulate
 
 RATE_HZ = 20011.0
 
@@ -90,6 +91,35 @@ def test_the_size_of_a_far_tone_is_known_and_its_phase_is_not():
     assert all(
         p["std"] >= 0.8e-4 for name, p in one["parameters"].items() if name != "frequency_hz"
     )
+
+
+def test_a_line_far_below_is_named_where_it_is_and_not_at_its_images_in_the_windows():
+    """50 Hz of 1 %, windows of 10 periods that hold a tenth of its own: it leaks into them as tones
+    at k/T ± 50 Hz, of which the samples have none."""
+    table = programme(5, runs=4, duration_s=0.4)
+    for k, run in enumerate(table["run"]):
+        parts = {"c_cos": 0.01 * np.cos(k), "c_sin": 0.01 * np.sin(k), "s_cos": 0.007 * np.cos(k)}
+        run["effects"] = {"mains_tone": {"frequency_hz": 50.0, **parts}}
+    out = summary(diagnose(waves(table, periods_per_window=10.0)))
+    assert [e["name"] for e in out["effects"]] == ["mains_tone"]
+    assert abs(out["effects"][0]["parameters"]["frequency_hz"]["value"] - 50) < 0.1
+    assert out["verdict"] == "explained", out["checks"]
+    assert sum("leaks into the windows" in line["meaning"] for line in out["lines"]) == 2
+
+
+def test_an_offset_that_drifts_is_no_tone_and_not_explained():
+    """1 amplitude a second: the sawtooth of what drifts inside a window is the same in all windows,
+    a line at a multiple of their rate that the samples do not have."""
+    table = programme(5, runs=4, duration_s=0.4)
+    drifting = []
+    for run in run_ids(table):
+        record = collect(simulate(table, run=run))
+        drift = np.arange(len(record.c)) / record.sample_rate_hz
+        record = record.replace(c=record.c + drift, s=record.s + drift)
+        drifting.append(collect(estimate(collect(demodulate(record, periods_per_window=10.0)))))
+    out = summary(diagnose(drifting))
+    assert out["effects"] == [] and out["verdict"] == "unexplained"
+    assert any("leaks into the windows" in line["meaning"] for line in out["lines"])
 
 
 def test_a_folded_harmonic_is_no_tone_from_outside():

@@ -21,6 +21,9 @@ GROSS = 10.0
 """χ² a degree of freedom above which the model is so far from the data that scores mislead: more
 causes are refitted before one is chosen, and what the misfit could bend (the second order's scale)
 is held where physics has it."""
+NEARLY_ALL = 100.0
+"""Times that one cause brings a gross misfit's χ² down from which no open term outdoes it: nine tenths
+of the misfit's size, which another cause shows of it only where the two correlate by 0.995."""
 FREQUENCIES_APART = 0.02
 """Relative difference of two runs' frequencies that no temperature makes (85 ppm/K: 235 K): a run so
 far from the others is doubted whatever χ² is."""

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from ....effects import EFFECTS, dropped_samples, find, mains_tone
-from ....effects.effect import OF_EVERY_RUN, RUN
+from ....effects.effect import OF_EVERY_RUN, RUN, Effect
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.layout import FREQUENCY, OWN
 from ....fitting.envelopes.coordinates import to_parameters
 from ....physics.resonator import OF_GENERATOR
 from ....records import Wave
 from ....settings import to_toml
-from ..samples.tones import Tone, channel_parts
+from ..samples.tone import Tone, channel_parts
 from .run import Way, run_table
 
 Array = np.ndarray
@@ -49,102 +49,141 @@ def simulation_file(
     what a simulation of the file missed the fit. tone: one near the resonance, at its true size;
     each run its own where its phase is not the same in all.
     """
-    values, _ = to_parameters(fit.point.p, fit.series.mode_number)
     change = np.zeros((len(fit.series.names), OWN)) if change is None else change
     frequency = fit.frequency_hz + change[:, FREQUENCY] / (2 * np.pi)
-    device: dict[str, Any] = {
-        "frequency_hz": float(np.median(frequency)),
-        **{name: float(v) for name, v in zip(OF_GENERATOR, values, strict=True)},
-        "mode_number": fit.series.mode_number,
-    }
-    if any(effect.follows_temperature for effect, _ in fit.point.active):
-        device["temperature"] = {
-            "reference_degc": float(
-                np.round(np.mean(fit.series.temperature_degc[fit.series.weight > 0]), 3)
-            )
-        }
     known = (*(effect for effect, _ in fit.point.active), *EFFECTS)
-    named = [
-        *(effect for effect, _ in fit.point.active),
-        *(find(e["name"], known) for e in effects_named),
-    ]
-    bent = any(effect.makes_harmonics for effect in named)
-    samples_a_period = FOR_HARMONICS if bent else SAMPLES_A_PERIOD
+    sampling_hz = _sampling_of(frequency, fit, [find(e["name"], known) for e in effects_named])
+    lost = _losses(effects_named, known)
+    common, of_one_run = _fitted_effects(fit)
+    common |= _tone_of_all(tone, effects_named, known) | _curves(effects_named, known)
+
     table: dict[str, Any] = {
-        "device": device,
-        "recording": {
-            "sample_rate_hz": float(np.ceil(samples_a_period * frequency.max())),
-            "duration_s": 1.0,
-        },
+        "device": _device(fit, frequency),
+        "recording": {"sample_rate_hz": sampling_hz, "duration_s": 1.0},
     }
     if waves[0].gyro_id:
         table["recording"]["gyro_id"] = waves[0].gyro_id
-    lost = {
-        run: {k: v["value"] for k, v in e["parameters"].items()}
-        for e in reversed(effects_named)
-        if find(e["name"], known).whole_samples
-        for run in e["runs"]
-    }
-    far_tone = [
-        {k: v["value"] for k, v in e["parameters"].items()}
-        for e in effects_named
-        if find(e["name"], known).makes_tone
-    ][:1]
-    effects = {
-        effect.name: {k: float(v) for k, v in given.items()} for effect, given in fit.point.active
-    }
-    of_one = {
-        name: int(given.pop(RUN))
-        for name, given in effects.items()
-        if given.get(RUN, OF_EVERY_RUN) != OF_EVERY_RUN
-    }
-    struck = {name: effects.pop(name) for name in of_one}
-    if tone is not None and tone.common:
-        effects[TONE] = _of_file(tone, tone.mean)
-    elif tone is None and far_tone:
-        effects[TONE] = far_tone[0]
-    for e in effects_named:
-        # a cubic whose sign the spectrum does not tell is a size, and no model
-        if (
-            e.get("view") == "waveform"
-            and find(e["name"], known).makes_harmonics
-            and "sign" not in e
-        ):
-            effects[e["name"]] = {k: v["value"] for k, v in e["parameters"].items()}
-    if effects:
-        table["effects"] = effects
+    if common:
+        table["effects"] = common
     names: set[str] = set()
     table["run"] = []
     for number, wave in enumerate(waves):
         own = [k for k, o in enumerate(origin) if o == number]
         if not own:
             continue
-        run: dict[str, Any] = {
-            "run_id": _unused(fit.series.names[own[0]], names),
-            "device": {"frequency_hz": float(frequency[own[0]])},
-        }
+        first = own[0]
         loss = lost.get(wave.run_id, {"lost_s": 0.0, "time_s": np.inf})
         loss_s = loss["lost_s"]
-        before_s = loss_s if fit.series.time_s[own[0], 0] > loss["time_s"] else 0.0
-        sampling = _sampling(table["recording"]["sample_rate_hz"], loss_s)
-        run |= run_table(fit, own, wave, pieces[own[0]], sampling, change[own[0]], way, before_s)
-        own_effects = {
-            effect.name: effects[effect.name] | {p.name: -values[p.name] for p in effect.fitted()}
-            for effect, values in fit.point.active
-            if effect.coherent and effect.name in effects and _turned(fit, own[0], run)
+        before_s = loss_s if fit.series.time_s[first, 0] > loss["time_s"] else 0.0
+        sampling = _sampling(sampling_hz, loss_s)
+        run: dict[str, Any] = {
+            "run_id": _unused(fit.series.names[first], names),
+            "device": {"frequency_hz": float(frequency[first])},
         }
-        own_effects |= {name: given for name, given in struck.items() if of_one[name] in own}
+        run |= run_table(fit, own, wave, pieces[first], sampling, change[first], way, before_s)
+        effects = _turned_effects(fit, first, run, common)
+        effects |= {name: given for name, (one, given) in of_one_run.items() if one in own}
         if loss_s > 0:  # repeated samples have no effect in the engine
-            own_effects[LOSS] = lost[wave.run_id]
+            effects[LOSS] = loss
             # the run lasted longer than its samples tell
             length_s = float(wave.time_s[-1] + wave.window_s / 2) + loss_s
             run["recording"] = {"duration_s": length_s, "sample_rate_hz": sampling}
         if tone is not None and not tone.common:
-            own_effects[TONE] = _of_file(tone, tone.vector[own[0]])
-        if own_effects:
-            run["effects"] = own_effects
+            effects[TONE] = _of_file(tone, tone.vector[first])
+        if effects:
+            run["effects"] = effects
         table["run"].append(run)
     return to_toml(table)
+
+
+def _device(fit: ExtendedFit, frequency_hz: Array) -> dict[str, Any]:
+    """[device]: the generator's parameters, at the runs' median frequency."""
+    values, _ = to_parameters(fit.point.p, fit.series.mode_number)
+    device: dict[str, Any] = {
+        "frequency_hz": float(np.median(frequency_hz)),
+        **{name: float(v) for name, v in zip(OF_GENERATOR, values, strict=True)},
+        "mode_number": fit.series.mode_number,
+    }
+    if any(effect.follows_temperature for effect, _ in fit.point.active):
+        warm = fit.series.temperature_degc[fit.series.weight > 0]
+        device["temperature"] = {"reference_degc": float(np.round(np.mean(warm), 3))}
+    return device
+
+
+def _sampling_of(frequency_hz: Array, fit: ExtendedFit, seen: Sequence[Effect]) -> float:
+    """The sampling that the highest frequency asks for, closer where a read-out bends the waves."""
+    named = [*(effect for effect, _ in fit.point.active), *seen]
+    bent = any(effect.makes_harmonics for effect in named)
+    return float(np.ceil((FOR_HARMONICS if bent else SAMPLES_A_PERIOD) * frequency_hz.max()))
+
+
+def _fitted_effects(
+    fit: ExtendedFit,
+) -> tuple[dict[str, dict[str, float]], dict[str, tuple[int, dict[str, float]]]]:
+    """The fitted effects of all runs by name, and those of one run with that run."""
+    common: dict[str, dict[str, float]] = {}
+    of_one: dict[str, tuple[int, dict[str, float]]] = {}
+    for effect, values in fit.point.active:
+        given = {name: float(v) for name, v in values.items()}
+        if given.get(RUN, OF_EVERY_RUN) == OF_EVERY_RUN:
+            common[effect.name] = given
+        else:
+            of_one[effect.name] = int(given.pop(RUN)), given
+    return common, of_one
+
+
+def _values(entry: dict[str, Any]) -> dict[str, float]:
+    return {name: one["value"] for name, one in entry["parameters"].items()}
+
+
+def _losses(
+    named: Sequence[dict[str, Any]], known: tuple[Effect, ...]
+) -> dict[str, dict[str, float]]:
+    """By run the samples that it lost; of several the first."""
+    return {
+        run: _values(entry)
+        for entry in reversed(named)
+        if find(entry["name"], known).whole_samples
+        for run in entry["runs"]
+    }
+
+
+def _tone_of_all(
+    tone: Tone | None, named: Sequence[dict[str, Any]], known: tuple[Effect, ...]
+) -> dict[str, dict[str, float]]:
+    """The tone that all runs have: the near one where its phase is the same in all, the first far
+    one where none is near."""
+    if tone is not None:
+        return {TONE: _of_file(tone, tone.mean)} if tone.common else {}
+    far = [_values(entry) for entry in named if find(entry["name"], known).makes_tone]
+    return {TONE: far[0]} if far else {}
+
+
+def _curves(
+    named: Sequence[dict[str, Any]], known: tuple[Effect, ...]
+) -> dict[str, dict[str, float]]:
+    """Read-out's curves that the waveform shows. A cubic whose sign the spectrum does not tell is a
+    size, and no model."""
+    return {
+        entry["name"]: _values(entry)
+        for entry in named
+        if entry.get("view") == "waveform"
+        and find(entry["name"], known).makes_harmonics
+        and "sign" not in entry
+    }
+
+
+def _turned_effects(
+    fit: ExtendedFit, k: int, run: dict[str, Any], common: dict[str, dict[str, float]]
+) -> dict[str, dict[str, float]]:
+    """The coherent effects as a run has them whose phase was turned by π."""
+    if not _turned(fit, k, run):
+        return {}
+    return {
+        effect.name: common[effect.name] | {p.name: -values[p.name] for p in effect.fitted()}
+        for effect, values in fit.point.active
+        if effect.coherent and effect.name in common
+    }
 
 
 def _of_file(tone: Tone, vector: Array) -> dict[str, float]:

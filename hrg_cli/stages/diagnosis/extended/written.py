@@ -31,7 +31,8 @@ from ...demodulate import demodulate_quiet
 from ...estimate import estimate
 from ...simulate import simulate_run
 from ...simulation_file import runs_of
-from ..samples.tones import Tone
+from ..samples.tone import Tone
+from .model import TONE
 from .run import Way
 
 Array = np.ndarray
@@ -155,9 +156,13 @@ def hold_written(
     """Simulate a written model and compare it at the fit's rows; None where it cannot be simulated.
 
     origin: the file's run of each piece. tone: the one that the rows were freed of; the simulation
-    is freed of the same, so that one which the file has wrong is left in it.
+    is freed of the same, so that one which the file has wrong is left in it. A tone far from the
+    oscillation is left out: the file knows its size and not its phase, and with it not what it leaks
+    into these windows; the rows were freed of what it leaked into theirs.
     """
     table = tomllib.loads(text)
+    if tone is None:
+        table.get("effects", {}).pop(TONE, None)
     try:
         runs = runs_of(table)
     except HrgError:

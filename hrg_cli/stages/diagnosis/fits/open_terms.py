@@ -122,10 +122,27 @@ def covariates(series: MeasuredRuns, u: Array, cycles: Sequence[float] = ()) -> 
     of tones in the longest run."""
     good = series.weight > 0
     a0 = float(np.sqrt((_amplitude(u)[good] ** 2).mean()))
-    span = _span(series)
     yield Covariate("none", "1", lambda u, s: np.ones((1, *u.shape[:-1])))
+    yield from _of_times(series)
+    yield from _of_amplitudes(a0)
+    yield from _of_temperatures(series)
+    yield from _of_rates(series, a0)
+    yield from _of_wave_angles(series, a0)
+    for k in range(1, STEPS + 1):
+        yield step_at(series, k / (STEPS + 1))
+    for k in range(1, DECAYS + 1):
+        yield decay_of(series, -k * np.log(2))
+    for number in cycles:
+        yield tone_of(series, number)
+
+
+def _of_times(series: MeasuredRuns) -> Iterator[Covariate]:
+    span = _span(series)
     for power, formula in ((0.5, "√(t/T)"), (1, "t/T"), (2, "(t/T)²")):
         yield Covariate("time", formula, _of_time(power, span))
+
+
+def _of_amplitudes(a0: float) -> Iterator[Covariate]:
     for power, formula in (
         (1, "a/a₀"),
         (2, "(a/a₀)²"),
@@ -134,43 +151,62 @@ def covariates(series: MeasuredRuns, u: Array, cycles: Sequence[float] = ()) -> 
         (-1, "a₀/a"),
     ):
         yield Covariate("amplitude", formula, _of_amplitude(power, a0))
-    warm = series.temperature_degc[good]
-    if np.ptp(warm) > LEAST_KELVIN:
-        mean, scale = float(warm.mean()), float(np.ptp(warm))
+
+
+def _warmth(series: MeasuredRuns) -> tuple[float, float] | None:
+    """Mean and range of the temperature; None where it stands still."""
+    warm = series.temperature_degc[series.weight > 0]
+    scale = float(np.ptp(warm))
+    return (float(warm.mean()), scale) if scale > LEAST_KELVIN else None
+
+
+def _of_temperatures(series: MeasuredRuns) -> Iterator[Covariate]:
+    warmth = _warmth(series)
+    if warmth is None:
+        return
+    mean, scale = warmth
+    yield Covariate(
+        "temperature", "(T − T₀)/ΔT", lambda u, s: _one(u, (s.temperature_degc - mean) / scale)
+    )
+    yield Covariate(
+        "temperature",
+        "((T − T₀)/ΔT)²",
+        lambda u, s: _one(u, ((s.temperature_degc - mean) / scale) ** 2),
+    )
+    steep = series.temperature_rate_degc_s[series.weight > 0]
+    top = float(np.abs(steep).max())
+    if np.ptp(steep) > 1e-6 * top and top * _span(series) > LEAST_KELVIN:
         yield Covariate(
-            "temperature", "(T − T₀)/ΔT", lambda u, s: _one(u, (s.temperature_degc - mean) / scale)
+            "temperature rate", "Ṫ/Ṫ₀", lambda u, s: _one(u, s.temperature_rate_degc_s / top)
         )
-        yield Covariate(
-            "temperature",
-            "((T − T₀)/ΔT)²",
-            lambda u, s: _one(u, ((s.temperature_degc - mean) / scale) ** 2),
-        )
-        steep = series.temperature_rate_degc_s[good]
-        top = float(np.abs(steep).max())
-        if np.ptp(steep) > 1e-6 * top and top * span > LEAST_KELVIN:
-            yield Covariate(
-                "temperature rate", "Ṫ/Ṫ₀", lambda u, s: _one(u, s.temperature_rate_degc_s / top)
-            )
+
+
+def _of_rates(series: MeasuredRuns, a0: float) -> Iterator[Covariate]:
+    """Of the table's rate, what a scale factor follows, and of the table's angle; none at rest."""
+    good, span = series.weight > 0, _span(series)
     fastest = float(np.abs(series.rate_rad_s[good]).max())
-    if fastest > 0:
-        yield Covariate("rate", "Ω/Ω₀", lambda u, s: _one(u, s.rate_rad_s / fastest))
-        yield Covariate("rate", "|Ω|/Ω₀", lambda u, s: _one(u, np.abs(s.rate_rad_s) / fastest))
-        yield Covariate("rate", "(Ω/Ω₀)²", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 2))
-        yield Covariate("rate", "(Ω/Ω₀)³", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 3))
-        yield _scale_factor("time", "t/T", lambda u, s: s.time_s / span, fastest)
-        yield _scale_factor("amplitude", "(a/a₀)²", lambda u, s: (_amplitude(u) / a0) ** 2, fastest)
-        if np.ptp(warm) > LEAST_KELVIN:
-            yield _scale_factor(
-                "temperature",
-                "(T − T₀)/ΔT",
-                lambda u, s: (s.temperature_degc - mean) / scale,
-                fastest,
+    if fastest == 0:
+        return
+    yield Covariate("rate", "Ω/Ω₀", lambda u, s: _one(u, s.rate_rad_s / fastest))
+    yield Covariate("rate", "|Ω|/Ω₀", lambda u, s: _one(u, np.abs(s.rate_rad_s) / fastest))
+    yield Covariate("rate", "(Ω/Ω₀)²", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 2))
+    yield Covariate("rate", "(Ω/Ω₀)³", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 3))
+    yield _scale_factor("time", "t/T", lambda u, s: s.time_s / span, fastest)
+    yield _scale_factor("amplitude", "(a/a₀)²", lambda u, s: (_amplitude(u) / a0) ** 2, fastest)
+    warmth = _warmth(series)
+    if warmth is not None:
+        mean, scale = warmth
+        yield _scale_factor(
+            "temperature", "(T − T₀)/ΔT", lambda u, s: (s.temperature_degc - mean) / scale, fastest
+        )
+    if np.ptp(series.table_angle_rad[good]) > 1:
+        for n in (1, 2):
+            yield Covariate(
+                f"table angle × {n}", f"harmonic {n} of the table angle", _of_table(n), 2, n
             )
-        if np.ptp(series.table_angle_rad[good]) > 1:
-            for n in (1, 2):
-                yield Covariate(
-                    f"table angle × {n}", f"harmonic {n} of the table angle", _of_table(n), 2, n
-                )
+
+
+def _of_wave_angles(series: MeasuredRuns, a0: float) -> Iterator[Covariate]:
     for n in HARMONICS:
         harmonic = series.mode_number * n
         yield Covariate("wave angle", f"harmonic {harmonic}θ", _of_wave(n), 2, harmonic)
@@ -182,12 +218,6 @@ def covariates(series: MeasuredRuns, u: Array, cycles: Sequence[float] = ()) -> 
                 2,
                 harmonic,
             )
-    for k in range(1, STEPS + 1):
-        yield step_at(series, k / (STEPS + 1))
-    for k in range(1, DECAYS + 1):
-        yield decay_of(series, -k * np.log(2))
-    for number in cycles:
-        yield tone_of(series, number)
 
 
 def _scale_factor(

@@ -21,7 +21,14 @@ from .harmonics import below_the_codes, bent_channels
 from .lines import WIDTH_CELLS, Line, cell_hz, frequency_of, harmonic_of, lines, sampling_hz, spurs
 from .lost_samples import PhaseStep, count_lost, join_steps, phase_steps, split_at
 from .offered import UNMEASURED, entry, sound
-from .tones import MOST_TONES, Tone, channel_parts
+from .tone import Tone, channel_parts
+from .tones import MOST_TONES
+
+LEAKS = 2.0
+"""Times 1/πx of a line that windows show at most of it x turns away, the curvature that demodulate puts
+back included."""
+IMAGE = "what a line far from the oscillation, or an offset that drifts, leaks into the windows"
+"""What is said of a tone that is the image of something else."""
 
 __all__ = ["causes", "near_tones", "phase_steps", "split_at", "unnamed"]
 
@@ -35,62 +42,28 @@ def causes(
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """(effects the waveform shows, as the report's entries; every line with its meaning). `found`:
     effects named by the dynamics."""
-    sampling, cell, far = sampling_hz(waves), cell_hz(waves), lines(waves)
-    direct = all(w.readout == "direct" for w in waves)
-    near, listed = [], []
-    for tone in tones:
-        line = _as_line(tone)
-        if multiple := _multiple(tone, waves, frequency_hz):
-            # a harmonic that the sampling folds beside the resonance is no tone from outside
-            near.append((line, multiple))
-            listed.append(
-                line.listed(multiple, f"harmonic {multiple} of the oscillation, folded beside it")
-            )
-        elif not tone.standing:
-            listed.append(
-                line.listed(
-                    0, "it dies away beside the wave: a partial of the resonator and no tone"
-                )
-            )
+    far = lines(waves)
+    near, listed = _judge_tones(tones, far, waves, frequency_hz)
     strange = near_tones(tones, waves, frequency_hz)
-    everywhere = [*(line for line, _ in near), *far]
-    wander = float(np.std([frequency_of(w) for w in waves]))
-    codes = spurs(everywhere, frequency_hz, wander, sampling, cell) if direct else []
-    codes += (
-        [line for line in far if line not in codes and below_the_codes(line, waves)]
-        if direct
-        else []
-    )
+    direct = all(w.readout == "direct" for w in waves)
+    codes = _codes(waves, near, far, frequency_hz) if direct else []
+
     harmonics = {multiple: line for line, multiple in near}
+    sampling, cell = sampling_hz(waves), cell_hz(waves)
     open_lines = []
     for line in far:
         multiple = harmonic_of(line, frequency_hz, sampling, cell)
+        meaning = _meaning(line, multiple, codes, direct, strange, cell)
         if multiple:
             harmonics.setdefault(multiple, line)
-            listed.append(line.listed(multiple, f"harmonic {multiple} of the oscillation"))
-        elif line in codes:
-            listed.append(
-                line.listed(
-                    0,
-                    "the converter's: an odd harmonic of the oscillation, folded, or below one of"
-                    " its codes",
-                )
-            )
-        elif not direct:
-            listed.append(line.listed(0, "beside the carrier"))
-        elif any(abs(line.frequency_hz - t.frequency_hz) < WIDTH_CELLS * cell for t in strange):
-            listed.append(line.listed(0, "the tone beside the resonance"))
-        elif line.follows_the_wave:
-            listed.append(
-                line.listed(
-                    0, "its size follows the wave's: a partial of the resonator and no tone"
-                )
-            )
+        if meaning:
+            listed.append(line.listed(multiple, meaning))
         else:
             open_lines.append(line)
     named = open_lines if len(open_lines) <= MOST_TONES else []
     unjudged = f"one of {len(open_lines)} lines: partials or several sources, none judged"
     listed += [line.listed(0, "a tone" if named else unjudged) for line in open_lines]
+
     offered = [
         offer
         for group in join_steps(steps, waves)
@@ -100,6 +73,67 @@ def causes(
     offered += [_tone(line, waves) for line in named]
     offered += bent_channels(waves, harmonics, codes, found) if direct else []
     return [offer for offer in offered if sound(offer)], listed
+
+
+def _judge_tones(
+    tones: Sequence[Tone], far: Sequence[Line], waves: Sequence[Wave], frequency_hz: float
+) -> tuple[list[tuple[Line, int]], list[dict[str, Any]]]:
+    """Of the tones beside the resonance those that are folded harmonics of the oscillation, with
+    their multiple, and what is listed of all that are no tone from outside."""
+    near, listed = [], []
+    for tone in tones:
+        line = _as_line(tone)
+        if multiple := _multiple(tone, waves, frequency_hz):
+            near.append((line, multiple))
+            listed.append(
+                line.listed(multiple, f"harmonic {multiple} of the oscillation, folded beside it")
+            )
+        elif _is_image(tone, far, waves):
+            listed.append(line.listed(0, IMAGE))
+        elif not tone.standing:
+            listed.append(
+                line.listed(
+                    0, "it dies away beside the wave: a partial of the resonator and no tone"
+                )
+            )
+    return near, listed
+
+
+def _codes(
+    waves: Sequence[Wave],
+    near: Sequence[tuple[Line, int]],
+    far: Sequence[Line],
+    frequency_hz: float,
+) -> list[Line]:
+    """Lines that a converter's codes make."""
+    wander = float(np.std([frequency_of(w) for w in waves]))
+    everywhere = [*(line for line, _ in near), *far]
+    codes = spurs(everywhere, frequency_hz, wander, sampling_hz(waves), cell_hz(waves))
+    return codes + [line for line in far if line not in codes and below_the_codes(line, waves)]
+
+
+def _meaning(
+    line: Line,
+    multiple: int,
+    codes: Sequence[Line],
+    direct: bool,
+    strange: Sequence[Tone],
+    cell: float,
+) -> str:
+    """What a line of the spectrum is; empty where it may be a tone from outside."""
+    if multiple:
+        return f"harmonic {multiple} of the oscillation"
+    if line in codes:
+        return (
+            "the converter's: an odd harmonic of the oscillation, folded, or below one of its codes"
+        )
+    if not direct:
+        return "beside the carrier"
+    if any(abs(line.frequency_hz - t.frequency_hz) < WIDTH_CELLS * cell for t in strange):
+        return "the tone beside the resonance"
+    if line.follows_the_wave:
+        return "its size follows the wave's: a partial of the resonator and no tone"
+    return ""
 
 
 def _as_line(tone: Tone) -> Line:
@@ -127,12 +161,27 @@ def unnamed(tones: Sequence[Tone], named: Sequence[Effect]) -> list[Tone]:
     return [] if makes_lines else [tone for tone in tones if tone.standing]
 
 
-def _folded(line: Line, tone: Tone, waves: Sequence[Wave]) -> bool:
-    """Whether the tone seen at the windows' rate is a line of the samples, folded."""
-    windows = (line.frequency_hz - tone.frequency_hz) * float(
-        np.median([np.median(np.diff(w.time_s)) for w in waves])
-    )
-    return abs(windows) > 0.5 and abs(windows - round(windows)) < 0.05 + 0.02 * abs(windows)
+def _is_image(tone: Tone, far: Sequence[Line], waves: Sequence[Wave]) -> bool:
+    """Whether the tone seen at the windows' rate is what a line of the samples far from the
+    oscillation leaks into the windows, or what an offset of the channels does that drifts.
+
+    A line A cos ω_L t stands in the coefficients of windows of length T as A sin(πx)/(πx) with x =
+    (±f_L − f)T turns a window, and there as a tone at ±f_L + k/T: both signs are as strong far below
+    the oscillation. What drifts is the same in every window: a line at nought.
+    """
+    step_s = float(np.median([np.median(np.diff(w.time_s)) for w in waves]))
+    longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
+    own = tone.frequency_hz * step_s
+    if abs(own - round(own)) < WIDTH_CELLS * step_s / longest:
+        return True
+    near = WIDTH_CELLS * cell_hz(waves) * step_s
+    size = np.sqrt(np.mean(np.abs(tone.vector) ** 2))
+    for line in far:
+        for turns in (line.frequency_hz * step_s - own, -line.frequency_hz * step_s - own):
+            leaks = LEAKS * float(line.amplitude.max()) / (np.pi * max(abs(turns), 0.5))
+            if round(turns) != 0 and abs(turns - round(turns)) < near and size < leaks:
+                return True
+    return False
 
 
 def near_tones(tones: Sequence[Tone], waves: Sequence[Wave], frequency_hz: float) -> list[Tone]:
@@ -145,7 +194,7 @@ def near_tones(tones: Sequence[Tone], waves: Sequence[Wave], frequency_hz: float
         for tone in tones
         if tone.standing
         and not _multiple(tone, waves, frequency_hz)
-        and not any(_folded(other, tone, waves) for other in far)
+        and not _is_image(tone, far, waves)
     ]
 
 

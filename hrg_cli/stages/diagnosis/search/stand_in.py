@@ -14,7 +14,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.refits import HOPELESS
 from ..fits.scoring import is_gross
 from ..fits.variants import Variant
-from ..thresholds import GROSS
+from ..thresholds import GROSS, NEARLY_ALL
 
 
 def is_beyond_question(fit: ExtendedFit, name: str) -> bool:
@@ -24,9 +24,9 @@ def is_beyond_question(fit: ExtendedFit, name: str) -> bool:
 
 
 def takes_nearly_all(before: ExtendedFit, after: ExtendedFit) -> bool:
-    """Whether one cause more takes all but 1/`HOPELESS` of a gross misfit: it is then not given up
-    for open terms, which could take as much only one for each run and without an explanation."""
-    return is_gross(before) and after.chi2 < before.chi2 / HOPELESS
+    """Whether one cause more takes nearly all of a gross misfit: it is then not given up for open
+    terms, which follow whatever it leaves over and could take as much only one for each run."""
+    return is_gross(before) and after.chi2 < before.chi2 / NEARLY_ALL
 
 
 def _driven(fit: ExtendedFit) -> bool:

@@ -1,0 +1,231 @@
+"""Diagnosis, the search for tones near the resonance, at the windows' own rate.
+
+The residual of the fitted model at every window, a fixed vector e e^{j(ω_m − ω_r)t}, is one-sided
+in frequency about the resonance; a modulation of the resonator or of the read-out has both
+sidebands and is left to the open search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ....fitting.causes.extended_fit import ExtendedFit, unsettled_part
+from ....fitting.envelopes import channel_noise
+from ....fitting.envelopes.envelope_runs import envelopes_of
+from ....records import Wave
+from ..drive.scatter import corner_hz
+from ..fits.scoring import is_gross
+from .tone import Tone
+
+Array = np.ndarray
+NEAREST_CYCLES = 4.0
+"""Cycles of beat with every run's own frequency in the shortest run from which a tone is looked
+for."""
+ONE_SIDED, MIRRORED = 6.0, 2.0
+"""Power of a tone over its mirror's beside the resonance, less the floor in both, and σ of the
+mirror's noise allowed beside."""
+FINE = 41
+DIES, SURE = 0.7, 4.0
+"""Part of its power that a tone has in the second half of the runs at least, and σ by which less
+must be sure."""
+ISOLATED, LOBE, BESIDE = 10.0, 2.5, 8.0
+"""Power of a tone beside a gross misfit over all that stands from LOBE to BESIDE cells of the longest
+run away from it: a misfit of the motion is no line alone."""
+LEFT_OUT = 1.75
+"""Usual distances of the rows beyond which some between two were left out; a row of two windows
+beside rows of one stands 1.5 away."""
+
+Residual = tuple[Array, Array, Array]
+"""Of a run: times (n,), envelopes measured less modelled (n, 2) of equal noise in both channels, its
+σ (n,)."""
+
+
+def residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]:
+    """Of every run at the windows' own rate, against the common reference; without the windows that
+    the model leaves out."""
+    from scipy.interpolate import CubicSpline
+
+    out = []
+    reference = fit.series.reference_frequency_hz
+    model = fit.prediction.by_log + unsettled_part(fit)
+    for k, wave in enumerate(waves):
+        rows = fit.series.weight[k] > 0
+        at = fit.series.time_s[k][rows]
+        good = wave.good() & _among(np.asarray(wave.time_s, float), at)
+        t = np.asarray(wave.time_s, float)[good]
+        measured = envelopes_of(wave, good)
+        measured = (
+            measured * np.exp(2j * np.pi * (wave.reference_frequency_hz - reference) * t)[:, None]
+        )
+        slow = np.exp(-1j * fit.point.offset_rad_s[k] * at)[:, None]
+        seen = (
+            CubicSpline(at, model[k][rows] * slow)(t)
+            * np.exp(1j * fit.point.offset_rad_s[k] * t)[:, None]
+        )
+        own = None if fit.series.whitening is None else fit.series.whitening[[k]]
+        left = channel_noise.whiten(own, (measured - seen)[None])[0]
+        out.append((t, left, np.asarray(wave.signal_std, float)[good]))
+    return out
+
+
+def _among(time_s: Array, rows_s: Array) -> Array:
+    """Which windows (n,) stand among rows that follow one another, and not where rows between two
+    were left out."""
+    apart = np.diff(rows_s)
+    gap = np.append(np.append(False, apart > LEFT_OUT * np.median(apart)), False)
+    return np.asarray(~gap[np.searchsorted(rows_s, time_s)])
+
+
+@dataclass(frozen=True)
+class ResidualSpectrum:
+    """The residuals' power, summed over channels and runs, in bins (n,) of frequency above the
+    reference: what it is, its floor, and of how many runs."""
+
+    frequency_hz: Array
+    power: Array
+    level: Array
+    runs: int
+
+    def mirrored(self, centre_hz: float) -> Array:
+        """Power at each bin's mirror about a frequency."""
+        step_hz = self.frequency_hz[1]
+        return np.interp(
+            2 * centre_hz - self.frequency_hz,
+            np.fft.fftshift(self.frequency_hz),
+            np.fft.fftshift(self.power),
+            period=len(self.power) * step_hz,
+        )
+
+    def by_chance(self) -> Array:
+        """Probability of as much power in a bin from noise alone: a sum of 2·runs exponentials, its
+        median set to the floor."""
+        from scipy.special import chdtrc
+
+        ratio = np.maximum(self.power / self.level, 0)
+        return np.asarray(chdtrc(4 * self.runs, 4 * self.runs * ratio))
+
+
+def strongest(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
+    """The strongest one-sided tone that stands out of its surroundings by chance once in a million,
+    common to the runs in frequency; beside a gross misfit one that stands there alone."""
+    data = residuals(fit, waves)
+    spectrum = _spectrum(data)
+    if spectrum is None:
+        return None
+    wanted = _stand_out(spectrum, data, fit)
+    if not wanted.any():
+        return None
+    best = float(spectrum.frequency_hz[np.argmax(np.where(wanted, spectrum.power, 0))])
+    best = _refined(best, data)
+    vector = np.array(
+        [np.mean(r * np.exp(-2j * np.pi * best * t)[:, None], axis=0) for t, r, _ in data]
+    )
+    std = np.array([float(np.median(s)) / np.sqrt(len(s)) for _, _, s in data])
+    gain = float(np.sum(np.abs(vector) ** 2 / std[:, None] ** 2))
+    whitening = fit.series.whitening
+    vector = channel_noise.whiten(channel_noise.inverse(whitening), vector[:, None])[:, 0]
+    std = std[:, None] * channel_noise.spread(whitening)
+    return Tone(best + fit.series.reference_frequency_hz, vector, std, gain, _stands(data, best))
+
+
+def _lengths(data: Sequence[Residual]) -> tuple[float, float]:
+    """The shortest and the longest run."""
+    lengths = [float(t[-1] - t[0]) for t, _, _ in data]
+    return min(lengths), max(lengths)
+
+
+def _spectrum(data: Sequence[Residual]) -> ResidualSpectrum | None:
+    """The spectrum of the runs whose rows stand on one grid; None where none does."""
+    step = float(np.median([np.median(np.diff(t)) for t, _, _ in data]))
+    size = 1 << int(np.ceil(np.log2(2 * _lengths(data)[1] / step + 8)))
+    power, used = np.zeros(size), 0
+    for t, r, std in data:
+        place = np.round((t - t[0]) / step).astype(int)
+        if np.any(np.abs((t - t[0]) / step - place) > 0.05) or place[-1] >= size:
+            continue
+        taper = np.hanning(len(t) + 2)[1:-1]
+        scale = np.sqrt(np.sum((taper * std) ** 2))
+        for channel in (0, 1):
+            line = np.zeros(size, complex)
+            line[place] = r[:, channel] * taper / scale
+            power += np.abs(np.fft.fft(line)) ** 2
+        used += 1
+    if used == 0:
+        return None
+    level = np.fft.ifftshift(_floor(np.fft.fftshift(power)))
+    return ResidualSpectrum(np.fft.fftfreq(size, step), power, level, used)
+
+
+def _stand_out(spectrum: ResidualSpectrum, data: Sequence[Residual], fit: ExtendedFit) -> Array:
+    """Bins (n,) of one-sided power that noise and the wave's own walk do not make."""
+    shortest, longest = _lengths(data)
+    # where a cause pulls it, a run's own frequency is not the one at which it turned
+    own = np.concatenate([fit.point.offset_rad_s, fit.series.turn_rad_s]) / (2 * np.pi)
+    nearest = np.min(np.abs(spectrum.frequency_hz[:, None] - own), axis=1)
+    # a wave that walks under its drive has a spectrum of its own about the resonance
+    walk = 1 + (corner_hz(fit) / np.maximum(nearest, 1 / longest)) ** 2
+    spectrum = replace(spectrum, level=spectrum.level * walk)
+    power, level = spectrum.power, spectrum.level
+    mirror = spectrum.mirrored(float(np.mean(fit.point.offset_rad_s)) / (2 * np.pi))
+    noise = MIRRORED * level / np.sqrt(2 * spectrum.runs)  # of a sum of 2·runs exponentials
+    wanted = (
+        (nearest * shortest > NEAREST_CYCLES)
+        & (mirror - level < (power - level) / ONE_SIDED + noise)
+        & (spectrum.by_chance() < 1e-6 / len(power))
+    )
+    if is_gross(fit):
+        wanted &= power > ISOLATED * _beside(power, longest * spectrum.frequency_hz[1])
+    return np.asarray(wanted)
+
+
+def _refined(frequency_hz: float, data: Sequence[Residual]) -> float:
+    """The frequency about a bin's at which the runs' own power is largest."""
+    width = 1 / _lengths(data)[1]
+    for _ in range(3):
+        trial = frequency_hz + width * np.linspace(-1, 1, FINE)
+        total = sum(
+            np.abs(np.exp(-2j * np.pi * np.outer(trial, t)) @ (r / std[:, None])) ** 2 / len(t)
+            for t, r, std in data
+        )
+        frequency_hz = float(trial[np.argmax(np.sum(total, axis=1))])
+        width /= 8
+    return frequency_hz
+
+
+def _beside(power: Array, cells: float) -> Array:
+    """The largest power (n,) near every bin of a whole spectrum, but for the bin's own lobe;
+    `cells`: length of a bin in cells of the longest run."""
+    near, far = int(np.ceil(LOBE / cells)), int(BESIDE / cells)
+    if 2 * far + 1 >= len(power):
+        return np.full(len(power), np.inf)
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(power, far, mode="wrap"), 2 * far + 1)
+    return np.asarray(np.delete(around, np.arange(far - near, far + near + 1), axis=1).max(axis=1))
+
+
+def _stands(data: Sequence[Residual], beat_hz: float) -> bool:
+    """Whether a tone keeps its size: power in the runs' second halves against the first, each less
+    what noise has."""
+    powers = np.zeros(2)
+    unsure = 0.0
+    for t, r, std in data:
+        for half, part in enumerate(np.array_split(np.arange(len(t)), 2)):
+            noise = 2 * float(np.median(std[part])) ** 2 / len(part)
+            power = (
+                np.abs(np.mean(r[part] * np.exp(-2j * np.pi * beat_hz * t[part])[:, None], axis=0))
+                ** 2
+            )
+            powers[half] += float(np.sum(power) - 2 * noise)
+            unsure += float(np.sum(2 * power * noise + noise**2))
+    return bool(powers[1] > DIES * powers[0] - SURE * np.sqrt(unsure))
+
+
+def _floor(power: Array, width: int = 101) -> Array:
+    """Running median, of a spectrum already in order of frequency; the least is a thousandth of the
+    overall median."""
+    width = min(width, len(power) // 2 * 2 - 1)
+    padded = np.pad(power, width // 2, mode="wrap")
+    median = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
+    return np.maximum(median, 1e-3 * np.median(power))
