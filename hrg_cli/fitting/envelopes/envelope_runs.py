@@ -158,6 +158,7 @@ def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> Envel
         whitening=channel_noise.whitening(
             None if wave.channel_std is None else np.asarray(wave.channel_std, float)[chosen],
             wave.noise_correlation,
+            u,
         ),
     )
 

@@ -97,17 +97,16 @@ def _less_oscillation(
 @dataclass
 class AveragedSpectrum:
     """Welch's average on one frequency grid: `density` (frequencies, channels) one-sided, unit²/Hz,
-    of `segments` Hann segments; `cross` (frequencies,) what both channels have in common and in
-    phase, the co-spectrum."""
+    of `segments` Hann segments; `parts`: their transforms (channels, frequencies), whose squares are
+    densities."""
 
     frequency_hz: Array
     density: Array = field(init=False)
-    cross: Array = field(init=False)
+    parts: list[Array] = field(default_factory=list)
     segments: int = 0
 
     def __post_init__(self) -> None:
         self.density = np.zeros((len(self.frequency_hz), 2))
-        self.cross = np.zeros(len(self.frequency_hz))
 
     def add(self, time_s: Array, residual: Array, even: bool) -> None:
         """One segment (channels, n) more; at uneven times the transform is summed directly."""
@@ -123,7 +122,7 @@ class AveragedSpectrum:
             spectrum = (residual * window) @ rotations(time_s - time_s[0], self.frequency_hz).T
             norm = 2 * step / (window**2).sum()
         self.density += (np.abs(spectrum) ** 2 * norm).T
-        self.cross += (spectrum[0] * spectrum[1].conj()).real * norm
+        self.parts.append(spectrum * np.sqrt(norm))
         self.segments += 1
 
     def mean(self) -> Array:
@@ -156,12 +155,12 @@ def correlation(
     blind_hz: tuple[tuple[float, float], ...],
 ) -> float | None:
     """Correlation of the channels' noise about some frequencies: the co-spectrum over both
-    densities' roots, each bin over its floor; 0 where chance or next to nothing makes it, None
-    without a spectrum.
+    densities' roots, each bin over its floor, the median over the segments; 0 where chance or next
+    to nothing makes it, None without a spectrum.
 
     Channels of unequal noise that were turned into one another afterwards share noise, and so do
-    channels behind one reference. A bin of one segment is a sum of two squares: of N bins a
-    correlation of none scatters by 1/√(2N), of Hann's overlapping segments half as many count.
+    channels behind one reference. A segment in which the oscillation jumps shares that. The product
+    of two independent normal numbers over N bins scatters by 1/√(2N), its median by √(π/2) more.
     """
     hz, density = averaged.frequency_hz, averaged.mean()
     level = floor(density) if len(hz) else density
@@ -169,14 +168,14 @@ def correlation(
     seen = near & (level > 0).all(axis=-1)
     for low, high in blind_hz:
         seen &= (hz < low) | (hz > high)
-    ratio = density[seen] / level[seen]
-    quiet = (ratio < COMMON_LINE).all(axis=-1)
+    quiet = seen & (density < COMMON_LINE * level).all(axis=-1)
     count = int(quiet.sum()) * averaged.segments
     if not count:
         return None
-    common = averaged.cross[seen][quiet] / averaged.segments
-    common /= np.sqrt(level[seen][quiet].prod(axis=-1))
-    found = float(common.mean() / np.sqrt(ratio[quiet].mean(axis=0).prod()))
+    each = np.stack(averaged.parts)[..., quiet] / np.sqrt(level[quiet].T)
+    power = (np.abs(each) ** 2).sum(axis=-1)
+    common = (each[:, 0] * each[:, 1].conj()).real.sum(axis=-1)
+    found = float(np.median(common / np.maximum(np.sqrt(power.prod(axis=-1)), 1e-300)))
     return found if abs(found) > max(UNCORRELATED, 4 / np.sqrt(count)) else 0.0
 
 
