@@ -76,6 +76,19 @@ def test_the_unit_of_time_does_not_matter(runs, found, factor):
     same(found, named(in_units(runs, time=factor)), factor)
 
 
+@pytest.mark.parametrize("unit", [pytest.param(1e-4, marks=pytest.mark.slow), 2e4])
+def test_counts_do_not_widen_the_size_of_a_damping_by_a_power(unit):
+    """ν₂ of 10 σ in counts of a converter: what another power would be at an amplitude of one count
+    is no error of it."""
+    table = programme(5, {"nonlinear_damping": {"damping_1_s": 2e-4}}, runs=4)
+    report = summary(diagnose([scaled(w, SIZES, unit) for w in waves(table)]))
+    assert report["verdict"] == "explained", report["checks"]
+    (one,) = report["effects"]
+    size = one["parameters"]["damping_1_s"]
+    assert abs(size["value"] * unit**2 - 2e-4) < 4 * size["std"] * unit**2
+    assert size["std"] * one["z"] == pytest.approx(size["value"], rel=0.1)
+
+
 @pytest.mark.parametrize("factor", [pytest.param(1e-6, marks=pytest.mark.slow), 1e6])
 def test_the_unit_of_amplitude_does_not_matter(runs, found, factor):
     same(found, named(in_units(runs, amplitude=factor)), factor**-2)

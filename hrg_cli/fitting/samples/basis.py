@@ -73,7 +73,7 @@ def columns(
 def pairs(tau_s: Array, frequency_hz: tuple[float, ...]) -> Array:
     """cos, sin of each frequency in turn, (n, 2F)."""
     phase = 2 * np.pi * np.multiply.outer(tau_s, np.asarray(frequency_hz, float))
-    return np.stack([np.cos(phase), np.sin(phase)], -1).reshape(len(tau_s), -1)
+    return np.stack([np.cos(phase), np.sin(phase)], -1).reshape(len(tau_s), 2 * len(frequency_hz))
 
 
 def rotations(time_s: Array, frequency_hz: Array) -> Array:

@@ -3,7 +3,7 @@ rows with standard deviations."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,6 +23,7 @@ from .envelope_motion import (
 )
 from .frequency import bands, nuisances
 from .gaps import Gaps
+from .neighbours import from_neighbours
 from .spectrum import colour
 from .survey import Survey
 from .windows import Fits, energy, pooled_variance
@@ -357,17 +358,21 @@ class Demodulator:
         their bend, within the window pulls them by; the slopes and bends come from the neighbours."""
         residual2, known = fits.residual2, None
         offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
-        slope = None if self.moving else slopes(u, offset, self.window_s)
+        slope = None if self.moving else self._seen_beside(slopes, u, offset)
         if slope is not None and (fits.apart or motion_counts(residual2, slope, fits.slope)):
             still = take_off_pull(u, slope, turn, fits.slope)
-            slope = better_slopes(still, slope, offset, self.window_s)
+            better = self._seen_beside(better_slopes, still, offset)
+            slope = slope if better is None else better
             known = None if fits.apart else motion_residual(slope, turn, fits.slope)
         if slope is not None:
             u = take_off_pull(u, slope, turn, fits.slope)
         bend = doubt = None
         smooth = self._keep_judged(u, times)
         if self.takes_bends_off or self._bends(smooth, offset, fits):
-            bend, doubt = curvatures(smooth, offset, self.window_s) or (None, None)
+            bends = from_neighbours(
+                lambda rows: curvatures(rows, offset, self.window_s), smooth, offset, self.window_s
+            )
+            bend, doubt = bends or (None, None)
         noisier = (
             pull_noise(fits.slope, fits.curvature, self.window_s)
             if bend is not None
@@ -384,6 +389,18 @@ class Demodulator:
             # a bend pulls by α times itself, and so does its doubt: the largest α serves all
             doubt2 = (np.abs(fits.curvature.alpha).mean(0).max() * doubt) ** 2
         return Still(u, known, noisier, doubt2)
+
+    def _seen_beside(
+        self, slope_of: Callable[[Array, Array, float], Array | None], u: Array, offset: Array
+    ) -> Array | None:
+        """The envelopes' slopes from their neighbours, past windows that hold no number."""
+
+        def motion(rows: Array) -> tuple[Array] | None:
+            slope = slope_of(rows, offset, self.window_s)
+            return None if slope is None else (slope,)
+
+        found = from_neighbours(motion, u, offset, self.window_s)
+        return None if found is None else found[0]
 
     def _sample_variance(self, fits: Fits, still: Still, k: int, keep: slice) -> Array:
         """Variance (windows, 1) of a channel's samples: pooled over windows, and no less than the

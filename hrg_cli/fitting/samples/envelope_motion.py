@@ -77,16 +77,11 @@ def _derivative(place: Array, degree: int) -> Array:
     return np.asarray(rise @ np.linalg.pinv(powers)[1:])
 
 
-def better_slopes(
-    u: Array, slope: Array, local_less_reference_rad_s: Array, window_s: float
-) -> Array:
-    """Slopes of envelopes without the first ones' pull: fine ones, plain ones beside rows that are
-    not finite or where rows are few, the first where there are none."""
-    plain = slopes(u, local_less_reference_rad_s, window_s)
+def better_slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Array | None:
+    """Slopes of envelopes without the first ones' pull: fine ones, plain ones where rows are few;
+    None where they are too few for any."""
     fine = fine_slopes(u, local_less_reference_rad_s, window_s)
-    if fine is None:
-        return slope if plain is None else plain
-    return fine if plain is None else np.where(np.isfinite(fine), fine, plain)
+    return slopes(u, local_less_reference_rad_s, window_s) if fine is None else fine
 
 
 def curvatures(

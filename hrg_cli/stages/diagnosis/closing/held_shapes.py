@@ -1,5 +1,6 @@
 """Diagnosis, what a cause's held shape leaves unknown: a power that the catalogue fixes is one of
-several that the data may allow, and every number beside it goes with it.
+several that the data may allow, and every number beside it goes with it. The cause's own size is that at
+the power named beside it: at another it is another number, in another unit of the amplitude.
 
 With χ²(p) about the held power p₀ taken as a parabola through p₀ − 1, p₀ and p₀ + 1, and a prior of
 one, the power is p₀ + d ± σ, σ = (χ²″/2 + 1)^−½. The model refitted at √(d² + σ²) from p₀, on the
@@ -14,20 +15,21 @@ import numpy as np
 
 from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.scales import amplitude_of
 
 SHAPE = "power"
 """Name of a parameter that sets a cause's shape and not its size."""
 
 
-def one_sigma_off(fit: ExtendedFit, inflation: float) -> list[ExtendedFit]:
-    """Refits of a model, whose variances are inflated, with each held power moved by one σ; none where no
-    cause has one."""
-    return [
-        moved
+def one_sigma_off(fit: ExtendedFit, inflation: float) -> dict[str, ExtendedFit]:
+    """Refits of a model, whose variances are inflated, with the held power of each cause that has one
+    moved by one σ."""
+    return {
+        effect.name: moved
         for effect, values in fit.point.active
         if any(p.name == SHAPE and not p.fitted for p in effect.parameters)
         and (moved := _moved(fit, effect.name, values[SHAPE], inflation)) is not None
-    ]
+    }
 
 
 def _moved(fit: ExtendedFit, name: str, power: float, inflation: float) -> ExtendedFit | None:
@@ -43,8 +45,13 @@ def _moved(fit: ExtendedFit, name: str, power: float, inflation: float) -> Exten
 def _at(fit: ExtendedFit, name: str, power: float) -> ExtendedFit | None:
     """The model refitted with another power of a cause."""
     effect, values = next(pair for pair in fit.point.active if pair[0].name == name)
+    # begun at the same strength at the runs' own amplitude, whatever that is in its unit
+    more = amplitude_of(fit.series) ** (values[SHAPE] - power)
+    start = {
+        p.name: values[p.name] * (more if p.amplitude_power else 1.0) for p in effect.parameters
+    }
     with contextlib.suppress(extended_fit.DivergedError):
-        point = fit_point.add_effect(fit.point, effect, {**values, SHAPE: power})
+        point = fit_point.add_effect(fit.point, effect, {**start, SHAPE: power})
         again = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
         return again if again.converged else None
     return None

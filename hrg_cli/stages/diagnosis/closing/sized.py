@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -30,8 +30,8 @@ class Sized:
     fit: ExtendedFit
     beside: ExtendedFit
     factor: float
-    off: Sequence[ExtendedFit] = ()
-    """Refits with a held shape moved by one σ (`held_shapes`)."""
+    off: Mapping[str, ExtendedFit] = field(default_factory=dict)
+    """Refits with the held shape of a cause moved by one σ (`held_shapes`), by its name."""
     in_place: Sequence[ExtendedFit] = ()
     """Refits with a rival in the place of a cause that it is not told from: base values that differ
     between them are not known better than that."""
@@ -55,7 +55,7 @@ class Sized:
         columns = self.fit.layout.effect(effect.name)
         covariance = self.factor * self.fit.covariance[columns, columns]
         off, _ = self.fit.away(effect)
-        for other in self.others:
+        for other in self.others_of(effect.name):
             if effect.name in {one.name for one, _ in other.point.active}:
                 moved = off - other.away(effect)[0]
                 covariance = covariance + np.outer(moved, moved)
@@ -65,7 +65,11 @@ class Sized:
     @property
     def others(self) -> list[ExtendedFit]:
         """Fits in which a number stands elsewhere by what counts as an error of its own."""
-        return [self.beside, *self.off]
+        return [self.beside, *self.off.values()]
+
+    def others_of(self, cause: str) -> list[ExtendedFit]:
+        """Those in which a cause's own numbers mean the same."""
+        return [self.beside, *(fit for name, fit in self.off.items() if name != cause)]
 
 
 def with_rivals(case: Case) -> list[ExtendedFit]:
