@@ -15,7 +15,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import Point
 from ....records import Wave
 from ..drive.command_log import fit_lateness, is_thinkable, lateness, scattered_commands
-from ..drive.frame import FrameAnswers, follow_frames
+from ..drive.frame import FrameAnswers, all_driven, follow_frames
 from ..drive.ripple import Ripple
 from ..drive.scatter import allow, allowed_for, follow_walk, has_log
 from ..drive.tracker_start import allow_starts
@@ -28,6 +28,7 @@ from .base_priors import freedom_of
 from .data import is_averaged_well, prepare
 from .rate_steps import fit_rate_steps
 
+Array = np.ndarray
 AVERAGED_AGAIN = 2
 """Times that rows are averaged anew along the motion last fitted: the first may lack the splits."""
 
@@ -101,17 +102,25 @@ def _beside_frames(fit: ExtendedFit) -> ExtendedFit:
     likely beside the causes there are: what these have done would be laid on it."""
     for _ in range(FRAMES_AGAIN):
         frames = FrameAnswers.of(fit)
-        answers = [
-            Ripple.of(fit).spread,
-            frames.spread(fit),
-            lateness(fit),
-            scattered_commands(fit),
-        ]
-        beside = allow(fit, np.concatenate(answers, axis=1))
+        beside = _allow_answers(fit, frames.spread(fit))
         fit = follow_frames(beside, frames)
         if fit is beside:
             break
     return fit
+
+
+def beside_any_delay(fit: ExtendedFit) -> ExtendedFit | None:
+    """The fit of driven runs again where a lateness of their loops may have moved the scale factor
+    too; None where there are free runs, or where no frame is allowed for."""
+    if fit.series.unsettled is None or not all_driven(fit.series):
+        return None
+    return _allow_answers(fit, FrameAnswers.of(fit).doings)
+
+
+def _allow_answers(fit: ExtendedFit, of_frames: Array) -> ExtendedFit:
+    """The fit beside what loops may have answered, these columns (N, k) of their frame's among it."""
+    answers = [Ripple.of(fit).spread, of_frames, lateness(fit), scattered_commands(fit)]
+    return allow(fit, np.concatenate(answers, axis=1))
 
 
 def start_fit(fit: ExtendedFit) -> ExtendedFit:

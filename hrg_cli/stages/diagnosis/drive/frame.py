@@ -74,7 +74,7 @@ class FrameAnswers:
     def spread(self, fit: ExtendedFit) -> Array:
         """What one standard deviation of each does, over σ (N, 2k); driven runs alone show that
         scale factor which their loops make of it."""
-        return _beside_scale_factor(fit, self.doings) if _all_driven(fit.series) else self.doings
+        return _beside_scale_factor(fit, self.doings) if all_driven(fit.series) else self.doings
 
     def turn(self, size: Array) -> Array:
         """Turn of the frame by answers of these sizes (2k,), rad (R, n, 2)."""
@@ -92,7 +92,7 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     runs alone do not know the late part of it from their scale factor.
     """
     series = fit.series
-    if series.unsettled is None or _all_driven(series):
+    if series.unsettled is None or all_driven(series):
         return fit
     size = answers.doings.T @ series.unsettled.off(fit.residual)
     turn = answers.turn(size)
@@ -110,7 +110,8 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
-def _all_driven(series: MeasuredRuns) -> bool:
+def all_driven(series: MeasuredRuns) -> bool:
+    """Whether no run is free."""
     return bool(np.all(np.any(series.forced > 0, axis=1)))
 
 
