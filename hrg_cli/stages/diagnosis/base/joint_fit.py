@@ -10,12 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....errors import HrgError, name_some
+from ....fitting import checks
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import Point
 from ....records import Wave
 from ..drive.command_log import fit_lateness, is_thinkable, lateness, scattered_commands
 from ..drive.frame import FrameAnswers, all_driven, follow_frames
+from ..drive.held_commands import allow_steps, likely_beats
 from ..drive.ripple import Ripple
 from ..drive.scatter import allow, allowed_for, follow_walk, has_log
 from ..drive.tracker_start import allow_starts
@@ -85,16 +87,38 @@ def settle_log(fit: ExtendedFit) -> ExtendedFit:
     if fit.series.scatter is None:
         beside = _beside_log(fit if is_gross(fit) else fit_lateness(fit))
         return fit if is_gross(beside) else follow_walk(beside)
-    return fit if is_gross(fit) else _beside_frames(follow_walk(fit))
+    return fit if is_gross(fit) else _beside_steps(fit, _along_walk)
 
 
 def _beside_log(fit: ExtendedFit) -> ExtendedFit:
     """The fit beside what the log's rows, the frame that its commands are turned to, and the ripple
-    that loops answer may have done: white in every run, or the same in all of one instrument."""
+    that loops answer may have done: white in every run, or the same in all of one instrument; and
+    beside the steps of held commands."""
     if not has_log(fit.series):
         return fit
-    fit = allow_starts(allowed_for(fit))
+    return _beside_steps(fit, lambda fit: _along_walk(allow_starts(allowed_for(fit))))
+
+
+def _along_walk(fit: ExtendedFit) -> ExtendedFit:
+    """The fit beside what is the same in all runs, along the likely walk where it is not gross."""
     return _beside_frames(fit if is_gross(fit) else follow_walk(fit))
+
+
+def _beside_steps(fit: ExtendedFit, settled: Callable[[ExtendedFit], ExtendedFit]) -> ExtendedFit:
+    """The settled fit; where that leaves more than noise, the same beside the steps of commands that
+    are held in time with the oscillation, if these leave nothing but noise."""
+    beside = settled(fit)
+    if fit.series.held_beat_rad_s is not None or _is_noise(beside):
+        return beside
+    for beat in likely_beats(beside):
+        held = settled(allow_steps(fit, beat))
+        if _is_noise(held):
+            return held
+    return beside
+
+
+def _is_noise(fit: ExtendedFit) -> bool:
+    return checks.goodness(fit.chi2, fit.dof).passed
 
 
 def _beside_frames(fit: ExtendedFit) -> ExtendedFit:

@@ -66,7 +66,7 @@ class FrameAnswers:
     def of(cls, fit: ExtendedFit) -> FrameAnswers:
         """Beside a fit."""
         series, courses = fit.series, courses_of(fit)
-        turning = float(np.max(np.abs(_slope(series.time_s, courses[0]))))
+        turning = float(np.max(np.abs(slope_of(series.time_s, courses[0]))))
         angle, phase = (_answers(series, course, turning) for course in courses)
         moved = fit.flow.seen(carry_turns(fit.flow, series, angle, phase))
         return cls(angle, phase, whitened_rows.flatten_own(series, moved))
@@ -154,7 +154,7 @@ def courses_of(fit: ExtendedFit) -> tuple[Array, Array]:
     return driven * angle, driven * np.unwrap(np.angle(turn), axis=1)
 
 
-def _slope(time_s: Array, course: Array) -> Array:
+def slope_of(time_s: Array, course: Array) -> Array:
     """Rate of change over the rows, (R, n); 0 where rows are padded."""
     step = np.gradient(time_s, axis=1)
     return np.divide(np.gradient(course, axis=1), step, out=np.zeros_like(course), where=step > 0)
@@ -164,7 +164,7 @@ def _answers(series: MeasuredRuns, course: Array, turning_rad_s: float) -> Array
     """By how much the commands' frame stands beside a course (R, n), for one standard deviation of its
     lateness and for every loop that may follow it, (R, n, k)."""
     late_s = MOST_LATE_RAD / turning_rad_s if turning_rad_s > 0 else 0.0
-    late = -late_s * _slope(series.time_s, course)
+    late = -late_s * slope_of(series.time_s, course)
     left = unfollowed(series, course, natural_frequencies(series))
     return np.concatenate([late[..., None], left], axis=-1)
 
