@@ -72,6 +72,9 @@ class MeasuredRuns:
     scatter_part: float = 1.0
     """Part of the log's scatter from row to row that may be none of the drive's: all, before the waves
     were asked."""
+    held_beat_rad_s: float | None = None
+    """Beat with the oscillation of a board's steps from command to command; None where none is allowed
+    for."""
     unsettled: Basis | None = None
     """What nobody knows of these runs, on the rows with weight: residuals and sensitivities are
     taken off it."""

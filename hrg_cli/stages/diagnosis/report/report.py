@@ -14,6 +14,7 @@ from ....fitting.causes.wave_frame import imaginary, real
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....records import Resonator
 from ..closing.forcers import moves_of_forcers
+from ..closing.loop_delay import moves_of_delay
 from ..closing.sized import Sized
 from ..fits.variants import Variant
 from ..search.case import Case
@@ -41,7 +42,7 @@ def report(
         "verdict": verdict,
         "mode_number": search.final.series.mode_number,
         "baseline": _figures(untouched),
-        "values": values(sized, resonator, moves_of_forcers(case)),
+        "values": values(sized, resonator, moves_of_forcers(case) | moves_of_delay(search.final)),
         "effects": [_effect(one, sized, by_name) for one in search.found],
         "after": _figures(search.final),
         "gain": figures(gain),
