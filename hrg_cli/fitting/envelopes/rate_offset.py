@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .base_fit import Known, base_fit
+from .base_fit import base_fit
+from .base_freedom import Known
 from .coordinates import SCALE_FACTOR
 from .envelope_runs import EnvelopeRun, turn_table
 from .likelihood import Fit

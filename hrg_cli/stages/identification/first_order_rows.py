@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fitting.envelopes import coordinates, propagator
-from ...fitting.envelopes.base_fit import Known, freedom, nominal_scale_factor
+from ...fitting.envelopes.base_freedom import Known, freedom, nominal_scale_factor
 from ...fitting.envelopes.coordinates import SECOND_ORDER
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit, Freedom, fit

@@ -19,7 +19,8 @@ from ...fitting.causes import colour
 from ...fitting.causes.colour import ColouredNoise
 from ...fitting.causes.wave_frame import real
 from ...fitting.envelopes import channel_noise, condensed, free_windows
-from ...fitting.envelopes.base_fit import Known, base_fit
+from ...fitting.envelopes.base_fit import base_fit
+from ...fitting.envelopes.base_freedom import Known
 from ...physics.plant import Readout, Samples
 from ...records import Calibration, Diagnosis, Wave
 
