@@ -19,6 +19,8 @@ from .json_text import as_float, child, entries
 Array = np.ndarray
 
 
+SINGULAR = 1e6
+"""Condition of the channels' matrix from which it is not undone."""
 MEASURED = {
     "quadrature": "D_r from the measured a_B/a_A",
     "phase": "D_r from the measured a_B/a_A and frequency",
@@ -113,7 +115,8 @@ def snippet(
         for e in entries(dict(report), "effects")
     }
     matrix = matrix_of(found)
-    if matrix is not None:
+    # a read-out that takes all of a channel away is not undone by a matrix
+    if matrix is not None and np.linalg.cond(matrix) < SINGULAR:
         inverse = np.linalg.inv(matrix)
         if np.abs(inverse.imag).max() < 1e-12:
             a = inverse.real

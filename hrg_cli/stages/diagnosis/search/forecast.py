@@ -45,6 +45,9 @@ COURSE_POINTS = 60
 UNTAUGHT = 3.0
 """Times its σ from all data beyond which a cause is not known from a part of them, so that what it
 predicts there says nothing of it."""
+WORSE_TAUGHT = 2.0
+"""Times χ² a degree of freedom of all data beyond which the training is not fitted: of driven runs
+what a log may have missed is said of all of them together, and a part of them is without it."""
 
 
 @dataclass(frozen=True)
@@ -269,13 +272,16 @@ def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequ
     """Whether what is held out is predicted worse with a cause than without it, fitted each time to
     the training data alone, by odds of `WORTH`.
 
-    Folds whose training does not know the cause (`UNTAUGHT`) are left out; none left: it cannot be
-    said, and is not.
+    Folds whose training does not know the cause (`UNTAUGHT`), or is not fitted as all data are
+    (`WORSE_TAUGHT`), are left out; none left: it cannot be said, and is not.
     """
     with_it = without_it = 0.0
+    fitted = max(1.0, final.chi2 / final.dof)
     for fold in folds:
         with contextlib.suppress(extended_fit.DivergedError):
             taught = extended_fit.fit(fold.train, fold.taught(final.point), final.freedom)
+            if taught.chi2 / taught.dof > WORSE_TAUGHT * fitted:
+                continue
             ratio = [
                 taught.parameter_std(name, p) / max(final.parameter_std(name, p), 1e-300)
                 for p in final.layout.parameters(name)
