@@ -67,10 +67,17 @@ class NotebookView:
         return f"<table><caption><b>{html.escape(type(self).__name__)}</b></caption>{lines}{_parameter_rows(self)}</table>"
 
     def to_xarray(self) -> xarray.Dataset:
-        """The record as a dataset: a variable a column with its unit and meaning, time, angle,
-        temperature and names as coordinates.
+        """The record as a dataset, with time, angle, temperature and names as coordinates.
 
-        HrgError: xarray is not installed.
+        Returns
+        -------
+        xarray.Dataset
+            A variable a column, its unit and meaning as attributes.
+
+        Raises
+        ------
+        HrgError
+            xarray is not installed.
         """
         xr = need_package("xarray", "to_xarray")
         variables, attributes = {}, {"kind": self.kind, "status": self.status}  # type: ignore[attr-defined]
@@ -110,10 +117,24 @@ class NotebookView:
         return data
 
     def plot(self, ax: Axes | None = None, column: str | None = None) -> Axes:
-        """A first look at one column (the one that tells most) against time, angle or name, on `ax`
-        or axes of its own.
+        """A first look at one column against time, angle or name.
 
-        HrgError: the record has no such column, or matplotlib is not installed.
+        Parameters
+        ----------
+        ax
+            Axes to draw on; None: axes of its own.
+        column
+            Its field name; None: the one that tells most.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Labelled with names and units.
+
+        Raises
+        ------
+        HrgError
+            The record has no such column, or matplotlib is not installed.
         """
         columns = self.columns()  # type: ignore[attr-defined]
         there = [n for n, spec in columns.items() if spec.dims and getattr(self, n) is not None]

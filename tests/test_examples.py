@@ -3,8 +3,10 @@ tell their parameters, results and errors."""
 
 import doctest
 import inspect
+import pkgutil
 import re
 from importlib import import_module
+from pathlib import Path
 from typing import get_type_hints
 
 import pytest
@@ -35,16 +37,52 @@ FURTHER = {
 """Functions with examples beside those that the package exports."""
 PUBLIC = {name: getattr(hrg_cli, name) for name in hrg_cli.__all__}
 FUNCTIONS = {name: found for name, found in PUBLIC.items() if inspect.isfunction(found)}
-CASES = FUNCTIONS | {
+EXAMPLES = FUNCTIONS | {
     name: getattr(import_module(module), name)
     for module, names in FURTHER.items()
     for name in names
 }
+METHODS = {
+    found.__qualname__: found
+    for cls in PUBLIC.values()
+    if inspect.isclass(cls)
+    for name, found in inspect.getmembers(cls, inspect.isroutine)
+    if not name.startswith("_") and (getattr(found, "__module__", "") or "").startswith("hrg_cli")
+}
 
 
-@pytest.mark.parametrize("name", CASES)
+def documented():
+    """Functions of the reference's page, those of its modules as well."""
+    page = Path(__file__).parents[1] / "docs" / "reference" / "python.md"
+    for place in re.findall(r"^::: (\S+)$", page.read_text(encoding="utf-8"), re.M):
+        found = pkgutil.resolve_name(place)
+        if inspect.isfunction(found):
+            yield place, found
+        elif inspect.ismodule(found):
+            exported = getattr(found, "__all__", vars(found))
+            for name in exported:
+                one = getattr(found, name)
+                if inspect.isfunction(one) and (
+                    hasattr(found, "__all__") or one.__module__ == found.__name__
+                ):
+                    yield f"{place}.{name}", one
+
+
+TOLD = (
+    EXAMPLES
+    | METHODS
+    | {place: found for place, found in documented() if found not in EXAMPLES.values()}
+)
+SHOWN = {
+    name: found
+    for name, found in TOLD.items()
+    if name in EXAMPLES or ">>>" in (found.__doc__ or "")
+}
+
+
+@pytest.mark.parametrize("name", SHOWN)
 def test_an_example_prints_what_it_shows(name):
-    found = doctest.DocTestFinder(recurse=False).find(CASES[name], name, globs={})
+    found = doctest.DocTestFinder(recurse=False).find(SHOWN[name], name, globs={})
     assert found and found[0].examples, f"{name} has no example"
     said: list[str] = []
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
@@ -59,23 +97,25 @@ def section_of(function, title):
     return found[1] if found else ""
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", TOLD)
 def test_public_functions_tell_parameters_results_and_errors(name):
     """One sentence first; every parameter in the section, or described where it is declared
     (`Field(description=…)`, which the command line and the settings show)."""
-    function = CASES[name]
+    function = TOLD[name]
     first = inspect.getdoc(function).split("\n\n")[0]
     assert re.fullmatch(r"[^.]*(\.\S[^.]*)*[.]", first.replace("\n", " ")), f"{name}: {first}"
     lines = re.findall(r"^\w.*", section_of(function, "Parameters"), re.M)
     told = {name for line in lines for name in line.split(", ")}
-    hints = get_type_hints(function, include_extras=True)
+    hints = get_type_hints(function, include_extras=True) if name not in METHODS else {}
     declared = {
         parameter
         for parameter, hint in hints.items()
         if any(getattr(beside, "description", None) for beside in getattr(hint, "__metadata__", ()))
     }
-    assert set(inspect.signature(function).parameters) == told | declared, name
-    assert section_of(function, "Returns"), f"{name} does not tell its result"
+    taken = set(inspect.signature(function).parameters) - {"self"}
+    assert taken == told | (declared & taken), name
+    if inspect.signature(function).return_annotation not in ("None", None):
+        assert section_of(function, "Returns"), f"{name} does not tell its result"
     if "raise HrgError(" in inspect.getsource(function):
         assert section_of(function, "Raises"), f"{name} does not tell its errors"
 

@@ -141,8 +141,24 @@ def page(name: str, effects: tuple[Effect, ...] = EFFECTS) -> str:
 
 
 def load_effects(path: str | Path) -> tuple[Effect, ...]:
-    """The `Effect` objects at the top level of a Python file, which is executed. HrgError: the file
-    fails or holds none."""
+    """The `Effect` objects at the top level of a Python file, which is executed.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    tuple of Effect
+        In the order in which the file defines them.
+
+    Raises
+    ------
+    HrgError
+        No such file, it fails to run or holds no effect, or one that is no effect: a name of the
+        catalogue, nothing to fit, a slow term that fails.
+    """
     import runpy
 
     path = Path(path)

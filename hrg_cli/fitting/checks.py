@@ -47,22 +47,100 @@ class Check:
 
 
 def at_most(name: str, value: float, limit: float, sentence: str = "") -> Check:
-    """A figure that must not exceed its limit; NaN fails."""
+    """A figure that must not exceed its limit; NaN fails.
+
+    Parameters
+    ----------
+    name
+        Key of the check.
+    value
+        The figure.
+    limit
+        Largest value that passes.
+    sentence
+        What is wrong where it fails, and what to do.
+
+    Returns
+    -------
+    Check
+        Passed or not.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.checks import at_most
+    >>> at_most("residual", 1.2, 1.0).passed, at_most("residual", float("nan"), 1.0).passed
+    (False, False)
+    """
     return Check(name, float(value), float(limit), bool(value <= limit), sentence)
 
 
 def at_least(name: str, value: float, limit: float, sentence: str = "") -> Check:
-    """A figure that must reach its limit; NaN fails."""
+    """A figure that must reach its limit; NaN fails.
+
+    Parameters
+    ----------
+    name
+        Key of the check.
+    value
+        The figure.
+    limit
+        Smallest value that passes.
+    sentence
+        What is wrong where it fails, and what to do.
+
+    Returns
+    -------
+    Check
+        Passed or not.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.checks import at_least
+    >>> at_least("turns", 3, 1).passed
+    True
+    """
     return Check(name, float(value), float(limit), bool(value >= limit), sentence)
 
 
 def holds(name: str, condition: bool, sentence: str = "") -> Check:
-    """A yes or no as a check: value 1 for yes, limit 1."""
+    """A yes or no as a check: value 1 for yes, limit 1.
+
+    Parameters
+    ----------
+    name
+        Key of the check.
+    condition
+        What must hold.
+    sentence
+        What is wrong where it does not, and what to do.
+
+    Returns
+    -------
+    Check
+        Passed or not.
+    """
     return Check(name, float(bool(condition)), 1.0, bool(condition), sentence)
 
 
 def failures(checks: Iterable[Check]) -> list[str]:
-    """Sentences of the checks that failed."""
+    """Sentences of the checks that failed.
+
+    Parameters
+    ----------
+    checks
+        In the order in which they are told.
+
+    Returns
+    -------
+    list of str
+        A sentence each; its figures where a check has none.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.checks import at_most, failures
+    >>> failures([at_most("residual", 1.2, 1.0), at_most("drift", 0.0, 1.0)])
+    ['residual = 1.2 is beyond 1']
+    """
     return [
         check.sentence or f"{check.name} = {check.value:.3g} is beyond {check.limit:.3g}"
         for check in checks
@@ -71,15 +149,42 @@ def failures(checks: Iterable[Check]) -> list[str]:
 
 
 def largest_chi2_per_dof(dof: int) -> float:
-    """χ² per degree of freedom that a right model exceeds with probability `CHANCE`, the noise known
-    to `NOISE_KNOWN`."""
+    """χ² per degree of freedom that a right model exceeds with probability `CHANCE`.
+
+    Parameters
+    ----------
+    dof
+        Degrees of freedom, 1 or more.
+
+    Returns
+    -------
+    float
+        The quantile of χ² over `dof`, and `NOISE_KNOWN` beside it: the noise is known to that part.
+    """
     from scipy.special import chdtri
 
     return float(chdtri(dof, CHANCE) / dof + NOISE_KNOWN)
 
 
 def goodness(chi2: float, dof: int, sentence: str = "", name: str = "chi2_per_dof") -> Check:
-    """χ² per degree of freedom at the *stated* noise, against what a right model leaves."""
+    """χ² per degree of freedom at the *stated* noise, against what a right model leaves.
+
+    Parameters
+    ----------
+    chi2
+        Sum of squared residuals over the stated σ.
+    dof
+        Degrees of freedom.
+    sentence
+        What is wrong where it fails, and what to do.
+    name
+        Key of the check.
+
+    Returns
+    -------
+    Check
+        Passed or not.
+    """
     return at_most(name, chi2 / max(dof, 1), largest_chi2_per_dof(max(dof, 1)), sentence)
 
 
@@ -90,15 +195,38 @@ def whiteness(
     allowed: float = 0.0,
     stated: float = 0.0,
 ) -> Check:
-    """−log₁₀ of the chance of the residuals' slow part under white noise of their own level, or of
-    the stated one where that is larger, against that of `CHANCE`.
+    """Whether the residuals' slow part may be chance under white noise.
 
-    residuals: one array (n,) or (n, k) a run, in the order of time (or of whatever they are held
-    against). The sums over blocks of 2, 4, 8 … rows of white noise of variance σ² have variance
-    mσ²; the largest excess of all lengths counts, for all of them tried. allowed: excess of the
-    slow part that does no harm, as a part of the white level. stated: variance that every error
-    already allows for; behind a lock-in's filter rows scatter by less than a long average of them
-    needs, which is what they state, and their slow part is no more than that.
+    The sums over blocks of 2, 4, 8 … rows of white noise of variance σ² have variance mσ²; the largest
+    excess of all lengths counts, for all of them tried. Held against `CHANCE` in −log₁₀.
+
+    Parameters
+    ----------
+    residuals
+        An array (n,) or (n, k) a run, in the order of time (or of whatever they are held against).
+    sentence
+        What is wrong where it fails, and what to do.
+    name
+        Key of the check.
+    allowed
+        Excess of the slow part that does no harm, as a part of the white level.
+    stated
+        Variance that every error already allows for; the level is that of the residuals where that is
+        larger. Behind a lock-in's filter rows scatter by less than a long average of them needs, which
+        is what they state, and their slow part is no more than that.
+
+    Returns
+    -------
+    Check
+        −log₁₀ of the chance, passed or not.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.checks import whiteness
+    >>> white = np.random.default_rng(1).standard_normal(4000)
+    >>> whiteness([white]).passed, whiteness([np.cumsum(white)]).passed
+    (True, False)
     """
     from scipy.special import chdtrc
 
@@ -133,11 +261,20 @@ def whiteness(
 
 
 def slow_part(residuals: Sequence[Array]) -> float:
-    """Power of the residuals' slow part over that of white noise of their own level, at least 1:
-    what colour does to a variance.
+    """Power of the residuals' slow part over that of white noise of their own level: what colour does to
+    a variance.
 
-    Of sums over blocks of 2, 4, 8 … rows, the largest power that at least `SLOW_BLOCKS` blocks
-    show.
+    Of sums over blocks of 2, 4, 8 … rows, the largest power that at least `SLOW_BLOCKS` blocks show.
+
+    Parameters
+    ----------
+    residuals
+        An array (n,) or (n, k) a run, in the order of time.
+
+    Returns
+    -------
+    float
+        At least 1.
     """
     level = (
         np.concatenate([np.asarray(r, float).ravel() for r in residuals])
@@ -162,8 +299,22 @@ def slow_part(residuals: Sequence[Array]) -> float:
 
 
 def covariance_is_one(covariance: Array, sentence: str = "", name: str = "covariance") -> Check:
-    """Largest |correlation| of a covariance (k, k), against 1; NaN, infinity and a negative
-    variance fail."""
+    """Largest |correlation| of a covariance, against 1; NaN, infinity and a negative variance fail.
+
+    Parameters
+    ----------
+    covariance
+        Symmetric matrix (k, k).
+    sentence
+        What is wrong where it fails, and what to do.
+    name
+        Key of the check.
+
+    Returns
+    -------
+    Check
+        Passed or not.
+    """
     matrix = np.asarray(covariance, float)
     variance = np.diag(matrix)
     if not np.all(np.isfinite(matrix)) or np.any(variance < 0):
@@ -181,8 +332,24 @@ def check_statistics(
     sentence: str = "",
     coloured: str = "",
 ) -> list[Check]:
-    """The two statistical checks that close every fit: χ² at the stated noise, and white residuals
-    (over the stated σ) run by run where they are given."""
+    """The two statistical checks that close every fit: χ² at the stated noise, and white residuals.
+
+    Parameters
+    ----------
+    chi2, dof
+        Sum of squared residuals over the stated σ, and its degrees of freedom.
+    residuals
+        Residuals over the stated σ run by run, in the order of time; none: only χ² is looked at.
+    sentence
+        What is said of a χ² that is too large.
+    coloured
+        What is said of residuals that are not white.
+
+    Returns
+    -------
+    list of Check
+        One or two.
+    """
     checks = [goodness(chi2, dof, sentence)]
     if len(residuals):
         checks.append(whiteness(residuals, coloured, allowed=NOISE_KNOWN, stated=1.0))
@@ -190,8 +357,22 @@ def check_statistics(
 
 
 def check_fit(covariance: Array, converged: bool, reason: str = "") -> list[Check]:
-    """What a fit must be whatever it says: converged (else `reason`), with a covariance that is
-    one."""
+    """What a fit must be whatever it says: converged, with a covariance that is one.
+
+    Parameters
+    ----------
+    covariance
+        Of the answer, (k, k).
+    converged
+        Whether the iteration settled.
+    reason
+        What is said where it did not.
+
+    Returns
+    -------
+    list of Check
+        Two.
+    """
     return [
         holds(
             "converged", converged, reason or "the fit did not settle; look at the runs' residuals"

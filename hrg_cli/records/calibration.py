@@ -105,10 +105,24 @@ class Calibration(Record):
         return nodes
 
     def evaluate(self, node: Array | float, wave_angle_rad: Array | float) -> tuple[Array, Array]:
-        """(D in rad/s, K) at temperatures (or frequencies, by `axis`) and wave angles, broadcast
-        against each other.
+        """Drift and scale factor of the tables, m·dθ/dt = −K·Ω + D.
 
-        HrgError: a node outside the range the tables may be used in.
+        Parameters
+        ----------
+        node
+            Temperatures [°C], or frequencies [Hz] where `axis` is "frequency"; any shape.
+        wave_angle_rad
+            Wave angles; broadcast against the nodes.
+
+        Returns
+        -------
+        tuple of ndarray
+            (D [rad/s], K), each of the broadcast shape.
+
+        Raises
+        ------
+        HrgError
+            A node outside the range that the tables may be used in.
         """
         x, theta = np.broadcast_arrays(np.asarray(node, float), np.asarray(wave_angle_rad, float))
         low, high = (
@@ -126,8 +140,23 @@ class Calibration(Record):
     def values_at(
         self, x: Array, wave_angle_rad: Array, travel_rad: Array | float = 0.0
     ) -> tuple[Array, Array]:
-        """(D [rad/s], K) (n,) at nodes x and wave angles θ, averaged along `travel_rad` of wave
-        angle; no node is too far."""
+        """Drift and scale factor for rows of a run; no node is too far: beyond the first and the last one
+        the curve goes straight on.
+
+        Parameters
+        ----------
+        x
+            Temperatures [°C] or frequencies [Hz] (n,), by `axis`.
+        wave_angle_rad
+            Wave angles (n,).
+        travel_rad
+            By how much the wave turns within a row, (n,) or one number: the mean along it is given.
+
+        Returns
+        -------
+        tuple of ndarray
+            (D [rad/s], K), (n,) each.
+        """
         drift, scale = (
             fourier.evaluate(
                 *(x, wave_angle_rad, self.node, np.asarray(coefficients)),

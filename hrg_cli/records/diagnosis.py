@@ -71,5 +71,16 @@ class Diagnosis(Record):
         return read
 
     def told(self, table: str) -> list[dict[str, Any]]:
-        """The rows of a table of the report; none where it has no such table."""
+        """The rows of a table of the report.
+
+        Parameters
+        ----------
+        table
+            Its key, such as "effects" or "checks".
+
+        Returns
+        -------
+        list of dict
+            A row each; empty where the report has no such table.
+        """
         return list(self.read_report().get(table) or [])

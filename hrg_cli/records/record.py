@@ -63,7 +63,13 @@ class Record(NotebookView):
     @classmethod
     @functools.cache
     def columns(cls) -> dict[str, Column]:
-        """Field name -> its declaration, in order."""
+        """The record's columns and attributes as they are declared.
+
+        Returns
+        -------
+        dict
+            Field name -> its declaration (unit, meaning, dimensions, what values are valid), in order.
+        """
         return {
             f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata
         }
@@ -75,17 +81,49 @@ class Record(NotebookView):
         return 0
 
     def rows(self, start: int, stop: int) -> Self:
-        """The same record with only rows [start, stop), read into memory."""
+        """The same record with only rows [start, stop), read into memory.
+
+        Parameters
+        ----------
+        start, stop
+            Numbers of the first row and of the one after the last, as in a slice.
+
+        Returns
+        -------
+        Record
+            Of the same kind; what has no rows is as it was.
+        """
         return self.picked(slice(start, stop))
 
     def picked(self, rows: slice | np.ndarray) -> Self:
-        """The same record with only the named rows (of a record in memory also numbers or a mask),
-        read into memory."""
+        """The same record with only the named rows, read into memory.
+
+        Parameters
+        ----------
+        rows
+            A slice; of a record in memory also row numbers (k,) or a mask (n,).
+
+        Returns
+        -------
+        Record
+            Of the same kind; what has no rows is as it was.
+        """
         cut = {name: getattr(self, name)[rows] for name in self._row_columns()}
         return dataclasses.replace(self, **cut)
 
     def only(self, names: Collection[str]) -> Self:
-        """The same record without its other row columns, which then are not read."""
+        """The same record without its other row columns, which then are not read.
+
+        Parameters
+        ----------
+        names
+            Row columns to keep; required ones may be left out, so the result is for reading alone.
+
+        Returns
+        -------
+        Record
+            Of the same kind, the other row columns None.
+        """
         others = [name for name in self._row_columns() if name not in names]
         return self.replace(**dict.fromkeys(others))
 
@@ -97,18 +135,75 @@ class Record(NotebookView):
         ]
 
     def blocks(self, rows: int) -> Iterator[Self]:
-        """The record in pieces of at most `rows` rows; a lazily opened file is read piece by
-        piece."""
+        """The record in pieces; a lazily opened file is read piece by piece.
+
+        Parameters
+        ----------
+        rows
+            Most rows of a piece.
+
+        Returns
+        -------
+        Iterator of Record
+            Pieces of the same kind, whose rows follow each other.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from hrg_cli import Recording
+        >>> whole = Recording(c=np.zeros(5), s=np.ones(5), sample_rate_hz=10.0, mode="free")
+        >>> [len(piece) for piece in whole.blocks(2)]
+        [2, 2, 1]
+        """
         for start in range(0, len(self), rows):
             yield self.rows(start, min(start + rows, len(self)))
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some fields changed."""
+        """A copy with some fields changed.
+
+        Parameters
+        ----------
+        changes
+            Fields by name, with their new values.
+
+        Returns
+        -------
+        Record
+            Of the same kind.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from hrg_cli import Recording
+        >>> recording = Recording(c=np.zeros(5), s=np.ones(5), sample_rate_hz=10.0, mode="free")
+        >>> recording.replace(gyro_id="A7").gyro_id
+        'A7'
+        """
         return dataclasses.replace(self, **changes)
 
     def judged(self, reasons: Iterable[str], status: Status = "suspect") -> Self:
-        """A copy whose status is at least as bad as `status` for these further reasons (none:
-        unchanged)."""
+        """A copy whose status is at least as bad as `status` for further reasons.
+
+        Parameters
+        ----------
+        reasons
+            Sentences, added to those that the record has; none: the record stays as it is.
+        status
+            "valid", "suspect" or "refused".
+
+        Returns
+        -------
+        Record
+            Of the same kind.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from hrg_cli import Recording
+        >>> recording = Recording(c=np.zeros(5), s=np.ones(5), sample_rate_hz=10.0, mode="free")
+        >>> recording.judged(["the bench shook; record again"]).status
+        'suspect'
+        """
         reasons = tuple(reasons)
         if not reasons:
             return self

@@ -221,7 +221,26 @@ class Recording(Record):
     holds it."""
 
     def times(self, start: int = 0, stop: int | None = None) -> Array:
-        """Sample times [s] of rows start:stop, from the whole recording's first sample on."""
+        """Sample times of rows start:stop, from the whole recording's first sample on.
+
+        Parameters
+        ----------
+        start, stop
+            Rows as in a slice; stop None: to the end.
+
+        Returns
+        -------
+        ndarray
+            Times (n,), s.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from hrg_cli import Recording
+        >>> recording = Recording(c=np.zeros(5), s=np.ones(5), sample_rate_hz=10.0, mode="free")
+        >>> [float(t) for t in recording.times(1, 3)]
+        [0.1, 0.2]
+        """
         stop = len(self.c) if stop is None else min(stop, len(self.c))
         if self.time_s is not None:
             return np.asarray(self.time_s[start:stop])
@@ -229,8 +248,18 @@ class Recording(Record):
         return np.arange(self.first_sample + start, self.first_sample + stop) / self.sample_rate_hz
 
     def part(self, start: int, stop: int) -> Recording:
-        """Samples start:stop, left where they are until they are sliced; times, logs and truth stay
-        those of the whole recording."""
+        """Samples start:stop, left where they are until they are sliced.
+
+        Parameters
+        ----------
+        start, stop
+            Rows as in a slice.
+
+        Returns
+        -------
+        Recording
+            Times go on from the whole recording's first sample; logs and truth are those of the whole.
+        """
         return dataclasses.replace(
             self,
             c=Slice(self.c, start, stop),  # type: ignore[arg-type]
@@ -240,7 +269,18 @@ class Recording(Record):
         )
 
     def physical(self, start: int = 0, stop: int | None = None) -> tuple[Array, Array]:
-        """Both channels of rows start:stop in their units, as floats."""
+        """Both channels of rows start:stop in their units.
+
+        Parameters
+        ----------
+        start, stop
+            Rows as in a slice; stop None: to the end.
+
+        Returns
+        -------
+        tuple of ndarray
+            (C, S), floats (n,) each: the stored values times the channel's factor plus its offset.
+        """
         c = np.asarray(self.c[start:stop], dtype=float) * self.c_scale_factor + self.c_add_offset
         s = np.asarray(self.s[start:stop], dtype=float) * self.s_scale_factor + self.s_add_offset
         return c, s

@@ -84,7 +84,13 @@ class Resonator(Record):
     )
 
     def parameters(self) -> dict[str, tuple[float, float, str]]:
-        """name -> (value, standard deviation, unit)."""
+        """All parameters by name.
+
+        Returns
+        -------
+        dict
+            name -> (value, standard deviation, unit), in the order of the covariance.
+        """
         return {
             str(n): (float(v), float(s), str(u))
             for n, v, s, u in zip(self.name, self.value, self.std, self.units)
@@ -97,14 +103,37 @@ class Resonator(Record):
         return not {"stiffness_axis_rad", "damping_axis_rad"} & set(map(str, self.name))
 
     def get(self, name: str) -> float:
-        """Value of one parameter."""
+        """Value of one parameter.
+
+        Parameters
+        ----------
+        name
+            As in `name`, such as "damping_rate_1_s".
+
+        Returns
+        -------
+        float
+            In the parameter's unit.
+
+        Raises
+        ------
+        KeyError
+            The resonator does not have it: its runs could not tell it.
+        """
         return self.parameters()[name][0]
 
     def uncertain(self) -> dict[str, Any]:
-        """The parameters as correlated numbers of the package `uncertainties`: what is computed
-        from them has its right σ.
+        """The parameters as correlated numbers: what is computed from them has its right σ.
 
-        HrgError: the package is not installed.
+        Returns
+        -------
+        dict
+            name -> a number of the package `uncertainties`.
+
+        Raises
+        ------
+        HrgError
+            The package is not installed.
         """
         package, values = (
             need_package("uncertainties", "uncertain()"),

@@ -47,6 +47,13 @@ class Wave(Windowed):
         "standard deviation of one signal coefficient, pooled over the window's signals",
         valid=FLAGGED_STD,
     )
+    channel_std: Array | None = column(
+        "any",
+        "standard deviation of one signal coefficient of channel C and of S",
+        ("row", "channel"),
+        optional=True,
+        valid=FLAGGED_STD,
+    )
     iterations: Array = column(
         "1",
         "residual evaluations of the solver (0: closed form; negative: not converged)",
@@ -60,6 +67,12 @@ class Wave(Windowed):
     units: str = attribute("unit of the amplitudes", default="1", name="amplitude_units")
 
     def good(self) -> Array:
-        """Rows that are neither flagged nor failed: (n,) bool."""
+        """Rows that are neither flagged nor failed.
+
+        Returns
+        -------
+        ndarray
+            True for a good row, bool (n,).
+        """
         flags, iterations = np.asarray(self.flags), np.asarray(self.iterations)
         return (flags == 0) & (iterations >= 0) & np.isfinite(np.asarray(self.wave_angle_rad))

@@ -6,21 +6,16 @@ The same ledger gives the same bytes.
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..ledger.history import FigureHistory, History
 from ..ledger.overview import FigureReport, Overview, Standing
 from ..ledger.times import iso
-from ..version import __version__
 from .figure_names import name_figures, name_of_figure
 from .figures.drawing import Plot, style, svg
 from .figures.ledger import ChartedFigure, draw_capability, draw_course
@@ -33,9 +28,9 @@ from .ledger_tables import (
     tabulate_results,
 )
 from .page_table import PageTable
+from .templates import render_page
 from .text import number, plain
 
-FOLDER = Path(__file__).parent
 MOST = 24
 """Charts on one page; the rest is asked for by name."""
 FAR = 3.0
@@ -149,23 +144,12 @@ def _render(*, courses: Sequence[ChartedFigure], **content: Any) -> str:
     with style():
         plots = [draw_course(course) for course in first[:MOST]]
         pictures = [(plot, _svg(plot)) for plot in plots]
-    script = "".join((FOLDER / name).read_text(encoding="utf-8") for name in ("page.js", "lot.js"))
-    environment = Environment(
-        loader=FileSystemLoader(FOLDER),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("ledger.html").render(
+    return render_page(
+        "ledger.html",
+        ("page.js", "lot.js"),
         **content,
         pictures=pictures,
         untold=len(courses) - len(pictures),
-        version=__version__,
-        css=Markup((FOLDER / "page.css").read_text(encoding="utf-8")),
-        script=Markup(script),
-        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        plain=plain,
         number=number,
         zip=zip,
     )

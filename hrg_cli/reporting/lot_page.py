@@ -6,30 +6,25 @@ The same rows give the same bytes. Links lead to the gyros' pages beside it.
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..limit_values import whole_names
 from ..limits import bounds
 from ..lots.groups import GROUPED_BY
-from ..version import __version__
 from .figures.drawing import Plot, style, svg
 from .figures.lot import Limits, caterpillar, distribution, in_words, pareto, unit_of
 from .lot_words import WORST, sentence
 from .page import SHADES
 from .quantities import round_with_std, unit_for
+from .templates import render_page
 from .text import number, plain, signed
 
-FOLDER = Path(__file__).parent
 LONGEST = 220
 """Characters of a reason before it is folded."""
 Row = Mapping[str, Any]
@@ -87,15 +82,9 @@ def lot_page(
             (one, plot, None if plot is None else _svg(plot)) for one, plot in zip(common, whole)
         ]
         pareto_picture = None if bars is None else (bars, _svg(bars))
-    script = "".join((FOLDER / name).read_text(encoding="utf-8") for name in ("page.js", "lot.js"))
-    environment = Environment(
-        loader=FileSystemLoader(FOLDER),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("lot.html").render(
+    return render_page(
+        "lot.html",
+        ("page.js", "lot.js"),
         report=report,
         gyros=gyros,
         names=[(name, in_words(name), unit_of(name, _middle(rows, name))[1]) for name in names],
@@ -112,11 +101,6 @@ def lot_page(
         tests=report.get("lot_tests"),
         shade=defaultdict(str, SHADES),
         zip=zip,
-        version=__version__,
-        css=Markup((FOLDER / "page.css").read_text(encoding="utf-8")),
-        script=Markup(script),
-        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        plain=plain,
         number=lambda value, digits=6: "–" if value is None else number(float(value), digits),
         cut=_cut,
     )

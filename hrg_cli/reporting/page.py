@@ -7,30 +7,24 @@ ids. Whatever a file says (names, history, reasons) is text on the page, never m
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import itertools
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
-
 from .. import store
 from ..errors import HrgError
 from ..limits import Row
 from ..records import KINDS
-from ..version import __version__
 from .figures.drawing import png
 from .living import as_text
 from .page_answers import Shown, answer_gyros, draw_answer
 from .page_content import STEPS, ShownStep, list_steps
 from .page_figures import draw_file, draw_files, look_beside
 from .page_files import PageEntry, describe_file, each_once
+from .templates import render_page
 from .text import number, plain
 
-FOLDER = Path(__file__).parent
 SCRIPTS = ("page.js", "plots.js", "living.js", "surface.js")
 SHADES = {
     "sound": "valid",
@@ -120,15 +114,6 @@ def _link_sources(entries: list[PageEntry]) -> None:
 
 
 def _render(entries: list[PageEntry], answers: list[Shown], truth: bool, full: bool) -> str:
-    environment = Environment(
-        loader=FileSystemLoader(FOLDER),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["size"] = _size
-    script = "".join((FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS)
     order = ["valid", "suspect", "refused"]
     kinds = [cls.kind for cls in KINDS]
     groups = [(kind, [e for e in entries if e.record.kind == kind]) for kind in kinds]
@@ -137,7 +122,9 @@ def _render(entries: list[PageEntry], answers: list[Shown], truth: bool, full: b
         [(e.record.kind, e.record.status) for e in entries], history
     )
     gyros = sorted({plain(getattr(e.record, "gyro_id", "")) for e in entries} - {""})
-    return environment.get_template("page.html").render(
+    return render_page(
+        "page.html",
+        SCRIPTS,
         entries=entries,
         answers=answers,
         as_text=as_text,
@@ -152,11 +139,6 @@ def _render(entries: list[PageEntry], answers: list[Shown], truth: bool, full: b
         gyros=gyros,
         worst=max((e.record.status for e in entries), key=order.index),
         truth=truth,
-        version=__version__,
-        css=Markup((FOLDER / "page.css").read_text(encoding="utf-8")),
-        script=Markup(script),
-        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        plain=plain,
     )
 
 
@@ -170,11 +152,3 @@ def _reasons(entries: list[PageEntry]) -> list[tuple[str, str, list[str]]]:
             if reason.split(" is ", 1)[0] not in doubted:
                 found.setdefault((entry.record.status, reason), []).append(entry.name)
     return [(status, reason, names) for (status, reason), names in found.items()]
-
-
-def _size(count: int) -> str:
-    for unit in ("B", "kB", "MB", "GB"):
-        if count < 1000 or unit == "GB":
-            return f"{count:.3g} {unit}" if count < 1000 else f"{count:.0f} {unit}"
-        count = count / 1000  # type: ignore[assignment]
-    raise AssertionError

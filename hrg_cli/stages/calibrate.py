@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -13,26 +12,20 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..fitting.checks import failures
-from ..fitting.tables.joint import Fitted, fit
-from ..fitting.tables.table_layout import TableLayout
+from ..fitting.tables.joint import Fitted
 from ..records import Calibration, Resonator, Wave
-from .calibration import late_log
 from .calibration.accuracy_stages import LadderSettings
 from .calibration.checks import noisy_angles, stray_harmonics
-from .calibration.choice import answers, choose_best, explain_choice, list_possible
 from .calibration.chosen import LEAST_REPEATED, Chosen
-from .calibration.comparison import compare_variants
-from .calibration.factors import build
 from .calibration.folds import choose_folds, choose_limits
 from .calibration.ladder import climb
 from .calibration.preparation import KnownRates, need_one_gyro, prepare
 from .calibration.prices import an_hour_more
-from .calibration.resonators import ResonatorCoefficients, pool_resonators
 from .calibration.stability import say_unstable
 from .calibration.summary import summary as summary
 from .calibration.table import check_between
+from .calibration.trials import add_loop_columns, fit_everything, take_coefficients, try_models
 from .calibration.variant_solutions import Wanted
-from .calibration.variants import FACTORS
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 from .figures_of_merit import trade_figures
 
@@ -167,27 +160,16 @@ def calibrate(
     runs = prepare(waves, rates, axis, nodes, max(limits), needed)
     refusals, remarks = list(runs.refusals), list(runs.remarks)
 
-    # every table, measured part and suspected cause is free: what is left is the noise at which
-    # each variant is judged
-    factors, widths = build(runs.forced, runs.nodes, axis, interpolation, FACTORS)
-    layout = TableLayout(
-        runs.nodes, axis, waves[0].mode_number, *limits, interpolation, factors, widths
-    )
-    fitted, free, late = late_log.follow(fit(runs.forced, layout), runs.free)
+    whole = fit_everything(runs, limits, axis, interpolation)
+    fitted, late = whole.fitted, whole.late
     if late is not None and late.taken_s:
         remarks.insert(0, late.sentence)
-
     folds, held_out_by = choose_folds(fitted, needed)
-    coefficients, why_not = _of_resonators(
-        given, model, axis, runs.nodes, *runs.valid, interpolation
-    )
-    possible, not_tried = list_possible(layout, coefficients, why_not)
-    names = _to_try(model, possible, not_tried, bool(refusals), factors)
+    coefficients = take_coefficients(given, model, axis, runs, interpolation)
     wanted = Wanted(harmonics, scale_factor_harmonics, seed, not refusals)
-    tried = answers(fitted, folds, names, wanted, coefficients)
-    answer = choose_best(tried) if model == "auto" else tried[0]
+    tried = try_models(whole, folds, wanted, coefficients, model, bool(refusals))
 
-    chosen = Chosen.of(fitted, folds, answer, wanted, programmes)
+    chosen = Chosen.of(fitted, folds, tried.answer, wanted, programmes)
     if stable_only:
         chosen = chosen.stable_alone()
         remarks += chosen.not_dropped
@@ -201,21 +183,14 @@ def calibrate(
     details = chosen.details(bootstrap, seed) | {
         "held_out_by": held_out_by,
         "band_limit_scores": choose_limits(fitted, harmonics, scale_factor_harmonics)[2],
-        "choice": explain_choice(fitted, tried, answer, not_tried)
-        if model in ("auto", "all")
-        else None,
         "stray_harmonics": strays,
         "rate_log": None if late is None else late.table(),
-        "resonator": None if coefficients is None else coefficients.table(),
+        **tried.details(chosen, model in ("auto", "all"), bootstrap, seed),
     }
-    if len(tried) > 1:
-        details["variants"] = compare_variants(
-            fitted, folds, tried, chosen.scale_factor, bootstrap, seed
-        )
     if ladder:
         settings = LadderSettings(*answer.limits, chosen.scale_factor, bootstrap, seed)
         details["ladder"], details["final_analysis"] = climb(
-            _with_loops(fitted), free, folds, settings, chosen.penalty
+            add_loop_columns(fitted), whole.free, folds, settings, chosen.penalty
         )
     record = chosen.record(runs.usable.waves, runs.valid, details)
     if not refusals:
@@ -274,63 +249,3 @@ def _looked_at(
         for asked in (harmonics, scale_factor_harmonics)
     )
     return drift, scale
-
-
-def _to_try(
-    model: str,
-    names: Sequence[str],
-    not_tried: Mapping[str, str],
-    refused: bool,
-    factors: Mapping[str, Any],
-) -> list[str]:
-    """The models that are tried. HrgError: the one that was named cannot be."""
-    if model == "phase" and "phase" not in factors:
-        raise HrgError(
-            "model phase needs frequency_hz and a quadrature in every run, one is missing or not"
-            " finite; estimate the runs again"
-        )
-    if model == "auto" and refused:
-        return ["table"]
-    if model in ("auto", "all"):
-        return list(names)
-    if model in not_tried:
-        raise HrgError(f"model {model} cannot be tried: {not_tried[model]}")
-    return [model]
-
-
-def _with_loops(fitted: Fitted) -> Fitted:
-    """The same runs with the columns of the ladder's factors."""
-    old = fitted.layout
-    factors, widths = build(
-        fitted.paths,
-        old.nodes,
-        old.axis,
-        old.interpolation,
-        ["quadrature", "quadrature_drive", "main_drive"],
-    )
-    return fit(fitted.paths, replace(old, factors=factors, factor_columns=widths))
-
-
-def _of_resonators(
-    resonators: Sequence[Resonator],
-    model: str,
-    axis: str,
-    nodes: Array,
-    low: float,
-    high: float,
-    interpolation: str,
-) -> tuple[ResonatorCoefficients | None, str | None]:
-    """The resonators' coefficients over the nodes' quantity, or why there are none; an error where
-    they were asked for by name."""
-    if not resonators:
-        return None, None
-    try:
-        found = pool_resonators(resonators, axis, nodes, low, high, interpolation)
-    except HrgError as error:
-        if model == "physical":
-            raise
-        return None, str(error)
-    disagree = failures(found.checks)
-    if disagree and model == "physical":
-        raise HrgError(disagree[0])
-    return (None, disagree[0]) if disagree else (found, None)

@@ -17,9 +17,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from ..fitting.samples.demodulator import Demodulator, Rows
+from ..fitting.samples.demodulator import Demodulator
 from ..fitting.samples.even import even_rows
 from ..fitting.samples.run_down import RunDown, run_down
+from ..fitting.samples.signal_rows import Rows
 from ..fitting.samples.survey import survey, survey_quiet
 from ..fitting.samples.uneven import uneven_rows
 from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Periods, Recording
@@ -242,4 +243,5 @@ def _write_periods(run: Demodulator, rows: Rows, judge: StreamJudge) -> Periods:
         units=recording.c_units,
         least_count=run.least_count(),
         quantisation_share=run.quantisation_share(),
+        noise_correlation=run.survey.noise_correlation,
     )

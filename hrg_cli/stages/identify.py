@@ -13,7 +13,8 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..fitting.envelopes import condensed, free_windows
-from ..fitting.envelopes.base_fit import Known, check_runs
+from ..fitting.envelopes.base_fit import check_runs
+from ..fitting.envelopes.base_freedom import Known
 from ..fitting.envelopes.frozen import CORRECTION, find_frozen
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave

@@ -32,7 +32,26 @@ ABANDONED_S = 86_400
 
 
 def check_output(path: Path | str, force: bool = False) -> Path:
-    """`path` as a place to write to, or the sentence why it is none."""
+    """A place to write to.
+
+    Parameters
+    ----------
+    path
+        The file to be written.
+    force
+        Whether one that is there may be replaced.
+
+    Returns
+    -------
+    Path
+        The same place.
+
+    Raises
+    ------
+    HrgError
+        It is none: a folder, in none or in one without the right to write, a file that is there, a
+        name that no file can have.
+    """
     path = Path(path)
     _check_name(path)
     folder = path.parent
@@ -53,14 +72,38 @@ def check_output(path: Path | str, force: bool = False) -> Path:
 
 
 def need_no_input(output: Path, inputs: Iterable[Path]) -> None:
-    """HrgError: the output would replace one of the inputs."""
+    """See to it that an output replaces none of the inputs.
+
+    Parameters
+    ----------
+    output
+        The file to be written.
+    inputs
+        The files that are read.
+
+    Raises
+    ------
+    HrgError
+        It would.
+    """
     for path in inputs:
         if is_same_file(path, output):
             raise HrgError(f"{output}: is an input of this command too; choose another --output")
 
 
 def is_same_file(one: Path, other: Path) -> bool:
-    """Whether two names are of one file, there or yet to be made; folders are no files."""
+    """Whether two names are of one file, there or yet to be made.
+
+    Parameters
+    ----------
+    one, other
+        The names; folders are no files.
+
+    Returns
+    -------
+    bool
+        True where they are.
+    """
     try:
         return one.samefile(other) and not one.is_dir()
     except OSError:  # one of them is not there
@@ -98,8 +141,25 @@ def _read_only(folder: Path) -> bool:
 
 @contextlib.contextmanager
 def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
-    """A temporary name beside `path`, renamed to it when the block ends well and removed
-    otherwise."""
+    """A temporary name beside `path`, renamed to it when the block ends well and removed otherwise.
+
+    Parameters
+    ----------
+    path
+        The file to be written.
+    force
+        Replace one that is there.
+
+    Returns
+    -------
+    context manager of Path
+        The temporary name, in the same folder.
+
+    Raises
+    ------
+    HrgError
+        The file is there and `force` is not given, or the folder cannot be written.
+    """
     path = check_output(path, force)
     remove_stale(path.parent, shown_name(path))
     temporary = (
@@ -124,8 +184,20 @@ def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
 def whole_or_none(
     outputs: Sequence[Path], unless: tuple[type[BaseException], ...] = ()
 ) -> Iterator[None]:
-    """Outputs that belong together: where the block fails (but by `unless`), no file that it has
-    written stays."""
+    """Outputs that belong together: where the block fails, no file that it has written stays.
+
+    Parameters
+    ----------
+    outputs
+        The files that the block writes.
+    unless
+        Failures after which they stay.
+
+    Returns
+    -------
+    context manager
+        Around the writing.
+    """
     before = {path: _stamp(path) for path in outputs}
     try:
         yield
@@ -207,8 +279,17 @@ def this_host() -> str:
 
 
 def remove_stale(folder: Path, name: str | None = None, below: bool = False) -> None:
-    """Remove temporary files (of the output `name`, or all) whose writer was killed: of this host,
-    or not touched for a day."""
+    """Remove temporary files whose writer was killed: of this host, or not touched for a day.
+
+    Parameters
+    ----------
+    folder
+        Where they stand.
+    name
+        Of this output alone; None: of all.
+    below
+        In the folders below, too.
+    """
     pattern = f".{'*' if name is None else _glob_escape(name)}.hrg-*.tmp"
     for left in folder.rglob(pattern) if below else folder.glob(pattern):
         if _is_abandoned(left):

@@ -94,7 +94,18 @@ def _open(path: Path) -> h5py.File:
 
 
 def need_readable(path: Path) -> None:
-    """HrgError: there is no file of this name, or none that can be read again and again."""
+    """See to it that a file can be read again and again.
+
+    Parameters
+    ----------
+    path
+        Its name.
+
+    Raises
+    ------
+    HrgError
+        There is no file of this name, or a pipe or device.
+    """
     need_possible(path)
     if not path.exists():
         raise HrgError(f"{path}: no such file; name a file that `hrg` or your laboratory wrote")
@@ -107,7 +118,18 @@ def need_readable(path: Path) -> None:
 
 
 def need_possible(path: Path) -> None:
-    """HrgError: no file can have this name."""
+    """See to it that a file can have this name.
+
+    Parameters
+    ----------
+    path
+        The name.
+
+    Raises
+    ------
+    HrgError
+        None can.
+    """
     try:
         with contextlib.suppress(FileNotFoundError, NotADirectoryError, PermissionError):
             path.lstat()

@@ -56,7 +56,23 @@ def provenance_of(path: Path | str) -> Provenance:
 
 
 def is_hdf5(path: Path | str) -> bool:
-    """Whether the file is HDF5, by its signature. HrgError: it cannot be read."""
+    """Whether the file's first bytes are those of HDF5.
+
+    Parameters
+    ----------
+    path
+        Any file.
+
+    Returns
+    -------
+    bool
+        True where they are.
+
+    Raises
+    ------
+    HrgError
+        They cannot be read.
+    """
     with reading(Path(path)):
         return has_signature(Path(path))
 
@@ -95,16 +111,55 @@ def kind_of(path: Path | str) -> type[Record]:
 
 
 def texts_of(path: Path | str, group: str, names: Sequence[str]) -> dict[str, str]:
-    """Those of the named attributes of a group that are there, as texts; also ones that no record
-    declares. HrgError: the file cannot be opened."""
+    """Attributes of a group, as texts; also ones that no record declares.
+
+    Parameters
+    ----------
+    path
+        The file.
+    group
+        The group's name in it.
+    names
+        Names of the attributes.
+
+    Returns
+    -------
+    dict
+        Name -> text, of those that are there.
+
+    Raises
+    ------
+    HrgError
+        The file cannot be opened.
+    """
     with open_for_reading(Path(path)) as file:
         return _texts(file, group, names)
 
 
 def heading_of(path: Path | str, kind: type[Record], names: Sequence[str]) -> dict[str, str]:
-    """Those of the named attributes of a record of that kind that are there, as texts; its datasets
-    are not looked at. HrgError: the file cannot be opened, holds another kind, or an attribute is
-    not as declared; NotHrgError: another program's HDF5."""
+    """Attributes of a record, as texts; its datasets are not looked at.
+
+    Parameters
+    ----------
+    path
+        The record's file.
+    kind
+        Its class.
+    names
+        Field names of the attributes.
+
+    Returns
+    -------
+    dict
+        Name -> text, of those that are there.
+
+    Raises
+    ------
+    HrgError
+        The file cannot be opened, holds another kind, or an attribute is not as declared.
+    NotHrgError
+        It is another program's HDF5.
+    """
     declared = kind.columns()
     with open_for_reading(Path(path)) as file:
         need_kind(file, Path(path), kind)
@@ -151,8 +206,23 @@ def changes(path: Path | str) -> list[str] | None:
 
 
 def unreadable(path: Path | str) -> list[str]:
-    """What of a file's values cannot be read back: a sentence a dataset. HrgError: it cannot be
-    opened."""
+    """What of a file's values cannot be read back.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    list of str
+        A sentence a dataset; empty where all can.
+
+    Raises
+    ------
+    HrgError
+        It cannot be opened.
+    """
     with open_for_reading(Path(path)) as file:
         return checksums.unreadable(file)
 

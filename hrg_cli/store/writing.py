@@ -40,14 +40,37 @@ _SCALE_ONLY = "This is a netCDF dimension but not a netCDF variable. %9d"
 
 
 def created_now() -> str:
-    """The time for `created` and `history`, ISO 8601 UTC; SOURCE_DATE_EPOCH fixes it."""
+    """The time for `created` and `history`; SOURCE_DATE_EPOCH fixes it.
+
+    Returns
+    -------
+    str
+        ISO 8601, UTC.
+    """
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(float(epoch) if epoch else None))
 
 
 def sha256(path: Path | str, unwanted: threading.Event | None = None) -> str:
-    """SHA-256 of a file's bytes, hexadecimal; of some of them where it becomes `unwanted` meanwhile.
-    HrgError: it cannot be read."""
+    """SHA-256 of a file's bytes.
+
+    Parameters
+    ----------
+    path
+        The file.
+    unwanted
+        When set meanwhile, reading ends: the digest is of some of the bytes, and none's.
+
+    Returns
+    -------
+    str
+        Hexadecimal digits.
+
+    Raises
+    ------
+    HrgError
+        The file cannot be read.
+    """
     need_readable(Path(path))
     digest = hashlib.sha256()
     with reading(Path(path)), open(path, "rb") as file:

@@ -10,7 +10,8 @@ from scipy.linalg import expm
 from synthetic_waves import GYRO, programme, run_down
 
 from hrg_cli.fitting.envelopes import coordinates, envelope_runs, propagator
-from hrg_cli.fitting.envelopes.base_fit import Known, base_fit, start_from_propagator
+from hrg_cli.fitting.envelopes.base_fit import base_fit, start_from_propagator
+from hrg_cli.fitting.envelopes.base_freedom import Known
 from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
 from hrg_cli.fitting.envelopes.matrices import chain
 from hrg_cli.fitting.envelopes.response import State, batch, respond

@@ -16,7 +16,8 @@ from hrg_cli.fitting.envelopes import (
     two_modes,
     working_mode,
 )
-from hrg_cli.fitting.envelopes.base_fit import Known, base_fit, freedom, start_from_propagator
+from hrg_cli.fitting.envelopes.base_fit import base_fit, start_from_propagator
+from hrg_cli.fitting.envelopes.base_freedom import Known, freedom
 from hrg_cli.physics import ellipse, resonator
 from hrg_cli.physics.resonator import Mechanics
 

@@ -264,12 +264,22 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("NORMAL_95 * std / square / 2", "NORMAL_95 * std / square / 20"),
         ),
     ),
-    "fitting/tables/joint.py": (
+    "fitting/tables/common_walk.py": (
         "tests/stages/test_calibrate.py",
         (
             ("2 * self.white + q * (self.interval_s - self.width_s / 3)", "2 * self.white"),
             ("+ float(np.linalg.slogdet(A)[1])", ""),
+        ),
+    ),
+    "fitting/tables/normal_pieces.py": (
+        "tests/stages/test_calibrate.py",
+        (
             ("solve(A - A_f, b - b_f, model, penalty).coefficients)\n    return total", "solve(A, b, model, penalty).coefficients)\n    return total"),
+        ),
+    ),
+    "fitting/tables/joint.py": (
+        "tests/stages/test_calibrate.py",
+        (
             ("max(n.walk, walk)", "n.walk"),
         ),
     ),

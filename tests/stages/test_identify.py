@@ -13,6 +13,7 @@ from hrg_cli.errors import HrgError
 from hrg_cli.fitting.envelopes.rate_from_model import rate_from_model
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.stages.identify import identify, summary
+from hrg_cli.store.covariance_checks import covariance_problem
 
 
 def details(record):
@@ -193,6 +194,19 @@ def test_profile_and_bootstrap_agree_with_the_covariance_where_all_is_linear():
         assert (high - low) / 2 == pytest.approx(plain.parameters()[name][1], rel=0.15), name
     ratio = [record.parameters()[n][1] / plain.parameters()[n][1] for n in NAMES[1:]]
     assert all(0.6 < r < 1.6 for r in ratio)
+
+
+@pytest.mark.parametrize("draws", [4, 100])
+def test_a_bootstrap_keeps_the_covariance_one(draws):
+    """Runs that disagree widen the plain errors, not those of the draws; the frequency, which no
+    draw moves, follows the other parameters as before."""
+    waves = programme(std=1e-4, seed=4)
+    drift = 0.05 * np.linspace(0, 1, len(waves[0])) ** 2
+    waves[0] = waves[0].replace(wave_angle_rad=waves[0].wave_angle_rad + drift)
+    plain, record = identify(waves), identify(waves, bootstrap=draws)
+    assert covariance_problem(record.covariance) is None
+    assert np.sqrt(np.diag(record.covariance)) == pytest.approx(record.std)
+    assert np.all(record.std <= 1.01 * plain.std)
 
 
 def test_one_channel_gives_split_and_decays_but_no_axes():

@@ -141,54 +141,54 @@ def propagation(prediction: Prediction) -> Propagation:
     return Propagation(prediction, centre, middle, step, half, view, rows, halves)
 
 
+def _base_sources(
+    flow: Propagation, series: MeasuredRuns, u: Array, stage: RungeKuttaStage
+) -> Array:
+    """What the shared coordinates and the run's frequency add to u' at the motion u, reals (R, n, 4,
+    8): u' is linear in all but the scale of the second order, which is differenced."""
+    point, hz = flow.prediction.point, series.reference_frequency_hz
+    omega = 2 * np.pi * hz + point.offset_rad_s[:, None]
+    plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
+    full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
+    turning = series.rate_rad_s[..., None] * np.stack([u[..., 1], -u[..., 0]], -1)
+    columns = [times(b, u) for b in coordinates.BASIS] + [turning, times(full - plain, u), 1j * u]
+    if flow.prediction.series.forced.any():
+        # the force's second order goes with the same coordinates
+        drive = stage.lit(u).drive
+        for k in SPLIT:
+            second = second_order_force(np.eye(COUNT)[k], hz)
+            columns[k] = columns[k] + point.p[6] * times(second, drive)
+        change = stage.ordered(_more_order(point.p), hz).beside(u) - stage.beside(u)
+        columns[COUNT - 1] = columns[COUNT - 1] + change / ORDER_STEP
+    held = np.isfinite(series.held_amplitude)
+    if held.any():
+        # the drive makes up for what the resonator loses along the wave, whatever its parameters
+        turn, e_A, _, _ = frame(u, series.phase_rad)
+        for c in columns:
+            along = held * np.real(np.sum(c * e_A, axis=-1) * np.conj(turn)) * turn
+            c -= along[..., None] * e_A
+    return np.stack([real(c) for c in columns], axis=-1)
+
+
+def _more_order(p: Array) -> Array:
+    """Coordinates (7,) with a little more of the second order."""
+    return np.asarray(p + np.eye(COUNT)[COUNT - 1] * ORDER_STEP)
+
+
 def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     """Over σ: of the shared coordinates (R, n, 4, 7), and of each run's own start state and
     frequency (R, n, 4, 5)."""
     prediction = flow.prediction
-    point, series = prediction.point, prediction.series
-    u, v = prediction.motion, flow.middle
-
-    forced, hz = bool(series.forced.any()), series.reference_frequency_hz
-    more = point.p + np.eye(COUNT)[COUNT - 1] * ORDER_STEP
-
-    def sources(series: MeasuredRuns, u: Array, stage: RungeKuttaStage) -> Array:
-        omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
-        plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
-        full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
-        turning = series.rate_rad_s[..., None] * np.stack([u[..., 1], -u[..., 0]], -1)
-        columns = [times(b, u) for b in coordinates.BASIS] + [
-            turning,
-            times(full - plain, u),
-            1j * u,
-        ]
-        if forced:  # the force's second order goes with the same coordinates
-            drive = stage.lit(u).drive
-            for k in SPLIT:
-                second = second_order_force(np.eye(COUNT)[k], hz)
-                columns[k] = columns[k] + point.p[6] * times(second, drive)
-            change = stage.ordered(more, hz).beside(u) - stage.beside(u)
-            columns[COUNT - 1] = columns[COUNT - 1] + change / ORDER_STEP
-        held = np.isfinite(series.held_amplitude)
-        if held.any():
-            # the drive makes up for what the resonator loses along the wave, whatever its
-            # parameters
-            turn, e_A, _, _ = frame(u, series.phase_rad)
-            for c in columns:
-                c -= (held * np.real(np.sum(c * e_A, axis=-1) * np.conj(turn)) * turn)[
-                    ..., None
-                ] * e_A
-        return np.stack([real(c) for c in columns], axis=-1)
-
-    runs = len(series.names)
-    start = np.zeros((runs, 4, COUNT + 1 + 4))
+    series, u = prediction.series, prediction.motion
+    start = np.zeros((len(series.names), 4, COUNT + 1 + 4))
     start[:, :, COUNT + 1 :] = np.eye(4)
-    rows = sources(series, u, flow.rows)
-    mids = sources(flow.centre, v, flow.halves)
-    pad = [(0, 0)] * 3 + [(0, 4)]
+    rows = _base_sources(flow, series, u, flow.rows)
+    mids = _base_sources(flow, flow.centre, flow.middle, flow.halves)
+    pad = [(0, 0)] * 3 + [(0, 4)]  # a start state has no source: it is carried alone
     carried = flow.viewed(flow.carried(np.pad(rows, pad), np.pad(mids, pad), start))
-    if forced:
-        change = flow.rows.ordered(more, hz).seen(u) - flow.rows.seen(u)
-        carried[..., COUNT - 1] += real(change) / ORDER_STEP
+    if series.forced.any():
+        more = flow.rows.ordered(_more_order(prediction.point.p), series.reference_frequency_hz)
+        carried[..., COUNT - 1] += real(more.seen(u) - flow.rows.seen(u)) / ORDER_STEP
     carried = prediction.judged(carried)
     own = np.concatenate([carried[..., COUNT + 1 :], carried[..., COUNT : COUNT + 1]], axis=-1)
     return carried[..., :COUNT], own

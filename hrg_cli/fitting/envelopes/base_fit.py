@@ -5,15 +5,16 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ...errors import HrgError
 from . import phase_course, propagator, rows
-from .coordinates import COORDINATES, COUNT, DAMPING, FREQUENCY_SPLIT, SCALE_FACTOR, SECOND_ORDER
+from .base_freedom import Known, freedom, nominal_scale_factor, without_second_order
+from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
-from .likelihood import Batch, Fit, Freedom, batch, fit, free_coordinates
+from .likelihood import Batch, Fit, Freedom, batch, fit
 
 Array = np.ndarray
 MAX_PHASE_ORDER = 9
@@ -27,11 +28,6 @@ SETTLED = 0.1
 may still move the fit."""
 PHASE_GAIN = 30.0
 """Δχ² for which two further orders of a run's phase are taken in."""
-WIDTH = {"damping": 2.0, "split": 30.0, "scale_factor": 3.0}
-"""Standard deviations of the priors that keep a direction without information finite, in natural
-scales."""
-
-
 SECOND_ORDER_REACH = 3.0
 """Distance from 0.5 above which the scale of the second-order correction, truly 0 or 1, is held at
 1."""
@@ -41,69 +37,6 @@ order."""
 SECOND_ORDER_DECIDED = 16.0
 """Difference of χ² between the scales 0 and 1 for which the better one is held, and distance² up to
 which it counts as met."""
-
-
-def without_second_order(space: Freedom, value: float = 1.0) -> Freedom:
-    """The same freedom with the second-order correction held; it is the last coordinate."""
-    origin = space.origin.copy()
-    origin[6] = value
-    return Freedom(
-        space.names[:-1],
-        origin,
-        space.directions[:, :-1],
-        space.prior_mean[:-1],
-        space.prior_std[:-1],
-    )
-
-
-def nominal_scale_factor(mode_number: int) -> float:
-    """K where it is neither known nor measurable: 1 for a Foucault pendulum (m = 1), 0.55 for a
-    shell."""
-    return 1.0 if mode_number == 1 else 0.55
-
-
-def scale_factor_spread(mode_number: int) -> float:
-    """Standard deviation to which the nominal K is known: shells and rings have 0.25 to 0.85, a
-    pendulum 1 but for its pivot."""
-    return 0.05 if mode_number == 1 else 0.2
-
-
-@dataclass(frozen=True)
-class Known:
-    """What is held instead of fitted: K, and the axes (physical angles) of damping and stiffness;
-    None: fitted."""
-
-    scale_factor: float | None = None
-    damping_axis_rad: float | None = None
-    stiffness_axis_rad: float | None = None
-
-
-def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
-    """What is fitted, with weak priors sized by a first estimate p (7,); a known axis leaves its
-    split's size alone."""
-    base = free_coordinates(COORDINATES, np.zeros(COUNT))
-    directions, origin = base.directions.copy(), np.zeros(COUNT)
-    damping = max(abs(float(p[DAMPING])), 0.01 / span_s)
-    split = max(float(np.hypot(*p[FREQUENCY_SPLIT])), damping, 1 / span_s)
-    mean = np.array([p[DAMPING], 0, 0, 0, 0, nominal_scale_factor(mode_number), 0.5])
-    # the last is 0 or 1: mean and spread of the two
-    std = np.array(
-        [np.inf]
-        + [WIDTH["damping"] * damping] * 2
-        + [WIDTH["split"] * split] * 2
-        + [WIDTH["scale_factor"], 0.5]
-    )
-    keep = np.ones(COUNT, bool)
-    for first, axis in ((1, known.damping_axis_rad), (3, known.stiffness_axis_rad)):
-        if axis is not None:
-            alpha = 2 * mode_number * axis
-            directions[first : first + 2, first] = np.cos(alpha), np.sin(alpha)
-            keep[first + 1] = False
-    if known.scale_factor is not None:
-        origin[5], keep[5] = known.scale_factor, False
-    return Freedom(
-        tuple(np.array(COORDINATES)[keep]), origin, directions[:, keep], mean[keep], std[keep]
-    )
 
 
 def check_runs(runs: Sequence[EnvelopeRun]) -> None:
@@ -384,7 +317,7 @@ def _grown(data: Batch, space: Freedom, z: Array, first: Array, phase: Array, or
     so many orders of phase."""
     for share in SHARES:
         kept = np.arange(data.time_s.shape[1]) < max(12, share * data.time_s.shape[1])
-        part = Batch(data.runs, data.time_s, data.turn_rad, data.envelope, data.weight * kept)
+        part = replace(data, weight=data.weight * kept)
         if share == 1.0:
             phase = np.pad(phase, ((0, 0), (0, orders - phase.shape[1])))
         result = fit(part, space, z, first, phase)

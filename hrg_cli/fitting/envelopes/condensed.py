@@ -19,7 +19,8 @@ from ...errors import HrgError
 from ...records import Wave
 from ..samples.rate_log import within_log
 from . import rows
-from .base_fit import Known, base_fit
+from .base_fit import base_fit
+from .base_freedom import Known
 from .envelope_runs import (
     MIN_ROWS,
     EnvelopeRun,

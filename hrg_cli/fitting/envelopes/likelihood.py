@@ -91,10 +91,21 @@ def triangle(matrix: Array) -> Array:
     return np.asarray(np.linalg.qr(matrix, mode="r"))
 
 
-def eliminate_nuisances(response: Response, freedom: Freedom) -> tuple[Array, Array, Array, Array]:
-    """Each run's design with its own nuisances eliminated by QR: rows of ∂/∂z and residual stacked
-    over the runs, what gives the nuisance steps back (R, k, ·), and Δχ² (R,) that two further
-    orders of each run's phase would gain.
+@dataclass(frozen=True)
+class SharedRows:
+    """Every run's design with its own nuisances eliminated: what is left speaks of z alone."""
+
+    design: Array  # ∂/∂z, the rows of all runs stacked, (rows, k)
+    residual: Array  # (rows,)
+    back: Array  # (R, own, own + k + 1): what gives the runs' own steps back
+    gain: Array  # Δχ² (R,) that two further orders of each run's phase would gain
+
+
+def eliminate_nuisances(response: Response, freedom: Freedom) -> SharedRows:
+    """The runs' rows without their own start states and phases, by QR of each run's columns.
+
+    With the own columns first, the lower rows of R are free of them; the columns of the further
+    phase orders stand behind the shared ones, so that only `gain` sees them.
     """
     shared = freedom.along(response.coordinate_sensitivities())
     own = response.run_sensitivities(FURTHER)
@@ -102,16 +113,87 @@ def eliminate_nuisances(response: Response, freedom: Freedom) -> tuple[Array, Ar
     columns = np.concatenate(
         [own[:k], shared, own[k:], (response.batch.envelope - response.model)[None]]
     )
-    columns *= response.batch.weight[..., None]
+    columns = response.batch.over_noise(columns)
     R = triangle(np.moveaxis(columns.reshape(*columns.shape[:2], -1).view(float), 0, 2))
     rows = R[:, k : k + s]
-    gain = np.sum(R[:, k + s : -1, -1] ** 2, axis=1)
-    return (
-        rows[..., k : k + s].reshape(-1, s),
-        rows[..., -1].ravel(),
-        R[:, :k, [*range(k + s), -1]],
-        gain,
+    return SharedRows(
+        design=rows[..., k : k + s].reshape(-1, s),
+        residual=rows[..., -1].ravel(),
+        back=R[:, :k, [*range(k + s), -1]],
+        gain=np.sum(R[:, k + s : -1, -1] ** 2, axis=1),
     )
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Where the descent stands: z, what the model says there, χ² with the priors."""
+
+    z: Array
+    response: Response
+    cost: float
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A step of z and of the runs' own states and phases, and by how much the quadratic form says
+    that χ² falls over it."""
+
+    z: Array
+    start: Array
+    phase: Array
+    predicted: float
+
+
+class _Objective:
+    """χ² of all runs with the Gaussian priors of the directions that have one."""
+
+    def __init__(self, data: Batch, freedom: Freedom) -> None:
+        self.data, self.freedom = data, freedom
+        known = np.isfinite(freedom.prior_std)
+        self.prior_rows = np.diag(np.where(known, 1 / np.where(known, freedom.prior_std, 1.0), 0.0))
+        self.prior_rows = self.prior_rows[known]
+
+    def at(self, z: Array, start: Array, phase: Array) -> _Point:
+        p = self.freedom.origin + self.freedom.directions @ z
+        response = respond(self.data, State(p, start, phase))
+        off = self.prior_rows @ (z - self.freedom.prior_mean)
+        return _Point(z, response, response.chi2 + float(np.sum(off**2)))
+
+    def step(self, here: _Point, rows: SharedRows) -> _Step | None:
+        """The Gauss–Newton step; None where numbers have run away."""
+        full = np.concatenate([rows.design, self.prior_rows])
+        target = np.concatenate(
+            [rows.residual, self.prior_rows @ (self.freedom.prior_mean - here.z)]
+        )
+        if not (np.isfinite(full).all() and np.isfinite(target).all()):
+            return None  # LAPACK would print its complaint among the command's results
+        length = measure_columns(full)
+        step = np.linalg.lstsq(full / length, target, rcond=1e-13)[0] / length
+        own = _own_steps(rows.back, step)
+        return _Step(
+            z=step,
+            start=own[:, [0, 2]] + 1j * own[:, [1, 3]],
+            phase=own[:, 4:],
+            predicted=float(np.sum((full @ step) ** 2)) + float(np.sum(rows.back[..., -1] ** 2)),
+        )
+
+    def halve(self, here: _Point, step: _Step) -> tuple[_Point, float] | None:
+        """The first of the step, its half, its quarter … that does not raise χ², and its size; None
+        where a thousandth of it does."""
+        size, state = 1.0, here.response.state
+        while True:
+            trial = self.at(
+                here.z + size * step.z,
+                state.start + size * step.start,
+                state.phase + size * step.phase,
+            )
+            # the margins are the rounding of a χ² near its minimum, or near zero
+            if trial.cost <= here.cost * (1 + 1e-12) + 1e-9 or size < 1e-3:
+                break
+            size /= 2
+        if not np.isfinite(trial.cost) or trial.cost > here.cost * (1 + 1e-6) + 1e-3:
+            return None
+        return trial, size
 
 
 def fit(
@@ -123,66 +205,36 @@ def fit(
     A whole step whose fall of χ² is the predicted one to 1e-3 χ²/dof leaves a rest smaller than
     that.
     """
-    prior = np.isfinite(freedom.prior_std)
-    prior_rows = np.diag(np.where(prior, 1 / np.where(prior, freedom.prior_std, 1.0), 0.0))[prior]
-
-    def cost(response: Response, z: Array) -> float:
-        return response.chi2 + float(np.sum((prior_rows @ (z - freedom.prior_mean)) ** 2))
-
-    def at(z: Array, start: Array, phase: Array) -> Response:
-        return respond(data, State(freedom.origin + freedom.directions @ z, start, phase))
-
-    response = at(z, start, phase)
-    current, converged, iteration = cost(response, z), False, 0
-    while iteration < max_iterations:
+    objective, dof = _Objective(data, freedom), _dof(data, freedom, phase)
+    here, converged, iteration = objective.at(z, start, phase), False, 0
+    while not converged and iteration < max_iterations:
         iteration += 1
-        design, residual, back, gain = eliminate_nuisances(response, freedom)
-        full = np.concatenate([design, prior_rows])
-        target = np.concatenate([residual, prior_rows @ (freedom.prior_mean - z)])
-        if not (np.isfinite(full).all() and np.isfinite(target).all()):
-            break  # LAPACK would print its complaint among the command's results
-        length = measure_columns(full)
-        step = np.linalg.lstsq(full / length, target, rcond=1e-13)[0] / length
-        own = _own_steps(back, step)
-        predicted = float(np.sum((full @ step) ** 2)) + float(np.sum(back[..., -1] ** 2))
-        size = 1.0
-        while True:
-            trial_z = z + size * step
-            trial = at(
-                trial_z,
-                response.state.start + size * (own[:, [0, 2]] + 1j * own[:, [1, 3]]),
-                response.state.phase + size * own[:, 4:],
-            )
-            value = cost(trial, trial_z)
-            # the margins are the rounding of a χ² near its minimum, or near zero
-            if value <= current * (1 + 1e-12) + 1e-9 or size < 1e-3:
-                break
-            size /= 2
-        if not np.isfinite(value) or value > current * (1 + 1e-6) + 1e-3:
+        rows = eliminate_nuisances(here.response, freedom)
+        step = objective.step(here, rows)
+        lower = None if step is None else objective.halve(here, step)
+        if step is None or lower is None:
             break
+        next_point, size = lower
         # A whole step reached the quadratic form's minimum; what is left is by how much χ² is not
         # that form.
-        left = min(predicted, abs(current - value - predicted)) if size == 1.0 else predicted
-        z, response, current = trial_z, trial, value
-        if left < CONVERGED * max(1.0, current / max(1, _dof(data, freedom, phase))):
-            converged = True
-            break
-    if not converged:  # else the last step was too small to change it
-        design, _, _, gain = eliminate_nuisances(response, freedom)
-    residual = response.residual()
-    dof = _dof(data, freedom, phase)
+        fall = here.cost - next_point.cost
+        left = min(step.predicted, abs(fall - step.predicted)) if size == 1.0 else step.predicted
+        here = next_point
+        converged = left < CONVERGED * max(1.0, here.cost / dof)
+    if not converged:  # else the last step was too small to change the rows
+        rows = eliminate_nuisances(here.response, freedom)
     return Fit(
         freedom=freedom,
-        response=response,
-        z=z,
-        root=triangle(np.concatenate([design, prior_rows])),
-        data_root=triangle(design),
-        chi2=response.chi2,
+        response=here.response,
+        z=here.z,
+        root=triangle(np.concatenate([rows.design, objective.prior_rows])),
+        data_root=triangle(rows.design),
+        chi2=here.response.chi2,
         dof=dof,
         converged=converged,
         iterations=iteration,
-        run_chi2=np.sum(np.abs(residual) ** 2, axis=(1, 2)),
-        phase_demand=float(gain.max()) / max(1.0, response.chi2 / dof),
+        run_chi2=np.sum(np.abs(here.response.residual()) ** 2, axis=(1, 2)),
+        phase_demand=float(rows.gain.max()) / max(1.0, here.response.chi2 / dof),
     )
 
 

@@ -146,14 +146,10 @@ def reflect(v: tuple[Array, Array]) -> tuple[tuple[Array, Array], ...]:
     return (v[0], -v[1]), (v[1], v[0]), (v[1], -v[0])
 
 
-def regress(
-    data: Pairs, freedom: Freedom, p: Array, offsets: Array
-) -> tuple[Array, Array, Array, float]:
-    """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t): new coordinates, offsets,
-    covariance of z, misfit before it."""
-    k = len(freedom.names)
-    dt = data.dt
-    rate = data.turn / dt
+def _predict(data: Pairs, p: Array, offsets: Array) -> tuple[Array, Array]:
+    """e^{jδh} exp(Lh) u(t) of every pair (n, 2), and its derivatives by the first six coordinates
+    over σ (6, n, 2)."""
+    dt, rate = data.dt, data.turn / data.dt
     mean, L = matrices.traceless(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
     factor = np.exp((mean + 1j * offsets[data.run]) * dt)
     before = data.before[:, 0] * factor, data.before[:, 1] * factor
@@ -174,12 +170,21 @@ def regress(
     np.multiply(columns[1:3], -1j, out=columns[3:5])
     columns *= data.weight[:, None]
     columns[5] *= rate[:, None]
-    now = np.stack(flow, axis=-1)
+    return np.stack(flow, axis=-1), columns
+
+
+def _pair_equations(
+    data: Pairs, freedom: Freedom, p: Array, offsets: Array
+) -> tuple[Array, Array, float]:
+    """Information and gradient of (z, the runs' offsets), and χ² of the pairs; an offset has rows
+    in its own run alone, so only a border of the matrix is filled."""
+    k, size = len(freedom.names), len(freedom.names) + len(offsets)
+    now, columns = _predict(data, p, offsets)
     shared = freedom.along(columns)
-    own = 1j * (dt * data.weight)[:, None] * now
+    own = 1j * (data.dt * data.weight)[:, None] * now
     error = (data.after - now) * data.weight[:, None]
 
-    information, gradient = np.zeros((k + len(offsets),) * 2), np.zeros(k + len(offsets))
+    information, gradient = np.zeros((size, size)), np.zeros(size)
     flat, target = shared.reshape(k, -1), error.ravel()
     information[:k, :k], gradient[:k] = np.real(flat.conj() @ flat.T), np.real(flat.conj() @ target)
     present = k + data.run[data.first]
@@ -191,18 +196,32 @@ def regress(
     information[:k, present] = by_run(np.conj(shared) * own)
     information[present, :k] = information[:k, present].T
     gradient[present] = by_run(np.conj(own) * error)
-    misfit, rows = float(np.sum(np.abs(error) ** 2)), 4 * len(dt)
+    return information, gradient, float(np.sum(np.abs(error) ** 2))
+
+
+def _invert_seen(information: Array) -> Array:
+    """The inverse on the directions that the pairs see, judged on a diagonal of ones."""
+    scale = np.sqrt(np.diag(information))
+    scale[scale == 0] = 1.0
+    size, vector = np.linalg.eigh(information / np.outer(scale, scale))
+    keep = size > 1e-8 * size[-1]
+    return np.asarray((vector[:, keep] / size[keep]) @ vector[:, keep].T / np.outer(scale, scale))
+
+
+def regress(
+    data: Pairs, freedom: Freedom, p: Array, offsets: Array
+) -> tuple[Array, Array, Array, float]:
+    """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t): new coordinates, offsets,
+    covariance of z, misfit before it."""
+    k = len(freedom.names)
+    information, gradient, misfit = _pair_equations(data, freedom, p, offsets)
     here = np.linalg.pinv(freedom.directions) @ (p - freedom.origin)
     for i, std in enumerate(freedom.prior_std):
         if np.isfinite(std):  # a direction without information stays at its prior
             information[i, i] += std**-2.0
             gradient[i] += (freedom.prior_mean[i] - here[i]) * std**-2.0
-    scale = np.sqrt(np.diag(information))
-    scale[scale == 0] = 1.0
-    size, vector = np.linalg.eigh(information / np.outer(scale, scale))
-    keep = size > 1e-8 * size[-1]
-    inverse = (vector[:, keep] / size[keep]) @ vector[:, keep].T / np.outer(scale, scale)
-    step = inverse @ gradient
+    inverse = _invert_seen(information)
+    step, rows = inverse @ gradient, 4 * len(data.dt)
     spread = max(0.0, misfit - float(gradient @ step)) / max(1, rows - len(step))
     return (
         p + freedom.directions @ step[:k],

@@ -65,26 +65,34 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
         )
     run = from_wave(wave, 0.0)
     count, most = node_count(wave.run_id or "the run", len(run), run.window_s, nodes)
-    checked = min(len(run) // ROWS_A_FINER_NODE, MOST_NODES)
     mechanics = Mechanics(
         **{k: values.get(k, 0.0) for k, _ in PARAMETERS}, mode_number=run.mode_number
     )
     known = reference(resonator, mechanics)
+    found = (
+        _grow_nodes(run, count, most, known) if nodes is None else _check_nodes(run, count, known)
+    )
+    return replace(found, most_nodes=min(most, MOST_NODES), window_s=run.window_s)
 
-    def complete(found: RateEstimate) -> RateEstimate:
-        return replace(found, most_nodes=min(most, MOST_NODES), window_s=run.window_s)
 
-    if nodes is not None:
-        found = _best(run, count, known)
-        finer_count = 2 * count - 1
-        return complete(
-            found
-            if finer_count > checked
-            else _asked(found, fit_rate(run, *_again(run, found, finer_count, known), known))
-        )
+def _most_checked(run: EnvelopeRun) -> int:
+    """Nodes of the finest fit that checks an answer."""
+    return min(len(run) // ROWS_A_FINER_NODE, MOST_NODES)
+
+
+def _check_nodes(run: EnvelopeRun, count: int, known: Reference) -> RateEstimate:
+    """The best fit on so many nodes, with what twice as many gain, as far as the windows carry
+    them."""
+    found, finer = _best(run, count, known), 2 * count - 1
+    if finer > _most_checked(run):
+        return found
+    return _asked(found, fit_rate(run, *_again(run, found, finer, known), known))
+
+
+def _grow_nodes(run: EnvelopeRun, count: int, most: int, known: Reference) -> RateEstimate:
+    """The fit on as many nodes as the data ask for, doubled from `count` to `most`."""
     found = _first(run, count, known)
-    while 2 * len(found.time_s) - 1 <= checked:
-        finer_count = 2 * len(found.time_s) - 1
+    while (finer_count := 2 * len(found.time_s) - 1) <= _most_checked(run):
         # what too few nodes found is no start for more
         finer = (
             fit_rate(run, *_again(run, found, finer_count, known), known)
@@ -98,11 +106,9 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
         if enough or finer_count > most:
             break
         found = finer
-    return complete(
-        found
-        if found.adequate
-        else min(found, _best(run, len(found.time_s), known), key=lambda e: e.chi2_per_dof)
-    )
+    if found.adequate:
+        return found
+    return min(found, _best(run, len(found.time_s), known), key=lambda e: e.chi2_per_dof)
 
 
 def _asked(found: RateEstimate, finer: RateEstimate) -> RateEstimate:

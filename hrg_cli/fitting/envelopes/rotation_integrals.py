@@ -38,43 +38,32 @@ def solve(
     differences' truncation is taken off.
     """
     refusal = out_of_range(runs, METHOD)
-    estimates, variances, weights, chi2, rows, unsettled = [], [], [], [], [], 0.0
-    for i, run in enumerate(runs):
-        found = (
-            None
-            if refusal
-            else one_run(run, None if model is None else partial(_of_run, model, i), start)
-        )
-        if found is not None:
-            estimates.append(found.p)
-            variances.append(found.covariance)
-            weights.append(found.turns)
-            chi2.append(found.chi2)
-            rows.append(found.rows)
-            unsettled = max(unsettled, found.unsettled)
-        else:
-            chi2.append(np.nan)
-            rows.append(0)
-    if not estimates:
+    found = [
+        None
+        if refusal
+        else one_run(run, None if model is None else partial(_of_run, model, i), start)
+        for i, run in enumerate(runs)
+    ]
+    turning = [one for one in found if one is not None]
+    if not turning:
         nan = np.full(COUNT, np.nan)
         refusal = (
             refusal
             or f"{METHOD} needs a run that turns through a full period of 2mθ; rotate the gyro uniformly for longer"
         )
         return Regression(nan, np.full((COUNT, COUNT), np.nan), refused=refusal)
+    weights = [one.turns for one in turning]
     share = np.array(weights) / np.sum(weights)
-    p = np.tensordot(share, np.array(estimates), 1)
-    covariance = np.tensordot(share**2, np.array(variances), 1)
     warnings = []
     if quadrature_significance(runs) < 3:
         warnings.append("the quadrature is lost in the noise: the frequency split is skipped")
     return Regression(
-        p,
-        covariance,
+        np.tensordot(share, np.array([one.p for one in turning]), 1),
+        np.tensordot(share**2, np.array([one.covariance for one in turning]), 1),
         warnings,
-        run_chi2=np.array(chi2),
-        run_rows=np.array(rows),
-        unsettled=unsettled,
+        run_chi2=np.array([np.nan if one is None else one.chi2 for one in found]),
+        run_rows=np.array([0 if one is None else one.rows for one in found]),
+        unsettled=max(one.unsettled for one in turning),
     )
 
 
@@ -120,73 +109,118 @@ def _rates_less(w: Ellipse, rows: slice, p: Array) -> tuple[Array, Array, Array]
     return growth, quadrature, drift
 
 
-def one_run(
-    run: EnvelopeRun,
-    model: Callable[[Array], EnvelopeRun] | None = None,
-    start: Array | None = None,
-) -> OneRun | None:
-    """What one run says; None without a full turn or when the wave does not turn one way."""
-    w = ellipse_of(run)
-    alpha = 2 * w.angle * np.sign(w.angle[-1] - w.angle[0])
-    turns = int((alpha[-1] - alpha[0]) / (2 * np.pi))
-    # Integrals over 2mθ want it to rise: a wave that swings back would count an angle twice.
-    if turns < 1 or np.any(np.diff(alpha) <= 0):
-        return None
-    last = int(np.searchsorted(alpha, alpha[0] + 2 * np.pi * turns))
-    rows = slice(0, min(last + 1, len(alpha)))
-    weight = _trapezium(alpha[rows], 2 * np.pi * turns) / (2 * np.pi * turns)
-    n = len(weight)
-    influence = _integrals(weight, w.angle[rows])
-    step, angle = np.diff(run.time_s[rows]), w.angle[rows]
-    turned = float(run.turn_rad[n - 1] - run.turn_rad[0])
+@dataclass(frozen=True)
+class _FullTurns:
+    """The rows of a run over a whole number of periods of 2mθ, and what their misfit counts in each
+    integral."""
 
-    def misfit(moved: Ellipse, p: Array) -> Array:
-        """Growth and quadrature less what p says of them, row by row, and the turning less drift
-        and −KΩ, in pieces that sum to it."""
-        growth, quadrature, drift = _rates_less(moved, rows, p)
+    wave: Ellipse
+    rows: slice
+    time_s: Array
+    turned: float
+    """Turn of the table over the rows, rad."""
+    turns: int
+    influence: Array
+    """(6, 3n), see `_integrals`."""
+
+    @classmethod
+    def of(cls, run: EnvelopeRun) -> _FullTurns | None:
+        """None without a full turn or when the wave does not turn one way."""
+        w = ellipse_of(run)
+        alpha = 2 * w.angle * np.sign(w.angle[-1] - w.angle[0])
+        turns = int((alpha[-1] - alpha[0]) / (2 * np.pi))
+        # Integrals over 2mθ want it to rise: a wave that swings back would count an angle twice.
+        if turns < 1 or np.any(np.diff(alpha) <= 0):
+            return None
+        last = int(np.searchsorted(alpha, alpha[0] + 2 * np.pi * turns))
+        rows = slice(0, min(last + 1, len(alpha)))
+        weight = _trapezium(alpha[rows], 2 * np.pi * turns) / (2 * np.pi * turns)
+        turned = float(run.turn_rad[len(weight) - 1] - run.turn_rad[0])
+        influence = _integrals(weight, w.angle[rows])
+        return cls(w, rows, run.time_s[rows], turned, turns, influence)
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def misfit(self, moved: Ellipse, p: Array) -> Array:
+        """Growth and quadrature (n each) less what p says of them, row by row, and the turning less
+        drift and −KΩ, in n pieces that sum to it."""
+        n, step, angle = len(self), np.diff(self.time_s), self.wave.angle
+        growth, quadrature, drift = _rates_less(moved, self.rows, p)
         scale_factor = p[5]
-        turning = np.full(n, scale_factor * turned / n)
+        turning = np.full(n, scale_factor * self.turned / n)
         turning[:-1] -= drift[:-1] * step / 2
         turning[1:] -= drift[1:] * step / 2
         turning[-1] += moved.angle[n - 1] - angle[0]
         turning[0] += angle[0] - moved.angle[0]
         return np.concatenate([growth, quadrature, turning])
 
+
+@dataclass(frozen=True)
+class _Solved:
+    """Where the six integrals vanish: p (6,), p one correction earlier, the integrals' slope by p
+    (6, 6), and what differences leave out (3n,)."""
+
+    p: Array
+    before: Array
+    slope: Array
+    left_out: Array | float
+
+
+def _solve_integrals(
+    data: _FullTurns, model: Callable[[Array], EnvelopeRun] | None, start: Array | None
+) -> _Solved:
+    """Newton's method on the six integrals, with the terms in a_B/a_A put back from the estimates
+    themselves; a model's own misfit at its own p is what central differences leave out."""
     p, before, slope = np.zeros(6), np.zeros(6), np.eye(6)
     left_out: Array | float = 0.0
     for trial in range(CORRECTIONS):
         before = p
         if model is not None and start is not None:
             at = np.append(p, 0.0) if trial else start
-            left_out = misfit(ellipse_of(model(at)), at[:6])
-        here = misfit(w, p) - left_out
+            left_out = data.misfit(ellipse_of(model(at)), at[:6])
+        here = data.misfit(data.wave, p) - left_out
         slope = np.stack(
-            [influence @ (misfit(w, p + e) - here - left_out) for e in np.eye(6)], axis=1
+            [data.influence @ (data.misfit(data.wave, p + e) - here - left_out) for e in np.eye(6)],
+            axis=1,
         )
-        if not turned:
+        if not data.turned:
             # Without a rate K has no equation: the matrix is made regular, and K is left out at the
             # end.
             slope[5, 5] = 1.0
-        p = p - np.linalg.solve(slope, influence @ here)
-    left = misfit(w, p) - left_out
+        p = p - np.linalg.solve(slope, data.influence @ here)
+    return _Solved(p, before, slope, left_out)
+
+
+def one_run(
+    run: EnvelopeRun,
+    model: Callable[[Array], EnvelopeRun] | None = None,
+    start: Array | None = None,
+) -> OneRun | None:
+    """What one run says; None without a full turn or when the wave does not turn one way."""
+    data = _FullTurns.of(run)
+    if data is None:
+        return None
+    solved, n = _solve_integrals(data, model, start), len(data)
+    left = data.misfit(data.wave, solved.p) - solved.left_out
     covariance, variance = noise_propagation.covariance(
         run,
-        lambda moved: misfit(ellipse_of(moved), p),
+        lambda moved: data.misfit(ellipse_of(moved), solved.p),
         np.tile(np.arange(n) - 1, 3),
         3,
-        -np.linalg.solve(slope, influence),
+        -np.linalg.solve(solved.slope, data.influence),
     )
     chi2 = float(np.sum(left[: 2 * n] ** 2 / variance[: 2 * n]))
     # By what growth and quadrature scatter beyond the noise; never below it, since a small χ² is
     # luck.
     covariance *= max(1.0, chi2 / (2 * n))
     std = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    change = float(np.max(np.abs(p - before) / std)) if model is not None else 0.0
-    full, whole = np.zeros((COUNT, COUNT)), np.append(p, 0.0)
+    change = float(np.max(np.abs(solved.p - solved.before) / std)) if model is not None else 0.0
+    full, whole = np.zeros((COUNT, COUNT)), np.append(solved.p, 0.0)
     full[:6, :6] = covariance
-    if not turned:
+    if not data.turned:
         whole[5] = np.nan
-    return OneRun(whole, full, float(turns), chi2, 2 * n, change)
+    return OneRun(whole, full, float(data.turns), chi2, 2 * n, change)
 
 
 def _trapezium(x: Array, length: float) -> Array:

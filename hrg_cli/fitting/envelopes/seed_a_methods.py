@@ -10,6 +10,7 @@ the rows as their noise asks."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -148,97 +149,105 @@ def fixed_axes_groups(run: EnvelopeRun, eliminate_rate: bool = False) -> Equatio
     return _fixed_axes(run, eliminate_rate, grouped=True)
 
 
+@dataclass(frozen=True)
+class _Products:
+    """The channels' products on the rows of a run, (n,) each: a_C², a_S² and x + jy = a_C a_S e^{jΔφ},
+    Δφ = φ_C − φ_S, with the rate."""
+
+    run: EnvelopeRun
+    x: Array
+    y: Array
+    c2: Array
+    s2: Array
+    rate: Array
+    """Rate that K multiplies, rad/s; 0 where it is eliminated."""
+    known: Array
+    """KΩ where it is eliminated, else 0, rad/s."""
+    size: Array
+    """What a row's noise is proportional to; infinite for rows that are left out."""
+
+    @classmethod
+    def of(cls, run: EnvelopeRun, eliminate_rate: bool, noise2: Array | float = 0.0) -> _Products:
+        """The products, the noise's own power `noise2` taken off the squares."""
+        cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
+        c2, s2 = (np.abs(run.envelope[:, k]) ** 2 - noise2 for k in (0, 1))
+        rate = table_rate(run)
+        known = -ellipse_of(run).angle_dot if eliminate_rate else np.zeros_like(rate)
+        if eliminate_rate:
+            rate = np.zeros_like(rate)
+        size = np.sqrt(np.maximum(c2 + s2, 1e-300))
+        return cls(run, cross.real, cross.imag, c2, s2, rate, known, size)
+
+    def _rows(self, columns: list[Array], target: Array) -> Equations:
+        return make_equations(self.run, columns, target, ~beside_gap(self.run.time_s), self.size)
+
+    def amplitudes(self) -> list[Equations]:
+        """½d(a_C²)/dt and ½d(a_S²)/dt."""
+        x, y, c2, s2, t, zero = (
+            self.x,
+            self.y,
+            self.c2,
+            self.s2,
+            self.run.time_s,
+            np.zeros_like(self.x),
+        )
+        return [
+            self._rows(
+                [-c2, -c2, -x, zero, y, self.rate * x, zero],
+                derivative(c2, t) / 2 - self.known * x,
+            ),
+            self._rows(
+                [-s2, s2, -x, zero, -y, -self.rate * x, zero],
+                derivative(s2, t) / 2 + self.known * x,
+            ),
+        ]
+
+    def cross_product(self) -> list[Equations]:
+        """d(a_C a_S e^{jΔφ})/dt, real and imaginary part."""
+        x, y, t, zero = self.x, self.y, self.run.time_s, np.zeros_like(self.x)
+        total, difference = self.c2 + self.s2, self.s2 - self.c2
+        return [
+            self._rows(
+                [-2 * x, zero, -total, -2 * y, zero, self.rate * difference, zero],
+                derivative(x, t) - self.known * difference,
+            ),
+            self._rows([-2 * y, zero, zero, 2 * x, difference, zero, zero], derivative(y, t)),
+        ]
+
+    def phase_difference(self, grouped: bool) -> tuple[_Products, Equations]:
+        """a_C a_S Δφ̇, and the products with Δφ as the equations take it.
+
+        `grouped`: Δφ is rounded to a multiple of π/2 where it is within `GROUP` of one; the other
+        rows weigh nothing.
+        """
+        x, y, t, zero = self.x, self.y, self.run.time_s, np.zeros_like(self.x)
+        product = np.sqrt(np.maximum(x**2 + y**2, 1e-300))
+        sin, cos = y / product, x / product
+        left = cos * derivative(y, t) - sin * derivative(x, t)
+        used = self
+        if grouped:
+            size = np.where(np.minimum(np.abs(sin), np.abs(cos)) < GROUP, self.size, np.inf)
+            sin, cos = np.round(sin), np.round(cos)
+            used = replace(self, x=product * cos, y=product * sin, size=size)
+        total, difference = self.c2 + self.s2, self.s2 - self.c2
+        columns = [zero, zero, sin * total, 2 * product, cos * difference]
+        return used, used._rows(
+            [*columns, -self.rate * sin * difference, zero],
+            left + self.known * sin * difference,
+        )
+
+
 def _fixed_axes(run: EnvelopeRun, eliminate_rate: bool, grouped: bool = False) -> Equations:
-    """The channels' products as they are, whole or in two groups."""
-    cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
-    return _channel_products(
-        run,
-        cross.real,
-        cross.imag,
-        np.abs(run.envelope[:, 0]) ** 2,
-        np.abs(run.envelope[:, 1]) ** 2,
-        eliminate_rate,
-        False,
-        grouped=grouped,
-    )
+    """Amplitudes and phase difference of the channels as they are, whole or in two groups."""
+    used, phase = _Products.of(run, eliminate_rate).phase_difference(grouped)
+    return join_equations([*used.amplitudes(), phase])
 
 
 def products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     """The same from the time averages 2⟨C²⟩, 2⟨S²⟩, 2⟨CS⟩, −2⟨C·S(t − t₃)⟩ alone, the noise's own
     power taken off; no A, B, θ is formed."""
-    noise = 2 * run.std**2
-    cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
-    c2, s2 = np.abs(run.envelope[:, 0]) ** 2 - noise, np.abs(run.envelope[:, 1]) ** 2 - noise
-    return _channel_products(run, cross.real, cross.imag, c2, s2, eliminate_rate, True)
-
-
-def _channel_products(
-    run: EnvelopeRun,
-    x: Array,
-    y: Array,
-    c2: Array,
-    s2: Array,
-    eliminate_rate: bool,
-    whole: bool,
-    grouped: bool = False,
-) -> Equations:
-    """½d(a_C²)/dt, ½d(a_S²)/dt and, `whole`, d(a_C a_S e^{jΔφ})/dt, else a_C a_S Δφ̇ alone; x + jy
-    = a_C a_S e^{jΔφ}.
-
-    `grouped`: Δφ is rounded to a multiple of π/2 where it is within `GROUP` of one; the other rows
-    weigh nothing.
-    """
-    t = run.time_s
-    keep = ~beside_gap(t)
-    rate = table_rate(run)
-    known, zero = np.zeros_like(rate), np.zeros_like(rate)
-    if eliminate_rate:
-        known, rate = -ellipse_of(run).angle_dot, zero
-    size = np.sqrt(np.maximum(c2 + s2, 1e-300))
-    product = np.sqrt(np.maximum(x**2 + y**2, 1e-300))
-    sin, cos = y / product, x / product
-    left = cos * derivative(y, t) - sin * derivative(x, t)
-    if grouped:
-        size = np.where(np.minimum(np.abs(sin), np.abs(cos)) < GROUP, size, np.inf)
-        sin, cos = np.round(sin), np.round(cos)
-        x, y = product * cos, product * sin
-    amplitude = [
-        make_equations(
-            run,
-            [-c2, -c2, -x, zero, y, rate * x, zero],
-            derivative(c2, t) / 2 - known * x,
-            keep,
-            size,
-        ),
-        make_equations(
-            run,
-            [-s2, s2, -x, zero, -y, -rate * x, zero],
-            derivative(s2, t) / 2 + known * x,
-            keep,
-            size,
-        ),
-    ]
-    total, difference = c2 + s2, s2 - c2
-    if whole:
-        in_phase = make_equations(
-            run,
-            [-2 * x, zero, -total, -2 * y, zero, rate * difference, zero],
-            derivative(x, t) - known * difference,
-            keep,
-            size,
-        )
-        quadrature = make_equations(
-            run, [-2 * y, zero, zero, 2 * x, difference, zero, zero], derivative(y, t), keep, size
-        )
-        return join_equations([*amplitude, in_phase, quadrature])
-    phase = make_equations(
-        run,
-        [zero, zero, sin * total, 2 * product, cos * difference, -rate * sin * difference, zero],
-        left + known * sin * difference,
-        keep,
-        size,
-    )
-    return join_equations([*amplitude, phase])
+    these = _Products.of(run, eliminate_rate, 2 * run.std**2)
+    return join_equations([*these.amplitudes(), *these.cross_product()])
 
 
 def increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:

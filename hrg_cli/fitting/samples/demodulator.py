@@ -3,7 +3,7 @@ rows with standard deviations."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,25 +11,15 @@ import numpy as np
 from ...errors import HrgError
 from ...records import FLAG_CLIPPED, Recording
 from .basis import WindowBasis, columns, window_basis
-from .envelope_motion import (
-    bend_power,
-    better_slopes,
-    curvatures,
-    motion_counts,
-    motion_residual,
-    pull_noise,
-    slopes,
-    take_off_pull,
-)
 from .frequency import bands, nuisances
 from .gaps import Gaps
-from .neighbours import from_neighbours
+from .signal_rows import Rows, Variances, empty_rows, write_signals
 from .spectrum import colour
+from .still_envelopes import MotionWithin, Still
 from .survey import Survey
 from .windows import Fits, energy, pooled_variance
 
 Array = np.ndarray
-Rows = dict[str, Array]
 
 CHUNK_SAMPLES, CHUNK_WINDOWS = (1 << 18, 1 << 20), 256
 """Samples, at least and at most, and windows in between, that share one local basis frequency."""
@@ -46,23 +36,8 @@ UNHELD_NOISE, UNHELD = 4.0, 0.01
 """Variance over the samples' noise, and rms over the wave's, above which what windows leave is a
 motion that they do not hold: a beat of whole turns a window looks still from one to the next."""
 
-PROBE = 16
-"""One row of so many tells whether the curvature within short windows is worth its correction."""
-
 MOVING_PERIODS = 3.0
 """From so many periods per window the basis holds t·cos, t·sin, which then cost no precision."""
-
-
-@dataclass(frozen=True)
-class Still:
-    """Envelopes (channels, windows, tones) without the pull of their motion within a window; the part
-    of the squared residual that the motion explains, by what taking it off raises the standard
-    deviation, and the variance that the doubt of the bend leaves; None where there is none."""
-
-    envelope: Array
-    known_residual2: Array | None
-    noisier: float
-    doubt2: Array | None
 
 
 @dataclass
@@ -130,6 +105,10 @@ class Demodulator:
     def takes_bends_off(self) -> bool:
         """Whether every window's bend is taken off; of shorter ones only where it counts."""
         return self.periods_asked >= MOVING_PERIODS
+
+    def empty(self, rows: int) -> Rows:
+        """A block's columns, to be filled."""
+        return empty_rows(rows, len(self.reference))
 
     def columns(self) -> int:
         """Unknowns of a window."""
@@ -243,31 +222,6 @@ class Demodulator:
             )
         return self._course[:rows] * np.exp(-2j * np.pi * np.fmod(start_s * self.reference, 1.0))
 
-    def _bends(self, u: Array, offset: Array, fits: Fits) -> bool:
-        """Whether the envelopes' curvature moves a short window by more than a tenth of its noise,
-        judged by one row of `PROBE`."""
-        pull2 = (
-            bend_power(u, offset, self.window_s, PROBE)
-            * float(np.abs(fits.curvature.alpha[::PROBE]).mean(0).max()) ** 2
-        )
-        freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[::PROBE]
-        variance = float(np.median(fits.variance[::PROBE]))
-        for k in range(2):
-            noise2 = fits.residual2[k, ::PROBE] / np.maximum(freedom, 1) * variance
-            noise2 = noise2[np.isfinite(noise2)]
-            if len(noise2) and pull2[k] > 0.01 * np.median(noise2):
-                return True
-        return False
-
-    def _keep_judged(self, u: Array, times: Array) -> Array:
-        """The envelopes (channel, rows, F), NaN where they are outside the run-down: a strike's
-        bend is not that of the rows beside it."""
-        if times[0] > self.judged_s[0] and times[-1] < self.judged_s[1]:
-            return u
-        return np.where(
-            ((times > self.judged_s[0]) & (times < self.judged_s[1]))[:, None], u, np.nan
-        )
-
     def learn_calm(self, seen: Sequence[tuple[Fits, Array, float, Array]]) -> None:
         """What windows leave at each look: their fits, centres (n,), local frequency, and the
         samples' own noise there (channels,)."""
@@ -287,13 +241,19 @@ class Demodulator:
         """Rms over the wave's of what windows of one look leave beside its noise (channels,), the
         motion that their neighbours foretell taken off."""
         turn = self.turns(float(times[0]), len(times))
-        still = self._take_motion_off(fits, fits.envelope * turn, turn, times, local_hz)
+        still = self._still(fits, turn, times, local_hz)
         known = 0.0 if still.known_residual2 is None else still.known_residual2
         left2 = np.nanmedian((fits.residual2 - known) / np.maximum(fits.freedom, 1), axis=1)
         wave2 = np.nanmedian((np.abs(fits.envelope) ** 2).sum((0, 2)) / 2)
         if left2.sum() <= UNHELD_NOISE * noise2.sum():
             return 0.0
         return float(np.sqrt((left2 - noise2).sum() / max(wave2, 1e-300)))
+
+    def _still(self, fits: Fits, turn: Array, times: Array, local_hz: float) -> Still:
+        """The windows' envelopes at the reference phase without their motion's pull."""
+        offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
+        within = MotionWithin(self.window_s, self.moving, self.takes_bends_off, self.judged_s)
+        return within.take_off(fits, fits.envelope * turn, turn, times, offset)
 
     def _count_bent(self, doubt: Array, std: Array) -> None:
         """Keep count of windows in which what the envelope's motion leaves uncorrected exceeds half
@@ -302,19 +262,6 @@ class Demodulator:
         self.bent += int(np.count_nonzero(bent))
         if bent.any():
             self.bent_by = max(self.bent_by, float(np.median(doubt[bent] / std[bent])))
-
-    def empty(self, rows: int) -> Rows:
-        """A block's columns, to be filled."""
-        signals = 4 * len(self.reference)
-        shapes = {
-            "time_s": (rows,),
-            "signals": (rows, signals),
-            "signals_std": (rows, signals),
-            "residual_rms": (rows, 2),
-        }
-        return {name: np.empty(shape) for name, shape in shapes.items()} | {
-            "flags": np.zeros(rows, "u1")
-        }
 
     def _widen_clipped(self, out: Rows, rows: slice, k: int, columns: slice) -> None:
         """Standard deviations of channel k's clipped windows without the colour's discount: a
@@ -330,14 +277,14 @@ class Demodulator:
         """Fill `rows` of a block from a chunk: reference phase, standard deviations; `keep` drops
         neighbours fitted only for the slopes."""
         turn = self.turns(float(times[0]), len(times))
-        still = self._take_motion_off(fits, fits.envelope * turn, turn, times, local_hz)
+        still = self._still(fits, turn, times, local_hz)
         self.follow(still.envelope[:, keep], float(times[0] + times[-1]) / 2)
         for k in range(2):
             sample2 = self._sample_variance(fits, still, k, keep)
             own = self._own_variance(fits, still, k, keep, sample2)
             unsure = 0.0 if still.doubt2 is None else still.doubt2[k, keep]
-            self._write_signals(
-                still.envelope[k, keep], turn[keep], sample2, own, unsure, out, rows, k
+            write_signals(
+                out, rows, k, still.envelope[k, keep], turn[keep], Variances(sample2, own, unsure)
             )
             samples = (
                 fits.samples if np.ndim(fits.samples) == 0 else np.maximum(fits.samples[keep], 1)
@@ -350,57 +297,6 @@ class Demodulator:
             tones = len(self.reference)
             self._widen_clipped(out, rows, k, slice(2 * k * tones, 2 * (k + 1) * tones))
         out["time_s"][rows] = times[keep]
-
-    def _take_motion_off(
-        self, fits: Fits, u: Array, turn: Array, times: Array, local_hz: float
-    ) -> Still:
-        """The envelopes u (channels, windows, tones) without what their slope, and where it is needed
-        their bend, within the window pulls them by; the slopes and bends come from the neighbours."""
-        residual2, known = fits.residual2, None
-        offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
-        slope = None if self.moving else self._seen_beside(slopes, u, offset)
-        if slope is not None and (fits.apart or motion_counts(residual2, slope, fits.slope)):
-            still = take_off_pull(u, slope, turn, fits.slope)
-            better = self._seen_beside(better_slopes, still, offset)
-            slope = slope if better is None else better
-            known = None if fits.apart else motion_residual(slope, turn, fits.slope)
-        if slope is not None:
-            u = take_off_pull(u, slope, turn, fits.slope)
-        bend = doubt = None
-        smooth = self._keep_judged(u, times)
-        if self.takes_bends_off or self._bends(smooth, offset, fits):
-            bends = from_neighbours(
-                lambda rows: curvatures(rows, offset, self.window_s), smooth, offset, self.window_s
-            )
-            bend, doubt = bends or (None, None)
-        noisier = (
-            pull_noise(fits.slope, fits.curvature, self.window_s)
-            if bend is not None
-            else pull_noise(fits.slope, None, self.window_s)
-        )
-        if bend is not None:
-            u = take_off_pull(u, bend, turn, fits.curvature)
-            if motion_counts(residual2, bend, fits.curvature):
-                known = motion_residual(bend, turn, fits.curvature) + (
-                    0.0 if known is None else known
-                )
-        doubt2 = None
-        if doubt is not None:
-            # a bend pulls by α times itself, and so does its doubt: the largest α serves all
-            doubt2 = (np.abs(fits.curvature.alpha).mean(0).max() * doubt) ** 2
-        return Still(u, known, noisier, doubt2)
-
-    def _seen_beside(
-        self, slope_of: Callable[[Array, Array, float], Array | None], u: Array, offset: Array
-    ) -> Array | None:
-        """The envelopes' slopes from their neighbours, past windows that hold no number."""
-
-        def motion(rows: Array) -> tuple[Array] | None:
-            slope = slope_of(rows, offset, self.window_s)
-            return None if slope is None else (slope,)
-
-        found = from_neighbours(motion, u, offset, self.window_s)
-        return None if found is None else found[0]
 
     def _sample_variance(self, fits: Fits, still: Still, k: int, keep: slice) -> Array:
         """Variance (windows, 1) of a channel's samples: pooled over windows, and no less than the
@@ -421,28 +317,3 @@ class Demodulator:
         # it below that
         white = self.least_variance(k) / np.nanmean(sample2) if np.isfinite(sample2).any() else 0.0
         return np.asarray(own * np.maximum(self._colour[k], white))
-
-    def _write_signals(
-        self,
-        u: Array,
-        turn: Array,
-        sample2: Array,
-        own: Array,
-        unsure: Array | float,
-        out: Rows,
-        rows: slice,
-        k: int,
-    ) -> None:
-        """A channel's signals, u (windows, tones) turned to the reference phase, with their standard
-        deviations."""
-        tones = len(self.reference)
-        # turned by β, the variances p of cos and q of sin become p cos²β + q sin²β and the reverse
-        p, q = own[:, 0::2], own[:, 1::2]
-        part = turn.real**2 * (p - q)
-        in_phase = slice(2 * k * tones, (2 * k + 1) * tones)
-        quadrature = slice((2 * k + 1) * tones, (2 * k + 2) * tones)
-        out["signals"][rows, in_phase] = u.real
-        # C = c_cos cos + c_sin sin is Re[(c_cos − j c_sin) e^{jωt}]
-        np.negative(u.imag, out=out["signals"][rows, quadrature])
-        np.sqrt(sample2 * (q + part) + unsure, out=out["signals_std"][rows, in_phase])
-        np.sqrt(sample2 * (p - part) + unsure, out=out["signals_std"][rows, quadrature])

@@ -9,9 +9,10 @@ import numpy as np
 
 from ...records import FLAG_CLIPPED, FLAG_NOT_FINITE
 from .basis import WindowBasis, window_basis
-from .demodulator import Demodulator, Rows
+from .demodulator import Demodulator
 from .envelope_motion import NEIGHBOURS, curvatures, motion_counts, slopes
 from .looks import Look
+from .signal_rows import Rows
 from .windows import Fits, fit_even, pool_rows
 
 Array = np.ndarray

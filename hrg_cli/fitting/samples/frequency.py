@@ -153,22 +153,11 @@ def refine(
     lag = count // 2
     sign = np.array([1.0]) if carrier_hz is None else np.array([-1.0, 1.0])
     even = np.allclose(steps, steps[0], rtol=1e-6)
+    y = y[:, : count * samples].reshape(-1, count, samples)
     for _ in range(rounds):
-        f = bands(frequency_hz, carrier_hz)
         # even sub-windows are alike about their middles: one basis serves all
-        some = slice(0, 1) if even else slice(None)
-        basis = [
-            columns(row - mid, f, nuisances(carrier_hz))
-            for row, mid in zip(t[some], centre[some], strict=True)
-        ]
-        inverse = np.linalg.pinv(np.stack(basis))[:, : 2 * len(f)]
-        fit = np.einsum(
-            "wan,cwn->cwa",
-            np.broadcast_to(inverse, (count, *inverse.shape[1:])),
-            y[:, : count * samples].reshape(-1, count, samples),
-        )
-        u = (fit[..., 0::2] - 1j * fit[..., 1::2]) * np.exp(
-            -2j * np.pi * np.multiply.outer(centre, np.asarray(f))
+        u = _sub_envelopes(
+            t, centre, y, bands(frequency_hz, carrier_hz), nuisances(carrier_hz), even
         )
         cross = (u[:, lag:] * u[:, : count - lag].conj()).sum((0, 1))
         # The lower side band turns against the oscillation.
@@ -178,6 +167,21 @@ def refine(
             + np.angle(cross) / (2 * np.pi * float(np.mean(centre[lag:] - centre[: count - lag])))
         )
     return frequency_hz
+
+
+def _sub_envelopes(
+    t: Array, centre: Array, y: Array, f: tuple[float, ...], beside: tuple[float, ...], alike: bool
+) -> Array:
+    """Envelopes (channels, windows, tones) of y (channels, windows, n) against e^{jωt}, fitted at the
+    times t (windows, n) about their centres (windows,); one basis for all where they are alike."""
+    some = slice(0, 1) if alike else slice(None)
+    basis = [columns(row - mid, f, beside) for row, mid in zip(t[some], centre[some], strict=True)]
+    inverse = np.linalg.pinv(np.stack(basis))[:, : 2 * len(f)]
+    fit = np.einsum("wan,cwn->cwa", np.broadcast_to(inverse, (len(centre), *inverse.shape[1:])), y)
+    return np.asarray(
+        (fit[..., 0::2] - 1j * fit[..., 1::2])
+        * np.exp(-2j * np.pi * np.multiply.outer(centre, np.asarray(f)))
+    )
 
 
 def _scan(time_s: Array, y: Array, frequency_hz: float, width_hz: float, rounds: int = 5) -> float:

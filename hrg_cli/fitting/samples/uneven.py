@@ -4,15 +4,17 @@ batched normal equations."""
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...errors import HrgError
 from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Recording
-from .basis import columns, pairs, pull, window_basis
-from .demodulator import Demodulator, Rows
+from .basis import Pull, columns, pairs, pull, window_basis
+from .demodulator import Demodulator
 from .envelope_motion import NEIGHBOURS
 from .gaps import Gaps
+from .signal_rows import Rows
 from .windows import Fits, pool_rows
 
 Array = np.ndarray
@@ -77,6 +79,47 @@ def _squares(columns: Array, starts: Array) -> Array:
     return np.asarray(np.add.reduceat(columns[:, :, None] * columns[:, None, :], starts, axis=0))
 
 
+@dataclass(frozen=True)
+class _Sums:
+    """Sums over the samples of each window, by which its least squares are solved."""
+
+    gram: Array  # AᵀA (windows, k, k)
+    cross: Array  # AᵀB (windows, k, ·)
+    square: Array  # Σy² (windows, channels)
+    samples: Array  # (windows,)
+    present: Array  # windows that hold samples
+    starts: Array  # their first samples
+
+    @classmethod
+    def of(cls, basis: Array, right: Array, y: Array, window: Array, rows: int) -> _Sums:
+        """Of samples (n,) whose windows do not decrease; a window without samples has zeros."""
+        k = basis.shape[1]
+        present, starts, count = np.unique(window, return_index=True, return_counts=True)
+        samples = np.zeros(rows, int)
+        samples[present] = count
+        gram, cross = np.zeros((rows, k, k)), np.zeros((rows, k, right.shape[1]))
+        square = np.zeros((rows, len(y)))
+        if len(present):
+            gram[present], cross[present] = _normal_equations(basis, right, starts)
+            square[present] = np.add.reduceat(y.T**2, starts, axis=0)
+        return cls(gram, cross, square, samples, present, starts)
+
+
+def _pull(motion: Array, sums: _Sums, fit: Array, cross: Array, good: Array) -> Pull:
+    """What a motion (n, tones) that the windows' fit does not hold makes of its coefficients and of
+    its residual; fit, cross: (windows, k, tones) of that motion."""
+    tones = motion.shape[1]
+    square2 = np.zeros((len(good), tones, tones))
+    if len(sums.present):
+        square2[sums.present] = _squares(motion, sums.starts)
+    # what the fit leaves of the motion's own squares: that part raises the residual
+    left = square2 - fit.transpose(0, 2, 1) @ cross
+    return pull(
+        np.where(good[:, None, None], fit[:, :tones], 0.0),
+        np.where(good[:, None, None], left, 0.0),
+    )
+
+
 def fit_uneven(
     time_s: Array,
     y: Array,
@@ -93,52 +136,30 @@ def fit_uneven(
     A window with fewer samples than unknowns + 1, or whose samples do not separate the unknowns,
     holds NaN.
     """
-    rows, tones = len(centre_s), 2 * len(frequency_hz)
+    channels, tones = len(y), 2 * len(frequency_hz)
     tau = time_s - centre_s[window]
     basis = columns(tau, frequency_hz, nuisance_hz, moving, width_s / 2)
     k = basis.shape[1]
     wanted = pairs(tau, frequency_hz)
     right = np.concatenate([y.T, tau[:, None] * wanted, tau[:, None] ** 2 / 2 * wanted], 1)
-    present, starts, samples_present = np.unique(window, return_index=True, return_counts=True)
-    samples = np.zeros(rows, int)
-    samples[present] = samples_present
-    gram, cross = np.zeros((rows, k, k)), np.zeros((rows, k, right.shape[1]))
-    square = np.zeros((rows, len(y)))
-    if len(present):
-        gram[present], cross[present] = _normal_equations(basis, right, starts)
-        square[present] = np.add.reduceat(y.T**2, starts, axis=0)
+    sums = _Sums.of(basis, right, y, window, len(centre_s))
     # beyond a condition of 1e6 the samples of a window do not separate its unknowns
-    values = np.linalg.eigvalsh(gram)
-    good = (samples > k) & (values[:, 0] > 1e-6 * values[:, -1])
-    gram[~good] = np.eye(k)
-    inverse = np.linalg.inv(gram)
-    fit = inverse @ cross
-    residual2 = np.maximum(
-        square - np.einsum("rkc,rkc->rc", fit[:, :, : len(y)], cross[:, :, : len(y)]), 0.0
-    )
-    envelope = np.moveaxis(
-        fit[:, 0:tones:2, : len(y)] - 1j * fit[:, 1:tones:2, : len(y)], -1, 0
-    ).copy()
+    values = np.linalg.eigvalsh(sums.gram)
+    good = (sums.samples > k) & (values[:, 0] > 1e-6 * values[:, -1])
+    inverse = np.linalg.inv(np.where(good[:, None, None], sums.gram, np.eye(k)))
+    fit = inverse @ sums.cross
+    own, cross = fit[:, :, :channels], sums.cross[:, :, :channels]
+    residual2 = np.maximum(sums.square - np.einsum("rkc,rkc->rc", own, cross), 0.0)
+    envelope = np.moveaxis(own[:, 0:tones:2] - 1j * own[:, 1:tones:2], -1, 0).copy()
     envelope[:, ~good] = np.nan
     residual2[~good] = np.nan
-    pulls = []
-    for first in (len(y), len(y) + tones):  # of a slope, of a bend
-        these = slice(first, first + tones)
-        square2 = np.zeros((rows, tones, tones))
-        if len(present):
-            square2[present] = _squares(right[:, these], starts)
-        # what the fit leaves of the motion's own squares: that part raises the residual
-        left = square2 - fit[:, :, these].transpose(0, 2, 1) @ cross[:, :, these]
-        pulls.append(
-            pull(
-                np.where(good[:, None, None], fit[:, :tones, these], 0.0),
-                np.where(good[:, None, None], left, 0.0),
-            )
-        )
-    variance = np.einsum("rkk->rk", inverse)[:, :tones]
-    return Fits(
-        envelope, residual2.T, np.maximum(samples - k, 1), samples, variance, pulls[0], pulls[1]
+    slope, bend = (
+        _pull(right[:, part], sums, fit[:, :, part], sums.cross[:, :, part], good)
+        for part in (slice(channels, channels + tones), slice(channels + tones, None))
     )
+    variance = np.einsum("rkk->rk", inverse)[:, :tones]
+    freedom = np.maximum(sums.samples - k, 1)
+    return Fits(envelope, residual2.T, freedom, sums.samples, variance, slope, bend)
 
 
 def _window_width(run: Demodulator, step: float) -> float:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .joint import TableSolution
+from .normal_pieces import TableSolution
 from .table_layout import TableLayout
 
 Array = np.ndarray

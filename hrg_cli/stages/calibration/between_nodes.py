@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from ...fitting.tables.joint import Fitted, TableSolution
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.normal_pieces import TableSolution
 from ...fourier import harmonic_basis, node_weights
 
 Array = np.ndarray

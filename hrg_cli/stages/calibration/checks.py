@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from ...fitting.tables.increment_noise import covariance_bands, whiten
-from ...fitting.tables.joint import Fitted, TableSolution, predict_turn
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.normal_pieces import TableSolution
+from ...fitting.tables.table_design import predict_turn
 
 Array = np.ndarray
 STRAY_PROBABILITY = 1e-6
@@ -24,53 +26,65 @@ def stray_harmonics(fitted: Fitted, solution: TableSolution) -> list[dict[str, A
     """
     from scipy.stats import chi2
 
-    layout, out = fitted.layout, []
+    out = []
     for order in (1, 3):
-        n, total, runs, power = order * layout.mode_number, 0.0, 0, 0.0
-        for path, turn, noise in zip(fitted.paths, fitted.turns, fitted.noises):
-            angle = path.middle(path.angle_rad)
-            if np.ptp(angle) < 2 * np.pi / layout.mode_number:
-                continue
-            travel = np.diff(path.angle_rad)
-            loss = np.sinc(n * travel / (2 * np.pi)) * np.sinc(
-                n * travel * path.middle(path.blur_s) / path.interval_s / (2 * np.pi)
-            )
-            odd = np.stack([np.cos(n * angle), np.sin(n * angle)], axis=1) * loss[:, None]
-            columns = (
-                np.concatenate([path.angle_basis(layout.drift_harmonics), odd], axis=1)
-                * path.interval_s[:, None]
-            )
-            residual = turn - predict_turn(
-                path, layout, solution.coefficients, solution.coefficients
-            )
-            white, _ = whiten(covariance_bands(path, noise), np.column_stack([columns, residual]))
-            found, _, rank, _ = np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=None)
-            if rank < white.shape[1] - 1:
-                continue
-            covariance = (
-                np.linalg.inv(white[:, :-1].T @ white[:, :-1])[-2:, -2:] * fitted.chi2_per_dof
-            )
-            total += float(found[-2:] @ np.linalg.solve(covariance, found[-2:]))
-            power += float(found[-2:] @ found[-2:] - np.trace(covariance))
-            runs += 1
-        if not runs:
+        n = order * fitted.layout.mode_number
+        found = [
+            one
+            for r in range(len(fitted.paths))
+            if (one := _odd_harmonic(fitted, solution, r, n)) is not None
+        ]
+        if not found:
             continue
-        probability = float(chi2.sf(total, 2 * runs))
-        amplitude = float(np.sqrt(max(power, 0.0) / runs))
-        out.append(
-            {
-                "harmonic": f"{n}θ",
-                "amplitude_rad_s": amplitude,
-                "p_value": probability,
-                "significant": probability < STRAY_PROBABILITY,
-                "sentence": (
-                    f"a stray harmonic {n}θ of {amplitude:.2e} rad/s is in the residual; it is not"
-                    " in the tables: look in the electronics for drive feed-through, an offset at"
-                    " the resonance or a parasitic force"
-                ),
-            }
-        )
+        total = sum(float(a @ np.linalg.solve(covariance, a)) for a, covariance in found)
+        # without what noise alone puts into a square
+        power = sum(float(a @ a - np.trace(covariance)) for a, covariance in found)
+        probability = float(chi2.sf(total, 2 * len(found)))
+        out.append(_table_of_stray(n, float(np.sqrt(max(power, 0.0) / len(found))), probability))
     return out
+
+
+def _odd_harmonic(
+    fitted: Fitted, solution: TableSolution, r: int, n: int
+) -> tuple[Array, Array] | None:
+    """Cosine and sine [rad/s] of nθ in run r's residual with their covariance (2, 2); None where the
+    wave turns too little to tell them from the even harmonics."""
+    layout, path = fitted.layout, fitted.paths[r]
+    angle = path.middle(path.angle_rad)
+    if np.ptp(angle) < 2 * np.pi / layout.mode_number:
+        return None
+    travel = np.diff(path.angle_rad)
+    # what the mean over an increment, and over the windows at its ends, leaves of a harmonic
+    loss = np.sinc(n * travel / (2 * np.pi)) * np.sinc(
+        n * travel * path.middle(path.blur_s) / path.interval_s / (2 * np.pi)
+    )
+    odd = np.stack([np.cos(n * angle), np.sin(n * angle)], axis=1) * loss[:, None]
+    even = path.angle_basis(layout.drift_harmonics)
+    columns = np.concatenate([even, odd], axis=1) * path.interval_s[:, None]
+    residual = fitted.turns[r] - predict_turn(
+        path, layout, solution.coefficients, solution.coefficients
+    )
+    bands = covariance_bands(path, fitted.noises[r])
+    white, _ = whiten(bands, np.column_stack([columns, residual]))
+    X = white[:, :-1]
+    found, _, rank, _ = np.linalg.lstsq(X, white[:, -1], rcond=None)
+    if rank < X.shape[1]:
+        return None
+    return found[-2:], np.linalg.inv(X.T @ X)[-2:, -2:] * fitted.chi2_per_dof
+
+
+def _table_of_stray(n: int, amplitude_rad_s: float, probability: float) -> dict[str, Any]:
+    return {
+        "harmonic": f"{n}θ",
+        "amplitude_rad_s": amplitude_rad_s,
+        "p_value": probability,
+        "significant": probability < STRAY_PROBABILITY,
+        "sentence": (
+            f"a stray harmonic {n}θ of {amplitude_rad_s:.2e} rad/s is in the residual; it is not"
+            " in the tables: look in the electronics for drive feed-through, an offset at"
+            " the resonance or a parasitic force"
+        ),
+    }
 
 
 def noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.joint import Fitted, chi_square
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.normal_pieces import chi_square
 from ...fitting.tables.table_layout import Model
 from ...records import Calibration, Wave
 from .accuracy_stages import list_first_stages
@@ -127,17 +128,9 @@ class Chosen:
         """What the record keeps of the answer itself."""
         fitted, answer, steps = self.fitted, self.answer, self.steps(draws, seed)
         solution, model = answer.tried.solution, answer.tried.model
-        inflation = self.inflation
         return {
             "scale_factor": self.scale_factor,
-            "figures": {
-                kind: {
-                    "before": steps[0][kind],
-                    "after": steps[-1][kind + "_used"],
-                    "held_out": steps[-1][kind],
-                }
-                for kind in ("drift", "scale")
-            },
+            "figures": {kind: _before_and_after(steps, kind) for kind in ("drift", "scale")},
             "harmonics": answer.limits[0],
             "scale_factor_harmonics": answer.limits[1],
             "ladder": steps,
@@ -152,25 +145,18 @@ class Chosen:
                 if model.start is None
                 else None
             ),
-            "interpolation_std": interpolation_doubt(fitted, solution, inflation, *answer.stored),
+            "interpolation_std": interpolation_doubt(
+                fitted, solution, self.inflation, *answer.stored
+            ),
             "measured": measured_details(
                 model.name,
                 fitted.layout,
                 solution.coefficients,
-                solution.covariance * inflation,
+                solution.covariance * self.inflation,
                 fitted.paths,
             ),
             "jumps_of_half_a_turn": fitted.jumps,
-            "runs": [
-                {
-                    "run_id": p.run_id,
-                    "rows": p.rows,
-                    "blocks": len(p) + 1,
-                    "white_rad": float(np.sqrt(n.white)),
-                    "walk_rad2_s": n.walk,
-                }
-                for p, n in zip(fitted.paths, fitted.noises)
-            ],
+            "runs": _noise_of_runs(fitted),
         }
 
     def record(
@@ -188,3 +174,23 @@ class Chosen:
             tried.model.name,
             details,
         )
+
+
+def _before_and_after(steps: Sequence[Mapping[str, Any]], kind: str) -> dict[str, Any]:
+    """Figures of the data as they came, of the data used, and of those left out."""
+    first, last = steps[0], steps[-1]
+    return {"before": first[kind], "after": last[kind + "_used"], "held_out": last[kind]}
+
+
+def _noise_of_runs(fitted: Fitted) -> list[dict[str, Any]]:
+    """Each run's white angle noise and angle random walk, of mθ."""
+    return [
+        {
+            "run_id": p.run_id,
+            "rows": p.rows,
+            "blocks": len(p) + 1,
+            "white_rad": float(np.sqrt(n.white)),
+            "walk_rad2_s": n.walk,
+        }
+        for p, n in zip(fitted.paths, fitted.noises)
+    ]

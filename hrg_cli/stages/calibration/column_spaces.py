@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.joint import Fitted, solve
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.normal_pieces import solve
 from ...fitting.tables.table_layout import Model
 
 Array = np.ndarray

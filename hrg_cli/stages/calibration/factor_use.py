@@ -9,7 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...fitting.tables.joint import Fitted, chi_square, held_out_chi_square, solve
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.normal_pieces import chi_square, held_out_chi_square, solve
 from ...fitting.tables.table_layout import Model
 from .accuracy_stages import LadderSettings, list_first_stages
 from .column_spaces import find_correlated, leave_out, measure_independence, take_along_nodes

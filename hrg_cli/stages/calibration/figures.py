@@ -17,7 +17,9 @@ import numpy as np
 
 from ...fitting.tables.increment_noise import covariance_bands
 from ...fitting.tables.increments import AnglePath
-from ...fitting.tables.joint import Fitted, design, piece_of, solve, stretches
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.normal_pieces import piece_of, solve
+from ...fitting.tables.table_design import design, stretches
 from ...fitting.tables.table_layout import Model
 from ...fourier import node_weights
 
@@ -55,60 +57,105 @@ def predictions(
     return whole, held
 
 
+@dataclass(frozen=True)
+class _RateLimits:
+    """Which rates speak of the drift and which of the scale factor, by the programme's own."""
+
+    fastest: float
+    """Largest rate of all runs, rad/s."""
+    slowest: float
+    """Smallest mean rate of a run, rad/s."""
+
+    @classmethod
+    def of(cls, paths: Sequence[AnglePath]) -> _RateLimits:
+        return cls(
+            max((float(np.abs(p.rate_rad_s).max()) for p in paths), default=0.0),
+            min((float(np.abs(p.rate_rad_s).mean()) for p in paths), default=0.0),
+        )
+
+    @property
+    def low(self) -> float:
+        """Rate up to which an increment speaks of the drift, rad/s."""
+        return max(0.1 * self.fastest, 1.05 * self.slowest)
+
+    def kind(self, rate: Array) -> Array:
+        """0 for the drift, 1 for the scale factor, 2 in between."""
+        fast = np.where(np.abs(rate) >= 0.5 * self.fastest, 1, 2)
+        return np.where(np.abs(rate) <= self.low, 0, fast)
+
+    @property
+    def leaves_between_out(self) -> bool:
+        """Whether increments in between are left out; where all runs turn alike there are none."""
+        return self.slowest < 0.5 * self.fastest
+
+
+def _residuals(
+    fitted: Fitted, r: int, whole: Array, held: Array, folds: Array
+) -> tuple[Array, Array]:
+    """m·Δθ (n, models) of run r less what the coefficients say: those of all data, and those of the
+    other folds."""
+    path = fitted.paths[r]
+    used = np.repeat(fitted.turns[r][:, None], whole.shape[1], axis=1)
+    unseen, piece = used.copy(), piece_of(len(path))
+    for rows in stretches(len(path)):
+        X = design(path, fitted.layout, fitted.solution.coefficients, rows)
+        used[rows] -= X @ whole
+        for s in np.unique(piece[rows]):
+            own = np.flatnonzero(piece[rows] == s)
+            unseen[rows.start + own] -= X[own] @ held[:, :, folds[r, s]]
+    return used, unseen
+
+
+def _cell_of_increments(fitted: Fitted, path: AnglePath, kind: Array) -> Array:
+    """A number (n,) for each increment's kind, node and sixteenth of the angle's period."""
+    nodes, period = fitted.layout.nodes, np.pi / path.mode_number
+    share = np.mod(_steady_angle(path), period) / period
+    angle = (share * CELLS_A_PERIOD).astype(int) % CELLS_A_PERIOD
+    node = np.argmax(node_weights(fitted.layout.abscissa(path), nodes), axis=1)
+    return np.asarray((kind * len(nodes) + node) * CELLS_A_PERIOD + angle)
+
+
+def _cells_of_run(
+    fitted: Fitted, r: int, residuals: tuple[Array, Array], limits: _RateLimits
+) -> tuple[Array, ...]:
+    """Of run r: mean residual rates used and unseen (c, models), their noise variance, rate, run."""
+    path = fitted.paths[r]
+    kind = limits.kind(path.rate_rad_s)
+    keys, place = np.unique(_cell_of_increments(fitted, path, kind), return_inverse=True)
+    time = np.bincount(place, path.interval_s)
+    bands = covariance_bands(path, fitted.noises[r])
+    together = place[1:] == place[:-1]
+    # neighbours in one cell share the noise of the angle between them
+    variance = np.bincount(place, bands[0]) + np.bincount(
+        place[1:][together], 2 * bands[1, :-1][together], minlength=len(keys)
+    )
+    of_kind = keys // (len(fitted.layout.nodes) * CELLS_A_PERIOD)
+    keep = time >= 0.2 * np.median(time)  # the rest of a turn is too short to count as a cell
+    if limits.leaves_between_out:
+        keep &= of_kind < 2
+    sums = [
+        np.stack([np.bincount(place, column) for column in table.T], axis=1)[keep]
+        / time[keep, None]
+        for table in residuals
+    ]
+    return (
+        *sums,
+        variance[keep] / time[keep] ** 2,
+        (np.bincount(place, path.rotation) / time)[keep],
+        np.full(int(keep.sum()), r),
+    )
+
+
 def cells(fitted: Fitted, whole: Array, held: Array, folds: Array) -> tuple[Cells, Cells]:
     """Cells of the residuals of the given coefficients: (used data, held-out data)."""
-    fastest = max((float(np.abs(p.rate_rad_s).max()) for p in fitted.paths), default=0.0)
-    slowest = min((float(np.abs(p.rate_rad_s).mean()) for p in fitted.paths), default=0.0)
-    low_limit = max(0.1 * fastest, 1.05 * slowest)
-    inside: list[tuple[Array, ...]] = []
-    for r, path in enumerate(fitted.paths):
-        used = np.repeat(fitted.turns[r][:, None], whole.shape[1], axis=1)
-        unseen = used.copy()
-        piece = piece_of(len(path))
-        for rows in stretches(len(path)):
-            X = design(path, fitted.layout, fitted.solution.coefficients, rows)
-            used[rows] -= X @ whole
-            for s in np.unique(piece[rows]):
-                own = np.flatnonzero(piece[rows] == s)
-                unseen[rows.start + own] -= X[own] @ held[:, :, folds[r, s]]
-        rate = path.rate_rad_s
-        kind = np.where(np.abs(rate) <= low_limit, 0, np.where(np.abs(rate) >= 0.5 * fastest, 1, 2))
-        period = np.pi / path.mode_number
-        angle = (np.mod(_steady_angle(path), period) / period * CELLS_A_PERIOD).astype(
-            int
-        ) % CELLS_A_PERIOD
-        node = np.argmax(node_weights(fitted.layout.abscissa(path), fitted.layout.nodes), axis=1)
-        keys, place = np.unique(
-            (kind * len(fitted.layout.nodes) + node) * CELLS_A_PERIOD + angle, return_inverse=True
-        )
-        time = np.bincount(place, path.interval_s)
-        bands = covariance_bands(path, fitted.noises[r])
-        together = place[1:] == place[:-1]
-        variance = np.bincount(place, bands[0]) + np.bincount(
-            place[1:][together], 2 * bands[1, :-1][together], minlength=len(keys)
-        )
-        of_kind = keys // (len(fitted.layout.nodes) * CELLS_A_PERIOD)
-        keep = (time >= 0.2 * np.median(time)) & (
-            of_kind < 2 if slowest < 0.5 * fastest else np.ones(len(keys), bool)
-        )
-        sums = [
-            np.stack([np.bincount(place, column) for column in table.T], axis=1)[keep]
-            / time[keep, None]
-            for table in (used, unseen)
-        ]
-        mean_rate = (np.bincount(place, path.rotation) / time)[keep]
-        inside.append(
-            (
-                *sums,
-                variance[keep] / time[keep] ** 2,
-                mean_rate,
-                np.full(int(keep.sum()), r),
-                of_kind[keep],
-            )
-        )
-    used, unseen, variance, rate, run, of_kind = (np.concatenate(part) for part in zip(*inside))
-    low = np.abs(rate) <= 1.01 * low_limit
-    high = (np.abs(rate) >= 0.45 * fastest) & (rate != 0)
+    limits = _RateLimits.of(fitted.paths)
+    inside = [
+        _cells_of_run(fitted, r, _residuals(fitted, r, whole, held, folds), limits)
+        for r in range(len(fitted.paths))
+    ]
+    used, unseen, variance, rate, run = (np.concatenate(part) for part in zip(*inside))
+    low = np.abs(rate) <= 1.01 * limits.low
+    high = (np.abs(rate) >= 0.45 * limits.fastest) & (rate != 0)
     common = {"variance": variance, "rate_rad_s": rate, "run": run, "low": low, "high": high}
     return Cells(used, **common), Cells(unseen, **common)
 

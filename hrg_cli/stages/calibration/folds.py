@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fitting.tables.joint import PIECES, Fitted, held_out_chi_square
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.normal_pieces import PIECES, held_out_chi_square
 from ...fitting.tables.table_layout import Model, TableLayout, roughness
 from .programme import examine
 from .variants import variant

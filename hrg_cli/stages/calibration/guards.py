@@ -20,7 +20,9 @@ import numpy as np
 from ...fitting.checks import Check, failures, goodness, holds, whiteness
 from ...fitting.tables.increment_noise import covariance_bands, whiten
 from ...fitting.tables.increments import AnglePath
-from ...fitting.tables.joint import Fitted, TableSolution, chi_square, predict_turn, solve
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.normal_pieces import TableSolution, chi_square, solve
+from ...fitting.tables.table_design import predict_turn
 from ...fitting.tables.table_layout import Model, TableLayout
 from .late_log import LATE
 from .noise_guards import noise_known

@@ -6,7 +6,8 @@ import numpy as np
 
 from ...fitting.checks import Check, at_most
 from ...fitting.tables.allan_terms import allan_terms
-from ...fitting.tables.joint import Fitted, predict_turn
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.table_design import predict_turn
 
 Array = np.ndarray
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.joint import Fitted, TableSolution
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.normal_pieces import TableSolution
 from ...fitting.tables.table_layout import TableLayout
 from ...fourier import harmonic_basis
 from ...records import Calibration, Wave

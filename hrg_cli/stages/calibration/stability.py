@@ -9,7 +9,8 @@ import numpy as np
 
 from ...fitting.checks import CHANCE
 from ...fitting.tables.increments import AnglePath
-from ...fitting.tables.joint import PIECES, Fitted, piece_of
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.normal_pieces import PIECES, piece_of
 from ...fitting.tables.table_layout import TableLayout
 
 Array = np.ndarray

@@ -9,59 +9,61 @@ from ...records import Calibration
 from ..rate_table import is_rate_table
 from ..rate_table import summary as table_summary
 
+OF_ANALYSIS = ("loops", "readout_matrix", "factors", "significant", "correlated", "false_rate")
+"""Keys of the ladder's final analysis."""
+WHERE_GIVEN = ("choice", "checks", "noise", "resonator", "rate_log", "stability")
+"""Keys that a calibration has where there is something to say."""
+OF_VARIANT = ("coefficients", "held_out_chi2_per_row", "passed", "why_not")
+
 
 def summary(record: Calibration) -> dict[str, Any]:
     """The JSON of a calibration (docs/reference/json.md)."""
     if is_rate_table(record):
         return table_summary(record)
     details = json.loads(record.details)
-    figures = details["figures"]
-    out = {
-        "drift_rms_rad_s": {
-            key: figures["drift"][key]["value"] for key in ("before", "after", "held_out")
-        },
-        "scale_factor_rms_ppm": {
-            key: figures["scale"][key]["value"] for key in ("before", "after", "held_out")
-        },
+    return {
+        "drift_rms_rad_s": _before_and_after(details["figures"]["drift"]),
+        "scale_factor_rms_ppm": _before_and_after(details["figures"]["scale"]),
         "harmonics": details["harmonics"],
         "scale_factor_harmonics": details["scale_factor_harmonics"],
         "scale_factor": details["scale_factor"],
         "model": record.model,
         "nodes": [float(n) for n in record.node],
         "held_out_by": details["held_out_by"],
-        "ladder": [
-            {"stage": s["stage"], **_values(s), **({"note": s["note"]} if "note" in s else {})}
-            for s in details.get("ladder", [])
-        ],
+        "ladder": [_step(s) for s in details.get("ladder", [])],
+        **{key: details[key] for key in ("trade", "hour") if key in details},
+        **_analysis(details),
+        **{key: details[key] for key in WHERE_GIVEN if details.get(key) is not None},
+        **_variants(details),
     }
-    out |= {key: details[key] for key in ("trade", "hour") if key in details}
-    if "final_analysis" in details:
-        analysis = details["final_analysis"]
-        out |= {
-            key: analysis[key]
-            for key in (
-                "loops",
-                "readout_matrix",
-                "factors",
-                "significant",
-                "correlated",
-                "false_rate",
-            )
-        }
-    out |= {
-        key: details[key]
-        for key in ("choice", "checks", "noise", "resonator", "rate_log")
-        if details.get(key) is not None
-    }
-    if details.get("stability") is not None:
-        out["stability"] = details["stability"]
-    if "variants" in details:
-        own = ("coefficients", "held_out_chi2_per_row", "passed", "why_not")
-        out["variants"] = [
-            {"model": s["stage"], **{key: s[key] for key in own}, **_values(s)}
+
+
+def _before_and_after(figure: dict[str, Any]) -> dict[str, float | None]:
+    return {key: figure[key]["value"] for key in ("before", "after", "held_out")}
+
+
+def _step(row: dict[str, Any]) -> dict[str, Any]:
+    """A stage of accuracy."""
+    note = {"note": row["note"]} if "note" in row else {}
+    return {"stage": row["stage"], **_values(row), **note}
+
+
+def _analysis(details: dict[str, Any]) -> dict[str, Any]:
+    if "final_analysis" not in details:
+        return {}
+    return {key: details["final_analysis"][key] for key in OF_ANALYSIS}
+
+
+def _variants(details: dict[str, Any]) -> dict[str, Any]:
+    """The models that were compared, where there were several."""
+    if "variants" not in details:
+        return {}
+    return {
+        "variants": [
+            {"model": s["stage"], **{key: s[key] for key in OF_VARIANT}, **_values(s)}
             for s in details["variants"]
         ]
-    return out
+    }
 
 
 def _values(row: dict[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ...fitting.tables.increments import AnglePath
-from ...fitting.tables.joint import Fitted, fit, solve
+from ...fitting.tables.joint import Fitted, fit
+from ...fitting.tables.normal_pieces import solve
 from ...fitting.tables.table_layout import Model, TableLayout
 from ...fourier import coefficients_at
 from .column_spaces import solve_columns

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...fitting.tables.joint import Fitted, TableSolution, chi_square, solve
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.normal_pieces import TableSolution, chi_square, solve
 from ...fitting.tables.shrinkage import (
     FEWER_SWEEPS,
     SWEEPS,

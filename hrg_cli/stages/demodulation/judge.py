@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...fitting.samples.demodulator import UNHELD, Demodulator, Rows
+from ...fitting.samples.demodulator import UNHELD, Demodulator
 from ...fitting.samples.run_down import RunDown
+from ...fitting.samples.signal_rows import Rows
 from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods
 from .log import WindowLog
 

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.envelopes.base_fit import Known, base_fit
+from ...fitting.envelopes.base_fit import base_fit
+from ...fitting.envelopes.base_freedom import Known
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from .modes import free_modes, one_channel
 from .outcome import Verdict

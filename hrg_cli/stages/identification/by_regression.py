@@ -11,7 +11,8 @@ import numpy as np
 
 from ...errors import HrgError
 from ...fitting import checks
-from ...fitting.envelopes.base_fit import Known, base_fit
+from ...fitting.envelopes.base_fit import base_fit
+from ...fitting.envelopes.base_freedom import Known
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
 from ...fitting.envelopes.regressions import Regression

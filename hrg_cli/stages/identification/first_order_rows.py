@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fitting.envelopes import coordinates, propagator
-from ...fitting.envelopes.base_fit import Known, freedom, nominal_scale_factor
+from ...fitting.envelopes.base_freedom import Known, freedom, nominal_scale_factor
 from ...fitting.envelopes.coordinates import SECOND_ORDER
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit, Freedom, fit
@@ -101,7 +101,7 @@ def _weigh_second_order(best: Fit) -> float:
         respond(data, State(np.append(best.p[:6], order), state.start, state.phase)).model
         for order in (0.0, 1.0)
     )
-    return float(np.linalg.norm((second - first) * data.weight[..., None]))
+    return float(np.linalg.norm(data.over_noise(second - first)))
 
 
 def _take_off_second_order(

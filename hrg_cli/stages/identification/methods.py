@@ -20,7 +20,7 @@ from ...fitting.envelopes import (
     regressions,
     rotation_integrals,
 )
-from ...fitting.envelopes.base_fit import Known
+from ...fitting.envelopes.base_freedom import Known
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
 from ...fitting.envelopes.regressions import Regression

@@ -51,22 +51,33 @@ def judge_modes(found: Sequence[Seen], reason: str) -> Verdict:
     """ν and δω (two modes), or ν and the laws of the amplitude (one): the runs' weighted mean,
     errors their own or their scatter; `reason` has a place {what} for what is given."""
     found = _agree_on_modes(found)
-    pair = found[0].two is not None
     mean, std = _average_runs(found)
     measured = any(s.run.phase_known for s in found)
-    names = ("frequency_hz", "damping_rate_1_s", "frequency_split_rad_s")[: 3 if pair else 2]
+    verdict = _open_verdict(found, mean, std, reason.format(what=_tell_given(found, measured)))
+    _tell_modes(verdict, found, mean, std)
+    verdict.suspect += [sentence for s in found if (sentence := _tell_cut(s))]
+    refusing, doubting = closing.check_bounds(verdict)
+    finite = bool(np.all(np.isfinite(mean)))
+    return closing.close_verdict(
+        verdict,
+        [*checks.check_fit(verdict.covariance, finite), *refusing],
+        [*_check_residuals(found), *doubting],
+    )
+
+
+def _open_verdict(found: Sequence[Seen], mean: Array, std: Array, reason: str) -> Verdict:
+    """The figures as a verdict, suspect for one reason: what is not given has no axes to stand on."""
+    names = ("frequency_hz", "damping_rate_1_s", "frequency_split_rad_s")[: len(mean)]
     covariance = np.zeros((7, 7))
     for name, error in zip(names, std, strict=False):
         covariance[ORDER.index(name), ORDER.index(name)] = error**2
-    chi2, dof = sum(s.chi2 for s in found), sum(s.dof for s in found)
     each = np.array([s.chi2 / s.dof for s in found])
-    reason = reason.format(what=_tell_given(found, measured))
-    verdict = Verdict(
+    return Verdict(
         values=dict(zip(names, map(float, mean), strict=False)),
         std=dict(zip(names, map(float, std), strict=False)),
         order=list(ORDER),
         covariance=covariance,
-        chi2_per_dof=chi2 / dof,
+        chi2_per_dof=sum(s.chi2 for s in found) / sum(s.dof for s in found),
         condition=float("nan"),
         run_chi2_per_dof=each,
         run_residual_rms=np.array(
@@ -77,26 +88,18 @@ def judge_modes(found: Sequence[Seen], reason: str) -> Verdict:
         suspect=[reason],
         mode_number=found[0].run.mode_number,
     )
-    _tell_modes(verdict, found, mean, std)
-    verdict.suspect += [sentence for s in found if (sentence := _tell_cut(s))]
-    refusing, doubting = closing.check_bounds(verdict)
-    model = "two modes leave" if pair else "one mode leaves"
-    return closing.close_verdict(
-        verdict,
-        [*checks.check_fit(covariance, bool(np.all(np.isfinite(mean)))), *refusing],
-        [
-            *checks.check_statistics(
-                chi2,
-                dof,
-                [s.residual() for s in found],
-                sentence=(
-                    f"χ²/dof = {chi2 / dof:.3g}: {model} more than the noise; the errors are"
-                    " inflated"
-                ),
-                coloured=f"what {model} is coloured; the errors are inflated by that",
-            ),
-            *doubting,
-        ],
+
+
+def _check_residuals(found: Sequence[Seen]) -> list[checks.Check]:
+    """Whether the modes leave no more than white noise."""
+    chi2, dof = sum(s.chi2 for s in found), sum(s.dof for s in found)
+    model = "two modes leave" if found[0].two is not None else "one mode leaves"
+    return checks.check_statistics(
+        chi2,
+        dof,
+        [s.residual() for s in found],
+        sentence=f"χ²/dof = {chi2 / dof:.3g}: {model} more than the noise; the errors are inflated",
+        coloured=f"what {model} is coloured; the errors are inflated by that",
     )
 
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...fitting.envelopes import axis_crossings, envelope_runs, propagator, working_mode
-from ...fitting.envelopes.base_fit import Known, check_runs
+from ...fitting.envelopes.base_fit import check_runs
+from ...fitting.envelopes.base_freedom import Known
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.free_windows import driven_and_free
 from ...fitting.envelopes.regressions import Regression
@@ -16,6 +17,8 @@ from ...records import Wave
 from .methods import name_parameters
 from .outcome import Verdict
 from .verdict import ORDER
+
+Array = np.ndarray
 
 
 def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
@@ -25,16 +28,33 @@ def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Ver
     apart = [driven_and_free(w, envelope_runs.from_wave(w, rate_rad_s)) for w in waves]
     driven, free = ([run for pair in apart for run in pair[k]] for k in (0, 1))
     check_runs(driven or free)
+    thin = _thin_out(driven or free)
+    found = working_mode.monitor(thin)
     # a record whose drive was off in between has several driven stretches
     stretches = [len(pair[0 if driven else 1]) for pair in apart]
-    thin = _thinned(driven or free)
-    found = working_mode.monitor(thin)
-    mode = thin[0].mode_number
-    vector = np.array(
-        [np.nan, found.value[3], found.value[4], found.value[1], found.value[2], np.nan, 0.0]
-    )
-    covariance = np.zeros((7, 7))
+    of_wave = np.repeat(np.arange(len(waves)), stretches)
+    rows = np.bincount(of_wave, [len(r) for r in thin], len(waves)).astype(int)
+    verdict = _open_verdict(found, thin, rows)
+    damping, covariance = float(found.value[0]), found.covariance
+    verdict.details = {
+        "quadrature_damping_1_s": {"value": damping, "std": float(np.sqrt(covariance[0, 0]))},
+        "quadrature_rms": found.quadrature_rms,
+        "damping_split_per_mhz_1_s": found.trap_1_s_per_mhz,
+        **_find_crossings(
+            thin if driven else [], free, damping, verdict.values, verdict.mode_number
+        ),
+    }
+    _say_limits(verdict, found)
+    return verdict
+
+
+def _open_verdict(found: working_mode.Monitor, thin: Sequence[EnvelopeRun], rows: Array) -> Verdict:
+    """What was monitored as a verdict; ν and K are no part of it. rows: windows of each wave."""
+    mode, nan = thin[0].mode_number, float("nan")
+    # (damping, δω cos, δω sin, νδμ cos, νδμ sin) of the monitor in the order of the coordinates
     order = [3, 4, 1, 2]
+    vector = np.array([nan, *found.value[order], nan, 0.0])
+    covariance = np.zeros((7, 7))
     covariance[1:5, 1:5] = found.covariance[np.ix_(order, order)]
     values, std, full = name_parameters(
         Regression(vector, covariance), mode, "working-mode", thin, Known()
@@ -46,31 +66,18 @@ def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Ver
         np.hypot(frequency.std(), np.hypot(found.value[1], found.value[2]) / (2 * np.pi))
     )
     full[0, 0] = std["frequency_hz"] ** 2
-    nan = np.full(len(waves), np.nan)
-    of_wave = np.repeat(np.arange(len(waves)), stretches)
-    verdict = Verdict(
-        values,
-        std,
-        list(ORDER),
-        full,
-        float("nan"),
-        float("nan"),
-        nan,
-        nan,
-        np.bincount(of_wave, [len(r) for r in thin], len(waves)).astype(int),
+    return Verdict(
+        values=values,
+        std=std,
+        order=list(ORDER),
+        covariance=full,
+        chi2_per_dof=nan,
+        condition=nan,
+        run_chi2_per_dof=np.full(len(rows), nan),
+        run_residual_rms=np.full(len(rows), nan),
+        run_rows=rows,
         mode_number=mode,
     )
-    verdict.details = {
-        "quadrature_damping_1_s": {
-            "value": float(found.value[0]),
-            "std": float(np.sqrt(found.covariance[0, 0])),
-        },
-        "quadrature_rms": found.quadrature_rms,
-        "damping_split_per_mhz_1_s": found.trap_1_s_per_mhz,
-        **_crossings(thin if driven else [], free, float(found.value[0]), values, mode),
-    }
-    _say_limits(verdict, found)
-    return verdict
 
 
 def _say_limits(verdict: Verdict, found: working_mode.Monitor) -> None:
@@ -93,7 +100,7 @@ def _say_limits(verdict: Verdict, found: working_mode.Monitor) -> None:
         )
 
 
-def _thinned(runs: Sequence[EnvelopeRun]) -> list[EnvelopeRun]:
+def _thin_out(runs: Sequence[EnvelopeRun]) -> list[EnvelopeRun]:
     """Some two thousand rows a run against its own mean frequency, averaged along a first guess of
     its motion; nobody decays."""
     p, offsets = propagator.guess_roughly(runs)
@@ -104,7 +111,7 @@ def _thinned(runs: Sequence[EnvelopeRun]) -> list[EnvelopeRun]:
     ]
 
 
-def _crossings(
+def _find_crossings(
     driven: Sequence[EnvelopeRun],
     free: Sequence[EnvelopeRun],
     quadrature_damping_1_s: float,
@@ -123,7 +130,7 @@ def _crossings(
     ]
     whole = working_mode.combined_axis(crossings, mode)
     if free:
-        thin = _thinned(free)
+        thin = _thin_out(free)
         found = axis_crossings.free_crossings(thin)
         several += axis_crossings.axes(found, thin)
         turned = axis_crossings.combine_estimates(found, mode)

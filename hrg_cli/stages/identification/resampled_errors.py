@@ -15,6 +15,8 @@ from .outcome import Verdict
 from .splits import state_splits
 from .verdict import ORDER
 
+Array = np.ndarray
+
 
 def profile_intervals(verdict: Verdict, runs: Sequence[EnvelopeRun]) -> dict[str, Any]:
     """Profile-likelihood intervals of the verdict's fit."""
@@ -41,7 +43,8 @@ def resample_errors(verdict: Verdict, draws: int, seed: int) -> None:
         )
     covariance, own = np.cov(table.T), np.cov(p.T)
     inference.widen_axes(covariance, own, verdict.fit.p, mode)
-    verdict.covariance[1:, 1:] = covariance
+    verdict.covariance = carry_frequency(verdict.covariance, covariance)
+    verdict.std["frequency_hz"] = float(np.sqrt(verdict.covariance[0, 0]))
     intervals = {}
     for row, name in enumerate(ORDER[1:]):
         if name in verdict.values:
@@ -56,3 +59,24 @@ def resample_errors(verdict: Verdict, draws: int, seed: int) -> None:
         "blocks_a_run": resampling.BLOCKS_A_RUN,
         "intervals": intervals,
     }
+
+
+def carry_frequency(before: Array, own: Array) -> Array:
+    """The covariance (7, 7) with that of all but the frequency replaced by `own` (6, 6).
+
+    No draw moves the runs' frequencies; how the mean frequency f follows the other parameters x is
+    kept: f = b·x + rest, b = C_fx C_xx⁻¹, with the rest's own variance. So correlations stay
+    within ±1 however few the draws.
+    """
+    std = np.sqrt(np.diag(before)[1:])
+    scale = np.where(std > 0, std, 1.0)
+    inverse = np.linalg.pinv(
+        before[1:, 1:] / np.outer(scale, scale), rcond=1e-9, hermitian=True
+    ) / np.outer(scale, scale)
+    follows = inverse @ before[1:, 0]
+    rest = max(0.0, float(before[0, 0] - follows @ before[1:, 0]))
+    out = np.empty_like(before)
+    out[1:, 1:] = own
+    out[0, 1:] = out[1:, 0] = own @ follows
+    out[0, 0] = follows @ own @ follows + rest
+    return out

@@ -14,7 +14,8 @@ import numpy as np
 
 from ...fitting import checks
 from ...fitting.envelopes import envelope_runs, inference, rate_offset
-from ...fitting.envelopes.base_fit import Known, base_fit, nominal_scale_factor
+from ...fitting.envelopes.base_fit import base_fit
+from ...fitting.envelopes.base_freedom import Known, nominal_scale_factor
 from ...fitting.envelopes.coordinates import DAMPING, SCALE_FACTOR
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...physics import ellipse

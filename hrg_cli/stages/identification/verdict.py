@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting import checks
 from ...fitting.envelopes import inference
-from ...fitting.envelopes.base_fit import Known, nominal_scale_factor, scale_factor_spread
+from ...fitting.envelopes.base_freedom import Known, nominal_scale_factor, scale_factor_spread
 from ...fitting.envelopes.coordinates import SCALE_FACTOR, SECOND_ORDER
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit

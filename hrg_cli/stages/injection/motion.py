@@ -20,7 +20,7 @@ from ...fitting.causes import extended_fit, fit_point, slow_equation, slow_predi
 from ...fitting.causes.coordinate_priors import CoordinatePriors
 from ...fitting.causes.fit_point import Point
 from ...fitting.causes.measured_runs import MeasuredRuns
-from ...fitting.envelopes.base_fit import nominal_scale_factor
+from ...fitting.envelopes.base_freedom import nominal_scale_factor
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
 from ...physics.resonator import exponential
 from ...records import Resonator, Wave

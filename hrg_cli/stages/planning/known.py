@@ -10,7 +10,7 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import HrgError
-from ...fitting.envelopes.base_fit import nominal_scale_factor
+from ...fitting.envelopes.base_freedom import nominal_scale_factor
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics, to_parameters
 from ...fitting.envelopes.resonator_spread import slope_covariance
 from ...physics.resonator import PARAMETERS, Mechanics

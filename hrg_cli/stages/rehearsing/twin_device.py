@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.envelopes.base_fit import nominal_scale_factor
+from ...fitting.envelopes.base_freedom import nominal_scale_factor
 from ...physics.resonator import Mechanics
 from ...records import Calibration, Resonator
 from ..earth_rate import earth_rate_of

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...effects.effect import Effect, Values
 from ...errors import HrgError
-from ...fitting.envelopes.base_fit import nominal_scale_factor
+from ...fitting.envelopes.base_freedom import nominal_scale_factor
 from ...fitting.envelopes.one_mode import DECAY_POWERS, FREQUENCY_POWERS
 from ...physics.plant import Readout, Samples, SlowState
 from ...physics.resonator import Mechanics

@@ -10,7 +10,7 @@ import numpy as np
 from ....fitting.causes.coordinate_priors import CoordinatePriors
 from ....fitting.causes.fit_point import Point
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.envelopes.base_fit import nominal_scale_factor
+from ....fitting.envelopes.base_freedom import nominal_scale_factor
 from ....fitting.envelopes.coordinates import DAMPING, FREQUENCY_SPLIT, SCALE_FACTOR, SECOND_ORDER
 from ....fitting.envelopes.envelope_runs import EnvelopeRun
 from ....records import Wave

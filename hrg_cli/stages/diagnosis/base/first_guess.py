@@ -20,7 +20,8 @@ from ....fitting.causes.designs import solve
 from ....fitting.causes.slow_equation import times
 from ....fitting.causes.wave_frame import real
 from ....fitting.envelopes import coordinates, propagator, rows
-from ....fitting.envelopes.base_fit import Known, freedom, start_from_propagator
+from ....fitting.envelopes.base_fit import start_from_propagator
+from ....fitting.envelopes.base_freedom import Known, freedom
 from ....fitting.envelopes.coordinates import COUNT, DAMPING, SCALE_FACTOR, SECOND_ORDER
 from ....fitting.envelopes.envelope_runs import EnvelopeRun
 from ....records import Wave

@@ -15,7 +15,7 @@ import numpy as np
 from ....fitting import checks
 from ....fitting.causes.extended_fit import ExtendedFit, along_wave
 from ....fitting.checks import Check
-from ....fitting.envelopes.base_fit import nominal_scale_factor
+from ....fitting.envelopes.base_freedom import nominal_scale_factor
 from ....physics import ellipse
 from ..drive.scatter import TOLD, Scatter
 from ..extended.written import Written

@@ -206,7 +206,7 @@ def _beating(tone: Tone, waves: Sequence[Wave]) -> dict[str, Any]:
     """
     longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
     vector = tone.mean if tone.common else tone.vector[0]
-    std = float(np.sum(tone.std**-2.0) ** -0.5) if tone.common else float(tone.std[0])
+    std = np.sum(tone.std**-2.0, axis=0) ** -0.5 if tone.common else tone.std[0]
     frequency_std = float(np.sqrt(12 / tone.gain) / (2 * np.pi * longest))
     turn = (
         np.pi * longest * frequency_std
@@ -214,8 +214,8 @@ def _beating(tone: Tone, waves: Sequence[Wave]) -> dict[str, Any]:
     parts = channel_parts(vector)
     beside = {"c_cos": "c_sin", "c_sin": "c_cos", "s_cos": "s_sin", "s_sin": "s_cos"}
     parameters = {
-        name: (float(v), float(np.hypot(std, parts[beside[name]] * turn)), "amplitude")
-        for name, v in parts.items()
+        name: (float(v), float(np.hypot(own, parts[beside[name]] * turn)), "amplitude")
+        for (name, v), own in zip(parts.items(), np.repeat(std, 2), strict=True)
     }
     parameters["frequency_hz"] = (tone.frequency_hz, frequency_std, "Hz")
     return entry(mains_tone.EFFECT, float(np.sqrt(tone.gain)), parameters, tone.gain) | {

@@ -28,6 +28,7 @@ from ....fitting.causes.sensitivities import propagation
 from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.wave_frame import real
 from ....fitting.causes.whitened_rows import design_of, layout_of
+from ....fitting.envelopes import channel_noise
 from ....physics import ellipse
 from ..fits.refits import leave_out
 from ..thresholds import WORTH
@@ -68,7 +69,8 @@ class Errors:
     4), relative wave errors (k, 4).
 
     `parts`: δmθ, δ ln a, δr and δφ (k, 4); `learned` (k, 4, m): what one σ of each of m
-    combinations of the parameters moves the errors by; weight (k,): 1/σ of the rows.
+    combinations of the parameters moves the errors by; weight (k,): 1/σ of the rows; whitening (k,
+    2, 2): of the channels' noise in each, None where both have the same.
     """
 
     run: Array
@@ -77,6 +79,7 @@ class Errors:
     parts: Array
     learned: Array
     weight: Array
+    whitening: Array | None = None
 
     @property
     def square(self) -> Array:
@@ -89,13 +92,18 @@ class Errors:
 
         A proper score (Good 1952): what a forecast does not know counts neither for it nor against.
         """
-        e = (self.difference * self.weight[:, None]).ravel()
-        M = (self.learned * self.weight[:, None, None]).reshape(len(e), -1)
+        e = self._over_noise(self.difference[..., None]).ravel()
+        M = self._over_noise(self.learned).reshape(len(e), -1)
         known = np.eye(M.shape[1]) + M.T @ M / misfit
         along = M.T @ e / misfit
         return float(
             e @ e / misfit - along @ np.linalg.solve(known, along) + np.linalg.slogdet(known)[1]
         )
+
+    def _over_noise(self, values: Array) -> Array:
+        """Values (k, 4, m) of the rows over their noise."""
+        white = channel_noise.whiten_reals(self.whitening, values[:, None])[:, 0]
+        return white * self.weight[:, None, None]
 
     def drawn(self, random: np.random.Generator) -> Array:
         """e had the training taught something else within its own uncertainty, (k, DRAWS)."""
@@ -208,7 +216,11 @@ def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
             learned = design_of(propagation(prediction), fit.layout).whole() @ _root(fit.covariance)
     run, row = np.argwhere(series.weight > 0).T
     weight = series.weight[run, row]
-    learned = learned.reshape(len(run), 4, -1) / weight[:, None, None]
+    whitening = None if series.whitening is None else series.whitening[run]
+    learned = channel_noise.whiten_reals(
+        channel_noise.inverse(whitening), learned.reshape(len(run), 1, 4, -1)
+    )[:, 0]
+    learned = learned / weight[:, None, None]
     measured, said = series.envelope[run, row], prediction.seen[run, row]
     misfit = max(
         1.0, fit.chi2 / fit.dof
@@ -221,6 +233,7 @@ def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
         parts,
         np.sqrt(misfit) * learned,
         weight,
+        whitening,
     )
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.envelopes.base_fit import nominal_scale_factor
+from ....fitting.envelopes.base_freedom import nominal_scale_factor
 from ....records import Wave
 from ..samples.lines import frequency_of
 from ..thresholds import GROSS

@@ -1,0 +1,79 @@
+"""What of the linear gyro is fitted, what is held because it is known, and how widely a direction
+may move of which the runs say nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .coordinates import COORDINATES, COUNT, DAMPING, FREQUENCY_SPLIT
+from .likelihood import Freedom, free_coordinates
+
+Array = np.ndarray
+WIDTH = {"damping": 2.0, "split": 30.0, "scale_factor": 3.0}
+"""Standard deviations of the priors that keep a direction without information finite, in natural
+scales."""
+
+
+def nominal_scale_factor(mode_number: int) -> float:
+    """K where it is neither known nor measurable: 1 for a Foucault pendulum (m = 1), 0.55 for a
+    shell."""
+    return 1.0 if mode_number == 1 else 0.55
+
+
+def scale_factor_spread(mode_number: int) -> float:
+    """Standard deviation to which the nominal K is known: shells and rings have 0.25 to 0.85, a
+    pendulum 1 but for its pivot."""
+    return 0.05 if mode_number == 1 else 0.2
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is held instead of fitted: K, and the axes (physical angles) of damping and stiffness;
+    None: fitted."""
+
+    scale_factor: float | None = None
+    damping_axis_rad: float | None = None
+    stiffness_axis_rad: float | None = None
+
+
+def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
+    """What is fitted, with weak priors sized by a first estimate p (7,); a known axis leaves its
+    split's size alone."""
+    base = free_coordinates(COORDINATES, np.zeros(COUNT))
+    directions, origin = base.directions.copy(), np.zeros(COUNT)
+    damping = max(abs(float(p[DAMPING])), 0.01 / span_s)
+    split = max(float(np.hypot(*p[FREQUENCY_SPLIT])), damping, 1 / span_s)
+    mean = np.array([p[DAMPING], 0, 0, 0, 0, nominal_scale_factor(mode_number), 0.5])
+    # the last is 0 or 1: mean and spread of the two
+    std = np.array(
+        [np.inf]
+        + [WIDTH["damping"] * damping] * 2
+        + [WIDTH["split"] * split] * 2
+        + [WIDTH["scale_factor"], 0.5]
+    )
+    keep = np.ones(COUNT, bool)
+    for first, axis in ((1, known.damping_axis_rad), (3, known.stiffness_axis_rad)):
+        if axis is not None:
+            alpha = 2 * mode_number * axis
+            directions[first : first + 2, first] = np.cos(alpha), np.sin(alpha)
+            keep[first + 1] = False
+    if known.scale_factor is not None:
+        origin[5], keep[5] = known.scale_factor, False
+    return Freedom(
+        tuple(np.array(COORDINATES)[keep]), origin, directions[:, keep], mean[keep], std[keep]
+    )
+
+
+def without_second_order(space: Freedom, value: float = 1.0) -> Freedom:
+    """The same freedom with the second-order correction held; it is the last coordinate."""
+    origin = space.origin.copy()
+    origin[6] = value
+    return Freedom(
+        space.names[:-1],
+        origin,
+        space.directions[:, :-1],
+        space.prior_mean[:-1],
+        space.prior_std[:-1],
+    )

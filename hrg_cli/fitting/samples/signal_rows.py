@@ -1,0 +1,54 @@
+"""Rows of signals: the columns of a block of windows, and how a channel's are written into them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+Rows = dict[str, Array]
+
+
+def empty_rows(rows: int, tones: int) -> Rows:
+    """A block's columns, to be filled: cos and sin of both channels for each tone."""
+    shapes = {
+        "time_s": (rows,),
+        "signals": (rows, 4 * tones),
+        "signals_std": (rows, 4 * tones),
+        "residual_rms": (rows, 2),
+    }
+    return {name: np.empty(shape) for name, shape in shapes.items()} | {
+        "flags": np.zeros(rows, "u1")
+    }
+
+
+@dataclass(frozen=True)
+class Variances:
+    """What makes the standard deviations of a channel's signals."""
+
+    sample2: Array
+    """Of one sample, (windows, 1), unit²."""
+    own: Array
+    """Of the coefficients cos, sin of each tone in that of one sample, (windows or 1, 2 tones)."""
+    unsure: Array | float
+    """Of the doubt about the bend, (windows, tones), unit²."""
+
+
+def write_signals(
+    out: Rows, rows: slice, channel: int, u: Array, turn: Array, variances: Variances
+) -> None:
+    """A channel's signals, u (windows, tones) turned to the reference phase by `turn`, with their
+    standard deviations."""
+    tones, k = u.shape[1], channel
+    # turned by β, the variances p of cos and q of sin become p cos²β + q sin²β and the reverse
+    p, q = variances.own[:, 0::2], variances.own[:, 1::2]
+    part = turn.real**2 * (p - q)
+    in_phase = slice(2 * k * tones, (2 * k + 1) * tones)
+    quadrature = slice((2 * k + 1) * tones, (2 * k + 2) * tones)
+    out["signals"][rows, in_phase] = u.real
+    # C = c_cos cos + c_sin sin is Re[(c_cos − j c_sin) e^{jωt}]
+    np.negative(u.imag, out=out["signals"][rows, quadrature])
+    sample2, unsure = variances.sample2, variances.unsure
+    np.sqrt(sample2 * (q + part) + unsure, out=out["signals_std"][rows, in_phase])
+    np.sqrt(sample2 * (p - part) + unsure, out=out["signals_std"][rows, quadrature])

@@ -1,0 +1,139 @@
+"""Envelopes without what their own motion within a window pulls them by.
+
+A window's fit takes the envelope for constant (or for a straight line); a slope or a bend that it does
+not hold moves the coefficients by a known factor times itself (`basis.pull`), and slope and bend are
+known from the neighbouring windows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .envelope_motion import (
+    bend_power,
+    better_slopes,
+    curvatures,
+    motion_counts,
+    motion_residual,
+    pull_noise,
+    slopes,
+    take_off_pull,
+)
+from .neighbours import from_neighbours
+from .windows import Fits
+
+Array = np.ndarray
+
+PROBE = 16
+"""One row of so many tells whether the curvature within short windows is worth its correction."""
+
+
+@dataclass(frozen=True)
+class Still:
+    """Envelopes (channels, windows, tones) without the pull of their motion within a window; the part
+    of the squared residual that the motion explains, by what taking it off raises the standard
+    deviation, and the variance that the doubt of the bend leaves; None where there is none."""
+
+    envelope: Array
+    known_residual2: Array | None
+    noisier: float
+    doubt2: Array | None
+
+
+@dataclass(frozen=True)
+class MotionWithin:
+    """How the motion within windows is taken off: their length, whether their fit holds the slope,
+    whether every bend counts."""
+
+    window_s: float
+    moving: bool
+    """Whether the fit holds t·cos, t·sin."""
+    takes_bends_off: bool
+    """Whether every window's bend is taken off; of shorter ones only where it counts."""
+    judged_s: tuple[float, float]
+    """Times between which the envelope's motion is judged: of a struck body, its run-down."""
+
+    def take_off(self, fits: Fits, u: Array, turn: Array, times: Array, offset: Array) -> Still:
+        """The envelopes u (channels, windows, tones) without what their slope, and where it is
+        needed their bend, within the window pulls them by.
+
+        turn: by what u was turned to the reference phase, (windows, tones); times: centres
+        (windows,), s; offset: of the basis from the reference (tones,), rad/s.
+        """
+        smooth, known = self._take_slope_off(fits, u, turn, offset)
+        bend = doubt = None
+        judged = self._keep_judged(smooth, times)
+        if self.takes_bends_off or self._bends(judged, offset, fits):
+            bends = from_neighbours(
+                lambda rows: curvatures(rows, offset, self.window_s), judged, offset, self.window_s
+            )
+            bend, doubt = bends or (None, None)
+        noisier = pull_noise(
+            fits.slope, fits.curvature if bend is not None else None, self.window_s
+        )
+        if bend is not None:
+            smooth = take_off_pull(smooth, bend, turn, fits.curvature)
+            if motion_counts(fits.residual2, bend, fits.curvature):
+                more = motion_residual(bend, turn, fits.curvature)
+                known = more + (0.0 if known is None else known)
+        doubt2 = None
+        if doubt is not None:
+            # a bend pulls by α times itself, and so does its doubt: the largest α serves all
+            doubt2 = (np.abs(fits.curvature.alpha).mean(0).max() * doubt) ** 2
+        return Still(smooth, known, noisier, doubt2)
+
+    def _take_slope_off(
+        self, fits: Fits, u: Array, turn: Array, offset: Array
+    ) -> tuple[Array, Array | None]:
+        """The envelopes without the pull of their slopes, and the part of the squared residual that
+        these explain where they count; as they are where the fit holds the slopes."""
+        slope = None if self.moving else self._seen_beside(slopes, u, offset)
+        if slope is None:
+            return u, None
+        known = None
+        if fits.apart or motion_counts(fits.residual2, slope, fits.slope):
+            still = take_off_pull(u, slope, turn, fits.slope)
+            better = self._seen_beside(better_slopes, still, offset)
+            slope = slope if better is None else better
+            known = None if fits.apart else motion_residual(slope, turn, fits.slope)
+        return take_off_pull(u, slope, turn, fits.slope), known
+
+    def _seen_beside(
+        self, slope_of: Callable[[Array, Array, float], Array | None], u: Array, offset: Array
+    ) -> Array | None:
+        """The envelopes' slopes from their neighbours, past windows that hold no number."""
+
+        def motion(rows: Array) -> tuple[Array] | None:
+            slope = slope_of(rows, offset, self.window_s)
+            return None if slope is None else (slope,)
+
+        found = from_neighbours(motion, u, offset, self.window_s)
+        return None if found is None else found[0]
+
+    def _bends(self, u: Array, offset: Array, fits: Fits) -> bool:
+        """Whether the envelopes' curvature moves a short window by more than a tenth of its noise,
+        judged by one row of `PROBE`."""
+        pull2 = (
+            bend_power(u, offset, self.window_s, PROBE)
+            * float(np.abs(fits.curvature.alpha[::PROBE]).mean(0).max()) ** 2
+        )
+        freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[::PROBE]
+        variance = float(np.median(fits.variance[::PROBE]))
+        for k in range(2):
+            noise2 = fits.residual2[k, ::PROBE] / np.maximum(freedom, 1) * variance
+            noise2 = noise2[np.isfinite(noise2)]
+            if len(noise2) and pull2[k] > 0.01 * np.median(noise2):
+                return True
+        return False
+
+    def _keep_judged(self, u: Array, times: Array) -> Array:
+        """The envelopes (channel, rows, F), NaN where they are outside the run-down: a strike's
+        bend is not that of the rows beside it."""
+        if times[0] > self.judged_s[0] and times[-1] < self.judged_s[1]:
+            return u
+        return np.where(
+            ((times > self.judged_s[0]) & (times < self.judged_s[1]))[:, None], u, np.nan
+        )

@@ -1,0 +1,135 @@
+"""Normal equations of many runs in pieces of time, and the least squares made of their sums.
+
+A fold or a group of runs is a sum of pieces; a model is a matrix that maps its own coefficients to
+the full set. Held-out fits are then small linear algebra, with no second pass over the rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .increment_noise import AngleNoise, Whitener, covariance_bands
+from .increments import AnglePath
+from .table_design import design, stretches
+from .table_layout import Model, TableLayout
+
+Array = np.ndarray
+PIECES = 5
+"""Pieces of time a run is cut into."""
+
+
+LEAST_SEEN = 1e-10
+"""Eigenvalue of the scaled normal matrix below which the data do not see a direction."""
+
+
+@dataclass
+class Pieces:
+    """Normal equations of R runs × S pieces: information (R, S, P, P), vector (R, S, P), square (R,
+    S), rows (R, S), fold (R, S)."""
+
+    information: Array
+    vector: Array
+    square: Array
+    rows: Array
+
+    def sum(self, where: Array | None = None) -> tuple[Array, Array, float, int]:
+        """(A, b, y², n) of the chosen pieces (R, S) bool or weights; all by default."""
+        if where is None:
+            where = np.ones(self.square.shape)
+        w = np.asarray(where, float)
+        return (
+            np.tensordot(w, self.information, axes=2),
+            np.tensordot(w, self.vector, axes=2),
+            float((w * self.square).sum()),
+            int((w * self.rows).sum()),
+        )
+
+
+def piece_of(length: int) -> Array:
+    """Piece of each increment (n,), contiguous in time."""
+    return np.arange(length) * PIECES // max(length, 1)
+
+
+def accumulate(
+    paths: Sequence[AnglePath],
+    noises: Sequence[AngleNoise],
+    layout: TableLayout,
+    turns: Sequence[Array],
+    previous: Array | None = None,
+) -> Pieces:
+    """Whitened normal equations of all runs. turns: m·Δθ of each run."""
+    shape = (len(paths), PIECES)
+    pieces = Pieces(
+        np.zeros((*shape, layout.size, layout.size)),
+        np.zeros((*shape, layout.size)),
+        np.zeros(shape),
+        np.zeros(shape, int),
+    )
+    for r, (path, noise, turn) in enumerate(zip(paths, noises, turns)):
+        piece = piece_of(len(path))
+        whitener = Whitener(covariance_bands(path, noise))
+        for rows in stretches(len(path)):
+            white = whitener.next(
+                np.column_stack([design(path, layout, previous, rows), turn[rows]])
+            )
+            for s in np.unique(piece[rows]):
+                own = white[piece[rows] == s]
+                X, y = own[:, :-1], own[:, -1]
+                pieces.information[r, s] += X.T @ X
+                pieces.vector[r, s] += X.T @ y
+                pieces.square[r, s] += y @ y
+                pieces.rows[r, s] += len(y)
+    return pieces
+
+
+@dataclass(frozen=True)
+class TableSolution:
+    """Coefficients in the full set, their covariance and the effective number of coefficients."""
+
+    coefficients: Array
+    covariance: Array
+    degrees: float
+
+
+def solve(
+    information: Array, vector: Array, model: Model, penalty: Array | None = None
+) -> TableSolution:
+    """Least squares in a model's space; directions the data do not see (scaled eigenvalue <
+    `LEAST_SEEN`) stay at zero."""
+    M = model.matrix
+    start = np.zeros(len(vector)) if model.start is None else model.start
+    A, b = M.T @ information @ M, M.T @ (vector - information @ start)
+    data = A
+    if penalty is not None:
+        A = A + M.T @ penalty @ M
+        b = b - M.T @ penalty @ start
+    # D in rad/s and K without unit: a rank is judged on a matrix with a diagonal of ones.
+    scale = np.sqrt(np.maximum(np.diag(A), 0))
+    scale[scale == 0] = 1.0
+    values, vectors = np.linalg.eigh(A / np.outer(scale, scale))
+    seen = values > LEAST_SEEN
+    inverse = np.where(seen, 1 / np.where(seen, values, 1.0), 0.0)
+    covariance = (vectors * inverse) @ vectors.T / np.outer(scale, scale)
+    return TableSolution(
+        start + M @ (covariance @ b), M @ covariance @ M.T, float(np.trace(covariance @ data))
+    )
+
+
+def chi_square(information: Array, vector: Array, square: float, coefficients: Array) -> float:
+    """Σ of whitened residuals squared for given coefficients."""
+    return float(square - 2 * vector @ coefficients + coefficients @ information @ coefficients)
+
+
+def held_out_chi_square(
+    pieces: Pieces, folds: Array, model: Model, penalty: Array | None = None
+) -> float:
+    """Σ over folds of the whitened residuals squared, each fold predicted from the others."""
+    A, b, _, _ = pieces.sum()
+    total = 0.0
+    for f in range(int(folds.max()) + 1):
+        A_f, b_f, square, _ = pieces.sum(folds == f)
+        total += chi_square(A_f, b_f, square, solve(A - A_f, b - b_f, model, penalty).coefficients)
+    return total

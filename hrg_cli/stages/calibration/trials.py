@@ -1,0 +1,154 @@
+"""What is tried on the prepared runs: everything at once, which tells the noise, then each model of the
+drift that the runs and resonators can give."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...errors import HrgError
+from ...fitting.checks import failures
+from ...fitting.tables.increments import AnglePath
+from ...fitting.tables.joint import Fitted, fit
+from ...fitting.tables.table_layout import TableLayout
+from ...records import Resonator
+from .choice import TriedVariant, answers, choose_best, explain_choice, list_possible
+from .chosen import Chosen
+from .comparison import compare_variants
+from .factors import build
+from .late_log import Lateness, follow
+from .preparation import PreparedRuns
+from .resonators import ResonatorCoefficients, pool_resonators
+from .variant_solutions import Wanted
+from .variants import FACTORS
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class FullFit:
+    """The runs fitted with every table, measured part and suspected cause free: what is left is the
+    noise at which each variant is judged."""
+
+    fitted: Fitted
+    free: list[AnglePath]
+    """Free runs, in the rate log's time as found."""
+    late: Lateness | None
+    factors: Mapping[str, Any]
+    layout: TableLayout
+
+
+def fit_everything(
+    runs: PreparedRuns, limits: tuple[int, int], axis: str, interpolation: str
+) -> FullFit:
+    """Prepared runs with all that may be in them, and the lateness of their rate log."""
+    factors, widths = build(runs.forced, runs.nodes, axis, interpolation, FACTORS)
+    mode_number = runs.usable.waves[0].mode_number
+    layout = TableLayout(runs.nodes, axis, mode_number, *limits, interpolation, factors, widths)
+    fitted, free, late = follow(fit(runs.forced, layout), runs.free)
+    return FullFit(fitted, free, late, factors, layout)
+
+
+def add_loop_columns(fitted: Fitted) -> Fitted:
+    """The same runs with the columns of the ladder's factors."""
+    old = fitted.layout
+    factors, widths = build(
+        fitted.paths,
+        old.nodes,
+        old.axis,
+        old.interpolation,
+        ["quadrature", "quadrature_drive", "main_drive"],
+    )
+    return fit(fitted.paths, replace(old, factors=factors, factor_columns=widths))
+
+
+def take_coefficients(
+    resonators: Sequence[Resonator],
+    model: str,
+    axis: str,
+    runs: PreparedRuns,
+    interpolation: str,
+) -> tuple[ResonatorCoefficients | None, str | None]:
+    """The resonators' coefficients over the nodes' quantity, or why there are none; an error where
+    they were asked for by name."""
+    if not resonators:
+        return None, None
+    try:
+        found = pool_resonators(resonators, axis, runs.nodes, *runs.valid, interpolation)
+    except HrgError as error:
+        if model == "physical":
+            raise
+        return None, str(error)
+    disagree = failures(found.checks)
+    if disagree and model == "physical":
+        raise HrgError(disagree[0])
+    return (None, disagree[0]) if disagree else (found, None)
+
+
+@dataclass(frozen=True)
+class TriedModels:
+    """The models that were tried, and which of them is the answer."""
+
+    answers: list[TriedVariant]
+    answer: TriedVariant
+    not_tried: dict[str, str]
+    """Why, by the model's name."""
+    coefficients: ResonatorCoefficients | None
+
+    def details(self, chosen: Chosen, explained: bool, draws: int, seed: int) -> dict[str, Any]:
+        """What the record keeps of the comparison; `explained`: the choice among models, too."""
+        fitted, folds = chosen.fitted, chosen.folds
+        told: dict[str, Any] = {
+            "choice": explain_choice(fitted, self.answers, chosen.answer, self.not_tried)
+            if explained
+            else None,
+            "resonator": None if self.coefficients is None else self.coefficients.table(),
+        }
+        if len(self.answers) > 1:
+            told["variants"] = compare_variants(
+                fitted, folds, self.answers, chosen.scale_factor, draws, seed
+            )
+        return told
+
+
+def try_models(
+    whole: FullFit,
+    folds: Array,
+    wanted: Wanted,
+    resonators: tuple[ResonatorCoefficients | None, str | None],
+    model: str,
+    refused: bool,
+) -> TriedModels:
+    """The model that was named, or all that are possible; `resonators`: their coefficients, or why
+    there are none."""
+    coefficients, why_not = resonators
+    possible, not_tried = list_possible(whole.layout, coefficients, why_not)
+    names = _choose_names(model, possible, not_tried, refused, whole.factors)
+    tried = answers(whole.fitted, folds, names, wanted, coefficients)
+    answer = choose_best(tried) if model == "auto" else tried[0]
+    return TriedModels(tried, answer, not_tried, coefficients)
+
+
+def _choose_names(
+    model: str,
+    names: Sequence[str],
+    not_tried: Mapping[str, str],
+    refused: bool,
+    factors: Mapping[str, Any],
+) -> list[str]:
+    """The models that are tried. HrgError: the one that was named cannot be."""
+    if model == "phase" and "phase" not in factors:
+        raise HrgError(
+            "model phase needs frequency_hz and a quadrature in every run, one is missing or not"
+            " finite; estimate the runs again"
+        )
+    if model == "auto" and refused:
+        return ["table"]
+    if model in ("auto", "all"):
+        return list(names)
+    if model in not_tried:
+        raise HrgError(f"model {model} cannot be tried: {not_tried[model]}")
+    return [model]
