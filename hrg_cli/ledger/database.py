@@ -21,6 +21,7 @@ from urllib.parse import quote
 from ..errors import HrgError
 from ..store.atomic import atomic_path
 from .entry import Entry, Figure
+from .times import moment
 
 APPLICATION, VERSION = 0x68726731, 1
 """SQLite's marks of whose file it is ("hrg1"), and of the tables' version."""
@@ -251,6 +252,8 @@ def _entry(row: Sequence[Any], figures: dict[str, Figure]) -> Entry:
     if not 1 <= mode <= 1000:
         raise ValueError(f"a mode number is {mode}")
     texts: dict[str, Any] = {name: str(values[name]) for name in _TEXTS}
+    for time_text in (texts["processed"], *filter(None, (texts["measured"], texts["added"]))):
+        moment(time_text)
     verdict = None if values["verdict"] is None else str(values["verdict"])
     told: dict[str, Any] = {name: tuple(map(str, value)) for name, value in lists.items()}
     return Entry(**texts, verdict=verdict, mode_number=mode, **told, figures=figures)

@@ -276,6 +276,9 @@ def test_a_damaged_ledger_is_one_sentence(how, tmp_path):
     ("statement", "said"),
     [
         ("PRAGMA application_id = 5", "but no ledger"),
+        ("UPDATE entry SET processed = ''", "Invalid isoformat"),
+        ("UPDATE entry SET measured = 'yesterday'", "Invalid isoformat"),
+        ("UPDATE entry SET added = char(0, 0)", "Invalid isoformat"),
         ("PRAGMA user_version = 9", "version 9"),
         ("CREATE TRIGGER t AFTER INSERT ON entry BEGIN DELETE FROM figure; END", "were changed"),
         ("UPDATE entry SET status = 'perfect'", "damaged ledger (a status"),

@@ -237,7 +237,7 @@ def mutants(told: dict[str, Any]) -> str:
     left = [row for row in rows if row["verdict"] == "survived"]
     lines = [f"* `{row['file']}`: `{row['old']}` → `{row['new']}`" for row in left]
     return (
-        f"## Mutations\n\n{len(rows)} of {told['listed']} listed changes of the code were run;"
+        f"## Mutations\n\n{len(rows)} of {told['listed']} listed changes were run on the code as it is now;"
         f" {len(rows) - len(left)} were seen by a test"
         f" ({100 * (len(rows) - len(left)) / max(len(rows), 1):.1f} %)."
         + (" Survivors:\n\n" + "\n".join(lines) if left else "")
