@@ -11,8 +11,8 @@ from typing import Annotated, Any, cast
 import typer
 import typer.core
 
-from . import threads
-from .errors import NO_MEMORY, is_no_memory
+from . import streams, threads
+from .errors import NO_MEMORY, HrgError, is_no_memory
 
 COMMANDS = {
     "import": (
@@ -276,8 +276,13 @@ def _root(
 def main() -> None:
     """Entry point of the `hrg` script."""
     threads.use_one()
+    streams.prepare()
     try:
-        app(prog_name="hrg")
+        with streams.written_out():
+            app(prog_name="hrg")
+    except HrgError as error:  # its words did not reach standard output
+        print(f"hrg: {error}", file=sys.stderr, flush=True)
+        raise SystemExit(1) from None
     except Exception as error:  # outside the command's own guard: while its modules are loaded
         if not is_no_memory(error):
             raise

@@ -38,7 +38,8 @@ class HrgError(Exception):
 
 
 class NotHrgError(HrgError):
-    """A file is HDF5, but of another program: a laboratory's log (exit status 1)."""
+    """A file is whole as far as was looked, but another program's: a laboratory's log, HDF5 or not
+    (exit status 1)."""
 
 
 class UsageError(HrgError):

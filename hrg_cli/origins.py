@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from . import store
-from .errors import HrgError
+from .errors import NotHrgError
 from .records import Recording
 
 STRETCHES, STRETCH = 48, 1024
@@ -28,7 +28,8 @@ def samples_of(path: Path, part: str = "") -> tuple[str, ...]:
     """Fingerprints of the recorded samples behind a file; empty for a file that is not hrg's, or
     whose sources do not say.
 
-    part: what the command takes of a recording, as `part_of` says it.
+    part: what the command takes of a recording, as `part_of` says it. HrgError: the file is
+    damaged, or cannot be read.
     """
     try:
         kind = store.kind_of(path).kind
@@ -36,8 +37,8 @@ def samples_of(path: Path, part: str = "") -> tuple[str, ...]:
             with store.open_record(path, Recording) as recording:
                 return (fingerprint(recording) + part,)
         provenance = store.provenance_of(path)
-    except HrgError:
-        return ()  # not hrg's, or damaged: whoever reads it says so
+    except NotHrgError:
+        return ()
     known = {sample for source in provenance.sources for sample in source.samples}
     if not known and kind in ("periods", "wave"):
         known = {

@@ -10,7 +10,7 @@ from threading import Event
 from typing import Any
 
 from . import store
-from .errors import HrgError
+from .errors import HrgError, NotHrgError
 from .origins import overlap, part_of, samples_of
 from .records import Source
 
@@ -86,5 +86,5 @@ ONCE = "name each run once, or its errors come out too small"
 def _kind_name(path: Path) -> str:
     try:
         return store.kind_of(path).kind
-    except HrgError:
+    except NotHrgError:
         return path.suffix.lstrip(".").lower() or "file"

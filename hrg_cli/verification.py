@@ -15,7 +15,7 @@ from typing import Any
 
 from . import settings, store
 from .errors import HrgError, name_some
-from .records import Record
+from .records import Provenance, Record, Recording
 
 RESULTS = ("whole", "without checksums", "changed", "damaged")
 """From best to worst."""
@@ -94,7 +94,7 @@ class _Verification:
 
     def __init__(self) -> None:
         self.verdicts: dict[Path, FileState] = {}
-        self._digests: dict[Path, str] = {}
+        self._digests: dict[Path, str | None] = {}
         self._beside: dict[Path, list[Path]] = {}
 
     def file(self, path: Path) -> None:
@@ -136,6 +136,8 @@ class _Verification:
         that are right."""
         found: list[Path] = []
         others: list[str] = []
+        if not record.provenance.sources and record.kind != Recording.kind:
+            verdict.notes.append("names no sources: what it was made from cannot be looked at")
         for source in record.provenance.sources:
             named = path.parent / Path(source.name).name
             match = next(
@@ -146,7 +148,11 @@ class _Verification:
                 ),
                 None,
             )
-            if match is None and named.is_file():
+            if match is not None and match != named and named.is_file():
+                verdict.notes.append(f"its source {source.name} lies here as {match.name}")
+            if match is None and named.is_file() and self._digest(named) is None:
+                verdict.worse("damaged", f"its source {source.name} cannot be read")
+            elif match is None and named.is_file():
                 others.append(source.name)
             elif match is None:
                 verdict.not_followed.append(source.name)
@@ -162,13 +168,14 @@ class _Verification:
         return found
 
     def _compare(self, record: Record, sources: Iterable[Path], verdict: FileState) -> None:
-        """Note where versions differ along the chain, or settings between the sources of one
-        file."""
+        """Find lines of history that are gone; note where versions differ along the chain, times go
+        back, or settings differ between the sources of one file."""
         by_kind: dict[str, dict[str, list[str]]] = {}
         for source in sources:
             kind = store.kind_of(source)
             with store.open_record(source, kind) as parent:
                 made = parent.provenance
+            self._lineage(record.provenance, made, source.name, verdict)
             if made.generated_by != record.provenance.generated_by:
                 by = made.generated_by or "another program"
                 verdict.notes.append(
@@ -182,6 +189,23 @@ class _Verification:
                 verdict.notes.append(
                     f"its {kind_name} files were made with different settings ({keys}): {groups}"
                 )
+
+    @staticmethod
+    def _lineage(own: Provenance, made: Provenance, source: str, verdict: FileState) -> None:
+        """Hold history and time of writing against those of a source: hrg hands on every line, and
+        writes what it made after what it was made from."""
+        gone = [line for line in made.history if line not in own.history]
+        if gone:
+            verdict.worse(
+                "changed",
+                f"its history lacks {len(gone)} of {len(made.history)} lines of its source {source}"
+                f" ({name_some(gone)}); it was shortened, or the file was made from another",
+            )
+        if own.created and made.created and own.created < made.created:
+            verdict.notes.append(
+                f"was written {own.created}, its source {source} later ({made.created}); a clock"
+                " was wrong, or a time was changed"
+            )
 
     def note(self, path: Path) -> None:
         """A lot's note of what it made: every output it names must be there as it was noted."""
@@ -200,16 +224,20 @@ class _Verification:
             return
         for name, digest in (outputs or {}).items():
             output = path.parent / Path(str(name)).name
-            if not output.is_file():
-                verdict = self.verdicts.setdefault(
-                    output.resolve(), FileState(str(output), output.suffix.lstrip("."))
-                )
-                verdict.worse("changed", f"was removed; {path.name} notes it")
-            elif self._digest(output) != digest:
-                self.file(output)
-                self.verdicts[output.resolve()].worse(
-                    "changed", f"is not what the lot wrote ({path.name} notes another SHA-256)"
-                )
+            if problem := self._unlike(output, digest, path.name):
+                state = FileState(str(output), output.suffix.lstrip("."))
+                self.verdicts.setdefault(output.resolve(), state).worse(*problem)
+
+    def _unlike(self, output: Path, digest: object, note: str) -> tuple[str, str] | None:
+        """(result, finding) where an output of a lot is not as its note says."""
+        if not output.is_file():
+            return "changed", f"was removed; {note} notes it"
+        found = self._digest(output)
+        if found is None:
+            return "damaged", f"cannot be read; {note} notes it"
+        if found != digest:
+            return "changed", f"is not what the lot wrote ({note} notes another SHA-256)"
+        return None
 
     def _in_folder(self, folder: Path) -> list[Path]:
         if folder not in self._beside:
@@ -218,10 +246,14 @@ class _Verification:
             ]
         return self._beside[folder]
 
-    def _digest(self, path: Path) -> str:
+    def _digest(self, path: Path) -> str | None:
+        """SHA-256 of a file; None where it cannot be read, which its own verdict tells."""
         place = path.resolve()
         if place not in self._digests:
-            self._digests[place] = store.sha256(path)
+            try:
+                self._digests[place] = store.sha256(path)
+            except HrgError:
+                self._digests[place] = None
         return self._digests[place]
 
 

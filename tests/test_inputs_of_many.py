@@ -9,6 +9,7 @@ from conftest import ringing
 from hrg_cli import store
 from hrg_cli.origins import overlap, part_of
 from hrg_cli.records import Recording, Wave
+from hrg_cli.sources import Sources
 
 
 @pytest.fixture
@@ -91,3 +92,14 @@ def test_a_lot_does_not_count_a_copied_recording_twice(hrg, tmp_path):
 def test_parts_of_one_recording_are_no_duplicates():
     assert part_of({"from_s": None}) == "" and part_of({"from_s": 1, "to_s": 2.5}) == "@1.0:2.5"
     assert overlap("", "1.0:2.0") and overlap("1.0:", "0.0:1.5") and not overlap(":1.0", "1.0:")
+
+
+def test_a_source_tells_the_part_that_was_taken(tmp_path):
+    """Else two parts of one recording would be the same samples named twice."""
+    path = tmp_path / "run.h5"
+    store.write(path, ringing(seconds=0.1))
+    told = []
+    for taken in ({}, {"from_s": 0.0, "to_s": 0.05}):
+        with Sources([path], taken=taken) as sources:
+            told += sources.done()[0].samples
+    assert told[1] == f"{told[0]}@0.0:0.05"

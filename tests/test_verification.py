@@ -10,12 +10,15 @@ import h5py
 import numpy as np
 import pytest
 from conftest import ringing
+from cryptography.hazmat.primitives.asymmetric import ed25519
 from lot_recordings import run_down, split_of
 from small_records import small
 
-from hrg_cli import store
+from hrg_cli import signatures, store
+from hrg_cli.errors import HrgError
 from hrg_cli.lots.batch import run_lot
 from hrg_cli.records import KINDS, Periods, Recording
+from hrg_cli.store import checksums
 from hrg_cli.verification import report, verify
 
 
@@ -32,7 +35,9 @@ def made(tmp_path_factory):
     ]
     for name, inputs, output in [*steps, ("identify", ["w0.h5", "w1.h5"], "resonator.h5")]:
         values = settings.checked(pipeline.STAGES[name].function(), {})
-        pipeline.run_stage(name, [folder / i for i in inputs], folder / output, values)
+        typed = f"hrg {name} {' '.join(inputs)} -o {output}"
+        paths = [folder / i for i in inputs]
+        pipeline.run_stage(name, paths, folder / output, values, command_line=typed)
     return folder
 
 
@@ -117,6 +122,20 @@ def claim_more(path):
         file.create_dataset("periods/time_s", shape=(1 << 40,), dtype="f8", chunks=(1 << 16,))
 
 
+def add_link(path):
+    with h5py.File(path, "r+") as file:
+        file["spectrum/other"] = h5py.SoftLink("/periods/time_s")
+
+
+def add_in_disguise(path):
+    """A column that readers take and that says of itself to be a length."""
+    with h5py.File(path, "r+") as file:
+        rows = file["periods/time_s"].shape[0]
+        added = file.create_dataset("periods/temperature_degc", data=np.linspace(0, 40, rows))
+        added.attrs["units"] = "degC"
+        added.attrs["NAME"] = b"This is a netCDF dimension but not a netCDF variable         7"
+
+
 def spoil_checksums(path):
     with h5py.File(path, "r+") as file:
         file.attrs["checksums"] = "nan"
@@ -129,6 +148,11 @@ CHANGES = {
     "an attribute": (change_attribute, "the attributes of /periods were changed"),
     "a unit": (change_unit, "the attributes of /periods/signals were changed"),
     "the history": (change_status, "the attributes of / were changed"),
+    "an added link": (add_link, "/spectrum/other was added, a link"),
+    "a dataset added in disguise": (
+        add_in_disguise,
+        "the values of /periods/temperature_degc were added",
+    ),
     "an added dataset": (add_dataset, "the values of /periods/notes were added"),
     "a removed dataset": (remove_dataset, "/spectrum/density was removed"),
 }
@@ -152,6 +176,111 @@ def test_every_change_is_named(what, chain, hrg):
         == found["resonator.h5"]["result"]
         == "whole"
     )
+
+
+def forge(path, change):
+    """Change a file and seal it again, as anyone can who can write it."""
+    with h5py.File(path, "r+") as file:
+        change(file)
+        del file.attrs["checksums"]
+        checksums.seal(file, {})
+
+
+def name_source(path, old, source):
+    """Let a file say that it was made from another source than `old`, and seal it again."""
+
+    def change(file):
+        sources = json.loads(file.attrs["sources"])
+        for one in sources:
+            if one["name"] == old:
+                one |= {"name": source.name, "sha256": store.sha256(source)}
+        file.attrs["sources"] = json.dumps(sources)
+
+    forge(path, change)
+
+
+def louder(file):
+    file["periods/signals"][3, 1] *= 1.5
+
+
+def test_a_forged_file_is_found_by_what_was_made_from_it(chain):
+    """Sealed again it is whole; what was made from the one before tells."""
+    forge(chain / "p0.h5", louder)
+    told = results(chain)
+    assert told["p0.h5"].result == "whole" and told["w0.h5"].result == "changed"
+    name_source(chain / "w0.h5", "p0.h5", chain / "p0.h5")
+    told = results(chain)
+    assert told["w0.h5"].result == "whole" and told["resonator.h5"].result == "changed"
+
+
+def test_a_chain_forged_to_its_end_is_found_by_its_signature_alone(chain):
+    """What the pages say that checksums cannot tell."""
+    key = ed25519.Ed25519PrivateKey.generate()
+    signature = key.sign((chain / "resonator.h5").read_bytes())
+    (chain / "resonator.h5.sig").write_bytes(signature)
+    signatures.need_signed(chain / "resonator.h5", key.public_key())
+    forge(chain / "p0.h5", louder)
+    name_source(chain / "w0.h5", "p0.h5", chain / "p0.h5")
+    name_source(chain / "resonator.h5", "w0.h5", chain / "w0.h5")
+    assert all(state.result == "whole" for state in verify([chain]))
+    with pytest.raises(HrgError, match=r"resonator\.h5: .*sign"):
+        signatures.need_signed(chain / "resonator.h5", key.public_key())
+
+
+def shorten(file):
+    file.attrs["history"] = file.attrs["history"].splitlines()[-1]
+
+
+def test_a_history_that_was_shortened_is_found_beside_its_sources(chain):
+    """hrg hands on every line of what it takes."""
+    forge(chain / "resonator.h5", shorten)
+    (said, _) = results(chain)["resonator.h5"].findings
+    assert "its history lacks 2 of 2 lines of its source w0.h5 (" in said
+    assert results(chain / "resonator.h5")["resonator.h5"].result == "changed"
+
+
+def test_a_source_exchanged_for_another_of_its_shape_is_found(chain):
+    """The sources were written to name the other run, checksums and all."""
+    name_source(chain / "w0.h5", "p0.h5", chain / "p1.h5")
+    name_source(chain / "resonator.h5", "w0.h5", chain / "w0.h5")
+    told = results(chain)
+    assert "lines of its source p1.h5" in told["w0.h5"].findings[0]
+    assert told["resonator.h5"].result == "whole"
+
+
+def test_a_time_before_that_of_a_source_is_noted(chain):
+    forge(chain / "resonator.h5", lambda file: file.attrs.update(created="2001-01-01T00:00:00Z"))
+    told = results(chain)["resonator.h5"]
+    assert told.result == "whole" and len(told.notes) == 2
+    assert "was written 2001-01-01T00:00:00Z, its source w0.h5 later (" in told.notes[0]
+
+
+def test_sources_that_changed_names_or_are_gone_from_the_file_are_noted(chain):
+    (chain / "p0.h5").rename(chain / "p")
+    (chain / "p1.h5").rename(chain / "p0.h5")
+    (chain / "p").rename(chain / "p1.h5")
+    told = results(chain)
+    assert told["w0.h5"].result == "whole"
+    assert told["w0.h5"].notes == ["its source p0.h5 lies here as p1.h5"]
+    forge(chain / "resonator.h5", lambda file: file.attrs.update(sources="[]"))
+    (said,) = results(chain)["resonator.h5"].notes
+    assert said.startswith("names no sources")
+
+
+def test_a_file_that_cannot_be_read_does_not_end_the_verification(chain, monkeypatch):
+    """A bad sector in one of many files, and nothing was said of the others."""
+    own = store.sha256
+
+    def unless(path):
+        if path.name == "p0.h5":
+            raise HrgError(f"{path}: is damaged (Input/output error); copy or record it again")
+        return own(path)
+
+    monkeypatch.setattr(store, "sha256", unless)
+    told = results(chain)
+    assert told["w0.h5"].result == "damaged"
+    assert told["w0.h5"].findings == ["its source p0.h5 cannot be read"]
+    assert told["w1.h5"].result == told["resonator.h5"].result == "whole"
 
 
 def test_a_source_made_again_with_other_settings_is_found(chain):
@@ -258,7 +387,7 @@ def test_a_stream_keeps_the_checksums_of_the_whole(tmp_path):
     assert store.read(tmp_path / "b.h5", Recording).c.dtype == np.dtype("i2")
 
 
-def test_a_lots_notes_are_compared(tmp_path):
+def test_a_lots_notes_are_compared(tmp_path, monkeypatch):
     (tmp_path / "data").mkdir()
     for run, theta in enumerate((0.1, 0.6)):
         store.write(
@@ -274,9 +403,16 @@ def test_a_lots_notes_are_compared(tmp_path):
         force=True,
     )  # and sealed anew
     (out / "G" / "1.periods.h5").unlink()
+    unreadable = out / "G" / "0.periods.h5"
+    own = store.sha256
+    monkeypatch.setattr(
+        store, "sha256", lambda path: own(path if path != unreadable else tmp_path / "gone")
+    )
     verdicts = results(out)
+    assert "cannot be read; 0.json notes it" in verdicts["0.periods.h5"].findings
     assert verdicts["0.wave.h5"].findings == [
-        "is not what the lot wrote (0.json notes another SHA-256)"
+        "its source 0.periods.h5 cannot be read",
+        "is not what the lot wrote (0.json notes another SHA-256)",
     ]
     assert verdicts["1.periods.h5"].findings == ["was removed; 1.json notes it"]
     assert verdicts["resonator.h5"].result == "changed"

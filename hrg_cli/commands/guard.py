@@ -4,6 +4,7 @@ status, standard output is the command's alone."""
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import os
 import sys
@@ -23,6 +24,7 @@ from ..errors import (
 )
 from ..extras import how_to_install, optional
 from ..reporting.text import one_line
+from ..streams import drop, result_stream
 
 DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -35,15 +37,13 @@ def unread_is_no_failure() -> Iterator[None]:
         yield
         sys.stdout.flush()
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        drop(sys.stdout.fileno())
 
 
 @contextlib.contextmanager
 def own_standard_output() -> Iterator[None]:
     """Standard output for this program alone: libraries below Python (LAPACK) that print there
-    would break --json.
-
-    Characters that the terminal's encoding lacks are shown as escapes.
+    would break --json. HrgError: what is printed cannot be written.
     """
     stream = sys.stdout
     try:
@@ -53,25 +53,19 @@ def own_standard_output() -> Iterator[None]:
         return
     stream.flush()
     kept = os.dup(handle)
-    silent = os.open(os.devnull, os.O_WRONLY)
-    sys.stdout = open(  # noqa: SIM115
-        kept,
-        "w",
-        encoding=stream.encoding,
-        errors="backslashreplace",
-        buffering=1 if stream.isatty() else -1,
-    )
-    os.dup2(silent, handle)
-    os.close(silent)
+    sys.stdout = own = result_stream(kept, stream, close=True)
+    drop(handle)
     try:
         yield
     finally:
-        own, sys.stdout = sys.stdout, stream
-        with contextlib.suppress(BrokenPipeError):
-            own.flush()
-        os.dup2(kept, handle)
-        with contextlib.suppress(BrokenPipeError):
-            own.close()
+        sys.stdout = stream
+        try:
+            with contextlib.suppress(BrokenPipeError):
+                own.flush()
+        finally:
+            os.dup2(kept, handle)
+            with contextlib.suppress(BrokenPipeError):
+                own.close()
 
 
 @contextlib.contextmanager
@@ -123,6 +117,8 @@ def _unforeseen(error: Exception, verbose: bool) -> NoReturn:
         leave(f"this needs {how_to_install(gone)}", FAILED)
     if is_no_memory(error):
         leave(NO_MEMORY, FAILED)
+    if isinstance(error, OSError) and (said := said_by_system(error)):
+        leave(said, FAILED)
     if verbose:
         import traceback
 
@@ -132,6 +128,41 @@ def _unforeseen(error: Exception, verbose: bool) -> NoReturn:
         " report it",
         FAILED,
     )
+
+
+REFUSALS = {
+    errno.EACCES: "ask for the right to use it and its folder",
+    errno.EPERM: "ask for the right to use it and its folder",
+    errno.EROFS: "choose another place",
+    errno.ENAMETOOLONG: "choose a shorter name",
+    errno.ELOOP: "its links lead in a circle; name the file itself",
+    errno.ENOTDIR: "a file stands where a folder was expected; correct the path",
+    errno.EMFILE: "raise the limit (ulimit -n) or give fewer --jobs",
+    errno.ENFILE: "close other programs",
+    errno.EIO: "check its disk",
+    errno.ESTALE: "the disk of another host is gone; run the command again when it is back",
+    errno.ENOSPC: "free space",
+    errno.EDQUOT: "free space",
+}
+"""What the system refuses wherever a file is touched, and what to do then."""
+
+
+def said_by_system(error: OSError) -> str | None:
+    """The sentence for what the system refused; None where it may be an error of the program."""
+    if isinstance(error, FileNotFoundError) and error.filename is None and _folder_is_gone():
+        return "the folder that this was started in is gone; change into one that is there"
+    if error.filename is None or error.errno not in REFUSALS:
+        return None
+    name = os.fsdecode(error.filename) if isinstance(error.filename, bytes) else error.filename
+    return f"{name}: cannot be used ({error.strerror}); {REFUSALS[error.errno]}"
+
+
+def _folder_is_gone() -> bool:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 def leave(text: str, status: int) -> NoReturn:

@@ -10,14 +10,37 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 from ..errors import HrgError
+from ..store.handles import reading
 
 MAGIC = b"\x1f\x8b"
 CHUNK = 1 << 20
+LARGEST_BYTES, LARGEST_RATIO = 256 << 20, 200
+"""A log that unpacks to more than the first is read up to so many times what it stores: rows whose
+time goes on shrink to a tenth, what goes on for ever to a thousandth."""
+
+
+class _Packed(gzip.GzipFile):
+    """A gzip file that is read up to a bound."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "rb")
+        self._path = path
+        self._room = max(LARGEST_BYTES, LARGEST_RATIO * path.stat().st_size)
+
+    def read(self, size: int | None = -1) -> bytes:
+        """Bytes without compression. HrgError: more than the bound."""
+        content = super().read(size)
+        if self.tell() > self._room:
+            raise HrgError(
+                f"{self._path}: unpacks to more than {self._room >> 20} MB, {LARGEST_RATIO} times"
+                " its size; if it is a log, unpack it first"
+            )
+        return content
 
 
 def is_packed(path: Path) -> bool:
-    """Whether a file begins as gzip does."""
-    with open(path, "rb") as file:
+    """Whether a file begins as gzip does. HrgError: it cannot be read."""
+    with reading(path), open(path, "rb") as file:
         return file.read(len(MAGIC)) == MAGIC
 
 
@@ -29,7 +52,7 @@ def open_unpacked(path: Path) -> Iterator[BinaryIO]:
             yield plain
         return
     try:
-        with gzip.open(path) as packed:
+        with _Packed(path) as packed:
             yield cast(BinaryIO, packed)
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise HrgError(

@@ -12,6 +12,7 @@ import json
 import math
 import os
 import sqlite3
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,11 +21,14 @@ from urllib.parse import quote
 from ..errors import HrgError
 from ..store.atomic import atomic_path
 from .entry import Entry, Figure
+from .times import moment
 
 APPLICATION, VERSION = 0x68726731, 1
 """SQLite's marks of whose file it is ("hrg1"), and of the tables' version."""
 WAIT_S = 60.0
 """So long a program waits for another one's transaction."""
+STEP_S = 0.5
+"""So long at a time: SQLite's own waiting cannot be interrupted."""
 _TEXTS = (
     *("sha256", "file", "kind", "gyro_id", "processed", "measured", "added"),
     *("station", "operator", "fixture", "firmware", "order", "software", "status"),
@@ -78,8 +82,7 @@ def _add_to(
     """Enter all or none into the file at `place`, which errors call `path`. A file that is dropped
     where anything fails needs no journal beside it."""
     with _open(place, "rwc", path) as connection:
-        connection.execute(f"PRAGMA journal_mode = {journal}")
-        connection.execute("BEGIN IMMEDIATE")
+        _begin(connection, f"PRAGMA journal_mode = {journal}", "BEGIN IMMEDIATE")
         try:
             _make_tables(connection, path)
             new = [_insert(connection, entry) for entry in entries]
@@ -98,7 +101,7 @@ def read_entries(path: Path) -> list[Entry]:
         )
     left_by_a_killed_writer = Path(f"{path}-journal").exists()  # only who may write can undo it
     with _open(path, "rw" if left_by_a_killed_writer else "ro", path) as connection:
-        connection.execute("BEGIN")
+        _begin(connection, "BEGIN", "SELECT count(*) FROM sqlite_master")
         _need_own(connection, path)
         figures: dict[int, dict[str, Figure]] = {}
         for number, name, value, std, units in connection.execute(
@@ -122,7 +125,7 @@ def _open(place: Path, mode: str, path: Path) -> Iterator[sqlite3.Connection]:
     try:
         address = quote(str(place.absolute()).encode("utf-8", "surrogateescape"))
         connection = sqlite3.connect(
-            f"file:{address}?mode={mode}", uri=True, timeout=WAIT_S, isolation_level=None
+            f"file:{address}?mode={mode}", uri=True, timeout=STEP_S, isolation_level=None
         )
         connection.execute("PRAGMA trusted_schema = OFF")
         connection.execute("PRAGMA cell_size_check = ON")
@@ -136,13 +139,32 @@ def _open(place: Path, mode: str, path: Path) -> Iterator[sqlite3.Connection]:
             connection.close()
 
 
+def _begin(connection: sqlite3.Connection, *statements: str) -> None:
+    """Begin a transaction; wait for another program's, which Ctrl-C ends."""
+    deadline = time.monotonic() + WAIT_S
+    while True:
+        try:
+            for statement in statements:
+                connection.execute(statement).fetchall()
+            break
+        except sqlite3.OperationalError as error:
+            connection.rollback()
+            if not _is_busy(error) or time.monotonic() > deadline:
+                raise
+    connection.execute(f"PRAGMA busy_timeout = {round(1e3 * WAIT_S)}")
+
+
+def _is_busy(error: sqlite3.Error) -> bool:
+    return getattr(error, "sqlite_errorname", "").startswith(("SQLITE_BUSY", "SQLITE_LOCKED"))
+
+
 _DAMAGED = "is a damaged ledger ({}); put a copy of it in its place and add the later files again"
 
 
 def _sentence(error: sqlite3.Error) -> str:
     """What went wrong and what to do."""
     name = getattr(error, "sqlite_errorname", "")
-    if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
+    if _is_busy(error):
         return f"another program has been writing to it for {WAIT_S:g} s; try again later"
     if name.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM", "SQLITE_AUTH")):
         return f"cannot be opened ({error}); ask for the right to write it and its folder"
@@ -230,6 +252,8 @@ def _entry(row: Sequence[Any], figures: dict[str, Figure]) -> Entry:
     if not 1 <= mode <= 1000:
         raise ValueError(f"a mode number is {mode}")
     texts: dict[str, Any] = {name: str(values[name]) for name in _TEXTS}
+    for time_text in (texts["processed"], *filter(None, (texts["measured"], texts["added"]))):
+        moment(time_text)
     verdict = None if values["verdict"] is None else str(values["verdict"])
     told: dict[str, Any] = {name: tuple(map(str, value)) for name, value in lists.items()}
     return Entry(**texts, verdict=verdict, mode_number=mode, **told, figures=figures)

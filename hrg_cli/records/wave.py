@@ -47,6 +47,13 @@ class Wave(Windowed):
         "standard deviation of one signal coefficient, pooled over the window's signals",
         valid=FLAGGED_STD,
     )
+    channel_std: Array | None = column(
+        "any",
+        "standard deviation of one signal coefficient of channel C and of S",
+        ("row", "channel"),
+        optional=True,
+        valid=FLAGGED_STD,
+    )
     iterations: Array = column(
         "1",
         "residual evaluations of the solver (0: closed form; negative: not converged)",

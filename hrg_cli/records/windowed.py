@@ -76,6 +76,12 @@ class Windowed(Record):
         default=None,
         dtype="f8",
     )
+    noise_correlation: float | None = attribute(
+        "correlation of the two channels' noise about the oscillation",
+        default=None,
+        dtype="f8",
+        valid=Valid(at_least=-1, at_most=1),
+    )
     spectrum_frequency_hz: Array | None = column(
         "Hz",
         "frequency of the residual spectrum",

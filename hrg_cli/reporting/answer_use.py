@@ -19,6 +19,11 @@ from .json_text import as_float, child, entries
 Array = np.ndarray
 
 
+LARGER = 2.0**40
+"""Times the unit signal at which a linear read-out does the same: what leaves small signals alone or
+takes them away (a dead zone of some counts) is none, in any unit."""
+SINGULAR = 1e6
+"""Condition of the channels' matrix from which it is not undone."""
 MEASURED = {
     "quadrature": "D_r from the measured a_B/a_A",
     "phase": "D_r from the measured a_B/a_A and frequency",
@@ -65,12 +70,12 @@ def matrix_of(found: Mapping[str, Mapping[str, float]]) -> Array | None:
         columns = [
             _seen(effect, values, size * unit)
             for unit in np.eye(2, dtype=complex)
-            for size in (1.0, 2.0, 1j)
+            for size in (1.0, LARGER, 1j)
         ]
         if any(c is None for c in columns):
             continue
-        one, two, turned = (np.stack([columns[k], columns[k + 3]], axis=1) for k in range(3))  # type: ignore[list-item]
-        if np.allclose(two, 2 * one, rtol=1e-12, atol=1e-15) and np.allclose(
+        one, more, turned = (np.stack([columns[k], columns[k + 3]], axis=1) for k in range(3))  # type: ignore[list-item]
+        if np.allclose(more, LARGER * one, rtol=1e-12, atol=1e-15) and np.allclose(
             turned, 1j * one, rtol=1e-12, atol=1e-15
         ):
             total, linear = one @ total, True
@@ -113,7 +118,8 @@ def snippet(
         for e in entries(dict(report), "effects")
     }
     matrix = matrix_of(found)
-    if matrix is not None:
+    # a read-out that takes all of a channel away is not undone by a matrix
+    if matrix is not None and np.linalg.cond(matrix) < SINGULAR:
         inverse = np.linalg.inv(matrix)
         if np.abs(inverse.imag).max() < 1e-12:
             a = inverse.real

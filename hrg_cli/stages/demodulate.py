@@ -243,4 +243,5 @@ def _write_periods(run: Demodulator, rows: Rows, judge: StreamJudge) -> Periods:
         units=recording.c_units,
         least_count=run.least_count(),
         quantisation_share=run.quantisation_share(),
+        noise_correlation=run.survey.noise_correlation,
     )

@@ -52,7 +52,7 @@ from .diagnosis.search.explain import explain, reweighted
 from .diagnosis.search.forecast import forecast
 from .diagnosis.search.gain import held_out
 from .diagnosis.search.orientation import orient_runs, settle_signs
-from .diagnosis.suspects import Suspicion, stuck_columns, suspect_runs
+from .diagnosis.suspects import Suspicion, stuck_columns, suspect_quiet_runs, suspect_runs
 from .diagnosis.suspects.rivals import nearest
 from .diagnosis.thresholds import GROSS
 from .identification.modes import has_dead_channel, thin_run
@@ -220,6 +220,8 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     failed = checks.failures(closing)
     if failed and (folded := folded_beside(pieces, samples.named)):
         failed = [folded, *failed]
+    if failed and (quiet := suspect_quiet_runs(asked.waves, asked.fit, cut.untouched)):
+        return refuse(asked.waves, cut.untouched, asked.searched, quiet, asked.resonator)
     verdict = word(bool(case.search.found or samples.shown), bool(failed))
 
     ahead = forecast(case, asked.waves[0].units)

@@ -14,6 +14,7 @@ import hashlib
 import os
 import platform
 import re
+import stat
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -63,7 +64,7 @@ def check_output(path: Path | str, force: bool = False) -> Path:
             f"{path}: is a device, pipe or socket, and only a regular file may be replaced; choose"
             " another --output"
         )
-    if path.exists() and not force:
+    if os.path.lexists(path) and not force:
         raise HrgError(f"{path}: exists already; give --force to replace it or another --output")
     if not os.access(folder, os.W_OK) or (os.geteuid() == 0 and _read_only(folder)):
         raise HrgError(f"{path}: no right to write in {folder}; choose another --output")
@@ -168,6 +169,7 @@ def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
     try:
         yield temporary
         if force:
+            _keep_rights(path, temporary)
             os.replace(temporary, path)
         else:
             _rename_to_new(temporary, path)
@@ -234,6 +236,14 @@ def lost_writes() -> Iterator[list[BaseException]]:
         yield lost
     finally:
         sys.unraisablehook, sys.excepthook = hooks
+
+
+def _keep_rights(path: Path, temporary: Path) -> None:
+    """Let who may read and write the file that is replaced be who may do so afterwards."""
+    with contextlib.suppress(OSError):
+        old = path.lstat().st_mode
+        if stat.S_ISREG(old):
+            os.chmod(temporary, stat.S_IMODE(old) & 0o777)
 
 
 def _rename_to_new(temporary: Path, path: Path) -> None:

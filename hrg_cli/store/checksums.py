@@ -115,9 +115,24 @@ def contents(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]
     yield from below(file)
 
 
+def _links(group: h5py.Group) -> Iterator[str]:
+    """The places of all links to elsewhere; hrg writes none."""
+    for name in sorted(group):
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            yield f"{group.name.rstrip('/')}/{name}"
+        elif isinstance(group[name], h5py.Group):
+            yield from _links(group[name])
+
+
 def _only_dimension(dataset: h5py.Dataset) -> bool:
-    return "NAME" in dataset.attrs and _text(dataset.attrs["NAME"]).startswith(
-        "This is a netCDF dimension but not a netCDF variable"
+    """Whether a dataset is a length and nothing else: one that stores values is content, whatever
+    its attributes say."""
+    return (
+        "NAME" in dataset.attrs
+        and _text(dataset.attrs["NAME"]).startswith(
+            "This is a netCDF dimension but not a netCDF variable"
+        )
+        and not dataset.id.get_storage_size()
     )
 
 
@@ -159,7 +174,8 @@ def changes(file: h5py.File) -> list[str] | None:
             f"the attributes of {path}",
         )
     gone = sorted({place.removesuffix("@") for place in left})
-    return said + [f"{place} was removed" for place in gone]
+    said += [f"{place} was removed" for place in gone]
+    return said + [f"{place} was added, a link" for place in _links(file)]
 
 
 def unreadable(file: h5py.File) -> list[str]:

@@ -36,6 +36,12 @@ def text_of(value: Any) -> str:
     return raw.decode("utf-8", "replace")
 
 
+def item_at(holder: h5py.Group, place: str) -> Any:
+    """The group or dataset of that name, None where there is none. KeyError: it is there, but
+    damaged (h5py's `get` would take it for missing)."""
+    return holder[place] if place in holder else None  # noqa: SIM401 - that is what `get` is
+
+
 def need_inside(
     holder: h5py.Group, path: Path, place: str, links_left: int = MOST_SOFT_LINKS
 ) -> None:
@@ -48,7 +54,7 @@ def need_inside(
             raise HrgError(f"{path}: {place} lies in another file; copy it into this one")
         if isinstance(link, h5py.SoftLink) and links_left:
             need_inside(found, path, link.path, links_left - 1)
-        found = found.get(part)
+        found = item_at(found, part)
         if not isinstance(found, h5py.Group):
             return
 

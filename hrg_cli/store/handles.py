@@ -12,7 +12,7 @@ from pathlib import Path
 
 import h5py
 
-from ..errors import NO_MEMORY, HrgError, is_no_memory
+from ..errors import NO_MEMORY, HrgError, NotHrgError, is_no_memory
 from .heaps import check_heaps
 from .layout import first_line
 
@@ -23,6 +23,9 @@ CACHE_BYTES = 1 << 20
 """One chunk; HDF5 2 would keep 8 MB a dataset."""
 UNALLOCATED = "memory allocation failed"
 """HDF5's words where it got no memory, for which h5py raises an OSError without a number."""
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+USER_BLOCK = 512
+"""Bytes of the smallest user block; larger ones are twice the one before."""
 _in_use: OrderedDict[Handle, None] = OrderedDict()
 
 
@@ -60,6 +63,19 @@ class Handle:
             with contextlib.suppress(Exception):
                 self._file.close()
             self._file = None
+
+
+def has_signature(path: Path) -> bool:
+    """Whether HDF5's signature stands at the file's start or behind a user block (HDF5 file format
+    3.0, II.A). OSError: the file cannot be read, of which HDF5 itself says that it is none."""
+    with open(path, "rb", buffering=0) as file:
+        size = os.fstat(file.fileno()).st_size
+        at = 0
+        while at < size:
+            if os.pread(file.fileno(), len(SIGNATURE), at) == SIGNATURE:
+                return True
+            at = max(USER_BLOCK, 2 * at)
+    return False
 
 
 def _open(path: Path) -> h5py.File:
@@ -132,11 +148,11 @@ def _open_error(error: Exception, path: Path) -> HrgError:
     if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
         return read_error(error, path)
     try:
-        other = not h5py.is_hdf5(path)
+        other = not has_signature(path)
     except OSError as unread:
         return read_error(unread, path)
     if other:
-        return HrgError(
+        return NotHrgError(
             f"{path}: is not an HDF5 file; for a log in another format run `hrg import"
             f" {path.name}` first"
         )

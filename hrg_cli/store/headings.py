@@ -16,8 +16,8 @@ from ..errors import HrgError, NotHrgError
 from ..records import Column, Provenance, Record, Source
 from ..version import __version__
 from . import checksums
-from .dataset_checks import need_inside, text_of
-from .handles import Handle, reading
+from .dataset_checks import item_at, need_inside, text_of
+from .handles import Handle, has_signature, reading
 from .layout import BY_NAME, FORMAT, FORMAT_VERSION, default_of, place_of
 from .validity import attribute_problem
 
@@ -74,7 +74,7 @@ def is_hdf5(path: Path | str) -> bool:
         They cannot be read.
     """
     with reading(Path(path)):
-        return bool(h5py.is_hdf5(path))
+        return has_signature(Path(path))
 
 
 def kind_of(path: Path | str) -> type[Record]:
@@ -282,7 +282,7 @@ def need_kind(file: h5py.File, path: Path, kind: type[Record]) -> None:
 def read_attribute(file: h5py.File, path: Path, place: str, field_name: str, spec: Column) -> Any:
     """An attribute as declared; its default where it may be missing. HrgError: missing or wrong."""
     group, _, name = place.rpartition("/")
-    holder = file.get(group)
+    holder = item_at(file, group)
     if holder is None or name not in holder.attrs:
         if spec.optional:
             return default_of(field_name, spec)

@@ -8,7 +8,8 @@ zero, as after a lost disk sector, never lets it advance.
 
 from __future__ import annotations
 
-import mmap
+import os
+from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import HrgError
@@ -17,41 +18,56 @@ SIGNATURE = b"GCOL\x01\x00\x00\x00"
 SCANNED_BYTES = 8 << 20
 """Of a longer file so much of its head and of its tail is looked through; texts are written
 there."""
+STEP = 16
+"""Bytes of the heading of a collection, and of each object in it."""
 
 
 def check_heaps(path: Path) -> None:
     """HrgError when a global heap in the head or the tail of `path` would stop the HDF5 library for
-    ever."""
-    size = path.stat().st_size
-    with open(path, "rb") as file:
-        if not size:
-            return
-        with mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ) as data:
-            tail = max(0, size - SCANNED_BYTES)
-            tail -= tail % mmap.ALLOCATIONGRANULARITY
-            for start, stop in ((0, min(size, SCANNED_BYTES)), (tail, size)):
-                at = data.find(SIGNATURE, start, stop)
-                while at >= 0:
-                    if not _ends(data, at, size):
-                        raise HrgError(
-                            f"{path}: is damaged (the texts at byte {at} are overwritten); copy or"
-                            " record it again"
-                        )
-                    at = data.find(SIGNATURE, at + len(SIGNATURE), stop)
-                if stop == size:
-                    break
+    ever. OSError: it cannot be read."""
+    # Read, not mapped: of a bad sector, or where the file is cut meanwhile, reading raises an error
+    # where a map ends the process (SIGBUS).
+    with open(path, "rb", buffering=0) as file:
+        size = os.fstat(file.fileno()).st_size
+        for start in [0] if size <= SCANNED_BYTES else [0, size - SCANNED_BYTES]:
+            part = _Part(file.fileno(), start, os.pread(file.fileno(), SCANNED_BYTES, start))
+            at = part.content.find(SIGNATURE)
+            while at >= 0:
+                if not _ends(part, start + at, size):
+                    raise HrgError(
+                        f"{path}: is damaged (the texts at byte {start + at} are overwritten); copy"
+                        " or record it again"
+                    )
+                at = part.content.find(SIGNATURE, at + len(SIGNATURE))
 
 
-def _ends(data: mmap.mmap, at: int, size: int) -> bool:
+@dataclass(frozen=True)
+class _Part:
+    """A stretch of a file that was read; what lies beyond it is read when it is asked for."""
+
+    handle: int
+    start: int
+    content: bytes
+
+    def at(self, place: int, length: int) -> bytes:
+        """Bytes of the file from `place`."""
+        first = place - self.start
+        if first + length <= len(self.content):
+            return self.content[first : first + length]
+        return os.pread(self.handle, length, place)
+
+
+def _ends(part: _Part, at: int, size: int) -> bool:
     """Whether stepping through the collection at byte `at` comes to its end."""
-    end = min(at + int.from_bytes(data[at + 8 : at + 16], "little"), size)
-    place = at + 16
-    while place + 16 <= end:
-        index = int.from_bytes(data[place : place + 2], "little")
-        length = int.from_bytes(data[place + 8 : place + 16], "little")
-        # Objects stand on multiples of 8 behind their 16 bytes of heading; index 0 is the free
-        # space, whose length counts its own heading (HDF5 file format, III.E).
-        step = 16 + (length + 7) // 8 * 8 if index else length
+    end = min(at + int.from_bytes(part.at(at + 8, 8), "little"), size)
+    place = at + STEP
+    while place + STEP <= end:
+        heading = part.at(place, STEP)
+        index = int.from_bytes(heading[:2], "little")
+        length = int.from_bytes(heading[8:], "little")
+        # Objects stand on multiples of 8 behind their heading; index 0 is the free space, whose
+        # length counts its own heading (HDF5 file format, III.E).
+        step = STEP + (length + 7) // 8 * 8 if index else length
         if step <= 0:
             return False
         place += step

@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import HrgError
 from ..records import Column, Record
 from .dataset_checks import (
+    item_at,
     need_declared,
     need_lengths,
     need_room,
@@ -152,7 +153,7 @@ def _record(
         if spec.dims is None:
             values[field_name] = read_attribute(file, path, place, field_name, spec)
             continue
-        dataset = file.get(place)
+        dataset = item_at(file, place)
         if dataset is None:
             if spec.optional:
                 continue
@@ -183,7 +184,7 @@ def _record(
 def _excused(opened: Handle | h5py.File, kind: type[Record], key: Any) -> np.ndarray:
     """The rows of a key in which NaN may stand: flagged, or the solver did not converge."""
     file = opened.file() if isinstance(opened, Handle) else opened
-    flags, iterations = file.get(f"/{kind.kind}/flags"), file.get(f"/{kind.kind}/iterations")
+    flags, iterations = (item_at(file, f"/{kind.kind}/{name}") for name in ("flags", "iterations"))
     excused = np.asarray(flags[key]) != 0
     return excused if iterations is None else excused | (np.asarray(iterations[key]) < 0)
 

@@ -277,7 +277,7 @@ def _finish(file: h5py.File, record: Record) -> None:
     file.attrs["kind"] = record.kind
     file.attrs["generated_by"] = provenance.generated_by or f"hrg {__version__}"
     file.attrs["created"] = provenance.created or created_now()
-    file.attrs["history"] = "\n".join(provenance.history)
+    file.attrs["history"] = "\n".join(_as_line(command) for command in provenance.history)
     file.attrs["settings"] = provenance.settings
     file.attrs["sources"] = json.dumps([dataclasses.asdict(s) for s in provenance.sources])
     file.attrs["status"] = record.status
@@ -289,6 +289,14 @@ def _create_late(file: h5py.File, record: Record, place: str, spec: Column, valu
     dataset.attrs["units"] = _units(record, spec)
     dataset.attrs["long_name"] = spec.meaning
     dataset.flush()
+
+
+def _as_line(command: str) -> str:
+    """A command as one line of the history: a file's name may hold a line break."""
+    return "".join(
+        sign.encode("unicode_escape").decode() if sign.splitlines() == [""] else sign
+        for sign in command
+    )
 
 
 def _attach_scales(file: h5py.File, record: Record) -> None:

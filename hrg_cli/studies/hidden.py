@@ -85,7 +85,7 @@ class Hiding:
 
 def _size_beside_model(change: Array, fit: ExtendedFit) -> float:
     """Size in σ of a change of the envelopes that the base model cannot take up."""
-    rows = whitened_rows.flatten_rows(fit.series, real(change) * fit.series.weight[..., None])
+    rows = whitened_rows.flatten_rows(fit.series, real(fit.series.over_noise(change)))
     return float(np.linalg.norm(_beside(rows, fit)))
 
 
@@ -163,7 +163,7 @@ def setting_in(
 ) -> dict[str, float]:
     """Value of the parameter that sets in at which the read-out stands `size` σ out of the model
     (`information` of one column)."""
-    u, weight = fit.prediction.seen, fit.series.weight[..., None]
+    u = fit.prediction.seen
     parameter = next(p for p in effect.fitted() if p.sets_in)
     starts = [abs(start[parameter.name]) for start in effect.starts(fit.series)]
     low, high = 0.5 * min(starts), 3 * max(starts)
@@ -172,7 +172,7 @@ def setting_in(
         changed = effect.slow_readout(
             {**neutral, parameter.name: middle}, u, state_of(fit.series, fit.point)
         )
-        column = whitened_rows.flatten_rows(fit.series, real((changed - u) * weight))
+        column = whitened_rows.flatten_rows(fit.series, real(fit.series.over_noise(changed - u)))
         low, high = (
             (middle, high) if information(fit, column[:, None])[0, 0] < size**2 else (low, middle)
         )

@@ -40,7 +40,7 @@ def difference(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return error
 
 
-@pytest.mark.parametrize("sigmas", ["equal", "channels", "signals"])
+@pytest.mark.parametrize("sigmas", ["equal", "channels", "channels in common", "signals"])
 @pytest.mark.parametrize("readout", ["direct", "carrier", "carrier, phase known"])
 def test_errors_are_as_large_as_stated(readout, sigmas):
     generator = np.random.default_rng(1)
@@ -55,13 +55,16 @@ def test_errors_are_as_large_as_stated(readout, sigmas):
     sigma = {
         "equal": np.full(count, 1e-3),
         "channels": np.repeat([1e-3, 5e-3], count // 2),
+        "channels in common": np.repeat([1e-3, 2e-3], count // 2),
         "signals": 1e-3 * np.arange(1, count + 1),
     }[sigmas]
     exact = signals(truth) if count == 8 else direct_signals(truth)
-    found = estimates(
-        exact + sigma * generator.standard_normal(exact.shape), 0.7 if known else None
-    )
-    stated = standard_deviations(found, np.broadcast_to(sigma**2, exact.shape), known)
+    common = 0.8 if sigmas == "channels in common" else 0.0
+    noise = generator.standard_normal(exact.shape)
+    of_s = slice(count // 2, None)
+    noise[:, of_s] = common * noise[:, : count // 2] + np.sqrt(1 - common**2) * noise[:, of_s]
+    found = estimates(exact + sigma * noise, 0.7 if known else None)
+    stated = standard_deviations(found, np.broadcast_to(sigma**2, exact.shape), known, common)
     error = difference(found, truth)
     for column, name in enumerate(NAMES[: 4 if known else 5]):
         assert np.mean((error[:, column] / stated[:, column]) ** 2) == pytest.approx(1, abs=0.1), (

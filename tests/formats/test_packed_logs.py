@@ -1,6 +1,8 @@
 """Text logs inside gzip: as the log itself, from every command that takes logs, or a sentence."""
 
+import errno
 import gzip
+import os
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +10,7 @@ import pytest
 
 from hrg_cli import store
 from hrg_cli.errors import HrgError
-from hrg_cli.formats import import_log, read_table
+from hrg_cli.formats import import_log, read_table, unpacked
 from hrg_cli.records import Recording
 
 LOG = Path(__file__).parents[2] / "sample_data" / "lab_log.csv"
@@ -56,3 +58,29 @@ def test_a_damaged_one_is_told_so(tmp_path, damage, said):
 def test_a_packed_table_is_read(tmp_path):
     path = packed(tmp_path, b"a,b\n1,2\n3,4\n5,7\n", "table.csv.gz")
     assert list(read_table(path)["b"]) == [2, 4, 7]
+
+
+def test_what_unpacks_without_end_is_refused(tmp_path, monkeypatch):
+    """A megabyte of gzip may hold a gigabyte of newlines, a gigabyte a terabyte."""
+    monkeypatch.setattr(unpacked, "LARGEST_BYTES", 1 << 20)
+    path = packed(tmp_path, b"time [s],C,S\n" + b"\n" * (4 << 20))
+    with pytest.raises(HrgError, match="unpacks to more than 1 MB, 200 times its size"):
+        list(import_log(path, time=1, c=2, s=3))
+    rows = "\n".join(f"{n * 1e-3:.6f},1.0,2.0" for n in range(120_000)).encode()
+    path = packed(tmp_path, b"time [s],C,S\n" + rows)
+    assert len(rows) > 2 << 20
+    assert len(read_table(path)["C"]) == 120_000
+
+
+@pytest.mark.parametrize(
+    ("number", "said"), [(errno.EMFILE, "too many files are open"), (errno.EIO, "is damaged")]
+)
+def test_a_log_that_cannot_be_looked_into_is_one_sentence(number, said, monkeypatch):
+    """It was an internal error; too many open files were called a log to copy again."""
+
+    def failing(*_):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(unpacked, "open", failing, raising=False)
+    with pytest.raises(HrgError, match=rf"lab_log\.csv: .*{said}"):
+        read_table(LOG)

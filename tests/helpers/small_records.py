@@ -25,7 +25,8 @@ def small(kind, rows=7):
             text = {"object": "{}", "list": "[]"}.get(
                 spec.valid.json, next(iter(spec.valid.one_of), "text")
             )
-            values[name] = {"i8": 2, "f8": 5000.0}.get(spec.dtype, text)
+            number = min(5000.0, spec.valid.at_most or 5000.0)
+            values[name] = {"i8": 2, "f8": number}.get(spec.dtype, text)
             continue
         shape = tuple(sizes.get(d, 3) for d in spec.dims)
         if spec.dtype == "str":

@@ -3,9 +3,12 @@
 import contextlib
 import os
 import resource
+import signal
 import sqlite3
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -134,6 +137,90 @@ def test_two_writers_at_once_lose_nothing(tmp_path):
     )
 
 
+@pytest.fixture
+def locked(tmp_path):
+    """A ledger that another program holds for itself."""
+    path = tmp_path / "l.sqlite"
+    database.add(path, entries(2))
+    with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        yield path
+
+
+TOUCH = {
+    "write": lambda path: database.add(path, entries(1, "MINE")),
+    "read": database.read_entries,
+}
+
+
+@pytest.mark.parametrize("touch", TOUCH)
+def test_a_ledger_that_stays_locked_is_one_sentence(touch, locked, monkeypatch):
+    monkeypatch.setattr(database, "WAIT_S", 0.2)
+    monkeypatch.setattr(database, "STEP_S", 0.1)
+    with pytest.raises(HrgError, match=r"has been writing to it for 0\.2 s; try again later"):
+        TOUCH[touch](locked)
+
+
+@pytest.mark.parametrize("touch", TOUCH)
+def test_waiting_for_a_ledger_can_be_interrupted(touch, locked, monkeypatch):
+    """SQLite slept in one piece: Ctrl-C was taken after a minute."""
+    monkeypatch.setattr(database, "WAIT_S", 10.0)
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 0.2)
+    started = time.monotonic()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            TOUCH[touch](locked)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert time.monotonic() - started < 5
+
+
+def test_what_is_no_lock_is_not_waited_for(monkeypatch):
+    monkeypatch.setattr(database, "WAIT_S", 10.0)
+    started = time.monotonic()
+    with (
+        contextlib.closing(sqlite3.connect(":memory:", isolation_level=None)) as connection,
+        pytest.raises(sqlite3.OperationalError, match="no such table"),
+    ):
+        database._begin(connection, "BEGIN", "SELECT * FROM missing")
+    assert time.monotonic() - started < 5
+
+
+def test_a_row_that_its_table_forbids_is_damage(tmp_path):
+    """SQLite reads it; only its own check tells that no ledger was written so."""
+    path = tmp_path / "l.sqlite"
+    database.add(path, entries(2))
+    strict, loose = '"station" TEXT NOT NULL', '"station" TEXT'
+    steps = (
+        f"UPDATE sqlite_master SET sql = replace(sql, '{strict}', '{loose}')",
+        "UPDATE entry SET station = NULL",
+        f"UPDATE sqlite_master SET sql = replace(sql, '{loose},', '{strict},')",
+    )
+    for step in steps:  # each with the tables as the last one left them
+        with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as connection:
+            connection.execute("PRAGMA writable_schema = ON")
+            connection.execute(step)
+    with pytest.raises(HrgError, match=r"is a damaged ledger \(.*NULL value in entry\.station"):
+        database.read_entries(path)
+
+
+def test_a_ledger_that_is_let_go_is_entered_into(tmp_path):
+    path = tmp_path / "l.sqlite"
+    database.add(path, entries(2))
+    with contextlib.closing(
+        sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+    ) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        threading.Timer(0.8, other.rollback).start()
+        assert database.add(path, entries(1, "MINE")) == [True]
+
+
 KILLED = """
 import os, sqlite3, sys
 connection = sqlite3.connect(sys.argv[1], isolation_level=None)
@@ -189,6 +276,9 @@ def test_a_damaged_ledger_is_one_sentence(how, tmp_path):
     ("statement", "said"),
     [
         ("PRAGMA application_id = 5", "but no ledger"),
+        ("UPDATE entry SET processed = ''", "Invalid isoformat"),
+        ("UPDATE entry SET measured = 'yesterday'", "Invalid isoformat"),
+        ("UPDATE entry SET added = char(0, 0)", "Invalid isoformat"),
         ("PRAGMA user_version = 9", "version 9"),
         ("CREATE TRIGGER t AFTER INSERT ON entry BEGIN DELETE FROM figure; END", "were changed"),
         ("UPDATE entry SET status = 'perfect'", "damaged ledger (a status"),

@@ -164,6 +164,7 @@ def test_the_snippet_undoes_the_readout(two_faults):
     assert matrix == pytest.approx(np.diag([1 + GAIN / 2, 1 - GAIN / 2]))
     assert (
         matrix_of({"pickoff_nonlinearity": {"cubic": 1e-3}}) is None
+        and matrix_of({"converter_nonlinearity": {"mid_scale": 60.0, "step": 0.0}}) is None
         and matrix_of({"nonlinear_damping": {"damping_1_s": 1e-3}}) is None
     )
     found = answer([two_faults])

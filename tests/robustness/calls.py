@@ -15,18 +15,21 @@ from functools import partial
 from pathlib import Path
 
 import batches
+import h5py
 import judge
+import kills
 import numpy as np
 import programme
 
 SHIM = Path(__file__).with_name("fail_nth.c")
 CALLS = (
     *(("open", errno.EMFILE), ("open", errno.EACCES), ("read", errno.EIO)),
+    ("sector", errno.EIO),
     *(("write", errno.ENOSPC), ("write", errno.EIO), ("rename", errno.EIO)),
     ("alloc", errno.ENOMEM),
 )
 """Kinds of calls, and how each fails."""
-READING = ("open", "read")
+READING = ("open", "read", "sector")
 """Kinds that many commands are tried with in one process. A full disk may end the process, and what
 one command has allocated the next does not allocate again: the others run in one of their own."""
 
@@ -54,7 +57,9 @@ def put_failures(
     sample: int = 0,
 ) -> tuple[Counter, list[str]]:
     """The first `most` calls of each kind that each command makes (at most `sample` of them where
-    it is given), failing one at a time: how each ended, and what broke a promise."""
+    it is given), failing one at a time: how each ended, and what broke a promise. A call that the
+    command did not come to the second time is not counted."""
+    whole = {case.name: undisturbed(case, good, folder) for case in cases}
     trials = [
         Failing(case, call, nth, code)
         for case in cases
@@ -63,7 +68,7 @@ def put_failures(
     ]
     together = [trial for trial in trials if trial.call in READING]
     alone = [trial for trial in trials if trial.call not in READING]
-    put = partial(attempt, good=good, folder=folder)
+    put = partial(attempt, good=good, folder=folder, whole=whole)
     ended = (
         *zip(together, batches.outcomes(together, put), strict=True),
         *((trial, put(trial, judge.run)) for trial in alone),
@@ -71,6 +76,8 @@ def put_failures(
     counts: Counter = Counter()
     failures = []
     for trial, found in ended:
+        if not found.reached:
+            continue
         counts[trial.case.name, trial.call, found.status] += 1
         if found.broken:
             failures.append(
@@ -78,6 +85,12 @@ def put_failures(
             )
             print(failures[-1], file=sys.stderr, flush=True)
     return counts, failures
+
+
+def undisturbed(case: programme.Case, good: Path, folder: Path) -> str:
+    """What the command gives where no call fails."""
+    kills.undisturbed(case, good, folder)
+    return content(folder / case.output)
 
 
 def tried(made: int, sample: int) -> list[int]:
@@ -99,11 +112,30 @@ def _made(
     return [(call, code, made[call]) for call, code in calls]
 
 
-def attempt(trial: Failing, run: judge.Runner, good: Path, folder: Path) -> judge.Outcome:
-    """One command of which one call fails."""
+def attempt(
+    trial: Failing, run: judge.Runner, good: Path, folder: Path, whole: dict[str, str]
+) -> judge.Outcome:
+    """One command of which one call fails: where it succeeds all the same (it tried again, or did
+    without), it must give what it gives undisturbed."""
     words = programme.prepared(trial.case, good, folder)
     arm = (trial.call, trial.nth, trial.code)
-    return run(words, folder, folder / trial.case.output, arm)
+    output = folder / trial.case.output
+    found = run(words, folder, output, arm)
+    # Of a chain in a folder the later files hold the hash of the earlier: a chunk that was stored as
+    # it is, for want of memory to compress it, changes them all.
+    comparable = trial.call != "alloc" or not output.is_dir()
+    if found.status == 0 and comparable and content(output) != whole[trial.case.name]:
+        found.broken.append("another result than without the failure")
+    return found
+
+
+def content(output: Path) -> str:
+    """Of an hrg file the digests it keeps of its values and attributes (a chunk for whose
+    compression there was no memory is stored as it is), else of all its bytes."""
+    if output.suffix == ".h5" and output.is_file():
+        with h5py.File(output) as file:
+            return str(file.attrs["checksums"])
+    return kills.digest(output)
 
 
 def preloaded() -> None:

@@ -1,5 +1,5 @@
 /* Fails the n-th call of one kind (open, read, write, rename) that concerns files below one folder, or the n-th allocation of
- * LEAST bytes or more, as SQLite's tests do.
+ * LEAST bytes or more, as SQLite's tests do. "sector": the n-th read, and from then on every read of that byte of that file.
  * Preloaded; quiet until armed by hrg_fault_arm() in a forked child. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -11,6 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/types.h>
 #include <unistd.h>
 
@@ -18,6 +19,8 @@ enum { FILES = 4096, LEAST = 16384 };
 static char folder[4096], kind[16];
 static long nth, seen, hits;
 static int code, armed;
+static struct stat bad_file;
+static off_t bad_byte;
 static char ours[FILES];
 
 /* A crash names the innermost library that is neither this one, nor Python's, nor the C library's: whose code did not stand
@@ -66,6 +69,20 @@ static int fails(const char *what) {
     errno = code;
     return 1;
 }
+/* A failed read of `n` bytes at `at`: this once, or of a bad sector again. */
+static int unread(int fd, size_t n, off_t at) {
+    struct stat file;
+    if (strcmp(kind, "sector") != 0) return fails("read");
+    if (fstat(fd, &file)) return 0;
+    if (!hits) {
+        if (!fails("sector")) return 0;
+        bad_file = file, bad_byte = at;
+        return 1;
+    }
+    if (file.st_ino != bad_file.st_ino || file.st_dev != bad_file.st_dev || at > bad_byte || bad_byte - at >= (off_t)n) return 0;
+    errno = code;
+    return 1;
+}
 static int known(int fd) { return armed && fd >= 0 && fd < FILES && ours[fd]; }
 
 #define REAL(type, name, ...) \
@@ -97,9 +114,9 @@ OPEN(open64)
 OPENAT(openat)
 OPENAT(openat64)
 
-ssize_t read(int fd, void *to, size_t n) { REAL(ssize_t, read, int, void *, size_t); return known(fd) && fails("read") ? -1 : real(fd, to, n); }
-ssize_t pread(int fd, void *to, size_t n, off_t at) { REAL(ssize_t, pread, int, void *, size_t, off_t); return known(fd) && fails("read") ? -1 : real(fd, to, n, at); }
-ssize_t pread64(int fd, void *to, size_t n, off64_t at) { REAL(ssize_t, pread64, int, void *, size_t, off64_t); return known(fd) && fails("read") ? -1 : real(fd, to, n, at); }
+ssize_t read(int fd, void *to, size_t n) { REAL(ssize_t, read, int, void *, size_t); return known(fd) && unread(fd, n, lseek(fd, 0, SEEK_CUR)) ? -1 : real(fd, to, n); }
+ssize_t pread(int fd, void *to, size_t n, off_t at) { REAL(ssize_t, pread, int, void *, size_t, off_t); return known(fd) && unread(fd, n, at) ? -1 : real(fd, to, n, at); }
+ssize_t pread64(int fd, void *to, size_t n, off64_t at) { REAL(ssize_t, pread64, int, void *, size_t, off64_t); return known(fd) && unread(fd, n, at) ? -1 : real(fd, to, n, at); }
 ssize_t write(int fd, const void *from, size_t n) { REAL(ssize_t, write, int, const void *, size_t); return known(fd) && fails("write") ? -1 : real(fd, from, n); }
 ssize_t pwrite(int fd, const void *from, size_t n, off_t at) { REAL(ssize_t, pwrite, int, const void *, size_t, off_t); return known(fd) && fails("write") ? -1 : real(fd, from, n, at); }
 ssize_t pwrite64(int fd, const void *from, size_t n, off64_t at) { REAL(ssize_t, pwrite64, int, const void *, size_t, off64_t); return known(fd) && fails("write") ? -1 : real(fd, from, n, at); }

@@ -70,6 +70,8 @@ class Outcome:
     seconds: float
     peak_mb: float
     broken: list[str] = field(default_factory=list)
+    reached: bool = True
+    """Whether the call that was to fail was made: what a command did once already, it may skip."""
 
 
 def warm() -> None:
@@ -90,6 +92,8 @@ def pipeline_stages() -> list[str]:
 Arm = tuple[str, int, int]
 """A call's kind, which one of them fails, and with which errno."""
 NEVER = 1 << 30
+UNREACHED = ".unreached"
+"""A mark in the folder: the command ended before the call that was to fail."""
 
 
 def run(words: list[str], folder: Path, output: Path, arm: Arm | None = None) -> Outcome:
@@ -153,7 +157,9 @@ def _judged(
     out, err = (path.read_text(errors="replace") if path.exists() else "" for path in said)
     for path in said:
         path.unlink(missing_ok=True)
-    outcome = Outcome(status, out, err, seconds, peak_mb)
+    unreached = folder / UNREACHED
+    outcome = Outcome(status, out, err, seconds, peak_mb, reached=not unreached.exists())
+    unreached.unlink(missing_ok=True)
     outcome.broken = _broken(outcome, folder, output, before)
     return outcome
 
@@ -244,6 +250,8 @@ def _armed(folder: Path, arm: Arm | None) -> Iterator[None]:
         yield
     finally:
         shim.hrg_fault_disarm()
+        if arm[1] != NEVER and not shim.hrg_fault_hits():
+            (folder / UNREACHED).touch()
 
 
 def calls_of(words: list[str], folder: Path, kind: str) -> int:

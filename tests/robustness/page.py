@@ -98,8 +98,17 @@ def _input_of(failure: str) -> Any:
     return json.loads(first[first.index("{") :])
 
 
-def calls(runs: list[dict[str, Any]]) -> str:
-    """Failing calls by kind and exit status, of each command's latest run."""
+COUNTED = """Calls are counted in a run without a failure; then the command is run again for each of them, which fails that once: an
+open with EMFILE and with EACCES, a read, a write with ENOSPC and with EIO, a rename, an allocation of 16 KiB or more; "sector" is a read
+that fails and with it every later one of the same place. A call that does not come in the second run is left out. Where the command ends
+with 0 all the same, its output must be what it is without the failure (after an allocation: where it is one file). Processes that a command
+starts are not reached.
+"""
+
+
+def calls(runs: list[dict[str, Any]], earlier: str = "") -> str:
+    """Failing calls by kind and exit status, of each command's latest run; rows of an earlier page
+    for commands that were not run."""
     latest = {run["counts"][0][0]: run for run in runs if run["counts"]}
     counts: Counter = Counter()
     for run in latest.values():
@@ -118,14 +127,28 @@ def calls(runs: list[dict[str, Any]]) -> str:
     broken = [failure for run in latest.values() for failure in run["failures"]]
     return (
         f"## Failing calls\n\nThe first {_either(most)} of each kind that each of"
-        f" {len(latest)} commands makes below its folder{sampled}, one at a time (allocations of"
-        f" 16 KiB or more): {sum(counts.values())} in all, {_whose(broken)}\n\n"
+        f" {len(latest)} commands makes below its folder{sampled}, one at a time:"
+        f" {sum(counts.values())} in all, {_whose(broken)}\n\n{COUNTED}\n"
         + "\n".join(lines)
         + f"\n\n| command | {' | '.join(kinds)} | broke |\n|---|{'---|' * (len(kinds) + 1)}\n"
         + "\n".join(_calls_row(name, latest[name], kinds) for name in sorted(latest))
         + "\n\n"
+        + _not_again(earlier, set(latest))
         + LIBRARY
     )
+
+
+def _not_again(earlier: str, run: set[str]) -> str:
+    """The tables of an earlier page, less the commands that were run since; empty where none is
+    left."""
+    tables = []
+    for block in (part.strip() for part in earlier.split("\n\n")):
+        if not block.startswith("| command |"):
+            continue
+        head, line, *rows = block.splitlines()
+        if left := [row for row in rows if row.split("|")[1].strip() not in run]:
+            tables.append("\n".join([head, line, *left]) + "\n\n")
+    return "Not run again; as earlier code left them:\n\n" + "".join(tables) if tables else ""
 
 
 INSIDE = {
@@ -214,7 +237,7 @@ def mutants(told: dict[str, Any]) -> str:
     left = [row for row in rows if row["verdict"] == "survived"]
     lines = [f"* `{row['file']}`: `{row['old']}` → `{row['new']}`" for row in left]
     return (
-        f"## Mutations\n\n{len(rows)} of {told['listed']} listed changes of the code were run;"
+        f"## Mutations\n\n{len(rows)} of {told['listed']} listed changes were run on the code as it is now;"
         f" {len(rows) - len(left)} were seen by a test"
         f" ({100 * (len(rows) - len(left)) / max(len(rows), 1):.1f} %)."
         + (" Survivors:\n\n" + "\n".join(lines) if left else "")
@@ -237,7 +260,8 @@ def page(folder: Path, before: str = "") -> str:
     for name, title, told_runs in PARTS:
         if (folder / f"{name}.jsonl").exists():
             text = (folder / f"{name}.jsonl").read_text()
-            parts.append(told_runs([json.loads(line) for line in text.splitlines()]))
+            rows = [json.loads(line) for line in text.splitlines()]
+            parts.append(calls(rows, kept.get(title, "")) if name == "calls" else told_runs(rows))
         elif title in kept:
             parts.append(kept[title])
     if (folder / "mutants.json").exists():

@@ -99,9 +99,8 @@ def shim(tmp_path_factory):
     return made
 
 
-@pytest.mark.parametrize("call", ["open", "read", "write"])
-def test_calls_that_fail_break_no_promise(call, shim):
-    """The first few opens, reads and writes of demodulate and export, failing one at a time."""
+def test_calls_that_fail_break_no_promise(shim):
+    """The first few calls of each kind of estimate and export, failing one at a time."""
     script = f"""
 import sys, tempfile
 from pathlib import Path
@@ -111,10 +110,10 @@ judge.warm()
 folder = Path(tempfile.mkdtemp())
 good = programme.build(judge.clean(folder / "good"))
 cases = [case for case in programme.ready(good) if case.name in ("estimate", "export csv")]
-failing = [c for c in calls.CALLS if c[0] == {call!r}][:1]
-counts, failures = calls.put_failures(good, folder / "trial", cases, 8, failing)
-print(sum(n for (_, _, status), n in counts.items() if status == 1), "failed as they should")
-print("\\n".join(failures))
+for kind in {KINDS!r}:
+    failing = [c for c in calls.CALLS if c[0] == kind][:1]
+    counts, failures = calls.put_failures(good, folder / "trial", cases, 8, failing)
+    print(kind, sum(n for (_, _, status), n in counts.items() if status == 1), *failures)
 """
     environment = os.environ | {"LD_PRELOAD": str(shim), "HRG_FAULT_SHIM": str(shim)}
     done = subprocess.run(
@@ -125,9 +124,36 @@ print("\\n".join(failures))
         timeout=600,
         check=True,
     )
-    failed, *broken = done.stdout.strip().splitlines()
-    assert int(failed.split()[0]) > 0, "no call failed: the shim did nothing"
-    assert not broken, done.stdout
+    told = [line.split(" ", 2) for line in done.stdout.strip().splitlines()]
+    assert [kind for kind, *_ in told] == list(KINDS)
+    for kind, failed, *broken in told:
+        assert int(failed) > 0, f"no {kind} failed: the shim did nothing"
+        assert not broken, done.stdout
+
+
+KINDS = ("open", "read", "sector", "write")
+
+
+def test_another_result_than_without_the_failure_is_seen(good, tmp_path):
+    """A read that failed cost a column, or the fingerprint of the samples, under exit 0."""
+    case = next(case for case in programme.CASES if case.name == "info recording")
+    trial = calls.Failing(case, "read", 3, 5)
+
+    def run(words, folder, output, arm):
+        output.write_text(told)
+        return judge.Outcome(0, told, "", 0.0, 0.0)
+
+    told = '{"status": "valid", "elapsed_s": 1.0}'
+    whole = {case.name: kills.digest(write(tmp_path / "a.json", '{"status": "valid"}'))}
+    assert not calls.attempt(trial, run, good, tmp_path / "trial", whole).broken
+    told = '{"status": "valid", "rows": 3}'
+    found = calls.attempt(trial, run, good, tmp_path / "trial", whole)
+    assert found.broken == ["another result than without the failure"]
+
+
+def write(path, text):
+    path.write_text(text)
+    return path
 
 
 def test_calls_are_tried_evenly_or_all():
@@ -235,6 +261,22 @@ def test_the_page_tells_in_which_library_a_failing_call_ended():
     assert "1 in this program." in said
     assert said.endswith("* broken: plan: open 3 fails with EACCES: not one sentence hrg: a hrg: b")
     assert page._whose([]) == "none broke a promise."
+
+
+def test_commands_that_were_not_run_again_stay_on_the_page():
+    """A run of one command dropped the figures of all others."""
+
+    def run(name, status):
+        counts = [[name, "read", status, 7]]
+        return {"most": 200, "sample": 0, "counts": counts, "failures": []}
+
+    before = page.calls([run("plan", 1), run("rate", 1)])
+    after = page.calls([run("rate", 0)], before)
+    assert "* read: 7 × exit 0" in after and after.count("| rate | 7 |") == 1
+    assert "Not run again" in after and after.count("| plan | 7 |") == 1
+    again = page.calls([run("rate", 0)], after)
+    assert again == after
+    assert "Not run again" not in page.calls([run("plan", 0), run("rate", 0)], after)
 
 
 def test_what_was_not_run_stays_on_the_page(tmp_path):

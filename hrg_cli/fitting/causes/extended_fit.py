@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...effects.effect import Effect
+from ..envelopes import channel_noise
 from ..envelopes.coordinates import COORDINATES, COUNT
 from .coordinate_priors import CoordinatePriors
 from .damping_bound import passive_damping
@@ -173,14 +174,14 @@ def unsettled_part(fit: ExtendedFit) -> Array:
         noise = series.unsettled.off(noise)
     if series.scatter is not None:
         noise = series.scatter.back(noise)
-    scale = np.where(series.weight > 0, series.weight, 1.0)
     beside = fit.prediction.residual() - on_rows(fit, noise)
-    return np.asarray(imaginary(beside) / scale[..., None])
+    return series.in_units(imaginary(beside))
 
 
 def along_wave(fit: ExtendedFit, values: Array) -> Array:
-    """The same along the wave's own directions: amplitude, phase, angle, ellipticity."""
-    own = real(directions(fit.prediction.seen))
+    """The same along the directions of the wave as its noise weighs it: amplitude, phase, angle,
+    ellipticity."""
+    own = real(directions(channel_noise.whiten(fit.series.whitening, fit.prediction.seen)))
     return np.asarray(np.einsum("rnki,rni...->rnk...", own, on_rows(fit, values)))
 
 

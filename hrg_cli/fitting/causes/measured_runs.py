@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..envelopes import channel_noise
 from .designs import Basis, Softened
 from .walks import Walk
 
@@ -52,6 +53,8 @@ class MeasuredRuns:
     straight from row to row."""
     drive_late_s: float = 0.0
     """How much later than the log says the commands act; what stands here of them is so already."""
+    whitening: Array | None = None
+    """Of the channels' noise in every run (R, 2, 2); None: both have the same in all of them."""
     number: Array | None = None
     """Number of every run from 0 (R,), which it keeps where some are taken; None: as they stand."""
     free_phase: bool = False
@@ -69,6 +72,9 @@ class MeasuredRuns:
     scatter_part: float = 1.0
     """Part of the log's scatter from row to row that may be none of the drive's: all, before the waves
     were asked."""
+    held_beat_rad_s: float | None = None
+    """Beat with the oscillation of a board's steps from command to command; None where none is allowed
+    for."""
     unsettled: Basis | None = None
     """What nobody knows of these runs, on the rows with weight: residuals and sensitivities are
     taken off it."""
@@ -82,9 +88,13 @@ class MeasuredRuns:
         """Some of the runs."""
         index = list(index)
         cut = self._cut(index)
-        names, turn = tuple(self.names[i] for i in index), self.turn_rad_s[index]
         return replace(
-            self.alone(), names=names, turn_rad_s=turn, number=self.numbers[index], **cut
+            self.alone(),
+            names=tuple(self.names[i] for i in index),
+            turn_rad_s=self.turn_rad_s[index],
+            number=self.numbers[index],
+            whitening=None if self.whitening is None else self.whitening[index],
+            **cut,
         )
 
     def later(self, first: int) -> MeasuredRuns:
@@ -99,6 +109,22 @@ class MeasuredRuns:
         """The rows without what is said of all of them together: what is unsettled, and what may
         scatter."""
         return replace(self, unsettled=None, scatter=None, walk=None, frame_turn=None)
+
+    def over_noise(self, change: Array) -> Array:
+        """Changes of the envelopes (R, n, 2) over their noise: of unit variance in either channel,
+        and none in common."""
+        return channel_noise.whiten(self.whitening, change) * self.weight[..., None]
+
+    def reals_over_noise(self, change: Array) -> Array:
+        """The same of reals, (R, n, 4, K)."""
+        weight = self.weight[..., None, None]
+        return channel_noise.whiten_reals(self.whitening, change) * weight
+
+    def in_units(self, over_noise: Array) -> Array:
+        """Envelopes (R, n, 2) in the signals' unit from the same over their noise; 0 where a row has
+        no weight."""
+        weight = np.where(self.weight > 0, self.weight, np.inf)[..., None]
+        return channel_noise.whiten(channel_noise.inverse(self.whitening), over_noise / weight)
 
     @property
     def numbers(self) -> Array:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..envelopes import channel_noise
 from . import fast_march
 from .fast_march import RuleSteps
 from .fit_point import Point
@@ -53,23 +54,24 @@ class Prediction:
         With ψ the phase between measured and foretold, unwrapped: measured·e^{−jψ} − foretold +
         jψ·foretold, which is the plain difference for ψ → 0.
         """
-        measured, foretold = self.series.envelope, self.by_log
-        if self.series.free_phase:
-            turn = np.exp(-1j * np.angle(np.sum(measured * np.conj(foretold), axis=-1)))
-            return real((measured * turn[..., None] - foretold) * self.series.weight[..., None])
+        series, foretold = self.series, self.by_log
+        measured = series.envelope
+        if series.free_phase:
+            seen, said = (channel_noise.whiten(series.whitening, u) for u in (measured, foretold))
+            turn = np.exp(-1j * np.angle(np.sum(seen * np.conj(said), axis=-1)))
+            return real(series.over_noise(measured * turn[..., None] - foretold))
         psi = self.phase_error()[..., None]
         return real(
-            (measured * np.exp(-1j * psi) - foretold + 1j * psi * foretold)
-            * self.series.weight[..., None]
+            series.over_noise(measured * np.exp(-1j * psi) - foretold + 1j * psi * foretold)
         )
 
     def judged(self, change: Array) -> Array:
         """Changes (R, n, 4, K) over σ of what the fit judges: all of them, or all but a common turn
         of both channels."""
-        change = change * self.series.weight[..., None, None]
+        change = self.series.reals_over_noise(change)
         if not self.series.free_phase:
             return change
-        turned = real(1j * self.seen)
+        turned = real(1j * channel_noise.whiten(self.series.whitening, self.seen))
         size = np.sum(turned**2, axis=-1, keepdims=True)
         unit = turned / np.sqrt(np.where(size > 0, size, 1.0))
         left = change - unit[..., None] * np.einsum("rni,rnik->rnk", unit, change)[:, :, None, :]

@@ -24,14 +24,17 @@ ANGLE_LIMIT, PHASE_LIMIT, CARRIER_LIMIT = (
 range/√12."""
 
 
-def standard_deviations(x: Array, variances: Array, carrier_known: bool) -> Array:
+def standard_deviations(
+    x: Array, variances: Array, carrier_known: bool, correlation: float = 0.0
+) -> Array:
     """σ (n, 5) of A, B, θ (electrical), φ, ψ at x (n, 5) for signals of variances (n, 4) direct or
-    (n, 8) carrier.
+    (n, 8) carrier, and a correlation of the channels' noise.
 
     A projection Re d†δu has the variance Σ |d|²M + Re(d²N) over both channels, M half the sum and N
     half the difference of the variances of Re u and Im u; with a carrier each is the sum over both
     side bands, N turned by their phases ∓2ψ, over 4. With d from the module's page and T = e^{2jφ}N
-    all is real in P = Re T, Q = Im T, e_A², e_B² and e_A e_B.
+    all is real in P = Re T, Q = Im T, e_A², e_B² and e_A e_B. What both channels' noise has in common
+    adds 2 e_C e_S ρ√(M_C M_S) to a projection along e: ± sin 2θ times that.
 
     The linear σ of an angle grows without bound towards a circular or a vanishing wave; it is
     joined there to that of an angle of which nothing is known, 1/σ² = 1/σ_linear² + 1/σ_unknown².
@@ -39,29 +42,33 @@ def standard_deviations(x: Array, variances: Array, carrier_known: bool) -> Arra
     out = np.zeros_like(x)
     for start in range(0, len(x), CHUNK_ROWS):
         rows = slice(start, start + CHUNK_ROWS)
-        _fill(out[rows], x[rows], variances[rows], variances.shape[1] == 8 and not carrier_known)
+        with_carrier = variances.shape[1] == 8 and not carrier_known
+        _fill(out[rows], x[rows], variances[rows], with_carrier, correlation)
     return out
 
 
-def _fill(out: Array, x: Array, variances: Array, with_carrier: bool) -> None:
+def _fill(out: Array, x: Array, variances: Array, with_carrier: bool, correlation: float) -> None:
     A, B, theta, phi, psi = np.ascontiguousarray(x.T)
     cos2 = np.cos(theta) ** 2
     sin2, A2, B2 = 1 - cos2, A * A, B * B
     cos_turn, sin_turn = np.cos(2 * phi), np.sin(2 * phi)
+    sine = np.sin(2 * theta)
     more, less, imaginary = [], [], []
-    for M, real, other in _halves(variances, psi):
+    halves = _halves(variances, psi)
+    for M, real, other in halves:
         P = cos_turn * real - sin_turn * other
         more.append(M + P)
         less.append(M - P)
         imaginary.append(cos_turn * other + sin_turn * real)
-    turning = sin2 * more[0] + cos2 * more[1]  # of e_B in phase, of e_A beside it
-    beating = cos2 * less[0] + sin2 * less[1]
-    mixed = A * B * np.sin(2 * theta) * (imaginary[1] - imaginary[0])
+    common = correlation * sine * np.sqrt(halves[0][0] * halves[1][0]) if correlation else 0.0
+    turning = sin2 * more[0] + cos2 * more[1] - common  # of e_B in phase, of e_A beside it
+    beating = cos2 * less[0] + sin2 * less[1] + common
+    mixed = A * B * sine * (imaginary[1] - imaginary[0])
     both = A2 * beating + B2 * turning
     # |A² − B²| is the Jacobian's: at a circle θ and φ exchange without a change of the signals.
     determinant = np.abs(A2 - B2)
-    out[:, 0] = _root(cos2 * more[0] + sin2 * more[1])
-    out[:, 1] = _root(sin2 * less[0] + cos2 * less[1])
+    out[:, 0] = _root(cos2 * more[0] + sin2 * more[1] + common)
+    out[:, 1] = _root(sin2 * less[0] + cos2 * less[1] - common)
     out[:, 2] = _limited(_root(A2 * turning + B2 * beating + mixed), determinant, ANGLE_LIMIT)
     out[:, 3] = _limited(_root(both + mixed), determinant, PHASE_LIMIT)
     if with_carrier:

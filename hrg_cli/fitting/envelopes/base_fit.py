@@ -317,7 +317,7 @@ def _grown(data: Batch, space: Freedom, z: Array, first: Array, phase: Array, or
     so many orders of phase."""
     for share in SHARES:
         kept = np.arange(data.time_s.shape[1]) < max(12, share * data.time_s.shape[1])
-        part = Batch(data.runs, data.time_s, data.turn_rad, data.envelope, data.weight * kept)
+        part = replace(data, weight=data.weight * kept)
         if share == 1.0:
             phase = np.pad(phase, ((0, 0), (0, orders - phase.shape[1])))
         result = fit(part, space, z, first, phase)

@@ -14,6 +14,7 @@ from ...physics import ellipse
 from ...records import Wave
 from ..samples.course import course
 from ..samples.rate_log import within_log
+from . import channel_noise
 from .matrices import Matrix, apply
 
 Array = np.ndarray
@@ -32,7 +33,8 @@ ODD_WINDOW, ODD_SPREAD = 1.3, 8.0
 @dataclass(frozen=True)
 class EnvelopeRun:
     """Envelopes (n, 2) of one run at times (n,), standard deviation (n,) of one real component,
-    turned table angle ∫Ω dt (n,); `phase_known` False: their phases are none that was measured."""
+    turned table angle ∫Ω dt (n,); `phase_known` False: their phases are none that was measured;
+    `whitening` of the channels' noise (2, 2), None where both have the same (`channel_noise`)."""
 
     run_id: str
     time_s: Array
@@ -44,6 +46,7 @@ class EnvelopeRun:
     mode_number: int
     window_s: float
     phase_known: bool = True
+    whitening: Array | None = None
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -152,6 +155,11 @@ def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> Envel
         window_s=float(wave.window_s),
         phase_known=not len(chosen)
         or not np.all(np.asarray(wave.phase_rad_std, float)[chosen] > PHASE_UNKNOWN_RAD),
+        whitening=channel_noise.whitening(
+            None if wave.channel_std is None else np.asarray(wave.channel_std, float)[chosen],
+            wave.noise_correlation,
+            u,
+        ),
     )
 
 

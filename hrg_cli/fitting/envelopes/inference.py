@@ -240,17 +240,17 @@ def widen_by_held(fit: Fit, coordinate: int, std: float) -> Array:
     """Covariance of z (k, k) by a held coordinate that is known to `std` only: how the fit would
     move with it, squared."""
     response = fit.response
-    shared = fit.freedom.along(response.coordinate_sensitivities())
-    held = response.coordinate_sensitivities()[coordinate : coordinate + 1]
-    own = response.run_sensitivities()
+    over_noise = response.batch.over_noise
+    shared = over_noise(fit.freedom.along(response.coordinate_sensitivities()))
+    held = over_noise(response.coordinate_sensitivities()[coordinate : coordinate + 1])
+    own = over_noise(response.run_sensitivities())
     k = len(shared)
     total = np.zeros((k + 1, k + 1))
     total[:k, :k] = _prior_information(fit)
     for run, record in enumerate(response.batch.runs):
         n = len(record)
-        weight = response.batch.weight[run, :n]
-        Q, _ = np.linalg.qr(real(own[:, run, :n], weight))
-        design = real(np.concatenate([shared, held])[:, run, :n], weight)
+        Q, _ = np.linalg.qr(real(own[:, run, :n]))
+        design = real(np.concatenate([shared, held])[:, run, :n])
         design = design - Q @ (Q.T @ design)
         total += design.T @ design
     size = np.sqrt(np.maximum(np.diag(total)[:k], 1e-300))
@@ -269,15 +269,14 @@ def _prior_information(fit: Fit) -> Array:
 def _run_information(fit: Fit) -> list[tuple[Array, Array]]:
     """Information and gradient (Jᵀr) of each run on z, its own nuisances eliminated."""
     response = fit.response
-    shared = fit.freedom.along(response.coordinate_sensitivities())
-    own = response.run_sensitivities()
+    shared = response.batch.over_noise(fit.freedom.along(response.coordinate_sensitivities()))
+    own = response.batch.over_noise(response.run_sensitivities())
     residual = response.residual()
     parts = []
     for run, record in enumerate(response.batch.runs):
         n = len(record)
-        weight = response.batch.weight[run, :n]
-        Q, _ = np.linalg.qr(real(own[:, run, :n], weight))
-        design = real(shared[:, run, :n], weight)
+        Q, _ = np.linalg.qr(real(own[:, run, :n]))
+        design = real(shared[:, run, :n])
         design = design - Q @ (Q.T @ design)
         r = residual[run, :n].ravel()
         parts.append((design.T @ design, design.T @ np.concatenate([r.real, r.imag])))
@@ -305,20 +304,19 @@ def run_frequencies(fit: Fit, factor: float) -> Frequencies:
         [r.reference_frequency_hz for r in response.batch.runs]
     ) + response.state.offsets_rad_s(span) / (2 * np.pi)
     covariance = covariance_z(fit, factor)
-    shared = fit.freedom.along(response.coordinate_sensitivities())
-    own = response.run_sensitivities()
+    shared = response.batch.over_noise(fit.freedom.along(response.coordinate_sensitivities()))
+    own = response.batch.over_noise(response.run_sensitivities())
     variance, through = np.zeros(len(frequency)), np.zeros((len(frequency), len(covariance)))
     for run, record in enumerate(response.batch.runs):
         n = len(record)
-        weight = response.batch.weight[run, :n]
-        Q, R = np.linalg.qr(real(own[:, run, :n], weight))
+        Q, R = np.linalg.qr(real(own[:, run, :n]))
         # own: the start envelope's four reals, then the phase's orders, each in radians at the run's
         # end: their sum over 2π·span is what the mean frequency lies above the reference
         pick = np.concatenate([np.zeros(4), np.ones(len(own) - 4)]) / (2 * np.pi * span[run])
         # the run's own unknowns at a given z: R⁻¹Qᵀ(residual − design·z)
         back = pick @ np.linalg.pinv(R)
         variance[run] = factor * back @ back
-        through[run] = -back @ (Q.T @ real(shared[:, run, :n], weight))
+        through[run] = -back @ (Q.T @ real(shared[:, run, :n]))
     x = np.linspace(0.0, 1.0, 65)
     orders = np.arange(1, response.state.phase.shape[1] + 1)
     # d/dt of Σ c_k x^k, x = t/span, k = 1, 2, …

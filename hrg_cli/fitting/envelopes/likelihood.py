@@ -113,7 +113,7 @@ def eliminate_nuisances(response: Response, freedom: Freedom) -> SharedRows:
     columns = np.concatenate(
         [own[:k], shared, own[k:], (response.batch.envelope - response.model)[None]]
     )
-    columns *= response.batch.weight[..., None]
+    columns = response.batch.over_noise(columns)
     R = triangle(np.moveaxis(columns.reshape(*columns.shape[:2], -1).view(float), 0, 2))
     rows = R[:, k : k + s]
     return SharedRows(

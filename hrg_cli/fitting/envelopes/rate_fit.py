@@ -147,7 +147,7 @@ class _Problem:
         shared[SCALE_FACTOR] = np.tensordot(x[self.rates], turned, 1)
         of_resonator = np.tensordot(self.known.spread.T, shared, 1)
         columns = np.concatenate([response.run_sensitivities(), factor * turned, of_resonator])
-        design = real(columns[:, 0], response.batch.weight[0])
+        design = real(response.batch.over_noise(columns)[:, 0])
         residual = response.residual()[0].ravel()
         z = x[self.rates.stop :]
         prior = np.eye(len(x))[self.rates.stop :]

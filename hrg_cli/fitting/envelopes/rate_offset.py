@@ -72,14 +72,16 @@ def _step(fit: Fit) -> tuple[float, float, Array, float]:
     response, freedom = fit.response, fit.freedom
     data = response.batch
     shape = np.full((1, *data.step_s.shape), response.state.p[SCALE_FACTOR])
-    columns = np.concatenate(
-        [
-            freedom.along(response.coordinate_sensitivities()),
-            response.turning_sensitivity(shape, shape, shape),
-        ],
-        axis=0,
+    columns = data.over_noise(
+        np.concatenate(
+            [
+                freedom.along(response.coordinate_sensitivities()),
+                response.turning_sensitivity(shape, shape, shape),
+            ],
+            axis=0,
+        )
     )
-    own, residual = response.run_sensitivities(), response.residual()
+    own, residual = data.over_noise(response.run_sensitivities()), response.residual()
     k = len(freedom.names)
     prior = np.where(np.isfinite(freedom.prior_std), freedom.prior_std, np.inf) ** -2.0
     information = np.diag(np.append(prior, 0.0))
@@ -87,9 +89,8 @@ def _step(fit: Fit) -> tuple[float, float, Array, float]:
     alone = 0.0
     for run, record in enumerate(data.runs):
         n = len(record)
-        weight = data.weight[run, :n]
-        Q, _ = np.linalg.qr(real(own[:, run, :n], weight))
-        design = real(columns[:, run, :n], weight)
+        Q, _ = np.linalg.qr(real(own[:, run, :n]))
+        design = real(columns[:, run, :n])
         alone += float(design[:, k] @ design[:, k])
         design = design - Q @ (Q.T @ design)
         r = residual[run, :n].ravel()

@@ -20,8 +20,8 @@ def bootstrap(best: Fit, draws: int, seed: int) -> Array:
     Gauss–Newton step from the optimum."""
     rng = np.random.default_rng(seed)
     response, freedom = best.response, best.freedom
-    shared = freedom.along(response.coordinate_sensitivities())
-    own = response.run_sensitivities()
+    shared = response.batch.over_noise(freedom.along(response.coordinate_sensitivities()))
+    own = response.batch.over_noise(response.run_sensitivities())
     residual = response.residual()
     k = own.shape[0]
     prior = np.where(np.isfinite(freedom.prior_std), freedom.prior_std, np.inf) ** -2.0
@@ -29,13 +29,12 @@ def bootstrap(best: Fit, draws: int, seed: int) -> Array:
     gradient = np.tile(prior * (freedom.prior_mean - best.z), (draws, 1))
     for run, record in enumerate(response.batch.runs):
         n = len(record)
-        weight = response.batch.weight[run, :n]
         design = np.concatenate([own[:, run, :n], shared[:, run, :n]])
-        scale = measure_columns(real(design, weight))
+        scale = measure_columns(real(design))
         pieces = np.array_split(np.arange(n), min(BLOCKS_A_RUN, n))
         matrices, vectors = [], []
         for piece in pieces:
-            block = real(design[:, piece], weight[piece]) / scale
+            block = real(design[:, piece]) / scale
             r = residual[run, piece].ravel()
             matrices.append(block.T @ block)
             vectors.append(block.T @ np.concatenate([r.real, r.imag]))

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from . import coordinates, matrices
+from . import channel_noise, coordinates, matrices
 from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
 from .matrices import Matrix, Vector, apply, product
@@ -28,13 +28,20 @@ STEADY_RAD = 1e-9
 @dataclass(frozen=True)
 class Batch:
     """Runs side by side, padded to the longest: times from the run's first row, table turn,
-    envelopes, 1/σ (0 where padded), (R, n)."""
+    envelopes, 1/σ (0 where padded), (R, n); the channels' noise of every run (R, 2, 2), None where
+    both have the same in all."""
 
     runs: tuple[EnvelopeRun, ...]
     time_s: Array
     turn_rad: Array
     envelope: Array
     weight: Array
+    whitening: Array | None = None
+
+    def over_noise(self, change: Array) -> Array:
+        """Changes of the envelopes (..., R, n, 2) over their noise: of unit variance in either
+        channel, and none in common."""
+        return channel_noise.whiten(self.whitening, change) * self.weight[..., None]
 
     @cached_property
     def step_s(self) -> Array:
@@ -94,6 +101,7 @@ def batch(runs: Sequence[EnvelopeRun]) -> Batch:
         turn_rad=np.stack([pad(r.turn_rad) - r.turn_rad[0] for r in runs]),
         envelope=np.stack([pad(r.envelope) for r in runs]),
         weight=np.stack([np.concatenate([1 / r.std, np.zeros(longest - len(r))]) for r in runs]),
+        whitening=channel_noise.side_by_side([r.whitening for r in runs]),
     )
 
 
@@ -207,7 +215,7 @@ class Response:
 
     def residual(self) -> Array:
         """Measured minus model over σ, (R, n, 2) complex; 0 where padded."""
-        return (self.batch.envelope - self.model) * self.batch.weight[..., None]
+        return self.batch.over_noise(self.batch.envelope - self.model)
 
     @cached_property
     def chi2(self) -> float:
@@ -262,7 +270,7 @@ def _each(rule: Callable[[Array, Array], Array], a: Matrix, b: Matrix) -> Matrix
     return rule(a[0], b[0]), rule(a[1], b[1]), rule(a[2], b[2]), rule(a[3], b[3])
 
 
-def real(columns: Array, weight: Array) -> Array:
-    """Weighted complex columns (k, n, 2) as real design matrix (4n, k)."""
-    flat = (columns * weight[:, None]).reshape(len(columns), -1)
+def real(columns: Array) -> Array:
+    """Complex columns (k, n, 2) over their noise as real design matrix (4n, k)."""
+    flat = columns.reshape(len(columns), -1)
     return np.concatenate([flat.real, flat.imag], axis=1).T

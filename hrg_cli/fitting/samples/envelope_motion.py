@@ -111,13 +111,10 @@ def curvatures(
     if second.shape[1] <= 4 * h:
         return _spread(second, h, turn), np.zeros(u.shape)
     fourth = _spread(CURVED * window_s**2 * bend(second), h, turn)
-    size = np.sqrt(
-        np.nanmean(np.abs(fourth) ** 2, axis=1)
-        / np.maximum(np.nanmean(np.abs(second) ** 2, axis=1), 1e-300)
-    )
-    doubt = np.broadcast_to(
-        (4 * size * np.sqrt(np.nanmean(np.abs(fourth) ** 2, axis=1)))[:, None], u.shape
-    ).copy()
+    # medians: what a strike leaves at an end of the run is not in the other windows
+    fourth2, second2 = (np.median(np.abs(one) ** 2, axis=1) for one in (fourth, second))
+    size = np.sqrt(fourth2 / np.maximum(second2, 1e-300))
+    doubt = np.broadcast_to((4 * size * np.sqrt(fourth2))[:, None], u.shape).copy()
     second = second - fourth
     out = _spread(second, h, turn)
     for i in range(1, h + 1):  # the ends continue a parabola; a third of its bend is the doubt

@@ -97,10 +97,12 @@ def _less_oscillation(
 @dataclass
 class AveragedSpectrum:
     """Welch's average on one frequency grid: `density` (frequencies, channels) one-sided, unit²/Hz,
-    of `segments` Hann segments."""
+    of `segments` Hann segments; `parts`: their transforms (channels, frequencies), whose squares are
+    densities."""
 
     frequency_hz: Array
     density: Array = field(init=False)
+    parts: list[Array] = field(default_factory=list)
     segments: int = 0
 
     def __post_init__(self) -> None:
@@ -120,6 +122,7 @@ class AveragedSpectrum:
             spectrum = (residual * window) @ rotations(time_s - time_s[0], self.frequency_hz).T
             norm = 2 * step / (window**2).sum()
         self.density += (np.abs(spectrum) ** 2 * norm).T
+        self.parts.append(spectrum * np.sqrt(norm))
         self.segments += 1
 
     def mean(self) -> Array:
@@ -136,6 +139,44 @@ def floor(density: Array, bins: int = 65) -> Array:
     return np.stack(
         [np.interp(np.arange(n), centres, medians[:, k]) for k in range(density.shape[1])], -1
     )
+
+
+COMMON_LINE = 8.0
+"""Power over the floor from which a bin is a line's, whose phases say nothing of the noise."""
+
+UNCORRELATED = 0.1
+"""Correlation up to which noise counts as each channel's own: it moves a σ by a twentieth."""
+
+
+def correlation(
+    averaged: AveragedSpectrum,
+    about_hz: tuple[float, ...],
+    reach_hz: float,
+    blind_hz: tuple[tuple[float, float], ...],
+) -> float | None:
+    """Correlation of the channels' noise about some frequencies: the co-spectrum over both
+    densities' roots, each bin over its floor, the median over the segments; 0 where chance or next
+    to nothing makes it, None without a spectrum.
+
+    Channels of unequal noise that were turned into one another afterwards share noise, and so do
+    channels behind one reference. A segment in which the oscillation jumps shares that. The product
+    of two independent normal numbers over N bins scatters by 1/√(2N), its median by √(π/2) more.
+    """
+    hz, density = averaged.frequency_hz, averaged.mean()
+    level = floor(density) if len(hz) else density
+    near = np.abs(hz[:, None] - np.array(about_hz)).min(axis=-1) < reach_hz
+    seen = near & (level > 0).all(axis=-1)
+    for low, high in blind_hz:
+        seen &= (hz < low) | (hz > high)
+    quiet = seen & (density < COMMON_LINE * level).all(axis=-1)
+    count = int(quiet.sum()) * averaged.segments
+    if not count:
+        return None
+    each = np.stack(averaged.parts)[..., quiet] / np.sqrt(level[quiet].T)
+    power = (np.abs(each) ** 2).sum(axis=-1)
+    common = (each[:, 0] * each[:, 1].conj()).real.sum(axis=-1)
+    found = float(np.median(common / np.maximum(np.sqrt(power.prod(axis=-1)), 1e-300)))
+    return found if abs(found) > max(UNCORRELATED, 4 / np.sqrt(count)) else 0.0
 
 
 def chi_square_excess(freedom: float, sigmas: float) -> float:

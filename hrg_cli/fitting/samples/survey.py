@@ -21,7 +21,7 @@ from .looks import (
     take_looks,
 )
 from .oscillation_search import SpectralPeak, follow_frequency, search_oscillation
-from .spectrum import AveragedSpectrum, lines, look_residual
+from .spectrum import AveragedSpectrum, correlation, lines, look_residual
 
 Array = np.ndarray
 
@@ -32,6 +32,9 @@ not a run with gaps."""
 QUIET_LOOKS = 3
 """Looks, about, that tell the frequency's course where no noise hides it; what is between them the
 demodulation follows from chunk to chunk."""
+
+ABOUT = 0.25
+"""Part of the oscillation's frequency about it within which the channels' noise is compared."""
 
 LINE_LEAST = 1e-8
 """Lines below this part of the oscillation are the arithmetic's rounding."""
@@ -46,7 +49,8 @@ class Survey:
     the values' step; `strength2`: the stronger channel's variance; `look_noise2` (looks, channels): variance
     of what a look holds beside the oscillation, however that moves; `spectrum_*`, `line_*`: as in
     Periods, from so many segments; `blind_hz`: where the oscillation itself was taken out of the
-    spectrum; reasons to suspect or refuse.
+    spectrum; reasons to suspect or refuse; `noise_correlation`: of both channels about the
+    oscillation, None where it is not known.
     """
 
     reference_hz: float
@@ -68,6 +72,7 @@ class Survey:
     suspect: tuple[str, ...]
     refused: tuple[str, ...]
     least_count: tuple[float, float] = (0.0, 0.0)
+    noise_correlation: float | None = None
 
     def frequency_hz(self, time_s: float) -> float:
         """Local frequency, interpolated between the looks."""
@@ -108,9 +113,8 @@ class FrequencyCourse:
         # A micro-hertz: a number that a person can write down and that two machines agree on.
         reference = float(np.round(np.median(self.track[1]), 6))
         away = rest.blind_hz
-        skip = tuple(
-            (f - away, f + away) for f in (*finding.bands(reference, self.carrier_hz), 0.0)
-        )
+        at = finding.bands(reference, self.carrier_hz)
+        skip = tuple((f - away, f + away) for f in (*at, 0.0))
         line_hz, line_amplitude, line_ratio = rest.lines(skip)
         return Survey(
             reference_hz=reference,
@@ -135,6 +139,7 @@ class FrequencyCourse:
             suspect=self.dead + self.found.suspect,
             refused=_refuse_noise(self.found),
             least_count=least_count,
+            noise_correlation=correlation(rest.spectrum, at, ABOUT * reference, skip),
         )
 
 

@@ -24,8 +24,8 @@ class BaseValue(Estimated):
     assumed: bool = False
     """Whether the runs do not show it: the value is what is usual, σ as large as that."""
     sum_with: list[str] = Field(default=[])
-    """Causes of the drive that these runs cannot tell from it: the value is the sum, and σ holds such
-    a cause of typical size."""
+    """Causes of the drive, and loops that act late (`loop_delay`), that these runs cannot tell from it:
+    the value is the sum, and σ holds what they may add."""
 
 
 class Held(Shape):

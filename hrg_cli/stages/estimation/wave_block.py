@@ -24,8 +24,11 @@ def write_block(
 ) -> Wave:
     """The block's record, but for its frequency."""
     variances = np.asarray(block.signals_std, float) ** 2
-    std = standard_deviations(x, variances, carrier_known)
-    direct = block.readout == "direct"
+    std = standard_deviations(x, variances, carrier_known, block.noise_correlation or 0.0)
+    # With a carrier the envelope is the mean of two sidebands.
+    noise2, channel2 = (
+        one / (1 if block.readout == "direct" else 2) for one in _pool_noise(variances)
+    )
     flags = np.asarray(block.flags).astype(np.uint8)
     flags[~find_finite(x)] |= FLAG_NOT_FINITE
     shared = (
@@ -48,8 +51,8 @@ def write_block(
         phase_rad_std=std[:, 3],
         carrier_phase_rad_std=std[:, 4],
         residual_rms=misfit,
-        # With a carrier the envelope is the mean of two sidebands.
-        signal_std=np.sqrt(_pool_noise(variances) / (1 if direct else 2)),
+        signal_std=np.sqrt(noise2),
+        channel_std=np.sqrt(channel2),
         iterations=iterations,
         flags=flags,
         frequency_hz=np.full(len(x), np.nan),
@@ -59,19 +62,29 @@ def write_block(
     )
 
 
-def _pool_noise(variances: Array) -> Array:
-    """Mean variance (n,) of the signals, without those of which nothing is known (the phase of a
-    bare amplitude)."""
-    mean = variances @ np.full(variances.shape[1], 1 / variances.shape[1])
+def _pool_noise(variances: Array) -> tuple[Array, Array]:
+    """Mean variance of all signals (n,), and of either channel's (n, 2), of which the first half are
+    C's; without those of which nothing is known (the phase of a bare amplitude)."""
+    count = variances.shape[1] // 2
+    channels = (variances[:, :count], variances[:, count:])
+    each = np.stack([one @ np.full(count, 1 / count) for one in channels], axis=-1)
+    mean = each @ np.full(2, 0.5)
     least = functools.reduce(np.minimum, variances.T)
     if np.all(mean <= UNKNOWN * least) or not least.any():
-        return np.asarray(mean)
+        return mean, each
     known = variances <= UNKNOWN**2 * np.median(variances, axis=1, keepdims=True)
+    mean = _mean_of(variances, known, mean)
+    parts = zip(channels, (known[:, :count], known[:, count:]), strict=True)
+    return mean, np.stack([_mean_of(one, sure, mean) for one, sure in parts], axis=-1)
+
+
+def _mean_of(variances: Array, known: Array, otherwise: Array) -> Array:
+    """Mean (n,) over what is known in every row, `otherwise` (n,) where nothing is."""
     return np.asarray(
         np.divide(
             (variances * known).sum(axis=1),
             known.sum(axis=1),
-            out=mean.copy(),
+            out=otherwise.copy(),
             where=known.any(axis=1),
         )
     )

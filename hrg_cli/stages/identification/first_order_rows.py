@@ -101,7 +101,7 @@ def _weigh_second_order(best: Fit) -> float:
         respond(data, State(np.append(best.p[:6], order), state.start, state.phase)).model
         for order in (0.0, 1.0)
     )
-    return float(np.linalg.norm((second - first) * data.weight[..., None]))
+    return float(np.linalg.norm(data.over_noise(second - first)))
 
 
 def _take_off_second_order(

@@ -18,7 +18,7 @@ from ...errors import HrgError
 from ...fitting.causes import colour
 from ...fitting.causes.colour import ColouredNoise
 from ...fitting.causes.wave_frame import real
-from ...fitting.envelopes import condensed, free_windows
+from ...fitting.envelopes import channel_noise, condensed, free_windows
 from ...fitting.envelopes.base_fit import base_fit
 from ...fitting.envelopes.base_freedom import Known
 from ...physics.plant import Readout, Samples
@@ -62,7 +62,8 @@ def of_free_runs(waves: Sequence[Wave], settings: Mapping[str, Any], earth_rad_s
     # in the wave's own phase, e^{2jφ} ∝ u·u: only there does the angle stand across the wave
     back = np.exp(-0.5j * np.angle(np.sum(data.envelope**2, axis=-1, keepdims=True)))
     residual = real(response.residual() * back)
-    found = colour.noises(data.time_s, data.weight, data.envelope * back, residual)
+    seen = channel_noise.whiten(data.whitening, data.envelope) * back
+    found = colour.noises(data.time_s, data.weight, seen, residual)
     return tuple(n if n.wander_1_s > 0 else WHITE for n in found)
 
 

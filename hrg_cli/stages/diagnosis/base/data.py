@@ -13,7 +13,7 @@ from ....effects.effect import frame
 from ....errors import HrgError
 from ....fitting.causes.fit_point import Point
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.envelopes import envelope_runs, propagator
+from ....fitting.envelopes import channel_noise, envelope_runs, propagator
 from ....fitting.envelopes.coordinates import DAMPING, DAMPING_SPLIT, FREQUENCY_SPLIT, SCALE_FACTOR
 from ....fitting.envelopes.envelope_runs import EnvelopeRun
 from ....fitting.samples.course import Impulse, course, impulse, mean_of
@@ -237,6 +237,7 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Measured
         reference_frequency_hz=reference,
         mode_number=int(waves[0].mode_number),
         has_temperature=any(_has(w.temperature_degc) for w in waves),
+        whitening=channel_noise.side_by_side([r.whitening for r in runs]),
     )
 
 

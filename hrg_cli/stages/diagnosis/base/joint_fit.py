@@ -10,12 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....errors import HrgError, name_some
+from ....fitting import checks
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import Point
 from ....records import Wave
 from ..drive.command_log import fit_lateness, is_thinkable, lateness, scattered_commands
-from ..drive.frame import FrameAnswers, follow_frames
+from ..drive.frame import FrameAnswers, all_driven, follow_frames
+from ..drive.held_commands import allow_steps, likely_beats
 from ..drive.ripple import Ripple
 from ..drive.scatter import allow, allowed_for, follow_walk, has_log
 from ..drive.tracker_start import allow_starts
@@ -28,6 +30,7 @@ from .base_priors import freedom_of
 from .data import is_averaged_well, prepare
 from .rate_steps import fit_rate_steps
 
+Array = np.ndarray
 AVERAGED_AGAIN = 2
 """Times that rows are averaged anew along the motion last fitted: the first may lack the splits."""
 
@@ -84,16 +87,38 @@ def settle_log(fit: ExtendedFit) -> ExtendedFit:
     if fit.series.scatter is None:
         beside = _beside_log(fit if is_gross(fit) else fit_lateness(fit))
         return fit if is_gross(beside) else follow_walk(beside)
-    return fit if is_gross(fit) else _beside_frames(follow_walk(fit))
+    return fit if is_gross(fit) else _beside_steps(fit, _along_walk)
 
 
 def _beside_log(fit: ExtendedFit) -> ExtendedFit:
     """The fit beside what the log's rows, the frame that its commands are turned to, and the ripple
-    that loops answer may have done: white in every run, or the same in all of one instrument."""
+    that loops answer may have done: white in every run, or the same in all of one instrument; and
+    beside the steps of held commands."""
     if not has_log(fit.series):
         return fit
-    fit = allow_starts(allowed_for(fit))
+    return _beside_steps(fit, lambda fit: _along_walk(allow_starts(allowed_for(fit))))
+
+
+def _along_walk(fit: ExtendedFit) -> ExtendedFit:
+    """The fit beside what is the same in all runs, along the likely walk where it is not gross."""
     return _beside_frames(fit if is_gross(fit) else follow_walk(fit))
+
+
+def _beside_steps(fit: ExtendedFit, settled: Callable[[ExtendedFit], ExtendedFit]) -> ExtendedFit:
+    """The settled fit; where that leaves more than noise, the same beside the steps of commands that
+    are held in time with the oscillation, if these leave nothing but noise."""
+    beside = settled(fit)
+    if fit.series.held_beat_rad_s is not None or _is_noise(beside):
+        return beside
+    for beat in likely_beats(beside):
+        held = settled(allow_steps(fit, beat))
+        if _is_noise(held):
+            return held
+    return beside
+
+
+def _is_noise(fit: ExtendedFit) -> bool:
+    return checks.goodness(fit.chi2, fit.dof).passed
 
 
 def _beside_frames(fit: ExtendedFit) -> ExtendedFit:
@@ -101,17 +126,25 @@ def _beside_frames(fit: ExtendedFit) -> ExtendedFit:
     likely beside the causes there are: what these have done would be laid on it."""
     for _ in range(FRAMES_AGAIN):
         frames = FrameAnswers.of(fit)
-        answers = [
-            Ripple.of(fit).spread,
-            frames.spread(fit),
-            lateness(fit),
-            scattered_commands(fit),
-        ]
-        beside = allow(fit, np.concatenate(answers, axis=1))
+        beside = _allow_answers(fit, frames.spread(fit))
         fit = follow_frames(beside, frames)
         if fit is beside:
             break
     return fit
+
+
+def beside_any_delay(fit: ExtendedFit) -> ExtendedFit | None:
+    """The fit of driven runs again where a lateness of their loops may have moved the scale factor
+    too; None where there are free runs, or where no frame is allowed for."""
+    if fit.series.unsettled is None or not all_driven(fit.series):
+        return None
+    return _allow_answers(fit, FrameAnswers.of(fit).doings)
+
+
+def _allow_answers(fit: ExtendedFit, of_frames: Array) -> ExtendedFit:
+    """The fit beside what loops may have answered, these columns (N, k) of their frame's among it."""
+    answers = [Ripple.of(fit).spread, of_frames, lateness(fit), scattered_commands(fit)]
+    return allow(fit, np.concatenate(answers, axis=1))
 
 
 def start_fit(fit: ExtendedFit) -> ExtendedFit:

@@ -12,6 +12,7 @@ from typing import Any
 
 from ....fitting.causes import colour
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.envelopes import channel_noise
 from ..search.remainder import adequacy
 from ..thresholds import INADEQUATE
 
@@ -27,7 +28,8 @@ def wander(fit: ExtendedFit) -> list[dict[str, Any]]:
     if adequacy(fit)[1] > INADEQUATE:
         return []
     series = fit.series
-    noises = colour.noises(series.time_s, series.weight, series.envelope, fit.prediction.residual())
+    seen = channel_noise.whiten(series.whitening, series.envelope)
+    noises = colour.noises(series.time_s, series.weight, seen, fit.prediction.residual())
     if not noises:
         return []
     return [

@@ -66,7 +66,7 @@ class FrameAnswers:
     def of(cls, fit: ExtendedFit) -> FrameAnswers:
         """Beside a fit."""
         series, courses = fit.series, courses_of(fit)
-        turning = float(np.max(np.abs(_slope(series.time_s, courses[0]))))
+        turning = float(np.max(np.abs(slope_of(series.time_s, courses[0]))))
         angle, phase = (_answers(series, course, turning) for course in courses)
         moved = fit.flow.seen(carry_turns(fit.flow, series, angle, phase))
         return cls(angle, phase, whitened_rows.flatten_own(series, moved))
@@ -74,7 +74,7 @@ class FrameAnswers:
     def spread(self, fit: ExtendedFit) -> Array:
         """What one standard deviation of each does, over σ (N, 2k); driven runs alone show that
         scale factor which their loops make of it."""
-        return _beside_scale_factor(fit, self.doings) if _all_driven(fit.series) else self.doings
+        return _beside_scale_factor(fit, self.doings) if all_driven(fit.series) else self.doings
 
     def turn(self, size: Array) -> Array:
         """Turn of the frame by answers of these sizes (2k,), rad (R, n, 2)."""
@@ -92,7 +92,7 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     runs alone do not know the late part of it from their scale factor.
     """
     series = fit.series
-    if series.unsettled is None or _all_driven(series):
+    if series.unsettled is None or all_driven(series):
         return fit
     size = answers.doings.T @ series.unsettled.off(fit.residual)
     turn = answers.turn(size)
@@ -110,7 +110,8 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
-def _all_driven(series: MeasuredRuns) -> bool:
+def all_driven(series: MeasuredRuns) -> bool:
+    """Whether no run is free."""
     return bool(np.all(np.any(series.forced > 0, axis=1)))
 
 
@@ -153,7 +154,7 @@ def courses_of(fit: ExtendedFit) -> tuple[Array, Array]:
     return driven * angle, driven * np.unwrap(np.angle(turn), axis=1)
 
 
-def _slope(time_s: Array, course: Array) -> Array:
+def slope_of(time_s: Array, course: Array) -> Array:
     """Rate of change over the rows, (R, n); 0 where rows are padded."""
     step = np.gradient(time_s, axis=1)
     return np.divide(np.gradient(course, axis=1), step, out=np.zeros_like(course), where=step > 0)
@@ -163,7 +164,7 @@ def _answers(series: MeasuredRuns, course: Array, turning_rad_s: float) -> Array
     """By how much the commands' frame stands beside a course (R, n), for one standard deviation of its
     lateness and for every loop that may follow it, (R, n, k)."""
     late_s = MOST_LATE_RAD / turning_rad_s if turning_rad_s > 0 else 0.0
-    late = -late_s * _slope(series.time_s, course)
+    late = -late_s * slope_of(series.time_s, course)
     left = unfollowed(series, course, natural_frequencies(series))
     return np.concatenate([late[..., None], left], axis=-1)
 

@@ -182,7 +182,7 @@ def hold_written(
             return None
         simulated.append(_envelopes(wave, fit, tone, origin.index(order[number])))
     series = fit.series
-    missed, fitted = np.zeros((2, *series.weight.shape, 4))
+    missed, fitted = np.zeros((2, *series.envelope.shape), complex)
     compared = np.zeros(series.weight.shape, bool)
     for k in range(len(series.names)):
         t, slow, turn = simulated[order.index(origin[k])]
@@ -196,11 +196,11 @@ def hold_written(
             continue
         at = series.time_s[k][inside]
         u = _at(at, t, slow) * np.exp(1j * turn * at)[:, None]
-        weight = series.weight[k][inside][:, None]
         measured, said = series.envelope[k][inside], fit.prediction.by_log[k][inside]
         compared[k] = inside
-        missed[k, inside] = real(measured - u) * weight
-        fitted[k, inside] = real(measured - said) * weight
+        missed[k, inside] = measured - u
+        fitted[k, inside] = measured - said
+    missed, fitted = (real(series.over_noise(one)) for one in (missed, fitted))
     # what nobody knows of the runs (the way through a step of the rate) counts neither for the fit
     # nor for the file
     figures = [

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from ....fitting.causes import evidence
-from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.extended_fit import ExtendedFit, on_rows
+from ....fitting.causes.wave_frame import imaginary, real
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....records import Resonator
 from ..closing.forcers import moves_of_forcers
+from ..closing.loop_delay import moves_of_delay
 from ..closing.sized import Sized
 from ..fits.variants import Variant
 from ..search.case import Case
@@ -40,7 +42,7 @@ def report(
         "verdict": verdict,
         "mode_number": search.final.series.mode_number,
         "baseline": _figures(untouched),
-        "values": values(sized, resonator, moves_of_forcers(case)),
+        "values": values(sized, resonator, moves_of_forcers(case) | moves_of_delay(search.final)),
         "effects": [_effect(one, sized, by_name) for one in search.found],
         "after": _figures(search.final),
         "gain": figures(gain),
@@ -55,8 +57,8 @@ def report(
 
 def _figures(fit: ExtendedFit) -> dict[str, float]:
     """χ² a degree of freedom and the residual's rms in the signals' unit."""
-    weight = fit.series.weight[fit.rows[:, 0], fit.rows[:, 1]]
-    plain = flatten_rows(fit.series, fit.prediction.residual()) / weight
+    left = flatten_rows(fit.series, fit.prediction.residual())
+    plain = real(fit.series.in_units(imaginary(on_rows(fit, left))))[tuple(fit.rows.T)]
     return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": float(np.sqrt(np.mean(plain**2)))}
 
 

@@ -19,8 +19,8 @@ same in all of them."""
 
 @dataclass(frozen=True)
 class Tone:
-    """A tone: frequency, complex amplitudes e (R, 2) of every run at t = 0 of the run, σ of one
-    real part (R,), χ² it takes away.
+    """A tone: frequency, complex amplitudes e (R, 2) of every run at t = 0 of the run, σ (R, 2) of
+    one real part in either channel, χ² it takes away.
 
     `standing`: as strong in the second half of the runs as in the first; a partial of the resonator
     dies away.
@@ -35,13 +35,13 @@ class Tone:
     @property
     def mean(self) -> Array:
         """Mean vector (2,) of the runs, weighed by their noise."""
-        weight = 1 / self.std[:, None] ** 2
-        return np.asarray(np.sum(self.vector * weight, axis=0) / weight.sum())
+        weight = 1 / self.std**2
+        return np.asarray(np.sum(self.vector * weight, axis=0) / weight.sum(axis=0))
 
     @property
     def common(self) -> bool:
         """Whether its phase at t = 0 is the same in all runs."""
-        scatter = np.abs(self.vector - self.mean) ** 2 / self.std[:, None] ** 2
+        scatter = np.abs(self.vector - self.mean) ** 2 / self.std**2
         return bool(np.sum(scatter) < SCATTER * self.gain)
 
     def in_windows(self, frequency_hz: float, window_s: float) -> Tone:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit, unsettled_part
+from ....fitting.envelopes import channel_noise
 from ....fitting.envelopes.envelope_runs import envelopes_of
 from ....records import Wave
 from ..drive.scatter import corner_hz
@@ -38,12 +39,13 @@ LEFT_OUT = 1.75
 beside rows of one stands 1.5 away."""
 
 Residual = tuple[Array, Array, Array]
-"""Of a run: times (n,), envelopes measured less modelled (n, 2), σ (n,)."""
+"""Of a run: times (n,), envelopes measured less modelled (n, 2) of equal noise in both channels, its
+σ (n,)."""
 
 
 def residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]:
-    """Of every run: times, envelopes measured less modelled (n, 2) against the common reference, σ,
-    at the windows' own rate; without the windows that the model leaves out."""
+    """Of every run at the windows' own rate, against the common reference; without the windows that
+    the model leaves out."""
     from scipy.interpolate import CubicSpline
 
     out = []
@@ -63,7 +65,9 @@ def residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]:
             CubicSpline(at, model[k][rows] * slow)(t)
             * np.exp(1j * fit.point.offset_rad_s[k] * t)[:, None]
         )
-        out.append((t, measured - seen, np.asarray(wave.signal_std, float)[good]))
+        own = None if fit.series.whitening is None else fit.series.whitening[[k]]
+        left = channel_noise.whiten(own, (measured - seen)[None])[0]
+        out.append((t, left, np.asarray(wave.signal_std, float)[good]))
     return out
 
 
@@ -121,6 +125,9 @@ def strongest(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
     )
     std = np.array([float(np.median(s)) / np.sqrt(len(s)) for _, _, s in data])
     gain = float(np.sum(np.abs(vector) ** 2 / std[:, None] ** 2))
+    whitening = fit.series.whitening
+    vector = channel_noise.whiten(channel_noise.inverse(whitening), vector[:, None])[:, 0]
+    std = std[:, None] * channel_noise.spread(whitening)
     return Tone(best + fit.series.reference_frequency_hz, vector, std, gain, _stands(data, best))
 
 

@@ -37,7 +37,7 @@ def take_out_tone(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
                 quadrature_amplitude=a_B,
                 wave_angle_rad=angle,
                 phase_rad=phase,
-                signal_std=_std_without(wave, tone.vector[k]),
+                **_std_without(wave, tone.vector[k]),
             )
         )
     return out
@@ -48,23 +48,30 @@ def without_tones(waves: Sequence[Wave], tones: Sequence[Tone]) -> list[Wave]:
     return reduce(take_out_tone, (tone for tone in tones if tone.standing), list(waves))
 
 
-def _std_without(wave: Wave, vector: Array) -> Array:
-    """σ (n,) of a coefficient less what the tone e has in it, √(σ² − (|e_C|² + |e_S|²)/4), not
-    below what the spectrum's floor beside the oscillation promises, √(S/T).
+def _std_without(wave: Wave, vector: Array) -> dict[str, Array]:
+    """σ (n,) of a coefficient, and of either channel's (n, 2), less what the tone e has in it, √(σ² −
+    |e_C|²/2) for C, not below what the spectrum's floor beside the oscillation promises, √(S/T).
 
     The demodulation weighs the residual's colour and takes a tone for noise that every window draws
     anew: A²/2 of it in each coefficient of its channel, two of which a channel has.
     """
-    std = np.asarray(wave.signal_std, float)
     if wave.spectrum_density is None or wave.spectrum_frequency_hz is None:
-        return std
+        return {}
     frequency = np.asarray(wave.spectrum_frequency_hz, float)
     density = np.asarray(wave.spectrum_density, float)
     level = floor(density)
     at = int(np.argmin(np.abs(frequency - wave.reference_frequency_hz)))
-    white = float((level[at] * _mean_over_median(density / level)).mean()) / wave.window_s
-    quiet = std**2 - float(np.sum(np.abs(vector) ** 2)) / 4
-    return np.asarray(np.sqrt(np.maximum(quiet, np.minimum(std**2, white))))
+    white = level[at] * _mean_over_median(density / level) / wave.window_s
+    tone = np.abs(vector) ** 2 / 2
+
+    def without(std: Array, tone: Array, white: Array) -> Array:
+        quiet = np.asarray(std, float) ** 2
+        return np.asarray(np.sqrt(np.maximum(quiet - tone, np.minimum(quiet, white))))
+
+    out = {"signal_std": without(wave.signal_std, tone.mean(), white.mean())}
+    if wave.channel_std is not None:
+        out["channel_std"] = without(wave.channel_std, tone, white)
+    return out
 
 
 def _mean_over_median(ratio: Array) -> Array:

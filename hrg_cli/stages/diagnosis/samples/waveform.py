@@ -24,9 +24,13 @@ from .offered import UNMEASURED, entry, sound
 from .tone import Tone, channel_parts
 from .tones import MOST_TONES
 
+ALIKE = 1.5
+"""Ratio of the sizes of two sidebands up to which they are a pair."""
 LEAKS = 2.0
 """Times 1/πx of a line that windows show at most of it x turns away, the curvature that demodulate puts
 back included."""
+SIDEBAND = "one of two as far above as below the oscillation: its modulation and no tone"
+"""What is said of a line that has a mirror."""
 IMAGE = "what a line far from the oscillation, or an offset that drifts, leaks into the windows"
 """What is said of a tone that is the image of something else."""
 
@@ -60,6 +64,9 @@ def causes(
             listed.append(line.listed(multiple, meaning))
         else:
             open_lines.append(line)
+    sidebands = [line for line in open_lines if _is_sideband(line, far, frequency_hz, cell)]
+    listed += [line.listed(0, SIDEBAND) for line in sidebands]
+    open_lines = [line for line in open_lines if line not in sidebands]
     named = open_lines if len(open_lines) <= MOST_TONES else []
     unjudged = f"one of {len(open_lines)} lines: partials or several sources, none judged"
     listed += [line.listed(0, "a tone" if named else unjudged) for line in open_lines]
@@ -136,6 +143,21 @@ def _meaning(
     return ""
 
 
+def _is_sideband(line: Line, far: Sequence[Line], frequency_hz: float, cell: float) -> bool:
+    """Whether another line stands as far on the other side of the oscillation, in size too: what
+    bends or switches the oscillation itself makes both, a source of its own one."""
+    if abs(line.frequency_hz - frequency_hz) < WIDTH_CELLS * cell:
+        return False
+    mirror = 2 * frequency_hz - line.frequency_hz
+    size = float(np.hypot(*line.amplitude))
+    return any(
+        other is not line
+        and abs(other.frequency_hz - mirror) < WIDTH_CELLS * cell
+        and 1 / ALIKE < float(np.hypot(*other.amplitude)) / size < ALIKE
+        for other in far
+    )
+
+
 def _as_line(tone: Tone) -> Line:
     size = np.sqrt(np.mean(np.abs(tone.vector) ** 2, axis=0))
     return Line(tone.frequency_hz, size, tone.gain / 2, len(tone.vector), np.ones((1, 2)))
@@ -206,7 +228,7 @@ def _beating(tone: Tone, waves: Sequence[Wave]) -> dict[str, Any]:
     """
     longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
     vector = tone.mean if tone.common else tone.vector[0]
-    std = float(np.sum(tone.std**-2.0) ** -0.5) if tone.common else float(tone.std[0])
+    std = np.sum(tone.std**-2.0, axis=0) ** -0.5 if tone.common else tone.std[0]
     frequency_std = float(np.sqrt(12 / tone.gain) / (2 * np.pi * longest))
     turn = (
         np.pi * longest * frequency_std
@@ -214,8 +236,8 @@ def _beating(tone: Tone, waves: Sequence[Wave]) -> dict[str, Any]:
     parts = channel_parts(vector)
     beside = {"c_cos": "c_sin", "c_sin": "c_cos", "s_cos": "s_sin", "s_sin": "s_cos"}
     parameters = {
-        name: (float(v), float(np.hypot(std, parts[beside[name]] * turn)), "amplitude")
-        for name, v in parts.items()
+        name: (float(v), float(np.hypot(own, parts[beside[name]] * turn)), "amplitude")
+        for (name, v), own in zip(parts.items(), np.repeat(std, 2), strict=True)
     }
     parameters["frequency_hz"] = (tone.frequency_hz, frequency_std, "Hz")
     return entry(mains_tone.EFFECT, float(np.sqrt(tone.gain)), parameters, tone.gain) | {

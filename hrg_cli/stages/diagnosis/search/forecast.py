@@ -28,6 +28,7 @@ from ....fitting.causes.sensitivities import propagation
 from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.wave_frame import real
 from ....fitting.causes.whitened_rows import design_of, layout_of
+from ....fitting.envelopes import channel_noise
 from ....physics import ellipse
 from ..fits.refits import leave_out
 from ..thresholds import WORTH
@@ -44,6 +45,9 @@ COURSE_POINTS = 60
 UNTAUGHT = 3.0
 """Times its σ from all data beyond which a cause is not known from a part of them, so that what it
 predicts there says nothing of it."""
+WORSE_TAUGHT = 2.0
+"""Times χ² a degree of freedom of all data beyond which the training is not fitted: of driven runs
+what a log may have missed is said of all of them together, and a part of them is without it."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,8 @@ class Errors:
     4), relative wave errors (k, 4).
 
     `parts`: δmθ, δ ln a, δr and δφ (k, 4); `learned` (k, 4, m): what one σ of each of m
-    combinations of the parameters moves the errors by; weight (k,): 1/σ of the rows.
+    combinations of the parameters moves the errors by; weight (k,): 1/σ of the rows; whitening (k,
+    2, 2): of the channels' noise in each, None where both have the same.
     """
 
     run: Array
@@ -77,6 +82,7 @@ class Errors:
     parts: Array
     learned: Array
     weight: Array
+    whitening: Array | None = None
 
     @property
     def square(self) -> Array:
@@ -89,13 +95,18 @@ class Errors:
 
         A proper score (Good 1952): what a forecast does not know counts neither for it nor against.
         """
-        e = (self.difference * self.weight[:, None]).ravel()
-        M = (self.learned * self.weight[:, None, None]).reshape(len(e), -1)
+        e = self._over_noise(self.difference[..., None]).ravel()
+        M = self._over_noise(self.learned).reshape(len(e), -1)
         known = np.eye(M.shape[1]) + M.T @ M / misfit
         along = M.T @ e / misfit
         return float(
             e @ e / misfit - along @ np.linalg.solve(known, along) + np.linalg.slogdet(known)[1]
         )
+
+    def _over_noise(self, values: Array) -> Array:
+        """Values (k, 4, m) of the rows over their noise."""
+        white = channel_noise.whiten_reals(self.whitening, values[:, None])[:, 0]
+        return white * self.weight[:, None, None]
 
     def drawn(self, random: np.random.Generator) -> Array:
         """e had the training taught something else within its own uncertainty, (k, DRAWS)."""
@@ -208,7 +219,11 @@ def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
             learned = design_of(propagation(prediction), fit.layout).whole() @ _root(fit.covariance)
     run, row = np.argwhere(series.weight > 0).T
     weight = series.weight[run, row]
-    learned = learned.reshape(len(run), 4, -1) / weight[:, None, None]
+    whitening = None if series.whitening is None else series.whitening[run]
+    learned = channel_noise.whiten_reals(
+        channel_noise.inverse(whitening), learned.reshape(len(run), 1, 4, -1)
+    )[:, 0]
+    learned = learned / weight[:, None, None]
     measured, said = series.envelope[run, row], prediction.seen[run, row]
     misfit = max(
         1.0, fit.chi2 / fit.dof
@@ -221,6 +236,7 @@ def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
         parts,
         np.sqrt(misfit) * learned,
         weight,
+        whitening,
     )
 
 
@@ -256,13 +272,16 @@ def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequ
     """Whether what is held out is predicted worse with a cause than without it, fitted each time to
     the training data alone, by odds of `WORTH`.
 
-    Folds whose training does not know the cause (`UNTAUGHT`) are left out; none left: it cannot be
-    said, and is not.
+    Folds whose training does not know the cause (`UNTAUGHT`), or is not fitted as all data are
+    (`WORSE_TAUGHT`), are left out; none left: it cannot be said, and is not.
     """
     with_it = without_it = 0.0
+    fitted = max(1.0, final.chi2 / final.dof)
     for fold in folds:
         with contextlib.suppress(extended_fit.DivergedError):
             taught = extended_fit.fit(fold.train, fold.taught(final.point), final.freedom)
+            if taught.chi2 / taught.dof > WORSE_TAUGHT * fitted:
+                continue
             ratio = [
                 taught.parameter_std(name, p) / max(final.parameter_std(name, p), 1e-300)
                 for p in final.layout.parameters(name)

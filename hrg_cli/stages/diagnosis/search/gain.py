@@ -162,8 +162,7 @@ def _quantities(
     """rms and its standard deviation over the folds of: drift error mθ̇ (°/h), error of the angle
     mθ and of the amplitude (ppm)."""
     series, u = fit.series, fit.prediction.seen
-    weight = np.where(series.weight > 0, series.weight, np.inf)
-    difference = imaginary(on_rows(fit, left) / weight[..., None])
+    difference = series.in_units(imaginary(on_rows(fit, left)))
     turn, e_A, e_B, a_A = frame(u, series.phase_rad)
     angle = np.real(np.sum(difference * e_B, axis=-1) * np.conj(turn)) / a_A
     amplitude = np.real(np.sum(difference * e_A, axis=-1) * np.conj(turn)) / a_A

@@ -11,7 +11,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
 from ....records import Array, Wave
 from ..fits.variants import Variant
-from ..thresholds import FREQUENCIES_APART, GROSS
+from ..thresholds import FREQUENCIES_APART, GROSS, INADEQUATE
 from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none
 from .leaks import find_leaks
 from .logs import wrong_logs
@@ -35,6 +35,8 @@ DOUBTED = 2
 """Runs whose mistakes are tried, those without which the others agree best."""
 FINALISTS = 3
 """Mistakes of a run, first among quick fits of driven runs, that are fitted in full."""
+FEWEST_QUIET = 4
+"""Runs from which one is doubted where causes came near: three others must agree without it."""
 MOST_LEFT_OUT = 10
 """Runs left out one by one; of more, those that the base model misses most."""
 
@@ -66,6 +68,24 @@ def suspect_runs(
     if found is None or physics < RIVAL * max(1.0, found.chi2_per_dof) or found.follow_a_law:
         return wrong_logs(waves, base)
     return [*wrong_logs(waves, found.fit), *found.suspicions]
+
+
+def suspect_quiet_runs(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> list[Suspicion]:
+    """The run that is not what it says, where causes seemed to explain the runs and did not pass: one
+    mistake of one run, undone, must leave the stated noise.
+
+    Asked last, of enough runs for the others to agree without it: a misfit of a few σ is sooner
+    physics than a mistake. Driven runs that are grossly misfitted were asked in full before.
+    """
+    from scipy.special import chdtrc
+
+    if len(waves) < FEWEST_QUIET or (base.chi2 / base.dof >= GROSS and _any_logged(waves)):
+        return []
+    found = _wrong_runs(waves, fitted, base, find_mistakes, STEP)
+    if found is None or len(found.suspicions) > 1 or found.apart:
+        return []
+    noise_alone = chdtrc(found.fit.dof, found.fit.chi2) > INADEQUATE
+    return list(found.suspicions) if noise_alone else []
 
 
 def _find_strange_frequencies(fit: ExtendedFit) -> list[int]:
@@ -103,12 +123,16 @@ def _strange_runs(
 
 
 def _wrong_runs(
-    waves: Sequence[Wave], fitted: Fitted, level: ExtendedFit, makers: Maker
+    waves: Sequence[Wave],
+    fitted: Fitted,
+    level: ExtendedFit,
+    makers: Maker,
+    least: float = GROSS,
 ) -> SuspectFound | None:
     """Fewer than half of the runs without which the others agree, and the mistake of each; None
-    where there are none such."""
+    where there are none such, or χ² a degree of freedom is below `least`."""
     before = level.chi2 / level.dof
-    if before < GROSS:
+    if before < least:
         return None
     wrong, without = _find_culprits(waves, fitted, level)
     if not wrong:
@@ -138,7 +162,8 @@ def _wrong_runs(
         return None
     told = tuple(_describe_case(waves, case, beside, before) for case, beside in chosen)
     numbers = sum(case.reading.parameters for case, _ in chosen)
-    return SuspectFound(told, numbers, level, last.fit, last.chi2 / last.dof)
+    apart = any(case.apart is not None for case, _ in chosen)
+    return SuspectFound(told, numbers, level, last.fit, last.chi2 / last.dof, apart)
 
 
 def _choose(cases: Sequence[SuspectCase]) -> tuple[SuspectCase, tuple[SuspectCase, ...]]:

@@ -15,18 +15,20 @@ ZERO_KELVIN_DEGC = -273.15
 
 def swap_channels(wave: Wave) -> Wave:
     """C and S exchanged: θ → π/2m − θ, the sense of rotation and the sign of a_B with it."""
-    return _mirrored(wave, np.pi / (2 * wave.mode_number))
+    return _mirrored(_with_noise_swapped(wave), np.pi / (2 * wave.mode_number))
 
 
 def invert_channel(wave: Wave) -> Wave:
     """One channel with the other sign: θ → −θ, a_B → −a_B (which of the two is a common turn by π,
     which nobody sees)."""
-    return _mirrored(wave, 0.0)
+    return _mirrored(_with_noise_inverted(wave), 0.0)
 
 
 def swap_and_invert(wave: Wave) -> Wave:
     """Both mistakes: θ → θ + π/2m, the damping's and the stiffness's axes change places."""
-    return wave.replace(wave_angle_rad=wave.wave_angle_rad + np.pi / (2 * wave.mode_number))
+    return _with_noise_inverted(_with_noise_swapped(wave)).replace(
+        wave_angle_rad=wave.wave_angle_rad + np.pi / (2 * wave.mode_number)
+    )
 
 
 def invert_quadrature_drive(wave: Wave) -> Wave:
@@ -41,6 +43,19 @@ def _mirrored(wave: Wave, about_rad: float) -> Wave:
         wave_angle_rad=about_rad - wave.wave_angle_rad,
         quadrature_amplitude=-wave.quadrature_amplitude,
     )
+
+
+def _with_noise_swapped(wave: Wave) -> Wave:
+    """The noise of C for that of S."""
+    if wave.channel_std is None:
+        return wave
+    return wave.replace(channel_std=np.asarray(wave.channel_std, float)[:, ::-1])
+
+
+def _with_noise_inverted(wave: Wave) -> Wave:
+    """What the channels' noise has in common with the other sign."""
+    common = wave.noise_correlation
+    return wave if common is None else wave.replace(noise_correlation=-common)
 
 
 def scale_times(wave: Wave, factor: float) -> Wave:
@@ -94,6 +109,7 @@ def undo_damping(wave: Wave, less_1_s: float) -> Wave:
         "quadrature_amplitude_std",
         "signal_std",
     )
+    # of the channels' own σ the ratio counts, which stays as it is
     return replaced(wave, **{name: getattr(wave, name) * growth for name in names})
 
 

@@ -1,5 +1,7 @@
 """Loops that act late: the force of a board stands τ behind the wave, turns it by ντ of its own turn,
-and driven runs show the scale factor K/(1 + ντ)."""
+and driven runs show the scale factor K/(1 + ντ). What is told of K holds what a delay may have done."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,6 +9,9 @@ import pytest
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
+from hrg_cli.stages.diagnosis.closing.loop_delay import NAME, moves_of_delay
+from hrg_cli.stages.diagnosis.closing.sized import Sized
+from hrg_cli.stages.diagnosis.report.base_values import values
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import simulate
 
@@ -48,8 +53,19 @@ def sigmas(fit, delay_periods):
     return (fit.coordinate("scale_factor") - shown(delay_periods)) / std
 
 
-def test_late_noisy_loops_leave_noise_and_show_their_own_scale_factor():
-    fit = fitted(20, 3e-3, 3.0, 3000.0)
+def told(fit):
+    """The scale factor as the report has it."""
+    rows = values(Sized(fit, fit, 1.0), None, moves_of_delay(fit))
+    return next(row for row in rows if row["name"] == "scale_factor")
+
+
+@pytest.fixture(scope="module")
+def late():
+    return fitted(20, 3e-3, 3.0, 3000.0)
+
+
+def test_late_noisy_loops_leave_noise_and_show_their_own_scale_factor(late):
+    fit = late
     assert abs(fit.chi2 / fit.dof - 1) < 5 * np.sqrt(2 / fit.dof)
     # the commands answer the noise that the fit leaves: no lateness of the log, which is a third of
     # a millisecond here, may be made of that
@@ -57,6 +73,21 @@ def test_late_noisy_loops_leave_noise_and_show_their_own_scale_factor():
     # ντ is 200 of the σ that this run states
     assert abs(sigmas(fit, 20)) < 4
     assert abs(fit.coordinate("scale_factor") - K) > 20 * fit.coordinate_std("scale_factor")
+
+
+def test_what_is_told_of_the_scale_factor_holds_a_delay_that_nobody_logged(late):
+    """Known by what follows the damping along the wave alone: some 1/δμ of the σ of the loops' K."""
+    row = told(late)
+    assert row["sum_with"] == [NAME]
+    assert abs(row["value"] - K) < 3 * row["std"]
+    assert row["std"] < 4 / 0.02 * late.coordinate_std("scale_factor")
+
+
+def test_free_runs_tell_the_scale_factor_and_no_delay_moves_it(late):
+    free = late.series.forced.copy()
+    free[0] = 0.0
+    beside = replace(late.prediction, series=replace(late.series, forced=free))
+    assert moves_of_delay(replace(late, flow=replace(late.flow, prediction=beside))) == {}
 
 
 @pytest.mark.slow

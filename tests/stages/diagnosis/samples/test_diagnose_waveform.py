@@ -122,6 +122,23 @@ def test_an_offset_that_drifts_is_no_tone_and_not_explained():
     assert any("leaks into the windows" in line["meaning"] for line in out["lines"])
 
 
+def test_two_sidebands_of_the_oscillation_are_a_modulation_and_no_tones():
+    """A gain that swings by 0.1 % at 700 Hz puts a line on either side of the oscillation, 0.5e-3 of
+    it each, far beyond what windows of 8 ms show; in runs of one amplitude no size tells."""
+    table = programme(5, runs=4, duration_s=0.5)
+    for run in table["run"]:
+        run["start"]["amplitude"] = 1.0
+    seen = []
+    for run in run_ids(table):
+        record = collect(simulate(table, run=run))
+        gain = 1 + 1e-3 * np.cos(2 * np.pi * 700 * np.arange(len(record.c)) / record.sample_rate_hz)
+        record = record.replace(c=record.c * gain, s=record.s * gain)
+        seen.append(collect(estimate(collect(demodulate(record, periods_per_window=40.0)))))
+    out = summary(diagnose(seen))
+    assert out["effects"] == [], out["effects"]
+    assert sum("its modulation" in line["meaning"] for line in out["lines"]) == 2
+
+
 def test_a_folded_harmonic_is_no_tone_from_outside():
     table = programme(1, {"pickoff_nonlinearity": {"cubic": 2e-3}}, runs=4)
     table["device"]["frequency_hz"] = 5011.8  # 20011 − 3·5011.8 lies 36 Hz beside the resonance

@@ -3,6 +3,7 @@ and runs with real causes name none."""
 
 import numpy as np
 import pytest
+from diagnosis_programme import programme, waves
 from wrong_runs import COURSES, KINDS, estimated, knocked, recordings, table_of, wrong
 
 from hrg_cli.effects import EFFECTS
@@ -329,3 +330,15 @@ CATALOGUE = [
 )
 def test_no_cause_of_the_catalogue_is_blamed_on_a_run(name, times):
     assert told(hidden(name, 1, times)) == []
+
+
+def test_a_rate_log_two_thousandths_off_is_named_below_a_gross_misfit():
+    """Of eight runs one logs 1.002 of its rate: χ² 5, which a wobbling table or a dependence on
+    temperature takes up in part, and the log's scale whole."""
+    runs = waves(programme(3, runs=8, duration_s=1.0))
+    runs[2] = runs[2].replace(rate_rad_s=1.002 * runs[2].rate_rad_s)
+    report = summary(diagnose(runs))
+    assert report["effects"] == [] and report["verdict"] == "unexplained"
+    (one,) = report["suspect_runs"]
+    assert (one["run_id"], one["what"]) == ("run2", "rate log of wrong scale")
+    assert "multiplied by 0.998" in one["evidence"]

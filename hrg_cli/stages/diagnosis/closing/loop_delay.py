@@ -1,0 +1,33 @@
+"""Diagnosis, what loops that act late may add to the scale factor unseen.
+
+The force of loops that act τ late stands behind the wave and turns it by ντ of its own turn: driven
+runs show K/(1 + ντ), which is what `drive_frame` leaves to K. Beside that scale factor a lateness is seen
+only in what follows the damping along the wave, ντδμ in 4θ, fifty times less. So the fit is made again
+where a lateness may move K too: by how much each number moves then, and by how much less it is
+known, is what a delay that nobody logged may have done to it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.envelopes.coordinates import COUNT
+from ..base.joint_fit import beside_any_delay
+
+Array = np.ndarray
+NAME = "loop_delay"
+
+
+def moves_of_delay(fit: ExtendedFit) -> dict[str, Array]:
+    """By how much the base model's coordinates may be moved by loops that act late: columns (7, k),
+    whose squares add up to the mean square; nothing where free runs tell, or where no frame of loops
+    was allowed for."""
+    beside = beside_any_delay(fit)
+    if beside is None:
+        return {}
+    more = beside.coordinate_covariance() - fit.coordinate_covariance()
+    power, turn = np.linalg.eigh(more)
+    unknown = turn * np.sqrt(np.maximum(power, 0.0))
+    moved = (beside.point.p - fit.point.p).reshape(COUNT, 1)
+    return {NAME: np.concatenate([unknown, moved], axis=1)}
