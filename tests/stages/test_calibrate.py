@@ -8,7 +8,7 @@ from forced_runs import Truth, forced_run, programme
 
 from hrg_cli import Calibration, store
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting.tables import joint
+from hrg_cli.fitting.tables import table_design
 from hrg_cli.stages.calibrate import calibrate, summary
 from hrg_cli.stages.calibration import chosen
 from hrg_cli.stages.calibration.table import standard_deviations
@@ -128,7 +128,7 @@ def test_held_out_drift_is_near_what_the_true_coefficients_leave(monkeypatch):
 def test_a_run_worked_through_in_stretches_gives_the_same(monkeypatch):
     waves = programme(Truth(3), (0, 40), (-0.5, 0.5), duration=12)
     whole = calibrate(waves, ladder=True, bootstrap=0)
-    monkeypatch.setattr(joint, "ROWS_AT_ONCE", 100)
+    monkeypatch.setattr(table_design, "ROWS_AT_ONCE", 100)
     parts = calibrate(waves, ladder=True, bootstrap=0)
     assert parts.drift_harmonics == pytest.approx(whole.drift_harmonics, abs=1e-10)
     assert parts.covariance == pytest.approx(whole.covariance, rel=1e-4, abs=1e-22)
