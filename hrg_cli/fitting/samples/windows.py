@@ -107,7 +107,8 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     A row far above its neighbours (a burst, a clipped top, lost samples) keeps its own variance and
     does not spoil theirs. `known` (rows,) is the motion's share of the sums of squares, known to
     `KNOWN` of itself; it is taken out of the pooled values, over `POOL_KNOWN` times as many rows,
-    since motion times noise scatters more than noise alone.
+    since motion times noise scatters more than noise alone. Beside a jump a row's slope is the
+    jump's, not its own: a share that stands as far above the neighbours is not taken out.
     """
     group = pool_rows(float(freedom if np.ndim(freedom) == 0 else np.median(freedom))) * (
         1 if known is None else POOL_KNOWN
@@ -118,7 +119,8 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     counts = np.diff(np.append(starts, len(residual2)))
     if np.ndim(freedom) == 0 and np.isfinite(residual2.sum()):
         level = np.add.reduceat(residual2, starts) / (counts * freedom)
-        if not (np.maximum.reduceat(residual2, starts) > (4 * freedom + 40) * level).any():
+        most = residual2 if known is None else np.maximum(residual2, known)
+        if not (np.maximum.reduceat(most, starts) > (4 * freedom + 40) * level).any():
             if known is not None:
                 share = np.add.reduceat(known, starts) / (counts * freedom)
                 level = np.maximum(level - share, KNOWN * np.minimum(share, level))
@@ -133,14 +135,13 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     own[place] = np.where(finite, residual2 / np.maximum(freedom, 1), np.inf)
     own = np.sort(own.reshape(len(starts), -1), axis=1)
     middle = own[np.arange(len(starts)), np.maximum(0, np.isfinite(own).sum(1) - 1) // 2]
-    excess = finite & (
-        sums > (4 * freedom + 40) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts)
-    )
+    limit = (4 * freedom + 40) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts)
+    excess = finite & (sums > limit)
     total = np.add.reduceat(np.where(excess, 0.0, sums), starts) / np.maximum(
         np.add.reduceat(np.where(excess, 0.0, weight), starts), 1
     )
     if known is not None:
-        share = np.where(finite & ~excess, known, 0.0)
+        share = np.where(finite & ~excess & (known <= limit), known, 0.0)
         share = np.add.reduceat(share, starts) / np.maximum(
             np.add.reduceat(np.where(excess, 0.0, weight), starts), 1
         )

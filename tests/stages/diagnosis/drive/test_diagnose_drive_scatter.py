@@ -25,7 +25,7 @@ from hrg_cli.stages.diagnosis.closing import closing_checks as closing
 from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
 from hrg_cli.stages.diagnosis.drive.scatter import Scatter
 from hrg_cli.stages.diagnosis.extended.written import find_change
-from hrg_cli.stages.diagnosis.samples import tones
+from hrg_cli.stages.diagnosis.samples import tone_search
 
 P = np.array([1.5, 0.1, 0.05, 0.9, -0.4, 0.55, 0.0])
 RATES = np.array([3.0, -3.0, 1.5])
@@ -257,6 +257,6 @@ def test_a_row_of_two_windows_leaves_none_out():
     rows = [windows[11 * k + np.arange(10)] for k in range(4)]
     pairs = [windows[11 * k + 9 : 11 * k + 11].mean() for k in range(4)]
     at = np.concatenate([np.append(row[:9], pair) for row, pair in zip(rows, pairs, strict=True)])
-    assert tones._among(windows, at).all()
+    assert tone_search._among(windows, at).all()
     lost = np.delete(at, slice(13, 15))
-    assert not tones._among(windows, lost).all()
+    assert not tone_search._among(windows, lost).all()

@@ -25,7 +25,7 @@ def fit(residual, runs):
         residual=residual,
         chi2=float(residual @ residual),
         rows=np.argwhere(np.ones((*shape, 4), bool)),
-        series=SimpleNamespace(weight=np.ones(shape)),
+        series=SimpleNamespace(weight=np.ones(shape), whitening=None),
         prediction=SimpleNamespace(seen=np.tile(np.array([1 + 0j, 0.2j]), (*shape, 1))),
     )
 
