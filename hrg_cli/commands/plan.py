@@ -14,6 +14,7 @@ from ..errors import HrgError, UsageError
 from ..records import Diagnosis, Resonator, Wave
 from ..reporting import console
 from ..stages.plan import plan, summary
+from ..stages.planning.like_measured import menu_like
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, Files, command, existing
 from .options import flags_of
@@ -31,7 +32,11 @@ def main(
     files: Files = None,
     menu: Annotated[
         Path | None,
-        typer.Option(help="TOML file with the runs that are feasible.", show_default=False),
+        typer.Option(
+            help="TOML file with the runs that are feasible (default: runs like the free ones of the"
+            " diagnosis).",
+            show_default=False,
+        ),
     ] = None,
     **flags: Any,
 ) -> None:
@@ -68,17 +73,14 @@ def plan_files(
     first, *waves = existing(
         files, "a resonator or diagnosis file, then the waves measured already"
     )
-    if menu is None:
-        raise UsageError("no menu is named; add --menu configs/menu.toml")
     known = store.read_any(first)
     if not isinstance(known, Resonator | Diagnosis):
         raise HrgError(
             f"{first}: is a {known.kind} file; make a resonator with `hrg identify` or a diagnosis"
             " with `hrg diagnose`"
         )
-    made = plan(
-        known, settings.load_toml(menu), [store.read(path, Wave) for path in waves], **values
-    )
+    offered = settings.load_toml(menu) if menu is not None else _menu_of(known, first)
+    made = plan(known, offered, [store.read(path, Wave) for path in waves], **values)
     if run.output is not None:
         with store.atomic_path(run.output, run.force) as temporary:
             temporary.write_text(settings.to_toml(made.file), encoding="utf-8")
@@ -86,3 +88,14 @@ def plan_files(
         **pipeline.common_keys("plan", made.status, made.status_reasons, run.output, started),
         **summary(made),
     }
+
+
+def _menu_of(known: Resonator | Diagnosis, file: Path) -> dict[str, Any]:
+    """Runs like those measured. UsageError: the file does not say how such a run is recorded."""
+    like = menu_like(known) if isinstance(known, Diagnosis) else None
+    if like is None:
+        raise UsageError(
+            f"no menu is named, and {file} does not say how free runs are recorded; add --menu FILE"
+            " (configs/menu.toml is one to begin from)"
+        )
+    return like

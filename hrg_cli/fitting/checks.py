@@ -241,6 +241,8 @@ def whiteness(
             name, 0.0, -float(np.log10(CHANCE)), bool(np.all(np.isfinite(level))), sentence
         )
     chances = []
+    # white noise: a sum of m rows has m σ². Lengths double, so that a slow part of any duration
+    # fills some block; the smallest chance is multiplied by how many lengths were tried
     length = 2
     while True:
         power, count = 0.0, 0

@@ -172,7 +172,9 @@ def answer(
         if used is not None or not one_signal
         else "",
         snippet=answer_use.snippet(report, used, parameters),
-        commands=answer_use.commands(named, bool(report), used),
+        commands=answer_use.commands(
+            named, diagnosis if isinstance(diagnosis, Diagnosis) else None, used
+        ),
     )
 
 

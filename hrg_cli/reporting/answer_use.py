@@ -4,6 +4,7 @@ them, and the commands."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,8 +12,10 @@ import numpy as np
 
 from ..effects import EFFECTS
 from ..effects.effect import no_term, same_signal
-from ..records import Calibration
+from ..errors import HrgError
+from ..records import Calibration, Diagnosis
 from ..stages.calibration.table import measured_part
+from ..stages.planning.like_measured import menu_like
 from ..stages.rate_table import is_rate_table
 from .json_text import as_float, child, entries
 
@@ -144,18 +147,27 @@ def snippet(
 
 
 def commands(
-    names: Mapping[str, str], diagnosed: bool, calibration: Calibration | None
+    names: Mapping[str, str], diagnosis: Diagnosis | None, calibration: Calibration | None
 ) -> tuple[str, ...]:
-    """What to type next."""
+    """What to type next: each runs as it stands, beside the files."""
     found = []
     if calibration is not None:
         suffix = "json" if is_rate_table(calibration) else "h"
         file = names.get("calibration", "calibration.h5")
         found.append(f"hrg export {file} -o calibration.{suffix}")
-    if diagnosed:
+    if diagnosis is not None:
         file = names.get("diagnosis", "diagnosis.h5")
-        found.append(f"hrg simulate {file.removesuffix('.h5')}.extended.toml -o twin.h5")
-        found.append(f"hrg plan {file} --menu menu.toml -o next.toml")
+        if diagnosis.extended_model:
+            found.append(f"hrg simulate {file.removesuffix('.h5')}.extended.toml -o twin.h5")
+        if _tells_runs(diagnosis):
+            found.append(f"hrg plan {file} -o next.toml")
     elif "resonator" in names:
         found.append("hrg diagnose *.wave.h5 -o diagnosis.h5")
     return tuple(found)
+
+
+def _tells_runs(diagnosis: Diagnosis) -> bool:
+    """Whether the next runs can be planned without a menu."""
+    with suppress(HrgError):  # a damaged model: `hrg plan` would say so
+        return menu_like(diagnosis) is not None
+    return False

@@ -308,6 +308,20 @@ def test_the_extended_resonator_is_a_resonator(two_faults, tmp_path):
     )
 
 
+def test_what_to_type_next_runs_as_it_stands(two_faults, tmp_path, monkeypatch, hrg):
+    """Beside the files, and nowhere else, with nothing that the folder does not hold."""
+    output = tmp_path / "d.h5"
+    write_extended(store.write(output, two_faults), output, force=False)
+    typed = hrg("info", output, "--json").json["answer"]["commands"]
+    assert [line.split()[1] for line in typed] == ["simulate", "plan"]
+    monkeypatch.chdir(tmp_path)
+    for line in typed:
+        done = hrg(*line.split()[1:])
+        assert done.status == 0, (line, done.err)
+    assert len(list(tmp_path.glob("twin*.h5"))) == 4  # a file a run
+    assert (tmp_path / "next.toml").is_file()
+
+
 def test_an_open_verdict_makes_its_resonator_suspect(two_faults, tmp_path):
     store.write(tmp_path / "d.h5", two_faults.replace(verdict="partly explained"))
     _, path = write_extended(

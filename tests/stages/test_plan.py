@@ -3,16 +3,20 @@ physics asks for, menus are checked."""
 
 import numpy as np
 import pytest
+import records_by_hand as by_hand
 from diagnosis_programme import programme, waves
 
+from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.physics.resonator import PARAMETERS, Mechanics
 from hrg_cli.records import Resonator, collect
+from hrg_cli.settings import to_toml
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
 from hrg_cli.stages.plan import plan
+from hrg_cli.stages.planning.like_measured import menu_like
 from hrg_cli.stages.simulate import simulate
 
 TRUTH = Mechanics(500.0, 0.4, 0.02, 0.35, 0.6, 0.9, 0.55)
@@ -137,3 +141,48 @@ def test_unknown_causes_and_nothing_to_separate_are_refused():
         plan(known(), MENU, causes=["gremlins"])
     with pytest.raises(HrgError, match="nothing is to be separated"):
         plan(known(), MENU, criterion="separate")
+
+
+def written(**parts):
+    """A diagnosis with this model: runs of 3 and 4 s, one of them turned at −2.5 rad/s."""
+    device = {name: getattr(TRUTH, name) for name, _ in PARAMETERS} | {"mode_number": 2}
+    run = {"readout": {"noise": 1e-3}, "start": {"amplitude": 0.5, "wave_angle_rad": 0.2}}
+    model = {
+        "device": device,
+        "recording": {"sample_rate_hz": 4000.0, "duration_s": 1.0},
+        "run": [
+            {"run_id": "a", "recording": {"duration_s": 3.0}, **run},
+            {
+                "run_id": "b",
+                "recording": {"duration_s": 4.0},
+                "environment": {"rate_rad_s": -2.5, "temperature_degc": 31.0},
+                **run,
+            },
+        ],
+    }
+    for each in model["run"]:
+        each.update(parts)
+    return by_hand.diagnosis().replace(extended_model=to_toml(model))
+
+
+def test_without_a_menu_runs_like_those_measured_are_offered():
+    """No faster, no longer, no quieter than the bench has shown; and K, which rest hides, is asked
+    for by turning."""
+    menu = menu_like(written())
+    assert menu["recording"] == {"sample_rate_hz": 4000.0, "duration_s": 4.0}
+    assert menu["readout"]["noise"] == 1e-3
+    again, grid = menu["run"][:2], menu["run"][2:]
+    assert [run["run_id"] for run in again] == ["a-again", "b-again"]
+    assert again[1]["environment"] == {"rate_rad_s": -2.5, "temperature_degc": 31.0}
+    assert {run["environment"]["rate_rad_s"] for run in grid} == {0.0, 2.5, -2.5}
+    assert {run["start"]["amplitude"] for run in grid} == {0.5}
+    assert len({run["start"]["wave_angle_rad"] for run in grid}) == 4
+    chosen = plan(known(), menu, runs=1)
+    assert chosen.runs[0].table["environment"]["rate_rad_s"] != 0
+
+
+def test_runs_that_no_model_tells_are_asked_for(tmp_path, hrg):
+    assert menu_like(written(control={"mode": "forced"})) is None
+    store.write(tmp_path / "r.h5", known(1e-3))
+    done = hrg("plan", tmp_path / "r.h5", "-o", tmp_path / "next.toml")
+    assert done.status == 2 and "add --menu FILE" in done.err

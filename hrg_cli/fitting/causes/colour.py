@@ -76,6 +76,8 @@ def estimate(time_s: Array, values: Array, std: Array) -> ColouredNoise:
     fixed = np.polynomial.legendre.legvander(2 * t / span - 1, SMOOTH)
     scale = float(np.median(std))
     smooth = values - fixed @ np.linalg.lstsq(fixed / std[:, None], values / std, rcond=None)[0]
+    # second differences (1, −2, 1) of white noise have 6 σ², of a slow wander nearly none: a first
+    # white level that the wander does not lift
     rough = max(float(np.sqrt(np.mean(np.diff(values, n=2) ** 2) / 6)), 1e-3 * scale)
     step = float(np.median(np.diff(t)))
 
@@ -89,16 +91,23 @@ def estimate(time_s: Array, values: Array, std: Array) -> ColouredNoise:
         both = np.linalg.solve(L, np.column_stack([fixed, values]))
         Q, R = np.linalg.qr(both[:, :-1])
         left = both[:, -1] - Q @ (Q.T @ both[:, -1])
+        # ln|C| + ln|XᵀC⁻¹X| + rᵀC⁻¹r: the middle term is what makes it the restricted one, and X =
+        # QR after whitening gives it by R's diagonal
         return float(
             2 * np.log(np.diag(L)).sum() + 2 * np.log(np.abs(np.diag(R))).sum() + left @ left
         )
 
+    # the rival: white noise alone, of a level that has a closed form
     white = float(np.mean((smooth / std) ** 2)) * len(t) / max(1, len(t) - fixed.shape[1])
     alone = cost(max(white, 1e-6), 0.0, 0.0)
     best: tuple[float, Array] = (np.inf, np.zeros(3))
+    # two starts: q and τ trade along a ridge (a short τ is a random walk, a long one a drift), and
+    # one start stays on its side of it
     for tau in (step / 3, span / 40):
         power = float(np.mean(smooth**2)) / (span / SMOOTH)
         start = np.log([max((rough / scale) ** 2, 1e-4), max(power, 1e-30), tau])
+        # below a tenth of a row τ is a random walk to these data; longer than the bound it is a
+        # fault of the model: a quadratic wall turns the simplex back at both
         low, high = np.log(step / 10), np.log(max(span / SLOWEST, step))
 
         def bounded(x: Array, low: float = low, high: float = high) -> float:
@@ -116,6 +125,7 @@ def estimate(time_s: Array, values: Array, std: Array) -> ColouredNoise:
                 float(found.fun),
                 np.exp(np.clip(found.x, [np.log(1e-6), -np.inf, low], [np.inf, np.inf, high])),
             )
+
     clear = alone - best[0]
     if clear < BESIDE:
         return ColouredNoise(float(np.sqrt(white)), 0.0, 0.0, clear)

@@ -310,6 +310,8 @@ def effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Ar
             if any(t.in_steps is not None for t in terms)
             else None
         )
+        # one sweep through all runs carries the columns of every effect at once: the propagators
+        # are the cost, not the columns
         carried = flow.carried(
             np.concatenate(rows, -1),
             np.concatenate(middles, -1),

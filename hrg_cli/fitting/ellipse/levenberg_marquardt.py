@@ -53,6 +53,7 @@ def _iterate(
     max_iterations: int,
     carrier_known: bool,
 ) -> None:
+    # windows leave the arrays as they end, so that a few slow ones cost no more than themselves
     left = np.arange(rows.start, min(rows.stop, len(signals)))
     z = np.ascontiguousarray(signals[rows].T)
     angles = np.ascontiguousarray(out.x[rows, 2:].T)
@@ -61,7 +62,11 @@ def _iterate(
     damping, growth = np.full(len(left), FIRST_DAMPING), np.full(len(left), 2.0)
     for evaluation in range(1, max_iterations + 1):
         slope, move = _damped_move(z, AB, products, damping * size / 2, carrier_known)
+        # what the quadratic model says the cost falls by, moveᵀ(λ·move + slope): Nielsen's gain is
+        # the fall found over it
         promised = 2 * (move * (damping * size / 2 * move + slope)).sum(0)
+        # moveᵀslope is the squared length of the step in the signals: scale-free, as no angle
+        # alone is (of a small wave every angle is loose)
         done = (np.sqrt(cost / 8) <= residual_tolerance) | (
             2 * (move * slope).sum(0) <= step_tolerance**2 * size
         )

@@ -183,6 +183,8 @@ def sides(w: EllipseCourse, number: int, axis: float) -> list[Side]:
     """What run `number` says at the stiff and at the soft axis; axis: a first guess of 2mθ_ω,
     rad."""
     columns, target = w.ellipticity_columns(), w.ellipticity - w.ellipticity_left
+    # which axis the wave is nearest to, even the stiff one, odd the soft one; a passage is a
+    # stretch near one of them, and its constant (the ellipticity it came with) is its own
     nearest = np.floor((w.angle - axis) / np.pi + 0.5).astype(int)
     begun = (np.diff(nearest, prepend=nearest[0]) != 0) | (np.diff(w.piece, prepend=0) != 0)
     passage = np.cumsum(begun)

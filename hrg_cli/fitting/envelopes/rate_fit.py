@@ -172,6 +172,7 @@ def _descend(
         for _ in range(ITERATIONS):
             change, whole = problem.step(x, response)
             covariance = whole[rates, rates]
+            # σ decides what is settled: a rate at a node that no row sees may move for ever
             std, moved = np.sqrt(np.diag(covariance)), np.abs(change[rates])
             size = 1.0
             while True:

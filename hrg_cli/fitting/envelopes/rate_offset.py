@@ -71,6 +71,8 @@ def _step(fit: Fit) -> tuple[float, float, Array, float]:
     of its information left to it."""
     response, freedom = fit.response, fit.freedom
     data = response.batch
+
+    # KΩ₀ turns the wave at every instant of a row: the same shape at its ends and its middle
     shape = np.full((1, *data.step_s.shape), response.state.p[SCALE_FACTOR])
     columns = data.over_noise(
         np.concatenate(
@@ -89,6 +91,8 @@ def _step(fit: Fit) -> tuple[float, float, Array, float]:
     alone = 0.0
     for run, record in enumerate(data.runs):
         n = len(record)
+
+        # frequency and first values of each run are projected off (Frisch and Waugh)
         Q, _ = np.linalg.qr(real(own[:, run, :n]))
         design = real(columns[:, run, :n])
         alone += float(design[:, k] @ design[:, k])
@@ -96,6 +100,8 @@ def _step(fit: Fit) -> tuple[float, float, Array, float]:
         r = residual[run, :n].ravel()
         information += design.T @ design
         gradient += design.T @ np.concatenate([r.real, r.imag])
+
+    # scaled to ones on the diagonal: coordinates of 1e-6 and of 1 share one cut-off
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
     inverse = np.linalg.pinv(
         information / np.outer(size, size), rcond=1e-12, hermitian=True
@@ -103,6 +109,8 @@ def _step(fit: Fit) -> tuple[float, float, Array, float]:
     variance = float(inverse[k, k])
     if not (variance > 0 and alone > 0):
         return float("nan"), float("inf"), np.zeros((k, k)), 0.0
+
+    # Ω₀ free widens the others by var(Ω₀) times how far they move with it
     along = inverse[:k, k] / variance
     return (
         float(inverse[k] @ gradient),

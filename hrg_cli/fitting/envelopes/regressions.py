@@ -78,12 +78,15 @@ def weigh(run: EnvelopeRun, equations: Equations, freedom: Freedom) -> WeightedR
     if equations.levels is None:
         own = equations.offset[:, None]
     else:
+        # sums, not differences: white noise of the envelopes is white in the sums, and weights are
+        # those of single rows (differences would need the whole covariance)
         count = len(equations.levels)
         joined = np.column_stack([shared, target]).reshape(count, len(run) - 1, -1)
         sums = np.concatenate(
             [np.zeros((count, 1, joined.shape[2])), np.cumsum(joined, axis=1)], axis=1
         ).reshape(count * len(run), -1)
         shared, target, weight = sums[:, :-1], sums[:, -1], np.concatenate(equations.levels)
+        # the first value of a sum is unknown; after a gap, which no increment bridges, once more
         step = np.diff(run.time_s)
         piece = np.concatenate([[0], np.cumsum(step > WIDE_STEP * np.median(step))])
         group = (np.arange(count)[:, None] * (piece[-1] + 1) + piece).ravel()

@@ -102,6 +102,9 @@ def _chi2_held(best: Fit, row: int, value: float, mode_number: int) -> float:
     """χ² (with priors) of the best fit with one physical parameter held."""
     response, freedom = best.response, best.freedom
     state, p = response.state, best.p.copy()
+    # ν and K are coordinates themselves: held, they leave the space. A split and its axis are the
+    # size and direction of a pair of coordinates: an axis held leaves the ray along it, which is
+    # linear too; a size held leaves a circle, of which each turn takes the tangent and moves on
     for _ in range(3 if row in (1, 3) else 1):
         origin, directions, names = (
             freedom.origin.copy(),
@@ -128,6 +131,8 @@ def _chi2_held(best: Fit, row: int, value: float, mode_number: int) -> float:
                 origin[first : first + 2] = value * radial
             extra = np.zeros((coordinates.COUNT, 1))
             extra[first : first + 2, 0] = radial if row in (2, 4) else tangent
+
+        # what moved the held pair gives way to the ray or tangent; priors go with their directions
         keep = [i for i in range(directions.shape[1]) if not np.any(directions[drop, i])]
         directions = directions[:, keep]
         mean, std = freedom.prior_mean[keep], freedom.prior_std[keep]
@@ -136,6 +141,8 @@ def _chi2_held(best: Fit, row: int, value: float, mode_number: int) -> float:
             directions = np.column_stack([extra, directions])
             mean, std, names = np.append(0.0, mean), np.append(np.inf, std), ["along", *names]
         space = Freedom(tuple(names), origin, directions, mean, std)
+
+        # begun at the best fit, then where the last turn ended
         z = np.linalg.pinv(directions) @ (p - origin)
         result = fit(response.batch, space, z, state.start, state.phase, max_iterations=6)
         p, state = result.p, result.response.state

@@ -55,6 +55,8 @@ def predict(u: Array, time_s: Array, std: Array, count: int) -> Array:
     )
     weight = 1 / np.interp(even, time_s, std)
     best, best_cost = np.zeros(count, complex), np.inf
+    # λ = ln(root)/lag magnifies the noise of a short lag, and a long lag wraps frequencies beyond
+    # 1/2lag: the data say which of a dozen is best
     lags = np.unique(np.geomspace(1, max(2, len(even) // (2 * count)), 12).astype(int))
     for lag in lags:
         rows = len(even) - count * lag
@@ -72,6 +74,7 @@ def predict(u: Array, time_s: Array, std: Array, count: int) -> Array:
         if np.any(np.abs(roots) < 1e-12):
             continue
         exponent = np.log(roots) / (lag * step)
+        # a root outside the circle by noise alone is a mode that grows: it would outweigh all rows
         exponent = np.minimum(exponent.real, 0.5 / (time_s[-1] - time_s[0])) + 1j * exponent.imag
         cost = _solve(u, time_s, std, exponent)[1]
         if cost < best_cost:
@@ -98,12 +101,17 @@ def identify(run: EnvelopeRun, u: Array, count: int = 2) -> Modes:
     for _ in range(40):
         basis = np.exp(np.outer(x, exponent)) / std[:, None]
         residual = (u / std[:, None] - basis @ amplitude).T.ravel()
+        # each channel has amplitudes of its own, λ are common; the model is analytic in λ, so
+        # complex columns do for real and imaginary parts alike
         own = np.kron(np.eye(width), basis)
         shared = np.concatenate([x[:, None] * basis * amplitude[:, c] for c in range(width)])
         design = np.concatenate([own, shared], axis=1)
         scale = measure_columns(design)
         inverse = np.linalg.pinv(design / scale, rcond=1e-12)
         step = (inverse @ residual / scale)[-count:]
+
+        # halve the step until χ² falls: from a start by linear prediction a whole one may
+        # overshoot
         size = 1.0
         while size > 1e-3:
             trial, cost = _solve(u, t, std, exponent + size * step)
@@ -119,6 +127,7 @@ def identify(run: EnvelopeRun, u: Array, count: int = 2) -> Modes:
         if done:
             break
     dof = max(1, 2 * u.size - 2 * count * (width + 1))
+
     order = np.argsort(-exponent.imag)
     factor = max(1.0, chi2 / dof)
     left = (u - np.exp(np.outer(x, exponent)) @ amplitude) / std[:, None]

@@ -277,7 +277,11 @@ def colour(
     modes = np.abs(np.fft.rfft(taken, size, axis=0)) ** 2
     rows = np.abs(np.fft.rfft(basis.orthonormal @ basis.triangle, size, axis=0)) ** 2
     left = np.maximum(s @ (n - modes.sum(1)), 1e-300) / (n - taken.shape[1])
+
+    # what the density does to a coefficient, over what the residual's level alone would say
     kappa = (s @ rows) / (basis.variance * left[:, None])
+
+    # scatter of κ by chance: so many independent bins, weighed as the rows weigh them
     weights = s[:, :, None] * rows
     scale = np.maximum(weights.sum(1, keepdims=True), 1e-300)
     chance = (
@@ -289,5 +293,6 @@ def colour(
     )
     spread = (chance**2).sum(1) * len(at) / max(1, len(frequency_hz))
     doubt = 4 * np.sqrt(spread * 2 / max(1, segments))
+    # a channel of zeros beside a live one: its residual is rounding, of any colour
     silent = density.max(0) < 1e-28 * density.max()
     return np.where((np.abs(kappa - 1) > np.maximum(0.1, doubt)) & ~silent[:, None], kappa, 1.0)

@@ -39,6 +39,8 @@ def uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     reader = _Reader(recording, begin, width, block_samples, run.name)
     for first in range(0, total, chunk):
         last = min(first + chunk, total)
+        # windows beside the chunk's own: a window's motion is told by those about it, and no
+        # result may hang on where chunks end
         low, high = max(0, first - NEIGHBOURS), min(last + NEIGHBOURS, total)
         time, raw, window = reader.windows(low, high)
         centre = begin + (np.arange(low, high) + 0.5) * width

@@ -117,6 +117,8 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     if len(starts) > 1 and len(residual2) - starts[-1] < group / 2:
         starts = starts[:-1]
     counts = np.diff(np.append(starts, len(residual2)))
+    # the way of nearly all blocks: windows alike and no burst among them, where sums do without
+    # sorting
     if np.ndim(freedom) == 0 and np.isfinite(residual2.sum()):
         level = np.add.reduceat(residual2, starts) / (counts * freedom)
         most = residual2 if known is None else np.maximum(residual2, known)
@@ -132,9 +134,13 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     place = np.repeat(np.arange(len(starts)) * int(counts.max()) - starts, counts) + np.arange(
         len(residual2)
     )
+    # a table (group, row in it), short groups filled with NaN: the middle of each group is taken
+    # of all at once
     own[place] = np.where(finite, residual2 / np.maximum(freedom, 1), np.inf)
     own = np.sort(own.reshape(len(starts), -1), axis=1)
+    # the lower median: a burst in one half of a group does not reach it
     middle = own[np.arange(len(starts)), np.maximum(0, np.isfinite(own).sum(1) - 1) // 2]
+    # χ² of so many degrees is above 4·freedom + 40 less than once in 10¹⁰ rows
     limit = (4 * freedom + 40) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts)
     excess = finite & (sums > limit)
     total = np.add.reduceat(np.where(excess, 0.0, sums), starts) / np.maximum(

@@ -90,6 +90,7 @@ def allan_terms(
         [3 / time**2, 1 / time, np.full(len(time), 2 * np.log(2) / np.pi), time / 3], axis=1
     )
     terms[:, 1:] *= through_windows(time, window_s, bend_off_s)
+    # columns of length one over the measured variances: the squares span twenty decades
     unit = 1 / np.linalg.norm(terms / np.maximum(variance, 1e-300)[:, None], axis=0)
     design = terms * unit
     covariance = np.diag((2 * variance * relative) ** 2)
@@ -99,9 +100,11 @@ def allan_terms(
         variance,
         lambda found: _covariance(found * unit, weights, interval_s, window_s, bend_off_s),
     )
+    # the covariance is that of the terms found, which it weighs: a fixed point, reached in few
     for _ in range(ROUNDS):
         covariance = problem.covariance_of(problem.solve(covariance, range(len(NAMES)))[0])
     kept, squares, stds = _drop_unseen(problem, covariance)
+
     limits = _limits(problem, kept, squares)
     least = _least(problem, covariance, kept, squares, limits)
     model = design @ squares

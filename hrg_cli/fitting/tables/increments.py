@@ -171,6 +171,7 @@ def path_of(
         joined["temperature_degc"] = np.interp(
             joined["time_s"], joined["time_s"][known], degc[known]
         )
+    # blocks that lost rows are shorter; the median one lost none
     shortest = np.median(np.diff(joined["time_s"])) / per_block
     drive_main, drive_quadrature = (
         joined.pop("drive_main", None),
@@ -262,6 +263,8 @@ def _rows_per_block(wave: Wave, rows: int, harmonics: int, constant_rate: float 
     if len(time) < 3 or time[-1] <= time[0]:
         return 1
     speed = np.abs(np.diff(angle)) / np.maximum(np.diff(time), 1e-12)
+    # the coarse look may miss the run's fastest moment, which the rate log tells: times what a rate
+    # turns the wave by
     turning = np.abs(rate[1:]) > 0.2 * largest_rate
     gain = (
         float(np.nanmedian(speed[turning] / np.abs(rate[1:][turning])))
@@ -275,6 +278,8 @@ def _rows_per_block(wave: Wave, rows: int, harmonics: int, constant_rate: float 
     step = (time[-1] - time[0]) / rows
     phase_a_row = 2 * wave.mode_number * max(harmonics, 1) * fastest * step
     by_phase = int(LARGEST_PHASE_STEP / max(phase_a_row, LARGEST_PHASE_STEP / rows))
+
+    # a fast wave in a long run: blocks up to 2.5 times as long, which sinc² still corrects
     if by_phase and rows // by_phase > MOST_BLOCKS:
         by_phase = min(-(-rows // MOST_BLOCKS), int(2.5 * by_phase))
     return max(1, min(by_phase, rows // FEWEST_BLOCKS))
@@ -283,6 +288,7 @@ def _rows_per_block(wave: Wave, rows: int, harmonics: int, constant_rate: float 
 def _block_means(block: Wave, time: Array, integral: Array, per_block: int) -> dict[str, Array]:
     """Means over the good rows of each group of `per_block` rows; groups less than half good are
     left out."""
+    # reduceat sums groups without a copy, and the last group may be short
     good = np.asarray(block.good()) & np.isfinite(time)
     starts = np.arange(0, len(time), per_block)
     count = np.add.reduceat(good.astype(float), starts)

@@ -103,16 +103,22 @@ def average_over_doubt(
     A = A + np.diag(1e-10 * np.maximum(diagonal, 1e-12 * diagonal.max()))
     flat = np.linalg.solve(A, b)
     grids = [_prior_variances(A, flat, g, harmonic) for g, harmonic in zip(groups, doubtful)]
+    # begun where nothing is shrunk
     scale = [len(grid) - 1 for grid in grids]
     nodes = len(groups[0]) if groups else 1
     one = COMMON_SHARE * np.ones((nodes, nodes)) + (1 - COMMON_SHARE) * np.eye(nodes)
+    # a defect of the read-out is the same at all nodes but for its own course with temperature
     prior = np.kron(one, np.eye(2))
     inverse_prior = np.linalg.inv(prior)
+
     precision = A.copy()
     for g, grid, i in zip(groups, grids, scale):
         precision[np.ix_(g.ravel(), g.ravel())] += inverse_prior / grid[i]
     passes: list[list[_Moments]] = [[] for _ in groups]
     for sweep in range(sweeps):
+        # Gibbs: the harmonic's own prior is taken out, its sizes weighed by what all others leave,
+        # one drawn. The mean over sizes is summed exactly at each step (Rao and Blackwell), so a
+        # dozen sweeps do; their order is drawn, since harmonics in a fixed one follow each other
         for n in generator.permutation(len(groups)):
             own = groups[n].ravel()
             precision[np.ix_(own, own)] -= inverse_prior / grids[n][scale[n]]

@@ -115,6 +115,7 @@ def score(
     contradiction.
     """
     AG = A @ G
+    # directions scaled to unit information, so that one cut-off serves rad/s and ppm
     size = np.diag(G.T @ AG)
     seen = size > 0
     if not seen.any():
@@ -124,9 +125,12 @@ def score(
     V = (G[:, seen] * unit).T @ AG + sign * AG.T @ covariance @ AG
     along = (G[:, seen] * unit).T @ u
     if open_directions is not None and open_directions.size:
+        # what moves with a direction that the coefficients leave open has no prediction to
+        # contradict
         basis, size_of, _ = np.linalg.svd(AG.T @ open_directions)
         rank = int(np.sum(size_of > 1e-9 * max(size_of.max(initial=0.0), 1e-300)))
         V, along = basis[:, rank:].T @ V @ basis[:, rank:], basis[:, rank:].T @ along
+    # a direction within the variant's own span has no variance left: its score is 0/0, not tested
     values, vectors = np.linalg.eigh((V + V.T) / 2)
     kept = values > LEAST_OWN
     return float(np.sum((vectors[:, kept].T @ along) ** 2 / values[kept])), int(kept.sum())

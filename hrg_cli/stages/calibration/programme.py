@@ -65,6 +65,8 @@ def choose_nodes(
         if (np.diff(nodes) <= 0).any():
             raise HrgError(f"nodes {list(given)}: two are equal; every node must be another {name}")
         return nodes, low, high, []
+
+    # runs that each keep one temperature ask for nodes there, where K and D are measured
     centres = _dwells(paths, axis)
     margin = SINGLE_NODE_MARGIN_DEGC if axis == "temperature" else SINGLE_NODE_MARGIN_HZ
     if centres is None:
@@ -87,6 +89,7 @@ def _dwells(paths: Sequence[AnglePath], axis: str) -> Array | None:
     order = np.argsort(means)
     smallest = 1.0 if axis == "temperature" else 0.2
     total = float(np.ptp(means))
+    # runs of one dwell are a little apart; what is farther is another dwell
     gap = max(smallest, 0.04 * total)
     groups: list[list[int]] = [[int(order[0])]]
     for a, b in pairwise(order):
@@ -131,6 +134,7 @@ def examine(paths: Sequence[AnglePath], nodes: Array, axis: str, harmonics: int)
     fastest = float(np.abs(rates).max(initial=0.0))
     for j, node in enumerate(nodes):
         at = f"at {node:.4g} {unit} " if len(nodes) > 1 else ""
+        # increments that make at least a third of this node's value
         near = weights[:, j] > 0.3
         names = name_some(dict.fromkeys(paths[i].run_id or f"number {i + 1}" for i in run[near]))
         if not near.any():
@@ -187,6 +191,7 @@ def _examine_angles(
     """The arc of the wave angle's period that the runs at a node, or the turning ones among them,
     leave out, where it is longer than so many harmonics allow."""
     period = np.pi / m
+    # the scale factor's harmonics are seen by turning runs alone, the drift's by all
     turning = np.abs(rate) > 0.2 * np.abs(rate).max()
     for what, chosen in (("the runs", np.ones(len(rate), bool)), ("the turning runs", turning)):
         arc = _uncovered(angle[chosen], travel[chosen], m)
@@ -210,12 +215,14 @@ def _uncovered(angle: Array, travel: Array, m: int) -> tuple[float, float] | Non
     is passed."""
     period = np.pi / m
     hit = np.zeros(ANGLE_BINS, bool)
+    # an increment passes all angles of its travel, not only its middle
     for part in np.linspace(-0.5, 0.5, 5):
         hit[
             (np.mod(angle + part * travel, period) / period * ANGLE_BINS).astype(int) % ANGLE_BINS
         ] = True
     if hit.all():
         return None
+    # twice round, so that an arc across the period's end is one
     twice = np.concatenate([hit, hit])
     best, begin, start = 0, 0, 0
     for i, seen in enumerate(twice):

@@ -53,6 +53,7 @@ def coefficients_of(resonator: Resonator, partly: bool = False) -> tuple[Array, 
     value, slope = np.full(5, np.nan), np.zeros((5, len(names)))
     if set(DAMPING) <= set(names):
         split, axis = (resonator.get(name) for name in DAMPING)
+        # K_DC = −νδμ sin 2mθ_μ, K_DS = νδμ cos 2mθ_μ and their Jacobian
         sin, cos = np.sin(two_m * axis), np.cos(two_m * axis)
         value[:2] = -split * sin, split * cos
         slope[:2, names.index(DAMPING[0])] = -sin, cos
@@ -87,6 +88,7 @@ class ResonatorCoefficients:
 
     def at(self, x: Array) -> tuple[Array, Array]:
         """Coefficients interpolated to x (J·5,), and their covariance."""
+        # linear in the measured coefficients, so the covariance follows by the same weights
         weights = node_weights(np.asarray(x, float), self.place, self.interpolation)
         spread = np.kron(weights, np.eye(5))
         whole = np.zeros((5 * len(self.place), 5 * len(self.place)))
@@ -163,6 +165,7 @@ def pool_resonators(
     places = np.array([place_of(r, axis) for r in resonators])
     found = [coefficients_of(r) for r in resonators]
     wide = np.isfinite([low, high]).all() and len(nodes) > 1
+    # a file that names no temperature serves a programme of one temperature, and only alone
     if not np.isfinite(places).all():
         if wide or len(resonators) > 1:
             raise HrgError(

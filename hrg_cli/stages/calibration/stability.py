@@ -90,9 +90,11 @@ def repeat_of_harmonics(
     for kind, k in groups:
         own = slice(place, place + (2 if k else 1))
         place = own.stop
+        # cosine and sine of a harmonic are judged together: its phase means nothing by itself
         scatter = _scatter(np.array([o[own] for o in offsets]), [c[own, own] for c in covariances])
         amplitude = _amplitude(layout, coefficients, kind, k)
         name = harmonic_name(layout, kind, k)
+        # Bonferroni over the harmonics
         repeats = bool(scatter["p_value"] * len(groups) > NOT_REPEATED)
         # an offset that scatters more than the harmonic itself makes predictions worse, not better
         small = scatter["scatter"] ** 2 * (1 + 1 / len(names)) < amplitude**2
@@ -190,6 +192,7 @@ def _scatter(offsets: Array, covariances: Sequence[Array]) -> dict[str, float]:
     spread = float(
         np.trace(total) - np.trace(np.linalg.solve(total, np.sum([w @ w for w in weights], axis=0)))
     )
+    # DerSimonian and Laird 1986: E[Q] = freedom + variance·(tr W − tr W⁻¹ΣW_g²)
     variance = max(Q - freedom, 0.0) / max(spread, 1e-300)
     return {"p_value": float(chi2.sf(Q, freedom)), "scatter": float(np.sqrt(size * variance))}
 

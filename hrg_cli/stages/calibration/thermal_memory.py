@@ -35,6 +35,7 @@ def thermal_memory(fitted: Fitted, model: Model, coefficients: Array) -> dict[st
     None without sweeps."""
     layout = fitted.layout
     speeds = np.concatenate([sweep(p) for p in fitted.paths])
+    # lag and hysteresis act on dT/dt: dwells alone show neither
     still = np.abs(speeds).max(initial=0.0) < LEAST_SWEEP_DEGC_S
     if len(layout.nodes) < 2 or layout.axis != "temperature" or still:
         return None
