@@ -9,6 +9,7 @@ EXTRAS = {
     "numba": "fast",
     "matplotlib": "report",
     "jinja2": "report",
+    "markupsafe": "report",
     "nptdms": "labs",
     "pyarrow": "labs",
     "openpyxl": "labs",

@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import records_by_hand
 
 from hrg_cli.extras import EXTRAS
 
@@ -106,6 +107,16 @@ def test_what_an_absent_package_is_needed_for_fails_with_one_sentence(
     assert any(package in line for package in packages)
     assert f"pip install 'hrg-cli[{extra}]'" in line
     assert set(tmp_path.iterdir()) == there
+
+
+def test_pages_of_a_ledger_and_a_rehearsal_ask_for_the_same_extra(base, tmp_path):
+    """The ledger's page ended in an internal error: jinja2's own dependency was imported first."""
+    records_by_hand.write_all(tmp_path)
+    assert base("ledger", "add", "resonator.h5", "--ledger", "l.sqlite").returncode == 0
+    failed = base("ledger", "show", "--ledger", "l.sqlite", "-o", "l.html")
+    assert failed.returncode == 1 and not (tmp_path / "l.html").exists()
+    assert "internal error" not in failed.stderr
+    assert "pip install 'hrg-cli[report]'" in failed.stderr
 
 
 def test_help_needs_no_optional_package(base):

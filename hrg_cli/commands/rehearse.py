@@ -3,7 +3,6 @@ written into its file."""
 
 from __future__ import annotations
 
-import html
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -17,6 +16,7 @@ from ..errors import UsageError
 from ..records import Calibration, Diagnosis, Resonator
 from ..rehearsal import rehearse_file
 from ..reporting import console
+from ..reporting.rehearsal_tables import tabulate_rehearsal
 from ..stages.rehearse import rehearse
 from .common import Common
 from .frame import Files, command, command_line, existing
@@ -99,34 +99,10 @@ def rehearse_files(
     return report, lambda: show(told.table())
 
 
-def show(table: Mapping[str, Any]) -> None:
-    """The rehearsal's table."""
-    head = ("figure", "bias/σ", "error/σ, rms", "within 68 %", "within 95 %")
-    rows = [
-        (
-            f["name"],
-            *(f"{f[key]:.2f}" for key in ("bias_over_std", "error_over_std_rms")),
-            *(_percent(f[k]) for k in _COVERAGE),
-        )
-        for f in table["figures"]
-    ]
-    console.print_table(f"{table['times']} rehearsals, truth: {table['truth']}", head, rows)
-    if table["causes"]:
-        console.print_table(
-            "causes",
-            ("cause", "in the twin", "named"),
-            [
-                (c["name"], "yes" if c["held"] else "no", f"{c['named']} of {c['times']}")
-                for c in table["causes"]
-            ],
-        )
-
-
-_COVERAGE = ("coverage_68", "coverage_95")
-
-
-def _percent(part: float) -> str:
-    return f"{100 * part:.0f} %"
+def show(told: Mapping[str, Any]) -> None:
+    """The rehearsal's tables."""
+    for table in tabulate_rehearsal(told):
+        console.print_table(table.caption, table.head, table.rows)
 
 
 def _write(report: Mapping[str, Any], suffix: str, path: Path) -> None:
@@ -136,45 +112,17 @@ def _write(report: Mapping[str, Any], suffix: str, path: Path) -> None:
             json.dumps(console.clean(report), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
         )
         return
+    if suffix == ".html":
+        from ..reporting.rehearsal_page import rehearsal_page
+
+        path.write_text(rehearsal_page(report), encoding="utf-8")
+        return
     from ..reporting.figures.drawing import standalone_svg, style
     from ..reporting.figures.rehearsal import rehearsal_plot
 
     with style():
         plot = rehearsal_plot(report)
     standalone_svg(plot, path)
-    if suffix == ".html":
-        drawing = path.read_text(encoding="utf-8")
-        path.write_text(
-            _page(report, plot.words, drawing[drawing.index("<svg") :]), encoding="utf-8"
-        )
-
-
-def _page(report: Mapping[str, Any], words: str, drawing: str) -> str:
-    """A page that stands alone: verdict, picture, table."""
-    rows = "".join(
-        f"<tr><td>{html.escape(f['name'])}</td>"
-        + "".join(
-            f"<td>{text}</td>"
-            for text in (f"{f['bias_over_std']:.2f}", f"{f['error_over_std_rms']:.2f}")
-        )
-        + "".join(f"<td>{_percent(f[key])}</td>" for key in _COVERAGE)
-        + "</tr>"
-        for f in report["figures"]
-    )
-    reasons = "".join(f"<li>{html.escape(reason)}</li>" for reason in report["status_reasons"])
-    title = f"Rehearsal of {Path(report['file']).name}: {report['status']}"
-    return (
-        '<!doctype html><html lang="en"><meta charset="utf-8">'
-        f"<title>{html.escape(title)}</title>"
-        "<style>body{font:16px/1.5 sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;"
-        "color:#1a2028;background:#fff}table{border-collapse:collapse}"
-        "td,th{padding:.2rem .8rem;text-align:right}"
-        "td:first-child,th:first-child{text-align:left}svg{max-width:100%;height:auto}</style>"
-        f"<h1>{html.escape(title)}</h1><p>{html.escape(words)}</p><ul>{reasons}</ul>"
-        f"<figure>{drawing}</figure>"
-        "<table><tr><th>figure</th><th>bias/σ</th><th>error/σ, rms</th>"
-        f"<th>within 68 %</th><th>within 95 %</th></tr>{rows}</table></html>\n"
-    )
 
 
 def and_rehearse(

@@ -10,7 +10,7 @@ from typing import Any
 from ..records import Diagnosis
 from . import answer_text
 from .answer import answer
-from .json_text import child
+from .json_text import as_float, child
 from .text import number
 
 Rows = list[tuple[Any, ...]]
@@ -42,3 +42,9 @@ def gains(gain: Mapping[str, Any]) -> Rows:
         for key, words in QUANTITIES
         if (part := child(gain, key))
     ]
+
+
+def score_left(tested: Mapping[str, Any]) -> float:
+    """|z| of a cause that was looked for, beside those that were found; NaN where the file does not
+    know it."""
+    return abs(as_float(tested.get("z_left")))

@@ -140,7 +140,9 @@ def _largest_move(found: History) -> str:
 
 
 def _render(*, courses: Sequence[ChartedFigure], **content: Any) -> str:
-    first = sorted(courses, key=lambda c: c.chart is None or not c.chart.out_of_control)
+    # a single point has no course: its value stands in the table
+    charted = [course for course in courses if len(course.values) > 1]
+    first = sorted(charted, key=lambda c: c.chart is None or not c.chart.out_of_control)
     with style():
         plots = [draw_course(course) for course in first[:MOST]]
         pictures = [(plot, _svg(plot)) for plot in plots]
@@ -149,7 +151,8 @@ def _render(*, courses: Sequence[ChartedFigure], **content: Any) -> str:
         ("page.js", "lot.js"),
         **content,
         pictures=pictures,
-        untold=len(courses) - len(pictures),
+        untold=len(charted) - len(pictures),
+        measured=bool(courses),
         number=number,
         zip=zip,
     )

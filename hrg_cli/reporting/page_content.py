@@ -4,7 +4,7 @@ method comparison."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -139,8 +139,28 @@ def _list_calibration(record: Calibration) -> list[PageTable]:
         ]
         found.append(PageTable("Residual, rms", ("", "drift, °/h", "scale factor, ppm"), rows))
     shown = ("drift_rms_rad_s", "scale_factor_rms_ppm", "figures", "ladder", "harmonics")
-    left = {k: v for k, v in json_object(record.details).items() if k not in shown}
+    left = {
+        k: [_with_units(row) for row in v] if k == "variants" and isinstance(v, list) else v
+        for k, v in json_object(record.details).items()
+        if k not in (*shown, "band_limit_scores")
+    }
     return found + list_figures("Details", left)
+
+
+OF_VARIANTS = {
+    "stage": "model",
+    "drift": "drift_left_out_rad_s",
+    "drift_used": "drift_used_rad_s",
+    "scale": "scale_factor_left_out_ppm",
+    "scale_used": "scale_factor_used_ppm",
+}
+"""What a variant's errors are called in the file -> what they are."""
+
+
+def _with_units(row: Any) -> Any:
+    if not isinstance(row, Mapping):
+        return row
+    return {OF_VARIANTS.get(k, k): v for k, v in row.items()}
 
 
 def _write_range(value: Any, factor: float) -> str:

@@ -8,9 +8,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..records import Diagnosis
-from .diagnosis import gains
+from .diagnosis import gains, score_left
+from .figure_names import name_of_figure
+from .figures_in_words import words_of
 from .json_text import child, entries, json_object
 from .page_table import PageTable, cell
+from .quantities import quantity, unit_for
 from .text import drop_empty_columns, number, plain
 
 
@@ -18,7 +21,7 @@ def list_diagnosis(record: Diagnosis) -> list[PageTable]:
     """All of them; one in which nothing would stand is left out."""
     report = json_object(record.report)
     remainder = child(report, "remainder")
-    left = [(plain(k), cell(v)) for k, v in remainder.items()]
+    left = [(words_of(k), cell(v)) for k, v in remainder.items()]
     return [
         *_list_supplied(entries(report, "values")),
         *_list_causes(entries(report, "effects")),
@@ -33,9 +36,9 @@ def _list_supplied(values: Sequence[dict[str, Any]]) -> list[PageTable]:
     """What the runs say of the supplied model's values."""
     moved = [
         (
-            plain(v.get("name")),
-            number(v["believed"], 8),
-            f"{number(v.get('value'), 8)} ± {number(v.get('std'), 2)} {plain(v.get('units', ''))}",
+            name_of_figure(str(v.get("name"))),
+            _write_parameter(v, v["believed"], None),
+            _write_parameter(v, v.get("value"), v.get("std")),
             number(v.get("sigma"), 3),
             "wrong" if v.get("wrong") else "agrees",
         )
@@ -52,51 +55,76 @@ def _list_causes(effects: Sequence[dict[str, Any]]) -> list[PageTable]:
         return []
     rows = [
         (
-            plain(effect.get("name")),
+            _in_words(effect.get("name")),
             plain(_write_sizes(child(effect, "parameters"))),
             number(effect.get("z")),
             number(effect.get("p_value"), 2),
             number(effect.get("delta_bic")),
-            plain(cell(effect.get("indistinguishable_from") or None)),
+            _in_words(cell(effect.get("indistinguishable_from") or None)),
             plain(effect.get("next_experiment") or "–"),
         )
         for effect in effects
     ]
-    head = ("effect", "size", "z", "p", "ΔBIC", "cannot be told from", "next experiment")
+    head = ("cause", "size", "σ", "p", "ΔBIC", "cannot be told from", "next experiment")
     return [PageTable("Causes found", *drop_empty_columns(head, rows))]
 
 
 def _write_sizes(parameters: Mapping[str, Any]) -> str:
     """The parameters of a cause with their standard deviations."""
     return "; ".join(
-        f"{k} = {number(p.get('value'))} ± {number(p.get('std'), 2)} {p.get('units', '')}"
+        f"{words_of(k)} {quantity(k, p.get('value'), p.get('std'), str(p.get('units', '')))}"
         for k, p in parameters.items()
         if isinstance(p, dict)
     )
+
+
+def _write_parameter(row: Mapping[str, Any], value: Any, std: Any) -> str:
+    return quantity(str(row.get("name")), value, std, str(row.get("units", "")))
+
+
+def _in_words(name: Any) -> str:
+    """A cause's name, or a list of them, without the marks of a key."""
+    return plain(name).replace("_", " ")
 
 
 def _list_inseparable(groups: Sequence[dict[str, Any]]) -> list[PageTable]:
     """Causes that these runs cannot tell apart."""
     if not groups:
         return []
-    rows = [tuple(cell(v) for v in group.values()) for group in groups]
-    return [PageTable("What these runs cannot tell apart", [plain(k) for k in groups[0]], rows)]
+    rows = [
+        (
+            _in_words(cell(group.get("effects"))),
+            plain(cell(group.get("base"))),
+            plain(cell(group.get("next_experiment"))),
+        )
+        for group in groups
+    ]
+    head = ("causes", "the same as", "what would tell")
+    return [PageTable("What these runs cannot tell apart", *drop_empty_columns(head, rows))]
 
 
 def _list_tested(tested: Sequence[dict[str, Any]]) -> list[PageTable]:
-    """Every cause that was looked for, and how large it can be at most."""
+    """Every cause that was looked for and can be seen: its score beside what was found, and how large
+    it can be at most."""
     rows = [
         (
-            plain(e.get("name")),
-            plain(cell(e.get("z"))),
-            plain(cell(e.get("upper_limit"))),
-            plain(e.get("units", "")),
+            _in_words(e.get("name")),
+            "found" if e.get("upper_limit") is None else number(score_left(e), 3),
+            _round_limit(e.get("upper_limit"), str(e.get("units", ""))),
         )
         for e in tested
+        if e.get("visible", True)
     ]
-    return (
-        [PageTable("Causes tested", ("effect", "z", "upper limit", "unit"), rows)] if rows else []
-    )
+    head = ("cause", "σ beside those found", "at most (95 %)")
+    return [PageTable("Causes tested", head, rows)] if rows else []
+
+
+def _round_limit(limit: Any, units: str) -> str:
+    """A limit in the unit of its size, in two digits."""
+    if not isinstance(limit, int | float) or isinstance(limit, bool):
+        return "–"
+    factor, unit = unit_for("", float(limit), units)
+    return f"{number(limit * factor, 2)} {unit}".strip()
 
 
 FORECAST = (

@@ -73,7 +73,7 @@ def draw_files(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> 
 
 def picture_of(plot: Plot, anchor: str) -> Picture:
     """A figure as the page holds it."""
-    return Picture(anchor, plain(plot.title), plain(plot.words), Markup(svg(plot, anchor)))
+    return Picture(anchor, plain(plot.title), plain(plot.caption), Markup(svg(plot, anchor)))
 
 
 def look_beside(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> Beside:

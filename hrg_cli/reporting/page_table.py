@@ -1,4 +1,5 @@
-"""A table of the page, and any JSON object as such tables."""
+"""A table of the page, and any JSON object as such tables: words, not keys; the unit behind the number;
+a value and its σ as one."""
 
 from __future__ import annotations
 
@@ -8,7 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from ..limit_values import unit_of
+from .figures_in_words import said, words_of
+from .quantities import quantity, unit_for
 from .text import number, plain
+
+DIGITS = 4
+"""Of a value without a σ."""
+MOST_COLUMNS, MOST_ROWS, MOST_FIGURES = 10, 60, 80
+"""Of one table; a page tells, the JSON holds all."""
+LONGEST = 400
+"""Characters of one cell."""
 
 
 @dataclass(frozen=True)
@@ -21,9 +32,11 @@ class PageTable:
 
 
 def cell(value: Any) -> str:
-    """A value as a person reads it."""
+    """A value without a name as a person reads it."""
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
     if isinstance(value, float | np.floating):
-        return number(float(value), 7)
+        return number(float(value), DIGITS)
     if isinstance(value, list | tuple):
         return plain(", ".join(cell(v) for v in value)) or "–"
     return "–" if value is None else plain(value)
@@ -36,52 +49,110 @@ def list_figures(caption: str, content: Any, depth: int = 0) -> list[PageTable]:
         return []
     single, found = [], []
     for key, value in content.items():
-        title = plain(key).replace("_", " ")
-        if value is None or value == [] or value == {}:
+        if value is None or value == [] or value == {} or _is_std(key, content):
             continue
+        title = words_of(str(key))
         if isinstance(value, Mapping) and all(isinstance(v, Mapping) for v in value.values()):
-            head = list(dict.fromkeys(k for v in value.values() for k in v))[:10]
-            rows = [(plain(name), *(_shorten(v.get(k)) for k in head)) for name, v in value.items()]
-            found.append(
-                PageTable(title, ("", *(plain(h).replace("_", " ") for h in head)), rows[:60])
-            )
-        elif isinstance(value, list) and all(isinstance(v, Mapping) for v in value):
-            head = list(dict.fromkeys(k for v in value for k in v))[:10]
-            found.append(
-                PageTable(
-                    title,
-                    [plain(h).replace("_", " ") for h in head],
-                    [tuple(_shorten(v.get(k)) for k in head) for v in value][:60],
-                )
-            )
+            found.append(_compare(title, list(value.values()), [str(name) for name in value]))
+        elif _are_objects(value):
+            found.append(_compare(title, value))
         elif (
             isinstance(value, Mapping)
+            and "value" not in value
             and depth < 2
             and any(isinstance(v, Mapping) or _are_objects(v) for v in value.values())
         ):
             found += list_figures(title, value, depth + 1)
-        elif isinstance(value, Mapping):
+        elif isinstance(value, Mapping) and "value" not in value:
             single += [
-                (f"{title}: {plain(k).replace('_', ' ')}", _shorten(v))
+                (f"{title}: {words_of(str(k))}", _tell(str(k), value, within=str(key)))
                 for k, v in value.items()
-                if v is not None
+                if v is not None and not _is_std(k, value)
             ]
         else:
-            single.append((title, _shorten(value)))
-    return ([PageTable(caption, ("figure", "value"), single[:80])] if single else []) + found
+            single.append((title, _tell(str(key), content)))
+    rows = single[:MOST_FIGURES]
+    return ([PageTable(caption, ("figure", "value"), rows)] if rows else []) + found
+
+
+def _compare(
+    title: str, objects: Sequence[Mapping[str, Any]], names: Sequence[str] = ()
+) -> PageTable:
+    """Objects of one shape, a row each, named in the first column where they have names."""
+    keys = list(dict.fromkeys(str(k) for one in objects for k in one if not _is_std(k, one)))
+    keys = [k for k in keys if any(one.get(k) is not None for one in objects)][:MOST_COLUMNS]
+    rows = [tuple(_tell(k, one) if _is_said(k, one) else "–" for k in keys) for one in objects]
+    head = [words_of(k) for k in keys]
+    if names:
+        rows = [(words_of(name), *row) for name, row in zip(names, rows, strict=True)]
+        head = ["", *head]
+    return PageTable(title, head, rows[:MOST_ROWS])
+
+
+def _is_said(key: str, one: Mapping[str, Any]) -> bool:
+    """Whether a row's words have a cause: what a check says where it fails, or a finding where it
+    stands out, is nothing where it passes or does not."""
+    harmless = one.get("passed") is True or one.get("significant") is False
+    return not (harmless and key in ("sentence", "why_not"))
 
 
 def _are_objects(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(v, Mapping) for v in value)
 
 
-def _shorten(value: Any) -> str:
+def _is_std(key: Any, beside: Mapping[str, Any]) -> bool:
+    """Whether a key holds the σ of a number beside it, which is told with that number."""
+    value = beside.get(_named_by(str(key)))
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _named_by(key: str) -> str:
+    return key.removesuffix("_std") if key.endswith("_std") else ""
+
+
+def _tell(key: str, beside: Mapping[str, Any], within: str = "") -> str:
+    """The value of a key, with the σ that stands beside it; a key without a unit has that of the one
+    that holds it (`within`)."""
+    value = beside.get(key)
     if isinstance(value, Mapping):
-        if "value" in value:
-            std = f" ± {cell(value.get('std'))}" if value.get("std") is not None else ""
-            return f"{cell(value['value'])}{std} {plain(value.get('units', ''))}".strip()
-        return "; ".join(f"{plain(k)} {_shorten(v)}" for k, v in list(value.items())[:8])
+        return _tell_mapping(key, value)
+    if key.endswith("_rad2_s") and isinstance(value, int | float):
+        return f"{number(value, 3)} rad²/s"
+    std = beside.get(f"{key}_std")
+    name = within if within and not unit_of(key) else key
+    if isinstance(value, float) and isinstance(std, int | float) and not isinstance(std, bool):
+        return quantity(name, value, std, unit_of(name))
+    if isinstance(value, bool | np.bool_) or value is None:
+        return cell(value)
     if isinstance(value, list) and len(value) > 12:
-        return f"{len(value)} values, {_shorten(value[:3])} …"
-    text = cell(float(value) if isinstance(value, int) and abs(value) > 10**12 else value)
-    return text if len(text) <= 400 else text[:400] + "…"
+        return f"{len(value)} values, {_tell(key, {key: value[:3]})} …"
+    if isinstance(value, list) and not all(isinstance(v, int | float) for v in value):
+        text = cell(value)
+    else:
+        text = said(name, float(value) if _is_huge(value) else value, DIGITS) or "–"
+    return text if len(text) <= LONGEST else text[:LONGEST] + "…"
+
+
+def _tell_mapping(key: str, value: Mapping[str, Any]) -> str:
+    """A figure with its own σ and unit, or a few of them in one cell."""
+    if "value" not in value:
+        return "; ".join(f"{words_of(str(k))} {_tell(str(k), value)}" for k in list(value)[:8])
+    units = value.get("units")
+    unit = plain(units) if units else unit_of(key)
+    if value["value"] == 0 and isinstance(value.get("high"), int | float):
+        factor, shown = unit_for(key, float(value["high"]), unit)
+        return f"below {number(value['high'] * factor, 2)} {shown}".strip()
+    ends = value.get("low"), value.get("high")
+    if value.get("std") is None and all(isinstance(end, int | float) for end in ends):
+        factor, shown = unit_for(key, _size(value["value"]), unit)
+        middle, low, high = (number(_size(v) * factor, 3) for v in (value["value"], *ends))
+        return f"{middle} {shown} ({low} … {high})".replace("  ", " ")
+    return quantity(key, value["value"], value.get("std"), unit)
+
+
+def _size(value: Any) -> float:
+    return float(value) if isinstance(value, int | float) else float("nan")
+
+
+def _is_huge(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) > 10**12

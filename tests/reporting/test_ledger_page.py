@@ -108,7 +108,8 @@ def test_charts_of_any_length(count, std):
     rng = np.random.default_rng(count)
     rows = [entry("SN-1", d, 0.1 + 1e-4 * rng.standard_normal(), std) for d in range(count)]
     page = history_page(history(rows, "SN-1", names=[SPLIT]), "valid")
-    assert ("No control limits" in page) == (count < 8)
+    assert ("No control limits" in page) == (1 < count < 8)
+    assert ("a chart begins with the second" in page) == (count == 1)
     assert ("change, σ of both" in page) == (count > 1 and std is not None)
     gyros = [entry(f"SN-{k}", k, 0.1 + 1e-4 * rng.standard_normal(), std) for k in range(count)]
     page = overview_page(overview(gyros, names=[SPLIT]), "valid")

@@ -82,8 +82,8 @@ def test_figures_say_their_numbers_in_words(whole):
     assert all(a["role"] == "img" and a["aria-labelledby"] in named for a in elements.all("svg"))
     for words in (
         "strongest line is at 431.0",
-        "pickoff_nonlinearity at 48.2 σ",
-        "scale_factor with damping_split_1_s −0.72",
+        "pickoff nonlinearity at 48.2 σ",
+        "scale factor K with damping split ν·δμ −0.72",
         "drift left, °/h rms: nothing 6.1",
         "Allan deviation",
     ):

@@ -240,7 +240,7 @@ def test_command(folder, hrg):
     assert np.array_equal(after.covariance, before.covariance) and after.status == before.status
     assert (
         "<svg" in (folder / "r.html").read_text()
-        and "scale_factor" in (folder / "r.html").read_text()
+        and "scale factor K" in (folder / "r.html").read_text()
     )
 
     bytes_before = (folder / "resonator.h5").read_bytes()

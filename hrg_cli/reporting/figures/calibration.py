@@ -10,6 +10,7 @@ import numpy as np
 from ...records import Array, Calibration
 from ...units import DEGREE_PER_HOUR
 from ..json_text import entries, figure_of_merit, json_object
+from ..quantities import round_with_std
 from .drawing import (
     INK,
     MUTED,
@@ -198,18 +199,17 @@ def _harmonics(record: Calibration, mean: float) -> Plot:
     )
     for ax, (values, deviation, label, first) in zip(axes[:, 0], parts):
         names = _harmonic_names(values.shape[1], record.mode_number)
-        names[0] = f"constant − {number(mean, 6)}" if first else names[0]
+        less = f" less {number(mean, 6)}" if first else ""  # of the constant, in the title
         _errors_a_harmonic(ax, values, deviation, np.asarray(record.node))
         ax.axhline(0, color=INK, lw=0.5)
         ax.set_xticks(range(len(names)), names)
-        labels(ax, y=label, title=f"Harmonics of {label[0]} with ±σ")
+        labels(ax, y=label, title=f"Harmonics of {label[0]}{less} with ±σ")
         middle = values[len(values) // 2]
         sigma = deviation[len(values) // 2]
         said.append(
-            f"{label}: "
+            f"{label}{less}: "
             + ", ".join(
-                f"{n} {number(float(v), 3)} ± {number(float(s), 2)}"
-                for n, v, s in zip(names, middle, sigma)
+                f"{n} {round_with_std(float(v), float(s))}" for n, v, s in zip(names, middle, sigma)
             )
         )
     if len(record.node) > 1:

@@ -9,6 +9,8 @@ from matplotlib.colors import LinearSegmentedColormap, to_rgba
 from matplotlib.ticker import MaxNLocator
 
 from ...records import Array, Diagnosis
+from ..answer_words import in_words
+from ..diagnosis import score_left
 from ..json_text import as_float, child, entries, json_object
 from .departure import departure_plots
 from .drawing import (
@@ -54,17 +56,20 @@ Score = tuple[str, float, int]
 
 
 def _scores(report: dict[str, Any]) -> tuple[list[Score], list[Score]]:
-    """The causes found, in the order found, and those tested alone, the strongest first."""
+    """The causes found, in the order found, and what scores of the others that these runs can show are
+    left beside them, the strongest first."""
     found: list[Score] = [
-        (str(e.get("name")), abs(as_float(e.get("z"))), 0) for e in entries(report, "effects")
+        (in_words(str(e.get("name"))), abs(as_float(e.get("z"))), 0)
+        for e in entries(report, "effects")
     ]
     named = {name for name, _, _ in found}
     tested: list[Score] = [
-        (str(e.get("name")), abs(as_float(e.get("z"))), 5)
+        (in_words(str(e.get("name"))), score_left(e), 5)
         for e in entries(report, "tested")
-        if str(e.get("name")) not in named
+        if in_words(str(e.get("name"))) not in named and e.get("visible", True)
     ]
-    return found, sorted(tested, key=lambda e: -np.nan_to_num(e[1]))
+    tested = [score for score in tested if np.isfinite(score[1])]
+    return found, sorted(tested, key=lambda e: -e[1])
 
 
 def _say_ranking(report: dict[str, Any], found: list[Score], tested: list[Score]) -> str:
@@ -75,7 +80,7 @@ def _say_ranking(report: dict[str, Any], found: list[Score], tested: list[Score]
         said += "No cause was found. "
     if tested:
         scores = [f"{n} {number(z, 2)} σ" for n, z, _ in tested]
-        said += f"Tested and not found: {chosen(scores, 8)}."
+        said += f"Beside {'them' if found else 'nothing'}, not found: {chosen(scores, 8)}."
     return said
 
 
@@ -109,7 +114,7 @@ def _ranking(report: dict[str, Any]) -> Plot:
     ax.set_yticks(range(len(rows)), [name for name, _, _ in rows])
     ax.invert_yaxis()
     labels(ax, x="|z|, standard deviations")
-    note(ax, "blue: found, in the order found; grey: tested, not found")
+    note(ax, "blue: found, in the order found; grey: what is left of the others beside them")
     words = _say_ranking(report, effects, tested)
     return Plot("ranking", "Causes by significance", words, figure)
 
@@ -178,8 +183,9 @@ def _correlation_map(names: list[Any], matrix: Array) -> Plot:
         np.arange(count + 1), np.arange(count + 1), np.abs(matrix), cmap=shade, vmin=0, vmax=1
     )
     middle = np.arange(count) + 0.5
-    ax.set_xticks(middle, [str(n) for n in names], rotation=90)
-    ax.set_yticks(middle, [str(n) for n in names])
+    names = [in_words(str(n)) for n in names]
+    ax.set_xticks(middle, names, rotation=90)
+    ax.set_yticks(middle, names)
     ax.grid(False)
     ax.invert_yaxis()
     note(ax, "blank: told apart; full: one cause to these runs")

@@ -26,6 +26,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from ...records import Array
 from ..text import number, ten
+from .good_and_bad import how_to_read
 
 INK, MUTED, GRID, PAPER = "#1a2028", "#5b6673", "#d9dee4", "#fdfefe"
 SERIES = ("#0067a5", "#c8500a", "#00806a", "#a3418f", "#8a6d00", "#47617d")
@@ -84,6 +85,10 @@ _ROUND = re.compile(r"(\d\.\d\d)\d+")
 """Coordinates of paths keep hundredths of a point."""
 
 
+ROUNDING = 1e-9
+"""Part of a value's size below which its course is that of the last digits."""
+
+
 @dataclass(frozen=True)
 class Plot:
     """One figure: `key` names its file, `title` its caption, `words` say the numbers to whoever
@@ -93,6 +98,11 @@ class Plot:
     title: str
     words: str
     figure: Figure
+
+    @property
+    def caption(self) -> str:
+        """The words, and what good and bad look like."""
+        return f"{self.words} {how_to_read(self.key)}".strip()
 
 
 def style() -> Any:
@@ -152,8 +162,14 @@ def line(
     points: int = POINTS,
     **more: Any,
 ) -> None:
-    """A decimated line in a colour of the palette."""
+    """A decimated line in a colour of the palette; what moves by no more than its rounding stays
+    still."""
     ax.plot(*envelope(x, y, points), color=SERIES[colour % len(SERIES)], label=label, **more)
+    known = y[np.isfinite(y)]
+    size = float(np.abs(known).max(initial=0.0))
+    if size and 0 < float(np.ptp(known)) < ROUNDING * size:
+        middle = float(np.median(known))
+        ax.set_ylim(middle - 0.05 * size, middle + 0.05 * size)
 
 
 def _dash_length(ax: Axes, x: Array) -> float:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import answer_words
 from ..json_text import as_float, child, entries
 from ..text import number, plain
 from .drawing import INK, SERIES, Plot, labels, legend, note, panels, time_unit
@@ -49,6 +50,7 @@ def forecast_plots(report: dict[str, Any]) -> list[Plot]:
         ax.axhline(0, color=INK, lw=0.5)
         labels(ax, x=f"time, {unit}", y=label)
     legend(axes[0, 0])
+    said = answer_words.forecast(report)
     ax = axes[0, 3]
     values = [as_float(forecast.get(when)) for when in ("before", "after")]
     ax.bar([0, 1], np.nan_to_num(values), color=[SERIES[1], SERIES[0]], width=0.55)
@@ -59,7 +61,7 @@ def forecast_plots(report: dict[str, Any]) -> list[Plot]:
         Plot(
             "forecast",
             "Forecast of what was not fitted",
-            f"{forecast.get('sentence', '')}.",
+            f"{said[:1].upper()}{said[1:]}.",
             figure,
         )
     ]

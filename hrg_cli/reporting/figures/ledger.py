@@ -130,7 +130,7 @@ def _individuals(
         ax.plot([], [], color=MUTED, lw=0.9, ls="--", label="mean ± 3 σ between neighbours")
     _draw_limits(ax, course, factor, origin)
     less = f" less {number(origin, 12)}" if origin else ""
-    labels(ax, "", f"{unit or '1'}{less}", "Individuals")
+    labels(ax, "", f"{unit}{less}".strip(), "Individuals")
 
 
 def _draw_limits(ax: Axes, course: ChartedFigure, factor: float, origin: float) -> None:
@@ -162,7 +162,7 @@ def _changes(ax: Axes, course: ChartedFigure, at: Array, factor: float, unit: st
         far = np.abs(y) > 3
         ax.axhline(0, color=MUTED, lw=0.7)
     else:
-        y, name = np.abs(change * factor), f"moving range, {unit or '1'}"
+        y, name = np.abs(change * factor), f"moving range, {unit}".removesuffix(", ")
         top = np.inf if course.chart is None else course.chart.range_upper * abs(factor)
         far = y > top
         highest = float(y.max())
@@ -179,10 +179,13 @@ def _changes(ax: Axes, course: ChartedFigure, at: Array, factor: float, unit: st
 
 def _words(course: ChartedFigure, middle: float) -> str:
     """The numbers of a chart, what good and bad look like."""
-    what = "measurements" if course.own else "gyros, one value each"
     count = len(course.values)
+    one, several = (
+        ("measurement", "measurements") if course.own else ("gyro", "gyros, one value each")
+    )
+    what = one if count == 1 else several
     shown = quantity(course.name, middle, _std(course), course.units)
-    words = f"{count} {what if count > 1 else what.replace('s', '', 1)}, middle {shown}."
+    words = f"{count} {what}, middle {shown}."
     if course.chart is None:
         words += (
             f" No control limits: they take {FEWEST_POINTS} points that differ."

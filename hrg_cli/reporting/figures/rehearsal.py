@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..figure_names import name_of_figure
 from .drawing import GRID, INK, SERIES, Plot, labels, legend, panels
 
 
@@ -27,7 +28,7 @@ def rehearsal_plot(report: Mapping[str, Any]) -> Plot:
     left.plot(rms, place, "s", color=SERIES[1], label="rms")
     reach = float(np.nanmax(np.abs([bias, rms]), initial=1.5)) * 1.1
     left.set_xscale("symlog", linthresh=3) if reach > 30 else left.set_xlim(-reach, reach)
-    left.set_yticks(place, [f["name"] for f in figures])
+    left.set_yticks(place, [name_of_figure(f["name"]) for f in figures])
     left.invert_yaxis()
     labels(left, x="error, standard deviations")
     legend(left, above=True)
@@ -44,7 +45,11 @@ def rehearsal_plot(report: Mapping[str, Any]) -> Plot:
     legend(right, above=True)
     words = (
         f"{report['times']} rehearsals on a simulated twin: errors of {rms.min():.2f} to"
-        f" {rms.max():.2f} standard deviations, bias of {bias.min():.2f} to {bias.max():.2f};"
-        f" {report['status']}."
+        f" {rms.max():.2f} standard deviations, bias of {_signed(bias.min())} to"
+        f" {_signed(bias.max())}."
     )
     return Plot("rehearsal", "Rehearsal", words, figure)
+
+
+def _signed(value: float) -> str:
+    return f"{value:.2f}".replace("-", "−")

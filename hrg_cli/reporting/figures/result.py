@@ -8,6 +8,7 @@ import numpy as np
 from ...fitting.tables.allan import allan_deviation
 from ...records import Array, Compensated, Resonator
 from ...units import DEGREE_PER_HOUR
+from ..figure_names import name_of_figure
 from .drawing import (
     INK,
     SERIES,
@@ -33,7 +34,7 @@ def resonator_plots(record: Resonator) -> list[Plot]:
     if known.sum() > 1:
         found.append(
             _correlation(
-                [str(n) for n, k in zip(record.name, known) if k],
+                [name_of_figure(str(n)) for n, k in zip(record.name, known) if k],
                 record.covariance[np.ix_(known, known)],
             )
         )

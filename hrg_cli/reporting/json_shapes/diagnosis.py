@@ -106,6 +106,8 @@ class Tested(Shape):
     """The effect."""
     z: Number
     """Its score beside the base model, σ."""
+    z_left: Number
+    """Its score beside the causes that were found, σ."""
     upper_limit: Number
     """95 % upper limit of its size; null where it was found or cannot be seen."""
     units: str

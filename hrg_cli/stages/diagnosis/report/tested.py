@@ -19,8 +19,8 @@ ONE_SIDED = 1.645
 
 
 def test_candidates(case: Case) -> list[dict[str, Any]]:
-    """Every candidate: score beside the base model, 95 % upper limit of its size beside what was
-    found."""
+    """Every candidate: score beside the base model and beside what was found, 95 % upper limit of its
+    size beside what was found."""
     search, noise, candidates = case.search, case.inquiry.noise, case.inquiry.candidates
     by_name = {v.effect.name: v for v in candidates}
     found = {one.variant.effect.name for one in search.found}
@@ -36,11 +36,8 @@ def test_candidates(case: Case) -> list[dict[str, Any]]:
         first = by_name[score.name].effect.fitted()[0]
         row = {
             "name": score.name,
-            "z": (
-                evidence.significance(score.gain / noise.slow, score.rank)[0]
-                if score.visible
-                else 0.0
-            ),
+            "z": _significance(score, noise),
+            "z_left": _significance(later, noise),
             "upper_limit": None if score.name in found else limit,
             "units": units or first.units,
             "std": [float(s * np.sqrt(noise.slow)) if np.isfinite(s) else None for s in later.std],
@@ -54,6 +51,12 @@ def test_candidates(case: Case) -> list[dict[str, Any]]:
             )
         out.append(row)
     return out
+
+
+def _significance(score: Score, noise: NoiseLevel) -> float:
+    if not score.visible:
+        return 0.0
+    return float(evidence.significance(score.gain / noise.slow, score.rank)[0])
 
 
 def _limit(score: Score, noise: NoiseLevel, variant: Variant) -> tuple[float | None, str]:

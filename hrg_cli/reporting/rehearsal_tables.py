@@ -1,0 +1,46 @@
+"""The tables of a rehearsal on the screen and on its page: every figure in words, and how often each cause
+was named."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from .answer_words import in_words
+from .figure_names import name_of_figure
+from .page_table import PageTable
+
+HEAD = ("figure", "bias/σ", "error/σ, rms", "within 68 %", "within 95 %")
+
+
+def tabulate_rehearsal(told: Mapping[str, Any]) -> list[PageTable]:
+    """What a rehearsal tells (`table()` of it), as one or two tables.
+
+    Examples
+    --------
+    >>> figure = {"name": "scale_factor", "bias_over_std": -0.1, "error_over_std_rms": 1.0}
+    >>> told = {"times": 9, "truth": "the file's parameters", "causes": []}
+    >>> told["figures"] = [figure | {"coverage_68": 0.67, "coverage_95": 1.0}]
+    >>> tabulate_rehearsal(told)[0].rows
+    [('scale factor K', '−0.10', '1.00', '67 %', '100 %')]
+    """
+    rows = [
+        (
+            name_of_figure(f["name"]),
+            *(_signed(f[key]) for key in ("bias_over_std", "error_over_std_rms")),
+            *(f"{100 * f[key]:.0f} %" for key in ("coverage_68", "coverage_95")),
+        )
+        for f in told["figures"]
+    ]
+    found = [PageTable(f"{told['times']} rehearsals, truth: {told['truth']}", HEAD, rows)]
+    causes = [
+        (in_words(c["name"]), "yes" if c["held"] else "no", f"{c['named']} of {c['times']}")
+        for c in told["causes"]
+    ]
+    if causes:
+        found.append(PageTable("causes", ("cause", "in the twin", "named"), causes))
+    return found
+
+
+def _signed(value: float) -> str:
+    return f"{value:.2f}".replace("-", "−")
