@@ -49,7 +49,9 @@ def main(
 ) -> None:
     """The whole chain for every gyro of a lot, a page each, and the lot as a whole: causes in
     common, worst gyros, outliers; resumes where it was interrupted; 3 when a gyro does not pass."""
-    run.finish(*batch_file(lot, run, dask, scheduler, ledger))
+    report, shown = batch_file(lot, run, dask, scheduler, ledger)
+    told = [f"{row['gyro_id'] or 'a recording'}: {row['reason']}" for row in _worst(report)]
+    run.finish(report, shown, told=told)
 
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
@@ -97,7 +99,7 @@ def batch_file(
 def show(report: Mapping[str, Any], folder: Path) -> None:
     """The lot in a sentence, what its gyros have in common, the worst of them, and where the page
     is."""
-    from ..reporting.lot_words import WORST, sentence
+    from ..reporting.lot_words import sentence
 
     console.say(sentence(report))
     for one in report["lot_causes"]:
@@ -107,14 +109,20 @@ def show(report: Mapping[str, Any], folder: Path) -> None:
             + (f"; cannot be told from {unlike}" if unlike else "")
             + ")"
         )
-    ranked = sorted((r for r in report["rows"] if r["reason"]), key=lambda row: row["rank"])[:WORST]
-    if ranked:
+    if ranked := _worst(report):
         worst = [
             (r["gyro_id"] or "a recording", r["health"] or r["status"], r["reason"]) for r in ranked
         ]
         console.print_table("", ("worst", "gyro is", "why"), worst)
     pageless = without_pages()
     console.say(f"no page: {pageless}" if pageless else f"page: {folder / 'lot.html'}")
+
+
+def _worst(report: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The gyros that are told with their reasons, the worst first."""
+    from ..reporting.lot_words import WORST
+
+    return sorted((r for r in report["rows"] if r["reason"]), key=lambda r: r["rank"])[:WORST]
 
 
 def resolve_lot(lot: LotSettings) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -121,9 +121,13 @@ class Common:
         show: Callable[[], None] | None = None,
         *,
         judged: bool = True,
+        told: Collection[str] = (),
     ) -> None:
         """Print the result and leave with the exit status that its validity asks for (0 where it is
-        told but not judged)."""
+        told but not judged).
+
+        told: reasons that `show` says already.
+        """
         from ..reporting import console
 
         with unread_is_no_failure():
@@ -139,8 +143,10 @@ class Common:
                 from ..reporting import answer_text
 
                 reasons = answer_text.untold(reasons, report["answer"]["why"])
+            shown = () if self.quiet or self.piped else told
             for reason in reasons:
-                console.message(f"{report['status']}: {reason}")
+                if reason not in shown:
+                    console.message(f"{report['status']}: {reason}")
         if report.get("status") == "refused" or (self.strict and report.get("status") == "suspect"):
             raise typer.Exit(REFUSED)
 

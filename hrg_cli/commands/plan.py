@@ -11,10 +11,15 @@ import typer
 
 from .. import pipeline, settings, store
 from ..errors import HrgError, UsageError
+from ..limit_values import unit_of
 from ..records import Diagnosis, Resonator, Wave
 from ..reporting import console
+from ..reporting.figure_names import name_of_figure
+from ..reporting.quantities import unit_for
+from ..reporting.text import number
 from ..stages.plan import plan, summary
 from ..stages.planning.like_measured import menu_like
+from ..stages.planning.questions import in_words
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, Files, command, existing
 from .options import flags_of
@@ -46,22 +51,38 @@ def main(
     FILE: a resonator or diagnosis file, then the wave files measured already.
     """
     report = plan_files(files or [], menu, run, flags)
-    run.finish(report, lambda: show(report))
+    run.finish(report, lambda: show(report), told=report["impossible"])
 
 
 def show(report: Mapping[str, Any]) -> None:
     """The chosen runs, and what they are expected to bring."""
     console.print_table("", ("run", "why"), [(r["run_id"], r["reason"]) for r in report["runs"]])
-    rows = [
-        (" / ".join(row["causes"]), row["before_sigma"], row["after_sigma"])
+    told = [
+        (
+            " from ".join(map(in_words, row["causes"])),
+            *(f"{number(row[f'{when}_sigma'], 3)} σ" for when in ("before", "after")),
+        )
         for row in report["separations"]
     ]
-    rows += [(name, std, report["after"][name]) for name, std in report["before"].items()]
-    console.print_table(
-        "", ("separation in σ, or standard deviation", "before", "expected after"), rows
-    )
+    console.print_table("", ("tells", "before", "expected after"), told)
+    spreads = [
+        (
+            name_of_figure(name),
+            *(_write_std(name, report[when][name]) for when in ("before", "after")),
+        )
+        for name in report["before"]
+    ]
+    console.print_table("", ("standard deviation of", "before", "expected after"), spreads)
     for sentence in report["impossible"]:
-        console.say(sentence)
+        console.say(sentence.replace("; ", ";\n  ", 1))
+
+
+def _write_std(name: str, std: float | None) -> str:
+    """A standard deviation in the unit that its own size asks for."""
+    if std is None:
+        return "–"
+    factor, unit = unit_for(name, std, unit_of(name))
+    return f"{number(std * factor, 3)} {unit}".strip()
 
 
 def plan_files(

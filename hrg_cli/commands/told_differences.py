@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ..comparing import Comparison, Difference
 from ..reporting.figure_names import name_of_figure
-from ..reporting.quantities import quantity, round_with_std
+from ..reporting.quantities import quantity, round_with_std, unit_for
 from ..reporting.text import number, plain
 
 HEAD = ("figure", "old", "new", "change", "moved by, σ")
@@ -45,7 +45,10 @@ def told_lone(found: Comparison) -> list[tuple[str, str]]:
 
 
 def _said(one: Difference, value: float, std: float | None) -> str:
-    return quantity(one.name, value, std, one.units or "1")
+    """A value of either result, both in the unit of the larger one."""
+    factor, unit = unit_for(one.name, max(abs(one.old), abs(one.new)), one.units or "1")
+    shown = round_with_std(value * factor, None if std is None else std * abs(factor))
+    return f"{shown} {unit}".strip()
 
 
 def _change(one: Difference) -> str:

@@ -101,7 +101,9 @@ def never_told(known: Resonator | Diagnosis) -> list[str]:
         return []
     told = {name for group in known.told("not_separable") for name in group["effects"]}
     return [
-        f"no run can tell {name} from {same}" for name, same in INHERENT.items() if name in told
+        f"no run can tell {in_words(name)} from {same}"
+        for name, same in INHERENT.items()
+        if name in told
     ]
 
 
@@ -133,3 +135,15 @@ def questions_of(
                     Question(cause, rival, size(cause), None if rival == BASE else size(rival))
                 )
     return out
+
+
+def in_words(name: str) -> str:
+    """A cause or a parameter without the marks of a key and its unit.
+
+    Examples
+    --------
+    >>> in_words("damping_rate_1_s"), in_words("gain_mismatch")
+    ('damping rate', 'gain mismatch')
+    """
+    unit = next((end for end in ("_1_s", "_rad_s", "_rad", "_hz") if name.endswith(end)), "")
+    return name.removesuffix(unit).replace("_", " ")

@@ -10,7 +10,7 @@ from ...fitting.envelopes.coordinates import COUNT, from_mechanics, to_parameter
 from ...fitting.envelopes.inference import widen_axes
 from ...physics.resonator import PARAMETERS, Mechanics
 from .information import InformationColumns, left_over
-from .questions import BASE, INHERENT, Question
+from .questions import BASE, INHERENT, Question, in_words
 
 Array = np.ndarray
 
@@ -109,12 +109,12 @@ def find_impossible(
     out = []
     for q in questions:
         if q.cause in INHERENT and q.rival == BASE:
-            out.append(f"no run can tell {q.cause} from {INHERENT[q.cause]}")
+            out.append(f"no run can tell {in_words(q.cause)} from {INHERENT[q.cause]}")
         elif separation(everything, q, layout) < TOLD:
             sigma = separation(everything, q, layout)
             out.append(
-                f"all runs of the menu together tell {q.cause} from {q.rival} by {sigma:.1f} σ"
-                " only; add other runs"
+                f"all runs of the menu together tell {in_words(q.cause)} from {in_words(q.rival)}"
+                f" by {sigma:.1f} σ only; add other runs"
             )
     return out
 
@@ -143,9 +143,10 @@ def reason_of(
         q = max(gains, key=lambda pair: pair[0])[1]
         before_sigma, after_sigma = separation(without, q, layout), separation(total, q, layout)
         return (
-            f"tells {q.cause} from {q.rival}: {before_sigma:.3g} σ without it, {after_sigma:.3g} σ"
-            " with it"
+            f"tells {in_words(q.cause)} from {in_words(q.rival)}: {before_sigma:.3g} σ without it,"
+            f" {after_sigma:.3g} σ with it"
         )
     before, after = deviations(without, m), deviations(total, m)
     best = max(before, key=lambda key: (before[key] or 0.0) / max(after[key] or 0.0, 1e-300))
-    return f"shrinks the standard deviation of {best} from {before[best]:.3g} to {after[best]:.3g}"
+    times = (before[best] or 0.0) / max(after[best] or 0.0, 1e-300)
+    return f"makes σ of the {in_words(best)} {times:.3g} times smaller"
