@@ -1,7 +1,7 @@
 """The documentation tells no lie: its generated parts are fresh, its commands run and print what is
 shown, its links lead somewhere.
 
-`python tests/test_readme.py [PAGE …]` writes the printed outputs and the generated parts anew.
+`PYTHONPATH=tests/helpers python tests/test_readme.py [PAGE …]` writes the printed outputs and the generated parts anew.
 """
 
 import os

@@ -64,7 +64,8 @@ def show(report: Mapping[str, Any]) -> None:
         )
         for row in report["separations"]
     ]
-    console.print_table("", ("tells", "before", "expected after"), told)
+    if told:
+        console.print_table("", ("tells", "before", "expected after"), told)
     spreads = [
         (
             name_of_figure(name),
