@@ -1,13 +1,15 @@
-"""Every benchmark in one run on one machine, as one page: python benchmarks/page.py
-docs/BENCHMARKS.md [names of benchmarks]
+"""Every benchmark on one machine, as one page: python benchmarks/page.py docs/BENCHMARKS.md
+[names of benchmarks]
 
-Without a file the page goes to standard output alone. A benchmark that fails ends the run; nothing
-is written then.
+With names those alone are measured, and the page's other sections stay as they are, with their own day
+and commit. Without a file the page goes to standard output alone. A benchmark that fails ends the run;
+nothing is written then.
 """
 
 import ast
 import os
 import platform
+import re
 import subprocess
 import sys
 import time
@@ -43,9 +45,8 @@ def machine() -> str:
 
 def section(path: Path) -> str:
     """One benchmark's title, its command and what it printed."""
-    title = (
-        ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or path.stem
-    ).splitlines()[0]
+    said = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or path.stem
+    title = " ".join(said.split("\n\n")[0].split())
     environment = {**os.environ, **dict.fromkeys(THREADS, "1")}
     started = time.perf_counter()
     done = subprocess.run(
@@ -56,10 +57,30 @@ def section(path: Path) -> str:
     text = done.stdout.strip()
     shown = text if text.startswith("|") else f"```\n{text}\n```"
     print(f"{path.name}: {time.perf_counter() - started:.0f} s", file=sys.stderr, flush=True)
-    return f"## {title.rstrip('.')}\n\n`python benchmarks/{path.name}`\n\n{shown}\n"
+    told = f"`python benchmarks/{path.name}`, {time.strftime('%Y-%m-%d')}, commit {commit()}"
+    return f"## {title.rstrip('.')}\n\n{told}\n\n{shown}\n"
 
 
-def page(names: list[str]) -> str:
+def commit() -> str:
+    """The code's commit, by its first digits."""
+    done = subprocess.run(
+        ["git", "-C", str(FOLDER), "rev-parse", "--short=7", "HEAD"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return done.stdout.strip() or "unknown"
+
+
+def kept_sections(page: Path | None) -> dict[str, str]:
+    """The sections of an earlier page by the benchmark that made them."""
+    if page is None or not page.exists():
+        return {}
+    parts = re.split(r"^(?=## )", page.read_text(encoding="utf-8"), flags=re.M)[1:]
+    return {found[1]: part for part in parts if (found := re.search(r"bench_(\w+)\.py`", part))}
+
+
+def page(names: list[str], earlier: Path | None = None) -> str:
     """The whole page."""
     files = {path.stem.removeprefix("bench_"): path for path in sorted(FOLDER.glob("bench_*.py"))}
     chosen = names or [
@@ -67,19 +88,23 @@ def page(names: list[str]) -> str:
         *(name for name in files if name not in ORDER),
     ]
     before, started = os.getloadavg()[0], time.perf_counter()
-    sections = [section(files[name]) for name in chosen]
+    sections = (kept_sections(earlier) if names else {}) | {
+        name: section(files[name]) for name in chosen
+    }
     minutes = (time.perf_counter() - started) / 60
     head = (
-        "# Speed of the whole\n\nMade by `python benchmarks/page.py docs/BENCHMARKS.md` in one"
-        f" run; do not edit.\n\n{machine()} The run took {minutes:.1f} minutes; other programs kept"
-        f" {before:.1f} cores busy when it began.\n"
+        "# Speed of the whole\n\nMade by `python benchmarks/page.py docs/BENCHMARKS.md`; do not edit."
+        " Each section has its day and the commit it was measured on.\n\n"
+        f"{machine()} The last run ({', '.join(names) or 'all'}) took {minutes:.1f} minutes; other"
+        f" programs kept {before:.1f} cores busy when it began.\n"
     )
-    return "\n".join([head, *sections])
+    order = [*(n for n in ORDER if n in sections), *(n for n in sections if n not in ORDER)]
+    return "\n".join([head, *(sections[name].strip("\n") + "\n" for name in order)])
 
 
 if __name__ == "__main__":
     output = Path(sys.argv[1]) if len(sys.argv) > 1 else None
-    made = page(sys.argv[2:])
+    made = page(sys.argv[2:], output)
     print(made)
     if output is not None:
         output.write_text(made, encoding="utf-8")

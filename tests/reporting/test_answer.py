@@ -147,6 +147,14 @@ def test_a_fault_is_the_answer(two_faults):
     assert json.loads(json.dumps(found.json()))["health"] == "fault found"
 
 
+def test_what_was_not_found_is_scored_beside_what_was(two_faults):
+    """Two faults of some hundred σ reach causes that imitate them; nothing of that is left."""
+    tested = [t for t in two_faults.told("tested") if t["visible"]]
+    others = [t for t in tested if t["upper_limit"] is not None]
+    assert len(others) > 10 and max(t["z"] for t in others) > 20
+    assert max(t["z_left"] for t in others) < 4
+
+
 def test_a_sound_gyro_is_the_answer(sound):
     found = answer([sound])
     assert (found.health, found.validity, found.causes, found.next_runs) == (
