@@ -63,6 +63,8 @@ def answers(
     tries, used, stored = [], [], []
     for name in names:
         layout = fitted.layout
+        # band limits are chosen once a family: with the measured parts beside the tables other
+        # harmonics stand out than without them, and each choice is a fit of its own
         family = "combined" if name in NEEDS and "quadrature_course" in layout.factors else "table"
         if family not in limits:
             limits[family] = choose_limits(
@@ -82,6 +84,8 @@ def answers(
         own = (drift if name in WHOLE_DRIFT else 1, scale)
         used.append(own)
         stored.append(own if name == "physical" else widest_limits(layout, wanted, own))
+
+    # all at one noise, that of the fit with everything free
     checks = judge_variants(fitted, folds, tries)
     return [
         TriedVariant(

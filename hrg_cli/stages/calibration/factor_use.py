@@ -51,6 +51,8 @@ def analyse_factors(
     ]
     whole, held = predictions(joint, models, folds)
     used, unseen = (of_runs(c, runs) for c in cells(joint, whole, held, folds))
+    # the first row is the whole model's; each other one lacks a group, and the difference is what
+    # that group buys
     rows = figure_rows(
         [m.name for m in models], used, unseen, settings.scale_factor, settings.draws, settings.seed
     )

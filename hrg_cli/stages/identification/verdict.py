@@ -69,6 +69,7 @@ def judge_fit(
             f"scale_factor is not determined: {why}; it is held at {nominal:g}, add runs at both"
             " signs of a larger rate"
         )
+        # held, not given up: the splits are told beside a K that theory knows to its spread
         known = dataclasses.replace(known, scale_factor=nominal)
         fit = again(known)
         if turning:
@@ -86,6 +87,8 @@ def is_one_rate(fit: Fit) -> bool:
     """Whether the runs' own systematic residual forbids telling K·Ω from a damping split: one rate,
     less than a period of 2mθ, χ² poor."""
     data = fit.response.batch
+    # KΩ turns a wave evenly, a damping split by sin 2mθ: over less than a period of 2mθ, and at
+    # one rate, the two look alike but for noise
     rates = np.concatenate([r[s > 0] for r, s in zip(data.step_rate, data.step_s)])
     differ = float(np.ptp(rates)) > 0.1 * float(np.abs(rates).max())
     spans = [
@@ -103,6 +106,8 @@ def judge_parameters(
     mode = runs[0].mode_number
     factor, colour = inference.inflation(fit)
     between = np.zeros((len(fit.freedom.names),) * 2) if beside is None else beside
+    # runs that disagree by more than their noise: what one run says moves the mean of all, and
+    # that spread is added to what noise alone would leave
     if fit.chi2 / fit.dof > POOR_FIT:
         between = between + inference.between_runs(fit)
     of_z = inference.covariance_z(fit, factor) + between
