@@ -302,10 +302,22 @@ def _is_abandoned(left: Path) -> bool:
     if match is None:
         return False
     if match[1] == this_host() and Path("/proc/self").exists():
-        return not Path(f"/proc/{match[2]}").exists()
+        return not _may_write(match[2])
     with contextlib.suppress(OSError):
         return time.time() - left.stat().st_mtime > ABANDONED_S
     return False
+
+
+def _may_write(pid: str) -> bool:
+    """Whether a process of this host is at work; one that was killed and that its parent has not
+    taken note of (a zombie) is not."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    except OSError:
+        return True
+    return state.rpartition(")")[2].split()[:1] not in (["Z"], ["X"])
 
 
 def _glob_escape(name: str) -> str:

@@ -5,6 +5,7 @@ import contextlib
 import errno
 import json
 import os
+import subprocess
 import sys
 import threading
 from pathlib import Path
@@ -179,6 +180,20 @@ def test_left_over_of_a_killed_writer_is_removed(tmp_path):
     os.utime(forgotten, (0, 0))
     store.write(tmp_path / "a.h5", small(Wave))
     assert not stale.exists() and not forgotten.exists() and elsewhere.exists()
+
+
+def test_a_killed_writer_is_gone_before_its_parent_knows(tmp_path):
+    """A lot whose worker was killed kept that one's half file where its parent was slow."""
+    writer = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+    left = tmp_path / f".a.h5.hrg-{this_host()}-{writer.pid}-1.tmp"
+    left.write_bytes(b"half")
+    atomic.remove_stale(tmp_path)
+    assert left.exists(), "at work"
+    writer.kill()
+    os.waitid(os.P_PID, writer.pid, os.WEXITED | os.WNOWAIT)
+    atomic.remove_stale(tmp_path)
+    assert not left.exists()
+    writer.communicate()
 
 
 def test_two_hosts_write_one_name_in_one_folder(tmp_path, monkeypatch):
