@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..limit_values import unit_of
+from .figure_names import name_of_figure
 from .figures_in_words import said, words_of
 from .quantities import quantity, unit_for
 from .text import number, plain
@@ -124,6 +125,8 @@ def _tell(key: str, beside: Mapping[str, Any], within: str = "") -> str:
         return quantity(name, value, std, unit_of(name))
     if isinstance(value, bool | np.bool_) or value is None:
         return cell(value)
+    if key == "name" and isinstance(value, str) and " " not in value:
+        return name_of_figure(value)
     if isinstance(value, list) and len(value) > 12:
         return f"{len(value)} values, {_tell(key, {key: value[:3]})} …"
     if isinstance(value, list) and not all(isinstance(v, int | float) for v in value):

@@ -28,7 +28,12 @@ CONTENT = {
         "chi2_per_dof": 1.17461,
     },
     "checks": [
-        {"name": "a", "value": 0.5, "passed": True, "sentence": "the drift holds more"},
+        {
+            "name": "drift_harmonic_2",
+            "value": 0.5,
+            "passed": True,
+            "sentence": "the drift holds more",
+        },
         {"name": "b", "value": 7.123456789, "passed": False, "sentence": "too much is left"},
     ],
     "variants": {"one": {"drift_rad_s": {"value": 4.8481e-6, "low": 4e-6, "high": 6e-6}}},
@@ -52,7 +57,7 @@ def test_words_units_and_rounded_values():
 
 def test_a_check_that_passes_says_nothing():
     told = cells(list_figures("Figures", CONTENT))
-    assert told["a"] == ("0.5", "yes", "–")
+    assert told["drift harmonic 2"] == ("0.5", "yes", "–")
     assert told["b"] == ("7.123", "no", "too much is left")
 
 
