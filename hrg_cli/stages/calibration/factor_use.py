@@ -25,6 +25,8 @@ MEANING = {
     "quadrature_drive": "phase error of the quadrature loop",
     "main_drive": "drive matrix, by the drive's log",
     "drive_matrix": "drive matrix, forced runs against free ones",
+    "loop_delay": "delay of the loops, by the drive's log",
+    "drive_delay": "delay of the loops, forced runs against free ones",
 }
 SIGNIFICANT = 3.0
 """z above which a factor counts, if it also lowers the held-out χ²."""

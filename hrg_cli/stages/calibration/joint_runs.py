@@ -29,9 +29,9 @@ def fit_jointly(
     layout = forced.layout
     paths = [*forced.paths, *free]
     places = (layout.nodes, layout.axis, layout.interpolation)
-    made, widths = build(paths, *places, ["quadrature", *LOOP_FACTORS, BESIDE])
+    made, widths = build(paths, *places, ["quadrature", *LOOP_FACTORS, "loop_delay", BESIDE])
     if "main_drive" not in made:
-        unlogged = build(paths, *places, ["drive_matrix"])
+        unlogged = build(paths, *places, ["drive_matrix", "drive_delay"])
         made, widths = made | unlogged[0], widths | unlogged[1]
     wide = TableLayout(
         layout.nodes,
