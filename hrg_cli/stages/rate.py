@@ -55,15 +55,15 @@ def rate(
         float, Field(description="known phase error of its quadrature force")
     ] = 0.0,
     loop_delay_s: Annotated[
-        float,
+        float | None,
         Field(
             ge=0,
             description=(
-                "how late a driven run's main force stands behind the wave; `hrg calibrate --ladder`"
-                " tells it from forced and free runs"
+                "how late a driven run's main force stands behind the wave, which `hrg calibrate"
+                " --ladder` tells from forced and free runs; none: taken for 0, and said"
             ),
         ),
-    ] = 0.0,
+    ] = None,
 ) -> Compensated:
     """Ω(t) of a run and the angle turned, each with its standard deviation, from the resonator, and
     beside it −m·(dθ/dt)/K, which has the drift in it.
@@ -119,7 +119,7 @@ def rate(
     wave = _in_memory(wave)
     _need_resonator_of(wave, resonator, name)
     if wave.mode == "forced":
-        errors = (main_phase_error_rad, quadrature_phase_error_rad, loop_delay_s)
+        errors = (main_phase_error_rad, quadrature_phase_error_rad, loop_delay_s or 0.0)
 
         def fit(count: int | None) -> RateEstimate:
             return rate_driven(wave, resonator, count, *errors)
@@ -145,7 +145,7 @@ def rate(
         where = (earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
         beside = rate_by_tables(wave, calibration, found.time_s, found.rate_rad_s, *where)
         doubtful += _check_tables(found, beside, wave, resonator)
-    notes = [] if loop_delay_s else _loops_at_once(wave, resonator)
+    notes = _loops_at_once(wave, resonator) if loop_delay_s is None else []
     result = _record_of(wave, found, beside, [*impossible, *doubtful], notes)
     return result.judged(checks.failures(impossible), "refused").judged(
         checks.failures(doubtful), "suspect"

@@ -86,7 +86,7 @@ def test_the_ladder_tells_how_late_the_loops_act(waves, logged):
 def test_a_rate_by_the_reference_model_knows_its_loops_delay(waves, turning):
     """It is ντ/(1 + ντ) too small where nobody tells it, which is said."""
     wave, resonator = waves["forced", turning], known_resonator()
-    for told, wrong in ((0.0, True), (LATE_S, False)):
+    for told, wrong in ((None, True), (LATE_S, False)):
         found = rate(wave, resonator, loop_delay_s=told)
         mean, std = (
             np.mean(found.rate_estimate_rad_s),
