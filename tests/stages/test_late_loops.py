@@ -82,6 +82,14 @@ def test_the_ladder_tells_how_late_the_loops_act(waves, logged):
         assert {name for name, row in loops.items() if abs(row["z"]) > 4} == set()
 
 
+def test_free_runs_at_rest_tell_no_delay(waves):
+    """They do not know K, and a 4θ of it would pass for one."""
+    still = [w.replace(rate_rad_s=0 * np.asarray(w.time_s)) for w in waves.values()]
+    runs = [w if w.mode == "forced" else s for w, s in zip(waves.values(), still, strict=True)]
+    made = calibrate(runs, ladder=True, model="quadrature", scale_factor_harmonics=0, bootstrap=0)
+    assert "loop_delay" not in {row["name"] for row in summary(made)["loops"]}
+
+
 @pytest.mark.parametrize("turning", RATES)
 def test_a_rate_by_the_reference_model_knows_its_loops_delay(waves, turning):
     """It is ντ/(1 + ντ) too small where nobody tells it, which is said."""
