@@ -207,7 +207,7 @@ def _check_tables(
         f"loops that act {1e3 * share / damping:.3g} ms late would do so (--loop-delay-s), or the"
         " gyro is another than it was"
         if late
-        else "the gyro is another than it was when either was found"
+        else "the gyro is another than it was, or the tables hold what the loops of their runs add"
     )
     sentence = (
         f"the tables' mean rate is {apart:.3g} ± {own:.1g} rad/s off the reference model's: {why}"

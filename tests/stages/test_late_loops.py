@@ -30,7 +30,7 @@ RATES = (2.0, -2.0)
 
 @pytest.fixture(scope="module")
 def waves():
-    """Two forced runs on a board, and two free ones that turn."""
+    """Two forced runs on a board, two free ones that turn, and one at rest."""
     forced = {
         "control": {
             "mode": "forced", "amplitude_gain_1_s": 5.0, "quadrature_loop": "finite", "quadrature_gain_1_s": 10.0,
@@ -42,7 +42,7 @@ def waves():
     free = {"start": {"wave_angle_rad": 0.4}}
     made = {}
     for name, tables in (("forced", forced), ("free", free)):
-        for seed, turning in enumerate(RATES):
+        for seed, turning in enumerate(RATES if name == "forced" else (*RATES, 0.0)):
             config = tables | {
                 "device": DEVICE, "readout": {"noise": 2e-4}, "environment": {"rate_rad_s": turning},
                 "recording": {"sample_rate_hz": SAMPLE_RATE_HZ, "duration_s": 6.0},
@@ -72,6 +72,10 @@ def test_the_ladder_tells_how_late_the_loops_act(waves, logged):
     if not logged:
         runs = [w.replace(drive_main=None, drive_quadrature=None) for w in runs]
     made = calibrate(runs, ladder=True, model="quadrature", scale_factor_harmonics=1, bootstrap=0)
+    steps = summary(made)["ladder"]
+    for figure in ("drift_rms_rad_s", "scale_factor_rms_ppm"):
+        # of the forced runs' cells, whatever the rates of the free ones
+        assert 0.5 < steps[5][figure] / steps[4][figure] < 1.2
     loops = {row["name"]: row for row in summary(made)["loops"]}
     late = loops.pop("loop_delay")
     assert late["units"] == "s" and late["z"] > 100
