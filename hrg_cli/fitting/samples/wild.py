@@ -79,7 +79,8 @@ def without_wild(recording: Recording, looks: Sequence[Look]) -> Recording:
 
 
 def _tame(values: Any, looks: Sequence[Look], k: int) -> Any:
-    """The channel behind a `TameChannel`; as it is where its looks do not tell a size."""
+    """The channel behind a `TameChannel`; as it is where its looks tell no size, or its type holds
+    nothing wild."""
     raws = [raw[np.isfinite(raw)].astype(float) for raw in (look.raw[k] for look in looks)]
     raws = [raw for raw in raws if len(raw) > 2 * ABOUT]
     if not raws:
@@ -88,7 +89,14 @@ def _tame(values: Any, looks: Sequence[Look], k: int) -> Any:
     with np.errstate(over="ignore"):
         sizes = [np.abs(raw - middle) for raw in raws]
     tame = max(float(np.partition(size, -MOST_TOGETHER - 1)[-MOST_TOGETHER - 1]) for size in sizes)
-    return TameChannel(values, middle, tame) if tame > 0 and np.isfinite(WILD * tame) else values
+    return TameChannel(values, middle, tame) if 0 < WILD * tame < _reach(values.dtype) else values
+
+
+def _reach(dtype: np.dtype) -> float:
+    """The largest distance that two values can have."""
+    if np.issubdtype(dtype, np.integer):
+        return float(np.iinfo(dtype).max) - float(np.iinfo(dtype).min)
+    return float("inf")
 
 
 def tell_wild(recording: Recording) -> str:
