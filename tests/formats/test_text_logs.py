@@ -435,6 +435,8 @@ def test_whole_numbers_between_commas_are_columns(tmp_path):
     for titles in ("", "count,C,S,D\n"):
         r = whole(written(tmp_path, titles + text), sample_rate_hz=RATE, c="2", s="3")
         np.testing.assert_array_equal(r.c, np.round(1e4 * C))
+    padded = "".join(f"{i},{100 + i},{3 * i},{500 + i}\n" for i in range(400))
+    assert len(whole(written(tmp_path, padded), sample_rate_hz=RATE, c="2", s="4").c) == 400
     quoted = "".join(
         ",".join(f'"{v:.6f}"'.replace(".", ",") for v in row) + "\n" for row in zip(T, C, S)
     )
