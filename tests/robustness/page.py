@@ -284,11 +284,14 @@ def on_earlier_code(now: str, earlier: str) -> str:
     of its day. Of sizes, those that were not measured again."""
     lines = [line for line in earlier.splitlines() if line and not line.startswith(("#", "|"))]
     if now.startswith("## Sizes"):
-        again = {line[:7] for line in now.splitlines()}
-        return "".join(f"{line}\n" for line in lines if line[:7] not in again)
+        kinds = {line[:7] for line in now.splitlines()}
+        again = {line.partition(":")[0] for line in now.splitlines()}
+        left = [line for line in lines if line.partition(":")[0] not in again]
+        said = (f"* {EARLIER}{one[2:]}" if one[:7] in kinds else one for one in left)
+        return "".join(f"{line}\n" for line in said)
     before = [line for line in lines if line.startswith(EARLIER)]
     if lines and lines[0] not in now.splitlines():
-        before.append(EARLIER + lines[0])
+        before.append(EARLIER + lines[0].replace(" The table has how these end now.", ""))
     return "".join(f"\n{line}\n" for line in before)
 
 

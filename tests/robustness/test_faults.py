@@ -310,6 +310,11 @@ def test_figures_of_earlier_code_stay_on_the_page_in_a_line(tmp_path):
     told = page.sections(after)["Sizes"]
     assert told.count("A log of") == 1 and told.count("A lot of") == 1
     assert page.page(tmp_path, after) == after
+    few = lot | {"gyros": 50}
+    (tmp_path / "sizes.jsonl").write_text(json.dumps({"lots": [few, few]}))
+    told = page.sections(page.page(tmp_path, before))["Sizes"]
+    assert "* A lot of 50 tiny" in told and f"* {page.EARLIER}A lot of 70 tiny" in told
+    assert "* A log of 2.00 GB" in told
 
 
 def test_sizes_that_grow_are_told():
