@@ -17,7 +17,7 @@ from .options import flags_of
 
 FLAGS = (
     *("nodes", *earth_rate.OPTIONS),
-    *("main_phase_error_rad", "quadrature_phase_error_rad"),
+    *("main_phase_error_rad", "quadrature_phase_error_rad", "loop_delay_s"),
 )
 
 

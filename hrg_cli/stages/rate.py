@@ -25,6 +25,8 @@ from .rate_by_tables import TableRate, rate_by_tables
 from .rate_nodes import DOUBTFUL, follow
 
 Array = np.ndarray
+APART = 5.0
+"""Standard deviations of both by which the rates of model and tables may differ."""
 
 
 def rate(
@@ -52,6 +54,16 @@ def rate(
     quadrature_phase_error_rad: Annotated[
         float, Field(description="known phase error of its quadrature force")
     ] = 0.0,
+    loop_delay_s: Annotated[
+        float | None,
+        Field(
+            ge=0,
+            description=(
+                "how late a driven run's main force stands behind the wave, which `hrg calibrate"
+                " --ladder` tells from forced and free runs; none: taken for 0, and said"
+            ),
+        ),
+    ] = None,
 ) -> Compensated:
     """Ω(t) of a run and the angle turned, each with its standard deviation, from the resonator, and
     beside it −m·(dθ/dt)/K, which has the drift in it.
@@ -107,13 +119,16 @@ def rate(
     wave = _in_memory(wave)
     _need_resonator_of(wave, resonator, name)
     if wave.mode == "forced":
-        errors = (main_phase_error_rad, quadrature_phase_error_rad)
+        errors = (main_phase_error_rad, quadrature_phase_error_rad, loop_delay_s or 0.0)
 
         def fit(count: int | None) -> RateEstimate:
             return rate_driven(wave, resonator, count, *errors)
 
-    elif main_phase_error_rad or quadrature_phase_error_rad:
-        raise HrgError(f"{name}: is a free run, which no force acts on; leave the phase errors out")
+    elif main_phase_error_rad or quadrature_phase_error_rad or loop_delay_s:
+        raise HrgError(
+            f"{name}: is a free run, which no force acts on; leave the phase errors and the loops'"
+            " delay out"
+        )
     else:
 
         def fit(count: int | None) -> RateEstimate:
@@ -129,14 +144,20 @@ def rate(
     if calibration is not None:
         where = (earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
         beside = rate_by_tables(wave, calibration, found.time_s, found.rate_rad_s, *where)
-    result = _record_of(wave, found, beside, [*impossible, *doubtful])
+        doubtful += _check_tables(found, beside, wave, resonator)
+    notes = _loops_at_once(wave, resonator) if loop_delay_s is None else []
+    result = _record_of(wave, found, beside, [*impossible, *doubtful], notes)
     return result.judged(checks.failures(impossible), "refused").judged(
         checks.failures(doubtful), "suspect"
     )
 
 
 def _record_of(
-    wave: Wave, found: RateEstimate, beside: TableRate | None, checked: Sequence[Check]
+    wave: Wave,
+    found: RateEstimate,
+    beside: TableRate | None,
+    checked: Sequence[Check],
+    notes: Sequence[str],
 ) -> Compensated:
     """The estimate as a record, with what it leaves of the logged rate and what the tables say."""
     # The log may begin late, end early or have gaps: only what it covers is compared.
@@ -165,8 +186,46 @@ def _record_of(
         details=json.dumps(figures),
     )
     outside = left_out(wave, stretch > 0)
-    noted = result.judged([f"{outside} of the comparison with it"] if outside else [], "valid")
+    told = [f"{outside} of the comparison with it"] if outside else []
+    noted = result.judged([*told, *notes], "valid")
     return noted if beside is None else noted.judged(beside.reasons, "suspect")
+
+
+def _check_tables(
+    found: RateEstimate, beside: TableRate, wave: Wave, resonator: Resonator
+) -> list[Check]:
+    """Whether the tables' mean rate is the model's within the errors of both; which delay of the loops
+    would part them."""
+    apart = beside.mean_difference_rad_s
+    own = np.hypot(np.sqrt(found.covariance.sum()) / len(found.time_s), beside.own_std_rad_s)
+    if apart is None or not own > 0:
+        return []
+    damping = resonator.parameters().get("damping_rate_1_s", (0.0, 0.0, ""))[0]
+    share = apart / float(found.rate_rad_s.mean())
+    late = wave.mode == "forced" and damping > 0 and share > 0
+    why = (
+        f"loops that act {1e3 * share / damping:.3g} ms late would do so (--loop-delay-s), or the"
+        " gyro is another than it was"
+        if late
+        else "the gyro is another than it was, or the tables hold what the loops of their runs add"
+    )
+    sentence = (
+        f"the tables' mean rate is {apart:.3g} ± {own:.1g} rad/s off the reference model's: {why}"
+    )
+    return [checks.at_most("agrees_with_tables", abs(apart) / float(own), APART, sentence)]
+
+
+def _loops_at_once(wave: Wave, resonator: Resonator) -> list[str]:
+    """What is taken for granted of a driven run's loops, and what it would be worth: K/(1 + ντ)
+    stands for K where they act τ late, which no wave shows."""
+    damping = resonator.parameters().get("damping_rate_1_s", (0.0, 0.0, ""))[0]
+    if wave.mode != "forced" or not damping > 0:
+        return []
+    return [
+        f"the loops are taken to act at once: every millisecond they are late makes the rate"
+        f" {damping * 1e3:.3g} ppm too small; give --loop-delay-s, which `hrg calibrate --ladder`"
+        " tells from forced and free runs that turn"
+    ]
 
 
 def _need_resonator_of(wave: Wave, resonator: Resonator, name: str) -> None:

@@ -3,6 +3,7 @@ which neither knows the other's coefficients."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,14 +24,22 @@ class TableRate:
     rate_rad_s: Array
     difference_rad_s: Array
     reasons: tuple[str, ...]
+    own_std_rad_s: float = 0.0
+    """Standard deviation that the tables' own errors leave in any mean."""
+
+    @property
+    def mean_difference_rad_s(self) -> float | None:
+        """Mean over the nodes that the tables reach; None where they reach none."""
+        known = self.difference_rad_s[np.isfinite(self.difference_rad_s)]
+        return float(known.mean()) if len(known) else None
 
     def figures(self) -> dict[str, Any]:
         """For the JSON: means over the run, null where the tables have no row at all."""
-        known = self.difference_rad_s[np.isfinite(self.difference_rad_s)]
-        mean, rms = (known.mean(), np.sqrt(np.mean(known**2))) if len(known) else (None, None)
+        mean = self.mean_difference_rad_s
+        square = np.square(self.difference_rad_s)
         return {
-            "difference_mean_rad_s": None if mean is None else float(mean),
-            "difference_rms_rad_s": None if rms is None else float(rms),
+            "difference_mean_rad_s": mean,
+            "difference_rms_rad_s": None if mean is None else float(np.sqrt(np.nanmean(square))),
         }
 
 
@@ -80,4 +89,5 @@ def rate_by_tables(
     table_rate = mean(tables)
     difference = table_rate - mean(CubicSpline(time_s, rate_rad_s)(at))
     reasons = tuple(f"by the tables: {reason}" for reason in made.status_reasons)
-    return TableRate(table_rate, difference, reasons)
+    spread = json.loads(made.details).get("rate_std_rad_s", {}).get("by_tables", 0.0)
+    return TableRate(table_rate, difference, reasons, spread)

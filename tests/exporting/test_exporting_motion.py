@@ -1,6 +1,8 @@
-"""The C header against a motion that no drift formula made: the envelopes' equations integrated,
-and the angle of the ellipse that they draw."""
+"""The exports against a motion that no drift formula made: the envelopes' equations integrated, and
+the angle of the ellipse that they draw."""
 
+import csv
+import io
 import json
 import shutil
 import subprocess
@@ -8,6 +10,7 @@ import subprocess
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 from hrg_cli import Calibration
 from hrg_cli.exporting import export
@@ -81,6 +84,14 @@ def known(kind):
     )  # fmt: skip
 
 
+def elliptic_waves():
+    """A hundred waves of their own, of r up to 0.3: angle, its speed, r, frequency, and the rate."""
+    draw = np.random.default_rng(3)
+    angle, ratio, rate = draw.uniform(0, 3, 100), draw.uniform(-0.3, 0.3, 100), draw.uniform(-1, 1, 100)  # fmt: skip
+    speed, phase = np.array([motion(*at) for at in zip(angle, ratio, rate)]).T
+    return angle, speed, ratio, MEAN_HZ + phase / (2 * np.pi), rate
+
+
 @pytest.mark.parametrize("kind", ["quadrature", "phase"])
 def test_the_header_gives_the_rate_of_an_elliptic_wave_that_was_integrated(kind, tmp_path):
     """Up to r = 0.3, where a formula of first order in r misses by a tenth of the drift."""
@@ -95,12 +106,58 @@ def test_the_header_gives_the_rate_of_an_elliptic_wave_that_was_integrated(kind,
         "return 0; }\n"
     )
     subprocess.run([compiler, "-std=c99", "-O1", "-o", "try", "try.c", "-lm"], cwd=tmp_path, check=True)  # fmt: skip
-    draw = np.random.default_rng(3)
-    angle, ratio, rate = draw.uniform(0, 3, 100), draw.uniform(-0.3, 0.3, 100), draw.uniform(-1, 1, 100)  # fmt: skip
-    speed, phase = np.array([motion(*at) for at in zip(angle, ratio, rate)]).T
-    frequency = MEAN_HZ + phase / (2 * np.pi)
+    angle, speed, ratio, frequency, rate = elliptic_waves()
     given = "\n".join(" ".join(f"{v:.17g}" for v in row) for row in zip(angle, speed, ratio, frequency))  # fmt: skip
     done = subprocess.run(["./try"], cwd=tmp_path, input=given, capture_output=True, text=True, check=True)  # fmt: skip
     error = np.array([float(line) for line in done.stdout.split()]) - rate
     first_order = 2 * np.abs(ratio).max() ** 2 * SPLIT_NU / K
     assert len(error) == 100 and np.abs(error).max() < 1e-3 * first_order
+
+
+def read_csv(text):
+    """What a user's program takes of the CSV: D and K over the angle, and the measured part's
+    numbers."""
+    rows = list(csv.DictReader(io.StringIO(text)))
+    numbers = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+    at = np.append(numbers["wave_angle_rad"], np.pi / 2)
+
+    def course(name):
+        return CubicSpline(at, np.append(numbers[name], numbers[name][0]), bc_type="periodic")
+
+    part = {name: values[0] for name, values in numbers.items()}
+    measured = [part.get(f"quadrature_{n}_rad_s") for n in ("cos", "sin")]
+    damping = [part[f"damping_{n}_rad_s"] for n in ("cos", "sin")]
+    return course("drift_rad_s"), course("scale_factor"), damping, measured, part.get("mean_frequency_hz")  # fmt: skip
+
+
+def read_json(text):
+    """The same of the JSON, from its harmonics."""
+    tree = json.loads(text)
+    drift, (scale,) = tree["drift_harmonics"][0], tree["scale_factor_harmonics"][0]
+
+    def course(theta):
+        return drift[0] + drift[1] * np.cos(4 * theta) + drift[2] * np.sin(4 * theta)
+
+    part = tree["measured"]
+    assert tree["mode_number"] == 2 and part["exact"]
+    coefficients = part.get("coefficients", [None])[0]
+    frequency = part.get("mean_frequency_hz", [None])[0]
+    return course, lambda theta: scale, drift[1:3], coefficients, frequency
+
+
+@pytest.mark.parametrize("kind", ["quadrature", "phase"])
+@pytest.mark.parametrize(("ending", "reader"), [(".csv", read_csv), (".json", read_json)])
+def test_csv_and_json_give_the_rate_of_an_elliptic_wave_that_was_integrated(kind, ending, reader):
+    """By the formulas that the JSON prints, (11) and (12) exact in r, in a reader of its own."""
+    drift, scale, damping, quadrature, mean_hz = reader(export(known(kind), ending).text)
+    angle, speed, r, frequency, rate = elliptic_waves()
+    cos, sin = np.cos(4 * angle), np.sin(4 * angle)
+    loss = damping[0] * cos + damping[1] * sin
+    if kind == "quadrature":
+        measured = (r * (quadrature[0] * cos + quadrature[1] * sin) + 2 * r**2 * loss) / (1 - r**2)
+    else:
+        turned = 2 * np.pi * (frequency - mean_hz)
+        measured = -(2 * r * turned + 2 * r**2 * loss) / (1 + r**2)
+    found = (drift(angle) + measured - 2 * speed) / scale(angle)
+    first_order = 2 * np.abs(r).max() ** 2 * SPLIT_NU / K
+    assert np.abs(found - rate).max() < 1e-3 * first_order

@@ -1,13 +1,14 @@
 """What a few dwells leave unknown between them is in the standard deviations, and is told."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from forced_runs import Truth, forced_run, programme
 
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.calibration.table import standard_deviations
+from hrg_cli.stages.calibration.table import _say_between, standard_deviations
 
 FIXED = {"harmonics": 2, "scale_factor_harmonics": 2, "model": "table", "bootstrap": 0}
 LOW, HIGH, ORDERS = -20.0, 60.0, 5
@@ -107,6 +108,19 @@ def test_what_few_nodes_leave_unknown_is_said_with_what_to_do():
     straight = Bent(1, 0.6)
     straight.d[2:], straight.k[2:] = 0.0, 0.0
     assert not calibrated(straight, 4, 1).status_reasons
+
+
+@pytest.mark.parametrize(
+    ("nodes", "axis", "places"),
+    [
+        ([1001.994, 1003.7, 1005.406], "frequency", "1002.8 and 1004.6 Hz"),
+        ([-40.0, 15.0, 70.0], "temperature", "-12 and 42 °C"),
+    ],
+)
+def test_where_to_dwell_is_told_as_finely_as_the_nodes_lie(nodes, axis, places):
+    """In hertz it was "1e+03 and 1e+03"."""
+    tables = SimpleNamespace(node=nodes, axis=axis)
+    assert f"add dwells at {places}" in _say_between(tables, [1e-5, 1e-5], [1e-6, 1e-6])
 
 
 def test_runs_that_pass_between_the_nodes_show_how_the_tables_bend():

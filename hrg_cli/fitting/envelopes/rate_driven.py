@@ -5,7 +5,8 @@ Seed A (7), exact in r = a_B/a_A (PHYSICS §4): the last two give
     KΩ = D − m·dθ/dt,   D = [νδμ sin χ (1 + r²) − 2rδω cos ζ − f_B + r f_A]/(1 − r²),   f = (a_Φ/a_A)·Δφ.
 The control's forces a_ΦA, a_ΦB are those logged, else the first two: a_ΦA = ȧ_A + ν_A a_A + δω_s
 a_B, a_ΦB = ȧ_B + ν_B a_B − δω_s a_A; in phase (Δφ = 0), by force or by one ring electrode, they
-turn nothing. Ω(t) is a cubic spline through its values at even nodes, fitted to mθ(t) − ∫D dt,
+turn nothing. A main force that stands τ behind the wave turns it back by τ(a_ΦA/a_A)·m·dθ/dt: then
+KΩ = D − (1 + τ a_ΦA/a_A)·m·dθ/dt. Ω(t) is a cubic spline through its values at even nodes, fitted to mθ(t) − ∫D dt,
 which is linear in them; the noise of D's measured r and the resonator's own covariance are in the
 deviations.
 """
@@ -31,12 +32,13 @@ ROWS = 4000
 
 @dataclasses.dataclass(frozen=True)
 class _Run:
-    """A driven run's good rows: t, mθ and its σ, θ, r and its σ, relative forces a_ΦA/a_A and
-    a_ΦB/a_A [1/s]."""
+    """A driven run's good rows: t, mθ and its σ, what of it late loops took back, θ, r and its σ,
+    relative forces a_ΦA/a_A and a_ΦB/a_A [1/s]."""
 
     time_s: Array
     turned: Array
     turned_std: Array
+    taken_back: Array
     angle: Array
     ratio: Array
     ratio_std: Array
@@ -50,9 +52,10 @@ def rate_driven(
     nodes: int | None = None,
     main_phase_error_rad: float = 0.0,
     quadrature_phase_error_rad: float = 0.0,
+    loop_delay_s: float = 0.0,
 ) -> RateEstimate:
     """Ω(t) of a driven run on `nodes` even times, given the resonator, and the phase errors of the
-    forces where they are known.
+    forces and the loops' delay where they are known.
 
     nodes None: 20, fewer for a short run, and twice as many again and again while χ² asks for them.
     HrgError: no K, too few windows.
@@ -63,7 +66,7 @@ def rate_driven(
             " identify it with rotated runs"
         )
     g = mechanics_of(resonator)
-    run = _run(wave, g)
+    run = _run(wave, g, loop_delay_s)
     windows = len(run.time_s)
     count, most = node_count(wave.run_id or "the run", windows, float(wave.window_s), nodes)
     errors = (main_phase_error_rad, quadrature_phase_error_rad)
@@ -86,7 +89,7 @@ def rate_driven(
         found = finer
 
 
-def _run(wave: Wave, g: Mechanics) -> _Run:
+def _run(wave: Wave, g: Mechanics, loop_delay_s: float) -> _Run:
     good = wave.good()
     t, a_A, a_B, angle = (
         np.asarray(v, float)[good]
@@ -112,9 +115,12 @@ def _run(wave: Wave, g: Mechanics) -> _Run:
         else np.asarray(quadrature, float)[good] / a_A
     )
     m = g.mode_number
+    f_A, f_B = np.nan_to_num(f_A), np.nan_to_num(f_B)
+    steps = np.diff(m * angle) * (f_A[1:] + f_A[:-1]) / 2
+    taken_back = loop_delay_s * np.concatenate([[0.0], np.cumsum(steps)])
     return _Run(
-        t, m * angle, m * np.asarray(wave.wave_angle_rad_std, float)[good], angle, r,
-        np.asarray(wave.quadrature_amplitude_std, float)[good] / a_A, np.nan_to_num(f_A), np.nan_to_num(f_B),
+        t, m * angle, m * np.asarray(wave.wave_angle_rad_std, float)[good], taken_back, angle, r,
+        np.asarray(wave.quadrature_amplitude_std, float)[good] / a_A, f_A, f_B,
     )  # fmt: skip
 
 
@@ -141,7 +147,7 @@ def _fit_nodes(
     )
     operator = np.linalg.pinv(design)
     drift = np.atleast_2d(_drift(g, run, errors))
-    data = mean(run.turned - _cumulate(drift, t))[:, 0] / std
+    data = mean(run.turned + run.taken_back - _cumulate(drift, t))[:, 0] / std
     x = operator @ data
     chi2 = float(np.sum((data - design @ x) ** 2))
     dof = max(1, len(size) - nodes - 1)
@@ -177,7 +183,7 @@ def _of_resonator(run, resonator, g, operator, mean, std, errors):  # type: igno
     """Covariance of the nodes by the resonator's: the fit with the resonator moved along each of
     its uncertain directions."""
     gyros = from_vector(spread_points(vector_of(g), vector_covariance(resonator)), g)
-    data = run.turned - _cumulate(_drift(gyros, run, errors), run.time_s)
+    data = run.turned + run.taken_back - _cumulate(_drift(gyros, run, errors), run.time_s)
     rates = (operator @ (mean(data) / std[:, None]))[1:] * (
         g.scale_factor / np.ravel(gyros.scale_factor)
     )

@@ -3,7 +3,9 @@ from the phase equation.
 
 Quadrature, seed A (15) with one electrode:   ȧ_B + λ a_B − νδμ cos χ a_B = a_A (δω_c sin 2mθ − δω_s cos 2mθ),
 λ = ν with a force drive, ν + p ≈ 2ν with a ring electrode's parametric drive, which pumps energy
-out of the quadrature (PHYSICS M3p): λ is fitted.
+out of the quadrature (PHYSICS M3p): λ is fitted. A loop −k a_B(t − τ) adds k to λ and takes kτ of
+ȧ_B off: λ and δω then come out 1/(1 − kτ) too large. Where its force a_ΦB is logged, it stands on
+the left with ȧ_B, and δω is free of it.
 Phase, seed A (7) solved exactly:   φ̇ = ω̄ + [(1 + r²) δω cos ζ − 2r νδμ sin χ]/(1 − r²).
 The second is weak: νδμ enters with 2r, and ω̄ is the *mean* frequency, so every drift of it is read
 as damping split (PHYSICS §4 (12)).
@@ -28,27 +30,38 @@ NAMES = ("damping_rate_of_quadrature_1_s", "split_cos", "split_sin", "damping_co
 
 @dataclass(frozen=True)
 class Monitor:
-    """Quadrature damping λ, (δω cos, sin), (νδμ cos, sin): values (5,), covariance (5, 5); rms of
-    r, and νδμ read per mHz of frequency drift.
+    """Quadrature damping λ with its loop, (δω cos, sin), (νδμ cos, sin): values (5,), covariance
+    (5, 5); rms of r, and νδμ read per mHz of frequency drift; λ without a loop that is logged, its
+    standard deviation.
     """
 
     value: Array
     covariance: Array
     quadrature_rms: float
     trap_1_s_per_mhz: float
+    own_damping: tuple[float, float]
 
 
-def monitor(runs: Sequence[EnvelopeRun]) -> Monitor:
+def monitor(runs: Sequence[EnvelopeRun], pushed: Sequence[Array] | None = None) -> Monitor:
     """Both regressions over all runs; each run has its own mean frequency and linear drift of
-    it."""
-    first = _regression([_quadrature_rows(r) for r in runs])
+    it. pushed: ∫a_ΦB dt (n,) of every run, where the quadrature's drive is logged."""
+    response = _regression([_quadrature_rows(r, np.zeros(len(r))) for r in runs])
+    first = (
+        response
+        if pushed is None
+        else _regression([_quadrature_rows(r, p) for r, p in zip(runs, pushed, strict=True)])
+    )
     second = _regression([_phase_rows(r, len(runs), i) for i, r in enumerate(runs)])
     ratios = np.concatenate([_ratio(r) for r in runs])
     rms = float(np.sqrt(np.mean(ratios**2)))
     value, covariance = np.zeros(5), np.zeros((5, 5))
     value[:3], covariance[:3, :3] = first[0][:3], first[1][:3, :3]
+    own = float(value[0]), float(np.sqrt(covariance[0, 0]))
+    if pushed is not None:
+        value[0], covariance[0, :3], covariance[:3, 0] = response[0][0], 0.0, 0.0
+        covariance[0, 0] = response[1][0, 0]
     value[3:], covariance[3:, 3:] = second[0][2:4], second[1][2:4, 2:4]
-    return Monitor(value, covariance, rms, 2 * np.pi * 1e-3 / max(2 * rms, 1e-300))
+    return Monitor(value, covariance, rms, 2 * np.pi * 1e-3 / max(2 * rms, 1e-300), own)
 
 
 def _ratio(run: EnvelopeRun) -> Array:
@@ -56,15 +69,15 @@ def _ratio(run: EnvelopeRun) -> Array:
     return b / a
 
 
-def _quadrature_rows(run: EnvelopeRun) -> tuple[Array, Array]:
-    """Increments of a_B over 8 rows against the integrals of −a_B, a_A sin 2mθ, −a_A cos 2mθ and,
+def _quadrature_rows(run: EnvelopeRun, pushed: Array) -> tuple[Array, Array]:
+    """Increments of a_B over 8 rows, less what was pushed, against the integrals of −a_B, a_A sin 2mθ, −a_A cos 2mθ and,
     for the damping split, a_B cos, a_B sin.
     """
     a, b, angle, phase = ellipse.wave(run.envelope, 1)
     angle, _ = ellipse.unwrap(angle, phase, 1)
     c, s = np.cos(2 * angle), np.sin(2 * angle)
     columns = np.stack([-b, a * s, -a * c, b * c, b * s], axis=-1)
-    return _increments(columns, b, run)
+    return _increments(columns, b - pushed, run)
 
 
 def _phase_rows(run: EnvelopeRun, count: int, number: int) -> tuple[Array, Array]:

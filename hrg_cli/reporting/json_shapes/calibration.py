@@ -48,10 +48,10 @@ class Variant(Accuracy):
 
 
 class LoopFault(Estimated):
-    """What is wrong with a loop, in the catalogue's names."""
+    """What is wrong with a loop, in the catalogue's names, and how late loops act."""
 
     name: str
-    """The effect."""
+    """The effect, or `loop_delay`."""
     z: Number
     """Its significance, σ."""
 

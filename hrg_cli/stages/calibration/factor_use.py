@@ -14,7 +14,7 @@ from ...fitting.tables.normal_pieces import chi_square, held_out_chi_square, sol
 from ...fitting.tables.table_layout import Model
 from .accuracy_stages import LadderSettings, list_first_stages
 from .column_spaces import find_correlated, leave_out, measure_independence, take_along_nodes
-from .figures import cells, figure_rows, of_runs, predictions
+from .figures import cells, figure_rows, predictions
 from .joint_runs import BESIDE
 from .named_elements import name_loop_elements, name_readout_elements
 from .prices import need
@@ -25,6 +25,8 @@ MEANING = {
     "quadrature_drive": "phase error of the quadrature loop",
     "main_drive": "drive matrix, by the drive's log",
     "drive_matrix": "drive matrix, forced runs against free ones",
+    "loop_delay": "delay of the loops, by the drive's log",
+    "drive_delay": "delay of the loops, forced runs against free ones",
 }
 SIGNIFICANT = 3.0
 """z above which a factor counts, if it also lowers the held-out χ²."""
@@ -50,7 +52,7 @@ def analyse_factors(
         *(Model(name, leave_out(final.matrix, columns)) for name, (columns, _) in groups.items()),
     ]
     whole, held = predictions(joint, models, folds)
-    used, unseen = (of_runs(c, runs) for c in cells(joint, whole, held, folds))
+    used, unseen = cells(joint, whole, held, folds, runs)
     rows = figure_rows(
         [m.name for m in models], used, unseen, settings.scale_factor, settings.draws, settings.seed
     )

@@ -135,6 +135,25 @@ def _a_second(path: AnglePath, drive: Array | None) -> Array:
     )
 
 
+def late_force(path: AnglePath) -> Array:
+    """−a_ΦA/a_A·mθ' (n, 1): a main force that stands τ behind the wave turns it back, coefficient
+    τ [s] (`loop_delay`); zero in free runs."""
+    return np.asarray(-_a_second(path, path.drive_main) * carry_turn(path))[:, None]
+
+
+def late_and_unlogged(path: AnglePath) -> Array:
+    """The same of a drive without a log: −mθ' in forced runs only, coefficient ντ."""
+    return np.asarray(-float(path.forced) * carry_turn(path))[:, None]
+
+
+def carry_turn(path: AnglePath) -> Array:
+    """mθ' of a run's increments (n,) as a scale factor and a first harmonic of its own carry it: the
+    measured increments would put their noise into a column."""
+    columns = np.column_stack([path.rotation, path.angle_basis(1) * path.interval_s[:, None]])
+    own = np.linalg.lstsq(columns, path.turn, rcond=None)[0]
+    return np.asarray(columns @ own / path.interval_s)
+
+
 def forced_only(path: AnglePath) -> Array:
     """(1, cos 2mθ, sin 2mθ) in forced runs only: the drive matrix, told from the resonator by free
     runs."""
@@ -150,6 +169,7 @@ def build(
     available: dict[str, tuple[Factor, int]] = {
         "quadrature": (quadrature, 2),
         "drive_matrix": (forced_only, 3),
+        "drive_delay": (late_and_unlogged, 1),
         "ellipticity": (ellipticity, 2),
     }
     if any(np.any(p.ratio) for p in paths):
@@ -173,6 +193,7 @@ def build(
     for name, logs, factor, width in (
         ("quadrature_drive", [p.drive_quadrature for p in forced], quadrature_drive, 1),
         ("main_drive", [p.drive_main for p in forced], main_drive, 3),
+        ("loop_delay", [p.drive_main for p in forced], late_force, 1),
     ):
         if (
             forced

@@ -10,7 +10,7 @@ rate / rate, in ppm of K₀. Both contain the noise of the run; `floor` is what 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -146,12 +146,15 @@ def _cells_of_run(
     )
 
 
-def cells(fitted: Fitted, whole: Array, held: Array, folds: Array) -> tuple[Cells, Cells]:
-    """Cells of the residuals of the given coefficients: (used data, held-out data)."""
-    limits = _RateLimits.of(fitted.paths)
+def cells(
+    fitted: Fitted, whole: Array, held: Array, folds: Array, runs: int | None = None
+) -> tuple[Cells, Cells]:
+    """Cells of the residuals of the given coefficients: (used data, held-out data); of the first
+    `runs` runs alone, whose rates then tell low from high."""
+    limits = _RateLimits.of(fitted.paths[:runs])
     inside = [
         _cells_of_run(fitted, r, _residuals(fitted, r, whole, held, folds), limits)
-        for r in range(len(fitted.paths))
+        for r in range(len(fitted.paths[:runs]))
     ]
     used, unseen, variance, rate, run = (np.concatenate(part) for part in zip(*inside))
     low = np.abs(rate) <= 1.01 * limits.low
@@ -174,12 +177,6 @@ def _steady_angle(path: AnglePath) -> Array:
     )
     stretch = np.arange(len(path)) // width
     return np.asarray((np.bincount(stretch, angle) / np.bincount(stretch))[stretch])
-
-
-def of_runs(found: Cells, count: int) -> Cells:
-    """Only the cells of the first `count` runs."""
-    own = found.run < count
-    return Cells(*(getattr(found, f.name)[own] for f in fields(found)))
 
 
 @dataclass(frozen=True)

@@ -171,9 +171,14 @@ def causes(layout: TableLayout) -> list[tuple[str, Array, Callable[[float], str]
     def harmonic(kind: str, k: int) -> Callable[[float], str]:
         what = "the drift" if kind == "drift" else "the scale factor"
         part = f"its harmonic {2 * layout.mode_number * k}θ" if k else "its constant part"
+        cause = (
+            "loops that act τ late make K/(1 + ντ) of K, and --ladder tells τ beside free runs"
+            if kind == "scale" and k == 0
+            else "a defect beside the linear anisotropy"
+        )
         return lambda z: (
-            f"{what} holds more than the model does in {part} ({z:.3g} times its error): a defect"
-            " beside the linear anisotropy; use --model table, or --model combined"
+            f"{what} holds more than the model does in {part} ({z:.3g} times its error): {cause};"
+            " use --model table, or --model combined"
         )
 
     out: list[tuple[str, Array, Callable[[float], str]]] = []

@@ -20,6 +20,18 @@ BESIDE = "ellipticity"
 its own."""
 LEAST_INDEPENDENCE = 0.02
 """A factor with a smaller part of its columns outside the others' span is not told from them."""
+TURNING = 0.05
+"""Part of the forced runs' fastest mean rate from which a free run turns: at rest it does not know K,
+and a read-out's 4θ in K would pass for a delay."""
+
+
+def _turn(free: Sequence[AnglePath], forced: Sequence[AnglePath]) -> bool:
+    """Whether a free run turns, beside the forced ones."""
+    of_free, of_forced = (
+        max((abs(float(np.mean(path.rate_rad_s))) for path in paths), default=0.0)
+        for paths in (free, forced)
+    )
+    return of_free > TURNING * of_forced > 0
 
 
 def fit_jointly(
@@ -29,9 +41,10 @@ def fit_jointly(
     layout = forced.layout
     paths = [*forced.paths, *free]
     places = (layout.nodes, layout.axis, layout.interpolation)
-    made, widths = build(paths, *places, ["quadrature", *LOOP_FACTORS, BESIDE])
+    late = ("loop_delay", "drive_delay") if _turn(free, forced.paths) else ()
+    made, widths = build(paths, *places, ["quadrature", *LOOP_FACTORS, *late[:1], BESIDE])
     if "main_drive" not in made:
-        unlogged = build(paths, *places, ["drive_matrix"])
+        unlogged = build(paths, *places, ["drive_matrix", *late[1:]])
         made, widths = made | unlogged[0], widths | unlogged[1]
     wide = TableLayout(
         layout.nodes,

@@ -2,8 +2,8 @@
 does to drift, the read-out matrix by what it does to the scale factor.
 
 A rotation ρ, non-orthogonality ε and gain mismatch g of the drive turn the wave as
-mθ' = a_ΦA/a_A·(ρ + ε/2·cos 2mθ − g/2·sin 2mθ); those of the pick-offs make the scale factor
-K₁(θ) = K₀(1 − g cos 2mθ − ε sin 2mθ) (PHYSICS R1, R2).
+mθ' = a_ΦA/a_A·(ρ + ε/2·cos 2mθ − g/2·sin 2mθ), loops that act τ late as −a_ΦA/a_A·τ·mθ'; those of
+the pick-offs make the scale factor K₁(θ) = K₀(1 − g cos 2mθ − ε sin 2mθ) (PHYSICS R1, R2).
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from ...effects import (
     drive_rotation,
     quadrature_drive_phase_error,
 )
-from ...effects.effect import Effect
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted
 
@@ -36,40 +35,34 @@ a_ΦA/a_A·(1, cos 2mθ, sin 2mθ)."""
 def name_loop_elements(
     joint: Fitted, factors: Sequence[str], coefficients: Array, covariance: Array
 ) -> list[dict[str, Any]]:
-    """What is wrong with the loops, in the catalogue's names: value, standard deviation, z
-    (two-sided) of each element.
+    """What is wrong with the loops, in the catalogue's names, and how late they act (`loop_delay`):
+    value, standard deviation, z (two-sided) of each element.
 
     The drive matrix is seen in the pick-off's axes: a read-out matrix that also feeds the loops
     adds its own elements to it. Without a log of the drive its elements come in rad/s and are
     divided by the damping rate, which the free runs show.
     """
-    rows: list[tuple[Effect, float, float]] = []
     std = np.sqrt(np.maximum(np.diag(covariance), 0))
+    rows: list[dict[str, Any]] = []
+
+    def tell(name: str, units: str, place: int, factor: float) -> None:
+        value, sigma = factor * float(coefficients[place]), abs(factor) * float(std[place])
+        z = value / sigma if sigma > 0 else 0.0
+        rows.append({"name": name, "value": value, "std": sigma, "units": units, "z": z})
+
     if "quadrature_drive" in factors:
-        place = joint.layout.factor("quadrature_drive").start
-        rows.append((quadrature_drive_phase_error.EFFECT, -coefficients[place], std[place]))
-    for name in ("main_drive", "drive_matrix"):
-        if name in factors:
-            damping = 1.0 if name == "main_drive" else _measure_damping(joint.paths)
-            first = joint.layout.factor(name).start
-            for k, (effect, factor) in enumerate(ELEMENTS):
-                rows.append(
-                    (
-                        effect,
-                        factor * coefficients[first + k] / damping,
-                        abs(factor) * std[first + k] / damping,
-                    )
-                )
-    return [
-        {
-            "name": effect.name,
-            "value": float(value),
-            "std": float(sigma),
-            "units": effect.parameters[0].units,
-            "z": float(value / sigma) if sigma > 0 else 0.0,
-        }
-        for effect, value, sigma in rows
-    ]
+        effect = quadrature_drive_phase_error.EFFECT
+        first = joint.layout.factor("quadrature_drive").start
+        tell(effect.name, effect.parameters[0].units, first, -1.0)
+    for name in (n for n in ("main_drive", "drive_matrix") if n in factors):
+        damping = 1.0 if name == "main_drive" else _measure_damping(joint.paths)
+        first = joint.layout.factor(name).start
+        for k, (effect, factor) in enumerate(ELEMENTS):
+            tell(effect.name, effect.parameters[0].units, first + k, factor / damping)
+    for name in (n for n in ("loop_delay", "drive_delay") if n in factors):
+        damping = 1.0 if name == "loop_delay" else _measure_damping(joint.paths)
+        tell("loop_delay", "s", joint.layout.factor(name).start, 1 / damping)
+    return rows
 
 
 def _measure_damping(paths: Sequence[AnglePath]) -> float:

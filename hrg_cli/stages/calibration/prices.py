@@ -19,6 +19,8 @@ NEEDS = {
     "quadrature_drive": "a log of the quadrature loop's force",
     "main_drive": "a log of the main drive's force, and runs of several amplitudes",
     "drive_matrix": "free run-downs of the same gyro",
+    "loop_delay": "free run-downs of the same gyro that turn, and a log of the main drive's force",
+    "drive_delay": "free run-downs of the same gyro that turn",
 }
 """Kind of factor -> what has to be measured for it."""
 

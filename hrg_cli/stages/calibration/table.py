@@ -154,7 +154,8 @@ def _say_between(calibration: Calibration, between: list[float], stds: list[floa
     if len(nodes) > FEW_NODES:
         return f"the tables bend between their {len(nodes)} nodes: {told}; add nodes between them"
     unit = "°C" if calibration.axis == "temperature" else "Hz"
-    places = " and ".join(f"{x:.3g}" for x in (nodes[1:] + nodes[:-1]) / 2)
+    digits = 1 - int(np.floor(np.log10(np.diff(nodes).min())))  # a tenth of the least distance
+    places = " and ".join(f"{np.round(x, digits):.10g}" for x in (nodes[1:] + nodes[:-1]) / 2)
     return (
         f"no run shows how the tables bend between their {len(nodes)} nodes: {told}; add dwells at"
         f" {places} {unit}"

@@ -19,6 +19,9 @@ from .outcome import Verdict
 from .verdict import ORDER
 
 Array = np.ndarray
+MISREAD = 5.0
+"""Standard deviations below zero of the quadrature's own damping that a log of its drive leaves, from
+which the log is not what it should be."""
 
 
 def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
@@ -29,10 +32,14 @@ def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Ver
     driven, free = ([run for pair in apart for run in pair[k]] for k in (0, 1))
     check_runs(driven or free)
     thin = _thin_out(driven or free)
-    found = working_mode.monitor(thin)
     # a record whose drive was off in between has several driven stretches
     stretches = [len(pair[0 if driven else 1]) for pair in apart]
     of_wave = np.repeat(np.arange(len(waves)), stretches)
+    pushed = _pushed(waves, thin, of_wave) if driven else None
+    found = working_mode.monitor(thin, pushed)
+    misread = pushed is not None and found.own_damping[0] < -MISREAD * found.own_damping[1]
+    if misread:
+        pushed, found = None, working_mode.monitor(thin)
     rows = np.bincount(of_wave, [len(r) for r in thin], len(waves)).astype(int)
     verdict = _open_verdict(found, thin, rows)
     damping, covariance = float(found.value[0]), found.covariance
@@ -45,7 +52,33 @@ def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Ver
         ),
     }
     _say_limits(verdict, found)
+    if driven and pushed is None:
+        verdict.flat.append(
+            "the quadrature's drive is not logged: a loop that acts late makes the frequency split"
+            f" {1e-1 * damping:.2g} % too large a millisecond"
+        )
+    if misread:
+        verdict.suspect.append(
+            "with the logged drive_quadrature taken off, the quadrature would grow by itself: it is"
+            " not in amplitude a second, or of wrong sign, and was left out"
+        )
     return verdict
+
+
+def _pushed(
+    waves: Sequence[Wave], runs: Sequence[EnvelopeRun], of_wave: Array
+) -> list[Array] | None:
+    """∫a_ΦB dt (n,) of every run from its wave's log; None where a wave has none, or holes in it."""
+    logs = [w.drive_quadrature for w in waves]
+    if any(log is None or not np.isfinite(log[:]).all() for log in logs):
+        return None
+    pushed = []
+    for run, place in zip(runs, of_wave, strict=True):
+        time = np.asarray(waves[place].time_s, float)
+        force = np.asarray(logs[place], float)
+        area = np.cumsum((force[1:] + force[:-1]) / 2 * np.diff(time))
+        pushed.append(np.interp(run.time_s, time, np.concatenate([[0.0], area])))
+    return pushed
 
 
 def _open_verdict(found: working_mode.Monitor, thin: Sequence[EnvelopeRun], rows: Array) -> Verdict:

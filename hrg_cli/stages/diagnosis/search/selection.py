@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -28,6 +29,7 @@ from ..thresholds import GROSS, SIGNIFICANT, TOGETHER, WORTH
 from . import stand_in
 from .gain import predicts_better
 from .inquiry import Inquiry, NoiseLevel
+from .pairs import find_better_pair
 
 GROSS_SHORTLIST = 10
 """Candidates refitted while the misfit is gross, when a score says little of the refit."""
@@ -69,31 +71,41 @@ class Search:
 
 
 def select(base: ExtendedFit, inquiry: Inquiry) -> Search:
-    """Forward selection with refit, swaps and a backward check."""
-    fit, candidates, noise = base, inquiry.candidates, inquiry.noise
-    found: list[Found] = []
-    ranked = score_effects(fit, candidates)
-    first = tuple(s for s, _ in ranked)
+    """Forward selection with refit, swaps of one cause and of two, and a backward check."""
+    candidates, noise = inquiry.candidates, inquiry.noise
+    first = tuple(s for s, _ in score_effects(base, candidates))
+    base, fit, found = _take_forward(base, base, [], inquiry)
+    reduced: dict[str, ExtendedFit] = {}
+    fit, found = exchange_causes(fit, found, candidates, noise, reduced)
+    two = _exchange_two(fit, found, inquiry)
+    if two is not None:
+        reduced = {}
+        base, fit, found = _take_forward(base, *two, inquiry)
+    fit, found = prune_causes(fit, found, noise, reduced)
+    last = tuple(s for s, _ in score_effects(fit, candidates))
+    return Search(base, fit, tuple(found), first, last)
+
+
+def _take_forward(
+    base: ExtendedFit, fit: ExtendedFit, found: Sequence[Found], inquiry: Inquiry
+) -> tuple[ExtendedFit, ExtendedFit, list[Found]]:
+    """The base fit, the fit and the causes with all that are worth their price, the best first."""
+    found = list(found)
     while True:
+        ranked = score_effects(fit, inquiry.candidates)
         freed = free_second_order(fit, ranked)
         if freed is not None:
-            fit, ranked = freed, score_effects(freed, candidates)
+            fit, ranked = freed, score_effects(freed, inquiry.candidates)
             base = base if found else fit
-        if len(found) == inquiry.most:
+        if len(found) >= inquiry.most:
             break
-        step = best_step(fit, ranked, noise)
+        step = best_step(fit, ranked, inquiry.noise)
         if step is None:
             break
         fit, one = step
         fit = settle_log(loosen(fit))
         found.append(one)
-        ranked = score_effects(fit, candidates)
-    chosen = fit
-    reduced: dict[str, ExtendedFit] = {}
-    fit, found = exchange_causes(fit, found, candidates, noise, reduced)
-    fit, found = prune_causes(fit, found, noise, reduced)
-    last = ranked if fit is chosen else score_effects(fit, candidates)
-    return Search(base, fit, tuple(found), first, tuple(s for s, _ in last))
+    return base, fit, found
 
 
 def best_step(
@@ -215,6 +227,26 @@ def exchange_causes(
         )
         found = [*found[:k], replace(old, rivals=rivals), *found[k + 1 :]]
     return fit, found
+
+
+def _exchange_two(
+    fit: ExtendedFit, found: Sequence[Found], inquiry: Inquiry
+) -> tuple[ExtendedFit, list[Found]] | None:
+    """The fit and the causes with two of them exchanged for two others that are clearly better;
+    None where none are."""
+    slow = inquiry.noise.slow
+    for old in itertools.combinations(found, 2):
+        names = {one.variant.effect.name for one in old}
+        better = find_better_pair(fit, names, inquiry.candidates, slow)
+        if better is None or not predicts_better(fit, better[0]):
+            continue
+        trial, scored = better
+        new = [
+            Found(hold_unseen(variant, trial), score, before.tried, before.delta_bic, ())
+            for (score, variant), before in zip(scored, old, strict=True)
+        ]
+        return trial, [*new, *(one for one in found if one not in old)]
+    return None
 
 
 def prune_causes(

@@ -1,0 +1,119 @@
+"""Diagnosis, two causes at once: what both would take of the residual, and the refit of the best.
+
+One at a time, the first cause taken may be one whose shape lies between two others (a gain that
+drifts, where the damping follows temperature and amplitude): each of the two is then worse than it,
+beside it neither is worth its price, and no exchange of one leads there.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....fitting.causes import evidence
+from ....fitting.causes.evidence import Score
+from ....fitting.causes.extended_fit import ExtendedFit
+from ..fits.refits import bic, leave_out, refit
+from ..fits.scoring import is_gross, score_effects
+from ..fits.variants import Variant
+from ..thresholds import WORTH
+
+TRIED = 3
+"""Pairs refitted, those that promise most."""
+ONE_CAUSE = 1e-6
+"""Part of a cause's direction beside another below which both are one to these data."""
+
+Array = np.ndarray
+Scored = tuple[Score, Variant]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two causes, the stronger first, and the criterion (ΔBIC) that both together promise."""
+
+    promise: float
+    both: tuple[Scored, Scored]
+
+    def is_of(self, names: set[str]) -> bool:
+        """Whether they are those of these names."""
+        return {score.name for score, _ in self.both} == names
+
+
+def promising_pairs(fit: ExtendedFit, ranked: Sequence[Scored], slow: float = 1.0) -> list[Pair]:
+    """All pairs of visible causes beside a fit, what promises most first.
+
+    With Q_a, Q_b orthonormal beside the fit, a = Q_aᵀ r, b = Q_bᵀ r and W = Q_aᵀ Q_b, both take
+    |a|² + |R⁻ᵀ (b − Wᵀ a)|² of χ², RᵀR = 1 − WᵀW. What happens at an instant is left out: its place
+    is chosen beside what is known.
+    """
+    seen = [(score, one) for score, one in ranked if score.visible and not one.effect.of_one_run]
+    if len(seen) < 2:
+        return []
+    Q = np.concatenate([score.space for score, _ in seen], axis=1)
+    products, along = Q.T @ Q, Q.T @ fit.residual
+    ends = np.cumsum([0, *(score.rank for score, _ in seen)])
+    own = [slice(start, end) for start, end in itertools.pairwise(ends.tolist())]
+    found = []
+    for i, k in itertools.combinations(range(len(seen)), 2):
+        W, a = products[own[i], own[k]], along[own[i]]
+        beside, rank = _beside(products[own[k], own[k]] - W.T @ W, along[own[k]] - W.T @ a)
+        gain = float(a @ a) + beside
+        promise = evidence.criterion(gain / slow, seen[i][0].rank + rank, len(fit.residual))
+        both = sorted((seen[i], seen[k]), key=lambda pair: -pair[0].gain)
+        found.append(Pair(promise, (both[0], both[1])))
+    return sorted(found, key=lambda pair: -pair.promise)
+
+
+def _beside(power: Array, along: Array) -> tuple[float, int]:
+    """The fall of χ² by directions of a Gram matrix (n, n), and their number."""
+    size, turned = np.linalg.eigh(power)
+    kept = size > ONE_CAUSE
+    return float(np.sum((turned.T @ along)[kept] ** 2 / size[kept])), int(kept.sum())
+
+
+def fit_pair(fit: ExtendedFit, pair: Pair) -> tuple[ExtendedFit, tuple[Scored, Scored]] | None:
+    """The fit with both causes, and the score of each beside the other; None where they do not come
+    out as such causes can be."""
+    (_, first), (_, second) = pair.both
+    trial: ExtendedFit | None = fit
+    for one in (first, second):
+        trial = _with(trial, one) if trial is not None else None
+    if trial is None:
+        return None
+    scored = []
+    for one in (first, second):
+        without = leave_out(trial, one.effect.name)
+        if without is None:
+            return None
+        scored.append(score_effects(without, [one])[0])
+    return trial, (scored[0], scored[1])
+
+
+def _with(fit: ExtendedFit, variant: Variant) -> ExtendedFit | None:
+    """The fit with one cause more, None where it fails."""
+    scored = [pair for pair in score_effects(fit, [variant]) if pair[0].visible]
+    trials = refit(fit, scored)
+    return trials[0][1] if trials else None
+
+
+def find_better_pair(
+    fit: ExtendedFit, names: set[str], candidates: Sequence[Variant], slow: float
+) -> tuple[ExtendedFit, tuple[Scored, Scored]] | None:
+    """What is clearly better than two of a fit's causes, beside the others; None where nothing is,
+    or where without them the misfit is so gross that scores say little."""
+    without = leave_out(fit, *names)
+    if without is None or is_gross(without):
+        return None
+    needed = (bic(without) - bic(fit)) / slow
+    best, level = None, bic(fit) - WORTH * slow
+    pairs = promising_pairs(without, score_effects(without, candidates), slow)
+    for pair in [one for one in pairs[: TRIED + 1] if not one.is_of(names)][:TRIED]:
+        if pair.promise <= needed:
+            break
+        trial = fit_pair(without, pair)
+        if trial is not None and bic(trial[0]) < level:
+            best, level = trial, bic(trial[0])
+    return best
