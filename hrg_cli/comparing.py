@@ -33,7 +33,7 @@ class Difference:
 @dataclass(frozen=True)
 class Comparison:
     """The differences, largest in σ first; figures that only one of them has; words that differ
-    (verdict, status)."""
+    (gyro, verdict, status)."""
 
     differences: tuple[Difference, ...]
     only_old: tuple[str, ...]
@@ -93,6 +93,9 @@ def compare(
     if isinstance(old, Calibration) and isinstance(new, Calibration):
         found += compare_tables(old, new)
     words: list[tuple[str, str, str]] = [("status", old.status, new.status)]
+    gyro, other = (str(getattr(one, "gyro_id", "")) for one in (old, new))
+    if gyro and other:
+        words.append(("gyro", gyro, other))
     if isinstance(old, Diagnosis) and isinstance(new, Diagnosis):
         words.append(("verdict", old.verdict, new.verdict))
     return Comparison(

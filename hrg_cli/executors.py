@@ -27,6 +27,7 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
+from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from . import threads
@@ -168,9 +169,10 @@ def dask_workers(address: str | None, jobs: int) -> Iterator[Executor]:
     cluster = None
     with _quiet_distributed(), contextlib.ExitStack() as closing:
         if address is None:
-            cluster = LocalCluster(
-                n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None
-            )  # type: ignore[no-untyped-call]
+            with _interrupts_held_back():
+                cluster = LocalCluster(
+                    n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None
+                )  # type: ignore[no-untyped-call]
             closing.callback(cluster.close)  # type: ignore[no-untyped-call]
         try:
             client = Client(address or cluster, timeout=CONNECT_S)  # type: ignore[no-untyped-call]
@@ -187,6 +189,25 @@ def dask_workers(address: str | None, jobs: int) -> Iterator[Executor]:
             with contextlib.suppress(Exception):
                 executor.drop()
             raise
+
+
+@contextlib.contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Ctrl-C reaches every process of a terminal: workers started in here, and by threads started in
+    here, leave it to this one, which ends them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # started later, it would let them through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+WORKERS_LOG = "DASK_LOGGING__DISTRIBUTED"
+"""What Dask's workers, processes of their own, take the level of their logs from."""
 
 
 @contextlib.contextmanager
@@ -216,11 +237,17 @@ def _quiet_distributed() -> Iterator[None]:
     before = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL + 1)
+    theirs = os.environ.get(WORKERS_LOG)
+    os.environ[WORKERS_LOG] = "critical"
     try:
         yield
     finally:
         for logger, level in zip(loggers, before):
             logger.setLevel(level)
+        if theirs is None:
+            os.environ.pop(WORKERS_LOG, None)
+        else:
+            os.environ[WORKERS_LOG] = theirs
 
 
 def run_tasks(

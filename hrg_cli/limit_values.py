@@ -68,6 +68,23 @@ SCALED = {
     "an angle in °": ("an angle", DEGREE),
 }
 """A figure that its name says is not in SI -> what it is, and its unit in SI."""
+RELATIVE = frozenset(
+    [
+        "gain",
+        "relative",
+        "coupling",
+        "coefficient",
+        "ratio",
+        "part",
+        "share",
+        "fraction",
+        "split",
+        "mismatch",
+        "correlation",
+    ]
+)
+"""Words in the name of a figure without a unit that is a part of something; of any other (a scale
+factor, a count) "300 ppm" says no size."""
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")
 _OF_FILES = {"rad s-1": "rad/s", "s-1": "1/s"}
 UNITS = {
@@ -98,6 +115,12 @@ def quantity_of(name: str) -> str:
             if f"_{stem}".endswith(suffix):
                 return quantity
     return "a ratio"
+
+
+def is_relative(name: str) -> bool:
+    """Whether a figure without a unit in its name is relative to something."""
+    parts = name.split(".")
+    return parts[0] == "effects" or any(not RELATIVE.isdisjoint(p.split("_")) for p in parts)
 
 
 def unit_of(name: str) -> str:
@@ -150,6 +173,12 @@ def _factor(name: str, unit: str) -> float:
     quantity = quantity_of(name)
     within, size = SCALED.get(quantity, (quantity, 1.0))
     known, unit = QUANTITIES[within], _OF_FILES.get(unit, unit)
+    if quantity == "a ratio" and unit in known and known[unit] != 1.0 and not is_relative(name):
+        raise UsageError(
+            f"limit {name}: {unit} says a part of something, and {name} is a number by itself; write"
+            f" the number ({name} = {{ minimum = …, maximum = … }}), or limit a figure whose name ends"
+            " in _ppm, such as scale_factor_rms_ppm.held_out"
+        )
     if unit in known:
         return known[unit] / size
     every = {spelling for table in QUANTITIES.values() for spelling in table if spelling}

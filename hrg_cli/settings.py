@@ -69,13 +69,14 @@ def load_toml(path: Path | str) -> dict[str, Any]:
         return tree
     except UnicodeDecodeError as error:
         raise HrgError(f"{path}: is not a text file, a TOML file was expected") from error
-    except (
-        ValueError,
-        RecursionError,
-    ) as error:  # TOMLDecodeError, or a number of thousands of digits
+    except tomllib.TOMLDecodeError as error:
+        raise HrgError(f"{path}: is not TOML ({str(error)[:200]}); correct it") from error
+    except ValueError as error:  # Python's: a number of thousands of digits
         raise HrgError(
-            f"{path}: is not TOML ({str(error)[:200] or 'nested too deeply'}); correct it"
+            f"{path}: is not TOML that can be used (an integer of thousands of digits); correct it"
         ) from error
+    except RecursionError as error:
+        raise HrgError(f"{path}: is not TOML (nested too deeply); correct it") from error
     except OSError as error:
         raise HrgError(f"{path}: cannot be read ({error.strerror}); name a TOML file") from error
 

@@ -83,6 +83,24 @@ def test_units_of_something_else(name, written):
         limit_value(name, written)
 
 
+@pytest.mark.parametrize("unit", ("ppm", "%", "ppb"))
+@pytest.mark.parametrize(
+    "name",
+    ["scale_factor", "values.scale_factor", "parameters.scale_factor.std", "rows", "chi2_per_dof"],
+)
+def test_a_part_of_nothing_is_no_size(name, unit):
+    """ "300 ppm" as the largest scale factor was taken for K ≤ 3e-4 without a word."""
+    with pytest.raises(UsageError, match=rf"limit {name}: {unit} says a part of something.*ppm"):
+        limit_value(name, f"300 {unit}")
+    assert limit_value(name, "300") == 300.0 and limit_value("flagged_part", "5 %") == 0.05
+
+
+def test_a_part_of_nothing_ends_the_check(hrg, results):
+    given = limits(results, '[resonator]\nscale_factor.maximum = "300 ppm"\n')
+    done = hrg("check", results / "resonator.h5", "--limits", given)
+    assert done.status == 2 and "scale_factor is a number by itself" in done.err and not done.out
+
+
 @pytest.mark.parametrize("size", (3e-9, 4e-5, 0.0123, 0.4, 700.0))
 @pytest.mark.parametrize(
     "name",
@@ -256,6 +274,11 @@ def test_baseline(hrg, results, tmp_path):
     assert hrg("check", results / "diagnosis.h5", "--baseline", earlier).status == 3, (
         "what the baseline lacks does not pass"
     )
+    other = by_hand.resonator().replace(gyro_id="SN\x1b[2J-2")
+    store.write(tmp_path / "other.h5", other)
+    alien = hrg("check", results / "resonator.h5", "--baseline", tmp_path / "other.h5")
+    assert alien.status == 3 and f"is {by_hand.resonator().gyro_id}" in alien.err
+    assert "gyro was SN" in alien.err and "\x1b" not in alien.err, "another gyro's results"
     gone = hrg("check", results / "resonator.h5", "--baseline", tmp_path / "no.h5")
     assert gone.status == 1 and "no such file" in gone.err, "a baseline that is not there"
     assert hrg("check", results / "resonator.h5").status == 2

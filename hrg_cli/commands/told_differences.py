@@ -36,7 +36,7 @@ def told_beyond(found: Comparison, limit_sigma: float) -> list[str]:
         for name, _, _, change, sigma in told_differences(far)
     ]
     said += [f"cause {cause} is in the {place} result alone" for place, cause in told_lone(found)]
-    return said + [f"{name} was {old}, is {new}" for name, old, new in found.words]
+    return said + [f"{name} was {plain(old)}, is {plain(new)}" for name, old, new in found.words]
 
 
 def told_lone(found: Comparison) -> list[tuple[str, str]]:

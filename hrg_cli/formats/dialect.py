@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..errors import HrgError
 from .clock import clock_kind
+from .decimal_commas import need_one_meaning
 from .left_out import FEWEST_OTHERWISE, LeftOut, group_lines, unread_rows
 from .quantities import is_unit, split_name
 
@@ -220,14 +221,15 @@ def _described(
     left_out = group_lines(unread)
     _need_one_way(path, left_out, first, lines[first])
     unread_lines = {number for (number, _), _ in unread}
-    names, units, header = _titles(
-        [item for item in above if item[0] not in unread_lines], sep, dec, count
-    )
+    titled = [item for item in above if item[0] not in unread_lines]
+    names, units, header = _titles(titled, sep, dec, count)
     sample = tuple(
         tuple(cells)
         for _, line in shown
         if _ >= first and len(cells := split_line(line, sep)) == count
     )[:200]
+    if sep == ",":
+        need_one_meaning(path, _titles_of(titled, sep, dec), sample)
     inside = [_comment_of(line) for line in lines[first:] if line.strip() and _comment_of(line)]
     data = "\n".join(lines[first : first + 200])
     kinds = ["number" if kind == "" else kind for kind in kinds]
@@ -267,6 +269,13 @@ def _numbers_otherwise(line: str, separator: str, decimal: str, count: int) -> b
         and len(own) == 2 * count > 2
         and all(cell_kind(cell, ".") == "number" for cell in own)
     )
+
+
+def _titles_of(above: list[tuple[int, str]], separator: str, decimal: str) -> int:
+    """How many titles the last line above the data holds; 0 where it holds none."""
+    line = above[-1][1] if above else ""
+    cells = split_line(line.lstrip()[len(_comment_of(line)) :].strip(), separator)
+    return len(cells) if any(cell_kind(cell, decimal) == "text" for cell in cells) else 0
 
 
 def _titles(

@@ -122,8 +122,7 @@ class Taken:
             found.append(
                 (
                     "valid",
-                    f"the times have {self.gaps} gaps, the longest of {self.longest_gap_s:.4g}"
-                    f" s before {self._longest_place()}",
+                    self._tell_gaps(),
                 )
             )
         end = self._last_read_s
@@ -145,23 +144,30 @@ class Taken:
         return [
             (
                 status,
-                f"{lost} of {lost + self.seen} rows of the log could not be read and were"
-                f" left out: {told}",
+                f"{lost} of {lost + self.seen} rows of the log could not be read and"
+                f" {'was' if lost == 1 else 'were'} left out: {told}",
             )
         ]
 
     def _judge_not_finite(self) -> list[tuple[Status, str]]:
         if not self.not_finite:
             return []
-        many = self.not_finite > MANY_NOT_FINITE * self.rows
+        one, many = self.not_finite == 1, self.not_finite > MANY_NOT_FINITE * self.rows
         more = ", …" if self.not_finite > len(self.places) else ""
         return [
             (
                 "suspect" if many else "valid",
-                f"{self.not_finite} of {self.rows} samples are not finite"
-                f" ({', '.join(self.places)}{more}); they are kept and will be flagged",
+                f"{self.not_finite} of {self.rows} samples {'is' if one else 'are'} not finite"
+                f" ({', '.join(self.places)}{more}); {'it is' if one else 'they are'} kept and"
+                " will be flagged",
             )
         ]
+
+    def _tell_gaps(self) -> str:
+        where = f"of {self.longest_gap_s:.4g} s before {self._longest_place()}"
+        if self.gaps == 1:
+            return f"the times have a gap {where}"
+        return f"the times have {self.gaps} gaps, the longest {where}"
 
     def _longest_place(self) -> str:
         named = [gap["before"] for gap in self.gaps_named if gap["length_s"] == self.longest_gap_s]

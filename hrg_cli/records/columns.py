@@ -45,8 +45,8 @@ FINITE = Valid()
 RAW = Valid(raw=True)
 
 FARTHEST = 1e12
-"""Of times and nodes in their own unit (30 000 years in s): beyond it nothing was measured, and
-squares of differences run out of numbers."""
+"""Of times, nodes, angles, rates and temperatures in their own unit (30 000 years in s): beyond it
+nothing was measured, and squares of differences run out of numbers."""
 
 SQUARABLE = 1e150
 """The largest deviation whose square is still a number."""
@@ -55,9 +55,13 @@ RISING = Valid(rising=True, at_least=-FARTHEST, at_most=FARTHEST)
 
 FLAGGED = Valid(missing="flagged")
 
+NEAR_OR_FLAGGED = Valid(missing="flagged", at_least=-FARTHEST, at_most=FARTHEST)
+
 FLAGGED_STD = Valid(missing="flagged", at_least=0, at_most=SQUARABLE)
 
 LOGGED = Valid(missing="anywhere")
+
+NEAR_LOGGED = Valid(missing="anywhere", at_least=-FARTHEST, at_most=FARTHEST)
 
 SCATTER = Valid(at_least=0, at_most=SQUARABLE)
 

@@ -12,6 +12,7 @@ from .columns import (
     JSON_OBJECT,
     LOGGED,
     MODE,
+    NEAR_LOGGED,
     ORDER,
     POSITIVE,
     RAW,
@@ -147,7 +148,7 @@ class Recording(Record):
         ("auxiliary_row",),
         group="/auxiliary",
         optional=True,
-        valid=LOGGED,
+        valid=NEAR_LOGGED,
     )
     rate_rad_s: Array | None = column(
         "rad s-1",
@@ -155,7 +156,7 @@ class Recording(Record):
         ("auxiliary_row",),
         group="/auxiliary",
         optional=True,
-        valid=LOGGED,
+        valid=NEAR_LOGGED,
     )
     drive_main: Array | None = column(
         "any",

@@ -7,7 +7,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from .columns import FLAGGED, FLAGGED_STD, LOGGED, Array, attribute, column
+from .columns import (
+    FLAGGED,
+    FLAGGED_STD,
+    LOGGED,
+    NEAR_OR_FLAGGED,
+    Array,
+    attribute,
+    column,
+)
 from .windowed import Windowed
 
 
@@ -25,12 +33,14 @@ class Wave(Windowed):
     made_by: ClassVar[str] = "hrg estimate"
     main_amplitude: Array = column("any", "main amplitude a_A", valid=FLAGGED)
     quadrature_amplitude: Array = column("any", "quadrature amplitude a_B, signed", valid=FLAGGED)
-    wave_angle_rad: Array = column("rad", "wave angle θ, physical angle, unwrapped", valid=FLAGGED)
+    wave_angle_rad: Array = column(
+        "rad", "wave angle θ, physical angle, unwrapped", valid=NEAR_OR_FLAGGED
+    )
     phase_rad: Array = column(
-        "rad", "phase φ against the reference frequency, unwrapped", valid=FLAGGED
+        "rad", "phase φ against the reference frequency, unwrapped", valid=NEAR_OR_FLAGGED
     )
     carrier_phase_rad: Array = column(
-        "rad", "carrier phase ψ (0 with direct read-out)", valid=FLAGGED
+        "rad", "carrier phase ψ (0 with direct read-out)", valid=NEAR_OR_FLAGGED
     )
     main_amplitude_std: Array = column("any", "its standard deviation", valid=FLAGGED_STD)
     quadrature_amplitude_std: Array = column("any", "its standard deviation", valid=FLAGGED_STD)

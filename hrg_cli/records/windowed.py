@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from .columns import (
     LOGGED,
     MODE,
+    NEAR_LOGGED,
     ORDER,
     POSITIVE,
     READOUT,
@@ -36,10 +37,10 @@ class Windowed(Record):
         valid=Valid(at_least=0, at_most=15),
     )
     temperature_degc: Array | None = column(
-        "degC", "temperature at the window", optional=True, valid=LOGGED
+        "degC", "temperature at the window", optional=True, valid=NEAR_LOGGED
     )
     rate_rad_s: Array | None = column(
-        "rad s-1", "rate about the sensitive axis at the window", optional=True, valid=LOGGED
+        "rad s-1", "rate about the sensitive axis at the window", optional=True, valid=NEAR_LOGGED
     )
     drive_main: Array | None = column(
         "any", "commanded drive of the main wave", optional=True, valid=LOGGED

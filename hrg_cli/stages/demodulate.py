@@ -19,10 +19,12 @@ from pydantic import Field
 
 from ..fitting.samples.demodulator import Demodulator
 from ..fitting.samples.even import even_rows
+from ..fitting.samples.looks import take_looks
 from ..fitting.samples.run_down import RunDown, run_down
 from ..fitting.samples.signal_rows import Rows
 from ..fitting.samples.survey import survey, survey_quiet
 from ..fitting.samples.uneven import uneven_rows
+from ..fitting.samples.wild import without_wild
 from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Periods, Recording
 from ..records.clock import from_first_sample
 from .demodulation.judge import StreamJudge
@@ -113,6 +115,7 @@ def demodulate(
         notes.append(f"its clock had run {origin_s:.15g} s; times count from the first sample on")
     if nominal_frequency_hz is not None:
         recording = recording.replace(nominal_frequency_hz=nominal_frequency_hz)
+    recording = without_wild(recording, take_looks(recording, recording.time_s is None, name))
     looked = survey(recording, name)
     found = run_down(recording, looked)
     if found is not None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..fitting.envelopes.envelope_runs import MIN_ROWS
+from ..fitting.envelopes.wild_rows import flag_wild_rows
 from ..fitting.samples.rate_log import left_out, stretches, within_log
 from ..records import Wave
 from ..records.record import Record
@@ -54,13 +55,19 @@ class Usable:
             raise HrgError(f"{_first(self.refusals)}; {error}") from error
 
 
+def flag_wild(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str, ...]]:
+    """The runs with windows that hold what no wave can flagged, and a note on each of these runs."""
+    flagged = [flag_wild_rows(wave) for wave in waves]
+    return [wave for wave, _ in flagged], tuple(said for _, said in flagged if said)
+
+
 def not_refused(waves: Sequence[Wave]) -> Usable:
     """The runs whose waves were not refused; all of them, with refusals, where each one was."""
-    kept = [w for w in waves if w.status != "refused"]
+    kept, notes = flag_wild([w for w in waves if w.status != "refused"])
     bad = [w for w in waves if w.status == "refused"]
     if kept or not bad:
         said = (f"the wave of run {w.run_id or '?'} is refused and is left out" for w in bad)
-        return Usable(kept, doubts=tuple(said))
+        return Usable(kept, notes, tuple(said))
     why = (f"the wave of run {w.run_id or '?'} is refused: {why_refused(w)}" for w in bad)
     return Usable(list(waves), refusals=tuple(why))
 

@@ -185,3 +185,15 @@ def test_an_end_behind_the_log_is_told(tmp_path):
         len(made) == N
         and "to_s = 9 lies behind the end of the log at 0.499875 s" in made.status_reasons[0]
     )
+
+
+@pytest.mark.parametrize(
+    ("gaps", "words"), [(1, "the times have a gap of"), (2, "2 gaps, the longest of")]
+)
+def test_gaps_are_told_in_a_sentence(tmp_path, gaps, words):
+    lines = log(tmp_path).read_text().splitlines()
+    for begin in (1001, 1501)[:gaps]:
+        del lines[begin : begin + 50]
+    path = tmp_path / "gaps.csv"
+    path.write_text("\n".join(lines) + "\n")
+    assert any(words in reason for reason in collect(import_log(path)).status_reasons)

@@ -416,6 +416,33 @@ def fuzz(tmp_path: Path, count: int, seed: int) -> int:
     return refused
 
 
+COMMAS = rows([T, C, S], decimal=",", form="{:.6f}")
+
+
+@pytest.mark.parametrize("titles", ["time,C,S\n", "# time [s],C [V],S [V]\n", ""])
+@pytest.mark.parametrize("given", [{}, {"separator": ","}, {"separator": ",", "decimal": ","}])
+def test_commas_of_two_meanings_are_no_columns(tmp_path, titles, given):
+    """0,000500,0,921863 is four integers, or two numbers."""
+    with pytest.raises(
+        HrgError, match=r"commas both separate cells and mark decimals.*6 cells, or 3"
+    ):
+        whole(written(tmp_path, titles + COMMAS), **given)
+
+
+def test_whole_numbers_between_commas_are_columns(tmp_path):
+    counts = [np.arange(400), *(np.round(1e4 * x) for x in (C, S, C * S))]
+    text = "".join(",".join(f"{int(v)}" for v in row) + "\n" for row in zip(*counts))
+    for titles in ("", "count,C,S,D\n"):
+        r = whole(written(tmp_path, titles + text), sample_rate_hz=RATE, c="2", s="3")
+        np.testing.assert_array_equal(r.c, np.round(1e4 * C))
+    padded = "".join(f"{i},{100 + i},{3 * i},{500 + i}\n" for i in range(400))
+    assert len(whole(written(tmp_path, padded), sample_rate_hz=RATE, c="2", s="4").c) == 400
+    quoted = "".join(
+        ",".join(f'"{v:.6f}"'.replace(".", ",") for v in row) + "\n" for row in zip(T, C, S)
+    )
+    np.testing.assert_allclose(whole(written(tmp_path, "time,C,S\n" + quoted)).c, C, atol=1e-6)
+
+
 def test_mutated_logs_never_give_anything_but_a_sentence(tmp_path):
     assert fuzz(tmp_path, 150, 0) > 20
 

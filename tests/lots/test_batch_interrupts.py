@@ -82,10 +82,20 @@ def gone(children: list[psutil.Process]) -> bool:
     return not psutil.wait_procs(children, timeout=SOON_S)[1]
 
 
-@pytest.mark.parametrize("jobs", [pytest.param("1", marks=pytest.mark.slow), "2"])
+@pytest.mark.parametrize(
+    "jobs",
+    [
+        pytest.param(("--jobs", "1"), marks=pytest.mark.slow, id="alone"),
+        pytest.param(("--jobs", "2"), id="processes"),
+        pytest.param(("--jobs", "2", "--dask"), marks=pytest.mark.slow, id="dask"),
+    ],
+)
 def test_an_interrupted_lot_says_how_far_it_came_and_goes_on(jobs, lot, tmp_path):
+    """With Dask the workers' tracebacks stood before the sentence."""
+    if "--dask" in jobs:
+        pytest.importorskip("distributed")
     out = tmp_path / "out"
-    running = batch(lot, out, "--jobs", jobs, "-q")
+    running = batch(lot, out, *jobs, "-q")
     children = wait_for_a_wave(out, running)
     started = time.monotonic()
     os.killpg(running.pid, signal.SIGINT)

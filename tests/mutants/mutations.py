@@ -694,4 +694,48 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("    except DiskFullError:  # no verdict on the gyro: the whole lot stops\n        raise\n", ""),
         ),
     ),
+    "fitting/samples/wild.py": (
+        "tests/stages/test_demodulate_wild.py",
+        (
+            ("about <= MOST_TOGETHER", "about <= 10**9"),
+            ("out[places - first] = np.nan", "pass"),
+            ("WILD = 1e3", "WILD = 1e9"),
+            ("raw * rate[k] + offset[k]", "raw"),
+        ),
+    ),
+    "fitting/envelopes/wild_rows.py": (
+        "tests/fitting/test_wild_rows.py",
+        (
+            ("flags[good[rows]] |= FLAG_NOT_FINITE", "pass"),
+            ("abs(middle))", "0.0)"),
+        ),
+    ),
+    "formats/decimal_commas.py": (
+        "tests/formats/test_text_logs.py",
+        (
+            ("if 2 * titles != count and not _are_decimals(rows):", "if 2 * titles != count:"),
+            ("zeros >= 2 or any(\"-0\" in column for column in whole)", "True"),
+        ),
+    ),
+    "formats/taken.py": (
+        "tests/formats/test_taken.py",
+        (
+            ("if self.gaps == 1:", "if False:"),
+        ),
+    ),
+    "limit_values.py": (
+        "tests/test_checking.py",
+        (
+            ("and known[unit] != 1.0 and not is_relative(name)", "and False"),
+            ("return known[unit] / size", "return known[unit]"),
+            ("_times(FREQUENCIES, TURN / 2)", "_times(FREQUENCIES, TURN)"),
+        ),
+    ),
+    "comparing.py": (
+        "tests/test_checking.py",
+        (
+            ("if gyro and other:", "if False:"),
+            ("change = (change + period / 2) % period - period / 2", "pass"),
+        ),
+    ),
 }  # fmt: skip

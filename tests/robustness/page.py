@@ -261,7 +261,12 @@ def page(folder: Path, before: str = "") -> str:
         if (folder / f"{name}.jsonl").exists():
             text = (folder / f"{name}.jsonl").read_text()
             rows = [json.loads(line) for line in text.splitlines()]
-            parts.append(calls(rows, kept.get(title, "")) if name == "calls" else told_runs(rows))
+            earlier = kept.get(title, "")
+            parts.append(
+                calls(rows, earlier)
+                if name == "calls"
+                else told_runs(rows) + on_earlier_code(told_runs(rows), earlier)
+            )
         elif title in kept:
             parts.append(kept[title])
     if (folder / "mutants.json").exists():
@@ -269,6 +274,25 @@ def page(folder: Path, before: str = "") -> str:
     elif "Mutations" in kept:
         parts.append(kept["Mutations"])
     return "\n".join(parts)
+
+
+EARLIER = "On earlier code: "
+
+
+def on_earlier_code(now: str, earlier: str) -> str:
+    """What an earlier page's part came to, in a line: figures gather over months, each of the code
+    of its day. Of sizes, those that were not measured again."""
+    lines = [line for line in earlier.splitlines() if line and not line.startswith(("#", "|"))]
+    if now.startswith("## Sizes"):
+        kinds = {line[:7] for line in now.splitlines()}
+        again = {line.partition(":")[0] for line in now.splitlines()}
+        left = [line for line in lines if line.partition(":")[0] not in again]
+        said = (f"* {EARLIER}{one[2:]}" if one[:7] in kinds else one for one in left)
+        return "".join(f"{line}\n" for line in said)
+    before = [line for line in lines if line.startswith(EARLIER)]
+    if lines and lines[0] not in now.splitlines():
+        before.append(EARLIER + lines[0].replace(" The table has how these end now.", ""))
+    return "".join(f"\n{line}\n" for line in before)
 
 
 def sections(text: str) -> dict[str, str]:

@@ -293,6 +293,30 @@ def test_what_was_not_run_stays_on_the_page(tmp_path):
     assert page.sections(after) | {"Sizes": ""} == kept
 
 
+def test_figures_of_earlier_code_stay_on_the_page_in_a_line(tmp_path):
+    """A short run on the newest code took the place of thousands of inputs."""
+    run = {"seed": 7, "trials": 10, "cpu_s": 1.0, "counts": [["plan", 1, 10]], "failures": []}
+    many = run | {"seed": 8, "trials": 20_000}
+    lot = {"gyros": 70, "begun_mb": 1.0, "ended_mb": 1.0, "files": 5}
+    log = {"bytes": 2e9, "peak_mb": {"import": 9.0}}
+    before = f"# Faults\n\n{page.damage([many])}\n{page.sizes([{'lots': [lot, lot]}, log])}"
+    (tmp_path / "damage.jsonl").write_text(json.dumps(run) + "\n")
+    (tmp_path / "sizes.jsonl").write_text(json.dumps(log))
+    after = page.page(tmp_path, before)
+    said = page.sections(after)["Damaged inputs"]
+    assert "10 inputs over 1 commands, seeds 7: none broke" in said
+    assert said.count(page.EARLIER) == 1
+    assert f"{page.EARLIER}20000 inputs over 1 commands, seeds 8: none broke" in said
+    told = page.sections(after)["Sizes"]
+    assert told.count("A log of") == 1 and told.count("A lot of") == 1
+    assert page.page(tmp_path, after) == after
+    few = lot | {"gyros": 50}
+    (tmp_path / "sizes.jsonl").write_text(json.dumps({"lots": [few, few]}))
+    told = page.sections(page.page(tmp_path, before))["Sizes"]
+    assert "* A lot of 50 tiny" in told and f"* {page.EARLIER}A lot of 70 tiny" in told
+    assert "* A log of 2.00 GB" in told
+
+
 def test_sizes_that_grow_are_told():
     flat = {"begun_mb": 100.0, "ended_mb": 101.0, "files": 5}
     assert sizes.broken({"lots": [flat, flat]}) == []

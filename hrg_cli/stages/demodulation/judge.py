@@ -11,6 +11,7 @@ import numpy as np
 from ...fitting.samples.demodulator import UNHELD, Demodulator
 from ...fitting.samples.run_down import RunDown
 from ...fitting.samples.signal_rows import Rows
+from ...fitting.samples.wild import tell_wild
 from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods
 from .log import WindowLog
 
@@ -100,15 +101,17 @@ class StreamJudge:
         )
         if clipped:
             (suspect if clipped > CLIPPED_SHARE * self.rows else notes).append(
-                f"{clipped} {of} hold clipped samples"
+                f"{clipped} {of} {_hold(clipped)} clipped samples"
             )
         if gaps:
             (suspect if gaps > GAPS_SHARE * self.rows else notes).append(
-                f"{gaps} {of} lie in or beside gaps of the sampling{self._advise_shorter(gaps)}"
+                f"{gaps} {of} {'lies' if gaps == 1 else 'lie'} in or beside gaps of the sampling{self._advise_shorter(gaps)}"
             )
         if bad:
+            wild = tell_wild(self.run.recording)
             (suspect if bad > NOT_FINITE_SHARE * self.rows else notes).append(
-                f"{bad} {of} hold samples that are not finite"
+                f"{bad} {of} {_hold(bad)} samples that are not finite"
+                + (f" or belong to no wave: {wild}" if wild else "")
             )
 
     def _advise_shorter(self, flagged: int) -> str:
@@ -124,7 +127,8 @@ class StreamJudge:
         if self.settle:
             struck = self.part is not None and np.isfinite(self.part.begin_s)
             after = " after the strike" if struck else ""
-            notes.append(f"the first {self.settle} windows{after} settle")
+            some = "window" if self.settle == 1 else f"{self.settle} windows"
+            notes.append(f"the first {some}{after} settle{'s' if self.settle == 1 else ''}")
         if self.log.rows_outside:
             notes.append(
                 f"{self.log.rows_outside} of {self.rows} windows lie outside the auxiliary log;"
@@ -174,3 +178,7 @@ class StreamJudge:
             f"the envelope moves too much within windows of {periods:.3g} periods: what the"
             f" window's average leaves uncorrected is {run.bent_by:.2g} times the noise; {advice}"
         ]
+
+
+def _hold(count: int) -> str:
+    return "holds" if count == 1 else "hold"

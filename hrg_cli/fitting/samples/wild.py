@@ -1,0 +1,122 @@
+"""Samples that no wave can hold: a few alone, thousands of times what stands about them. A bit that
+flipped or a word that was torn makes such a number; unnamed, it is all that a spectrum shows.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...records import Recording
+from .looks import Look
+
+Array = np.ndarray
+
+WILD = 1e3
+"""Distance from the middle, over the largest of the others in the looks, from which a sample is
+wild."""
+
+MOST_TOGETHER, ABOUT = 3, 8
+"""Wild samples at most that stand within so many samples of one another: an oscillation so far above
+what the looks hold (a strike between them) has more."""
+
+MOST_KEPT = 1000
+"""Wild samples whose places are kept."""
+
+
+class TameChannel:
+    """A channel whose wild samples read as NaN; sliced as an array is, by slices without a step."""
+
+    def __init__(self, values: Any, middle: float, tame: float) -> None:
+        self._values, self._middle = values, middle
+        self.tame = tame
+        """The largest distance from the middle, raw, that the looks' other samples have."""
+        self.wild: dict[int, float] = {}
+        """Raw values of the wild samples read so far, by their places."""
+        self.dtype, self.shape = values.dtype, values.shape
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __getitem__(self, rows: slice) -> Array:
+        part = np.asarray(self._values[rows])
+        limit = WILD * self.tame
+        if not len(part) or (
+            part.max() <= self._middle + limit and part.min() >= self._middle - limit
+        ):
+            return part
+        first, last, _ = rows.indices(len(self))
+        start = max(0, first - ABOUT)
+        about = np.asarray(self._values[start : last + ABOUT], dtype=float)
+        places = start + find_lonely(np.abs(about - self._middle) > limit)
+        places = places[(places >= first) & (places < last)]
+        if not len(places):
+            return part
+        out = part.astype(float)
+        self.wild |= dict(
+            zip(places[: MOST_KEPT - len(self.wild)].tolist(), out[places - first].tolist())
+        )
+        out[places - first] = np.nan
+        return out
+
+
+def find_lonely(beyond: Array) -> Array:
+    """Places of the true values (n,) that have at most `MOST_TOGETHER` about them."""
+    places = np.flatnonzero(beyond)
+    about = np.searchsorted(places, places + ABOUT, "right") - np.searchsorted(
+        places, places - ABOUT, "left"
+    )
+    return np.asarray(places[about <= MOST_TOGETHER])
+
+
+def without_wild(recording: Recording, looks: Sequence[Look]) -> Recording:
+    """The recording with its wild samples as NaN, by what its looks hold."""
+    channels = [_tame(recording.c, looks, 0), _tame(recording.s, looks, 1)]
+    return dataclasses.replace(recording, c=channels[0], s=channels[1])
+
+
+def _tame(values: Any, looks: Sequence[Look], k: int) -> Any:
+    """The channel behind a `TameChannel`; as it is where its looks tell no size, or its type holds
+    nothing wild."""
+    raws = [raw[np.isfinite(raw)].astype(float) for raw in (look.raw[k] for look in looks)]
+    raws = [raw for raw in raws if len(raw) > 2 * ABOUT]
+    if not raws:
+        return values
+    middle = float(np.median([np.median(raw) for raw in raws]))
+    with np.errstate(over="ignore"):
+        sizes = [np.abs(raw - middle) for raw in raws]
+    tame = max(float(np.partition(size, -MOST_TOGETHER - 1)[-MOST_TOGETHER - 1]) for size in sizes)
+    return TameChannel(values, middle, tame) if 0 < WILD * tame < _reach(values.dtype) else values
+
+
+def _reach(dtype: np.dtype) -> float:
+    """The largest distance that two values can have."""
+    if np.issubdtype(dtype, np.integer):
+        return float(np.iinfo(dtype).max) - float(np.iinfo(dtype).min)
+    return float("inf")
+
+
+def tell_wild(recording: Recording) -> str:
+    """The wild samples met in words: the first of them, and how many more; empty where none was."""
+    rate = [recording.c_scale_factor, recording.s_scale_factor]
+    offset = [recording.c_add_offset, recording.s_add_offset]
+    units = [recording.c_units, recording.s_units]
+    found = [
+        (place, k, raw, channel)
+        for k, channel in enumerate((recording.c, recording.s))
+        if isinstance(channel, TameChannel)
+        for place, raw in channel.wild.items()
+    ]
+    if not found:
+        return ""
+    place, k, raw, channel = min(found, key=lambda one: one[:2])
+    unit = f" {units[k]}" if units[k] not in ("", "1") else ""
+    more = f", and {len(found) - 1} more such" if len(found) > 1 else ""
+    return (
+        f"sample {place + 1} of channel {'CS'[k]}, at {float(recording.times(place, place + 1)[0]):.6g} s,"
+        f" is {raw * rate[k] + offset[k]:.4g}{unit} where the others stay within"
+        f" {channel.tame * abs(rate[k]):.4g}{unit}{more}"
+    )
