@@ -303,8 +303,7 @@ class Demodulator:
         least count leaves."""
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[keep]
         known = None if still.known_residual2 is None else still.known_residual2[k, keep]
-        beside = float(np.max(self.survey.look_noise2[:, k]))
-        pooled = pooled_variance(fits.residual2[k, keep], freedom, known, beside)
+        pooled = pooled_variance(fits.residual2[k, keep], freedom, known)
         return np.asarray(np.maximum(pooled, self.least_variance(k))[:, None])
 
     def _own_variance(self, fits: Fits, still: Still, k: int, keep: slice, sample2: Array) -> Array:

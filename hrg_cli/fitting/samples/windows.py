@@ -100,9 +100,7 @@ def energy(u: Array) -> float:
     return float(np.einsum("i,i->", parts, parts))
 
 
-def pooled_variance(
-    residual2: Array, freedom: Array, known: Array | None = None, most: float = np.inf
-) -> Array:
+def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None) -> Array:
     """Variance a sample (rows,) pooled over neighbouring rows until `POOL_FREEDOM` degrees of
     freedom; rows that are not finite stay so.
 
@@ -110,9 +108,7 @@ def pooled_variance(
     does not spoil theirs. `known` (rows,) is the motion's share of the sums of squares, known to
     `KNOWN` of itself; it is taken out of the pooled values, over `POOL_KNOWN` times as many rows,
     since motion times noise scatters more than noise alone. Beside a jump a row's slope is the
-    jump's, not its own: a share that stands as far above the neighbours is not taken out. Where most
-    of a pool is motion its noise, a difference of large numbers, is no more than `most`: what the
-    samples hold beside an oscillation that moves as it likes.
+    jump's, not its own: a share that stands as far above the neighbours is not taken out.
     """
     group = pool_rows(float(freedom if np.ndim(freedom) == 0 else np.median(freedom))) * (
         1 if known is None else POOL_KNOWN
@@ -125,11 +121,11 @@ def pooled_variance(
     # sorting
     if np.ndim(freedom) == 0 and np.isfinite(residual2.sum()):
         level = np.add.reduceat(residual2, starts) / (counts * freedom)
-        largest = residual2 if known is None else np.maximum(residual2, known)
-        if not (np.maximum.reduceat(largest, starts) > (4 * freedom + 40) * level).any():
+        most = residual2 if known is None else np.maximum(residual2, known)
+        if not (np.maximum.reduceat(most, starts) > (4 * freedom + 40) * level).any():
             if known is not None:
                 share = np.add.reduceat(known, starts) / (counts * freedom)
-                level = _less_motion(level, share, most)
+                level = np.maximum(level - share, KNOWN * np.minimum(share, level))
             return np.repeat(level, counts)
     freedom = np.broadcast_to(np.asarray(freedom, float), residual2.shape)
     finite = np.isfinite(residual2)
@@ -155,16 +151,9 @@ def pooled_variance(
         share = np.add.reduceat(share, starts) / np.maximum(
             np.add.reduceat(np.where(excess, 0.0, weight), starts), 1
         )
-        total = _less_motion(total, share, most)
+        total = np.maximum(total - share, KNOWN * np.minimum(share, total))
     spread = np.repeat(total, counts)
     return np.where(finite, np.where(excess, sums / np.maximum(freedom, 1), spread), np.nan)
-
-
-def _less_motion(level: Array, share: Array, most: float) -> Array:
-    """Variance of pools without the motion's share, which is known to `KNOWN` of itself; where most
-    of a pool is motion, no more than `most`."""
-    less = np.maximum(level - share, KNOWN * np.minimum(share, level))
-    return np.where(share > level / 2, np.minimum(less, most), less)
 
 
 def pool_rows(freedom: float) -> int:
