@@ -10,7 +10,7 @@ import numpy as np
 
 from ...effects.effect import Effect, frame, no_term, same_signal, same_state
 from ..envelopes import coordinates
-from ..envelopes.coordinates import COUNT
+from ..envelopes.coordinates import COUNT, SECOND_ORDER
 from .measured_runs import MeasuredRuns
 from .slow_equation import RungeKuttaStage, generators, jump, second_order_force, times
 from .slow_prediction import Near, Prediction, accumulate_steps, half_turns
@@ -157,7 +157,7 @@ def _base_sources(
         drive = stage.lit(u).drive
         for k in SPLIT:
             second = second_order_force(np.eye(COUNT)[k], hz)
-            columns[k] = columns[k] + point.p[6] * times(second, drive)
+            columns[k] = columns[k] + point.p[SECOND_ORDER] * times(second, drive)
         change = stage.ordered(_more_order(point.p), hz).beside(u) - stage.beside(u)
         columns[COUNT - 1] = columns[COUNT - 1] + change / ORDER_STEP
     held = np.isfinite(series.held_amplitude)

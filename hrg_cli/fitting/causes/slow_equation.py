@@ -56,8 +56,8 @@ class RungeKuttaStage:
         self.active = point.active
         self.driven = bool(np.any(series.forced))
         hz = series.reference_frequency_hz
-        self.second = point.p[6] * second_order_force(point.p, hz)
-        self.lead = point.p[6] * lead_of_force(hz)
+        self.second = point.p[coordinates.SECOND_ORDER] * second_order_force(point.p, hz)
+        self.lead = point.p[coordinates.SECOND_ORDER] * lead_of_force(hz)
         self.main, self.quadrature = series.main_drive, series.quadrature_drive
         self.holds = bool(np.any(np.isfinite(series.held_amplitude)))
         self.L = generators(series, point) if self.holds else np.empty((*series.time_s.shape, 0))
@@ -158,8 +158,8 @@ class RungeKuttaStage:
     def ordered(self, p: Array, frequency_hz: float) -> RungeKuttaStage:
         """The same with the force's second order of other coordinates."""
         one = copy.copy(self)
-        one.second = p[6] * second_order_force(p, frequency_hz)
-        one.lead = p[6] * lead_of_force(frequency_hz)
+        one.second = p[coordinates.SECOND_ORDER] * second_order_force(p, frequency_hz)
+        one.lead = p[coordinates.SECOND_ORDER] * lead_of_force(frequency_hz)
         return one
 
     def without(self, effect: Effect) -> RungeKuttaStage:
@@ -214,7 +214,9 @@ def _turned(turn: Array, e_A: Array, e_B: Array, beside: Array) -> tuple[Array, 
 
 def second_order_force(p: Array, frequency_hz: float) -> Array:
     """−δωR/ω (2, 2): what of a force f the moving part of the envelopes feels beside f itself."""
-    split = np.tensordot(p[3:5], coordinates.BASIS[3:], 1)
+    split = np.tensordot(
+        p[coordinates.FREQUENCY_SPLIT], coordinates.BASIS[coordinates.FREQUENCY_SPLIT], 1
+    )
     return 1j * split / (2 * np.pi * frequency_hz)
 
 
@@ -236,7 +238,7 @@ def _orders(series: MeasuredRuns, point: Point) -> tuple[Array, Array]:
     omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
     plain = _plain(series, point)
     full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
-    return plain, point.p[6] * (full - plain)
+    return plain, point.p[coordinates.SECOND_ORDER] * (full - plain)
 
 
 def _plain(series: MeasuredRuns, point: Point) -> Array:

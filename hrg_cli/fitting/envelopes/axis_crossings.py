@@ -28,7 +28,14 @@ from typing import Any
 import numpy as np
 
 from ...physics import ellipse
-from .coordinates import COUNT, FREQUENCY_SPLIT, SECOND_ORDER, to_parameters
+from .coordinates import (
+    COUNT,
+    DAMPING,
+    DAMPING_SPLIT,
+    FREQUENCY_SPLIT,
+    SECOND_ORDER,
+    to_parameters,
+)
 from .envelope_runs import EnvelopeRun
 from .inference import widen_axes
 from .method_ranges import USES_AXES, out_of_range, warnings
@@ -143,7 +150,7 @@ class EllipseCourse:
     def less(self, model: EnvelopeRun, p: Array) -> EllipseCourse:
         """The course less what the equations leave of a noiseless run of coordinates p (7,)."""
         exact = course_of(dataclasses.replace(model, std=np.zeros(len(model))))
-        own = np.array([p[0], p[3], p[4], p[1], p[2]])
+        own = np.array([p[DAMPING], *p[FREQUENCY_SPLIT], *p[DAMPING_SPLIT]])
         return dataclasses.replace(
             self,
             ellipticity_left=exact.ellipticity - exact.ellipticity_columns() @ own[1:],
@@ -281,7 +288,8 @@ def combine_estimates(found: Crossings, mode_number: int) -> dict[str, float]:
     """The one answer as an axis [rad] with its standard deviation, and how often an axis was
     passed."""
     p, covariance = np.zeros(COUNT), np.zeros((COUNT, COUNT))
-    p[3:5], covariance[3:5, 3:5] = found.answer[:2], found.covariance[:2, :2]
+    p[FREQUENCY_SPLIT] = found.answer[:2]
+    covariance[FREQUENCY_SPLIT, FREQUENCY_SPLIT] = found.covariance[:2, :2]
     values, slopes = to_parameters(p, mode_number)
     spread = slopes @ covariance @ slopes.T
     widen_axes(spread, covariance, p, mode_number)

@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 
 from . import noise_propagation
-from .coordinates import COUNT
+from .coordinates import COUNT, SCALE_FACTOR
 from .envelope_runs import EnvelopeRun
 from .equations import Ellipse, ellipse_of
 from .method_ranges import USES_AXES, out_of_range, quadrature_significance
@@ -147,7 +147,7 @@ class _FullTurns:
         drift and −KΩ, in n pieces that sum to it."""
         n, step, angle = len(self), np.diff(self.time_s), self.wave.angle
         growth, quadrature, drift = _rates_less(moved, self.rows, p)
-        scale_factor = p[5]
+        scale_factor = p[SCALE_FACTOR]
         turning = np.full(n, scale_factor * self.turned / n)
         turning[:-1] -= drift[:-1] * step / 2
         turning[1:] -= drift[1:] * step / 2

@@ -35,7 +35,8 @@ def speed(run: EnvelopeRun, p: Array) -> float:
     """How fast the wave moves, rad/s: turning, beat and decay together, at the run's fastest."""
     step = np.diff(run.time_s)
     turning = float(np.quantile(np.abs(np.diff(run.turn_rad)) / step, FAST)) if len(step) else 0.0
-    return float(abs(p[5]) * turning + abs(p[0]) + np.hypot(p[1], p[2]) + np.hypot(p[3], p[4]))
+    splits = np.hypot(*p[coordinates.DAMPING_SPLIT]) + np.hypot(*p[coordinates.FREQUENCY_SPLIT])
+    return float(abs(p[coordinates.SCALE_FACTOR]) * turning + abs(p[coordinates.DAMPING]) + splits)
 
 
 def rows_needed(p: Array, runs: Sequence[EnvelopeRun], least: int) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...fitting.checks import Check, at_least, at_most, failures, holds
 from ...fitting.envelopes import rows
+from ...fitting.envelopes.coordinates import DAMPING, SCALE_FACTOR
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
 from .outcome import Verdict
@@ -85,7 +86,7 @@ def check_bounds(verdict: Verdict) -> tuple[list[Check], list[Check]]:
 def scale_factors_alike(fit: Fit, runs: Sequence[EnvelopeRun]) -> list[float]:
     """The fitted K and every other of a shell, ring or pendulum (0 to 1) that windows so long cannot
     tell from it: each turns the wave by half turns more within a window, the same ellipse again."""
-    here = float(fit.p[5])
+    here = float(fit.p[SCALE_FACTOR])
     if "scale_factor" not in fit.freedom.names:
         return [here]
     a_window = [
@@ -109,7 +110,8 @@ def blur(fit: Fit, runs: Sequence[EnvelopeRun]) -> Check:
     steady run, but the signal is lost. The scale factor that moves it most counts among those that
     the windows cannot tell apart."""
     most = max(scale_factors_alike(fit, runs), key=abs)
-    p = np.array([0.0, *fit.p[1:5], most, *fit.p[6:]])
+    p = fit.p.copy()
+    p[DAMPING], p[SCALE_FACTOR] = 0.0, most
     moving = [rows.speed(r, p) * r.window_s for r in runs]
     worst = int(np.argmax(moving))
     run, moved = runs[worst], moving[worst]

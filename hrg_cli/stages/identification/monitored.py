@@ -10,6 +10,7 @@ import numpy as np
 from ...fitting.envelopes import axis_crossings, envelope_runs, propagator, working_mode
 from ...fitting.envelopes.base_fit import check_runs
 from ...fitting.envelopes.base_freedom import Known
+from ...fitting.envelopes.coordinates import DAMPING
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.free_windows import driven_and_free
 from ...fitting.envelopes.regressions import Regression
@@ -137,7 +138,7 @@ def _thin_out(runs: Sequence[EnvelopeRun]) -> list[EnvelopeRun]:
     """Some two thousand rows a run against its own mean frequency, averaged along a first guess of
     its motion; nobody decays."""
     p, offsets = propagator.guess_roughly(runs)
-    p[0] = 0.0
+    p[DAMPING] = 0.0
     return [
         envelope_runs.retune(r, o)
         for r, o in zip(propagator.thin_rows(runs, p, offsets, 2000), offsets)

@@ -108,7 +108,10 @@ def is_averaged_well(series: MeasuredRuns, averaged_along: Point, fitted: Point)
     turn = np.abs(np.diff(series.table_angle_rad, axis=1))
     moved = np.linalg.norm(change[:SCALE_FACTOR]) * row + abs(change[SCALE_FACTOR]) * turn
     # damping alike in all directions commutes with everything
-    carried = np.linalg.norm(fitted.p[1:5]) * row + abs(fitted.p[SCALE_FACTOR]) * turn
+    carried = (
+        np.linalg.norm(fitted.p[DAMPING_SPLIT.start : FREQUENCY_SPLIT.stop]) * row
+        + abs(fitted.p[SCALE_FACTOR]) * turn
+    )
     size = np.sqrt(np.sum(np.abs(series.envelope) ** 2, axis=-1)) * series.weight
     return bool(np.linalg.norm(moved * (moved + 2 * carried) / 24 * size[:, :-1]) < WELL)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -107,9 +107,19 @@ def frequency_of(wave: Wave) -> float:
     return wave.reference_frequency_hz + above
 
 
+class _Peak(NamedTuple):
+    """A line in the spectrum of one wave: amplitude in either channel (2,), power over what is
+    about it, and the wave's number."""
+
+    frequency_hz: float
+    amplitude: Array
+    ratio: float
+    wave: int
+
+
 def lines(waves: Sequence[Wave]) -> list[Line]:
     """Lines that a third of the runs at least show, strongest first."""
-    pool = []
+    pool = list[_Peak]()
     for number, wave in enumerate(waves):
         if (
             wave.spectrum_line_frequency_hz is None
@@ -124,22 +134,27 @@ def lines(waves: Sequence[Wave]) -> list[Line]:
             strict=True,
         ):
             if ratio > LINE_RATIO:
-                pool.append((float(f), np.asarray(a, float), float(ratio), number))
+                pool.append(_Peak(float(f), np.asarray(a, float), float(ratio), number))
     out, cell = [], cell_hz(waves)
     while pool:
-        f, _, _, _ = max(pool, key=lambda p: p[2])
+        f = max(pool, key=lambda peak: peak.ratio).frequency_hz
         width = WIDTH_CELLS * cell + WANDER * f
-        near = [p for p in pool if abs(p[0] - f) < width]
-        pool = [p for p in pool if abs(p[0] - f) >= width]
-        runs = len({p[3] for p in near})
+        near = [peak for peak in pool if abs(peak.frequency_hz - f) < width]
+        pool = [peak for peak in pool if abs(peak.frequency_hz - f) >= width]
+        runs = len({peak.wave for peak in near})
         if 3 * runs >= len(waves):
-            weight = np.array([p[2] for p in near])
-            frequency = float(np.average([p[0] for p in near], weights=weight))
-            size = np.array([[float(np.hypot(*p[1])), amplitude_of(waves[p[3]])] for p in near])
+            weight = np.array([peak.ratio for peak in near])
+            frequency = float(np.average([peak.frequency_hz for peak in near], weights=weight))
+            size = np.array(
+                [
+                    [float(np.hypot(*peak.amplitude)), amplitude_of(waves[peak.wave])]
+                    for peak in near
+                ]
+            )
             out.append(
                 Line(
                     frequency,
-                    np.sqrt(np.mean([p[1] ** 2 for p in near], axis=0)),
+                    np.sqrt(np.mean([peak.amplitude**2 for peak in near], axis=0)),
                     float(weight.max()),
                     runs,
                     size,
