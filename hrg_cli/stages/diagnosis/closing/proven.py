@@ -20,11 +20,12 @@ OWN = ("stands_off_zero", "is_possible", "is_what_struck")
 the verdict is taken away, not the group."""
 
 
-def keep_proven(case: Case) -> Case:
-    """The case without the causes that fail a check of their own; those of another form than the
-    catalogue's, and those whose sizes come from the runs' frequencies, are judged there."""
+def keep_proven(case: Case) -> tuple[Case, Sized]:
+    """The case without the causes that fail a check of their own, and its sizes; causes of another
+    form than the catalogue's, and those whose sizes come from the runs' frequencies, are judged
+    there."""
+    sized = Sized.of(case)
     while case.form is None:
-        sized = Sized.of(case)
         failing = _failing(case, sized)
         if not failing:
             break
@@ -33,7 +34,8 @@ def keep_proven(case: Case) -> Case:
         if without is None:
             break
         case = case.without(weakest, without)
-    return case
+        sized = Sized.of(case)
+    return case, sized
 
 
 def _failing(case: Case, sized: Sized) -> Sequence[Found]:
