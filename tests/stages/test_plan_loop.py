@@ -113,4 +113,4 @@ def test_what_no_run_can_tell_leaves_the_plan_to_the_variances() -> None:
     }
     chosen = plan(diagnose(made), menu, made, runs=1, causes=["table_rate_error"])
     assert any("table rate error" in sentence for sentence in chosen.impossible)
-    assert "standard deviation" in chosen.runs[0].reason
+    assert "σ of" in chosen.runs[0].reason
