@@ -90,7 +90,7 @@ def test_units_of_something_else(name, written):
 )
 def test_a_part_of_nothing_is_no_size(name, unit):
     """ "300 ppm" as the largest scale factor was taken for K ≤ 3e-4 without a word."""
-    with pytest.raises(UsageError, match=rf"limit {name}: {unit} says a part of something.*ppm"):
+    with pytest.raises(UsageError, match=rf"limit {name}: {unit} is a part of something.*ppm"):
         limit_value(name, f"300 {unit}")
     assert limit_value(name, "300") == 300.0 and limit_value("flagged_part", "5 %") == 0.05
 

@@ -115,7 +115,7 @@ def test_installs_and_works_in_an_empty_environment(kind, tmp_path):
         assert {f"hrg_cli/{name}" for name in PACKED} <= set(names)
         assert any(name.endswith("share/man/man1/hrg.1") for name in names)
         assert not any(name.startswith(("tests/", "benchmarks/")) for name in names)
-    run(tmp_path / "empty" / "bin" / "pip", "install", "--quiet", made)
+    run(tmp_path / "empty" / "bin" / "pip", "install", "--quiet", f"{made}[report]")
     hrg = tmp_path / "empty" / "bin" / "hrg"
     assert run(hrg, "--version").split() == ["hrg", hrg_cli.__version__]
     assert "demodulate" in run(hrg, "--help") and "gain_mismatch" in run(hrg, "effects")

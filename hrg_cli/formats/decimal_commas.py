@@ -29,8 +29,7 @@ def need_one_meaning(path: Path, titles: int, rows: Sequence[Sequence[str]]) -> 
     said = ",".join(rows[0])
     raise HrgError(
         f"{path}: its commas both separate cells and mark decimals ({said[:60]!r} is {count} cells, or"
-        f" {count // 2} numbers); which cells belong together cannot be known for certain: write decimals"
-        " with a point, separate cells with a semicolon or a tab, or put each number in quotes"
+        f" {count // 2} numbers); write decimals with points, or cells with semicolons"
     )
 
 

@@ -29,7 +29,6 @@ from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.base.contradiction import find_strangers
 from .diagnosis.base.joint_fit import Cut, cut_at_losses, fit_base, fit_together
 from .diagnosis.closing.closing_checks import closing_checks, word
-from .diagnosis.closing.proven import keep_proven
 from .diagnosis.closing.sized import Sized
 from .diagnosis.closing.stability import stability
 from .diagnosis.closing.wander import wander
@@ -214,10 +213,9 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     if contradiction := find_strangers(cut.base):
         raise HrgError(contradiction)
     case, pieces, tones = _explain_beside_tones(asked, cut, near)
-    case = keep_proven(case)
+    sized = Sized.of(case)
     samples = _seen_in_samples(asked.waves, case, cut, tones)
     model, written = _written(asked, case, cut, pieces, samples)
-    sized = Sized.of(case)
     closing = closing_checks(case, sized, written, samples.shown, samples.unnamed_hz, samples.odd)
     failed = checks.failures(closing)
     if failed and (folded := folded_beside(pieces, samples.named)):

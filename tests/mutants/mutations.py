@@ -706,7 +706,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "fitting/envelopes/wild_rows.py": (
         "tests/fitting/test_wild_rows.py",
         (
-            ("flags[good[rows]] |= FLAG_NOT_FINITE", "pass"),
+            ("flags[one.rows] |= FLAG_NOT_FINITE", "pass"),
             ("abs(middle))", "0.0)"),
         ),
     ),

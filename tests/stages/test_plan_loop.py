@@ -112,5 +112,5 @@ def test_what_no_run_can_tell_leaves_the_plan_to_the_variances() -> None:
         "grid": {"start.wave_angle_rad": [0.1, 0.5]},
     }
     chosen = plan(diagnose(made), menu, made, runs=1, causes=["table_rate_error"])
-    assert any("table_rate_error" in sentence for sentence in chosen.impossible)
-    assert "standard deviation" in chosen.runs[0].reason
+    assert any("table rate error" in sentence for sentence in chosen.impossible)
+    assert "σ of" in chosen.runs[0].reason

@@ -3,6 +3,10 @@ fit survives one, and none says which it was."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
 import numpy as np
 
 from ...records import FLAG_NOT_FINITE, Wave
@@ -16,28 +20,46 @@ COLUMNS = (
 )
 
 
+BLOCK = 1 << 13
+"""Windows that are held against one another: what is kept does not grow with the run."""
+
+
 def flag_wild_rows(wave: Wave) -> tuple[Wave, str]:
     """The wave with such windows flagged, and the first of them in words; as it is, and nothing,
     where there is none."""
-    good = np.flatnonzero(wave.good())
-    if len(good) <= 2 * ABOUT:
+    ends = np.linspace(0, len(wave), max(1, len(wave) // BLOCK) + 1).astype(int).tolist()
+    found = [one for start, stop in pairwise(ends) for one in _wild_of(wave, start, stop)]
+    if not found:
         return wave, ""
-    flags, said = None, ""
+    flags = np.array(wave.flags)
+    for one in found:
+        flags[one.rows] |= FLAG_NOT_FINITE
+    first = found[0]
+    row = int(first.rows[0])
+    return wave.replace(flags=flags), (
+        f"run {wave.run_id or '?'}: {first.name} is {float(getattr(wave, first.name)[row]):.4g} in row"
+        f" {row + 1} of its wave, where the others stay within {first.tame:.4g}; such rows are left out"
+    )
+
+
+class _Wild(NamedTuple):
+    """Wild rows of one column, and the largest size that the others beside them have."""
+
+    name: str
+    rows: Array
+    tame: float
+
+
+def _wild_of(wave: Wave, start: int, stop: int) -> Iterator[_Wild]:
+    """The wild rows among some of a wave."""
+    part = wave.rows(start, stop)
+    good = np.flatnonzero(part.good())
     for name in COLUMNS:
-        values = getattr(wave, name)
-        if values is None:
-            continue
-        rows, tame = find_wild_rows(np.asarray(values)[good])
-        if not len(rows):
-            continue
-        flags = np.array(wave.flags) if flags is None else flags
-        flags[good[rows]] |= FLAG_NOT_FINITE
-        row = good[rows[0]]
-        said = said or (
-            f"run {wave.run_id or '?'}: {name} is {float(values[row]):.4g} in row {row + 1} of its"
-            f" wave, where the others stay within {tame:.4g}; such rows are left out"
-        )
-    return (wave, "") if flags is None else (wave.replace(flags=flags), said)
+        values = getattr(part, name)
+        if values is not None:
+            rows, tame = find_wild_rows(np.asarray(values)[good])
+            if len(rows):
+                yield _Wild(name, start + good[rows], tame)
 
 
 def find_wild_rows(values: Array) -> tuple[Array, float]:

@@ -115,13 +115,6 @@ def closing_checks(
     ]
 
 
-def checks_of_causes(case: Case, sized: Sized) -> list[Check]:
-    """Those of the closing checks that ask the causes one by one: off zero, possible, told apart,
-    and all that struck at their instant."""
-    search = case.search
-    return [*_strikes(search.final, case.inquiry.noise.slow), *_causes(search, sized, ())]
-
-
 def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
     """The residual in the wave's own frame, run by run, in the order of time and of what else
     moves."""
