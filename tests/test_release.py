@@ -22,6 +22,8 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PACKED = (
     "py.typed",
     "hrg.1",
+    "reporting/base.html",
+    "reporting/parts.html",
     "reporting/page.html",
     "reporting/page.css",
     "reporting/page.js",

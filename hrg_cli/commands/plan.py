@@ -15,7 +15,7 @@ from ..limit_values import unit_of
 from ..records import Diagnosis, Resonator, Wave
 from ..reporting import console
 from ..reporting.figure_names import name_of_figure
-from ..reporting.quantities import unit_for
+from ..reporting.quantities import rounded
 from ..reporting.text import number
 from ..stages.plan import plan, summary
 from ..stages.planning.like_measured import menu_like
@@ -80,10 +80,7 @@ def show(report: Mapping[str, Any]) -> None:
 
 def _write_std(name: str, std: float | None) -> str:
     """A standard deviation in the unit that its own size asks for."""
-    if std is None:
-        return "–"
-    factor, unit = unit_for(name, std, unit_of(name))
-    return f"{number(std * factor, 3)} {unit}".strip()
+    return "–" if std is None else rounded(name, std, unit_of(name), 3)
 
 
 def plan_files(

@@ -8,12 +8,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..records import Diagnosis
+from .answer_words import in_words
 from .diagnosis import gains, score_left
 from .figure_names import name_of_figure
 from .figures_in_words import words_of
 from .json_text import child, entries, json_object
 from .page_table import PageTable, cell
-from .quantities import quantity, unit_for
+from .quantities import quantity, rounded
 from .text import drop_empty_columns, number, plain
 
 
@@ -55,12 +56,12 @@ def _list_causes(effects: Sequence[dict[str, Any]]) -> list[PageTable]:
         return []
     rows = [
         (
-            _in_words(effect.get("name")),
+            in_words(plain(effect.get("name"))),
             plain(_write_sizes(child(effect, "parameters"))),
             number(effect.get("z")),
             number(effect.get("p_value"), 2),
             number(effect.get("delta_bic")),
-            _in_words(cell(effect.get("indistinguishable_from") or None)),
+            in_words(cell(effect.get("indistinguishable_from") or None)),
             plain(effect.get("next_experiment") or "–"),
         )
         for effect in effects
@@ -82,18 +83,13 @@ def _write_parameter(row: Mapping[str, Any], value: Any, std: Any) -> str:
     return quantity(str(row.get("name")), value, std, str(row.get("units", "")))
 
 
-def _in_words(name: Any) -> str:
-    """A cause's name, or a list of them, without the marks of a key."""
-    return plain(name).replace("_", " ")
-
-
 def _list_inseparable(groups: Sequence[dict[str, Any]]) -> list[PageTable]:
     """Causes that these runs cannot tell apart."""
     if not groups:
         return []
     rows = [
         (
-            _in_words(cell(group.get("effects"))),
+            in_words(cell(group.get("effects"))),
             plain(cell(group.get("base"))),
             plain(cell(group.get("next_experiment"))),
         )
@@ -108,7 +104,7 @@ def _list_tested(tested: Sequence[dict[str, Any]]) -> list[PageTable]:
     it can be at most."""
     rows = [
         (
-            _in_words(e.get("name")),
+            in_words(plain(e.get("name"))),
             "found" if e.get("upper_limit") is None else number(score_left(e), 3),
             _round_limit(e.get("upper_limit"), str(e.get("units", ""))),
         )
@@ -123,8 +119,7 @@ def _round_limit(limit: Any, units: str) -> str:
     """A limit in the unit of its size, in two digits."""
     if not isinstance(limit, int | float) or isinstance(limit, bool):
         return "–"
-    factor, unit = unit_for("", float(limit), units)
-    return f"{number(limit * factor, 2)} {unit}".strip()
+    return rounded("", float(limit), units, 2)
 
 
 FORECAST = (

@@ -12,7 +12,7 @@ import numpy as np
 from ..limit_values import unit_of
 from .figure_names import name_of_figure
 from .figures_in_words import said, words_of
-from .quantities import quantity, unit_for
+from .quantities import quantity, rounded, unit_for
 from .text import number, plain
 
 DIGITS = 4
@@ -143,8 +143,7 @@ def _tell_mapping(key: str, value: Mapping[str, Any]) -> str:
     units = value.get("units")
     unit = plain(units) if units else unit_of(key)
     if value["value"] == 0 and isinstance(value.get("high"), int | float):
-        factor, shown = unit_for(key, float(value["high"]), unit)
-        return f"below {number(value['high'] * factor, 2)} {shown}".strip()
+        return f"below {rounded(key, float(value['high']), unit, 2)}"
     ends = value.get("low"), value.get("high")
     if value.get("std") is None and all(isinstance(end, int | float) for end in ends):
         factor, shown = unit_for(key, _size(value["value"]), unit)

@@ -64,6 +64,12 @@ def quantity(name: str, value: Any, std: Any, units: str) -> str:
     return f"{shown} {unit}".strip()
 
 
+def rounded(name: str, value: float, units: str, digits: int) -> str:
+    """A value of which no σ is known in so many digits, in the unit that its size asks for."""
+    factor, unit = unit_for(name, value, units)
+    return f"{number(value * factor, digits)} {unit}".strip()
+
+
 def unit_for(name: str, value: float, units: str) -> tuple[float, str]:
     """Factor and unit in which people say a quantity of this name, size and unit."""
     size = abs(value)

@@ -9,6 +9,7 @@ from typing import Any
 from .answer_words import in_words
 from .figure_names import name_of_figure
 from .page_table import PageTable
+from .text import hundredths
 
 HEAD = ("figure", "bias/σ", "error/σ, rms", "within 68 %", "within 95 %")
 
@@ -27,7 +28,7 @@ def tabulate_rehearsal(told: Mapping[str, Any]) -> list[PageTable]:
     rows = [
         (
             name_of_figure(f["name"]),
-            *(_signed(f[key]) for key in ("bias_over_std", "error_over_std_rms")),
+            *(hundredths(f[key]) for key in ("bias_over_std", "error_over_std_rms")),
             *(f"{100 * f[key]:.0f} %" for key in ("coverage_68", "coverage_95")),
         )
         for f in told["figures"]
@@ -40,7 +41,3 @@ def tabulate_rehearsal(told: Mapping[str, Any]) -> list[PageTable]:
     if causes:
         found.append(PageTable("causes", ("cause", "in the twin", "named"), causes))
     return found
-
-
-def _signed(value: float) -> str:
-    return f"{value:.2f}".replace("-", "−")

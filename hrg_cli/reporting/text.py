@@ -82,6 +82,11 @@ def signed(value: Any, digits: int = 3) -> str:
     return text if text[0] in "–−0" and not text.startswith("0.") else f"+{text}"
 
 
+def hundredths(value: float) -> str:
+    """A number of the size of one with two decimals."""
+    return f"{value:.2f}".replace("-", "−")
+
+
 def number(value: Any, digits: int = 4) -> str:
     """A number as a person reads it: plain between 1e-4 and 1e7, else as a power of ten; a dash for
     anything else."""

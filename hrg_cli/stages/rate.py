@@ -200,7 +200,7 @@ def _check_tables(
     own = np.hypot(np.sqrt(found.covariance.sum()) / len(found.time_s), beside.own_std_rad_s)
     if apart is None or not own > 0:
         return []
-    damping = resonator.parameters().get("damping_rate_1_s", (0.0, 0.0, ""))[0]
+    damping = _damping_of(resonator)
     share = apart / float(found.rate_rad_s.mean())
     late = wave.mode == "forced" and damping > 0 and share > 0
     why = (
@@ -215,10 +215,15 @@ def _check_tables(
     return [checks.at_most("agrees_with_tables", abs(apart) / float(own), APART, sentence)]
 
 
+def _damping_of(resonator: Resonator) -> float:
+    """ν; 0 where the file holds none."""
+    return float(resonator.parameters().get("damping_rate_1_s", (0.0, 0.0, ""))[0])
+
+
 def _loops_at_once(wave: Wave, resonator: Resonator) -> list[str]:
     """What is taken for granted of a driven run's loops, and what it would be worth: K/(1 + ντ)
     stands for K where they act τ late, which no wave shows."""
-    damping = resonator.parameters().get("damping_rate_1_s", (0.0, 0.0, ""))[0]
+    damping = _damping_of(resonator)
     if wave.mode != "forced" or not damping > 0:
         return []
     return [

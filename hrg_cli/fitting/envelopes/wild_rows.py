@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...records import FLAG_NOT_FINITE, Wave
-from ..samples.wild import ABOUT, MOST_TOGETHER, WILD, find_lonely
+from ..samples.wild import ABOUT, WILD, find_lonely, size_of_tame
 
 Array = np.ndarray
 
@@ -69,7 +69,7 @@ def find_wild_rows(values: Array) -> tuple[Array, float]:
         return np.zeros(0, int), 0.0
     middle = float(np.median(values[known]))
     off = np.abs(np.where(known, values, middle) - middle)
-    size = max(float(np.partition(off[known], -MOST_TOGETHER - 1)[-MOST_TOGETHER - 1]), abs(middle))
+    size = max(size_of_tame(off[known]), abs(middle))
     if size == 0 or not off.max() > WILD * size:
         return np.zeros(0, int), 0.0
     places = find_lonely(off > WILD * size)

@@ -122,10 +122,10 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     if np.ndim(freedom) == 0 and np.isfinite(residual2.sum()):
         level = np.add.reduceat(residual2, starts) / (counts * freedom)
         most = residual2 if known is None else np.maximum(residual2, known)
-        if not (np.maximum.reduceat(most, starts) > (4 * freedom + 40) * level).any():
+        if not (np.maximum.reduceat(most, starts) > _far_above(freedom) * level).any():
             if known is not None:
                 share = np.add.reduceat(known, starts) / (counts * freedom)
-                level = np.maximum(level - share, KNOWN * np.minimum(share, level))
+                level = _less_motion(level, share)
             return np.repeat(level, counts)
     freedom = np.broadcast_to(np.asarray(freedom, float), residual2.shape)
     finite = np.isfinite(residual2)
@@ -140,8 +140,7 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     own = np.sort(own.reshape(len(starts), -1), axis=1)
     # the lower median: a burst in one half of a group does not reach it
     middle = own[np.arange(len(starts)), np.maximum(0, np.isfinite(own).sum(1) - 1) // 2]
-    # χ² of so many degrees is above 4·freedom + 40 less than once in 10¹⁰ rows
-    limit = (4 * freedom + 40) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts)
+    limit = _far_above(freedom) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts)
     excess = finite & (sums > limit)
     total = np.add.reduceat(np.where(excess, 0.0, sums), starts) / np.maximum(
         np.add.reduceat(np.where(excess, 0.0, weight), starts), 1
@@ -151,9 +150,19 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
         share = np.add.reduceat(share, starts) / np.maximum(
             np.add.reduceat(np.where(excess, 0.0, weight), starts), 1
         )
-        total = np.maximum(total - share, KNOWN * np.minimum(share, total))
+        total = _less_motion(total, share)
     spread = np.repeat(total, counts)
     return np.where(finite, np.where(excess, sums / np.maximum(freedom, 1), spread), np.nan)
+
+
+def _far_above(freedom: Array) -> Array:
+    """χ² of so many degrees that less than one row in 10¹⁰ exceeds."""
+    return 4 * freedom + 40
+
+
+def _less_motion(level: Array, share: Array) -> Array:
+    """Variances of pools without the motion's share, which is known to `KNOWN` of itself."""
+    return np.asarray(np.maximum(level - share, KNOWN * np.minimum(share, level)))
 
 
 def pool_rows(freedom: float) -> int:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..figure_names import name_of_figure
+from ..text import hundredths
 from .drawing import GRID, INK, SERIES, Plot, labels, legend, panels
 
 
@@ -45,11 +46,7 @@ def rehearsal_plot(report: Mapping[str, Any]) -> Plot:
     legend(right, above=True)
     words = (
         f"{report['times']} rehearsals on a simulated twin: errors of {rms.min():.2f} to"
-        f" {rms.max():.2f} standard deviations, bias of {_signed(bias.min())} to"
-        f" {_signed(bias.max())}."
+        f" {rms.max():.2f} standard deviations, bias of {hundredths(bias.min())} to"
+        f" {hundredths(bias.max())}."
     )
     return Plot("rehearsal", "Rehearsal", words, figure)
-
-
-def _signed(value: float) -> str:
-    return f"{value:.2f}".replace("-", "−")

@@ -9,6 +9,7 @@ from ...fitting.tables.allan import allan_deviation
 from ...records import Array, Compensated, Resonator
 from ...units import DEGREE_PER_HOUR
 from ..figure_names import name_of_figure
+from ..text import hundredths
 from .drawing import (
     INK,
     SERIES,
@@ -59,7 +60,7 @@ def _correlation(names: list[str], covariance: Array) -> Plot:
             ax.text(
                 j,
                 i,
-                f"{value:.2f}".replace("-", "−"),
+                hundredths(value),
                 ha="center",
                 va="center",
                 fontsize=7.5,

@@ -110,7 +110,7 @@ def find_better_pair(
     needed = (bic(without) - bic(fit)) / slow
     best, level = None, bic(fit) - WORTH * slow
     pairs = promising_pairs(without, score_effects(without, candidates), slow)
-    for pair in [one for one in pairs[: TRIED + 1] if not one.is_of(names)][:TRIED]:
+    for pair in itertools.islice((one for one in pairs if not one.is_of(names)), TRIED):
         if pair.promise <= needed:
             break
         trial = fit_pair(without, pair)

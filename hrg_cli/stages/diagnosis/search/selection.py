@@ -73,26 +73,38 @@ class Search:
 def select(base: ExtendedFit, inquiry: Inquiry) -> Search:
     """Forward selection with refit, swaps of one cause and of two, and a backward check."""
     candidates, noise = inquiry.candidates, inquiry.noise
-    first = tuple(s for s, _ in score_effects(base, candidates))
-    base, fit, found = _take_forward(base, base, [], inquiry)
+    ranked = score_effects(base, candidates)
+    first = tuple(s for s, _ in ranked)
+    selected = _take_forward(Selected(base, base, [], ranked), inquiry)
     reduced: dict[str, ExtendedFit] = {}
-    fit, found = exchange_causes(fit, found, candidates, noise, reduced)
+    fit, found = exchange_causes(selected.fit, selected.found, candidates, noise, reduced)
     two = _exchange_two(fit, found, inquiry)
     if two is not None:
         reduced = {}
-        base, fit, found = _take_forward(base, *two, inquiry)
+        selected = _take_forward(
+            Selected(selected.base, *two, score_effects(two[0], candidates)), inquiry
+        )
+        fit, found = selected.fit, selected.found
     fit, found = prune_causes(fit, found, noise, reduced)
-    last = tuple(s for s, _ in score_effects(fit, candidates))
-    return Search(base, fit, tuple(found), first, last)
+    ranked = selected.ranked if fit is selected.fit else score_effects(fit, candidates)
+    return Search(selected.base, fit, tuple(found), first, tuple(s for s, _ in ranked))
 
 
-def _take_forward(
-    base: ExtendedFit, fit: ExtendedFit, found: Sequence[Found], inquiry: Inquiry
-) -> tuple[ExtendedFit, ExtendedFit, list[Found]]:
-    """The base fit, the fit and the causes with all that are worth their price, the best first."""
-    found = list(found)
+@dataclass(frozen=True)
+class Selected:
+    """A selection on its way: the base fit, the fit with the causes found, these, and all others
+    ranked beside it."""
+
+    base: ExtendedFit
+    fit: ExtendedFit
+    found: list[Found]
+    ranked: list[tuple[Score, Variant]]
+
+
+def _take_forward(selected: Selected, inquiry: Inquiry) -> Selected:
+    """With all further causes that are worth their price, the best first."""
+    base, fit, found, ranked = selected.base, selected.fit, list(selected.found), selected.ranked
     while True:
-        ranked = score_effects(fit, inquiry.candidates)
         freed = free_second_order(fit, ranked)
         if freed is not None:
             fit, ranked = freed, score_effects(freed, inquiry.candidates)
@@ -105,7 +117,8 @@ def _take_forward(
         fit, one = step
         fit = settle_log(loosen(fit))
         found.append(one)
-    return base, fit, found
+        ranked = score_effects(fit, inquiry.candidates)
+    return Selected(base, fit, found, ranked)
 
 
 def best_step(
