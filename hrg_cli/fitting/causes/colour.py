@@ -89,8 +89,9 @@ def estimate(time_s: Array, values: Array, std: Array) -> ColouredNoise:
 
 @dataclass(frozen=True)
 class WanderLikelihood:
-    """The likelihood of a wander in one component of a residual (n,) at times from its start, with stated white σ (n,) and the
-    polynomials in time (n, d) that may be the model's fault; `smooth`: the residual less these."""
+    """The likelihood of a wander in one component of a residual (n,), at times from its start, with
+    stated white σ (n,) and the polynomials in time (n, d) that may be the model's fault; `smooth`:
+    the residual less these."""
 
     time_s: Array
     values: Array
