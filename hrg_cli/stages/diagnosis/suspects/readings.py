@@ -172,11 +172,11 @@ def of_the_rate(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
                 "rate log of wrong scale",
                 (change.scale_rate(wave, factor),),
                 1,
-                f"{logged:.4g} rad/s is logged, its wave turns as at {factor * logged:.4g}: with"
-                f" the log multiplied by {factor:.4g}",
-                f"multiply this run's rate log by {factor:.4g}, or find its unit",
+                f"{logged:.6g} rad/s is logged, its wave turns as at {factor * logged:.6g}: with"
+                f" the log multiplied by {_beside_one(factor)}",
+                f"multiply this run's rate log by {_beside_one(factor)}, or find its unit",
             )
-    if not _turns(wave) or _varies(wave):
+    if not _turns(wave) or rate_varies(wave):
         seen = _own(change.hold_rate(wave, shown), others, SCALE_FACTOR) if shown else None
         if seen is not None and abs(seen[0]) > ROTATION * seen[1]:
             rate = shown * seen[0] / common
@@ -189,7 +189,7 @@ def of_the_rate(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
                 " rate",
                 "add the rate that was turned to this run's log, or leave the run out",
             )
-    if _turns(wave) and _varies(wave):
+    if rate_varies(wave):
         late = _lateness(wave, others)
         if late is not None:
             early = "late" if late > 0 else "early"
@@ -201,6 +201,13 @@ def of_the_rate(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
                 f"the rate log comes {abs(late):.4g} s too {early}: shift its times, or start both"
                 " clocks together",
             )
+
+
+def _beside_one(factor: float) -> str:
+    """A factor to four digits of it, or to three of what it is beside one."""
+    apart = abs(factor - 1)
+    digits = 4 if apart == 0 else max(4, min(12, 3 - int(np.floor(np.log10(apart)))))
+    return f"{factor:.{digits}g}"
 
 
 def mean_rate(wave: Wave) -> float:
@@ -226,7 +233,10 @@ def _turns(wave: Wave) -> bool:
     )
 
 
-def _varies(wave: Wave) -> bool:
+def rate_varies(wave: Wave) -> bool:
+    """Whether a rate is logged that is not one constant."""
+    if not _turns(wave):
+        return False
     rate = np.asarray(wave.rate_rad_s, float)
     rate = rate[np.isfinite(rate)]
     return bool(np.ptp(rate) > 0.02 * np.abs(rate).max())
