@@ -52,7 +52,7 @@ from .diagnosis.search.explain import explain, reweighted
 from .diagnosis.search.forecast import forecast
 from .diagnosis.search.gain import held_out
 from .diagnosis.search.orientation import orient_runs, settle_signs
-from .diagnosis.suspects import Suspicion, stuck_columns, suspect_quiet_runs, suspect_runs
+from .diagnosis.suspects import Suspicion, stuck_columns, suspect_quiet_run, suspect_runs
 from .diagnosis.suspects.rivals import nearest
 from .diagnosis.thresholds import GROSS
 from .identification.modes import has_dead_channel, thin_run
@@ -220,8 +220,12 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     failed = checks.failures(closing)
     if failed and (folded := folded_beside(pieces, samples.named)):
         failed = [folded, *failed]
-    if failed and (quiet := suspect_quiet_runs(asked.waves, asked.fit, cut.untouched)):
-        return refuse(asked.waves, cut.untouched, asked.searched, quiet, asked.resonator)
+    mistake = suspect_quiet_run(
+        asked.waves, asked.fit, cut.untouched, case.search.final, failed=bool(failed)
+    )
+    if mistake is not None and mistake.surely:
+        suspected = [mistake.suspicion]
+        return refuse(asked.waves, cut.untouched, asked.searched, suspected, asked.resonator)
     verdict = word(bool(case.search.found or samples.shown), bool(failed))
 
     ahead = forecast(case, asked.waves[0].units)
@@ -239,6 +243,10 @@ def _diagnosed(asked: Asked) -> Diagnosis:
         "suspect_runs": [],
         "stability": stability(case, ahead, lambda: asked.fit(pieces, coarser=2)),
         "scores": scores(case, sized),
+        "not_separable": [
+            *report["not_separable"],
+            *([] if mistake is None else [mistake.table()]),
+        ],
         "remainder": left_over(report["remainder"], case.form, failed),
     }
     report, shares = switched_off(report, case.search.base, case.search.final)

@@ -24,6 +24,7 @@ KINDS = {
     "scale": "rate log of wrong scale",
     "missing rate": "rate log missing",
     "late": "rate log late",
+    "offset": "rate log offset",
     "pressure": "loss of pressure",
 }
 """Ways a run may be wrong, and what they are to be called."""
@@ -92,7 +93,7 @@ def turning_run(table):
 def wrong(kind, seed, **settings):
     """(waves, run_id of the wrong one) of a programme with one run wrong."""
     random = np.random.default_rng([seed, 77])
-    if kind == "late":
+    if kind in ("late", "offset"):
         settings["rate"] = COURSES
     table = table_of(seed, **settings)
     k = int(random.integers(0, len(table["run"])))
@@ -136,5 +137,7 @@ def wrong(kind, seed, **settings):
     elif kind == "late":
         time, rate = np.asarray(one.auxiliary_time_s), np.asarray(one.rate_rad_s)
         one = one.replace(rate_rad_s=np.interp(time - 0.05, time, rate))
+    elif kind == "offset":
+        one = one.replace(rate_rad_s=np.asarray(one.rate_rad_s) + 0.1)
     records[k] = one
     return estimated(records), table["run"][k]["run_id"]

@@ -115,7 +115,12 @@ def _advice(runs: Sequence[EnvelopeRun], known: Known) -> str:
 
 def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
     courses = phase_course.bends(runs, _rough_scale_factor(runs, known))
-    result = _first_fit(
+    # normal modes that decay unequally hand the wave over, which bends its phase too: that is the
+    # model's own, and taken off as a course it would be missed
+    plain = None if courses is None else _fit_at_once(runs, known, blocks)
+    if plain is not None:
+        courses = None
+    result = plain or _first_fit(
         runs if courses is None else phase_course.straighten_phases(runs, courses), known, blocks
     )
     if result is None or has_run_away(result):
@@ -161,9 +166,20 @@ def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | 
                 continue
             if best is None or result.chi2 / result.dof < best.chi2 / best.dof:
                 best = result
-            if best.converged and best.chi2 < MISFIT * best.dof:
+            if _is_noise(best):
                 return best
     return best
+
+
+def _fit_at_once(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
+    """From the propagator's start; None where that does not lead to the noise."""
+    p, offsets, _, _ = start_from_propagator(runs, known)
+    result = _from_start(runs, known, blocks, p, offsets, held_first=False)
+    return result if result is not None and _is_noise(result) else None
+
+
+def _is_noise(result: Fit) -> bool:
+    return not has_run_away(result) and result.converged and result.chi2 < MISFIT * result.dof
 
 
 def _starts(runs: Sequence[EnvelopeRun], known: Known) -> Iterator[tuple[Array, Array]]:

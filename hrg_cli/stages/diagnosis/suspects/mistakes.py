@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from .drive_logs import of_the_drive
+from .rate_offsets import of_an_offset
 from .readings import (
     Reading,
     of_a_knock,
@@ -24,6 +25,7 @@ def find_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     yield from of_the_channels(wave, others)
     yield from of_the_time(wave, others)
     yield from of_the_rate(wave, others)
+    yield from of_an_offset(wave, others)
     yield from of_the_drive(wave, others)
     yield from of_a_knock(wave)
     yield from of_the_damping(wave, others)

@@ -146,7 +146,7 @@ def of_the_rate(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     if not abs(common) > 0:  # a gyro that feels no rate says nothing of a log
         return
     turns = _turns(wave)
-    varies = turns and _varies(wave)
+    varies = rate_varies(wave)
     if turns:
         yield from _of_the_rates_size(wave, others, common)
     if not turns or varies:
@@ -181,9 +181,9 @@ def _of_the_rates_size(wave: Wave, others: ExtendedFit, common: float) -> Iterat
             "rate log of wrong scale",
             (change.scale_rate(wave, factor),),
             1,
-            f"{logged:.4g} rad/s is logged, its wave turns as at {factor * logged:.4g}: with"
-            f" the log multiplied by {factor:.4g}",
-            f"multiply this run's rate log by {factor:.4g}, or find its unit",
+            f"{logged:.6g} rad/s is logged, its wave turns as at {factor * logged:.6g}: with"
+            f" the log multiplied by {_beside_one(factor)}",
+            f"multiply this run's rate log by {_beside_one(factor)}, or find its unit",
         )
 
 
@@ -234,6 +234,13 @@ def _of_the_rates_clock(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     )
 
 
+def _beside_one(factor: float) -> str:
+    """A factor to four digits of it, or to three of what it is beside one."""
+    apart = abs(factor - 1)
+    digits = 4 if apart == 0 else max(4, min(12, 3 - int(np.floor(np.log10(apart)))))
+    return f"{factor:.{digits}g}"
+
+
 def mean_rate(wave: Wave) -> float:
     """Mean logged rate; 0 where none is logged."""
     rates = None if wave.rate_rad_s is None else np.asarray(wave.rate_rad_s, float)
@@ -254,7 +261,10 @@ def _turns(wave: Wave) -> bool:
     )
 
 
-def _varies(wave: Wave) -> bool:
+def rate_varies(wave: Wave) -> bool:
+    """Whether a rate is logged that is not one constant."""
+    if not _turns(wave):
+        return False
     rate = np.asarray(wave.rate_rad_s, float)
     rate = rate[np.isfinite(rate)]
     return bool(np.ptp(rate) > 0.02 * np.abs(rate).max())

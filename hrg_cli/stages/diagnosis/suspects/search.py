@@ -11,7 +11,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
 from ....records import Array, Wave
 from ..fits.variants import Variant
-from ..thresholds import FREQUENCIES_APART, GROSS, INADEQUATE
+from ..thresholds import FREQUENCIES_APART, GROSS
 from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none
 from .leaks import find_leaks
 from .logs import wrong_logs
@@ -35,8 +35,6 @@ DOUBTED = 2
 """Runs whose mistakes are tried, those without which the others agree best."""
 FINALISTS = 3
 """Mistakes of a run, first among quick fits of driven runs, that are fitted in full."""
-FEWEST_QUIET = 4
-"""Runs from which one is doubted where causes came near: three others must agree without it."""
 MOST_LEFT_OUT = 10
 """Runs left out one by one; of more, those that the base model misses most."""
 
@@ -70,24 +68,6 @@ def suspect_runs(
     return [*wrong_logs(waves, found.fit), *found.suspicions]
 
 
-def suspect_quiet_runs(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> list[Suspicion]:
-    """The run that is not what it says, where causes seemed to explain the runs and did not pass: one
-    mistake of one run, undone, must leave the stated noise.
-
-    Asked last, of enough runs for the others to agree without it: a misfit of a few σ is sooner
-    physics than a mistake. Driven runs that are grossly misfitted were asked in full before.
-    """
-    from scipy.special import chdtrc
-
-    if len(waves) < FEWEST_QUIET or (base.chi2 / base.dof >= GROSS and _any_logged(waves)):
-        return []
-    found = _wrong_runs(waves, fitted, base, find_mistakes, STEP)
-    if found is None or len(found.suspicions) > 1 or found.apart:
-        return []
-    noise_alone = chdtrc(found.fit.dof, found.fit.chi2) > INADEQUATE
-    return list(found.suspicions) if noise_alone else []
-
-
 def _find_strange_frequencies(fit: ExtendedFit) -> list[int]:
     """The runs that oscillate beside what most of them do; none where no two are far apart, or no
     more than half are together: then no run tells which of the others is wrong."""
@@ -113,11 +93,11 @@ def _strange_runs(
         return None
     told, fit, numbers = [], others, 0
     for run in strange:
-        cases = _cases(pieces, waves[run], run, others, fitted, find_mistakes)
+        cases = find_cases(pieces, waves[run], run, others, fitted, find_mistakes)
         if not cases:
             return None
-        case, beside = _choose(cases)
-        told.append(_describe_case(waves, case, beside, before))
+        case, beside = choose_case(cases)
+        told.append(describe_case(waves, case, beside, before))
         fit, numbers = case.fit, numbers + case.reading.parameters
     return SuspectFound(tuple(told), numbers, base, fit, fit.chi2 / fit.dof)
 
@@ -127,12 +107,11 @@ def _wrong_runs(
     fitted: Fitted,
     level: ExtendedFit,
     makers: Maker,
-    least: float = GROSS,
 ) -> SuspectFound | None:
     """Fewer than half of the runs without which the others agree, and the mistake of each; None
-    where there are none such, or χ² a degree of freedom is below `least`."""
+    where there are none such."""
     before = level.chi2 / level.dof
-    if before < least:
+    if before < GROSS:
         return None
     wrong, without = _find_culprits(waves, fitted, level)
     if not wrong:
@@ -145,28 +124,30 @@ def _wrong_runs(
             cases = [
                 case
                 for k, others in without
-                for case in _cases(_fit_without(waves, k), waves[k], k, others, fitted, makers)
+                for case in find_cases(leave_out(waves, k), waves[k], k, others, fitted, makers)
             ]
         else:
             others = fit_or_none(_flat(pieces), fitted)
             cases = (
-                [] if others is None else _cases(pieces, waves[run], run, others, fitted, makers)
+                []
+                if others is None
+                else find_cases(pieces, waves[run], run, others, fitted, makers)
             )
         if not cases:
             return None
-        last, beside = _choose(cases)
+        last, beside = choose_case(cases)
         chosen.append((last, beside))
         if last.apart is None:
             pieces[last.run] = last.reading.pieces
     if last is None or last.chi2 / last.dof - 1 > (1 - REMOVED) * (before - 1):
         return None
-    told = tuple(_describe_case(waves, case, beside, before) for case, beside in chosen)
+    told = tuple(describe_case(waves, case, beside, before) for case, beside in chosen)
     numbers = sum(case.reading.parameters for case, _ in chosen)
     apart = any(case.apart is not None for case, _ in chosen)
     return SuspectFound(told, numbers, level, last.fit, last.chi2 / last.dof, apart)
 
 
-def _choose(cases: Sequence[SuspectCase]) -> tuple[SuspectCase, tuple[SuspectCase, ...]]:
+def choose_case(cases: Sequence[SuspectCase]) -> tuple[SuspectCase, tuple[SuspectCase, ...]]:
     """The reading that explains most for what it costs, and those that explain as much."""
     noise = max(1.0, min(case.chi2 / case.dof for case in cases))
     ranked = sorted(cases, key=lambda case: case.price(noise) + PRICE * case.reading.parameters)
@@ -184,7 +165,7 @@ def _find_culprits(
     before, left_out = level.chi2 / level.dof, list[int]()
     doubted: list[tuple[int, ExtendedFit]] = []
     while len(left_out) < max(1, (len(waves) - 1) // 2):
-        without = _without_each(waves, left_out, fitted, level)
+        without = fit_without_each(waves, left_out, fitted, level)
         if not without:
             return [], []
         best = without[0][1].chi2 / without[0][1].dof
@@ -203,7 +184,7 @@ def _find_culprits(
     return [], []
 
 
-def _cases(
+def find_cases(
     pieces: Sequence[tuple[Wave, ...]],
     wave: Wave,
     run: int,
@@ -249,7 +230,7 @@ def _read(
                 out.append(SuspectCase(run, reading, fit))
         return out
 
-    if len(made) > FINALISTS and _any_logged(_flat(pieces)):
+    if len(made) > FINALISTS and any_logged(_flat(pieces)):
         quickly = fit_all(made, quick=True)
         noise = max(1.0, min((case.chi2 / case.dof for case in quickly), default=1.0))
         ranked = sorted(quickly, key=lambda case: case.price(noise))
@@ -257,7 +238,7 @@ def _read(
     return fit_all(made, quick=False)
 
 
-def _without_each(
+def fit_without_each(
     waves: Sequence[Wave], left_out: Sequence[int], fitted: Fitted, level: ExtendedFit
 ) -> list[tuple[int, ExtendedFit]]:
     """The fits without each of the runs beside those left out already, that which leaves the others
@@ -271,17 +252,18 @@ def _without_each(
         return sorted(found, key=lambda pair: pair[1].chi2 / pair[1].dof)
 
     runs = sorted(there, key=lambda k: -missed[k])[:MOST_LEFT_OUT]
-    if len(runs) > DOUBTED and _any_logged(waves):
+    if len(runs) > DOUBTED and any_logged(waves):
         runs = [k for k, _ in fit_all(runs, quick=True)[:DOUBTED]]
     return fit_all(runs, quick=False)
 
 
-def _any_logged(waves: Sequence[Wave]) -> bool:
+def any_logged(waves: Sequence[Wave]) -> bool:
     """Whether a drive is logged, so that a fit in full takes several to allow for its log."""
     return any(wave.drive_main is not None for wave in waves)
 
 
-def _fit_without(waves: Sequence[Wave], run: int) -> list[tuple[Wave, ...]]:
+def leave_out(waves: Sequence[Wave], run: int) -> list[tuple[Wave, ...]]:
+    """The pieces of all runs but one, which has none."""
     return [() if k == run else (wave,) for k, wave in enumerate(waves)]
 
 
@@ -305,7 +287,7 @@ def _figures(fit: ExtendedFit) -> str:
     )
 
 
-def _describe_case(
+def describe_case(
     waves: Sequence[Wave], case: SuspectCase, beside: Sequence[SuspectCase], before: float
 ) -> Suspicion:
     """The case in words; runs and mistakes that explain as much are named."""

@@ -124,6 +124,12 @@ def hold_rate(wave: Wave, rate_rad_s: float) -> Wave:
     return wave.replace(rate_rad_s=np.full(len(wave), rate_rad_s))
 
 
+def offset_rate(wave: Wave, more_rad_s: float) -> Wave:
+    """The logged rate with a constant added."""
+    assert wave.rate_rad_s is not None
+    return wave.replace(rate_rad_s=np.asarray(wave.rate_rad_s, float) + more_rad_s)
+
+
 def advance_rate(wave: Wave, late_s: float) -> Wave:
     """The rate log moved forward by the time it came late; its first and last value held."""
     rate, time = np.asarray(wave.rate_rad_s, float), np.asarray(wave.time_s, float)

@@ -1,0 +1,193 @@
+"""The mistake of one run that causes of the catalogue stood in for: asked last, of what they explain.
+
+A misfit of a few σ is sooner physics than a mistake, so much is asked of a mistake here: the other
+runs agree without that run at the stated noise, all agree once it is undone, and it is a cheaper
+account of the runs than the causes were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ....effects.effect import Effect
+from ....fitting import checks
+from ....fitting.causes import extended_fit, fit_point
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....records import Wave
+from ..fits.refits import QUICK_STEPS
+from ..thresholds import GROSS, WORTH
+from .cases import Fitted, SuspectCase, fit_or_none
+from .mistakes import find_mistakes
+from .own_numbers import largest_gain
+from .readings import Reading
+from .search import (
+    DOUBTED,
+    any_logged,
+    choose_case,
+    describe_case,
+    find_cases,
+    fit_without_each,
+    leave_out,
+)
+from .suspicion import Suspicion
+from .thermometers import of_the_thermometer
+
+FEWEST_RUNS = 4
+"""Runs from which one is doubted: three others must agree without it."""
+PROMISED = 0.9
+"""Part of what causes take of χ² that a number of one run's own must promise to be held against them."""
+
+
+@dataclass(frozen=True)
+class QuietMistake:
+    """A mistake of one run that stands in for causes, these by name; surely: whether the runs would
+    sooner have made it than show the causes, or cannot tell."""
+
+    suspicion: Suspicion
+    causes: tuple[str, ...]
+    surely: bool
+
+    def table(self) -> dict[str, Any]:
+        """As an entry of what the runs cannot tell apart."""
+        one = self.suspicion
+        return {
+            "effects": list(self.causes),
+            "base": f"{one.run_id}: {one.what}, which leaves as little",
+            "next_experiment": f"look at {one.run_id}'s log, or repeat that run",
+        }
+
+
+def suspect_quiet_run(
+    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, final: ExtendedFit, *, failed: bool
+) -> QuietMistake | None:
+    """The run that is not what it says: one mistake of it, undone, leaves the stated noise, in place of
+    all causes, of one of them, or beside them.
+
+    base, final: the fits of these waves without and with the causes found; failed: whether the
+    closing checks have taken the word from these, so that every mistake is tried. Of causes that
+    pass, mistakes that promise as much are.
+    """
+    if len(waves) < FEWEST_RUNS or (any_logged(waves) and not _worth_asking(base)):
+        return None
+    doubtful = None
+    for level in _levels(waves, fitted, base, final):
+        if level.before is None or not (
+            (failed and level.asked_of_failed) or _promises(level.before, final)
+        ):
+            continue
+        found = _find_mistake(waves, level.fitted, level.before)
+        if found is None:
+            continue
+        case, beside = found
+        chosen = case.reading.parameters * float(np.log(len(case.fit.residual)))
+        gained = min(_price(final), _price(level.before)) - _price(case.fit) - chosen
+        if gained < -WORTH:
+            continue
+        before = level.before.chi2 / level.before.dof
+        kept = {effect.name for effect, _ in level.before.point.active}
+        mistake = QuietMistake(
+            describe_case(waves, case, beside, before),
+            tuple(e.name for e, _ in final.point.active if e.name not in kept),
+            surely=gained > WORTH,
+        )
+        if mistake.surely:
+            return mistake
+        doubtful = doubtful or mistake
+    return doubtful if doubtful is not None and doubtful.causes else None
+
+
+def _worth_asking(driven: ExtendedFit) -> bool:
+    """Whether driven runs, whose fits take long, are asked: those grossly misfitted were so before,
+    and of those with none no mistake can be seen beside what the drive's log may miss."""
+    return driven.chi2 / driven.dof < GROSS and not _is_noise(driven)
+
+
+@dataclass(frozen=True)
+class _Level:
+    """A model beside which a mistake is looked for: its fit of waves, and that of the runs as they are
+    (None: there is none)."""
+
+    fitted: Fitted
+    before: ExtendedFit | None
+    asked_of_failed: bool = True
+
+
+def _levels(
+    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, final: ExtendedFit
+) -> Iterator[_Level]:
+    """The base model; then it with all but one of the causes found, and with all that are no one
+    run's."""
+    yield _Level(fitted, base)
+    common = [(e, values) for e, values in final.point.active if not e.of_one_run]
+    if any_logged(waves):
+        return
+    if len(final.point.active) > 1:
+        for effect, _ in final.point.active:
+            others = _beside(fitted, [pair for pair in common if pair[0].name != effect.name])
+            yield _Level(others, fit_or_none(waves, others), asked_of_failed=False)
+    if common:
+        beside_all = _beside(fitted, common)
+        yield _Level(beside_all, fit_or_none(waves, beside_all))
+
+
+def _beside(fitted: Fitted, causes: Sequence[tuple[Effect, Mapping[str, float]]]) -> Fitted:
+    """The base model's fit followed by that with these causes too."""
+
+    def fit(waves: Sequence[Wave], *, quick: bool = False) -> ExtendedFit:
+        plain = fitted(waves, quick=quick)
+        point = plain.point
+        for effect, values in causes:
+            point = fit_point.add_effect(point, effect, values)
+        return extended_fit.fit(plain.series, point, plain.freedom, QUICK_STEPS)
+
+    return fit
+
+
+def _promises(before: ExtendedFit, final: ExtendedFit) -> bool:
+    """Whether a number of one run's own may do what the causes did that stand in `final` alone."""
+    done = _excess(before) - _excess(final)
+    return done > WORTH and largest_gain(before) > PROMISED * done
+
+
+def _price(fit: ExtendedFit) -> float:
+    """Excess of χ², and k ln N for the k numbers fitted."""
+    rows = len(fit.residual)
+    return _excess(fit) + (rows - fit.dof) * float(np.log(rows))
+
+
+def _excess(fit: ExtendedFit) -> float:
+    """χ² over one a row: of fits whose rows differ."""
+    return fit.chi2 - len(fit.residual)
+
+
+def _find_mistake(
+    waves: Sequence[Wave], fitted: Fitted, before: ExtendedFit
+) -> tuple[SuspectCase, tuple[SuspectCase, ...]] | None:
+    """The mistake of one run that leaves the stated noise, and those as good; None where there is
+    none, or where a run is merely unlike the others."""
+    agreeing = [pair for pair in fit_without_each(waves, [], fitted, before) if _is_noise(pair[1])]
+    cases = [
+        case
+        for run, others in agreeing[:DOUBTED]
+        for case in find_cases(
+            leave_out(waves, run), waves[run], run, others, fitted, _find_every_mistake
+        )
+    ]
+    if not cases:
+        return None
+    case, beside = choose_case(cases)
+    return (case, beside) if case.apart is None and _is_noise(case.fit) else None
+
+
+def _find_every_mistake(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+    """The mistakes of a run's motion, and of its thermometer where a cause follows it."""
+    yield from find_mistakes(wave, others)
+    yield from of_the_thermometer(wave, others)
+
+
+def _is_noise(fit: ExtendedFit) -> bool:
+    return checks.goodness(fit.chi2, fit.dof).passed
