@@ -34,6 +34,8 @@ def freedom_of(series: MeasuredRuns, point: Point, scale_factor: float | None) -
     damping = max(abs(float(point.p[DAMPING])), 0.01 / span)
     split = max(float(np.hypot(*point.p[FREQUENCY_SPLIT])), damping, 1 / span)
     nominal = nominal_scale_factor(series.mode_number) if scale_factor is None else scale_factor
+    # wide enough to bend nothing that a passive resonator can be: |νδμ| ≤ ν costs 0.01 of χ² at
+    # most, the first guess's frequency split a thousandth
     std = np.array([np.inf, 10 * damping, 10 * damping, 30 * split, 30 * split, 0.0, 0.0])
     loose = std.copy()
     loose[SECOND_ORDER] = 1.0
@@ -61,6 +63,7 @@ def _tell(rates: Array, turned: Sequence[float], nominal: float) -> bool:
     """Whether logged rates, and the table's turn in every run, tell K."""
     if len(rates) and np.ptp(rates) > DIFFERENT_RATES * np.abs(rates).max():
         return True
+    # 2KΩt is the angle by which R(4θ) turns: after a whole period of it K Ω is no damping split
     return bool(2 * abs(nominal) * max(turned, default=0.0) > 2 * np.pi)
 
 

@@ -64,6 +64,7 @@ def guess(
         if regressed is not None:
             p, offsets = regressed
         p[DAMPING] = max(p[DAMPING], 0.0)
+        # of runs that do not turn, the nominal one: prior_mean is (…, K, second order)
         p[SCALE_FACTOR] = (
             p[SCALE_FACTOR] or freedom(known, p, runs[0].mode_number, 1.0).prior_mean[-2]
         )

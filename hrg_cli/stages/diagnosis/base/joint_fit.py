@@ -69,6 +69,8 @@ def fit_base(
         if is_gross(first) and again.chi2 / again.dof >= first.chi2 / first.dof:
             break  # no motion of the base model is theirs
         first = again
+    # the log's time first: what else the log may have missed is allowed for beside it, and would
+    # take part of a lateness up
     late = fit_lateness(first)
     if not is_gross(late) and is_thinkable(late):
         return _beside_log(fit_rate_steps(late))

@@ -70,6 +70,8 @@ def closing_checks(
     """
     search, level = case.search, case.inquiry.noise.white
     final = search.final
+    # the fit is weighed by the noise that was found between the windows; asked is the one they state
+    chi2_stated = final.chi2 * level**2
     return [
         checks.holds(
             "nothing_left_over",
@@ -86,7 +88,7 @@ def closing_checks(
             + " and ".join(f"{hz:.6g} Hz" for hz in lines_hz),
         ),
         checks.goodness(
-            final.chi2 * level**2,
+            chi2_stated,
             final.dof,
             "the final model leaves more than the noise that the windows state",
             "chi2_per_dof",
@@ -197,6 +199,7 @@ def _expected(fit: ExtendedFit, fold: Array) -> float:
     places = fit.design.places
     information = np.linalg.pinv(fit.covariance[np.ix_(places, places)], hermitian=True)
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    # scaled to ones on the diagonal: what the others hold is then a part of all, whatever the units
     power, vectors = np.linalg.eigh((information - shared.T @ shared) / np.outer(size, size))
     unknown = np.sum((shared / size @ vectors) ** 2, axis=0) / np.maximum(power, LEAST_INFORMATION)
     return float(np.sqrt(1 + unknown.sum() / len(fold)))
@@ -231,6 +234,7 @@ def _causes(search: Search, sized: Sized, waveform: Sequence[dict[str, object]])
     walk = unknown_walk(fit)
     for one in search.found:
         name = one.variant.effect.name
+        # a strike's sizes are held in the fit; their generalised least squares gave Δχ² as its gain
         sigma = (
             sized.sigma_off(one.variant.effect)
             if one.sizes is None
@@ -295,6 +299,7 @@ def _physics(fit: ExtendedFit) -> Iterator[Check]:
         nominal = nominal_scale_factor(fit.series.mode_number)
         value, std = fit.coordinate("scale_factor"), fit.coordinate_std("scale_factor")
         low, high = (part * nominal for part in SCALE_FACTORS)
+        # beyond three σ: a scale factor that is merely not known is no finding
         sure = value + 3 * std, value - 3 * std
         text = (
             f"the scale factor came out as {value:.4g}: the rate log has another unit or sign, or"

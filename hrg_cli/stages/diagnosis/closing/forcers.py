@@ -42,6 +42,7 @@ def moves_of_forcers(case: Case) -> dict[str, Array]:
 
 def _moves(fit: ExtendedFit, variant: Variant) -> Array:
     """Columns (7, k) of one cause; none where a typical size of it would have been named."""
+    # a difference step is a fixed part of the typical size in these runs' own units
     typical = np.array(list(variant.steps.values())) / scales.SMALL_PART
     misfit = max(fit.chi2 / fit.dof, 1.0) ** 0.5
     S = fit.sensitivities([variant.wanted])[0] * typical
@@ -49,6 +50,7 @@ def _moves(fit: ExtendedFit, variant: Variant) -> Array:
     hidden = np.sum(free**2, axis=0) < WORTH + np.log(len(fit.residual))
     S, free = S[:, hidden], free[:, hidden]
     power, turn = np.linalg.eigh(free.T @ free)
+    # S is per typical size, so that the prior is 1 in every direction
     left = turn / np.sqrt(1 + np.maximum(power, 0.0))
     likely = left @ (left.T @ (free.T @ fit.residual)) / misfit
     S = S @ np.column_stack([left, likely])

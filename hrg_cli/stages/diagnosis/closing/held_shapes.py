@@ -37,6 +37,7 @@ def _moved(fit: ExtendedFit, name: str, power: float, inflation: float) -> Exten
     if below is None or above is None:
         return above or below
     less, more = (below.chi2 - fit.chi2) / inflation, (above.chi2 - fit.chi2) / inflation
+    # χ²″/2 of the parabola, and the prior of one
     curvature = max((less + more) / 2, 0.0) + 1.0
     best = (less - more) / 4 / curvature
     return _at(fit, name, power + float(np.copysign(np.hypot(best, curvature**-0.5), best)))

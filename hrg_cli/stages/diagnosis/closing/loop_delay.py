@@ -27,6 +27,7 @@ def moves_of_delay(fit: ExtendedFit) -> dict[str, Array]:
     if beside is None:
         return {}
     more = beside.coordinate_covariance() - fit.coordinate_covariance()
+    # less than nothing is rounding: where a lateness may move K too nothing is known better
     power, turn = np.linalg.eigh(more)
     unknown = turn * np.sqrt(np.maximum(power, 0.0))
     moved = (beside.point.p - fit.point.p).reshape(COUNT, 1)

@@ -55,6 +55,9 @@ def fit_lateness(fit: ExtendedFit) -> ExtendedFit:
         told = fit.basis.off(
             whitened_rows.flatten_rows(fit.series, of_lateness(fit, beyond_scatter))
         )
+        # two-stage least squares (Theil 1953): the lateness is found along `told`, of the commands
+        # beyond their scatter, which the windows' noise did not make; along the whole column it
+        # would follow the noise that loops answer
         along, power = float(told @ column), max(float(told @ told), np.finfo(float).tiny)
         information = along**2 / power + before
         late = fit.series.drive_late_s
@@ -152,6 +155,8 @@ def beyond_scatter(series: MeasuredRuns) -> MeasuredRuns:
             good = weight > 0
             c = dct(values[k, good], norm="ortho")
             power = np.maximum(c**2, np.finfo(float).tiny)
+            # the non-negative garrote (Breiman 1995): a large coefficient stays whole, where a
+            # Wiener filter would shrink it and so make the commands too small
             values[k, good] = idct(
                 c * np.maximum(1 - (CLEAR * size[k, n]) ** 2 / power, 0.0), norm="ortho"
             )

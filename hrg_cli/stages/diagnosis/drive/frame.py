@@ -195,8 +195,11 @@ def unfollowed(
         grid = np.linspace(t[good][0], t[good][-1], FINER * int(np.count_nonzero(good)))
         values = np.interp(grid, t[good], course[k][good])
         values -= values[0]
+        # a course turned about its start is odd: it goes on through the start without a bend, and
+        # nothing begins
         whole = np.concatenate([-values[:0:-1], values]) if as_before else values
         steps = np.arange(len(whole))
+        # loops of second order follow a line without error once they are settled
         whole -= np.polynomial.Polynomial.fit(steps, whole, 1)(steps)
         for loop, natural in enumerate(natural_rad_s):
             rule = signal.bilinear(

@@ -73,6 +73,8 @@ class _Left:
         size = np.linalg.solve(power, along)
         if np.abs(size).max() > LARGEST:
             return -np.inf
+        # the likelihood of r ~ N(0, 1 + DDᵀ) over that of noise alone, by D's few columns
+        # (Woodbury)
         return float(along @ size - np.linalg.slogdet(power)[1]) / 2
 
 
@@ -89,6 +91,8 @@ def likely_beats(fit: ExtendedFit) -> list[float]:
     asked = np.abs(beats) <= SLOW * FINER * step
     for peak in _peaks(_spectrum(fit, left, beats)):
         asked |= np.abs(beats - beats[peak]) <= FINER * step
+    # the evidence is ln of the odds, `WORTH` twice that; each of so many beats is as likely
+    # beforehand
     price, out = WORTH / 2 + np.log(len(beats)), []
     best, evidence = _likeliest(fit, left, beats[asked])
     if evidence > price:

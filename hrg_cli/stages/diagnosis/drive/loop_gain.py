@@ -36,7 +36,8 @@ def _bound(series: MeasuredRuns, held: Array, command: Array) -> float:
         change, answer = np.diff(x[good]), np.diff(f[good])
         along += float(change @ answer)
         power += float(answer @ answer)
-        # of differences that follow each other, at most 4 σ² a row
+        # differences of white noise have 2σ² and −σ² with their neighbours: along any course at most
+        # 2σ² + 2σ² a row
         variance += float(np.sum(4 / weight[good][1:] ** 2 * answer**2))
     if power == 0:
         return 0.0

@@ -91,6 +91,8 @@ def _forces(stage: RungeKuttaStage, L: Array, v: Array) -> Array:
     turn, e_A, e_B, _ = frame(v, stage.state.phase_rad)
     seen = [np.conj(turn) * np.sum(axis * w, axis=-1) for w in (v, G) for axis in (e_A, e_B)]
     a, b, G_A, G_B = seen[0].real, -seen[1].imag, seen[2], seen[3]
+    # −(j/2ω)A*G = (−jP − QJ)G/4ω(a² − b²) in the wave's own axes, where (JG)_A = G_B, (JG)_B =
+    # −G_A; `unit` holds the divisor
     over = stage.state.forced / (4 * stage.state.omega_r_rad_s)
     unit = over / np.maximum(a**2 - b**2, np.finfo(float).tiny)
     f_A, f_B = stage.main, stage.quadrature

@@ -75,6 +75,8 @@ class Scatter:
             if rows < FEWEST or not series.forced[k].any():
                 continue
             commands = np.stack([series.main_drive[k][good], series.quadrature_drive[k][good]])
+            # (1, −4, 6, −4, 1): a course of third degree leaves none, white scatter √70 of itself;
+            # the median bears rows in which the command was switched
             rough = np.abs(np.diff(commands, n=4, axis=1))
             size[k] = np.median(rough, axis=1) / OF_FOURTH_DIFFERENCES
             step = float(np.median(np.diff(series.time_s[k][good])))
@@ -322,7 +324,9 @@ def _part(residual: Array, runs: Sequence[_Run]) -> float:
         squares.append((Q.T @ residual[run.rows]) ** 2)
     power, square = np.concatenate(powers), np.concatenate(squares)
     spread = 1 + PARTS[:, None] ** 2 * power
+    # −2 ln of the likelihood of every q: along Q the residual has variance 1 + q²Λ
     score = np.sum(np.log(spread) + square / spread, axis=1)
+    # every q is as likely beforehand, and the grid is no even one: its spacing weighs
     likely = np.exp((score.min() - score) / 2) * np.gradient(PARTS)
     return float(np.sqrt(np.sum(likely * PARTS**2) / np.sum(likely)))
 

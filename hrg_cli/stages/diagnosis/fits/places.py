@@ -111,6 +111,7 @@ def _clearest(
     alone."""
     gain, rank = gains(S, fit, run)
     p = evidence.chances(gain / slow, rank)
+    # nearer to an end another start of the few rows there does the same
     rows = np.arange(len(p))[FEWEST:-FEWEST]
     tried = float(np.count_nonzero(fit.series.weight))
     if only is not None:

@@ -57,6 +57,7 @@ def adopt(
         most,
         fit.flow.near,
     )
+    # what changes others and does nothing alone (an instant) has no slope before these have a size
     if not any(p.fitted_then for p in effect.parameters):
         return first
     effect = replace(

@@ -67,6 +67,7 @@ def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple
 def _thinkable(score: Score, variant: Variant, fit: ExtendedFit) -> bool:
     """Whether what stands out of the estimate's noise is of a size such a cause can have: small
     beside the oscillation and the signal."""
+    # five σ less: an estimate that noise alone makes large says nothing of the size
     beyond = np.sign(score.estimate) * np.maximum(np.abs(score.estimate) - 5 * score.std, 0.0)
     least = {
         name: float(v) for name, v in zip(variant.steps, beyond, strict=True) if np.isfinite(v)

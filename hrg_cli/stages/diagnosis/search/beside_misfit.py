@@ -227,6 +227,8 @@ class Spectrum:
             coefficients.append(
                 dct(components[kept], axis=0, norm="ortho").reshape(-1, *residual.shape[1:])
             )
+            # octaves: what is left of a slow misfit falls by powers of the frequency, and a band
+            # must hold enough coefficients to know its power
             octave = np.floor(np.log2(np.maximum(np.arange(count), 1) / FIRST_BAND)) + 1
             band.append(np.repeat(np.maximum(octave, 0).astype(int), 4))
         return cls(np.concatenate(coefficients), np.concatenate(band))

@@ -45,6 +45,10 @@ def explain(base: ExtendedFit, candidates: Sequence[Variant], most: int) -> Case
     if white is not None:
         inquiry = Inquiry(tuple(candidates), most, NoiseLevel(white=white))
         case = _searched(reweighted(base, white), inquiry)
+    # each step judges what those before it left. Causes that only the frequencies of the runs show
+    # are taken before any is given up for want of them; a cause that open terms outdo needs no
+    # better form; data held out judge the form that stays; only then is what is left over a misfit
+    # that nothing explains, out of which strikes, and in the end every cause, have to stand
     for step in (
         take_from_frequencies,
         give_way_to_open_terms,
@@ -60,6 +64,8 @@ def explain(base: ExtendedFit, candidates: Sequence[Variant], most: int) -> Case
 def _searched(base: ExtendedFit, inquiry: Inquiry) -> Case:
     """Selection and open search; repeated with inflated noise where, after both, the residual is
     still not white."""
+    # not until it settles: with more noise fewer causes are taken and more is left over, so that
+    # each round would inflate the next. The level of the last one is kept for judging
     for _ in range(2):
         search = select(base, inquiry)
         case = Case(inquiry, search, search_rest(search.final, inquiry.noise))
@@ -98,6 +104,7 @@ def noise_level(fit: ExtendedFit, remainder: Remainder | None) -> float | None:
         level = min(1.0, max([level, *more]))
     if fit.chi2 > GROSS * fit.dof * max(level, 1.0) ** 2:
         return None
+    # 8/√n is five standard deviations of the level: its median scatters by 1.6/√n
     return (
         level if abs(level - 1) > max(LEAST_CHANGE, 8 / np.sqrt(count)) and level > 1e-9 else None
     )

@@ -179,6 +179,7 @@ def _strike(variant: Variant, S: Array, model: Array, residual: Spectrum) -> Str
         weight = 1 / np.sqrt(power[cell])
         own = np.linalg.qr(model * weight[:, None])[0]
         free, left = S * weight[:, None], r * weight
+        # twice, for the rounding of what the first took off
         for _ in range(2):
             free, left = free - own @ (own.T @ free), left - own @ (own.T @ left)
         information = np.linalg.pinv(free.T @ free, hermitian=True)

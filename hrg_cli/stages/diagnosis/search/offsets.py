@@ -64,6 +64,8 @@ class Offsets:
         if dof <= 0 or self.misfit(0.0, extra)[0] <= dof:
             return 0.0
         low, high = 0.0, 10 * float(np.ptp(self.value)) + float(np.sqrt(np.trace(self.covariance)))
+        # χ² falls with the wander throughout, and at `high` is below the freedom; 60 halvings end
+        # at the rounding of a double
         for _ in range(60):
             middle = (low + high) / 2
             low, high = (middle, high) if self.misfit(middle, extra)[0] > dof else (low, middle)

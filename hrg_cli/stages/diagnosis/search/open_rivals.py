@@ -114,6 +114,8 @@ def _outdoes(rival: Rival, case: Case, full: float, mimics: bool) -> bool:
     earn its place.
     """
     slow = case.inquiry.noise.slow
+    # of a list that leaves something over each cause must be better than open terms by half of what
+    # it had to earn: there the catalogue is no longer the smaller claim
     margin = CLEARLY if case.remainder is None else -0.5 * WORTH
     bound = BOUND_COST * slow
     forbidden = case.search.final.bound_cost > bound > rival.described.fit.bound_cost

@@ -40,6 +40,8 @@ def orient_runs(
     for columns in base.sensitivities([variant.wanted for variant in coherent]):
         turned = _turn_signs(columns, base, runs)
         promised = evidence.criterion(turned.gain, columns.shape[1], len(base.residual)) - price
+        # by what it promises with its price, so that of two coherent vectors the one with fewer
+        # parameters gives the signs
         if turned.gain - turned.untouched > CLEARLY + price and promised > best:
             best, signs = promised, turned.signs
     if np.all(signs > 0):

@@ -111,6 +111,7 @@ def find_better_pair(
     best, level = None, bic(fit) - WORTH * slow
     pairs = promising_pairs(without, score_effects(without, candidates), slow)
     for pair in itertools.islice((one for one in pairs if not one.is_of(names)), TRIED):
+        # a linear model keeps what is promised and no more; the pairs behind this one promise less
         if pair.promise <= needed:
             break
         trial = fit_pair(without, pair)

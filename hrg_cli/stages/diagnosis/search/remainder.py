@@ -35,6 +35,11 @@ SHAPED, NEAR = 4, 0.6
 """Terms whose shape is refined before the best is chosen, and the part of the best one's gain from
 which they are."""
 SMOOTH = 6
+"""Slow cosines of each of the wave's components in which a misfit of the model is looked for; what
+is quicker is asked of the open terms."""
+ALIKE = 0.03
+"""Part of its gain in χ² by which a term of the read-out may do better than the same of the motion
+that is named in its place."""
 OPEN_TERMS = 3
 """Open terms that describe a rest; a rest that needs more is not described."""
 FEW = 64
@@ -78,6 +83,7 @@ def _pairs(fit: ExtendedFit) -> Iterator[tuple[Place, Covariate]]:
     """All terms looked through."""
     for covariate in covariates(fit.series, fit.flow.prediction.motion, peaks(fit)):
         for place in PLACES:
+            # a constant at a place of the motion is a coordinate of the base model itself
             if (covariate.formula != "1" or place.readout) and (
                 not covariate.places or place.name in covariate.places
             ):
@@ -94,6 +100,7 @@ def peaks(fit: ExtendedFit) -> list[float]:
     cycles = np.arange(1.5, CELLS / 2 + 1, 0.25)
     power = np.zeros(len(cycles))
     for t, kept, one in zip(series.time_s / span, good, values, strict=True):
+        # Hann: without it a step between the ends of a run fills all cells
         taper = np.sin(np.pi * np.clip((t - t[0]) / max(np.ptp(t[kept]), 1e-12), 0, 1)) ** 2 * kept
         wave = np.exp(-2j * np.pi * np.outer(cycles, t)) * taper
         power += np.sum(np.abs(wave @ one) ** 2, axis=1) / max(float(taper @ taper), 1e-12)
@@ -212,7 +219,7 @@ def best_of(fit: ExtendedFit, ranked: Sequence[Term]) -> Term:
     near = sorted([*better, *near], key=lambda t: -round(t.worth(rows), 3))
     best = near[0]
     if best.place.readout:
-        margin = max(WORTH, 0.03 * best.score.gain)
+        margin = max(WORTH, ALIKE * best.score.gain)
         alike = (t for t in near if not t.place.readout and t.covariate.name == best.covariate.name)
         moving = next(alike, None)
         if moving is not None and moving.worth(rows) > best.worth(rows) - margin:
@@ -326,6 +333,7 @@ def exchange_terms(
         place = [one for one, _ in chosen].index(name)
         if max(better, lost) < WORTH:
             fit, chosen = reduced, [*chosen[:place], *chosen[place + 1 :]]
+        # what the term itself earned must be beaten by the odds: the new one was chosen among all
         elif better > lost + WORTH:
             again = add_term(reduced, new, name)
             if again is not None and bic(again) < bic(fit) - WORTH * noise.slow:

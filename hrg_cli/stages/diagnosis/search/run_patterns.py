@@ -118,6 +118,8 @@ class Knowledge:
         size = np.linalg.norm(S, axis=0)
         if not np.all(np.isfinite(size)) or not np.all(size > 0):
             return None
+        # twice: of a column that lies nearly within the basis once leaves mostly the rounding of
+        # what was taken off
         own = fit.basis.off(fit.basis.off(S / size))
         inside = own.T @ own / slow
         beside = offsets.information(response / size)
@@ -132,6 +134,7 @@ class Knowledge:
         rows = information > 0
         shown = V.T @ (own.T @ fit.residual / slow)
         told = np.divide(shown, information, out=np.zeros_like(shown), where=rows)
+        # M + I is 1 along every v_k, so that half of it is where offsets and rows know as much
         better = share > 0.5
         if not better.any():
             return None
@@ -177,6 +180,8 @@ def _pattern(variant: Variant, known: Knowledge, offsets: Offsets, stands: bool)
     rank, dof = basis.shape[1] - means.shape[1], len(left.value) - basis.shape[1]
     if rank < 1 or dof < SPARE:
         return None
+    # the wander is the one beside the cause, so that after = dof where there is any: F judges the
+    # cause by what it leaves, and by no less than the offsets' own noise
     p = float(fdtrc(rank, dof, (before - after) / rank / max(1.0, after / dof)))
     size, covariance = left.follow(known.response, wander)
     if known.shift.any() or float(np.sum(known.information * size**2)) > TELLING:
@@ -196,6 +201,7 @@ def _agrees(known: Knowledge, size: Array, covariance: Array) -> bool:
     apart = (size - known.told)[told]
     spread = covariance[np.ix_(told, told)] + np.diag(1 / known.information[told])
     distance = float(apart @ np.linalg.solve(spread, apart))
+    # the chance of one number so many σ off, whatever the number of directions
     return bool(chdtrc(int(told.sum()), distance) > chdtrc(1, EXCLUDED**2))
 
 

@@ -82,8 +82,11 @@ def select(base: ExtendedFit, inquiry: Inquiry) -> Search:
     selected = _take_forward(Selected(base, base, [], ranked), inquiry)
     reduced: dict[str, ExtendedFit] = {}
     fit, found = exchange_causes(selected.fit, selected.found, candidates, noise, reduced)
+    # one by one first: most lists end there, and a pair is only asked of what no single exchange
+    # betters. What a better pair frees may be taken by further causes
     two = _exchange_two(fit, found, inquiry)
     if two is not None:
+        # the fits without one of the causes were made beside the others of the old list
         reduced = {}
         selected = _take_forward(
             Selected(selected.base, *two, score_effects(two[0], candidates)), inquiry
@@ -146,6 +149,8 @@ def best_step(
         others = [pair for pair in ranked if pair[0].name not in names]
         return best_step(fit, others, noise, rounds - 1) if rounds > 1 and others else None
     _, chosen, score, variant = trials[0]
+    # χ² falls with any parameter; what predicts rows it has not seen no better has learned these by
+    # heart
     if not predicts_better(fit, chosen):
         return None
     rivals = _rivals_of_best(trials, ranked, noise)
