@@ -179,38 +179,23 @@ def _result(
     """One stage on waves and, where it is asked for, its result's rehearsal, unless that was done
     before."""
     asked = work.rehearse if stage in REHEARSED else None
-    note, read = output.with_suffix(".json"), tuple(p.name for p in inputs)
+    note = output.with_suffix(".json")
     try:
-        key = memory.key_of(
-            [
-                *work.same_if,
-                stage,
-                work.settings[stage],
-                work.limits,
-                *([] if asked is None else [{"rehearse": asked}]),
-            ],
-            [*inputs, *beside.values()],
-        )
+        key = _key_of_result(work, stage, asked, [*inputs, *beside.values()])
         done = memory.recall(note, key)
         if done is not None and done.get("steps"):
             return list(_list_steps(done["steps"]))
         _begin(work, note, [output, *(extended_beside(output) if stage == "diagnose" else ())])
         outcome = _run_noted_stage(work, stage, inputs, output, note, beside)
-        outputs = [output]
-        if isinstance(outcome.record, Diagnosis):
-            force = work.replace or all(
-                not p.exists() or memory.is_ours(note, p) for p in extended_beside(output)
-            )
-            outputs += write_extended(outcome.record, output, force)
-        told = {k: v for k, v in outcome.json.items() if k not in ("elapsed_s", "output")}
-        record = outcome.record
-        further = []
+        outputs = [output, *_write_extended_beside(work, outcome.record, output, note)]
+        record, further = outcome.record, list[Step]()
         if asked is not None and record.status != "refused":
             further = [_rehearse_result(work, asked, inputs, output)]
             record = store.read(output, type(record))
+        told = {k: v for k, v in outcome.json.items() if k not in ("elapsed_s", "output")}
         step = Step(
             stage,
-            read,
+            tuple(p.name for p in inputs),
             output.name,
             record.status,
             record.status_reasons,
@@ -223,7 +208,26 @@ def _result(
     except (DiskFullError, UsageError):
         raise
     except HrgError as error:
-        return [Step(stage, read, output.name, "failed", (str(error),))]
+        return [Step(stage, tuple(p.name for p in inputs), output.name, "failed", (str(error),))]
+
+
+def _key_of_result(
+    work: Work, stage: str, rehearsed: Mapping[str, Any] | None, inputs: Sequence[Path]
+) -> str:
+    """What a result is remembered by: all that it depends on."""
+    rehearsal = [] if rehearsed is None else [{"rehearse": rehearsed}]
+    settings = [*work.same_if, stage, work.settings[stage], work.limits, *rehearsal]
+    return memory.key_of(settings, inputs)
+
+
+def _write_extended_beside(work: Work, record: Record, output: Path, note: Path) -> list[Path]:
+    """The files of a diagnosis' extended model, written beside it over those of an earlier run
+    alone; none of another result."""
+    if not isinstance(record, Diagnosis):
+        return []
+    earlier = [path for path in extended_beside(output) if path.exists()]
+    force = work.replace or all(memory.is_ours(note, path) for path in earlier)
+    return list(write_extended(record, output, force))
 
 
 def _rehearse_result(

@@ -115,13 +115,7 @@ def run_files(
     store.check_output(page, force)
     steps = _follow_chain(paths, folder, tables, wanted, run, gyro, rehearsals)
     _need_result(steps, folder if made_folder else None)
-    made = list(
-        dict.fromkeys(
-            folder / step.output
-            for step in steps
-            if step.status != "failed" and step.name != "rehearse"
-        )
-    )
+    made = _files_made(steps, folder)
     found, rows = _answer(made, wanted)
     pageless = without_pages()
     if not pageless:
@@ -133,10 +127,7 @@ def run_files(
         "steps": [dataclasses.asdict(step) for step in steps],
         "report": str(page) if made and not pageless else None,
     }
-    with store.atomic_path(folder / MARK, force=True) as temporary:
-        temporary.write_text(
-            json.dumps(console.clean(report), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
-        )
+    _write_report(folder / MARK, report)
     report["elapsed_s"] = round(time.monotonic() - started, 3)
 
     def show() -> None:
@@ -145,6 +136,19 @@ def run_files(
         console.say(f"page: {page}" if not pageless else f"no page: {pageless}")
 
     return report, show
+
+
+def _files_made(steps: Sequence[Step], folder: Path) -> list[Path]:
+    """The files of the steps that succeeded, each once: a rehearsal writes into the file that it
+    rehearses."""
+    made = [step for step in steps if step.status != "failed" and step.name != "rehearse"]
+    return list(dict.fromkeys(folder / step.output for step in made))
+
+
+def _write_report(path: Path, report: Mapping[str, Any]) -> None:
+    text = json.dumps(console.clean(report), indent=1, ensure_ascii=False) + "\n"
+    with store.atomic_path(path, force=True) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def _follow_chain(

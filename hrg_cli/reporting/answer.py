@@ -118,42 +118,36 @@ def answer(
     True
     """
     of_kind = {record.kind: record for record in records}
-    diagnosis, resonator, calibration = (
-        of_kind.get("diagnosis"),
-        of_kind.get("resonator"),
-        of_kind.get("calibration"),
-    )
-    assert not isinstance(diagnosis, Record) or isinstance(diagnosis, Diagnosis)
-    results = [
-        r for r in (diagnosis, calibration, resonator, of_kind.get("compensated")) if r is not None
-    ]
+    kinds = ("diagnosis", "calibration", "resonator", "compensated")
+    results = [of_kind[kind] for kind in kinds if kind in of_kind]
     if not results:
         return None
-    report = json_object(diagnosis.report) if isinstance(diagnosis, Diagnosis) else {}
-    departure = answer_words.departure_of(diagnosis) if isinstance(diagnosis, Diagnosis) else None
+    found, resonator = of_kind.get("diagnosis"), of_kind.get("resonator")
+    diagnosis = found if isinstance(found, Diagnosis) else None
+    report = json_object(diagnosis.report) if diagnosis is not None else {}
+    departure = answer_words.departure_of(diagnosis) if diagnosis is not None else None
     causes = answer_words.causes_of(report, departure)
-    verdict = plain(diagnosis.verdict) if isinstance(diagnosis, Diagnosis) else None
+    verdict = plain(diagnosis.verdict) if diagnosis is not None else None
+    calibration = of_kind.get("calibration")
     used = calibration if isinstance(calibration, Calibration) else None
-    tables = _of_tables(used) if used is not None else ""
     examined = _examined(results)
-    if isinstance(diagnosis, Diagnosis):
-        runs = len(json_list(diagnosis.run_ids))
-        sentence = answer_words.sentence(plain(diagnosis.verdict), report, departure, causes, runs)
-    elif tables:
-        sentence, tables = tables, ""
-    else:
-        sentence = _of_resonator(results[-1])
     parameters, of = _parameters(diagnosis, resonator)
     moved = _moved(report)
-    if not causes:
-        sentence += _say_farthest(moved)
+    of_runs = None
+    if diagnosis is not None:
+        runs = len(json_list(diagnosis.run_ids))
+        of_runs = answer_words.sentence(plain(diagnosis.verdict), report, departure, causes, runs)
+    sentence = _say_results(of_runs, used, results[-1], "" if causes else _say_farthest(moved))
     named = dict(names or {})
     one_signal = isinstance(resonator, Resonator) and resonator.modes_alone
     if one_signal:
         named.pop("resonator", None)
+    # one channel alone has no wave angle that an equation of the rate could be of
+    without_rate = one_signal and used is None
+    equation = "" if without_rate else answer_use.equation(used, [c.name for c in causes])
     return Answer(
         gyro_id=plain(next((g for r in results if (g := getattr(r, "gyro_id", ""))), "")),
-        sentence=sentence + (f" {tables}" if tables else ""),
+        sentence=sentence,
         health=_health(verdict, causes),
         validity=_validity(verdict, examined),
         verdict=verdict,
@@ -168,14 +162,21 @@ def answer(
         suspect_runs=tuple(answer_words.suspect_run(e) for e in entries(report, "suspect_runs")),
         stability=answer_words.stability(report),
         next_runs=answer_words.next_runs(report),
-        equation=answer_use.equation(used, [c.name for c in causes])
-        if used is not None or not one_signal
-        else "",
+        equation=equation,
         snippet=answer_use.snippet(report, used, parameters),
-        commands=answer_use.commands(
-            named, diagnosis if isinstance(diagnosis, Diagnosis) else None, used
-        ),
+        commands=answer_use.commands(named, diagnosis, used),
     )
+
+
+def _say_results(
+    of_diagnosis: str | None, tables: Calibration | None, last: Record, farthest: str
+) -> str:
+    """What the gyro is, in a few sentences: by its diagnosis, else by its tables, else by the last
+    of its results; then the value of the supplied model that is the farthest off."""
+    gained = "" if tables is None else _of_tables(tables)
+    if of_diagnosis is None:
+        return (gained or _of_resonator(last)) + farthest
+    return of_diagnosis + farthest + (f" {gained}" if gained else "")
 
 
 def _examined(results: Sequence[Record]) -> list[Record]:

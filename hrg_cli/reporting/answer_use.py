@@ -98,52 +98,62 @@ def snippet(
 ) -> str:
     """C with the numbers: the tables, which were made of the channels as they are; else the
     channels put right, then the rate."""
-    if calibration is not None and is_rate_table(calibration):
-        return ""
     if calibration is not None:
-        lines = ['#include "calibration.h"  /* hrg export calibration.h5 -o calibration.h */']
-        measured = "0.0"
-        if measured_part(calibration) is not None:
-            measured = "measured"
-            lines.append(
-                "double measured = hrg_measured_drift_rad_s(x, theta, ratio, frequency_hz);"
-                "  /* ratio: a_B/a_A */"
-            )
-        lines.append(f"double rate_rad_s = hrg_rate_rad_s(x, theta, dtheta_dt, {measured});")
-        return "\n".join(lines)
-    lines = []
-    found = {
-        str(e.get("name")): {
-            k: as_float(p.get("value"))
-            for k, p in child(e, "parameters").items()
-            if isinstance(p, dict)
+        return "" if is_rate_table(calibration) else _rate_by_tables(calibration)
+    return "\n".join([*_channels_put_right(report), *_rate_by_drift(report, parameters)])
+
+
+def _rate_by_tables(calibration: Calibration) -> str:
+    """C that takes the rate from the exported tables."""
+    lines = ['#include "calibration.h"  /* hrg export calibration.h5 -o calibration.h */']
+    measured = "0.0"
+    if measured_part(calibration) is not None:
+        measured = "measured"
+        lines.append(
+            "double measured = hrg_measured_drift_rad_s(x, theta, ratio, frequency_hz);"
+            "  /* ratio: a_B/a_A */"
+        )
+    lines.append(f"double rate_rad_s = hrg_rate_rad_s(x, theta, dtheta_dt, {measured});")
+    return "\n".join(lines)
+
+
+def _channels_put_right(report: Mapping[str, Any]) -> list[str]:
+    """C that undoes a read-out's fault; nothing where none was found that a real matrix undoes."""
+    found = {}
+    for cause in entries(dict(report), "effects"):
+        parameters = child(cause, "parameters").items()
+        found[str(cause.get("name"))] = {
+            name: as_float(p.get("value")) for name, p in parameters if isinstance(p, dict)
         }
-        for e in entries(dict(report), "effects")
-    }
     matrix = matrix_of(found)
     # a read-out that takes all of a channel away is not undone by a matrix
-    if matrix is not None and np.linalg.cond(matrix) < SINGULAR:
-        inverse = np.linalg.inv(matrix)
-        if np.abs(inverse.imag).max() < 1e-12:
-            a = inverse.real
-            lines += [
-                "/* channels as they would be without the read-out's fault */",
-                (
-                    f"double c1 = {a[0, 0]:.9g} * c + {a[0, 1]:.9g} * s, s1 = {a[1, 0]:.9g} * c +"
-                    f" {a[1, 1]:.9g} * s;"
-                ),
-            ]
+    if matrix is None or not np.linalg.cond(matrix) < SINGULAR:
+        return []
+    inverse = np.linalg.inv(matrix)
+    if not np.abs(inverse.imag).max() < 1e-12:  # a phase is no matter of one instant's samples
+        return []
+    a = inverse.real
+    return [
+        "/* channels as they would be without the read-out's fault */",
+        (
+            f"double c1 = {a[0, 0]:.9g} * c + {a[0, 1]:.9g} * s, s1 = {a[1, 0]:.9g} * c +"
+            f" {a[1, 1]:.9g} * s;"
+        ),
+    ]
+
+
+def _rate_by_drift(report: Mapping[str, Any], parameters: Sequence[Any]) -> list[str]:
+    """C that takes the rate from the wave's turn, less the drift of a damping split (seed A (8));
+    nothing where the resonator is not known as far."""
     known = {p.name: p.value for p in parameters}
-    if {"damping_split_1_s", "damping_axis_rad", "scale_factor"} <= set(known):
-        m = int(as_float(report.get("mode_number"))) if report.get("mode_number") else 2
-        split, axis, factor = (
-            known[k] for k in ("damping_split_1_s", "damping_axis_rad", "scale_factor")
-        )
-        lines += [
-            f"double drift = {split:.9g} * sin({2 * m} * (theta - {axis:.9g}));  /* rad/s */",
-            f"double rate_rad_s = (drift - {m} * dtheta_dt) / {factor:.9g};",
-        ]
-    return "\n".join(lines)
+    if not {"damping_split_1_s", "damping_axis_rad", "scale_factor"} <= set(known):
+        return []
+    m = int(as_float(report.get("mode_number"))) if report.get("mode_number") else 2
+    split, axis = known["damping_split_1_s"], known["damping_axis_rad"]
+    return [
+        f"double drift = {split:.9g} * sin({2 * m} * (theta - {axis:.9g}));  /* rad/s */",
+        f"double rate_rad_s = (drift - {m} * dtheta_dt) / {known['scale_factor']:.9g};",
+    ]
 
 
 def commands(

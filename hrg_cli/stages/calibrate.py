@@ -163,7 +163,7 @@ def calibrate(
     whole = fit_everything(runs, limits, axis, interpolation)
     fitted, late = whole.fitted, whole.late
     if late is not None and late.taken_s:
-        remarks.insert(0, late.sentence)
+        remarks = [late.sentence, *remarks]
     folds, held_out_by = choose_folds(fitted, needed)
     coefficients = take_coefficients(given, model, axis, runs, interpolation)
     wanted = Wanted(harmonics, scale_factor_harmonics, seed, not refusals)

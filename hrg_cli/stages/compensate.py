@@ -4,7 +4,7 @@ outside what they were made for."""
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any
 
 import numpy as np
@@ -154,55 +154,91 @@ def _stream(
     spread, angles, against = RateSpread(), AngleSpread(calibration), AngleAgainstLog()
     totals = Totals(np.zeros((3, CELLS_A_PERIOD)), max(1, -(-len(wave) // windows // MOST_RATES)))
     angle, slowest, fastest = 0.0, np.inf, -np.inf
-    step = max(windows, ROWS_AT_ONCE // windows * windows)
-    begin, stop = 0, 0
-    while stop < len(wave):
-        stop = len(wave) if len(wave) - stop < 2 * step else stop + step
-        piece = wave.rows(begin, stop)
-        kept = _good_blocks(piece, windows)
-        if len(kept) < 2:
-            continue
-        # the next piece begins with this one's last good block, so that no increment is lost
-        # between them
-        of_log = _of_blocks(stretch[begin:stop], windows)[kept]
-        begin += int(kept[-1]) * windows
+    for piece, of_log in _pieces(wave, stretch, windows):
         path = path_of(
             piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False
         )
-        blocks = path.abscissa(calibration.axis)
-        need_range(calibration, blocks, name)
-        drift, scale = corrections_along(calibration, path)
+        need_range(calibration, path.abscissa(calibration.axis), name)
         time = path.interval_s
-        rate = (drift - path.turn / time) / scale
+        rate, noise, own, of_angle = _correct(path, calibration, angles)
         logged = (of_log[1:] == of_log[:-1]) & (of_log[1:] > 0)
-        noise, own = deviations(calibration, path, blocks, rate, scale)
-        of_angle = angles.along(path, blocks, rate, scale)
         steady = path.rate_rad_s[logged] if logged.any() and known else _smooth(rate)
         slowest, fastest = min(slowest, float(steady.min())), max(fastest, float(steady.max()))
         on_ground = rate - earth_rate
         middle = angle + np.cumsum(on_ground * time) - on_ground * time / 2
         angle += float((on_ground * time).sum())
-        before, after = None, None
+        before, after, std = None, None, np.hypot(noise, own)
         if known:
             true = np.where(logged, path.rate_rad_s, np.nan)
             before, after = -path.turn / time / scale_factor - true, rate - true
             totals.add(path, before, after)
-            against.add(path.middle(path.time_s), time, after, np.hypot(noise, own), of_angle)
+            against.add(path.middle(path.time_s), time, after, std, of_angle)
         spread.add(noise, own, after)
-        record = Compensated(
-            time_s=path.middle(path.time_s), rate_estimate_rad_s=on_ground, rate_estimate_rad_s_std=np.hypot(noise, own),
-            angle_estimate_rad=middle, angle_estimate_rad_std=of_angle,
-            residual_before_rad_s=before, residual_after_rad_s=after,
-            gyro_id=wave.gyro_id or calibration.gyro_id, run_id=wave.run_id, lot_id=wave.lot_id, mode_number=wave.mode_number,
-            status=wave.status, status_reasons=(*wave.status_reasons, *unknown),
-            details=json.dumps((totals.figures() if known else {}) | spread.figures() | against.figures()),
-        )  # fmt: skip
-        judged = _judge_rates(
-            record, calibration, totals if known else None, scale_factor, slowest, fastest, name
+        figures = (
+            totals.figures() if known else {}
+        )  # all so far: the last piece has those of the run
+        record = _record_of(
+            wave,
+            calibration,
+            unknown,
+            time_s=path.middle(path.time_s),
+            rate_estimate_rad_s=on_ground,
+            rate_estimate_rad_s_std=std,
+            angle_estimate_rad=middle,
+            angle_estimate_rad_std=of_angle,
+            residual_before_rad_s=before,
+            residual_after_rad_s=after,
+            details=json.dumps(figures | spread.figures() | against.figures()),
         )
+        seen = totals if known else None
+        judged = _judge_rates(record, calibration, seen, scale_factor, slowest, fastest, name)
         yield judged.judged(failures([against.check()]))
     if not np.isfinite(slowest):
         raise HrgError(f"{name}: has no good windows; see its flags, and demodulate again")
+
+
+def _correct(
+    path: AnglePath, calibration: Calibration, angles: AngleSpread
+) -> tuple[Array, Array, Array, Array]:
+    """Of every increment the rate by the tables, Ω = (D − mθ̇)/K, its σ by the windows' noise and by
+    the tables' own errors, and σ of the angle at its end."""
+    blocks = path.abscissa(calibration.axis)
+    drift, scale = corrections_along(calibration, path)
+    rate = (drift - path.turn / path.interval_s) / scale
+    noise, own = deviations(calibration, path, blocks, rate, scale)
+    return rate, noise, own, angles.along(path, blocks, rate, scale)
+
+
+def _pieces(wave: Wave, stretch: Array, windows: int) -> Iterator[tuple[Wave, Array]]:
+    """The wave in pieces that fit into memory, and on which stretch of the rate's log each good
+    block stands. Each begins with the last good block of the one before, so that no increment is
+    lost between them."""
+    step = max(windows, ROWS_AT_ONCE // windows * windows)
+    begin, stop = 0, 0
+    while stop < len(wave):
+        # a last piece shorter than the others goes with the one before it
+        stop = len(wave) if len(wave) - stop < 2 * step else stop + step
+        piece = wave.rows(begin, stop)
+        kept = _good_blocks(piece, windows)
+        if len(kept) < 2:
+            continue
+        yield piece, _of_blocks(stretch[begin:stop], windows)[kept]
+        begin += int(kept[-1]) * windows
+
+
+def _record_of(
+    wave: Wave, calibration: Calibration, unknown: Sequence[str], **columns: Any
+) -> Compensated:
+    """The rates of a piece, named and judged as its wave."""
+    return Compensated(
+        **columns,
+        gyro_id=wave.gyro_id or calibration.gyro_id,
+        run_id=wave.run_id,
+        lot_id=wave.lot_id,
+        mode_number=wave.mode_number,
+        status=wave.status,
+        status_reasons=(*wave.status_reasons, *unknown),
+    )
 
 
 def deviations(

@@ -24,6 +24,7 @@ from ..fitting.causes import extended_fit, motion_budget
 from ..fitting.causes.extended_fit import ExtendedFit
 from ..fitting.causes.fit_point import Active
 from ..fitting.causes.slow_equation import jump_times
+from ..fitting.checks import Check
 from ..fitting.envelopes import envelope_runs
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.base.contradiction import find_strangers
@@ -53,6 +54,7 @@ from .diagnosis.search.forecast import forecast
 from .diagnosis.search.gain import held_out
 from .diagnosis.search.orientation import orient_runs, settle_signs
 from .diagnosis.suspects import Suspicion, stuck_columns, suspect_quiet_run, suspect_runs
+from .diagnosis.suspects.quiet import QuietMistake
 from .diagnosis.suspects.rivals import nearest
 from .diagnosis.thresholds import GROSS
 from .identification.modes import has_dead_channel, thin_run
@@ -197,15 +199,7 @@ class InSamples:
 
 def _diagnosed(asked: Asked) -> Diagnosis:
     """The diagnosis with all the fits that it takes."""
-
-    def near(fit: ExtendedFit) -> ExtendedFit:
-        if not is_gross(fit):
-            return fit
-        near_it: ExtendedFit = fit.remembered(
-            "nearest", lambda: nearest(fit, variants(asked.searched, fit), GROSS)
-        )
-        return near_it
-
+    near = partial(_fit_nearest, asked)
     cut = cut_at_losses(asked.waves, asked.fit, near)
     candidates = variants(asked.searched, cut.untouched)
     if suspicions := suspect_runs(asked.waves, asked.fit, cut.untouched, candidates):
@@ -213,6 +207,40 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     if contradiction := find_strangers(cut.base):
         raise HrgError(contradiction)
     case, pieces, tones = _explain_beside_tones(asked, cut, near)
+    result = _judge(asked, cut, case, pieces, tones)
+    mistake = result.mistake
+    if mistake is not None and mistake.surely:
+        suspected = [mistake.suspicion]
+        return refuse(asked.waves, cut.untouched, asked.searched, suspected, asked.resonator)
+    causes = bool(case.search.found or result.samples.shown)
+    verdict = word(causes, bool(result.failed))
+    report = _report_result(verdict, asked, cut, pieces, result)
+    report, shares = switched_off(report, case.search.base, case.search.final)
+    record = record_of(case.search, asked.waves, verdict, report, result.model)
+    return with_shares(record, shares).judged(doubts(verdict, result.failed, case.search.final))
+
+
+@dataclass(frozen=True)
+class ClosedCase:
+    """The final result and what judged it: the case, the tones taken out before it, the fit whose
+    numbers are told, what the samples show, the model as written and as simulated, the closing
+    checks and those that failed in words, and a mistake of one run that may have made it all."""
+
+    case: Case
+    tones: Sequence[Tone]
+    sized: Sized
+    samples: InSamples
+    model: str
+    written: Written | None
+    closing: Sequence[Check]
+    failed: list[str]
+    mistake: QuietMistake | None
+
+
+def _judge(
+    asked: Asked, cut: Cut, case: Case, pieces: Sequence[Wave], tones: Sequence[Tone]
+) -> ClosedCase:
+    """The case held against the samples, against its own simulation, and by the closing checks."""
     sized = Sized.of(case)
     samples = _seen_in_samples(asked.waves, case, cut, tones)
     model, written = _written(asked, case, cut, pieces, samples)
@@ -223,35 +251,44 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     mistake = suspect_quiet_run(
         asked.waves, asked.fit, cut.untouched, case.search.final, failed=bool(failed)
     )
-    if mistake is not None and mistake.surely:
-        suspected = [mistake.suspicion]
-        return refuse(asked.waves, cut.untouched, asked.searched, suspected, asked.resonator)
-    verdict = word(bool(case.search.found or samples.shown), bool(failed))
+    return ClosedCase(case, tones, sized, samples, model, written, closing, failed, mistake)
 
+
+def _report_result(
+    verdict: str, asked: Asked, cut: Cut, pieces: Sequence[Wave], result: ClosedCase
+) -> dict[str, Any]:
+    """The report of a result: what the causes are, gain and leave, and every check of it."""
+    case, samples, written = result.case, result.samples, result.written
     ahead = forecast(case, asked.waves[0].units)
-    untouched = _untouched(case, cut) if cut.steps or tones else case.search.base
+    untouched = _untouched(case, cut) if cut.steps or result.tones else case.search.base
     gain = held_out(untouched, case.search.final, cut.own, cut.origin)
-    report = report_of(verdict, case, sized, gain, asked.resonator, untouched)
-    report |= {
-        "effects": samples.shown + [in_form(e, case.form) for e in report["effects"]],
+    report = report_of(verdict, case, result.sized, gain, asked.resonator, untouched)
+    mistakes = [] if result.mistake is None else [result.mistake.table()]
+    return report | {
+        "effects": samples.shown + [in_form(cause, case.form) for cause in report["effects"]],
         "lines": samples.lines,
         "frequencies": case.frequencies,
         "wander": wander(case.search.final),
         "forecast": ahead,
-        "checks": [check.table() for check in closing],
+        "checks": [check.table() for check in result.closing],
         "written_model": None if written is None else written.table(),
         "suspect_runs": [],
         "stability": stability(case, ahead, lambda: asked.fit(pieces, coarser=2)),
-        "scores": scores(case, sized),
-        "not_separable": [
-            *report["not_separable"],
-            *([] if mistake is None else [mistake.table()]),
-        ],
-        "remainder": left_over(report["remainder"], case.form, failed),
+        "scores": scores(case, result.sized),
+        "not_separable": [*report["not_separable"], *mistakes],
+        "remainder": left_over(report["remainder"], case.form, result.failed),
     }
-    report, shares = switched_off(report, case.search.base, case.search.final)
-    record = record_of(case.search, asked.waves, verdict, report, model)
-    return with_shares(record, shares).judged(doubts(verdict, failed, case.search.final))
+
+
+def _fit_nearest(asked: Asked, fit: ExtendedFit) -> ExtendedFit:
+    """A fit with the few causes that leave least of a gross misfit; as it is where it is not
+    gross."""
+    if not is_gross(fit):
+        return fit
+    near: ExtendedFit = fit.remembered(
+        "nearest", lambda: nearest(fit, variants(asked.searched, fit), GROSS)
+    )
+    return near
 
 
 def _explain_beside_tones(

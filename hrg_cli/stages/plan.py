@@ -124,21 +124,21 @@ def plan(
     mechanics = mechanics_of(known)
     sizes, groups = open_causes(known, causes)
     acting = _acting(sizes, groups)
-    effects = tuple(
-        find(name) for name in dict.fromkeys([*sizes, *acting, *(r for g in groups for r in g)])
-    )
+    rivals = (rival for group in groups for rival in group)
+    effects = tuple(find(name) for name in dict.fromkeys([*sizes, *acting, *rivals]))
     layout = InformationColumns(effects, acting)
     common, tables, feasible = candidates(menu, device_table(mechanics))
     waves = {name: wave_of(run) for name, run in feasible.items()}
     references = reference_temperatures([*made, *waves.values()], effects)
     brought = information(list(waves.values()), mechanics, layout, references, False)
     offered = dict(zip(waves, brought, strict=True))
-    had = weak_prior(mechanics, layout) + (
+    # the runs made, where they are at hand, know what the result's covariance has forgotten
+    known_by_runs = (
         sum(information(made, mechanics, layout, references, True))
         if made
         else information_of(known, mechanics, layout)
     )
-
+    had = weak_prior(mechanics, layout) + known_by_runs
     questions = questions_of(sizes, groups, layout, [*made, *waves.values()])
     if criterion == "separate" and not questions:
         raise HrgError(
@@ -148,11 +148,9 @@ def plan(
     everything = had + sum(offered.values())
     askable = [q for q in questions if separation(everything, q, layout) >= TOLD]
     separate = bool(askable) and criterion != "variance"
-    worth: Callable[[Array], float] = (
-        (lambda M: sum_of_separations(M, askable, layout))
-        if separate
-        else (lambda M: log_information(M, mechanics))
-    )
+    worth: Callable[[Array], float] = partial(log_information, m=mechanics)
+    if separate:
+        worth = partial(sum_of_separations, questions=askable, layout=layout)
     names = choose_runs(had, offered, min(runs, len(offered)), worth)
     why = partial(
         reason_of, names=names, had=had, offered=offered,

@@ -267,18 +267,24 @@ def closing_checks(found: RateEstimate, foretold: float = 0.0) -> tuple[list[Che
         ),
         checks.at_most("rate_is_found", found.chi2_per_dof, HOPELESS, poor),
     ]
-    doubtful = [
-        *checks.check_statistics(
-            found.chi2_per_dof * found.dof,
-            found.dof,
-            [found.residual],
-            sentence=poor,
-            coloured=(
-                f"what the reference model leaves is coloured: the rate changes within {count}"
-                f" nodes' distance ({more}), or the resonator is another; the errors are those of"
-                " white noise"
-            ),
+    noise = checks.check_statistics(
+        found.chi2_per_dof * found.dof,
+        found.dof,
+        [found.residual],
+        sentence=poor,
+        coloured=(
+            f"what the reference model leaves is coloured: the rate changes within {count}"
+            f" nodes' distance ({more}), or the resonator is another; the errors are those of"
+            " white noise"
         ),
+    )
+    return impossible, [*noise, *_check_nodes(found, foretold)]
+
+
+def _check_nodes(found: RateEstimate, foretold: float) -> list[Check]:
+    """Whether rows and nodes are close enough for the rate that was found."""
+    count, more = len(found.time_s), _more_nodes(found)
+    return [
         checks.at_most(
             "row_truncation",
             found.truncation,
@@ -301,7 +307,6 @@ def closing_checks(found: RateEstimate, foretold: float = 0.0) -> tuple[list[Che
             f" {np.sqrt(1 + foretold):.2g} times those stated; {more}",
         ),
     ]
-    return impossible, doubtful
 
 
 def _more_nodes(found: RateEstimate) -> str:

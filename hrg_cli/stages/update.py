@@ -126,25 +126,34 @@ def update(
         "reference": told_by,
         "at": x,
     }
-    kept = [name for name, group in GROUPS.items() if not np.isfinite(new[group]).all()]
-    notes = [f"the resonator tells no {' and no '.join(kept)}: the tables' stays"] if kept else []
-    remarks = (
-        [f"the resonator is suspect: {reason}" for reason in resonator.status_reasons]
-        if resonator.status == "suspect"
-        else []
+    of_tables = chance < CHANCE and reference is None and "resonator" not in told_by
+    return (
+        record.replace(details=json.dumps(details))
+        .judged(_say_kept(new), "valid")
+        .judged(doubt, "refused")
+        .judged(_remarks_on(resonator, of_tables), "suspect")
     )
-    if chance < CHANCE and reference is None and "resonator" not in told_by:
+
+
+def _say_kept(new: Array) -> list[str]:
+    """What of the tables stays, since the resonator's coefficients (5,) do not hold it."""
+    kept = [name for name, group in GROUPS.items() if not np.isfinite(new[group]).all()]
+    return [f"the resonator tells no {' and no '.join(kept)}: the tables' stays"] if kept else []
+
+
+def _remarks_on(resonator: Resonator, moved_from_tables: bool) -> list[str]:
+    """What speaks against the moved tables: a resonator that is suspect itself, or a move told from
+    the tables alone."""
+    remarks = []
+    if resonator.status == "suspect":
+        remarks = [f"the resonator is suspect: {reason}" for reason in resonator.status_reasons]
+    if moved_from_tables:
         remarks.append(
             "what moved was told from the tables themselves, which hold the drive's own errors too:"
             " those are taken for the resonator's; give the resonator of the tables' time with"
             " --reference"
         )
-    return (
-        record.replace(details=json.dumps(details))
-        .judged(notes, "valid")
-        .judged(doubt, "refused")
-        .judged(remarks, "suspect")
-    )
+    return remarks
 
 
 def summary(record: Calibration) -> dict[str, Any]:

@@ -139,11 +139,8 @@ def attribute_problem(value: Any, spec: Column) -> str | None:
     if np.isinf(value) and not valid.infinite:
         return f"is {value}, a finite number was expected"
     if valid.above is not None and not value > valid.above:
-        return (
-            f"is {value:.9g}, a number above {valid.above:g} (positive) was expected"
-            if valid.above == 0
-            else f"is {value:.9g}"
-        )
+        positive = " (positive)" if valid.above == 0 else ""
+        return f"is {value:.9g}, a number above {valid.above:g}{positive} was expected"
     if valid.at_least is not None and not value >= valid.at_least:
         return f"is {value:.9g}, {valid.at_least:g} or more was expected"
     if valid.at_most is not None and not value <= valid.at_most:

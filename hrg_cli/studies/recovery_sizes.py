@@ -40,41 +40,18 @@ def choose_values(
 ) -> Callable[[float], dict[str, float]]:
     """The effect's parameters at a size, in a random direction. HrgError: these runs cannot show
     it."""
-    neutral = effect.values()
-    first, wave = recordings[0], waves[0]
-    length = float(first.times(len(first) - 1)[-1])
-    if effect.follows_temperature:
-        warm = fit.series.temperature_degc[fit.series.weight > 0]
-        neutral[REFERENCE_TEMPERATURE] = (
-            float(np.round(warm.mean(), 3))
-            if fit.series.has_temperature
-            else neutral[REFERENCE_TEMPERATURE]
-        )
-    if "time_s" in neutral:
-        neutral["time_s"] = float(random.uniform(*MIDDLE)) * length
-    if effect.of_one_run:
-        neutral[RUN] = 0.0
+    first = recordings[0]
+    neutral = _neutral_values(effect, fit, first, random)
     if effect.whole_samples:
         (lost,) = effect.fitted()
         step = float(np.median(np.diff(first.times(0, 10_000))))
         return lambda size: {**neutral, lost.name: step}
     if effect.seen_in == "waveform":
-        neutral["frequency_hz"] = float(np.median(fit.frequency_hz)) * (
-            1 + float(random.choice([-1, 1]) * random.uniform(*TONE_AWAY))
-        )
-        sigma = float(np.median(wave.signal_std)) / np.sqrt(
-            max(1, int(np.count_nonzero(wave.good())))
-        )
-        vector = random.standard_normal(len(effect.fitted()))
-        direction = dict(
-            zip(
-                (p.name for p in effect.fitted()),
-                sigma * vector / np.linalg.norm(vector),
-                strict=True,
-            )
-        )
+        away = float(random.choice([-1, 1]) * random.uniform(*TONE_AWAY))
+        neutral["frequency_hz"] = float(np.median(fit.frequency_hz)) * (1 + away)
+        vector = _tone_of_one_sigma(effect, waves[0], random)
         return lambda size: {
-            name: value + size * float(direction.get(name, 0.0)) for name, value in neutral.items()
+            name: value + size * vector.get(name, 0.0) for name, value in neutral.items()
         }
     louder = float(np.sqrt(max(1.0, fit.chi2 / fit.dof)))
     if effect.sets_in:
@@ -86,6 +63,33 @@ def choose_values(
     return lambda size: {
         name: value + size * louder * direction.get(name, 0.0) for name, value in neutral.items()
     }
+
+
+def _neutral_values(
+    effect: Effect, fit: ExtendedFit, first: Recording, random: np.random.Generator
+) -> dict[str, float]:
+    """The effect doing nothing, with what says where it stands: the runs' temperature, an instant
+    within the first of them."""
+    neutral = effect.values()
+    if effect.follows_temperature and fit.series.has_temperature:
+        warm = fit.series.temperature_degc[fit.series.weight > 0]
+        neutral[REFERENCE_TEMPERATURE] = float(np.round(warm.mean(), 3))
+    if "time_s" in neutral:
+        length = float(first.times(len(first) - 1)[-1])
+        neutral["time_s"] = float(random.uniform(*MIDDLE)) * length
+    if effect.of_one_run:
+        neutral[RUN] = 0.0
+    return neutral
+
+
+def _tone_of_one_sigma(effect: Effect, wave: Wave, random: np.random.Generator) -> dict[str, float]:
+    """A random vector of a tone, as long as the windows' noise of one component over the root of
+    their number: what an ideal detector sees at one σ."""
+    windows = max(1, int(np.count_nonzero(wave.good())))
+    sigma = float(np.median(wave.signal_std)) / np.sqrt(windows)
+    vector = random.standard_normal(len(effect.fitted()))
+    vector = sigma * vector / np.linalg.norm(vector)
+    return {p.name: float(v) for p, v in zip(effect.fitted(), vector, strict=True)}
 
 
 def beside_model(fit: ExtendedFit, columns: Array) -> Array:

@@ -333,7 +333,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         (
             ("abs(seen / scale_factor - 1) > 0.05", "abs(seen / scale_factor - 1) > 0.5"),
             ("if strong and seen * scale_factor < 0:", "if False:"),
-            ("rate = (drift - path.turn / time) / scale", "rate = (drift + path.turn / time) / scale"),
+            ("rate = (drift - path.turn / path.interval_s) / scale", "rate = (drift + path.turn / path.interval_s) / scale"),
             ("np.cumsum(on_ground * time) - on_ground * time / 2", "np.cumsum(on_ground * time)"),
             ("angle += float((on_ground * time).sum())", "angle += 0.0"),
             ("if wave.mode_number != calibration.mode_number:", "if False:"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_rgba
 from matplotlib.ticker import MaxNLocator
 
@@ -122,52 +123,39 @@ def _ranking(report: dict[str, Any]) -> Plot:
 def _gain(report: dict[str, Any]) -> Plot:
     gain = report["gain"]
     figure, axes = panels(1, 2, height=2.1, width=7.2)
-    held = str(gain.get("held_out", "data"))
-    said = []
-    for ax, before, after, label, colour in (
-        (
-            axes[0, 0],
-            as_float(child(report, "baseline").get("chi2_per_dof")),
-            as_float(child(report, "after").get("chi2_per_dof")),
-            "χ² per degree of freedom",
-            4,
-        ),
-        (
-            axes[0, 1],
-            as_float(gain.get("before")),
-            as_float(gain.get("after")),
-            f"residual on held-out {held}",
-            2,
-        ),
-    ):
-        values = [before, after]
-        ax.bar([0, 1], np.nan_to_num(values), color=[MUTED, SERIES[colour]], width=0.55)
-        ax.set_xticks([0, 1], ["before", "after"])
-        top = float(np.nanmax(values)) if np.isfinite(values).any() else 1.0
-        ax.set_ylim(0, top * 1.18 or 1.0)
-        ax.yaxis.set_major_locator(MaxNLocator(5))
-        for i, value in enumerate(values):
-            ax.annotate(
-                number(value),
-                (i, np.nan_to_num(value)),
-                xytext=(0, 3),
-                textcoords="offset points",
-                ha="center",
-                fontsize=8.5,
-            )
-        labels(ax, y=label)
-        said.append(f"{label} {number(before)} before and {number(after)} after")
-    if np.isfinite(as_float(gain.get("ratio"))):
-        note(
-            axes[0, 1],
-            f"ratio {number(as_float(gain.get('ratio')), 3)} ±"
-            f" {number(as_float(gain.get('std')), 2)}",
-        )
-        said.append(
-            f"ratio {number(as_float(gain.get('ratio')), 3)} ±"
-            f" {number(as_float(gain.get('std')), 2)}"
-        )
+    fitted = [as_float(child(report, part).get("chi2_per_dof")) for part in ("baseline", "after")]
+    held_out = [as_float(gain.get(part)) for part in ("before", "after")]
+    held = f"residual on held-out {gain.get('held_out', 'data')}"
+    said = [
+        _draw_fall(axes[0, 0], fitted, "χ² per degree of freedom", SERIES[4]),
+        _draw_fall(axes[0, 1], held_out, held, SERIES[2]),
+    ]
+    ratio, std = as_float(gain.get("ratio")), as_float(gain.get("std"))
+    if np.isfinite(ratio):
+        words = f"ratio {number(ratio, 3)} ± {number(std, 2)}"
+        note(axes[0, 1], words)
+        said.append(words)
     return Plot("gain", "Gain of the extended model", "; ".join(said) + ".", figure)
+
+
+def _draw_fall(ax: Axes, values: list[float], label: str, colour: str) -> str:
+    """A figure before and after as two bars; the same in words."""
+    ax.bar([0, 1], np.nan_to_num(values), color=[MUTED, colour], width=0.55)
+    ax.set_xticks([0, 1], ["before", "after"])
+    top = float(np.nanmax(values)) if np.isfinite(values).any() else 1.0
+    ax.set_ylim(0, top * 1.18 or 1.0)
+    ax.yaxis.set_major_locator(MaxNLocator(5))
+    for i, value in enumerate(values):
+        ax.annotate(
+            number(value),
+            (i, np.nan_to_num(value)),
+            xytext=(0, 3),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8.5,
+        )
+    labels(ax, y=label)
+    return f"{label} {number(values[0])} before and {number(values[1])} after"
 
 
 def _correlation_map(names: list[Any], matrix: Array) -> Plot:

@@ -217,22 +217,24 @@ def without_constants(rates: Rates) -> tuple[Array, str]:
     return y - basis @ solution, said
 
 
-def _rates(record: Wave, rates: Rates) -> Plot:
+def _abscissae_of_rates(record: Wave, rates: Rates) -> list[tuple[str, Array]]:
+    """(label, values) of all that the wave's rates may follow."""
     period = np.pi / record.mode_number
-    left, constants = without_constants(rates)
-    against: list[tuple[str, Array]] = [
-        (f"θ modulo {number(np.degrees(period), 3)}°", np.degrees(rates.wave_angle_rad % period))
-    ]
     factor, unit = time_unit(float(rates.time_s[-1] - rates.time_s[0]))
-    against.append((f"time, {unit}", rates.time_s * factor))
-    against.append(
-        (
-            f"a_A, {'full scale' if record.units in ('', '1') else record.units}",
-            rates.main_amplitude,
-        )
-    )
+    amplitude_unit = "full scale" if record.units in ("", "1") else record.units
+    against = [
+        (f"θ modulo {number(np.degrees(period), 3)}°", np.degrees(rates.wave_angle_rad % period)),
+        (f"time, {unit}", rates.time_s * factor),
+        (f"a_A, {amplitude_unit}", rates.main_amplitude),
+    ]
     if rates.temperature_degc is not None and np.ptp(rates.temperature_degc) > 0:
         against.append(("T, °C", rates.temperature_degc))
+    return against
+
+
+def _rates(record: Wave, rates: Rates) -> Plot:
+    left, constants = without_constants(rates)
+    against = _abscissae_of_rates(record, rates)
     decay = rates.decay_1_s - rates.decay_1_s.mean()
     rows = (
         ("m·dθ/dt, °/h", left / DEGREE_PER_HOUR, f"less {constants}"),

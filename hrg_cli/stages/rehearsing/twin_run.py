@@ -111,10 +111,19 @@ def imitate_run(
     control = _read_loops(wave, begin, device.damping_rate_1_s)
     if control is not None:
         table["control"] = control
+    return _name_twin(name, measured, device.frequency_hz, missing), table
+
+
+def _name_twin(
+    name: str, measured: Measured, frequency_hz: float, missing: tuple[str, ...]
+) -> TwinRun:
+    """How the simulated run is made a wave of, and what it is called; missing: columns that the
+    measured one did not have and that simulation writes."""
+    wave = measured.wave
     carried, absent = name_run(wave)
-    run = TwinRun(
+    return TwinRun(
         name,
-        _keep_windows(measured, device.frequency_hz),
+        _keep_windows(measured, frequency_hz),
         measured.estimate,
         carried,
         absent + missing,
@@ -122,7 +131,6 @@ def imitate_run(
         silent=twin_mode.one_signal(wave),
         window_s=wave.window_s,
     )
-    return run, table
 
 
 def _write_environment(

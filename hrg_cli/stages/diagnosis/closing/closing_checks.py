@@ -70,8 +70,6 @@ def closing_checks(
     """
     search, level = case.search, case.inquiry.noise.white
     final = search.final
-    # the fit is weighed by the noise that was found between the windows; asked is the one they state
-    chi2_stated = final.chi2 * level**2
     return [
         checks.holds(
             "nothing_left_over",
@@ -87,21 +85,7 @@ def closing_checks(
             "a line that nothing named makes was taken out of the waves, at "
             + " and ".join(f"{hz:.6g} Hz" for hz in lines_hz),
         ),
-        checks.goodness(
-            chi2_stated,
-            final.dof,
-            "the final model leaves more than the noise that the windows state",
-            "chi2_per_dof",
-        ),
-        checks.at_most(
-            "noise_level",
-            level,
-            NOISE_LEVEL,
-            f"the noise between the windows is {level:.3g} times what they state",
-        ),
-        checks.holds(
-            "windows_alike", not odd, odd or "every window's noise is like its neighbours'"
-        ),
+        *_noise(final, level, odd),
         *_whiteness(final),
         *_strikes(final, case.inquiry.noise.slow),
         *_runs(final),
@@ -115,6 +99,26 @@ def closing_checks(
         ),
         *_written(written),
     ]
+
+
+def _noise(fit: ExtendedFit, level: float, odd: str) -> Iterator[Check]:
+    """Whether what is left is the noise that the windows state, and every window's alike; `level`:
+    σ between neighbouring windows over the stated one, which the fit is weighed by."""
+    yield checks.goodness(
+        fit.chi2 * level**2,
+        fit.dof,
+        "the final model leaves more than the noise that the windows state",
+        "chi2_per_dof",
+    )
+    yield checks.at_most(
+        "noise_level",
+        level,
+        NOISE_LEVEL,
+        f"the noise between the windows is {level:.3g} times what they state",
+    )
+    yield checks.holds(
+        "windows_alike", not odd, odd or "every window's noise is like its neighbours'"
+    )
 
 
 def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
