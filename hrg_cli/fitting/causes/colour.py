@@ -26,6 +26,9 @@ SLOWEST = 20
 of the model."""
 FEWEST, MOST_ROWS = 40, 120
 """Rows from which a colour is estimated, and rows to which the residual is averaged for that."""
+LEAST_WHITE = float(np.log(1e-6))
+"""ln of the least white variance over the stated one: without any, C is no covariance where two rows
+stand close."""
 CLEAR, BESIDE = 30.0, 10.0
 """2 ln of the likelihood ratio from which noise counts as coloured, and a component does beside
 another that clearly is.
@@ -69,50 +72,87 @@ def wander(t: Array, q: float, tau: float) -> Array:
 
 def estimate(time_s: Array, values: Array, std: Array) -> ColouredNoise:
     """Noise of one component (n,) with stated white σ (n,), its polynomial in time left free."""
-    from scipy.optimize import minimize
+    course = WanderLikelihood.of(time_s, values, std)
+    freedom = max(1, len(values) - course.fixed.shape[1])
+    # the rival: white noise alone, of a level that has a closed form
+    white = float(np.mean((course.smooth / std) ** 2)) * len(values) / freedom
+    alone = course.cost(max(white, 1e-6), 0.0, 0.0)
+    # two starts: q and τ trade along a ridge (a short τ is a random walk, a long one a drift), and
+    # one start stays on its side of it
+    ends = [course.descend(tau) for tau in (course.step_s / 3, course.span_s / 40)]
+    cost, (w2, q, tau) = min(ends, key=lambda end: end[0])
+    clear = alone - cost
+    if not np.isfinite(cost) or clear < BESIDE:
+        return ColouredNoise(float(np.sqrt(white)), 0.0, 0.0, clear)
+    return ColouredNoise(float(w2) ** 0.5, float(q), float(tau), clear)
 
-    t = time_s - time_s[0]
-    span = float(t[-1])
-    fixed = np.polynomial.legendre.legvander(2 * t / span - 1, SMOOTH)
-    scale = float(np.median(std))
-    smooth = values - fixed @ np.linalg.lstsq(fixed / std[:, None], values / std, rcond=None)[0]
-    # second differences (1, −2, 1) of white noise have 6 σ², of a slow wander nearly none: a first
-    # white level that the wander does not lift
-    rough = max(float(np.sqrt(np.mean(np.diff(values, n=2) ** 2) / 6)), 1e-3 * scale)
-    step = float(np.median(np.diff(t)))
 
-    def cost(w2: float, q: float, tau: float) -> float:
-        """−2 ln of the restricted likelihood."""
-        C = np.diag(w2 * std**2) + (wander(t, q, tau) if q > 0 else 0.0)
+@dataclass(frozen=True)
+class WanderLikelihood:
+    """The likelihood of a wander in one component of a residual (n,), at times from its start, with
+    stated white σ (n,) and the polynomials in time (n, d) that may be the model's fault; `smooth`:
+    the residual less these."""
+
+    time_s: Array
+    values: Array
+    std: Array
+    fixed: Array
+    smooth: Array
+
+    @classmethod
+    def of(cls, time_s: Array, values: Array, std: Array) -> WanderLikelihood:
+        """With the polynomials fitted at the stated σ."""
+        t = time_s - time_s[0]
+        fixed = np.polynomial.legendre.legvander(2 * t / float(t[-1]) - 1, SMOOTH)
+        fitted = np.linalg.lstsq(fixed / std[:, None], values / std, rcond=None)[0]
+        return cls(t, values, std, fixed, values - fixed @ fitted)
+
+    @property
+    def span_s(self) -> float:
+        """Length of the run."""
+        return float(self.time_s[-1])
+
+    @property
+    def step_s(self) -> float:
+        """Usual time from row to row."""
+        return float(np.median(np.diff(self.time_s)))
+
+    def cost(self, w2: float, q: float, tau: float) -> float:
+        """−2 ln of the restricted likelihood, ln|C| + ln|XᵀC⁻¹X| + rᵀC⁻¹r (Patterson and Thompson
+        1971); infinite where C is no covariance."""
+        C = np.diag(w2 * self.std**2) + (wander(self.time_s, q, tau) if q > 0 else 0.0)
         try:
             L = np.linalg.cholesky(C)
         except np.linalg.LinAlgError:
             return np.inf
-        both = np.linalg.solve(L, np.column_stack([fixed, values]))
+        both = np.linalg.solve(L, np.column_stack([self.fixed, self.values]))
         Q, R = np.linalg.qr(both[:, :-1])
         left = both[:, -1] - Q @ (Q.T @ both[:, -1])
-        # ln|C| + ln|XᵀC⁻¹X| + rᵀC⁻¹r: the middle term is what makes it the restricted one, and X =
-        # QR after whitening gives it by R's diagonal
+        # the middle term is what makes it the restricted one, and X = QR after whitening gives it
+        # by R's diagonal
         return float(
             2 * np.log(np.diag(L)).sum() + 2 * np.log(np.abs(np.diag(R))).sum() + left @ left
         )
 
-    # the rival: white noise alone, of a level that has a closed form
-    white = float(np.mean((smooth / std) ** 2)) * len(t) / max(1, len(t) - fixed.shape[1])
-    alone = cost(max(white, 1e-6), 0.0, 0.0)
-    best: tuple[float, Array] = (np.inf, np.zeros(3))
-    # two starts: q and τ trade along a ridge (a short τ is a random walk, a long one a drift), and
-    # one start stays on its side of it
-    for tau in (step / 3, span / 40):
-        power = float(np.mean(smooth**2)) / (span / SMOOTH)
+    def descend(self, tau: float) -> tuple[float, Array]:
+        """(cost, (w², q, τ)) of the optimum that is reached from a τ, in logarithms of all three."""
+        from scipy.optimize import minimize
+
+        scale = float(np.median(self.std))
+        # second differences (1, −2, 1) of white noise have 6 σ², of a slow wander nearly none: a
+        # first white level that the wander does not lift
+        rough = max(float(np.sqrt(np.mean(np.diff(self.values, n=2) ** 2) / 6)), 1e-3 * scale)
+        power = float(np.mean(self.smooth**2)) / (self.span_s / SMOOTH)
         start = np.log([max((rough / scale) ** 2, 1e-4), max(power, 1e-30), tau])
         # below a tenth of a row τ is a random walk to these data; longer than the bound it is a
         # fault of the model: a quadratic wall turns the simplex back at both
-        low, high = np.log(step / 10), np.log(max(span / SLOWEST, step))
+        low = np.log(self.step_s / 10)
+        high = np.log(max(self.span_s / SLOWEST, self.step_s))
 
-        def bounded(x: Array, low: float = low, high: float = high) -> float:
+        def bounded(x: Array) -> float:
             inside = np.clip(x[2], low, high)
-            return cost(*np.exp([max(x[0], np.log(1e-6)), x[1], inside])) + (x[2] - inside) ** 2
+            cost = self.cost(*np.exp([max(x[0], LEAST_WHITE), x[1], inside]))
+            return float(cost + (x[2] - inside) ** 2)
 
         found = minimize(
             bounded,
@@ -120,17 +160,8 @@ def estimate(time_s: Array, values: Array, std: Array) -> ColouredNoise:
             method="Nelder-Mead",
             options={"xatol": 0.03, "fatol": 0.1, "maxfev": 150},
         )
-        if found.fun < best[0]:
-            best = (
-                float(found.fun),
-                np.exp(np.clip(found.x, [np.log(1e-6), -np.inf, low], [np.inf, np.inf, high])),
-            )
-
-    clear = alone - best[0]
-    if clear < BESIDE:
-        return ColouredNoise(float(np.sqrt(white)), 0.0, 0.0, clear)
-    w2, q, tau = (float(v) for v in best[1])
-    return ColouredNoise(w2**0.5, q, tau, clear)
+        bounds = [LEAST_WHITE, -np.inf, low], [np.inf, np.inf, high]
+        return float(found.fun), np.exp(np.clip(found.x, *bounds))
 
 
 def noises(

@@ -7,6 +7,10 @@ is [[s+λp, 2AB], [2AB, s+λp]] for (θ, φ), s+λp for ψ, s = A²+B². λ foll
 Nielsen & Tingleff, Methods for Non-Linear Least Squares Problems, 2004).
 """
 
+from __future__ import annotations
+
+from dataclasses import dataclass
+
 import numpy as np
 
 from .gauss_newton import (
@@ -37,11 +41,37 @@ def levenberg_marquardt(
     return by_chunks(_iterate, signals, start, settings)
 
 
-def _evaluate(z: Array, angles: Array) -> tuple[Array, tuple[Array, ...], Array]:
-    """(A, B), the half products and Σr² at `angles` (3, n)."""
-    products = half_products(*angles)
-    A, B = amplitudes(z, products)
-    return np.stack([A, B]), products, ((z - model_signals(A, B, products)) ** 2).sum(0)
+@dataclass(frozen=True)
+class Trial:
+    """Angles (3, n) with what follows from them: A and B (2, n), the half products, Σr² (n,)."""
+
+    angles: Array
+    AB: Array
+    products: tuple[Array, ...]
+    cost: Array
+
+    @classmethod
+    def at(cls, z: Array, angles: Array) -> Trial:
+        """Of signals (8, n)."""
+        products = half_products(*angles)
+        A, B = amplitudes(z, products)
+        cost = ((z - model_signals(A, B, products)) ** 2).sum(0)
+        return cls(angles, np.stack([A, B]), products, cost)
+
+    def some(self, rows: Array) -> Trial:
+        """Of some of the windows."""
+        products = tuple(p[rows] for p in self.products)
+        return Trial(self.angles[:, rows], self.AB[:, rows], products, self.cost[rows])
+
+    def moved_to(self, other: Trial, better: Array) -> Trial:
+        """The other one where that is better (n,)."""
+        pairs = zip(other.products, self.products, strict=True)
+        return Trial(
+            np.where(better, other.angles, self.angles),
+            np.where(better, other.AB, self.AB),
+            tuple(np.where(better, new, old) for new, old in pairs),
+            np.where(better, other.cost, self.cost),
+        )
 
 
 def _iterate(
@@ -56,53 +86,31 @@ def _iterate(
     # windows leave the arrays as they end, so that a few slow ones cost no more than themselves
     left = np.arange(rows.start, min(rows.stop, len(signals)))
     z = np.ascontiguousarray(signals[rows].T)
-    angles = np.ascontiguousarray(out.x[rows, 2:].T)
     size = (z**2).sum(0)
-    AB, products, cost = _evaluate(z, angles)
+    here = Trial.at(z, np.ascontiguousarray(out.x[rows, 2:].T))
     damping, growth = np.full(len(left), FIRST_DAMPING), np.full(len(left), 2.0)
     for evaluation in range(1, max_iterations + 1):
-        slope, move = _damped_move(z, AB, products, damping * size / 2, carrier_known)
+        slope, move = _damped_move(z, here.AB, here.products, damping * size / 2, carrier_known)
         # what the quadratic model says the cost falls by, moveᵀ(λ·move + slope): Nielsen's gain is
         # the fall found over it
         promised = 2 * (move * (damping * size / 2 * move + slope)).sum(0)
         # moveᵀslope is the squared length of the step in the signals: scale-free, as no angle
         # alone is (of a small wave every angle is loose)
-        done = (np.sqrt(cost / 8) <= residual_tolerance) | (
-            2 * (move * slope).sum(0) <= step_tolerance**2 * size
-        )
-        out.x[left] = np.concatenate([AB, angles]).T
-        out.residual_rms[left] = np.sqrt(cost / 8)
+        length = 2 * (move * slope).sum(0)
+        residual_rms = np.sqrt(here.cost / 8)
+        done = (residual_rms <= residual_tolerance) | (length <= step_tolerance**2 * size)
+        out.x[left] = np.concatenate([here.AB, here.angles]).T
+        out.residual_rms[left] = residual_rms
         out.evaluations[left[done]] = evaluation
         go = ~done
         if not go.any():
             return
-        left, z, size, damping, growth, promised = (
-            left[go],
-            z[:, go],
-            size[go],
-            damping[go],
-            growth[go],
-            promised[go],
-        )
-        AB, angles, cost, products = (
-            AB[:, go],
-            angles[:, go],
-            cost[go],
-            tuple(p[go] for p in products),
-        )
-        trial = angles + move[:, go]
-        AB_trial, products_trial, cost_trial = _evaluate(z, trial)
-        gain = (cost - cost_trial) / promised
-        better = cost_trial < cost
-        damping, growth = _nielsen(damping, growth, gain, better)
-        AB, angles, cost = (
-            np.where(better, AB_trial, AB),
-            np.where(better, trial, angles),
-            np.where(better, cost_trial, cost),
-        )
-        products = tuple(
-            np.where(better, new, old) for new, old in zip(products_trial, products, strict=True)
-        )
+        left, z, size, here = left[go], z[:, go], size[go], here.some(go)
+        trial = Trial.at(z, here.angles + move[:, go])
+        gain = (here.cost - trial.cost) / promised[go]
+        better = trial.cost < here.cost
+        damping, growth = _nielsen(damping[go], growth[go], gain, better)
+        here = here.moved_to(trial, better)
 
 
 def _nielsen(damping: Array, growth: Array, gain: Array, better: Array) -> tuple[Array, Array]:

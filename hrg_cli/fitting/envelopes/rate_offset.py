@@ -58,10 +58,8 @@ def rate_offset(
             break
         if abs(step) < SETTLED * std:
             return RateOffset(fit, value + step, std, beside, distinct, True)
-        if abs(step) > before:
-            step = (
-                float(np.sign(step)) * before / 2
-            )  # farther than the last step: beyond where the slope holds
+        if abs(step) > before:  # farther than the last step: beyond where the slope holds
+            step = float(np.sign(step)) * before / 2
         value, before = value + step, abs(step)
     return RateOffset(fit, value, std, beside, distinct, False)
 
@@ -69,38 +67,8 @@ def rate_offset(
 def _step(fit: Fit) -> tuple[float, float, Array, float]:
     """Gauss–Newton step of the offset, its standard deviation, cov(z) it adds (k, k), and the part
     of its information left to it."""
-    response, freedom = fit.response, fit.freedom
-    data = response.batch
-
-    # KΩ₀ turns the wave at every instant of a row: the same shape at its ends and its middle
-    shape = np.full((1, *data.step_s.shape), response.state.p[SCALE_FACTOR])
-    columns = data.over_noise(
-        np.concatenate(
-            [
-                freedom.along(response.coordinate_sensitivities()),
-                response.turning_sensitivity(shape, shape, shape),
-            ],
-            axis=0,
-        )
-    )
-    own, residual = data.over_noise(response.run_sensitivities()), response.residual()
-    k = len(freedom.names)
-    prior = np.where(np.isfinite(freedom.prior_std), freedom.prior_std, np.inf) ** -2.0
-    information = np.diag(np.append(prior, 0.0))
-    gradient = np.append(prior * (freedom.prior_mean - fit.z), 0.0)
-    alone = 0.0
-    for run, record in enumerate(data.runs):
-        n = len(record)
-
-        # frequency and first values of each run are projected off (Frisch and Waugh)
-        Q, _ = np.linalg.qr(real(own[:, run, :n]))
-        design = real(columns[:, run, :n])
-        alone += float(design[:, k] @ design[:, k])
-        design = design - Q @ (Q.T @ design)
-        r = residual[run, :n].ravel()
-        information += design.T @ design
-        gradient += design.T @ np.concatenate([r.real, r.imag])
-
+    information, gradient, alone = _normal_equations(fit)
+    k = len(fit.freedom.names)
     # scaled to ones on the diagonal: coordinates of 1e-6 and of 1 share one cut-off
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
     inverse = np.linalg.pinv(
@@ -109,7 +77,6 @@ def _step(fit: Fit) -> tuple[float, float, Array, float]:
     variance = float(inverse[k, k])
     if not (variance > 0 and alone > 0):
         return float("nan"), float("inf"), np.zeros((k, k)), 0.0
-
     # Ω₀ free widens the others by var(Ω₀) times how far they move with it
     along = inverse[:k, k] / variance
     return (
@@ -118,3 +85,32 @@ def _step(fit: Fit) -> tuple[float, float, Array, float]:
         variance * np.outer(along, along),
         1 / (variance * alone),
     )
+
+
+def _normal_equations(fit: Fit) -> tuple[Array, Array, float]:
+    """(information (k + 1, k + 1), gradient (k + 1,)) of the coordinates and, last, of Ω₀, the
+    runs' own unknowns taken out; and what Ω₀ would have of information if all else were known."""
+    response, freedom = fit.response, fit.freedom
+    data = response.batch
+    # KΩ₀ turns the wave at every instant of a row: the same shape at its ends and its middle
+    shape = np.full((1, *data.step_s.shape), response.state.p[SCALE_FACTOR])
+    turning = response.turning_sensitivity(shape, shape, shape)
+    along = freedom.along(response.coordinate_sensitivities())
+    columns = data.over_noise(np.concatenate([along, turning], axis=0))
+    own, residual = data.over_noise(response.run_sensitivities()), response.residual()
+    k = len(freedom.names)
+    prior = np.where(np.isfinite(freedom.prior_std), freedom.prior_std, np.inf) ** -2.0
+    information = np.diag(np.append(prior, 0.0))
+    gradient = np.append(prior * (freedom.prior_mean - fit.z), 0.0)
+    alone = 0.0
+    for run, record in enumerate(data.runs):
+        n = len(record)
+        # frequency and first values of each run are projected off (Frisch and Waugh 1933)
+        Q, _ = np.linalg.qr(real(own[:, run, :n]))
+        design = real(columns[:, run, :n])
+        alone += float(design[:, k] @ design[:, k])
+        design = design - Q @ (Q.T @ design)
+        r = residual[run, :n].ravel()
+        information += design.T @ design
+        gradient += design.T @ np.concatenate([r.real, r.imag])
+    return information, gradient, alone

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from ...physics.resonator import OF_GENERATOR
@@ -11,6 +14,17 @@ from .response import real
 from .scaled_columns import measure_columns
 
 Array = np.ndarray
+PAIRS = {
+    1: coordinates.DAMPING_SPLIT,
+    2: coordinates.DAMPING_SPLIT,
+    3: coordinates.FREQUENCY_SPLIT,
+    4: coordinates.FREQUENCY_SPLIT,
+}
+"""Places, in `OF_GENERATOR`, of the splits' sizes and axes, and the pair of coordinates of each; the
+others are coordinates themselves, at the same place."""
+SIZES = (1, 3)
+TANGENTS = 3
+"""Tangents after which a fit with a split's size held is on the circle."""
 BLOCKS_A_RUN = 16
 PROFILE_STEPS = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
 
@@ -40,10 +54,9 @@ def bootstrap(best: Fit, draws: int, seed: int) -> Array:
             vectors.append(block.T @ np.concatenate([r.real, r.imag]))
         picks = rng.integers(0, len(pieces), (draws, len(pieces)))
         counts = np.stack([np.bincount(p, minlength=len(pieces)) for p in picks])
-        M, v = (
-            np.tensordot(counts, np.array(matrices), 1),
-            np.tensordot(counts, np.array(vectors), 1),
-        )
+        M = np.tensordot(counts, np.array(matrices), 1)
+        v = np.tensordot(counts, np.array(vectors), 1)
+        # the run's own k unknowns are eliminated in every draw: Schur's complement of their block
         through = np.swapaxes(M[:, :k, k:], 1, 2) @ np.linalg.pinv(
             M[:, :k, :k], rcond=1e-12, hermitian=True
         )
@@ -69,12 +82,13 @@ def profile(
             steps.append(size)
             roots.append(float(np.sign(size) * np.sqrt(max(0.0, chi2 - best.chi2) / factor)))
         order = np.argsort(steps)
+        # the signed root of Δχ² is straight where the fit is linear, and no minimum lies between:
+        # a value that falls is a fit that ended early
         x, y = np.array(steps)[order], np.maximum.accumulate(np.array(roots)[order])
-        reach = {
+        out[name] = {
             share: [float(values[row] + std[name] * _cross(y, x, sign * level)) for sign in (-1, 1)]
             for share, level in (("68", 1.0), ("95", 1.96))
         }
-        out[name] = reach
     return out
 
 
@@ -93,62 +107,74 @@ def _cross(root: Array, step: Array, level: float) -> float:
 
 
 def _moves(freedom: Freedom, row: int) -> bool:
-    index = {0: [0], 1: [1, 2], 2: [1, 2], 3: [3, 4], 4: [3, 4], 5: [5]}[row]
-    moved = int(np.sum(np.abs(freedom.directions[index]).sum(axis=0) > 0))
-    return moved == len(index)
+    places = np.arange(coordinates.COUNT)[PAIRS.get(row, slice(row, row + 1))]
+    moved = int(np.sum(np.abs(freedom.directions[places]).sum(axis=0) > 0))
+    return moved == len(places)
 
 
 def _chi2_held(best: Fit, row: int, value: float, mode_number: int) -> float:
-    """χ² (with priors) of the best fit with one physical parameter held."""
-    response, freedom = best.response, best.freedom
-    state, p = response.state, best.p.copy()
-    # ν and K are coordinates themselves: held, they leave the space. A split and its axis are the
-    # size and direction of a pair of coordinates: an axis held leaves the ray along it, which is
-    # linear too; a size held leaves a circle, of which each turn takes the tangent and moves on
-    for _ in range(3 if row in (1, 3) else 1):
-        origin, directions, names = (
-            freedom.origin.copy(),
-            freedom.directions.copy(),
-            list(freedom.names),
-        )
-        if row in (0, 5):
-            index = 0 if row == 0 else 5
-            drop = [index]
-            origin[index] = value
+    """χ² (with priors) of the best fit with one physical parameter held.
+
+    ν and K are coordinates themselves: held, they leave the space. A split and its axis are the size
+    and direction of a pair of coordinates: an axis held leaves the ray along it, which is linear
+    too; a size held leaves a circle, of which each turn takes the tangent and moves on.
+    """
+    is_size = row in SIZES
+    state, p = best.response.state, best.p.copy()
+    for _ in range(TANGENTS if is_size else 1):
+        if row in PAIRS:
+            pair = p[PAIRS[row]]
+            axis = float(np.arctan2(pair[1], pair[0])) if is_size else value * 2 * mode_number
+            space = _hold_pair(best.freedom, PAIRS[row], axis, value if is_size else None)
         else:
-            first = 1 if row in (1, 2) else 3
-            drop = [first, first + 1]
-            axis = (
-                value * 2 * mode_number
-                if row in (2, 4)
-                else float(np.arctan2(p[first + 1], p[first]))
-            )
-            radial, tangent = (
-                np.array([np.cos(axis), np.sin(axis)]),
-                np.array([-np.sin(axis), np.cos(axis)]),
-            )
-            if row in (1, 3):
-                origin[first : first + 2] = value * radial
-            extra = np.zeros((coordinates.COUNT, 1))
-            extra[first : first + 2, 0] = radial if row in (2, 4) else tangent
-
-        # what moved the held pair gives way to the ray or tangent; priors go with their directions
-        keep = [i for i in range(directions.shape[1]) if not np.any(directions[drop, i])]
-        directions = directions[:, keep]
-        mean, std = freedom.prior_mean[keep], freedom.prior_std[keep]
-        names = [names[i] for i in keep]
-        if row not in (0, 5):
-            directions = np.column_stack([extra, directions])
-            mean, std, names = np.append(0.0, mean), np.append(np.inf, std), ["along", *names]
-        space = Freedom(tuple(names), origin, directions, mean, std)
-
+            space = _hold_coordinate(best.freedom, row, value)
         # begun at the best fit, then where the last turn ended
-        z = np.linalg.pinv(directions) @ (p - origin)
-        result = fit(response.batch, space, z, state.start, state.phase, max_iterations=6)
-        p, state = result.p, result.response.state
-        if row in (1, 3):
-            first = 1 if row == 1 else 3
-            result_size = float(np.hypot(p[first], p[first + 1]))
-            if abs(result_size - value) < 1e-3 * abs(value):
+        z = np.linalg.pinv(space.directions) @ (p - space.origin)
+        held = fit(best.response.batch, space, z, state.start, state.phase, max_iterations=6)
+        p, state = held.p, held.response.state
+        if is_size:
+            size = float(np.hypot(*p[PAIRS[row]]))
+            if abs(size - value) < 1e-3 * abs(value):
                 break
-    return result.chi2
+    return held.chi2
+
+
+def _hold_coordinate(freedom: Freedom, index: int, value: float) -> Freedom:
+    """The space in which one coordinate has a value."""
+    origin = freedom.origin.copy()
+    origin[index] = value
+    return replace(_without(freedom, [index]), origin=origin)
+
+
+def _hold_pair(freedom: Freedom, pair: slice, axis: float, size: float | None) -> Freedom:
+    """The space in which a pair of coordinates lies on the ray along an axis, or, with a size, on
+    the tangent at that size of the circle about zero."""
+    space = _without(freedom, [pair.start, pair.start + 1])
+    radial = np.array([np.cos(axis), np.sin(axis)])
+    origin, along = freedom.origin.copy(), np.zeros((coordinates.COUNT, 1))
+    if size is None:
+        along[pair, 0] = radial
+    else:
+        origin[pair] = size * radial
+        along[pair, 0] = np.array([-np.sin(axis), np.cos(axis)])
+    return Freedom(
+        ("along", *space.names),
+        origin,
+        np.column_stack([along, space.directions]),
+        np.append(0.0, space.prior_mean),
+        np.append(np.inf, space.prior_std),
+    )
+
+
+def _without(freedom: Freedom, places: Sequence[int]) -> Freedom:
+    """The space without the directions that move some coordinates; priors go with their
+    directions."""
+    moving = np.any(freedom.directions[list(places)], axis=0)
+    keep = [i for i in range(freedom.directions.shape[1]) if not moving[i]]
+    return Freedom(
+        tuple(freedom.names[i] for i in keep),
+        freedom.origin,
+        freedom.directions[:, keep],
+        freedom.prior_mean[keep],
+        freedom.prior_std[keep],
+    )

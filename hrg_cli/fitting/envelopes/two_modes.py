@@ -17,6 +17,7 @@ from .envelope_runs import EnvelopeRun
 from .scaled_columns import measure_columns
 
 Array = np.ndarray
+MOST_STEPS = 40
 
 
 @dataclass(frozen=True)
@@ -95,51 +96,66 @@ def identify(run: EnvelopeRun, u: Array, count: int = 2) -> Modes:
     t, std = run.time_s, run.std
     exponent = predict(u, t, std, count)
     amplitude, chi2 = _solve(u, t, std, exponent)
-    x = t - t[0]
     covariance = np.zeros((count, count))
-    width = u.shape[1]
-    for _ in range(40):
-        basis = np.exp(np.outer(x, exponent)) / std[:, None]
-        residual = (u / std[:, None] - basis @ amplitude).T.ravel()
-        # each channel has amplitudes of its own, λ are common; the model is analytic in λ, so
-        # complex columns do for real and imaginary parts alike
-        own = np.kron(np.eye(width), basis)
-        shared = np.concatenate([x[:, None] * basis * amplitude[:, c] for c in range(width)])
-        design = np.concatenate([own, shared], axis=1)
-        scale = measure_columns(design)
-        inverse = np.linalg.pinv(design / scale, rcond=1e-12)
-        step = (inverse @ residual / scale)[-count:]
-
-        # halve the step until χ² falls: from a start by linear prediction a whole one may
-        # overshoot
-        size = 1.0
-        while size > 1e-3:
-            trial, cost = _solve(u, t, std, exponent + size * step)
-            if cost <= chi2 * (1 + 1e-12):
-                break
-            size /= 2
-        else:
+    for _ in range(MOST_STEPS):
+        step, here = _gauss_newton_step(u, t, std, exponent, amplitude)
+        shorter = _shorten(u, t, std, exponent, step, chi2)
+        if shorter is None:
             break
-        exponent, amplitude = exponent + size * step, trial
-        covariance = np.real(inverse @ inverse.conj().T / np.outer(scale, scale))[-count:, -count:]
+        exponent, amplitude, cost = shorter
+        covariance = here
         done = chi2 - cost < 1e-9 * chi2
         chi2 = cost
         if done:
             break
-    dof = max(1, 2 * u.size - 2 * count * (width + 1))
-
-    order = np.argsort(-exponent.imag)
+    # real numbers seen less real numbers fitted: a complex λ each, and an amplitude a channel
+    dof = max(1, 2 * u.size - 2 * count * (u.shape[1] + 1))
     factor = max(1.0, chi2 / dof)
-    left = (u - np.exp(np.outer(x, exponent)) @ amplitude) / std[:, None]
-    residual = np.concatenate([left.real, left.imag], axis=1)
+    left = (u - np.exp(np.outer(t - t[0], exponent)) @ amplitude) / std[:, None]
+    order = np.argsort(-exponent.imag)
     return Modes(
         exponent[order],
         np.sqrt(np.maximum(0.0, np.diag(covariance)) * factor)[order],
         amplitude[order],
         chi2 / dof,
         dof,
-        residual,
+        np.concatenate([left.real, left.imag], axis=1),
     )
+
+
+def _gauss_newton_step(
+    u: Array, time_s: Array, std: Array, exponent: Array, amplitude: Array
+) -> tuple[Array, Array]:
+    """(step of λ (k,), covariance (k, k) of their real parts) with the amplitudes free.
+
+    Each channel has amplitudes of its own, λ are common; the model is analytic in λ, so complex
+    columns do for real and imaginary parts alike.
+    """
+    count, x = len(exponent), time_s - time_s[0]
+    basis = np.exp(np.outer(x, exponent)) / std[:, None]
+    residual = (u / std[:, None] - basis @ amplitude).T.ravel()
+    own = np.kron(np.eye(u.shape[1]), basis)
+    shared = np.concatenate([x[:, None] * basis * one for one in amplitude.T])
+    design = np.concatenate([own, shared], axis=1)
+    scale = measure_columns(design)
+    inverse = np.linalg.pinv(design / scale, rcond=1e-12)
+    step = (inverse @ residual / scale)[-count:]
+    covariance = np.real(inverse @ inverse.conj().T / np.outer(scale, scale))
+    return step, covariance[-count:, -count:]
+
+
+def _shorten(
+    u: Array, time_s: Array, std: Array, exponent: Array, step: Array, chi2: float
+) -> tuple[Array, Array, float] | None:
+    """(λ, amplitudes, χ²) after the step, halved until χ² falls: from a start by linear prediction
+    a whole one may overshoot. None where no part of it does."""
+    size = 1.0
+    while size > 1e-3:
+        amplitude, cost = _solve(u, time_s, std, exponent + size * step)
+        if cost <= chi2 * (1 + 1e-12):
+            return exponent + size * step, amplitude, cost
+        size /= 2
+    return None
 
 
 def are_resolved(two: Modes, one: Modes) -> bool:

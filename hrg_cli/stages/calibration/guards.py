@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -33,6 +34,25 @@ MOST_NAMED = 3
 LEAST_OWN = 1e-6
 """Part of a cause's information (relative to the whole) that must lie outside the variant's span to
 be tested."""
+FACTORS = {
+    "quadrature_course": (
+        "the drift moves with the measured quadrature, which is no function of temperature and"
+        " angle ({z:.3g} times its error); use --model quadrature, or a firmer quadrature loop"
+    ),
+    "rate": (
+        "the drift moves with the rate itself ({z:.3g} times its error), which no table holds: a"
+        " scale factor that is not linear, or a frequency split under a soft quadrature loop"
+    ),
+    "quadrature_drive": (
+        "the drift moves with the logged quadrature drive ({z:.3g} times its error): a phase error"
+        " of the quadrature loop; run with --ladder to measure it"
+    ),
+    LATE: (
+        "the waves turn earlier or later than the rate logs say ({z:.3g} times the error): the logs"
+        " are late or early against the samples; keep both on one clock"
+    ),
+}
+"""Sentences of the measured parts that a variant leaves out, by their names."""
 LEAST_SEEN = 1e-9
 """Scaled eigenvalue of the normal matrix below which the data do not tell a direction."""
 
@@ -171,56 +191,38 @@ def test_left_out(layout: TableLayout, A: Array, b: Array, tried: VariantSolutio
 def causes(layout: TableLayout) -> list[tuple[str, Array, Callable[[float], str]]]:
     """(name, directions (size, g), sentence of the rms score) of every cause a variant may leave
     out."""
-
-    def harmonic(kind: str, k: int) -> Callable[[float], str]:
-        what = "the drift" if kind == "drift" else "the scale factor"
-        part = f"its harmonic {2 * layout.mode_number * k}θ" if k else "its constant part"
-        cause = (
-            "loops that act τ late make K/(1 + ντ) of K, and --ladder tells τ beside free runs"
-            if kind == "scale" and k == 0
-            else "a defect beside the linear anisotropy"
-        )
-        return lambda z: (
-            f"{what} holds more than the model does in {part} ({z:.3g} times its error): {cause};"
-            " use --model table, or --model combined"
-        )
-
     out: list[tuple[str, Array, Callable[[float], str]]] = []
-    kinds = (("drift", layout.drift_harmonics), ("scale", layout.scale_harmonics))
-    for kind, most in kinds:
-        for k in range(most + 1):
-            label = f"{'drift' if kind == 'drift' else 'scale_factor'}_harmonic_{k}"
-            out.append(
-                (
-                    label,
-                    layout.part("drift" if kind == "drift" else "scale", k, lowest=k),
-                    harmonic(kind, k),
-                )
-            )
-    sentences = {
-        "quadrature_course": lambda z: (
-            "the drift moves with the measured quadrature, which is no function of temperature and"
-            f" angle ({z:.3g} times its error); use --model quadrature, or a firmer quadrature loop"
-        ),
-        "rate": lambda z: (
-            f"the drift moves with the rate itself ({z:.3g} times its error), which no table holds:"
-            " a scale factor that is not linear, or a frequency split under a soft quadrature loop"
-        ),
-        "quadrature_drive": lambda z: (
-            f"the drift moves with the logged quadrature drive ({z:.3g} times its error): a phase"
-            " error of the quadrature loop; run with --ladder to measure it"
-        ),
-        LATE: lambda z: (
-            f"the waves turn earlier or later than the rate logs say ({z:.3g} times the error): the"
-            " logs are late or early against the samples; keep both on one clock"
-        ),
-    }
+    for k in range(layout.drift_harmonics + 1):
+        directions = layout.part("drift", k, lowest=k)
+        out.append((f"drift_harmonic_{k}", directions, _say_harmonic(layout, "drift", k)))
+    for k in range(layout.scale_harmonics + 1):
+        directions = layout.part("scale", k, lowest=k)
+        out.append((f"scale_factor_harmonic_{k}", directions, _say_harmonic(layout, "scale", k)))
     out += [
-        (name, layout.of_factors(name), words)
-        for name, words in sentences.items()
+        (name, layout.of_factors(name), partial(_say_factor, sentence))
+        for name, sentence in FACTORS.items()
         if name in layout.factors
     ]
     return out
+
+
+def _say_harmonic(layout: TableLayout, kind: str, k: int) -> Callable[[float], str]:
+    """The sentence of a harmonic of D or K that a model does not hold."""
+    what = "the drift" if kind == "drift" else "the scale factor"
+    part = f"its harmonic {2 * layout.mode_number * k}θ" if k else "its constant part"
+    cause = (
+        "loops that act τ late make K/(1 + ντ) of K, and --ladder tells τ beside free runs"
+        if kind == "scale" and k == 0
+        else "a defect beside the linear anisotropy"
+    )
+    return lambda z: (
+        f"{what} holds more than the model does in {part} ({z:.3g} times its error): {cause};"
+        " use --model table, or --model combined"
+    )
+
+
+def _say_factor(sentence: str, z: float) -> str:
+    return sentence.format(z=z)
 
 
 def check_folds(fitted: Fitted, folds: Array, tried: VariantSolution) -> Check:

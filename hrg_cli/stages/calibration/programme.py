@@ -34,26 +34,11 @@ def choose_nodes(
 ) -> tuple[Array, float, float, list[str]]:
     """(nodes, lowest and highest value the table may be used at, remarks): dwells become nodes at
     their means, a sweep gets even nodes."""
-    x = np.concatenate([p.abscissa(axis) for p in paths])
-    finite = np.isfinite(x)
-    unit = "°C" if axis == "temperature" else "Hz"
     name = "temperature" if axis == "temperature" else "frequency"
-    if not finite.any():
-        if given is not None and len(given) > 1:
-            raise HrgError(
-                f"the runs hold no {name}, so nodes {list(given)} cannot be filled; log"
-                " temperature_degc, or leave nodes out"
-            )
-        return (
-            np.zeros(1),
-            -np.inf,
-            np.inf,
-            [
-                f"the runs hold no {name}: the tables cannot follow it and cannot guard against it;"
-                " log temperature_degc"
-            ],
-        )
-    if not finite.all():
+    x = np.concatenate([p.abscissa(axis) for p in paths])
+    if not np.isfinite(x).any():
+        return np.zeros(1), -np.inf, np.inf, [_say_no_axis(name, given)]
+    if not np.isfinite(x).all():
         missing = [p.run_id or "?" for p in paths if not np.isfinite(p.abscissa(axis)).all()]
         raise HrgError(
             f"run {name_some(missing)}: {name} is missing in a part of the runs; log it in all of"
@@ -65,21 +50,41 @@ def choose_nodes(
         if (np.diff(nodes) <= 0).any():
             raise HrgError(f"nodes {list(given)}: two are equal; every node must be another {name}")
         return nodes, low, high, []
+    return _nodes_of_runs(paths, axis, low, high)
 
-    # runs that each keep one temperature ask for nodes there, where K and D are measured
-    centres = _dwells(paths, axis)
-    margin = SINGLE_NODE_MARGIN_DEGC if axis == "temperature" else SINGLE_NODE_MARGIN_HZ
-    if centres is None:
-        centres = _spread_over_sweep(
-            low, high, NODE_SPACING_DEGC if axis == "temperature" else (high - low) / 4, 2 * margin
+
+def _say_no_axis(name: str, given: Sequence[float] | None) -> str:
+    """The remark on runs that hold nothing a table could follow. HrgError: it was to have several
+    nodes."""
+    if given is not None and len(given) > 1:
+        raise HrgError(
+            f"the runs hold no {name}, so nodes {list(given)} cannot be filled; log"
+            " temperature_degc, or leave nodes out"
         )
-    if len(centres) == 1:
-        remark = (
-            f"all runs are near {centres[0]:.6g} {unit}: one node, the tables hold from"
-            f" {low - margin:.6g} to {high + margin:.6g} {unit} only; add runs at another {name}"
-        )
-        return centres, low - margin, high + margin, [remark]
-    return centres, low, high, []
+    return (
+        f"the runs hold no {name}: the tables cannot follow it and cannot guard against it; log"
+        " temperature_degc"
+    )
+
+
+def _nodes_of_runs(
+    paths: Sequence[AnglePath], axis: str, low: float, high: float
+) -> tuple[Array, float, float, list[str]]:
+    """Nodes where the runs dwell, since K and D are measured there; of a sweep even ones."""
+    by_temperature = axis == "temperature"
+    margin = SINGLE_NODE_MARGIN_DEGC if by_temperature else SINGLE_NODE_MARGIN_HZ
+    nodes = _dwells(paths, axis)
+    if nodes is None:
+        spacing = NODE_SPACING_DEGC if by_temperature else (high - low) / 4
+        nodes = _spread_over_sweep(low, high, spacing, 2 * margin)
+    if len(nodes) > 1:
+        return nodes, low, high, []
+    unit, name = ("°C", "temperature") if by_temperature else ("Hz", "frequency")
+    remark = (
+        f"all runs are near {nodes[0]:.6g} {unit}: one node, the tables hold from"
+        f" {low - margin:.6g} to {high + margin:.6g} {unit} only; add runs at another {name}"
+    )
+    return nodes, low - margin, high + margin, [remark]
 
 
 def _dwells(paths: Sequence[AnglePath], axis: str) -> Array | None:

@@ -67,51 +67,86 @@ def make_twin(
     HrgError: the result holds no device (two modes without axes, a foreign table, tables whose
     resonator files are not at hand), no wave.
     """
-    settings = dict(settings)
-    colours: Sequence[Colour]
     if isinstance(truth, Resonator):
-        stage, device, hidden = (
-            "identify",
-            build_resonator(truth, settings, inputs),
-            find_hidden_rate(truth, settings),
-        )
-        waves = [measured.wave for measured in inputs]
-        colours = [twin_colour.of_free_runs(waves, settings, hidden)] * len(inputs)
-        # what a method adds to the answer without changing it is not repeated
-        settings |= {"profile": False} | (
-            {"method": "likelihood"} if settings.get("method") == "all" else {}
-        )
+        plan = _plan_of_resonator(truth, inputs, settings)
     elif isinstance(truth, Calibration):
-        stage, device, hidden = (
-            "calibrate",
-            build_carrier_of_tables(truth, inputs, identified),
-            earth_rate_of(settings),
-        )
-        settings |= {"ladder": False, "bootstrap": 0}
-        found = twin_colour.of_calibration(truth)
-        colours = [found.get(measured.wave.run_id, ()) for measured in inputs]
+        plan = _plan_of_tables(truth, inputs, settings, identified)
     else:
         raise HrgError(
             f"is a {truth.kind} file; a resonator, a calibration or a diagnosis is rehearsed"
         )
+    # tables over frequency: the runs' own frequencies are their abscissa, one for all would be none
     by_frequency = isinstance(truth, Calibration) and truth.axis == "frequency"
     runs, tables = [], []
-    for number, (measured, colour) in enumerate(zip(inputs, colours, strict=True), 1):
-        name = f"run{number}"
-        own = device
+    for number, (measured, colour) in enumerate(zip(inputs, plan.colours, strict=True), 1):
+        name, device = f"run{number}", plan.device
         if by_frequency:
-            own = replace(device, frequency_hz=float(np.nanmedian(measured.wave.frequency_hz)))
-        run, table = imitate_run(name, measured, own, hidden, settings, samples_a_period)
+            device = replace(device, frequency_hz=float(np.nanmedian(measured.wave.frequency_hz)))
+        run, table = imitate_run(
+            name, measured, device, plan.hidden_rad_s, plan.settings, samples_a_period
+        )
         if by_frequency:
-            table["device"] = {"frequency_hz": own.frequency_hz}
+            table["device"] = {"frequency_hz": device.frequency_hz}
             run = replace(run, frequency=average_frequency(measured.wave))
         runs.append(replace(run, colour=colour))
         tables.append(table)
+    beside = [make_twin(i.resonator, i.inputs, i.settings, samples_a_period) for i in identified]
+    config = _write_config(plan.device, tables)
+    return Twin(config, runs, plan.stage, plan.settings, truth, beside)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a twin takes from the result: the stage that gave it and its settings, the device, the
+    rate that no log holds, and the colour of every run's noise."""
+
+    stage: str
+    settings: Mapping[str, Any]
+    device: Mechanics
+    hidden_rad_s: float
+    colours: Sequence[Colour]
+
+
+def _plan_of_resonator(
+    truth: Resonator, inputs: Sequence[Measured], settings: Mapping[str, Any]
+) -> Plan:
+    hidden = find_hidden_rate(truth, settings)
+    colour = twin_colour.of_free_runs([one.wave for one in inputs], settings, hidden)
+    # what a method adds to the answer without changing it is not repeated
+    quicker: dict[str, Any] = {"profile": False}
+    if settings.get("method") == "all":
+        quicker["method"] = "likelihood"
+    return Plan(
+        "identify",
+        {**settings, **quicker},
+        build_resonator(truth, settings, inputs),
+        hidden,
+        [colour] * len(inputs),
+    )
+
+
+def _plan_of_tables(
+    truth: Calibration,
+    inputs: Sequence[Measured],
+    settings: Mapping[str, Any],
+    identified: Sequence[Identified],
+) -> Plan:
+    colours = twin_colour.of_calibration(truth)
+    return Plan(
+        "calibrate",
+        {**settings, "ladder": False, "bootstrap": 0},
+        build_carrier_of_tables(truth, inputs, identified),
+        earth_rate_of(settings),
+        [colours.get(one.wave.run_id, ()) for one in inputs],
+    )
+
+
+def _write_config(device: Mechanics, tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The simulation file; what every run has of its own stands first in it as well, since a file
+    without it is not whole."""
     first = tables[0]["recording"]
-    config = {
+    return {
         "device": {key: getattr(device, key) for key in Mechanics.__dataclass_fields__},
         "recording": {"sample_rate_hz": first["sample_rate_hz"], "duration_s": first["duration_s"]},
-        "run": tables,
+        "run": list(tables),
     }
-    beside = [make_twin(i.resonator, i.inputs, i.settings, samples_a_period) for i in identified]
-    return Twin(config, runs, stage, settings, truth, beside)

@@ -85,30 +85,31 @@ def imitate_run(
         )
     first, last = int(good[0]), int(good[-1])
     begin = float(wave.time_s[first]) - wave.window_s / 2
-    rate, missing = _read_rate(wave, settings)
     length = float(wave.time_s[last]) - begin + wave.window_s / 2
-    amplitude = float(np.median(wave.main_amplitude[good]))
-    noise = sample_noise(wave, 1.0)
+    rate, missing = _read_rate(wave, settings)
+    first_rate = 0.0 if rate is None else float(np.nan_to_num(rate[first]))
     carrier = measured.carrier_hz if wave.readout == "carrier" else None
     sampling = choose_sample_rate(measured, device.frequency_hz, carrier or 0.0, samples_a_period)
+    # noise far above the rounding of single precision hides it, and halves the file
+    amplitude = float(np.median(wave.main_amplitude[good]))
+    coarse = sample_noise(wave, 1.0) > FLOAT32 * amplitude
     table: dict[str, Any] = {
         "run_id": name,
-        "start": _trace_back_start(
-            wave,
-            first,
-            device,
-            (0.0 if rate is None else float(np.nan_to_num(rate[first]))) + hidden_rad_s,
-        ),
+        "start": _trace_back_start(wave, first, device, first_rate + hidden_rad_s),
         "environment": _write_environment(wave, begin, length, rate, hidden_rad_s),
-        "readout": {"noise": sample_noise(wave, sampling), "units": wave.units}
-        | write_carrier(carrier),
+        "readout": {
+            "noise": sample_noise(wave, sampling),
+            "units": wave.units,
+            **write_carrier(carrier),
+        },
         "recording": {
             "sample_rate_hz": sampling,
             "duration_s": length,
-            "samples": "float32" if noise > FLOAT32 * amplitude else "float64",
+            "samples": "float32" if coarse else "float64",
         },
     }
-    if (control := _read_loops(wave, begin, device.damping_rate_1_s)) is not None:
+    control = _read_loops(wave, begin, device.damping_rate_1_s)
+    if control is not None:
         table["control"] = control
     carried, absent = name_run(wave)
     run = TwinRun(

@@ -69,19 +69,8 @@ def prepare(
         if along is None
         else (along.p, along.offset_rad_s - shift)
     )
-    fastest = np.array(
-        [
-            abs(p[DAMPING])
-            + np.hypot(*p[DAMPING_SPLIT])
-            + np.hypot(*p[FREQUENCY_SPLIT])
-            + abs(p[SCALE_FACTOR]) * _fastest_turn(r)
-            for r in runs
-        ]
-    )
-    span = np.array([r.duration_s for r in runs])
-    rows = int(np.clip(np.max(fastest * span / STEP_ANGLE), max(FEWEST, blocks), MOST))
-    if coarser > 1:
-        rows = min(rows, max(len(run) for run in runs)) // coarser
+    rows = _count_rows(runs, p, blocks, coarser)
+    # a drive that holds the amplitude leaves the wave no damping to be averaged along
     thin = [
         envelope_runs.average_rows(
             r,
@@ -93,6 +82,16 @@ def prepare(
     ]
     series = side_by_side([bridge_gaps(r) for r in thin], waves)
     return series, Point(p, series.envelope[:, 0].copy(), offsets + shift), runs
+
+
+def _count_rows(runs: Sequence[EnvelopeRun], p: Array, blocks: int, coarser: int) -> int:
+    """Rows a run: so many that the fastest motion moves by no more than `STEP_ANGLE` in each."""
+    turn = np.array([abs(p[SCALE_FACTOR]) * _fastest_turn(r) for r in runs])
+    at_rest = abs(p[DAMPING]) + np.hypot(*p[DAMPING_SPLIT]) + np.hypot(*p[FREQUENCY_SPLIT])
+    fastest = at_rest + turn
+    span = np.array([r.duration_s for r in runs])
+    rows = int(np.clip(np.max(fastest * span / STEP_ANGLE), max(FEWEST, blocks), MOST))
+    return min(rows, max(len(run) for run in runs)) // coarser if coarser > 1 else rows
 
 
 def is_averaged_well(series: MeasuredRuns, averaged_along: Point, fitted: Point) -> bool:
@@ -181,67 +180,85 @@ def _common_reference_hz(runs: Sequence[EnvelopeRun]) -> float:
 
 def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> MeasuredRuns:
     """Padded arrays against one reference frequency, with everything the effects may look at."""
-    longest = max(len(r) for r in runs)
-    reference = _common_reference_hz(runs)
-
-    def padded(values: Array) -> Array:
-        return np.concatenate([values, np.repeat(values[-1:], longest - len(values), axis=0)])
-
+    longest = max(len(run) for run in runs)
+    reference_hz = _common_reference_hz(runs)
     columns: dict[str, list[Array]] = {}
     for run, wave in zip(runs, waves, strict=True):
-        t = run.time_s
-        shift = 2 * np.pi * (run.reference_frequency_hz - reference) * t
-        rate = (
-            course(*_finite(wave.time_s, wave.rate_rad_s)).at(t)
-            if _has(wave.rate_rad_s)
-            else np.zeros(len(t))
-        )
-        warm = run.temperature_degc if run.temperature_degc is not None else np.zeros(len(t))
-        warm = np.interp(t, *_finite(t, warm)) if np.isfinite(warm).any() else np.zeros(len(t))
-        smooth = _smoothed(t, warm)
-        forced = np.full(len(t), float(wave.mode == "forced"))
-        unlogged = wave.mode == "forced" and not _has(wave.drive_main)
-        held = (
-            _smoothed(t, _amplitude(run.envelope), pieces=max(24, len(t) // 3), always=True)
-            if unlogged
-            else np.full(len(t), np.nan)
-        )
-        row = {
-            "time_s": t,
-            "envelope": run.envelope * np.exp(1j * shift)[:, None],
-            "rate_rad_s": rate,
-            "temperature_degc": smooth,
-            "temperature_rate_degc_s": np.gradient(smooth, t),
-            "temperature_impulse": temperature_impulse_of(
-                wave, t, None if smooth is warm else smooth
-            ),
-            "branch": mean_branch(t, smooth),
-            "table_angle_rad": run.turn_rad,
-            "phase_rad": np.interp(t, *_finite(wave.time_s, wave.phase_rad)) + shift,
-            "main_drive": command(wave, "drive_main", t, forced),
-            "quadrature_drive": command(wave, "drive_quadrature", t, forced),
-            "main_impulse": impulse_of(wave, "drive_main", t, forced),
-            "quadrature_impulse": impulse_of(wave, "drive_quadrature", t, forced),
-            "forced": forced,
-            "held_amplitude": held,
-            "held_slope": np.gradient(held, t),
-        }
-        for name, values in row.items():
-            columns.setdefault(name, []).append(padded(values))
-        columns.setdefault("weight", []).append(
-            np.concatenate([1 / run.std, np.zeros(longest - len(run))])
-        )
+        padding = longest - len(run)
+        for name, values in _columns_of(run, wave, reference_hz).items():
+            # the last row again, so that padded steps have length 0 and move nothing
+            padded = np.concatenate([values, np.repeat(values[-1:], padding, axis=0)])
+            columns.setdefault(name, []).append(padded)
+        weight = np.concatenate([1 / run.std, np.zeros(padding)])
+        columns.setdefault("weight", []).append(weight)
     stacked: dict[str, Any] = {name: np.stack(values) for name, values in columns.items()}
+    phase, time = stacked["phase_rad"], stacked["time_s"]
     return MeasuredRuns(
         names=tuple(w.run_id or f"run {k}" for k, w in enumerate(waves)),
         **stacked,
-        turn_rad_s=(stacked["phase_rad"][:, -1] - stacked["phase_rad"][:, 0])
-        / (stacked["time_s"][:, -1] - stacked["time_s"][:, 0]),
-        reference_frequency_hz=reference,
+        turn_rad_s=(phase[:, -1] - phase[:, 0]) / (time[:, -1] - time[:, 0]),
+        reference_frequency_hz=reference_hz,
         mode_number=int(waves[0].mode_number),
         has_temperature=any(_has(w.temperature_degc) for w in waves),
         whitening=channel_noise.side_by_side([r.whitening for r in runs]),
     )
+
+
+def _columns_of(run: EnvelopeRun, wave: Wave, reference_hz: float) -> dict[str, Array]:
+    """What `MeasuredRuns` holds of one run, but for the weight, by its names there."""
+    t = run.time_s
+    # another reference turns the envelope and the phase alike: u e^{jωt} stays
+    shift = 2 * np.pi * (run.reference_frequency_hz - reference_hz) * t
+    forced = np.full(len(t), float(wave.mode == "forced"))
+    held = _held_amplitude(run, wave)
+    return {
+        "time_s": t,
+        "envelope": run.envelope * np.exp(1j * shift)[:, None],
+        "rate_rad_s": _rate_of(wave, t),
+        **_temperature_of(run, wave),
+        "table_angle_rad": run.turn_rad,
+        "phase_rad": np.interp(t, *_finite(wave.time_s, wave.phase_rad)) + shift,
+        "main_drive": command(wave, "drive_main", t, forced),
+        "quadrature_drive": command(wave, "drive_quadrature", t, forced),
+        "main_impulse": impulse_of(wave, "drive_main", t, forced),
+        "quadrature_impulse": impulse_of(wave, "drive_quadrature", t, forced),
+        "forced": forced,
+        "held_amplitude": held,
+        "held_slope": np.gradient(held, t),
+    }
+
+
+def _rate_of(wave: Wave, t: Array) -> Array:
+    """The logged rate at times t; 0 where none is logged."""
+    if not _has(wave.rate_rad_s):
+        return np.zeros(len(t))
+    return course(*_finite(wave.time_s, wave.rate_rad_s)).at(t)
+
+
+def _temperature_of(run: EnvelopeRun, wave: Wave) -> dict[str, Array]:
+    """The temperature's columns; zeros where none is logged."""
+    t = run.time_s
+    logged = run.temperature_degc if run.temperature_degc is not None else np.zeros(len(t))
+    known = np.isfinite(logged).any()
+    warm = np.interp(t, *_finite(t, logged)) if known else np.zeros(len(t))
+    smooth = _smoothed(t, warm)
+    # a log that needs no smoothing tells what happens within a row too, a smoothed one does not
+    impulse_along = None if smooth is warm else smooth
+    return {
+        "temperature_degc": smooth,
+        "temperature_rate_degc_s": np.gradient(smooth, t),
+        "temperature_impulse": temperature_impulse_of(wave, t, impulse_along),
+        "branch": mean_branch(t, smooth),
+    }
+
+
+def _held_amplitude(run: EnvelopeRun, wave: Wave) -> Array:
+    """The main amplitude (n,) that a drive without a log keeps up: the measured one itself, without
+    its noise, since of such a drive nothing else is known. NaN where that is not so."""
+    t = run.time_s
+    if wave.mode != "forced" or _has(wave.drive_main):
+        return np.full(len(t), np.nan)
+    return _smoothed(t, _amplitude(run.envelope), pieces=max(24, len(t) // 3), always=True)
 
 
 def _has(values: Array | None) -> bool:
@@ -296,25 +313,36 @@ def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -
 
     Its slope is then not the noise's.
     """
-    rough = float(np.median(np.abs(np.diff(values, n=2)))) if len(t) > 3 else 0.0
     if np.ptp(values) == 0:
         return values
+    rough = float(np.median(np.abs(np.diff(values, n=2)))) if len(t) > 3 else 0.0
     if not always and len(t) > 4 * ENDS:
-        x, inner = (
-            (t - t.mean()) / np.ptp(t),
-            slice(ENDS, -ENDS),
-        )  # a log's first and last value may have been held beyond it
-        for degree in range(1, DEGREES + 1):
-            curve = np.polynomial.polynomial.polyval(
-                x, np.polynomial.polynomial.polyfit(x[inner], values[inner], degree)
-            )
-            # second differences of white noise are √6 times as large
-            if np.median(np.abs(values - curve)) <= max(
-                1.2 * rough / np.sqrt(6), EXACT * float(np.ptp(values))
-            ):
-                return curve
+        curve = _polynomial_through(t, values, rough)
+        if curve is not None:
+            return curve
     if len(t) < 2 * min(pieces, 40) or (not always and rough < QUIET * float(np.ptp(values))):
         return values
+    return _lines_through_means(t, values, pieces)
+
+
+def _polynomial_through(t: Array, values: Array, rough: float) -> Array | None:
+    """The lowest polynomial of time that leaves of a log no more than its noise; None where none of
+    a low degree does. `rough`: the median of its second differences."""
+    x = (t - t.mean()) / np.ptp(t)
+    # a log's first and last value may have been held beyond it
+    inner = slice(ENDS, -ENDS)
+    # second differences of white noise are √6 times as large as the noise
+    least = max(1.2 * rough / np.sqrt(6), EXACT * float(np.ptp(values)))
+    for degree in range(1, DEGREES + 1):
+        polynomial = np.polynomial.polynomial.polyfit(x[inner], values[inner], degree)
+        curve = np.polynomial.polynomial.polyval(x, polynomial)
+        if np.median(np.abs(values - curve)) <= least:
+            return np.asarray(curve)
+    return None
+
+
+def _lines_through_means(t: Array, values: Array, pieces: int) -> Array:
+    """Straight lines through the means of so many parts of a log, those at the ends continued."""
     parts = np.array_split(np.arange(len(t)), pieces)
     x = np.array([t[i].mean() for i in parts])
     y = np.array([values[i].mean() for i in parts])

@@ -64,9 +64,9 @@ def closing_checks(
 ) -> list[Check]:
     """All checks of a diagnosis, in the order in which a reader would ask.
 
-    sized: the fit whose numbers are told; waveform: entries of the causes that the samples show before any dynamics; lines_hz: what was
-    taken out of the waves and is no named cause's; odd: a sentence on windows that hold more than
-    noise, empty where there are none.
+    sized: the fit whose numbers are told; waveform: entries of the causes that the samples show
+    before any dynamics; lines_hz: what was taken out of the waves and is no named cause's; odd: a
+    sentence on windows that hold more than noise, empty where there are none.
     """
     search, level = case.search, case.inquiry.noise.white
     final = search.final

@@ -4,6 +4,8 @@ resonator takes this one."""
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -30,45 +32,44 @@ def extended_resonator(diagnosis: Diagnosis) -> Resonator | None:
     if not rows:
         return None
     names, values, stds, units = zip(*rows, strict=True)
-    covariance = np.asarray(report.get("covariance") or np.diag(np.square(stds)), float)
-    if covariance.shape != (len(rows), len(rows)):
-        covariance = np.diag(np.square(stds))
+    effects = [cause.get("name") for cause in report.get("effects", [])]
     record = Resonator(
         name=np.array(names, dtype=object),
         value=np.array(values),
         std=np.array(stds),
         units=np.array(units, dtype=object),
-        covariance=covariance,
+        covariance=_covariance_of(report, stds),
         method="extended model",
         mode_number=int(report.get("mode_number", 2)),
         gyro_id=diagnosis.gyro_id,
-        flat_directions=json.dumps(
-            [
-                *(
-                    f"{v['name']}: these runs do not show it; {v['value']:.3g} is assumed"
-                    for v in report["values"]
-                    if v.get("assumed")
-                ),
-                *(
-                    f"{v['name']}: these runs show its sum with {' and '.join(v['sum_with'])};"
-                    " a free run beside them parts these"
-                    for v in report["values"]
-                    if v.get("sum_with")
-                ),
-            ],
-            ensure_ascii=False,
-        ),
+        flat_directions=json.dumps(_say_unknown(report["values"]), ensure_ascii=False),
         chi2_per_dof=float((report.get("after") or {}).get("chi2_per_dof", np.nan)),
-        details=json.dumps(
-            {
-                "verdict": diagnosis.verdict,
-                "effects": [e.get("name") for e in report.get("effects", [])],
-            }
-        ),
+        details=json.dumps({"verdict": diagnosis.verdict, "effects": effects}),
     )
-    left_open = (
-        []
-        if diagnosis.verdict in SURE
-        else [f"the model is not whole: its verdict is {diagnosis.verdict}"]
-    )
-    return record.judged(left_open)
+    if diagnosis.verdict in SURE:
+        return record.judged([])
+    return record.judged([f"the model is not whole: its verdict is {diagnosis.verdict}"])
+
+
+def _covariance_of(report: Mapping[str, Any], stds: Sequence[float]) -> np.ndarray:
+    """The report's covariance of the values; a diagonal one where it holds none of their number, as
+    reports of older versions do."""
+    covariance = np.asarray(report.get("covariance") or np.diag(np.square(stds)), float)
+    whole = covariance.shape == (len(stds), len(stds))
+    return covariance if whole else np.diag(np.square(stds))
+
+
+def _say_unknown(values: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What these runs do not show: numbers that are assumed, and sums whose parts are not known."""
+    assumed = [
+        f"{v['name']}: these runs do not show it; {v['value']:.3g} is assumed"
+        for v in values
+        if v.get("assumed")
+    ]
+    sums = [
+        f"{v['name']}: these runs show its sum with {' and '.join(v['sum_with'])};"
+        " a free run beside them parts these"
+        for v in values
+        if v.get("sum_with")
+    ]
+    return assumed + sums

@@ -30,7 +30,7 @@ from ....records import Wave, collect
 from ...demodulate import demodulate_quiet
 from ...estimate import estimate
 from ...simulate import simulate_run
-from ...simulation_file import runs_of
+from ...simulation_file import SimulationFile, runs_of
 from ..samples.tone import Tone
 from .model import TONE
 from .run import Way
@@ -167,39 +167,26 @@ def hold_written(
         runs = runs_of(table)
     except HrgError:
         return None
-    wanted = sum(run.recording.sample_rate_hz * run.recording.duration_s for run in runs)
-    share = min(1.0, MOST_SAMPLES / wanted)
+    share, simulated = _simulate_first_part(runs, extra_effects)
+    if simulated is None:
+        return None
     order = list(dict.fromkeys(origin))
-    simulated = []
-    for number, run in enumerate(runs):
-        short = run.recording.model_copy(update={"duration_s": run.recording.duration_s * share})
-        quiet = run.model_copy(
-            update={"recording": short, "readout": run.readout.model_copy(update={"noise": 0.0})}
-        )
-        try:
-            wave = _estimated(collect(simulate_run(quiet, extra_effects)))
-        except HrgError:
-            return None
-        simulated.append(_envelopes(wave, fit, tone, origin.index(order[number])))
+    courses = {
+        number: _course_of(wave, fit, tone, origin.index(number))
+        for number, wave in zip(order, simulated, strict=True)
+    }
     series = fit.series
     missed, fitted = np.zeros((2, *series.envelope.shape), complex)
     compared = np.zeros(series.weight.shape, bool)
     for k in range(len(series.names)):
-        t, slow, turn = simulated[order.index(origin[k])]
-        inside = (
-            (series.weight[k] > 0)
-            & (series.time_s[k] >= t[0])
-            & (series.time_s[k] <= t[-1])
-            & ~_jumping(fit, k)
-        )
+        course = courses[origin[k]]
+        inside = course.within(series.time_s[k]) & (series.weight[k] > 0) & ~_jumping(fit, k)
         if not inside.any():
             continue
-        at = series.time_s[k][inside]
-        u = _at(at, t, slow) * np.exp(1j * turn * at)[:, None]
-        measured, said = series.envelope[k][inside], fit.prediction.by_log[k][inside]
+        measured = series.envelope[k][inside]
         compared[k] = inside
-        missed[k, inside] = measured - u
-        fitted[k, inside] = measured - said
+        missed[k, inside] = measured - course.at(series.time_s[k][inside])
+        fitted[k, inside] = measured - fit.prediction.by_log[k][inside]
     missed, fitted = (real(series.over_noise(one)) for one in (missed, fitted))
     # what nobody knows of the runs (the way through a step of the rate) counts neither for the fit
     # nor for the file
@@ -208,6 +195,28 @@ def hold_written(
     ]
     change = find_change(fit, missed - fitted, compared)
     return Written(figures[0], figures[1], share, change) if fitted.any() else None
+
+
+def _simulate_first_part(
+    runs: Sequence[SimulationFile], extra_effects: Sequence[Effect]
+) -> tuple[float, list[Wave] | None]:
+    """(the part of every run that is simulated, the waves); None where one cannot be."""
+    samples = sum(run.recording.sample_rate_hz * run.recording.duration_s for run in runs)
+    share = min(1.0, MOST_SAMPLES / samples)
+    waves = []
+    for run in runs:
+        part = {"duration_s": run.recording.duration_s * share}
+        quiet = run.model_copy(
+            update={
+                "recording": run.recording.model_copy(update=part),
+                "readout": run.readout.model_copy(update={"noise": 0.0}),
+            }
+        )
+        try:
+            waves.append(_estimated(collect(simulate_run(quiet, extra_effects))))
+        except HrgError:
+            return share, None
+    return share, waves
 
 
 def find_change(fit: ExtendedFit, difference: Array, compared: Array) -> Array:
@@ -228,11 +237,29 @@ def _estimated(recording: Any) -> Wave:
     return collect(estimate(collect(demodulate_quiet(recording, periods_per_window=PERIODS))))
 
 
-def _envelopes(
-    wave: Wave, fit: ExtendedFit, tone: Tone | None, k: int
-) -> tuple[Array, Array, float]:
-    """Times, envelopes against the fit's reference less their mean turn (n, 2), and that turn, of
-    the simulated wave of piece k; freed of the tone that the measured one was freed of."""
+@dataclass(frozen=True)
+class SimulatedCourse:
+    """Envelopes (n, 2) of a simulated run at times (n,), less the mean turn [rad/s] against the
+    fit's reference: what is left is slow enough for a spline."""
+
+    time_s: Array
+    slow: Array
+    turn_rad_s: float
+
+    def within(self, t: Array) -> Array:
+        """Which of the times (k,) lie between the first and the last."""
+        return np.asarray((t >= self.time_s[0]) & (t <= self.time_s[-1]))
+
+    def at(self, t: Array) -> Array:
+        """Envelopes (k, 2) at times."""
+        from scipy.interpolate import CubicSpline
+
+        slow = CubicSpline(self.time_s, self.slow)(t)
+        return np.asarray(slow * np.exp(1j * self.turn_rad_s * t)[:, None])
+
+
+def _course_of(wave: Wave, fit: ExtendedFit, tone: Tone | None, k: int) -> SimulatedCourse:
+    """The simulated wave of piece k, freed of the tone that the measured one was freed of."""
     good = wave.good()
     t = np.asarray(wave.time_s, float)[good]
     u = envelopes_of(wave, good)
@@ -242,7 +269,7 @@ def _envelopes(
     phase = np.asarray(wave.phase_rad, float)[good]
     shift = 2 * np.pi * (float(wave.reference_frequency_hz) - fit.series.reference_frequency_hz)
     own = float((phase[-1] - phase[0]) / (t[-1] - t[0]))
-    return t, u * np.exp(-1j * own * t)[:, None], own + shift
+    return SimulatedCourse(t, u * np.exp(-1j * own * t)[:, None], own + shift)
 
 
 def _jumping(fit: ExtendedFit, k: int) -> Array:
@@ -254,9 +281,3 @@ def _jumping(fit: ExtendedFit, k: int) -> Array:
         row_s = float(np.median(np.diff(t[fit.series.weight[k] > 0])))
         near |= np.abs(t - instant) < NEXT_ROWS * row_s
     return near
-
-
-def _at(at: Array, t: Array, u: Array) -> Array:
-    from scipy.interpolate import CubicSpline
-
-    return np.asarray(CubicSpline(t, u)(at))

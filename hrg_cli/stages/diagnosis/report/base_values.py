@@ -15,6 +15,8 @@ from ....records import Resonator
 from ..closing.sized import Sized
 
 Array = np.ndarray
+AXES = [2, 4]
+"""Places of the two axes among the generator's parameters."""
 TOLD = 0.7
 """Part of its prior's σ that a number keeps where the data tell nothing of it: they hold no more
 than the prior does."""
@@ -36,30 +38,12 @@ def values(
     numbers, slopes = to_parameters(fit.point.p, fit.series.mode_number)
     own = fit.coordinate_covariance() * sized.factor
     shown = np.sqrt(np.maximum(np.diag(slopes @ own @ slopes.T), 0))
-    for moves in of_forcers.values():
-        own = own + moves @ moves.T
-    covariance = slopes @ own @ slopes.T
-    widen_axes(covariance, own, fit.point.p, fit.series.mode_number)
-    stds = np.sqrt(np.maximum(np.diag(covariance), 0))
-    period = np.pi / fit.series.mode_number
-    for other in (*sized.others, *sized.in_place):
-        moved = numbers - to_parameters(other.point.p, fit.series.mode_number)[0]
-        moved[[2, 4]] = (moved[[2, 4]] + period / 2) % period - period / 2
-        stds = np.hypot(stds, moved)
-    stds[[2, 4]] = np.minimum(stds[[2, 4]], period / np.sqrt(12))
+    stds = _stds_of_base(sized, numbers, slopes, own, of_forcers)
     frequency = float(np.mean(fit.frequency_hz))
-    each = [fit.std_at(fit.layout.frequency(k)) for k in range(len(fit.series.names))]
-    spread = float(np.std(fit.point.offset_rad_s)) / np.sqrt(len(each))
-    frequency_std = (
-        max(float(np.sqrt(np.sum(np.square(each))) / len(each)), spread)
-        / (2 * np.pi)
-        * np.sqrt(sized.factor)
-    )
     given = resonator.parameters() if resonator is not None else {}
+    rows = zip(PARAMETERS, [frequency, *numbers], [_frequency_std(sized), *stds], strict=True)
     out = []
-    for place, ((name, units), value, std) in enumerate(
-        zip(PARAMETERS, [frequency, *numbers], [frequency_std, *stds], strict=True)
-    ):
+    for place, ((name, units), value, std) in enumerate(rows):
         row: dict[str, Any] = {
             "name": name,
             "value": float(value),
@@ -72,14 +56,60 @@ def values(
             row["sum_with"] = sum_with
         if name in given:
             believed, believed_std, _ = given[name]
-            difference = float(value) - believed
-            if name.endswith("axis_rad"):
-                difference = float((difference + period / 2) % period - period / 2)
-            sigma = float(np.hypot(std, believed_std if np.isfinite(believed_std) else 0.0))
-            row |= {"believed": believed, "sigma": difference / sigma if sigma > 0 else 0.0}
-            row["wrong"] = abs(row["sigma"]) > WRONG
+            period = np.pi / fit.series.mode_number if name.endswith("axis_rad") else np.inf
+            row |= _beside_belief(float(value), float(std), believed, believed_std, period)
         out.append(row)
     return out
+
+
+def _stds_of_base(
+    sized: Sized, numbers: Array, slopes: Array, own: Array, of_forcers: Mapping[str, Array]
+) -> Array:
+    """σ (6,) of the generator's parameters: of the fit's coordinates with this covariance, and of
+    what the model leaves open, by how much the numbers move where it is made otherwise."""
+    p, mode_number = sized.fit.point.p, sized.fit.series.mode_number
+    for moves in of_forcers.values():
+        own = own + moves @ moves.T
+    covariance = slopes @ own @ slopes.T
+    widen_axes(covariance, own, p, mode_number)
+    stds = np.sqrt(np.maximum(np.diag(covariance), 0))
+    period = np.pi / mode_number
+    for other in (*sized.others, *sized.in_place):
+        moved = numbers - to_parameters(other.point.p, mode_number)[0]
+        moved[AXES] = _wrap(moved[AXES], period)
+        stds = np.hypot(stds, moved)
+    # an axis that nothing is known of is uniform over its period
+    stds[AXES] = np.minimum(stds[AXES], period / np.sqrt(12))
+    return stds
+
+
+def _frequency_std(sized: Sized) -> float:
+    """σ of the runs' mean frequency, Hz: of their own errors, or of their spread where that is
+    larger."""
+    fit = sized.fit
+    runs = len(fit.series.names)
+    each = [fit.std_at(fit.layout.frequency(k)) for k in range(runs)]
+    by_errors = float(np.sqrt(np.sum(np.square(each))) / runs)
+    by_spread = float(np.std(fit.point.offset_rad_s)) / np.sqrt(runs)
+    return float(max(by_errors, by_spread) / (2 * np.pi) * np.sqrt(sized.factor))
+
+
+def _beside_belief(
+    value: float, std: float, believed: float, believed_std: float, period: float
+) -> dict[str, Any]:
+    """What a row says of the value that the user believes: how many σ of both it is off; `period`:
+    of an angle, else infinite."""
+    difference = value - believed
+    if np.isfinite(period):
+        difference = float(_wrap(difference, period))
+    both = float(np.hypot(std, believed_std if np.isfinite(believed_std) else 0.0))
+    sigma = difference / both if both > 0 else 0.0
+    return {"believed": believed, "sigma": sigma, "wrong": abs(sigma) > WRONG}
+
+
+def _wrap(difference: Any, period: float) -> Any:
+    """A difference of angles within half a period of zero."""
+    return (difference + period / 2) % period - period / 2
 
 
 def _in_sum(slopes: Array, shown: float, of_forcers: Mapping[str, Array]) -> list[str]:

@@ -59,10 +59,10 @@ def take_from_frequencies(case: Case) -> Case:
         found.append(one)
         follows.append(one.variant.effect.name)
         ranked = []
-    said = _say_pattern(
-        fit, noise, follows, [o for o in ranked if o.allowed and o.left_p > QUIET], len(ranked)
-    )
-    return replace(case, search=replace(search, final=fit, found=tuple(found)), frequencies=said)
+    fitting = [one for one in ranked if one.allowed and one.left_p > QUIET]
+    frequencies = _describe_frequencies(fit, noise, follows, fitting, len(ranked))
+    search = replace(search, final=fit, found=tuple(found))
+    return replace(case, search=search, frequencies=frequencies)
 
 
 def _adopt_pattern(
@@ -113,7 +113,7 @@ def _free_offsets(fit: ExtendedFit, follows: Sequence[str]) -> ExtendedFit:
     )
 
 
-def _say_pattern(
+def _describe_frequencies(
     fit: ExtendedFit,
     noise: NoiseLevel,
     follows: Sequence[str],
@@ -125,10 +125,9 @@ def _say_pattern(
     free = _free_offsets(fit, follows) if follows else fit
     offsets, _ = offsets_of(free, noise)
     hz = 1 / (2 * np.pi)
-    std = np.sqrt(np.diag(offsets.covariance)) * hz
     out: dict[str, Any] = {
         "hz": free.frequency_hz.tolist(),
-        "std_hz": std.tolist(),
+        "std_hz": (np.sqrt(np.diag(offsets.covariance)) * hz).tolist(),
         "follow": list(follows),
         "would_follow": [],
     }
@@ -139,39 +138,43 @@ def _say_pattern(
             "sentence": "one run alone: its frequency is compared with no other's",
         }
     z, p = scatter(offsets)
-    wander = offsets.wander() * hz
-    out |= {"scatter_hz": wander, "sigma": z}
+    wander_hz = offsets.wander() * hz
+    out |= {"scatter_hz": wander_hz, "sigma": z}
     if p > SCATTER:
-        sentence = "the runs' frequencies agree within their errors"
-        return out | {
-            "sentence": (
-                sentence
-                + (f" once {' and '.join(follows)} is taken into account" if follows else "")
-            )
-        }
-    beside = f"beside {' and '.join(follows)} " if follows else ""
-    differ = (
-        f"{beside}the frequencies of the runs differ by {wander:.3g} Hz from run to run ({z:.3g}"
-        " sigma); "
-    )
+        return out | {"sentence": _say_agreement(follows)}
+    differ = _say_difference(follows, wander_hz, z)
     if fitting:
         names = [one.variant.effect.name for one in fitting]
-        chance = evidence.correct_for_tries(fitting[0].p_value, tried)
-        return out | {
-            "would_follow": names,
-            "sentence": (
-                f"{differ}{' or '.join(names)} would make them so, but so few runs line up with one"
-                f" of {tried} causes by chance with p = {chance:.2g}: record more runs;"
-                f" {fitting[0].variant.effect.next_experiment}"
-            ),
-        }
-    return out | {
-        "sentence": (
-            f"{differ}nothing in the catalogue follows it, every run keeps a frequency of its own; "
-            + (
-                "log the temperature of every run"
-                if not fit.series.has_temperature
-                else "repeat a run as it was"
-            )
-        )
-    }
+        return out | {"would_follow": names, "sentence": differ + _say_chance(fitting, tried)}
+    return out | {"sentence": differ + _say_unfollowed(fit.series.has_temperature)}
+
+
+def _say_agreement(follows: Sequence[str]) -> str:
+    sentence = "the runs' frequencies agree within their errors"
+    if follows:
+        sentence += f" once {' and '.join(follows)} is taken into account"
+    return sentence
+
+
+def _say_difference(follows: Sequence[str], wander_hz: float, z: float) -> str:
+    """By how much the frequencies differ; what is to be said of it follows."""
+    beside = f"beside {' and '.join(follows)} " if follows else ""
+    return (
+        f"{beside}the frequencies of the runs differ by {wander_hz:.3g} Hz from run to run ({z:.3g}"
+        " sigma); "
+    )
+
+
+def _say_chance(fitting: Sequence[Pattern], tried: int) -> str:
+    """The causes that would make the frequencies so, and why they are not named all the same."""
+    names = " or ".join(one.variant.effect.name for one in fitting)
+    chance = evidence.correct_for_tries(fitting[0].p_value, tried)
+    return (
+        f"{names} would make them so, but so few runs line up with one of {tried} causes by chance"
+        f" with p = {chance:.2g}: record more runs; {fitting[0].variant.effect.next_experiment}"
+    )
+
+
+def _say_unfollowed(has_temperature: bool) -> str:
+    advice = "repeat a run as it was" if has_temperature else "log the temperature of every run"
+    return "nothing in the catalogue follows it, every run keeps a frequency of its own; " + advice

@@ -11,11 +11,13 @@ it.
 from __future__ import annotations
 
 import contextlib
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ....fitting.causes import damping_bound, extended_fit, scales
+from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import DAMPING, DAMPING_SPLIT
 from ..fits.refits import adopt, bic, hold_unseen
@@ -70,61 +72,96 @@ def take_better_form(case: Case) -> Case:
     Causes that the search added to a form that fits only roughly are sought again beside the better
     one.
     """
-    search, inquiry, noise = case.search, case.inquiry, case.inquiry.noise
+    search, noise = case.search, case.inquiry.noise
     place = next((f for f in search.found if f.variant.effect.name == NAME), None)
     if place is None or _serves(search, place, noise):
         return case
     with contextlib.suppress(extended_fit.DivergedError):
-        old = (
-            search.final
-            if len(search.found) == 1
-            else adopt(search.base, place.score, place.variant)
-        )
-        inflate, amplitude = noise.slow**0.5, scales.amplitude_of(old.series)
-        low, low_std = least_damping(old)
-        forbidden = _forbidden(old, noise)
-        free = fit_shape(old, FREE)
-        if not forbidden and not (free and _another(old, free, noise)):
+        alone = len(search.found) == 1
+        old = search.final if alone else adopt(search.base, place.score, place.variant)
+        better = _choose_form(old, noise)
+        if better is None:
             return case
-        if free is not None and (not forbidden or not _forbidden(free, noise)):
-            shape, fit = FREE, free
-            tried: tuple[TriedForm, ...] = ()
-        else:
-            allowed = _allowed(old, noise)
-            if not allowed:
-                return case
-            shape, fit = min(allowed, key=lambda pair: bic(pair[1]))
-            tried = tuple(TriedForm(s, f.chi2) for s, f in allowed)
-        fit, others = _beside(fit, replace(inquiry, most=inquiry.most - 1))
+        inquiry = replace(case.inquiry, most=case.inquiry.most - 1)
+        fit, others = _take_beside(better.fit, inquiry)
         # what a missing cause would do must not be taken for a forbidden damping: a model that
         # physics allows has to be beaten
         if not _forbidden(search.final, noise) and bic(fit) > bic(search.final):
             return case
-        final = to_catalogue(fit, shape, amplitude)
-
-        def real(value: float, std: float) -> tuple[float, float]:
-            return value, inflate * std
-
-        linear = real(
-            float(final.point.p[DAMPING]), final.coordinate_std("damping") if shape.linear else 0.0
+        amplitude = scales.amplitude_of(old.series)
+        final = to_catalogue(fit, better.shape, amplitude)
+        effect = effect_of(better.shape)
+        variant = Variant(effect, values(final), {p.name: 1.0 for p in effect.fitted()})
+        last = tuple(score for score, _ in score_effects(final, inquiry.candidates))
+        found = (replace(place, variant=variant), *others)
+        return replace(
+            case,
+            search=replace(search, final=final, found=found, last=last),
+            form=_describe_form(better, old, final, noise, place.rivals),
+            remainder=search_rest(final, noise),
         )
-        numbers = (real(*power_of(final)), real(*level_of(final, amplitude)), linear, amplitude)
-        form = Form(
-            shape,
-            *numbers,
-            forbidden,
-            real(low, low_std),
-            old.chi2,
-            final.chi2,
-            place.rivals,
-            tried,
-        )
-        fitted = {p.name: 1.0 for p in effect_of(shape).fitted()}
-        own = replace(place, variant=Variant(effect_of(shape), values(final), fitted))
-        last = tuple(s for s, _ in score_effects(final, inquiry.candidates))
-        search = replace(search, final=final, found=(own, *others), last=last)
-        return replace(case, search=search, form=form, remainder=search_rest(final, noise))
     return case
+
+
+@dataclass(frozen=True)
+class BetterForm:
+    """A shape that takes the catalogue's place, the fit with it, whether physics forbids the
+    catalogue's, and the shapes that the data do not tell from it where it does."""
+
+    shape: DampingShape
+    fit: ExtendedFit
+    forbidden: bool
+    tried: tuple[TriedForm, ...] = ()
+
+
+def _choose_form(old: ExtendedFit, noise: NoiseLevel) -> BetterForm | None:
+    """The shape to take in the place of the catalogue's in `old`; None where that stands.
+
+    A free power comes first: it contains the catalogue's form and says by how much it errs. Only
+    where physics forbids the linear damping with any power do other shapes stand against each other.
+    """
+    forbidden = _forbidden(old, noise)
+    free = fit_shape(old, FREE)
+    if not forbidden and not (free and _has_another_power(old, free, noise)):
+        return None
+    if free is not None and (not forbidden or not _forbidden(free, noise)):
+        return BetterForm(FREE, free, forbidden)
+    allowed = _allowed(old, noise)
+    if not allowed:
+        return None
+    shape, fit = min(allowed, key=lambda pair: bic(pair[1]))
+    tried = tuple(TriedForm(other, trial.chi2) for other, trial in allowed)
+    return BetterForm(shape, fit, forbidden, tried)
+
+
+def _describe_form(
+    better: BetterForm,
+    old: ExtendedFit,
+    final: ExtendedFit,
+    noise: NoiseLevel,
+    rivals: tuple[str, ...],
+) -> Form:
+    """What the report says of the form, every σ that of wandering noise."""
+    shape, amplitude = better.shape, scales.amplitude_of(old.series)
+    inflate = noise.slow**0.5
+
+    def inflated(value: float, std: float) -> tuple[float, float]:
+        return value, inflate * std
+
+    linear_std = final.coordinate_std("damping") if shape.linear else 0.0
+    return Form(
+        shape,
+        power=inflated(*power_of(final)),
+        level_1_s=inflated(*level_of(final, amplitude)),
+        linear_1_s=inflated(float(final.point.p[DAMPING]), linear_std),
+        amplitude=amplitude,
+        forbidden=better.forbidden,
+        catalogue_1_s=inflated(*least_damping(old)),
+        chi2_catalogue=old.chi2,
+        chi2=final.chi2,
+        rivals=rivals,
+        tried=better.tried,
+    )
 
 
 def _serves(search: Search, place: Found, noise: NoiseLevel) -> bool:
@@ -151,7 +188,7 @@ def _forbidden(fit: ExtendedFit, noise: NoiseLevel) -> bool:
     return fit.bound_cost > FORBIDDEN**2 * noise.slow
 
 
-def _another(old: ExtendedFit, free: ExtendedFit, noise: NoiseLevel) -> bool:
+def _has_another_power(old: ExtendedFit, free: ExtendedFit, noise: NoiseLevel) -> bool:
     """Whether the power, left free, is another than the catalogue's."""
     power, power_std = power_of(free)
     return (
@@ -163,44 +200,47 @@ def _another(old: ExtendedFit, free: ExtendedFit, noise: NoiseLevel) -> bool:
 def _allowed(old: ExtendedFit, noise: NoiseLevel) -> list[tuple[DampingShape, ExtendedFit]]:
     """The shapes without a forbidden linear damping that the data do not tell from the best of
     them."""
-    fits = [
-        (shape, fit) for shape in (PASSIVE, *SUPPLIED) if (fit := fit_shape(old, shape)) is not None
-    ]
-    fits = [(s, f) for s, f in fits if not s.linear or not _forbidden(f, noise)]
-    level = min((bic(f) for _, f in fits), default=0.0)
-    return [(s, f) for s, f in fits if bic(f) < level + WORTH * noise.slow]
+    fits = []
+    for shape in (PASSIVE, *SUPPLIED):
+        fit = fit_shape(old, shape)
+        if fit is not None and not (shape.linear and _forbidden(fit, noise)):
+            fits.append((shape, fit))
+    level = min((bic(fit) for _, fit in fits), default=0.0)
+    return [(shape, fit) for shape, fit in fits if bic(fit) < level + WORTH * noise.slow]
 
 
-def _beside(fit: ExtendedFit, inquiry: Inquiry) -> tuple[ExtendedFit, list[Found]]:
+def _take_beside(fit: ExtendedFit, inquiry: Inquiry) -> tuple[ExtendedFit, list[Found]]:
     """Forward selection with every promising cause refitted; of causes not told apart the one with
     the fewest parameters stands first."""
     noise, found = inquiry.noise, list[Found]()
     while len(found) < inquiry.most:
         ranked = [
-            (s, v)
-            for s, v in score_effects(fit, inquiry.candidates)
-            if s.visible and s.z > PROMISING * noise.slow**0.5
+            (score, variant)
+            for score, variant in score_effects(fit, inquiry.candidates)
+            if score.visible and score.z > PROMISING * noise.slow**0.5
         ]
-        trials = []
-        for score, variant in ranked[:SHORTLIST]:
-            with contextlib.suppress(extended_fit.DivergedError):
-                trials.append((adopt(fit, score, variant, QUICK), score, variant))
-        trials = [t for t in trials if bic(fit) - bic(t[0]) > WORTH * noise.slow]
-        trials = [t for t in trials if is_possible(t[2].effect, t[0])]
+        trials = _try_quickly(fit, ranked[:SHORTLIST], noise)
         if not trials:
             break
-        level = min(bic(t[0]) for t in trials)
-        near = [t for t in trials if bic(t[0]) < level + WORTH * noise.slow]
-        best, score, variant = min(near, key=lambda t: (t[1].rank, t[0].chi2))
-        rivals = tuple(t[2].effect.name for t in near if t[0] is not best)
-        found.append(
-            Found(
-                hold_unseen(variant, best),
-                score,
-                len(ranked),
-                (bic(fit) - bic(best)) / noise.slow,
-                rivals,
-            )
-        )
+        level = min(bic(trial) for trial, _, _ in trials)
+        near = [one for one in trials if bic(one[0]) < level + WORTH * noise.slow]
+        best, score, variant = min(near, key=lambda one: (one[1].rank, one[0].chi2))
+        rivals = tuple(other.effect.name for trial, _, other in near if trial is not best)
+        gain = (bic(fit) - bic(best)) / noise.slow
+        found.append(Found(hold_unseen(variant, best), score, len(ranked), gain, rivals))
         fit = extended_fit.fit(best.series, best.point, best.freedom)
     return fit, found
+
+
+def _try_quickly(
+    fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]], noise: NoiseLevel
+) -> list[tuple[ExtendedFit, Score, Variant]]:
+    """The refits, in a few steps each, of causes that are worth their price and can be."""
+    trials = []
+    for score, variant in ranked:
+        with contextlib.suppress(extended_fit.DivergedError):
+            trial = adopt(fit, score, variant, QUICK)
+            worth_it = bic(fit) - bic(trial) > WORTH * noise.slow
+            if worth_it and is_possible(variant.effect, trial):
+                trials.append((trial, score, variant))
+    return trials

@@ -8,7 +8,7 @@ explains what nothing else does.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,23 +31,24 @@ def orient_runs(
     """The fit with the phase of some runs turned by π, or as it was; margin: by how much the turned
     vector may promise less than another cause."""
     runs = len(base.series.names)
-    own = [variant for variant in candidates if variant.effect.coherent]
-    if runs < 2 or not own:
+    coherent = [variant for variant in candidates if variant.effect.coherent]
+    if runs < 2 or not coherent:
         return base
+    # 2 ln of the 2^(R − 1) ways to choose: what the best of so many makes of noise
     price = 2 * (runs - 1) * float(np.log(2))
     best, signs = -np.inf, np.ones(runs)
-    for columns in base.sensitivities([variant.wanted for variant in own]):
-        gain, plain, trial, rank = _turned(columns, base, runs)
-        promised = evidence.criterion(gain, rank, len(base.residual)) - price
-        if gain - plain > CLEARLY + price and promised > best:
-            best, signs = promised, trial
+    for columns in base.sensitivities([variant.wanted for variant in coherent]):
+        turned = _turn_signs(columns, base, runs)
+        promised = evidence.criterion(turned.gain, columns.shape[1], len(base.residual)) - price
+        if turned.gain - turned.untouched > CLEARLY + price and promised > best:
+            best, signs = promised, turned.signs
     if np.all(signs > 0):
         return base
     others = (worth(s, v, base) for s, v in score_effects(base, candidates) if s.visible)
     if best + margin < max(others, default=-np.inf):
         return base
-    turned = base.series.phase_rad + np.pi * (signs < 0)[:, None]
-    return extended_fit.fit(replace(base.series, phase_rad=turned), base.point, base.freedom)
+    phase_rad = base.series.phase_rad + np.pi * (signs < 0)[:, None]
+    return extended_fit.fit(replace(base.series, phase_rad=phase_rad), base.point, base.freedom)
 
 
 def settle_signs(
@@ -102,58 +103,99 @@ def _with_rivals_of(case: Case, other: Case) -> Case:
     return replace(case, search=replace(case.search, found=found))
 
 
-def _turned(columns: Array, base: ExtendedFit, runs: int) -> tuple[float, float, Array, int]:
-    """(fall of χ² with the best signs found, with all +, those signs (R,), parameters) of columns
-    (N, K) whose sign each run may turn."""
-    count = columns.shape[1]
-    size = np.linalg.norm(columns, axis=0)
-    size[size == 0] = 1.0
-    wide = np.zeros((len(columns), runs * count))
-    for k in range(runs):
-        mine = base.rows[:, 0] == k
-        wide[mine, k * count : (k + 1) * count] = columns[mine] / size
-    wide = base.basis.off(wide)
-    A = (wide.T @ wide).reshape(runs, count, runs, count)
-    b = (wide.T @ base.residual).reshape(runs, count)
+@dataclass(frozen=True)
+class Turned:
+    """The signs (R,) with which a coherent vector takes most of χ², what it then takes, and what it
+    takes with every sign +."""
 
-    def gain(s: Array) -> float:
-        right = s @ b
-        return float(
-            right
-            @ np.linalg.pinv(
-                np.einsum("r,ricj,c->ij", s, A, s), rcond=evidence.BLIND**2, hermitian=True
-            )
-            @ right
+    gain: float
+    untouched: float
+    signs: Array
+
+
+@dataclass(frozen=True)
+class SignedNormal:
+    """Normal equations of a vector of K parameters that stands with a sign of its own in each of R
+    runs: A (R, K, R, K) and b (R, K) of the vector free in every run, beside the base fit.
+
+    With signs s the vector's columns are Σ s_r X_r, so that sᵀAs and s·b are those of the K that all
+    runs share: every choice of signs is judged without a look at the rows.
+    """
+
+    A: Array
+    b: Array
+
+    @classmethod
+    def beside(cls, base: ExtendedFit, columns: Array, runs: int) -> SignedNormal:
+        """Of columns (N, K) off what the base fit leaves free."""
+        count = columns.shape[1]
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0] = 1.0
+        wide = np.zeros((len(columns), runs * count))
+        for k in range(runs):
+            mine = base.rows[:, 0] == k
+            wide[mine, k * count : (k + 1) * count] = columns[mine] / size
+        wide = base.basis.off(wide)
+        A = (wide.T @ wide).reshape(runs, count, runs, count)
+        return cls(A, (wide.T @ base.residual).reshape(runs, count))
+
+    def gain(self, signs: Array) -> float:
+        """What the vector takes of χ² with these signs (R,)."""
+        right = signs @ self.b
+        shared = np.einsum("r,ricj,c->ij", signs, self.A, signs)
+        inverse = np.linalg.pinv(shared, rcond=evidence.BLIND**2, hermitian=True)
+        return float(right @ inverse @ right)
+
+    def gain_of_each(self) -> float:
+        """What a vector of its own in every run takes of χ²: no signs take more."""
+        right = self.b.ravel()
+        whole = self.A.reshape(len(right), -1)
+        inverse = np.linalg.pinv(whole, rcond=evidence.BLIND**2, hermitian=True)
+        return float(right @ inverse @ right)
+
+    def along_clearest(self) -> Array:
+        """Signs (R,) by which the runs' own vectors point the way of the one that takes most."""
+        runs = len(self.b)
+        alone = np.array(
+            [
+                np.linalg.pinv(self.A[k, :, k], rcond=1e-6, hermitian=True) @ self.b[k]
+                for k in range(runs)
+            ]
         )
+        clearest = int(np.argmax(np.sum(alone * self.b, axis=1)))
+        return np.where(alone @ alone[clearest] < 0, -1.0, 1.0)
 
-    plain = gain(np.ones(runs))
-    most = float(
-        b.ravel()
-        @ np.linalg.pinv(A.reshape(runs * count, -1), rcond=evidence.BLIND**2, hermitian=True)
-        @ b.ravel()
-    )
-    if most - plain < CLEARLY:  # a vector of its own in every run would not earn it
-        return plain, plain, np.ones(runs), count
-    alone = np.array(
-        [np.linalg.pinv(A[k, :, k], rcond=1e-6, hermitian=True) @ b[k] for k in range(runs)]
-    )
-    clearest = int(np.argmax(np.sum(alone * b, axis=1)))
-    best, signs = -np.inf, np.ones(runs)
-    for start in (np.ones(runs), np.where(alone @ alone[clearest] < 0, -1.0, 1.0)):
-        s, value = start.copy(), gain(start)
+    def climb(self, start: Array) -> tuple[float, Array]:
+        """(gain, signs) from a start on: one sign after the other is turned while that gains."""
+        signs, gain = start.copy(), self.gain(start)
         improved = True
         while improved:
             improved = False
-            for k in range(runs):
-                s[k] = -s[k]
-                trial = gain(s)
-                if trial > value * (1 + 1e-12):
-                    value, improved = trial, True
+            for k in range(len(signs)):
+                signs[k] = -signs[k]
+                trial = self.gain(signs)
+                if trial > gain * (1 + 1e-12):
+                    gain, improved = trial, True
                 else:
-                    s[k] = -s[k]
-        if value > best:
-            best, signs = value, s.copy()
-    majority = (
-        np.sign(signs.sum()) or signs[0]
-    )  # the sign of all together is nobody's to know: the fewest turned
-    return best, plain, signs * majority, count
+                    signs[k] = -signs[k]
+        return gain, signs
+
+
+def _turn_signs(columns: Array, base: ExtendedFit, runs: int) -> Turned:
+    """The best signs found for columns (N, K) whose sign each run may turn.
+
+    All 2^(R − 1) are too many to try, and one climb from all + may end where two runs would have to
+    turn together; the runs' own vectors are the second start.
+    """
+    normal = SignedNormal.beside(base, columns, runs)
+    untouched = normal.gain(np.ones(runs))
+    if normal.gain_of_each() - untouched < CLEARLY:
+        return Turned(untouched, untouched, np.ones(runs))
+    best, signs = -np.inf, np.ones(runs)
+    for start in (np.ones(runs), normal.along_clearest()):
+        gain, reached = normal.climb(start)
+        if gain > best:
+            best, signs = gain, reached
+    # the sign of all together is nobody's to know: the fewest runs are turned
+    majority = np.sign(signs.sum()) or signs[0]
+    return Turned(best, untouched, signs * majority)

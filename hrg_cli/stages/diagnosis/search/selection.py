@@ -14,6 +14,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ..base.joint_fit import settle_log
 from ..fits.refits import (
     HOPELESS,
+    Trial,
     adopt_hopeful,
     bic,
     free_second_order,
@@ -33,6 +34,9 @@ from .pairs import find_better_pair
 
 GROSS_SHORTLIST = 10
 """Candidates refitted while the misfit is gross, when a score says little of the refit."""
+PART_OF_BEST, BELOW_BEST = 0.6, 30.0
+"""Part of the best score's gain in χ², or that much less of it, down to which causes are refitted
+beside it."""
 ROUNDS = 4
 """Shortlists tried when the refits of the first bring nothing."""
 
@@ -132,52 +136,71 @@ def best_step(
     Far from a linear residual the best score may belong to an effect whose refit fails; then the
     next ones are tried.
     """
-    tried = sum(s.visible for s, _ in ranked)
-    if tried == 0:
+    tried = sum(score.visible for score, _ in ranked)
+    if tried == 0 or not _is_significant(fit, *ranked[0], noise, tried):
         return None
-    top, first = ranked[0]
-    _, p = evidence.significance(top.gain / noise.slow, top.rank)
-    if (
-        not top.visible
-        or evidence.correct_for_tries(p, tried * number_of_places(first.effect, fit)) > SIGNIFICANT
-        or worth(top, first, fit, noise.slow) < WORTH
-    ):
+    close, trials = _refit_near_best(fit, ranked, noise)
+    gain = (bic(fit) - trials[0][0]) / noise.slow if trials else -np.inf
+    if not gain >= WORTH:
+        names = {score.name for score, _ in close}
+        others = [pair for pair in ranked if pair[0].name not in names]
+        return best_step(fit, others, noise, rounds - 1) if rounds > 1 and others else None
+    _, chosen, score, variant = trials[0]
+    if not predicts_better(fit, chosen):
         return None
-    close = shortlist(
-        [
-            pair
-            for pair in ranked
-            if pair[0].visible and pair[0].gain > min(0.6 * top.gain, top.gain - 30)
-        ],
-        fit,
-        noise.slow,
-    )
+    rivals = _rivals_of_best(trials, ranked, noise)
+    tried *= number_of_places(variant.effect, fit)
+    return chosen, Found(hold_unseen(variant, chosen), score, tried, gain, rivals)
+
+
+def _is_significant(
+    fit: ExtendedFit, score: Score, variant: Variant, noise: NoiseLevel, tried: int
+) -> bool:
+    """Whether a cause is more than the best of so many is by chance, and worth its price."""
+    if not score.visible:
+        return False
+    _, p = evidence.significance(score.gain / noise.slow, score.rank)
+    tries = tried * number_of_places(variant.effect, fit)
+    if evidence.correct_for_tries(p, tries) > SIGNIFICANT:
+        return False
+    return worth(score, variant, fit, noise.slow) >= WORTH
+
+
+def _refit_near_best(
+    fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]], noise: NoiseLevel
+) -> tuple[Sequence[tuple[Score, Variant]], list[Trial]]:
+    """The causes that may turn out to be the best, and their refits, the best first.
+
+    A score is exact where the residual answers linearly; its error grows with what it promises, so
+    that what comes near the best in part or in χ² is refitted too.
+    """
+    top = ranked[0][0].gain
+    least = min(PART_OF_BEST * top, top - BELOW_BEST)
+    visible = [pair for pair in ranked if pair[0].visible]
+    close = shortlist([pair for pair in visible if pair[0].gain > least], fit, noise.slow)
     trials = refit(fit, close)
     if is_gross(fit) and not (trials and not is_gross(trials[0][1])):
         # so far from the data a score says little of the refit: more are refitted before one is
         # chosen
-        close = [pair for pair in ranked if pair[0].visible][:GROSS_SHORTLIST]
+        close = visible[:GROSS_SHORTLIST]
         trials = refit(fit, close)
-    gain = (bic(fit) - trials[0][0]) / noise.slow if trials else -np.inf
-    if not gain >= WORTH:
-        rest = [pair for pair in ranked if not any(pair[0].name == s.name for s, _ in close)]
-        return best_step(fit, rest, noise, rounds - 1) if rounds > 1 and rest else None
-    level, chosen, score, variant = trials[0]
-    if not predicts_better(fit, chosen):
-        return None
-    margin = WORTH * noise.slow
-    rivals = [t[3].effect.name for t in trials[1:] if t[0] < level + margin]
-    rivals += [
-        s.name
-        for s, _ in ranked
-        if s.name != score.name
-        and s.visible
-        and s.name not in rivals
-        and evidence.correlate_spaces(s, score) > TOGETHER
-        and s.rank == score.rank
-    ]
-    tried *= number_of_places(variant.effect, fit)
-    return chosen, Found(hold_unseen(variant, chosen), score, tried, gain, tuple(rivals))
+    return close, trials
+
+
+def _rivals_of_best(
+    trials: Sequence[Trial], ranked: Sequence[tuple[Score, Variant]], noise: NoiseLevel
+) -> tuple[str, ...]:
+    """What the best of the refits is not told from: refits as good as it, and causes, refitted or
+    not, that do the same beside this fit."""
+    level, _, best, _ = trials[0]
+    limit = level + WORTH * noise.slow
+    rivals = [variant.effect.name for other, _, _, variant in trials[1:] if other < limit]
+    for score, _ in ranked:
+        if not score.visible or score.name in (best.name, *rivals):
+            continue
+        if score.rank == best.rank and evidence.correlate_spaces(score, best) > TOGETHER:
+            rivals.append(score.name)
+    return tuple(rivals)
 
 
 def exchange_causes(
@@ -196,50 +219,68 @@ def exchange_causes(
     if len(found) < 2 or fit.chi2 > GROSS * noise.slow * fit.dof:
         return fit, found
     for k, old in enumerate(found):
-        if stand_in.has_none(fit, old.variant.effect.name, candidates):
+        name = old.variant.effect.name
+        if stand_in.has_none(fit, name, candidates):
             continue
-        reduced = leave_out(fit, old.variant.effect.name)
+        reduced = leave_out(fit, name)
         if reduced is None:
             continue
-        without[old.variant.effect.name] = reduced
-        lost = reduced.chi2 - fit.chi2
-        needed = min(0.9 * lost, lost - 2 * WORTH * noise.slow)
-        others = [
-            pair
-            for pair in score_effects(reduced, candidates)
-            if pair[0].visible and pair[0].name != old.variant.effect.name
-        ]
-        near = [
-            pair
-            for pair in others
-            if pair[0].gain > needed and reduced.chi2 - pair[0].gain < HOPELESS * fit.chi2
-        ]
-        trials = [
-            (
-                bic(trial),
-                trial,
-                Found(hold_unseen(variant, trial), score, old.tried, old.delta_bic, ()),
-            )
-            for trial, score, variant in adopt_hopeful(
-                reduced, shortlist(near, reduced, noise.slow), extended_fit.MOST_STEPS
-            )
-            if is_possible(variant.effect, trial)
-        ]
-        trials.sort(key=lambda t: t[0])
-        here = bic(fit)
-        if trials and trials[0][0] < here:
-            level, fit, new = trials.pop(0)
+        without[name] = reduced
+        trials = _refit_in_place(fit, reduced, old, candidates, noise)
+        if trials and trials[0].level < bic(fit):
+            # the one that leaves is now a rival of the one that takes its place; the fits without
+            # one of the others were made beside it
+            left = InPlace(bic(fit), fit, old)
+            best, *trials = trials
+            fit, one, level = best.fit, best.cause, best.level
+            trials.append(left)
             without.clear()
-            trials.append((here, fit, old))
-            old = new
         else:
-            level = here
-        close = [t[2].variant.effect.name for t in trials if t[0] < level + WORTH * noise.slow]
-        rivals = tuple(
-            dict.fromkeys([*(r for r in old.rivals if r != old.variant.effect.name), *close])
-        )
-        found = [*found[:k], replace(old, rivals=rivals), *found[k + 1 :]]
+            one, level = old, bic(fit)
+        limit = level + WORTH * noise.slow
+        near = [t.cause.variant.effect.name for t in trials if t.level < limit]
+        named = [rival for rival in one.rivals if rival != one.variant.effect.name]
+        one = replace(one, rivals=tuple(dict.fromkeys([*named, *near])))
+        found = [*found[:k], one, *found[k + 1 :]]
     return fit, found
+
+
+@dataclass(frozen=True)
+class InPlace:
+    """A cause in the place of another: BIC, the fit, and the cause."""
+
+    level: float
+    fit: ExtendedFit
+    cause: Found
+
+
+def _refit_in_place(
+    fit: ExtendedFit,
+    reduced: ExtendedFit,
+    old: Found,
+    candidates: Sequence[Variant],
+    noise: NoiseLevel,
+) -> list[InPlace]:
+    """All others that may do what a cause does beside the rest of those found, the best first;
+    `reduced`: the fit without it."""
+    lost = reduced.chi2 - fit.chi2
+    # a score bends with its cause's size: a tenth of what is lost is forgiven, or twice the odds
+    needed = min(0.9 * lost, lost - 2 * WORTH * noise.slow)
+    near = [
+        (score, variant)
+        for score, variant in score_effects(reduced, candidates)
+        if score.visible
+        and score.name != old.variant.effect.name
+        and score.gain > needed
+        and reduced.chi2 - score.gain < HOPELESS * fit.chi2
+    ]
+    hopeful = shortlist(near, reduced, noise.slow)
+    trials = []
+    for trial, score, variant in adopt_hopeful(reduced, hopeful, extended_fit.MOST_STEPS):
+        if is_possible(variant.effect, trial):
+            cause = Found(hold_unseen(variant, trial), score, old.tried, old.delta_bic, ())
+            trials.append(InPlace(bic(trial), trial, cause))
+    return sorted(trials, key=lambda one: one.level)
 
 
 def _exchange_two(
@@ -274,34 +315,36 @@ def prune_causes(
     `without`: fits without an effect that are known already; what is beyond question is not fitted
     without.
     """
-    changed = True
-    while changed and found:
-        changed = False
-        losses = []
-        for one in found:
-            name = one.variant.effect.name
-            possible = is_possible(one.variant.effect, fit)
-            if possible and name not in without and stand_in.is_beyond_question(fit, name):
-                wald = fit.away(one.variant.effect)[1]
-                losses.append((evidence.criterion(wald / noise.slow, *_size(fit, name)), fit))
-                continue
-            reduced = without[name] if name in without else leave_out(fit, name)
-            if reduced is None:
-                losses.append((np.inf, fit))
-            else:
-                lost = (bic(reduced) - bic(fit)) / noise.slow
-                losses.append((lost if possible else -np.inf, reduced))
+    while found:
+        losses = [_loss_without(one, fit, noise, without) for one in found]
         worst = int(np.argmin([loss for loss, _ in losses]))
-        if losses[worst][0] < WORTH:
-            fit = losses[worst][1]
-            found = [f for k, f in enumerate(found) if k != worst]
-            changed, without = True, {}
-        else:
+        if losses[worst][0] >= WORTH:
             found = [
                 replace(one, delta_bic=float(loss))
                 for one, (loss, _) in zip(found, losses, strict=True)
             ]
+            break
+        # one at a time: of two that do nearly the same each looks needless beside the other
+        fit = losses[worst][1]
+        found = [one for k, one in enumerate(found) if k != worst]
+        without = {}
     return fit, found
+
+
+def _loss_without(
+    one: Found, fit: ExtendedFit, noise: NoiseLevel, without: Mapping[str, ExtendedFit]
+) -> tuple[float, ExtendedFit]:
+    """(ΔBIC of leaving a cause out, the fit without it): −∞ for one that cannot be, ∞ where the
+    model has no fit without it."""
+    name = one.variant.effect.name
+    possible = is_possible(one.variant.effect, fit)
+    if possible and name not in without and stand_in.is_beyond_question(fit, name):
+        wald = fit.away(one.variant.effect)[1]
+        return evidence.criterion(wald / noise.slow, *_size(fit, name)), fit
+    reduced = without[name] if name in without else leave_out(fit, name)
+    if reduced is None:
+        return np.inf, fit
+    return ((bic(reduced) - bic(fit)) / noise.slow if possible else -np.inf), reduced
 
 
 def _size(fit: ExtendedFit, name: str) -> tuple[int, int]:

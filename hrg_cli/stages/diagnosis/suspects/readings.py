@@ -143,64 +143,95 @@ def _turning_hz(wave: Wave) -> Array:
 def of_the_rate(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """A rate log of another sign, unit or size, late, or none."""
     common = others.coordinate(SCALE_FACTOR)
-    logged = mean_rate(wave)
-    if not abs(common) > 0:
+    if not abs(common) > 0:  # a gyro that feels no rate says nothing of a log
         return
+    turns = _turns(wave)
+    varies = rate_varies(wave)
+    if turns:
+        yield from _of_the_rates_size(wave, others, common)
+    if not turns or varies:
+        yield from _of_a_constant_rate(wave, others, common)
+    if varies:
+        yield from _of_the_rates_clock(wave, others)
+
+
+def _of_the_rates_size(wave: Wave, others: ExtendedFit, common: float) -> Iterator[Reading]:
+    """The log multiplied by −1, by a degree, or by whatever number serves best; `common`: the
+    others' scale factor."""
+    logged = mean_rate(wave)
+    yield Reading(
+        "rate log of wrong sign",
+        (change.scale_rate(wave, -1.0),),
+        0,
+        f"{logged:.4g} rad/s is logged, its wave turns as at {-logged:.4g}: with the log's sign"
+        " turned",
+        "turn the sign of this run's rate log",
+    )
+    yield Reading(
+        "rate log in °/s",
+        (change.scale_rate(wave, np.pi / 180),),
+        0,
+        f"{logged:.4g} is logged, its wave turns as at {np.radians(logged):.4g} rad/s: with the"
+        " log read as °/s",
+        "import this run's rate log with its unit, °/s",
+    )
+    factor = _factor_of_log(wave, others, common)
+    if factor is not None:
+        yield Reading(
+            "rate log of wrong scale",
+            (change.scale_rate(wave, factor),),
+            1,
+            f"{logged:.6g} rad/s is logged, its wave turns as at {factor * logged:.6g}: with"
+            f" the log multiplied by {_beside_one(factor)}",
+            f"multiply this run's rate log by {_beside_one(factor)}, or find its unit",
+        )
+
+
+def _factor_of_log(wave: Wave, others: ExtendedFit, common: float) -> float | None:
+    """The number by which the log has to be multiplied for this run to show the others' scale
+    factor; None where none is found.
+
+    The fit of the run's own scale factor is linear near its end only, so that it starts from the
+    log multiplied by what the mean turn of the wave asks for.
+    """
+    logged, shown = mean_rate(wave), _shown_rate(wave, common)
+    near = shown / logged if abs(logged) > 0.1 * abs(shown) > 0 else 1.0
+    seen = _own(change.scale_rate(wave, near), others, SCALE_FACTOR)
+    factor = 0.0 if seen is None else near * seen[0] / common
+    return factor if np.isfinite(factor) and factor != 0 else None
+
+
+def _of_a_constant_rate(wave: Wave, others: ExtendedFit, common: float) -> Iterator[Reading]:
+    """A constant rate in the place of no log, or of one that changes with time."""
     shown = _shown_rate(wave, common)
-    if _turns(wave):
-        near = shown / logged if abs(logged) > 0.1 * abs(shown) > 0 else 1.0
-        seen = _own(change.scale_rate(wave, near), others, SCALE_FACTOR)
-        factor = None if seen is None else near * seen[0] / common
-        yield Reading(
-            "rate log of wrong sign",
-            (change.scale_rate(wave, -1.0),),
-            0,
-            f"{logged:.4g} rad/s is logged, its wave turns as at {-logged:.4g}: with the log's sign"
-            " turned",
-            "turn the sign of this run's rate log",
-        )
-        yield Reading(
-            "rate log in °/s",
-            (change.scale_rate(wave, np.pi / 180),),
-            0,
-            f"{logged:.4g} is logged, its wave turns as at {np.radians(logged):.4g} rad/s: with the"
-            " log read as °/s",
-            "import this run's rate log with its unit, °/s",
-        )
-        if factor is not None and np.isfinite(factor) and factor != 0:
-            yield Reading(
-                "rate log of wrong scale",
-                (change.scale_rate(wave, factor),),
-                1,
-                f"{logged:.6g} rad/s is logged, its wave turns as at {factor * logged:.6g}: with"
-                f" the log multiplied by {_beside_one(factor)}",
-                f"multiply this run's rate log by {_beside_one(factor)}, or find its unit",
-            )
-    if not _turns(wave) or rate_varies(wave):
-        seen = _own(change.hold_rate(wave, shown), others, SCALE_FACTOR) if shown else None
-        if seen is not None and abs(seen[0]) > ROTATION * seen[1]:
-            rate = shown * seen[0] / common
-            what = "rate log missing" if not _turns(wave) else "rate log of another run"
-            yield Reading(
-                what,
-                (change.hold_rate(wave, rate),),
-                1,
-                f"{logged:.4g} rad/s is logged, its wave turns as at {rate:.4g}: with that constant"
-                " rate",
-                "add the rate that was turned to this run's log, or leave the run out",
-            )
-    if rate_varies(wave):
-        late = _lateness(wave, others)
-        if late is not None:
-            early = "late" if late > 0 else "early"
-            yield Reading(
-                f"rate log {early}",
-                (change.advance_rate(wave, late),),
-                1,
-                f"with its rate log moved by {-late:+.4g} s",
-                f"the rate log comes {abs(late):.4g} s too {early}: shift its times, or start both"
-                " clocks together",
-            )
+    seen = _own(change.hold_rate(wave, shown), others, SCALE_FACTOR) if shown else None
+    if seen is None or not abs(seen[0]) > ROTATION * seen[1]:
+        return
+    rate = shown * seen[0] / common
+    yield Reading(
+        "rate log missing" if not _turns(wave) else "rate log of another run",
+        (change.hold_rate(wave, rate),),
+        1,
+        f"{mean_rate(wave):.4g} rad/s is logged, its wave turns as at {rate:.4g}: with that"
+        " constant rate",
+        "add the rate that was turned to this run's log, or leave the run out",
+    )
+
+
+def _of_the_rates_clock(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+    """The log earlier or later than the wave."""
+    late = _lateness(wave, others)
+    if late is None:
+        return
+    early = "late" if late > 0 else "early"
+    yield Reading(
+        f"rate log {early}",
+        (change.advance_rate(wave, late),),
+        1,
+        f"with its rate log moved by {-late:+.4g} s",
+        f"the rate log comes {abs(late):.4g} s too {early}: shift its times, or start both"
+        " clocks together",
+    )
 
 
 def _beside_one(factor: float) -> str:
@@ -219,11 +250,8 @@ def mean_rate(wave: Wave) -> float:
 def _shown_rate(wave: Wave, scale_factor: float) -> float:
     """Mean rate that the wave angle shows, −m·θ̇/K, from which the fit starts."""
     good = wave.good()
-    slope = float(
-        np.polyfit(
-            np.asarray(wave.time_s, float)[good], np.asarray(wave.wave_angle_rad, float)[good], 1
-        )[0]
-    )
+    t, angle = np.asarray(wave.time_s, float)[good], np.asarray(wave.wave_angle_rad, float)[good]
+    slope = float(np.polyfit(t, angle, 1)[0])
     return -wave.mode_number * slope / scale_factor
 
 

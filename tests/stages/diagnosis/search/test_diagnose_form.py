@@ -11,13 +11,13 @@ TABLE = {"gain_mismatch": {"gain": 4e-3}, "nonlinear_damping": {"damping_1_s": 4
 @pytest.fixture
 def sought(monkeypatch):
     """Every search for causes beside another form, counted."""
-    calls, beside = [], form._beside
+    calls, beside = [], form._take_beside
 
     def counted(*given):
         calls.append(given)
         return beside(*given)
 
-    monkeypatch.setattr(form, "_beside", counted)
+    monkeypatch.setattr(form, "_take_beside", counted)
     return calls
 
 
