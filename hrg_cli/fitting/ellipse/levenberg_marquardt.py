@@ -42,7 +42,7 @@ def levenberg_marquardt(
 
 
 @dataclass(frozen=True)
-class Trial:
+class TriedAngles:
     """Angles (3, n) with what follows from them: A and B (2, n), the half products, Σr² (n,)."""
 
     angles: Array
@@ -51,22 +51,22 @@ class Trial:
     cost: Array
 
     @classmethod
-    def at(cls, z: Array, angles: Array) -> Trial:
+    def at(cls, z: Array, angles: Array) -> TriedAngles:
         """Of signals (8, n)."""
         products = half_products(*angles)
         A, B = amplitudes(z, products)
         cost = ((z - model_signals(A, B, products)) ** 2).sum(0)
         return cls(angles, np.stack([A, B]), products, cost)
 
-    def some(self, rows: Array) -> Trial:
+    def some(self, rows: Array) -> TriedAngles:
         """Of some of the windows."""
         products = tuple(p[rows] for p in self.products)
-        return Trial(self.angles[:, rows], self.AB[:, rows], products, self.cost[rows])
+        return TriedAngles(self.angles[:, rows], self.AB[:, rows], products, self.cost[rows])
 
-    def moved_to(self, other: Trial, better: Array) -> Trial:
+    def moved_to(self, other: TriedAngles, better: Array) -> TriedAngles:
         """The other one where that is better (n,)."""
         pairs = zip(other.products, self.products, strict=True)
-        return Trial(
+        return TriedAngles(
             np.where(better, other.angles, self.angles),
             np.where(better, other.AB, self.AB),
             tuple(np.where(better, new, old) for new, old in pairs),
@@ -87,7 +87,7 @@ def _iterate(
     left = np.arange(rows.start, min(rows.stop, len(signals)))
     z = np.ascontiguousarray(signals[rows].T)
     size = (z**2).sum(0)
-    here = Trial.at(z, np.ascontiguousarray(out.x[rows, 2:].T))
+    here = TriedAngles.at(z, np.ascontiguousarray(out.x[rows, 2:].T))
     damping, growth = np.full(len(left), FIRST_DAMPING), np.full(len(left), 2.0)
     for evaluation in range(1, max_iterations + 1):
         slope, move = _damped_move(z, here.AB, here.products, damping * size / 2, carrier_known)
@@ -106,7 +106,7 @@ def _iterate(
         if not go.any():
             return
         left, z, size, here = left[go], z[:, go], size[go], here.some(go)
-        trial = Trial.at(z, here.angles + move[:, go])
+        trial = TriedAngles.at(z, here.angles + move[:, go])
         gain = (here.cost - trial.cost) / promised[go]
         better = trial.cost < here.cost
         damping, growth = _nielsen(damping[go], growth[go], gain, better)

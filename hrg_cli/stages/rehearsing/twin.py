@@ -96,7 +96,7 @@ def make_twin(
 
 
 @dataclass(frozen=True)
-class Plan:
+class TwinPlan:
     """What a twin takes from the result: the stage that gave it and its settings, the device, the
     rate that no log holds, and the colour of every run's noise."""
 
@@ -109,14 +109,14 @@ class Plan:
 
 def _plan_of_resonator(
     truth: Resonator, inputs: Sequence[Measured], settings: Mapping[str, Any]
-) -> Plan:
+) -> TwinPlan:
     hidden = find_hidden_rate(truth, settings)
     colour = twin_colour.of_free_runs([one.wave for one in inputs], settings, hidden)
     # what a method adds to the answer without changing it is not repeated
     quicker: dict[str, Any] = {"profile": False}
     if settings.get("method") == "all":
         quicker["method"] = "likelihood"
-    return Plan(
+    return TwinPlan(
         "identify",
         {**settings, **quicker},
         build_resonator(truth, settings, inputs),
@@ -130,9 +130,9 @@ def _plan_of_tables(
     inputs: Sequence[Measured],
     settings: Mapping[str, Any],
     identified: Sequence[Identified],
-) -> Plan:
+) -> TwinPlan:
     colours = twin_colour.of_calibration(truth)
-    return Plan(
+    return TwinPlan(
         "calibrate",
         {**settings, "ladder": False, "bootstrap": 0},
         build_carrier_of_tables(truth, inputs, identified),
