@@ -128,7 +128,8 @@ class NotSeparable(Shape):
     effects: list[str]
     """Effects that are one to these runs."""
     base: str | None
-    """What of the base model hides them; null: they hide one another."""
+    """What of the base model hides them, or the mistake of one run that leaves as little; null: they hide
+    one another."""
     next_experiment: str | None
     """The run that would tell."""
 
