@@ -15,8 +15,8 @@ from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import Point
 from ....records import Wave
+from ..drive.command_frame import FrameAnswers, all_driven, follow_frames
 from ..drive.command_log import fit_lateness, is_thinkable, lateness, scattered_commands
-from ..drive.frame import FrameAnswers, all_driven, follow_frames
 from ..drive.held_commands import allow_steps, likely_beats
 from ..drive.ripple import Ripple
 from ..drive.scatter import allow, allowed_for, follow_walk, has_log

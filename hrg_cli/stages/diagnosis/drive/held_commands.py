@@ -33,8 +33,8 @@ from ....fitting.causes.sensitivities import Propagation, base_sensitivities
 from ....fitting.causes.wave_frame import imaginary, real
 from ....fitting.envelopes.coordinates import BASIS
 from ..thresholds import WORTH
+from .command_frame import slope_of
 from .command_log import beyond_scatter
-from .frame import slope_of
 from .scatter import soften_runs
 
 Array = np.ndarray

@@ -17,7 +17,7 @@ import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
-from .frame import DAMPING, carry_turns, courses_of, natural_frequencies, unfollowed
+from .command_frame import DAMPING, carry_turns, courses_of, natural_frequencies, unfollowed
 from .scatter import has_log, soften_runs
 
 Array = np.ndarray
