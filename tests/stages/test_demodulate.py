@@ -541,10 +541,13 @@ def test_scale_and_offset_only_change_the_unit() -> None:
     assert other.units == "V"
 
 
-@pytest.mark.parametrize(("periods", "samples_a_period"), [(1.0, 10.3), (2.0, 9.1), (1.0, 5.4)])
+@pytest.mark.parametrize(
+    ("periods", "samples_a_period"), [(1.0, 10.3), (2.0, 9.1), (1.0, 5.4), (1.0, 4.7)]
+)
 def test_short_windows_state_the_noise_of_a_wave_that_moves_within_them(periods, samples_a_period):
     """Two modes 12 rad/s apart that turn at 40 rad/s put 1e3 times the noise into a window's
-    residual; stated are the noise alone and no error beside it."""
+    residual; stated are the noise alone and no error beside it. Of five samples a window the residual
+    is its motion's whole: the standard deviations were 14 to 21 times too large."""
     frequency, noise = 2239.3, 3e-6
     rate = samples_a_period * frequency
     t = np.arange(int(0.12 * rate)) / rate
@@ -586,10 +589,7 @@ def test_short_windows_state_the_noise_of_a_wave_that_moves_within_them(periods,
     # signals_std stands as c_cos, c_sin, s_cos, s_sin; the errors as the reals, then the imaginaries
     missed, scattered = (e[:, [0, 2, 1, 3]] / stated[1] for e in errors)
     assert np.sqrt(np.mean(missed**2)) < 0.35
-    # few samples a window leave the motion in their residual, and σ says more than the noise
-    few = samples_a_period * periods < 8
-    ratio = np.sqrt(np.mean(scattered**2))
-    assert ratio < 1.2 and (few or ratio > 0.9)
+    assert 0.88 < np.sqrt(np.mean(scattered**2)) < 1.2
 
 
 @pytest.mark.parametrize("periods_per_window", (3.0, 4.0))

@@ -13,6 +13,7 @@ from ...records import FLAG_CLIPPED, Recording
 from .basis import WindowBasis, columns, window_basis
 from .frequency import bands, nuisances
 from .gaps import Gaps
+from .scatter import scattered_variance, settle_by_scatter
 from .signal_rows import Rows, Variances, empty_rows, write_signals
 from .spectrum import colour
 from .still_envelopes import MotionWithin, Still
@@ -304,6 +305,10 @@ class Demodulator:
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[keep]
         known = None if still.known_residual2 is None else still.known_residual2[k, keep]
         pooled = pooled_variance(fits.residual2[k, keep], freedom, known)
+        if known is not None:
+            own = (fits.variance if len(fits.variance) == 1 else fits.variance[keep]).mean(1)
+            seen = scattered_variance(still.envelope[k, keep], own * still.noisier**2)
+            pooled = settle_by_scatter(pooled, known / np.maximum(freedom, 1), freedom, seen)
         return np.asarray(np.maximum(pooled, self.least_variance(k))[:, None])
 
     def _own_variance(self, fits: Fits, still: Still, k: int, keep: slice, sample2: Array) -> Array:

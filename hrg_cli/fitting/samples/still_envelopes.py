@@ -23,10 +23,14 @@ from .envelope_motion import (
     take_off_pull,
 )
 from .neighbours import from_neighbours
+from .scatter import scattered_variance
 from .windows import Fits
 
 Array = np.ndarray
 
+TAKEN_OFF = 3
+"""Times the slopes are found anew beside their own pull: of short windows at the ends it is a
+tenth of the wave's motion, and goes down to a fifth each time."""
 PROBE = 16
 """One row of so many tells whether the curvature within short windows is worth its correction."""
 
@@ -95,9 +99,10 @@ class MotionWithin:
             return u, None
         known = None
         if fits.apart or motion_counts(fits.residual2, slope, fits.slope):
-            still = take_off_pull(u, slope, turn, fits.slope)
-            better = self._seen_beside(better_slopes, still, offset)
-            slope = slope if better is None else better
+            for _ in range(TAKEN_OFF):
+                still = take_off_pull(u, slope, turn, fits.slope)
+                better = self._seen_beside(better_slopes, still, offset)
+                slope = slope if better is None else better
             known = None if fits.apart else motion_residual(slope, turn, fits.slope)
         return take_off_pull(u, slope, turn, fits.slope), known
 
@@ -125,7 +130,11 @@ class MotionWithin:
         for k in range(2):
             noise2 = fits.residual2[k, ::PROBE] / np.maximum(freedom, 1) * variance
             noise2 = noise2[np.isfinite(noise2)]
-            if len(noise2) and pull2[k] > 0.01 * np.median(noise2):
+            if not len(noise2):
+                continue
+            # the residual of few samples is their motion's: the scatter from window to window is not
+            seen = scattered_variance(u[k], fits.variance.mean(1)) * variance
+            if pull2[k] > 0.01 * np.nanmin([np.median(noise2), seen]):
                 return True
         return False
 

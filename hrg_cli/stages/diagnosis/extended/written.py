@@ -24,6 +24,7 @@ from ....fitting.causes.sensitivities import base_sensitivities
 from ....fitting.causes.slow_equation import jump_times
 from ....fitting.causes.wave_frame import real
 from ....fitting.causes.whitened_rows import flatten_own, flatten_rows
+from ....fitting.envelopes.coordinates import SCALE_FACTOR
 from ....fitting.envelopes.envelope_runs import envelopes_of
 from ....fitting.samples.demodulator import MOVING_PERIODS
 from ....records import Wave, collect
@@ -41,9 +42,17 @@ MOST_SAMPLES = 30_000_000
 only."""
 NEAR = 1.02
 """Misfit over that of the fit up to which a file is left as it is."""
-PERIODS = MOVING_PERIODS
-"""Periods a window of the simulated samples, the shortest whose basis moves with the envelope: the
-file's own demodulation must miss nothing that the measurement's noise could show."""
+PERIODS, QUICK_PERIODS = MOVING_PERIODS, 1.0
+"""Periods per window of the simulated samples: the fewest whose basis moves with the envelope; one
+where it bends within them. The file's own demodulation must miss nothing that the measurement's noise
+could show."""
+QUICK_SAMPLES = 12.0
+"""Samples a period that windows of one need, to hold apart its own motion."""
+QUICK_RAD = 0.1
+"""Turn and decay of the envelope within `PERIODS` from which they are too many."""
+DEGREE = 5
+"""Of the spline through the simulated windows: a split that turns its modes by x a window against each
+other leaves x⁴/400 of a cubic one."""
 MOVES = 3
 """Rounds in which a file's starts and frequencies are moved nearer to the fit."""
 NEXT_ROWS = 2.0
@@ -167,7 +176,9 @@ def hold_written(
         runs = runs_of(table)
     except HrgError:
         return None
-    share, simulated = _simulate_first_part(runs, extra_effects)
+    share, simulated = _simulate_first_part(
+        runs, extra_effects, _periods_per_window(fit), fit.series.reference_frequency_hz
+    )
     if simulated is None:
         return None
     order = list(dict.fromkeys(origin))
@@ -198,7 +209,10 @@ def hold_written(
 
 
 def _simulate_first_part(
-    runs: Sequence[SimulationFile], extra_effects: Sequence[Effect]
+    runs: Sequence[SimulationFile],
+    extra_effects: Sequence[Effect],
+    periods: float,
+    frequency_hz: float,
 ) -> tuple[float, list[Wave] | None]:
     """(the part of every run that is simulated, the waves); None where one cannot be."""
     samples = sum(run.recording.sample_rate_hz * run.recording.duration_s for run in runs)
@@ -206,6 +220,9 @@ def _simulate_first_part(
     waves = []
     for run in runs:
         part = {"duration_s": run.recording.duration_s * share}
+        if periods == QUICK_PERIODS:
+            rate = run.recording.sample_rate_hz
+            part["sample_rate_hz"] = rate * np.ceil(QUICK_SAMPLES * frequency_hz / rate)
         quiet = run.model_copy(
             update={
                 "recording": run.recording.model_copy(update=part),
@@ -213,7 +230,7 @@ def _simulate_first_part(
             }
         )
         try:
-            waves.append(_estimated(collect(simulate_run(quiet, extra_effects))))
+            waves.append(_estimated(collect(simulate_run(quiet, extra_effects)), periods))
         except HrgError:
             return share, None
     return share, waves
@@ -231,10 +248,20 @@ def find_change(fit: ExtendedFit, difference: Array, compared: Array) -> Array:
     return change
 
 
-def _estimated(recording: Any) -> Wave:
+def _periods_per_window(fit: ExtendedFit) -> float:
+    """Periods per window in which the fit's envelope hardly bends."""
+    p = fit.point.p
+    # the coordinates before the scale factor are damping and splits, rad/s
+    own = float(np.linalg.norm(p[:SCALE_FACTOR]))
+    turned = float(np.abs(p[SCALE_FACTOR] * fit.series.rate_rad_s).max())
+    in_window = (own + turned) * PERIODS / fit.series.reference_frequency_hz
+    return QUICK_PERIODS if in_window > QUICK_RAD else PERIODS
+
+
+def _estimated(recording: Any, periods: float) -> Wave:
     """The simulated recording's wave, by the chain that a measurement goes through, without what
     noise asks of it."""
-    return collect(estimate(collect(demodulate_quiet(recording, periods_per_window=PERIODS))))
+    return collect(estimate(collect(demodulate_quiet(recording, periods_per_window=periods))))
 
 
 @dataclass(frozen=True)
@@ -252,9 +279,10 @@ class SimulatedCourse:
 
     def at(self, t: Array) -> Array:
         """Envelopes (k, 2) at times."""
-        from scipy.interpolate import CubicSpline
+        from scipy.interpolate import make_interp_spline
 
-        slow = CubicSpline(self.time_s, self.slow)(t)
+        degree = min(DEGREE, (len(self.time_s) - 1) // 2 * 2 - 1)
+        slow = make_interp_spline(self.time_s, self.slow, k=max(1, degree))(t)
         return np.asarray(slow * np.exp(1j * self.turn_rad_s * t)[:, None])
 
 

@@ -1,0 +1,67 @@
+"""Windows of a period that hold five samples: their residual is the motion's, and their noise is known
+from the scatter from window to window."""
+
+import numpy as np
+import pytest
+
+from hrg_cli import collect, demodulate, estimate, identify, simulate
+from hrg_cli.stages.diagnose import diagnose, summary
+
+FREQUENCY_HZ, QUALITY = 1.009, 199.0
+
+
+def programme(samples_a_period, noise):
+    """Five clean runs of sixty periods of a slow gyro that decays by 1.6 % a period."""
+    damping = np.pi * FREQUENCY_HZ / QUALITY
+    return {
+        "device": {
+            "frequency_hz": FREQUENCY_HZ,
+            "damping_rate_1_s": damping,
+            "damping_split_1_s": 2e-4,
+            "damping_axis_rad": 0.3,
+            "frequency_split_rad_s": 2.3 * 2 * damping,
+            "stiffness_axis_rad": 0.2,
+            "scale_factor": 0.277,
+        },
+        "readout": {"noise": noise},
+        "recording": {
+            "sample_rate_hz": samples_a_period * FREQUENCY_HZ,
+            "duration_s": 60 / FREQUENCY_HZ,
+        },
+        "run": [
+            {
+                "run_id": f"r{k}",
+                "start": {"wave_angle_rad": 0.3 * k, "quadrature": 0.05, "amplitude": 1.0},
+                "environment": {"rate_rad_s": rate},
+            }
+            for k, rate in enumerate((0.0, 0.05, -0.05, 0.1, -0.1))
+        ],
+    }
+
+
+@pytest.mark.parametrize(
+    ("samples_a_period", "noise"), [(4.95, 3.7e-4), (4.95, 3.7e-5), (3.94, 1e-4)]
+)
+def test_clean_gyros_are_clean(samples_a_period, noise):
+    """Their noise came from a difference of nearly equal numbers, 0.3 to 90 times the samples' own:
+    χ² up to 7, a knock of 8 σ, and `identify` suspect."""
+    table = programme(samples_a_period, noise)
+    waves = [
+        collect(
+            estimate(
+                collect(
+                    demodulate(
+                        collect(simulate(table, run=run["run_id"], seed=3)), periods_per_window=1.0
+                    )
+                )
+            )
+        )
+        for run in table["run"]
+    ]
+    stated = np.array([np.median(wave.signal_std) for wave in waves]) / noise
+    # two of five samples make a coefficient: no less than that, and a third more for what is taken off
+    assert np.all((stated > 0.5) & (stated < 1.5)), stated
+    report = summary(diagnose(waves))
+    failed = [(c["name"], c["value"], c["limit"]) for c in report["checks"] if not c["passed"]]
+    assert report["verdict"] == "adequate", failed
+    assert identify(waves).status == "valid"
