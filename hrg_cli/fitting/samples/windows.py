@@ -18,6 +18,10 @@ KNOWN = 1e-3
 POOL_KNOWN = 64
 """How many times more rows are pooled where a known motion is taken out of the residual."""
 
+BESIDE, MOVED = 8, 4.0
+"""Rows on either side that tell the motion's share of one, and how many times that a row's residual may
+be: uneven samples hold it unequally."""
+
 CACHE_SAMPLES = 1 << 15
 """Samples turned to floats at once, so that they stay in the processor's cache."""
 
@@ -141,6 +145,8 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     # the lower median: a burst in one half of a group does not reach it
     middle = own[np.arange(len(starts)), np.maximum(0, np.isfinite(own).sum(1) - 1) // 2]
     limit = _far_above(freedom) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts)
+    if known is not None:
+        limit = limit + MOVED * _middle_of_neighbours(known)
     excess = finite & (sums > limit)
     total = np.add.reduceat(np.where(excess, 0.0, sums), starts) / np.maximum(
         np.add.reduceat(np.where(excess, 0.0, weight), starts), 1
@@ -153,6 +159,14 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
         total = _less_motion(total, share)
     spread = np.repeat(total, counts)
     return np.where(finite, np.where(excess, sums / np.maximum(freedom, 1), spread), np.nan)
+
+
+def _middle_of_neighbours(known: Array) -> Array:
+    """Median of the motion's share over rows ± `BESIDE`: what a jump makes of a few is none of it."""
+    padded = np.pad(np.where(np.isfinite(known), known, 0.0), BESIDE, mode="reflect")
+    return np.asarray(
+        np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * BESIDE + 1), axis=1)
+    )
 
 
 def _far_above(freedom: Array) -> Array:

@@ -19,8 +19,9 @@ from ....records import Array, Wave
 
 NEIGHBOURS = 12
 """Windows on either side whose noise is the usual one."""
-ODD = 1.5
-"""σ over the neighbours' from which a window is odd: pooled ones differ by a few hundredths."""
+ODD = 1.9
+"""σ over the neighbours' from which a window is odd: pooled ones differ by a few hundredths, one of four
+samples beside those of five by half, and one that keeps its own noise has twice theirs or more."""
 BY_CHANCE = 1e-6
 """Chance at which the odd windows of all might be just those of the largest signal."""
 
@@ -43,15 +44,20 @@ def odd_windows(waves: Sequence[Wave]) -> list[OddWindow]:
         if len(rows) < 2 * NEIGHBOURS + 1:
             continue
         std = np.asarray(wave.signal_std, float)[rows]
-        padded = np.pad(std, NEIGHBOURS, mode="reflect")
-        usual = np.median(
-            np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1), axis=1
-        )
+        usual = _middle_of_neighbours(std)
+        odd = (std > ODD * usual) & ~_kinked(wave, rows, usual)
         found += [
             OddWindow(number, int(rows[k]), float(wave.time_s[rows[k]]), float(std[k] / usual[k]))
-            for k in np.flatnonzero((std > ODD * usual) & ~_kinked(wave, rows, usual))
+            for k in np.flatnonzero(odd)
         ]
     return found
+
+
+def _middle_of_neighbours(values: Array) -> Array:
+    """Median (n,) of the rows within `NEIGHBOURS` of each."""
+    padded = np.pad(values, NEIGHBOURS, mode="reflect")
+    rows = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1)
+    return np.asarray(np.median(rows, axis=1))
 
 
 def _kinked(wave: Wave, rows: Array, usual: Array) -> Array:
