@@ -22,7 +22,7 @@ from .case import Case
 from .inquiry import NoiseLevel
 from .offsets import Offsets, offsets_of, scatter
 from .run_patterns import QUIET, SPARE, Pattern, patterns
-from .selection import Found
+from .selection import Found, prune_causes
 
 Array = np.ndarray
 SCATTER = 1e-6
@@ -59,10 +59,21 @@ def take_from_frequencies(case: Case) -> Case:
         found.append(one)
         follows.append(one.variant.effect.name)
         ranked = []
+    if follows:
+        fit, found = _prune_others(fit, found, follows, noise)
     fitting = [one for one in ranked if one.allowed and one.left_p > QUIET]
     frequencies = _describe_frequencies(fit, noise, follows, fitting, len(ranked))
     search = replace(search, final=fit, found=tuple(found))
     return replace(case, search=search, frequencies=frequencies)
+
+
+def _prune_others(
+    fit: ExtendedFit, found: Sequence[Found], follows: Sequence[str], noise: NoiseLevel
+) -> tuple[ExtendedFit, list[Found]]:
+    """Without the causes that stood in, within the runs, for those that their frequencies follow."""
+    others = [one for one in found if one.variant.effect.name not in follows]
+    fit, kept = prune_causes(fit, others, noise, {})
+    return fit, kept + [one for one in found if one.variant.effect.name in follows]
 
 
 def _adopt_pattern(

@@ -8,13 +8,16 @@ import pytest
 from diagnosis_programme import programme, verdict, waves
 
 from hrg_cli.effects import EFFECTS
-from hrg_cli.fitting.causes import evidence
+from hrg_cli.fitting.causes import evidence, extended_fit, fit_point
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 from hrg_cli.stages.diagnosis.fits.variants import variants
+from hrg_cli.stages.diagnosis.search.between import take_from_frequencies
+from hrg_cli.stages.diagnosis.search.case import Case
 from hrg_cli.stages.diagnosis.search.inquiry import STATED, Inquiry
 from hrg_cli.stages.diagnosis.search.offsets import offsets_of
 from hrg_cli.stages.diagnosis.search.run_patterns import patterns
+from hrg_cli.stages.diagnosis.search.selection import Found, Search
 from hrg_cli.stages.diagnosis.thresholds import MOST_RIVALS
 
 
@@ -227,3 +230,27 @@ def test_frequencies_that_differ_by_parts_in_a_thousand_million_are_no_adequate_
         ]
         out = summary(diagnose(shifted))
         assert out["verdict"] == word, out["checks"]
+
+
+def test_a_cause_that_stood_in_for_what_the_frequencies_follow_is_given_up():
+    """Taken from the runs before their frequencies were asked, it stayed listed at 0.7 σ, and that alone
+    made of two right causes "partly explained"."""
+    table = programme(
+        4, {"thermal_frequency": {"relative_1_k": 3e-7, "reference_temperature_degc": 22.0}}, runs=6
+    )
+    for run, warm in zip(table["run"], (20.0, 23.0, 26.0, 25.0, 21.0, 24.0), strict=True):
+        run["environment"].pop("temperature")
+        run["environment"]["temperature_degc"] = warm
+    base = fit_base(waves(table), scale_factor=None, blocks=120, free_phase=False)
+    candidates = variants([e for e in EFFECTS if e.seen_in == "dynamics"], base)
+    stand_in = next(v for v in candidates if v.effect.name == "gain_mismatch")
+    point = fit_point.add_effect(base.point, stand_in.effect, stand_in.values)
+    final = extended_fit.fit(base.series, point, base.freedom)
+    score = evidence.score(
+        "gain_mismatch", base.residual, base.sensitivities([stand_in.wanted])[0], base.basis
+    )
+    found = Found(stand_in, score, 1, 20.0, ())
+    case = Case(Inquiry(tuple(candidates), 5), Search(base, final, (found,), (score,), (score,)))
+    left = take_from_frequencies(case).search
+    assert [one.variant.effect.name for one in left.found] == ["thermal_frequency"]
+    assert [effect.name for effect, _ in left.final.point.active] == ["thermal_frequency"]
