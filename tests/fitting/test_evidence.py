@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hrg_cli.fitting import least_squares
 from hrg_cli.fitting.causes import designs, evidence, left_out_folds
 
 
@@ -108,7 +109,7 @@ def test_a_design_in_blocks_is_solved_as_the_whole():
     )
     np.testing.assert_allclose(parts.basis.along(parts.basis.off(J / 1e6)), 0, atol=1e-9)
     step, covariance = parts.solve(r, 0 * prior, np.zeros(2))
-    whole, its = designs.solve(J, r)
+    whole, its = least_squares.solve(J, r)
     np.testing.assert_allclose(step, whole, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(covariance, its, rtol=1e-7, atol=1e-9 * np.abs(its).max())
     assert evidence.score("s", r, r[:, None], parts.basis).gain == pytest.approx(
@@ -132,7 +133,7 @@ def test_blocks_beside_what_is_unknown_over_all_of_them_are_solved_as_the_whole(
     np.testing.assert_allclose(design.along(r), whole.T @ r, rtol=1e-6, atol=1e-9 * np.abs(J).max())
     factored = designs.factor_design(design)
     step, covariance = factored.solve(r, np.zeros((1, J.shape[1])), np.zeros(1))
-    wanted, its = designs.solve(whole, r)
+    wanted, its = least_squares.solve(whole, r)
     np.testing.assert_allclose(step, wanted, rtol=1e-7, atol=1e-10)
     np.testing.assert_allclose(covariance, its, rtol=1e-6, atol=1e-9 * np.abs(its).max())
     np.testing.assert_allclose(factored.basis.along(r - whole @ wanted), 0, atol=1e-8)

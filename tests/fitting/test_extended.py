@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hrg_cli.effects import find
+from hrg_cli.fitting import least_squares
 from hrg_cli.fitting.causes import (
     coordinate_priors,
     descent,
@@ -192,7 +193,7 @@ def test_what_all_runs_share_is_softened_as_a_whole_matrix_would_be():
     off = np.eye(rows) - (unknown * (1 - 1 / np.sqrt(1 + variance))) @ unknown.T
     whole = designs.Design.of(J, blocks)
     design = designs.Design(whole.shared, whole.places, whole.own, basis)
-    want, covariance = designs.solve(off @ J, off @ residual)
+    want, covariance = least_squares.solve(off @ J, off @ residual)
     step, got = designs.factor_design(design).solve(
         basis.off(residual), np.zeros((0, 9)), np.zeros(0)
     )

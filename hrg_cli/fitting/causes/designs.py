@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..least_squares import solve
+
 Array = np.ndarray
 CLEAR_RANK = 1e-6
 """Ratio of a triangle's pivots above which the rank is full beyond doubt; below it singular values
@@ -273,14 +275,3 @@ def orthonormal(J: Array, tolerance: float = 1e-10) -> Array:
     """Orthonormal basis (N, rank) of the columns of J, each scaled to unit length first."""
     size = np.linalg.norm(J, axis=0)
     return _split(J[:, size > 0] / size[size > 0], tolerance)[0]
-
-
-def solve(J: Array, residual: Array) -> tuple[Array, Array]:
-    """Least-squares step (k,) and covariance (k, k) of a whitened problem; blind directions stay
-    put."""
-    size = np.linalg.norm(J, axis=0)
-    size[size == 0] = 1.0
-    U, s, Vt = np.linalg.svd(J / size, full_matrices=False)
-    keep = s > 1e-9 * s[0]
-    inverse = Vt[keep].T / s[keep] / size[:, None]
-    return inverse @ (U[:, keep].T @ residual), inverse @ inverse.T

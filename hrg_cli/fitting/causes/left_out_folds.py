@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .designs import orthonormal, solve
+from ..least_squares import solve
+from .designs import orthonormal
 
 Array = np.ndarray
 

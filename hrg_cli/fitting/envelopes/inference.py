@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..least_squares import invert_information, invert_scaled
 from . import coordinates
 from .coordinates import DAMPING, FREQUENCY_SPLIT, SCALE_FACTOR
 from .likelihood import Fit, triangle
 from .response import real
-from .scaled_columns import invert_scaled
 
 Array = np.ndarray
 FLAT_FRACTION = 0.3
@@ -253,10 +253,8 @@ def widen_by_held(fit: Fit, coordinate: int, std: float) -> Array:
         design = real(np.concatenate([shared, held])[:, run, :n])
         design = design - Q @ (Q.T @ design)
         total += design.T @ design
-    size = np.sqrt(np.maximum(np.diag(total)[:k], 1e-300))
-    inverse = np.linalg.pinv(total[:k, :k] / np.outer(size, size), rcond=1e-12, hermitian=True)
     # dz/dh = −I_zz⁻¹·I_zh of the joint information: z follows the held coordinate h
-    shift = inverse @ (total[:k, k] / size) / size * std
+    shift = invert_information(total[:k, :k]) @ total[:k, k] * std
     return np.outer(shift, shift)
 
 

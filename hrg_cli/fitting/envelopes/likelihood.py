@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..least_squares import invert_scaled, measure_columns
 from . import coordinates
 from .coordinates import COUNT
 from .response import Batch, Response, State, batch, real, respond
-from .scaled_columns import invert_scaled, measure_columns
 
 __all__ = [
     "Batch",

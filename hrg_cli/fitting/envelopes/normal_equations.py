@@ -8,6 +8,8 @@ from functools import reduce
 
 import numpy as np
 
+from ..least_squares import invert_information
+
 Array = np.ndarray
 
 
@@ -31,9 +33,7 @@ class Normal:
 
     def solved(self) -> tuple[Array, Array]:
         """(answer (4,), covariance (4, 4)) at the stated noise."""
-        scale = 1 / np.sqrt(np.maximum(np.diag(self.information), 1e-300))
-        unit = self.information * np.outer(scale, scale)
-        covariance = np.linalg.pinv(unit, rcond=1e-12, hermitian=True) * np.outer(scale, scale)
+        covariance = invert_information(self.information)
         return covariance @ self.product, covariance
 
     def misfit(self, answer: Array) -> float:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..least_squares import invert_scaled
 from .envelope_runs import EnvelopeRun
-from .scaled_columns import invert_scaled
 from .trapezium import integrate
 
 Array = np.ndarray

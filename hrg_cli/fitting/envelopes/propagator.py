@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..least_squares import invert_information
 from . import coordinates, matrices
 from .coordinates import COUNT, DAMPING, SCALE_FACTOR
 from .envelope_runs import EnvelopeRun, average_rows
@@ -199,15 +200,6 @@ def _pair_equations(
     return information, gradient, float(np.sum(np.abs(error) ** 2))
 
 
-def _invert_seen(information: Array) -> Array:
-    """The inverse on the directions that the pairs see, judged on a diagonal of ones."""
-    scale = np.sqrt(np.diag(information))
-    scale[scale == 0] = 1.0
-    size, vector = np.linalg.eigh(information / np.outer(scale, scale))
-    keep = size > 1e-8 * size[-1]
-    return np.asarray((vector[:, keep] / size[keep]) @ vector[:, keep].T / np.outer(scale, scale))
-
-
 def regress(
     data: Pairs, freedom: Freedom, p: Array, offsets: Array
 ) -> tuple[Array, Array, Array, float]:
@@ -220,7 +212,7 @@ def regress(
         if np.isfinite(std):  # a direction without information stays at its prior
             information[i, i] += std**-2.0
             gradient[i] += (freedom.prior_mean[i] - here[i]) * std**-2.0
-    inverse = _invert_seen(information)
+    inverse = invert_information(information, 1e-8)
     step, rows = inverse @ gradient, 4 * len(data.dt)
     spread = max(0.0, misfit - float(gradient @ step)) / max(1, rows - len(step))
     return (

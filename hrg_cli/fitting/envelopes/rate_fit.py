@@ -14,6 +14,7 @@ import numpy as np
 
 from ...physics.resonator import Mechanics
 from ...records import Resonator, details_number
+from ..least_squares import measure_columns
 from . import coordinates, rows
 from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
@@ -22,7 +23,6 @@ from .rate_estimate import RateEstimate, cardinal
 from .rate_start import mean_offset
 from .resonator_spread import vector_covariance
 from .response import Response, State, batch, real, respond
-from .scaled_columns import measure_columns
 from .trapezium import integrate
 
 Array = np.ndarray

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..least_squares import invert_information
 from .base_fit import base_fit
 from .base_freedom import Known
 from .coordinates import SCALE_FACTOR
@@ -69,11 +70,7 @@ def _step(fit: Fit) -> tuple[float, float, Array, float]:
     of its information left to it."""
     information, gradient, alone = _normal_equations(fit)
     k = len(fit.freedom.names)
-    # scaled to ones on the diagonal: coordinates of 1e-6 and of 1 share one cut-off
-    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    inverse = np.linalg.pinv(
-        information / np.outer(size, size), rcond=1e-12, hermitian=True
-    ) / np.outer(size, size)
+    inverse = invert_information(information)
     variance = float(inverse[k, k])
     if not (variance > 0 and alone > 0):
         return float("nan"), float("inf"), np.zeros((k, k)), 0.0

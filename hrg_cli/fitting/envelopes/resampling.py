@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from ...physics.resonator import OF_GENERATOR
+from ..least_squares import measure_columns
 from . import coordinates
 from .likelihood import Fit, Freedom, fit
 from .response import real
-from .scaled_columns import measure_columns
 
 Array = np.ndarray
 PAIRS = {

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..least_squares import measure_columns
 from .envelope_runs import EnvelopeRun
-from .scaled_columns import measure_columns
 
 Array = np.ndarray
 MOST_STEPS = 40

@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...physics import ellipse
+from ..least_squares import measure_columns
 from .envelope_runs import EnvelopeRun
 from .equations import derivative
-from .scaled_columns import measure_columns
 
 Array = np.ndarray
 BLOCK_ROWS = 8

@@ -22,6 +22,7 @@ from ...fitting.causes.layout import OWN
 from ...fitting.causes.sensitivities import base_sensitivities, propagation
 from ...fitting.causes.slow_prediction import predict
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
+from ...fitting.least_squares import invert_information
 from ...physics import ellipse, slow_engine, slow_motion
 from ...physics.plant import linear_plant
 from ...physics.resonator import Mechanics
@@ -172,10 +173,5 @@ def left_over(M: Array, wanted: Sequence[int], free: Sequence[int]) -> Array:
     inside = M[np.ix_(wanted, wanted)]
     if not free:
         return inside
-    F = M[np.ix_(free, free)]
-    scale = np.sqrt(np.where(np.diag(F) > 0, np.diag(F), 1.0))
-    cross = M[np.ix_(free, wanted)] / scale[:, None]
-    return (
-        inside
-        - cross.T @ np.linalg.pinv(F / np.outer(scale, scale), rcond=1e-10, hermitian=True) @ cross
-    )
+    cross = M[np.ix_(free, wanted)]
+    return inside - cross.T @ invert_information(M[np.ix_(free, free)], 1e-10) @ cross

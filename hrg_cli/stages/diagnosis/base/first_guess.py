@@ -16,7 +16,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....effects.effect import frame
-from ....fitting.causes.designs import solve
 from ....fitting.causes.slow_equation import times
 from ....fitting.causes.wave_frame import real
 from ....fitting.envelopes import coordinates, propagator, rows
@@ -24,6 +23,7 @@ from ....fitting.envelopes.base_fit import start_from_propagator
 from ....fitting.envelopes.base_freedom import Known, freedom
 from ....fitting.envelopes.coordinates import COUNT, DAMPING, SCALE_FACTOR, SECOND_ORDER
 from ....fitting.envelopes.envelope_runs import EnvelopeRun
+from ....fitting.least_squares import solve
 from ....records import Wave
 
 Array = np.ndarray

@@ -17,7 +17,7 @@ import numpy as np
 
 from ....effects.effect import Effect
 from ....errors import HrgError
-from ....fitting.causes import designs
+from ....fitting import least_squares
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.layout import OWN
 from ....fitting.causes.sensitivities import base_sensitivities
@@ -244,7 +244,7 @@ def find_change(fit: ExtendedFit, difference: Array, compared: Array) -> Array:
     change = np.zeros((len(fit.series.names), OWN))
     for k, (rows, _, _) in enumerate(fit.design.own):
         if compared[k].any():
-            change[k] = designs.solve(columns[rows], wanted[rows])[0]
+            change[k] = least_squares.solve(columns[rows], wanted[rows])[0]
     return change
 
 

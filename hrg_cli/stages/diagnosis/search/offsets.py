@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ....fitting import least_squares
 from ....fitting.causes import designs, evidence
 from ....fitting.causes.extended_fit import ExtendedFit
 from .inquiry import NoiseLevel
@@ -50,12 +51,9 @@ class Offsets:
         free, beside a wander of that size."""
         C = np.linalg.cholesky(self.covariance + wander**2 * np.eye(len(self.value)))
         design = np.linalg.solve(C, np.concatenate([self.means, response], axis=1))
-        size = np.linalg.norm(design, axis=0)
-        size[size == 0] = 1.0
-        inverse = np.linalg.pinv(design / size, rcond=1e-6)
-        solution = inverse @ np.linalg.solve(C, self.value) / size
+        solution, covariance = least_squares.solve(design, np.linalg.solve(C, self.value), 1e-6)
         first = self.means.shape[1]
-        return solution[first:], (inverse @ inverse.T / np.outer(size, size))[first:, first:]
+        return solution[first:], covariance[first:, first:]
 
     def wander(self, extra: Array | None = None) -> float:
         """s of largest restricted likelihood: where χ² equals the degrees of freedom left, 0 where
