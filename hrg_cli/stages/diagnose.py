@@ -53,8 +53,13 @@ from .diagnosis.search.explain import explain, reweighted
 from .diagnosis.search.forecast import forecast
 from .diagnosis.search.gain import held_out
 from .diagnosis.search.orientation import orient_runs, settle_signs
-from .diagnosis.suspects import Suspicion, stuck_columns, suspect_quiet_run, suspect_runs
-from .diagnosis.suspects.quiet import QuietMistake
+from .diagnosis.suspects import (
+    QuietMistake,
+    Suspicion,
+    stuck_columns,
+    suspect_quiet_run,
+    suspect_runs,
+)
 from .diagnosis.suspects.rivals import nearest
 from .diagnosis.thresholds import GROSS
 from .identification.modes import has_dead_channel, thin_run

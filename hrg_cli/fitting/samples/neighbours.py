@@ -19,6 +19,13 @@ MOST_BRIDGED = 4
 """Windows without a number in a row that are bridged."""
 
 
+def median_of_neighbours(values: Array, reach: int) -> Array:
+    """Median (n,) of the rows ± `reach` about each, mirrored at the ends."""
+    padded = np.pad(values, reach, mode="reflect")
+    rows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
+    return np.asarray(np.median(rows, axis=1))
+
+
 def from_neighbours(
     motion: Callable[[Array], Motion | None],
     u: Array,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .basis import Pull, WindowBasis
+from .neighbours import median_of_neighbours
 
 Array = np.ndarray
 
@@ -146,7 +147,9 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     middle = own[np.arange(len(starts)), np.maximum(0, np.isfinite(own).sum(1) - 1) // 2]
     limit = _far_above(freedom) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts)
     if known is not None:
-        limit = limit + MOVED * _middle_of_neighbours(known)
+        # what a jump makes of a few rows' share is not in the median of those beside them
+        usual = median_of_neighbours(np.where(np.isfinite(known), known, 0.0), BESIDE)
+        limit = limit + MOVED * usual
     excess = finite & (sums > limit)
     total = np.add.reduceat(np.where(excess, 0.0, sums), starts) / np.maximum(
         np.add.reduceat(np.where(excess, 0.0, weight), starts), 1
@@ -159,14 +162,6 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
         total = _less_motion(total, share)
     spread = np.repeat(total, counts)
     return np.where(finite, np.where(excess, sums / np.maximum(freedom, 1), spread), np.nan)
-
-
-def _middle_of_neighbours(known: Array) -> Array:
-    """Median of the motion's share over rows ± `BESIDE`: what a jump makes of a few is none of it."""
-    padded = np.pad(np.where(np.isfinite(known), known, 0.0), BESIDE, mode="reflect")
-    return np.asarray(
-        np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * BESIDE + 1), axis=1)
-    )
 
 
 def _far_above(freedom: Array) -> Array:

@@ -9,10 +9,12 @@ leaves between them. Lost samples turn both parts alike; a knock does not.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ....fitting.envelopes.envelope_runs import envelopes_of, integrate_rate
+from ....fitting.samples.neighbours import median_of_neighbours
 from ....records import Array, Wave
 
 JUMP_SIGMA = 8.0
@@ -93,13 +95,10 @@ def jumps(wave: Wave) -> list[EnvelopeJump]:
     noise = np.asarray(wave.signal_std, float)[rows]
     z = circular(u)
     step = np.diff(time)
-    rate = np.stack(
-        [_running_median(np.angle(p[1:] * np.conj(p[:-1])) / step) for p in z.T], axis=-1
-    )
+    running = partial(median_of_neighbours, reach=NEIGHBOURS)
+    rate = np.stack([running(np.angle(p[1:] * np.conj(p[:-1])) / step) for p in z.T], axis=-1)
     change = z[1:] * np.exp(-1j * rate * step[:, None]) - z[:-1]
-    change -= np.stack(
-        [_running_median(c.real) + 1j * _running_median(c.imag) for c in change.T], axis=-1
-    )
+    change -= np.stack([running(c.real) + 1j * running(c.imag) for c in change.T], axis=-1)
     size = np.abs(change)
     usual = np.maximum(
         1.4826 * np.median(size, axis=0),
@@ -313,9 +312,3 @@ class OwnMotion:
 def _turn(angle: Array) -> Array:
     """What a turn of the wave, −mθ (n,), does to z±, (n, 2)."""
     return np.exp(1j * np.multiply.outer(angle, [-1.0, 1.0]))
-
-
-def _running_median(values: Array) -> Array:
-    width = 2 * NEIGHBOURS + 1
-    padded = np.pad(values, NEIGHBOURS, mode="reflect")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1))

@@ -15,6 +15,7 @@ import numpy as np
 
 from ....effects.effect import Effect
 from ....fitting.envelopes.envelope_runs import envelopes_of
+from ....fitting.samples.neighbours import median_of_neighbours
 from ....records import Array, Wave
 
 NEIGHBOURS = 12
@@ -44,20 +45,13 @@ def odd_windows(waves: Sequence[Wave]) -> list[OddWindow]:
         if len(rows) < 2 * NEIGHBOURS + 1:
             continue
         std = np.asarray(wave.signal_std, float)[rows]
-        usual = _middle_of_neighbours(std)
+        usual = median_of_neighbours(std, NEIGHBOURS)
         odd = (std > ODD * usual) & ~_kinked(wave, rows, usual)
         found += [
             OddWindow(number, int(rows[k]), float(wave.time_s[rows[k]]), float(std[k] / usual[k]))
             for k in np.flatnonzero(odd)
         ]
     return found
-
-
-def _middle_of_neighbours(values: Array) -> Array:
-    """Median (n,) of the rows within `NEIGHBOURS` of each."""
-    padded = np.pad(values, NEIGHBOURS, mode="reflect")
-    rows = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1)
-    return np.asarray(np.median(rows, axis=1))
 
 
 def _kinked(wave: Wave, rows: Array, usual: Array) -> Array:

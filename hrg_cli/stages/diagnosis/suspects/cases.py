@@ -69,8 +69,6 @@ class SuspectFound:
     before: ExtendedFit
     fit: ExtendedFit
     chi2_per_dof: float
-    apart: bool = False
-    """Whether a run is unlike the others by no mistake that has a name."""
 
     @property
     def follow_a_law(self) -> bool:

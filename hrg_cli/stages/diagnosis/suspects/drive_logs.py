@@ -9,7 +9,7 @@ import numpy as np
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from . import transformations as change
-from .readings import FINEST, LATEST, Reading, least
+from .readings import FINEST, LATEST, Reading, least, of_a_late_log
 
 LARGEST = 100.0
 """Times by which a log may be too large or too small."""
@@ -41,12 +41,4 @@ def of_the_drive(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     span = float(wave.time_s[-1] - wave.time_s[0])
     late = least(lambda t: change.advance_drive(wave, t), others, LATEST * span, FINEST * span)
     if late is not None:
-        early = "late" if late > 0 else "early"
-        yield Reading(
-            f"drive log {early}",
-            (change.advance_drive(wave, late),),
-            1,
-            f"with its drive log moved by {-late:+.4g} s",
-            f"the drive log comes {abs(late):.4g} s too {early}: shift its times, or start both"
-            " clocks together",
-        )
+        yield of_a_late_log("drive log", change.advance_drive(wave, late), late)

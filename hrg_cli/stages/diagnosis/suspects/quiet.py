@@ -7,23 +7,21 @@ account of the runs than the causes were.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ....effects.effect import Effect
 from ....fitting import checks
-from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
-from ..fits.refits import QUICK_STEPS
 from ..thresholds import GROSS, WORTH
 from .cases import Fitted, SuspectCase, fit_or_none
 from .mistakes import find_mistakes
 from .own_numbers import largest_gain
 from .readings import Reading
+from .rivals import beside_causes
 from .search import (
     DOUBTED,
     any_logged,
@@ -127,24 +125,11 @@ def _levels(
         return
     if len(final.point.active) > 1:
         for effect, _ in final.point.active:
-            others = _beside(fitted, [pair for pair in common if pair[0].name != effect.name])
+            others = beside_causes(fitted, [pair for pair in common if pair[0].name != effect.name])
             yield _Level(others, fit_or_none(waves, others), asked_of_failed=False)
     if common:
-        beside_all = _beside(fitted, common)
+        beside_all = beside_causes(fitted, common)
         yield _Level(beside_all, fit_or_none(waves, beside_all))
-
-
-def _beside(fitted: Fitted, causes: Sequence[tuple[Effect, Mapping[str, float]]]) -> Fitted:
-    """The base model's fit followed by that with these causes too."""
-
-    def fit(waves: Sequence[Wave], *, quick: bool = False) -> ExtendedFit:
-        plain = fitted(waves, quick=quick)
-        point = plain.point
-        for effect, values in causes:
-            point = fit_point.add_effect(point, effect, values)
-        return extended_fit.fit(plain.series, point, plain.freedom, QUICK_STEPS)
-
-    return fit
 
 
 def _promises(before: ExtendedFit, final: ExtendedFit) -> bool:

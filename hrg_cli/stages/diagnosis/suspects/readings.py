@@ -223,14 +223,19 @@ def _of_the_rates_clock(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     late = _lateness(wave, others)
     if late is None:
         return
-    early = "late" if late > 0 else "early"
-    yield Reading(
-        f"rate log {early}",
-        (change.advance_rate(wave, late),),
+    yield of_a_late_log("rate log", change.advance_rate(wave, late), late)
+
+
+def of_a_late_log(log: str, undone: Wave, late_s: float) -> Reading:
+    """A log on a clock beside that of the samples; `undone`: the run with it in time."""
+    early = "late" if late_s > 0 else "early"
+    return Reading(
+        f"{log} {early}",
+        (undone,),
         1,
-        f"with its rate log moved by {-late:+.4g} s",
-        f"the rate log comes {abs(late):.4g} s too {early}: shift its times, or start both"
-        " clocks together",
+        f"with its {log} moved by {-late_s:+.4g} s",
+        f"the {log} comes {abs(late_s):.4g} s too {early}: shift its times, or start both clocks"
+        " together",
     )
 
 

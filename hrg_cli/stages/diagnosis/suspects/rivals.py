@@ -5,16 +5,20 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 
+from ....effects.effect import Effect
 from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from ..fits.refits import QUICK_STEPS, adopt_hopeful
 from ..fits.scoring import score_effects
 from ..fits.variants import Variant
+from .cases import Fitted
 from .logs import usual_scale_factor
 
+Cause = tuple[Effect, Mapping[str, float]]
+"""A cause with the values that it is fitted from."""
 MOST = 2
 """Causes at once that may stand against one wrong run, beside those that take nearly all there is."""
 NEARLY_ALL = 0.9
@@ -61,28 +65,35 @@ def _left(fit: ExtendedFit) -> float:
 
 
 def fit_warming(
-    fitted: Callable[..., ExtendedFit],
+    fitted: Fitted,
     candidates: Sequence[Variant],
     base: ExtendedFit,
-) -> Callable[..., ExtendedFit] | None:
+) -> Fitted | None:
     """The fit with frequency and damping that follow the temperature; None where that does not
     lower χ² of the runs much."""
     thermal = [variant for variant in candidates if variant.effect.scales]
     if not thermal or not base.series.has_temperature:
         return None
 
-    def fit(waves: Sequence[Wave], *, quick: bool = False) -> ExtendedFit:
-        plain = fitted(waves, quick=quick)
-        point = plain.point
-        for variant in thermal:
-            point = fit_point.add_effect(point, variant.effect, variant.values)
-        return extended_fit.fit(plain.series, point, plain.freedom, QUICK_STEPS)
-
+    causes = [(variant.effect, variant.values) for variant in thermal]
     with contextlib.suppress(extended_fit.DivergedError):
-        series = base.series
-        point = base.point
-        for variant in thermal:
-            point = fit_point.add_effect(point, variant.effect, variant.values)
-        if extended_fit.fit(series, point, base.freedom, QUICK_STEPS).chi2 < MATTERS * base.chi2:
-            return fit
+        if _with_causes(base, causes).chi2 < MATTERS * base.chi2:
+            return beside_causes(fitted, causes)
     return None
+
+
+def beside_causes(fitted: Fitted, causes: Sequence[Cause]) -> Fitted:
+    """The base model's fit followed by that with these causes too."""
+
+    def fit(waves: Sequence[Wave], *, quick: bool = False) -> ExtendedFit:
+        return _with_causes(fitted(waves, quick=quick), causes)
+
+    return fit
+
+
+def _with_causes(plain: ExtendedFit, causes: Sequence[Cause]) -> ExtendedFit:
+    """A fit again, in few steps, with causes from these values on."""
+    point = plain.point
+    for effect, values in causes:
+        point = fit_point.add_effect(point, effect, values)
+    return extended_fit.fit(plain.series, point, plain.freedom, QUICK_STEPS)

@@ -143,8 +143,7 @@ def _wrong_runs(
         return None
     told = tuple(describe_case(waves, case, beside, before) for case, beside in chosen)
     numbers = sum(case.reading.parameters for case, _ in chosen)
-    apart = any(case.apart is not None for case, _ in chosen)
-    return SuspectFound(told, numbers, level, last.fit, last.chi2 / last.dof, apart)
+    return SuspectFound(told, numbers, level, last.fit, last.chi2 / last.dof)
 
 
 def choose_case(cases: Sequence[SuspectCase]) -> tuple[SuspectCase, tuple[SuspectCase, ...]]:
