@@ -46,10 +46,11 @@ class Constants(NamedTuple):
 
 
 class RuleSteps(NamedTuple):
-    """Length of every step (R, n − 1), half the run's mean turn over it, and jumps (R, n − 1, 2)."""
+    """Length of every step (R, n − 1), what the run's steady part makes of half of it (R, n − 1, 2,
+    2), and jumps (R, n − 1, 2)."""
 
     h: Array
-    half_turn: Array
+    half: Array
     jumps: Array
 
 
@@ -98,24 +99,30 @@ def _slope(
     )
 
 
+def _carry(E: Array, c: complex, s: complex) -> tuple[complex, complex]:
+    """Envelopes behind half a step of the steady part."""
+    return E[0, 0] * c + E[0, 1] * s, E[1, 0] * c + E[1, 1] * s
+
+
 def march(
     rows: Instants, middles: Instants, steps: RuleSteps, shared: Constants, out: Array
 ) -> None:
     """Fill the motion (R, n, 2) behind its start by the rule of Runge and Kutta."""
     for r in range(out.shape[0]):
         for k in range(out.shape[1] - 1):
-            h, E = steps.h[r, k], steps.half_turn[r, k]
+            h, E = steps.h[r, k], steps.half[r, k]
             c, s = out[r, k, 0], out[r, k, 1]
             a0, a1 = _slope(c, s, rows, r, k, shared)
-            b0, b1 = _slope(E * (c + h / 2 * a0), E * (s + h / 2 * a1), middles, r, k, shared)
-            d0, d1 = _slope(E * c + h / 2 * b0, E * s + h / 2 * b1, middles, r, k, shared)
-            e0, e1 = _slope(E * (E * c + h * d0), E * (E * s + h * d1), rows, r, k + 1, shared)
-            out[r, k + 1, 0] = (
-                E * (E * (c + h / 6 * a0) + h / 3 * (b0 + d0)) + h / 6 * e0 + steps.jumps[r, k, 0]
-            )
-            out[r, k + 1, 1] = (
-                E * (E * (s + h / 6 * a1) + h / 3 * (b1 + d1)) + h / 6 * e1 + steps.jumps[r, k, 1]
-            )
+            x, y = _carry(E, c + h / 2 * a0, s + h / 2 * a1)
+            b0, b1 = _slope(x, y, middles, r, k, shared)
+            x, y = _carry(E, c, s)
+            d0, d1 = _slope(x + h / 2 * b0, y + h / 2 * b1, middles, r, k, shared)
+            x, y = _carry(E, x + h * d0, y + h * d1)
+            e0, e1 = _slope(x, y, rows, r, k + 1, shared)
+            x, y = _carry(E, c + h / 6 * a0, s + h / 6 * a1)
+            x, y = _carry(E, x + h / 3 * (b0 + d0), y + h / 3 * (b1 + d1))
+            out[r, k + 1, 0] = x + h / 6 * e0 + steps.jumps[r, k, 0]
+            out[r, k + 1, 1] = y + h / 6 * e1 + steps.jumps[r, k, 1]
 
 
 @functools.lru_cache(maxsize=1)
@@ -131,4 +138,4 @@ def compiled() -> Callable[[Instants, Instants, RuleSteps, Constants, Array], No
         return _march_of(njit)["march"]
 
 
-_march_of = functools.partial(compile_all, functions=(_along, _slope, march), opened=())
+_march_of = functools.partial(compile_all, functions=(_along, _slope, _carry, march), opened=())

@@ -9,11 +9,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...effects.effect import Effect, frame, no_term, same_signal, same_state
+from ...physics.resonator import exponential
 from ..envelopes import coordinates
 from ..envelopes.coordinates import COUNT, SECOND_ORDER
 from .measured_runs import MeasuredRuns
-from .slow_equation import RungeKuttaStage, generators, jump, second_order_force, times
-from .slow_prediction import Near, Prediction, accumulate_steps, half_turns
+from .slow_equation import (
+    RungeKuttaStage,
+    generators,
+    jump,
+    second_order_force,
+    steady_generators,
+    times,
+)
+from .slow_prediction import Near, Prediction, accumulate_steps
 from .wave_frame import imaginary, real, real_matrix
 
 Array = np.ndarray
@@ -113,12 +121,15 @@ def propagation(prediction: Prediction) -> Propagation:
     centre = series.middle()
     h = series.step_s[..., None, None]
     L, M = generators(series, point), generators(centre, point)
+    steady = steady_generators(series, L)[:, None]
+    L, M = L - steady, M - steady
     rows, halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
     slope_rows = times(L, u) + rows.beside(u)
-    hh, E = series.step_s[..., None], half_turns(series)[..., None]
-    # cubic Hermite interpolation of the midpoint, in the frame that turns with the mean frequency
-    middle = (np.conj(E) * u[:, 1:] + E * u[:, :-1]) / 2 + hh / 8 * (
-        E * slope_rows[:, :-1] - np.conj(E) * slope_rows[:, 1:]
+    hh, half = series.step_s[..., None], series.step_s / 2
+    # cubic Hermite interpolation of the midpoint, in the frame that moves with the steady part
+    ahead, back = exponential(steady, half), exponential(steady, -half)
+    middle = (times(back, u[:, 1:]) + times(ahead, u[:, :-1])) / 2 + hh / 8 * (
+        times(ahead, slope_rows[:, :-1]) - times(back, slope_rows[:, 1:])
     )
     A, B = real_matrix(L), real_matrix(M)
     view = None
@@ -128,8 +139,8 @@ def propagation(prediction: Prediction) -> Propagation:
     eye = np.eye(4)
 
     def flow(first: Array, mid: Array, last: Array, h: Array) -> Array:
-        E = real_matrix(np.exp(0.5j * series.turn_rad_s[:, None, None, None] * h) * np.eye(2))
-        # the classical Runge–Kutta step of fourth order, the mean turn E taken exactly (Lawson 1967)
+        E = real_matrix(exponential(steady, h[..., 0, 0] / 2))
+        # the classical Runge–Kutta step of fourth order, the steady part E taken exactly (Lawson 1967)
         k1 = first
         k2 = mid @ E @ (eye + h / 2 * k1)
         k3 = mid @ (E + h / 2 * k2)

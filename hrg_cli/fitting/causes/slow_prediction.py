@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from ...physics.resonator import exponential
 from ..envelopes import channel_noise
 from . import fast_march
 from .fast_march import RuleSteps
 from .fit_point import Point
 from .measured_runs import MeasuredRuns
-from .slow_equation import RungeKuttaStage, generators, jump, times
+from .slow_equation import RungeKuttaStage, generators, jump, steady_generators, times
 from .wave_frame import imaginary, real, real_matrix
 
 Array = np.ndarray
@@ -100,14 +101,15 @@ Near = tuple[Array, Array]
 
 
 class Rule:
-    """The Runge–Kutta rule of fourth order over the rows, each run's mean turn taken exactly
-    (Lawson)."""
+    """The Runge–Kutta rule of fourth order over the rows, the steady part of each run's generators
+    taken exactly (Lawson 1967)."""
 
     def __init__(self, series: MeasuredRuns, point: Point) -> None:
         centre = series.middle()
         self.rows, self.halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
-        self.L, self.M = generators(series, point), generators(centre, point)
-        self.h, self.E = series.step_s[..., None], half_turns(series)[..., None]
+        L, steady = generators(series, point), steady_generators(series, generators(series, point))
+        self.L, self.M = L - steady[:, None], generators(centre, point) - steady[:, None]
+        self.h, self.E = series.step_s[..., None], exponential(steady[:, None], series.step_s / 2)
         self.jumps = sum(
             (jump(series, point, *pair) for pair in point.active if pair[0].slow_jump is not None),
             np.zeros_like(self.h),
@@ -132,10 +134,10 @@ class Rule:
             return times(L, v) if stages is None else times(L, v) + stages[stage].beside(v)
 
         k1 = slope(self.L[:, before], 0, u)
-        k2 = slope(self.M[:, k], 1, E * (u + h / 2 * k1))
-        k3 = slope(self.M[:, k], 1, E * u + h / 2 * k2)
-        k4 = slope(self.L[:, after], 2, E * (E * u + h * k3))
-        smooth = E * (E * (u + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
+        k2 = slope(self.M[:, k], 1, times(E, u + h / 2 * k1))
+        k3 = slope(self.M[:, k], 1, times(E, u) + h / 2 * k2)
+        k4 = slope(self.L[:, after], 2, times(E, times(E, u) + h * k3))
+        smooth = times(E, times(E, u + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
         return smooth if stages is None else smooth + self.jumps[:, k]
 
     def linear(self) -> Array:
@@ -173,7 +175,7 @@ class Rule:
             self.fast(
                 self.rows.instants(self.L),
                 self.halves.instants(self.M),
-                RuleSteps(self.h[..., 0], self.E[..., 0], jumps),
+                RuleSteps(self.h[..., 0], self.E, jumps),
                 self.rows.constants(),
                 motion,
             )
@@ -224,8 +226,3 @@ def predict(series: MeasuredRuns, point: Point, near: Near | None = None) -> Pre
 def motion_of(series: MeasuredRuns, point: Point) -> Array:
     """The motion (R, n, 2) row by row from the start states, in either direction of time."""
     return Rule(series, point).marched(point.start)
-
-
-def half_turns(series: MeasuredRuns) -> Array:
-    """e^{jδh/2} of every step (R, n − 1), δ the run's mean turn."""
-    return np.exp(0.5j * series.turn_rad_s[:, None] * series.step_s)

@@ -24,7 +24,7 @@ import numpy as np
 from ....effects.effect import frame
 from ....fitting.causes import whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.slow_equation import RungeKuttaStage, generators, times
+from ....fitting.causes.slow_equation import RungeKuttaStage, generators, mean_turns, times
 from ....fitting.causes.wave_frame import real
 from ..fits.scoring import is_gross
 from .loop_gain import bound_gains
@@ -80,8 +80,9 @@ def _seen(fit: ExtendedFit, doings: Array) -> float:
 def _doings(fit: ExtendedFit) -> Array:
     """Of the direction's answer, and of q = 1 and q = j 1/s of the sizes', (R, n, 4, 5)."""
     flow, series, point = fit.flow, fit.series, fit.point
-    at_rows = _forces(flow.rows, generators(series, point), fit.prediction.motion)
-    between = _forces(flow.halves, generators(flow.centre, point), flow.middle)
+    turn = mean_turns(series)[:, None]
+    at_rows = _forces(flow.rows, generators(series, point) - turn, fit.prediction.motion)
+    between = _forces(flow.halves, generators(flow.centre, point) - turn, flow.middle)
     return flow.seen(flow.carried(at_rows, between))
 
 

@@ -50,7 +50,7 @@ MOST = 1.2
 """Largest q; more than 1 where the scatter itself is measured too small."""
 PARTS = MOST * np.linspace(0, 1, 81) ** 2
 """Values of q, closer where a large scatter leaves a little of it."""
-WEAKEST = 1e-4
+WEAKEST = 1e-2
 """Variance over that of the windows below which a direction is left alone."""
 INDEPENDENT = 1e-8
 OF_FOURTH_DIFFERENCES = 0.6745 * 70**0.5
