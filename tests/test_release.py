@@ -123,7 +123,7 @@ def test_installs_and_works_in_an_empty_environment(kind, tmp_path):
     assert "demodulate" in run(hrg, "--help") and "gain_mismatch" in run(hrg, "effects")
     store.write(tmp_path / "a.h5", ringing())
     run(hrg, "demodulate", "a.h5", "-o", "p.h5")
-    run(hrg, "report", "p.h5", "-o", "p.html")
+    run(hrg, "report", "p.h5", "-o", "p.html", "--full")
     assert len(store.read(tmp_path / "p.h5", Periods)) > 100 and "<svg" in (
         tmp_path / "p.html"
     ).read_text(encoding="utf-8")

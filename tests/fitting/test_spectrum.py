@@ -90,12 +90,12 @@ def test_colour_is_the_ratio_a_trial_shows() -> None:
         return np.stack([hum, harmonic]) + 0.3 * rng.normal(size=(2, len(time)))
 
     spectrum = averaged(make)
-    kappa = colour(spectrum.frequency_hz, spectrum.mean(), spectrum.segments, basis, RATE, ())
+    noise = colour(spectrum.frequency_hz, spectrum.mean(), spectrum.segments, basis, RATE, ())
     y = make(np.arange(samples * 40_000) / RATE).reshape(2, -1, samples)
     q = y @ basis.orthonormal
     white2 = ((y**2).sum((1, 2)) - (q**2).sum((1, 2))) / (basis.freedom * y.shape[1])
     seen = (q @ basis.triangle).var(1) / (white2[:, None] * basis.variance)
-    np.testing.assert_allclose(kappa, seen, rtol=0.15)
+    np.testing.assert_allclose(noise.whole, seen, rtol=0.15)
     assert seen[0].max() > 3 and seen[1].max() < 0.4
 
 
@@ -105,6 +105,29 @@ def test_white_noise_has_colour_one() -> None:
         basis = window_basis(samples, RATE, (1000.3,))
         assert basis is not None
         spectrum = averaged(lambda time: rng.normal(size=(2, len(time))))
-        assert (
-            colour(spectrum.frequency_hz, spectrum.mean(), spectrum.segments, basis, RATE, ()) == 1
-        ).all()
+        noise = colour(spectrum.frequency_hz, spectrum.mean(), spectrum.segments, basis, RATE, ())
+        assert noise.is_white
+
+
+def test_lines_that_few_windows_hold_take_nothing_off_the_others_noise() -> None:
+    """A wave clipped at its top for a twentieth of the run leaves harmonics there alone: the other
+    windows keep the noise of their own samples."""
+    samples, bad = 23, 5
+    basis = window_basis(samples, RATE, (400.0,))
+    assert basis is not None
+    spectra = {}
+    for size in (0.0, 8.0):
+        rng, looks = np.random.default_rng(8), iter(range(1000))
+
+        def make(time: np.ndarray) -> np.ndarray:
+            held = size if next(looks) < bad else 0.0
+            return held * np.cos(2 * np.pi * 800 * time) + 0.3 * rng.normal(size=(2, len(time)))
+
+        spectrum = averaged(make)
+        spectra[size] = colour(
+            spectrum.frequency_hz, spectrum.mean(), spectrum.segments, basis, RATE, ()
+        )
+    assert spectra[8.0].whole.max() < 0.5 and spectra[0.0].is_white
+    quiet, loud = np.full((4, 1), 0.09), np.full((4, 1), 0.09 + 32.0)
+    np.testing.assert_allclose(spectra[8.0].of_windows(0, quiet), 1, rtol=0.1)
+    assert (spectra[8.0].of_windows(0, loud) < 0.5).all()

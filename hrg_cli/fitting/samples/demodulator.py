@@ -15,7 +15,7 @@ from .frequency import bands, nuisances
 from .gaps import Gaps
 from .scatter import scattered_variance, settle_by_scatter
 from .signal_rows import Rows, Variances, empty_rows, write_signals
-from .spectrum import colour
+from .spectrum import Colour, colour
 from .still_envelopes import MotionWithin, Still
 from .survey import Survey
 from .windows import Fits, energy, pooled_variance
@@ -82,7 +82,7 @@ class Demodulator:
         self._ahead_hz = 0.0
         self._basis: tuple[float, WindowBasis] | None = None
         self._course = np.zeros((0, 1), complex)
-        self._colour: Array | None = None
+        self._colour: Colour | None = None
 
     def chunk_windows(self, window_samples: float, pool: int) -> int:
         """Windows that share one basis: a multiple of `pool`, so few that the frequency's drift
@@ -195,7 +195,7 @@ class Demodulator:
         found = self.survey
         if found.spectrum_segments == 0 or len(found.spectrum_hz) < 16:
             return
-        kappa = colour(
+        noise = colour(
             found.spectrum_hz,
             found.spectrum_density,
             found.spectrum_segments,
@@ -204,9 +204,9 @@ class Demodulator:
             found.blind_hz,
             self.apart,
         )
-        if (kappa != 1).any():
-            self._colour = kappa
-            worst = np.sqrt(kappa.mean(1))
+        if not noise.is_white:
+            self._colour = noise
+            worst = np.sqrt(noise.whole.mean(1))
             self.notes.append(
                 "the residual is not white; standard deviations follow its spectrum "
                 f"({worst[0]:.2g} and {worst[1]:.2g} times those of white noise, C and S)"
@@ -264,14 +264,6 @@ class Demodulator:
         if bent.any():
             self.bent_by = max(self.bent_by, float(np.median(doubt[bent] / std[bent])))
 
-    def _widen_clipped(self, out: Rows, rows: slice, k: int, columns: slice) -> None:
-        """Standard deviations of channel k's clipped windows without the colour's discount: a
-        clipped top bends the signal itself, not its harmonics alone."""
-        if self._colour is None or not self._colour[k].min() < 1:
-            return
-        clipped = out["flags"][rows] & FLAG_CLIPPED != 0
-        out["signals_std"][rows, columns][clipped] /= np.sqrt(self._colour[k].min())
-
     def fill(
         self, fits: Fits, times: Array, local_hz: float, keep: slice, out: Rows, rows: slice
     ) -> None:
@@ -280,9 +272,10 @@ class Demodulator:
         turn = self.turns(float(times[0]), len(times))
         still = self._still(fits, turn, times, local_hz)
         self.follow(still.envelope[:, keep], float(times[0] + times[-1]) / 2)
+        clipped = out["flags"][rows] & FLAG_CLIPPED != 0
         for k in range(2):
             sample2 = self._sample_variance(fits, still, k, keep)
-            own = self._own_variance(fits, still, k, keep, sample2)
+            own = self._own_variance(fits, still, k, keep, sample2, clipped)
             unsure = 0.0 if still.doubt2 is None else still.doubt2[k, keep]
             write_signals(
                 out, rows, k, still.envelope[k, keep], turn[keep], Variances(sample2, own, unsure)
@@ -295,8 +288,6 @@ class Demodulator:
                 judged = (times[keep] > self.judged_s[0]) & (times[keep] < self.judged_s[1])
                 std = np.sqrt(np.broadcast_to(sample2[:, 0] * own[:, 0], len(turn[keep])))
                 self._count_bent(np.sqrt(unsure).max(-1)[judged], std[judged])
-            tones = len(self.reference)
-            self._widen_clipped(out, rows, k, slice(2 * k * tones, 2 * (k + 1) * tones))
         out["time_s"][rows] = times[keep]
 
     def _sample_variance(self, fits: Fits, still: Still, k: int, keep: slice) -> Array:
@@ -311,7 +302,9 @@ class Demodulator:
             pooled = settle_by_scatter(pooled, known / np.maximum(freedom, 1), freedom, seen)
         return np.asarray(np.maximum(pooled, self.least_variance(k))[:, None])
 
-    def _own_variance(self, fits: Fits, still: Still, k: int, keep: slice, sample2: Array) -> Array:
+    def _own_variance(
+        self, fits: Fits, still: Still, k: int, keep: slice, sample2: Array, clipped: Array
+    ) -> Array:
         """Variance (windows, 2 tones) of a channel's coefficients in that of one sample: by the fit,
         by what was taken off, by the noise's colour."""
         variance = fits.variance if len(fits.variance) == 1 else fits.variance[keep]
@@ -321,4 +314,6 @@ class Demodulator:
         # rounding to the least count is white whatever the noise's colour: the colour does not take
         # it below that
         white = self.least_variance(k) / np.nanmean(sample2) if np.isfinite(sample2).any() else 0.0
-        return np.asarray(own * np.maximum(self._colour[k], white))
+        coloured = np.maximum(self._colour.of_windows(k, sample2), white)
+        # a clipped top bends the signal itself, not its harmonics alone: the colour takes nothing off
+        return np.asarray(own * np.where(clipped[:, None], np.maximum(coloured, 1.0), coloured))

@@ -236,6 +236,35 @@ BESIDE = 33
 """Bins on either side from which the spectrum is filled where the oscillation was taken out."""
 
 
+@dataclass(frozen=True)
+class Colour:
+    """Variance of the coefficients (channels, 2F) over what white noise would promise: `whole` of
+    the residual's mean level; `steady` of the spectrum without its lines, whose samples have a
+    `variance` of their own (channels,)."""
+
+    whole: Array
+    steady: Array
+    variance: Array
+
+    @property
+    def is_white(self) -> bool:
+        """Whether no channel departs from white noise."""
+        return bool((self.whole == 1).all())
+
+    def of_windows(self, channel: int, sample2: Array) -> Array:
+        """The same of windows (n, 2F) whose samples leave variances (n, 1).
+
+        Lines that not all windows hold, as of a wave that is clipped at its top, make up none of
+        what the others leave: these have at least the steady spectrum's part of their own residual.
+        """
+        whole = np.broadcast_to(self.whole[channel], (len(sample2), self.whole.shape[1]))
+        if not (self.whole[channel] < 1).any():
+            return whole
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.fmin(1.0, self.variance[channel] / sample2)
+        return np.fmax(whole, self.steady[channel] * share)
+
+
 def colour(
     frequency_hz: Array,
     density: Array,
@@ -244,7 +273,7 @@ def colour(
     sample_rate_hz: float,
     blind_hz: tuple[tuple[float, float], ...],
     apart: bool = False,
-) -> Array:
+) -> Colour:
     """Variance of the coefficients p, q (channels, 2F) over what the residual would promise if it
     were white; apart: a residual without the envelope's first motion that the basis lacks.
 
@@ -276,7 +305,8 @@ def colour(
         taken = np.concatenate([taken, basis.sloping], axis=1)
     modes = np.abs(np.fft.rfft(taken, size, axis=0)) ** 2
     rows = np.abs(np.fft.rfft(basis.orthonormal @ basis.triangle, size, axis=0)) ** 2
-    left = np.maximum(s @ (n - modes.sum(1)), 1e-300) / (n - taken.shape[1])
+    held = (n - modes.sum(1)) / (n - taken.shape[1])
+    left = np.maximum(s @ held, 1e-300)
 
     # what the density does to a coefficient, over what the residual's level alone would say
     kappa = (s @ rows) / (basis.variance * left[:, None])
@@ -284,15 +314,19 @@ def colour(
     # scatter of κ by chance: so many independent bins, weighed as the rows weigh them
     weights = s[:, :, None] * rows
     scale = np.maximum(weights.sum(1, keepdims=True), 1e-300)
-    chance = (
-        np.stack(
-            [np.interp(at, frequency_hz, np.minimum(filled, 3 * below)[:, k]) for k in range(2)]
-        )[:, :, None]
-        * rows
-        / scale
+    floor_at = np.stack(
+        [np.interp(at, frequency_hz, np.minimum(filled, 3 * below)[:, k]) for k in range(2)]
     )
+    chance = floor_at[:, :, None] * rows / scale
     spread = (chance**2).sum(1) * len(at) / max(1, len(frequency_hz))
     doubt = 4 * np.sqrt(spread * 2 / max(1, segments))
     # a channel of zeros beside a live one: its residual is rounding, of any colour
     silent = density.max(0) < 1e-28 * density.max()
-    return np.where((np.abs(kappa - 1) > np.maximum(0.1, doubt)) & ~silent[:, None], kappa, 1.0)
+    coloured = (np.abs(kappa - 1) > np.maximum(0.1, doubt)) & ~silent[:, None]
+    floor_left = np.maximum(floor_at @ held, 1e-300)
+    return Colour(
+        whole=np.where(coloured, kappa, 1.0),
+        steady=(floor_at @ rows) / (basis.variance * floor_left[:, None]),
+        # ∫ S df over the transform's bins
+        variance=floor_left * sample_rate_hz / size,
+    )
