@@ -50,6 +50,17 @@ def invert_information(information: Array, rcond: float = 1e-12) -> Array:
     return np.asarray(np.linalg.pinv(information / scale, rcond=rcond, hermitian=True) / scale)
 
 
+def fit_columns(design: Array, target: Array, rcond: float = 1e-12) -> Array:
+    """Least-squares answer (k,) or (k, m) to a target (n,) or (n, m), real or complex; directions
+    that the data do not show stay at 0.
+
+    The design itself is decomposed, not its normal equations, whose condition is the square of its.
+    """
+    length = measure_columns(design)
+    found = np.linalg.lstsq(design / length, target, rcond=rcond)[0]
+    return np.asarray((found.T / length).T)
+
+
 def solve(design: Array, target: Array, tolerance: float = 1e-9) -> tuple[Array, Array]:
     """Answer (k,) and covariance (k, k) of a whitened problem with design (n, k) and target (n,);
     directions that the data do not show stay at 0."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..least_squares import StepTaken, descend, invert_scaled, measure_columns
+from ..least_squares import StepTaken, descend, fit_columns, invert_scaled
 from . import coordinates
 from .coordinates import COUNT
 from .response import Batch, Response, State, batch, real, respond
@@ -170,8 +170,7 @@ class _Objective:
         )
         if not (np.isfinite(full).all() and np.isfinite(target).all()):
             return None  # LAPACK would print its complaint among the command's results
-        length = measure_columns(full)
-        step = np.linalg.lstsq(full / length, target, rcond=1e-13)[0] / length
+        step = fit_columns(full, target, 1e-13)
         own = _own_steps(rows.back, step)
         return _Step(
             rows=rows,

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...physics.resonator import Mechanics
 from ...records import Resonator, details_number
-from ..least_squares import StepTaken, descend, measure_columns
+from ..least_squares import StepTaken, descend, solve
 from . import coordinates, rows
 from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
@@ -228,10 +228,8 @@ def _solve_with_covariance(design: Array, target: Array) -> tuple[Array, Array]:
     The rows are many and the unknowns few: both come from the small triangle R of [design, target],
     whose last column holds Qᵀ·target.
     """
-    length = measure_columns(design)
-    R = triangle(np.column_stack([design / length, target]))
-    inverse = np.linalg.pinv(R[:-1, :-1], rcond=1e-12)
-    return inverse @ R[:-1, -1] / length, inverse @ inverse.T / np.outer(length, length)
+    R = triangle(np.column_stack([design, target]))
+    return solve(R[:-1, :-1], R[:-1, -1], 1e-12)
 
 
 def _turning(time_s: Array, begin: Array, middle: Array, end: Array) -> Array:

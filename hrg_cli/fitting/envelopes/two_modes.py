@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..least_squares import StepTaken, descend, invert_scaled
+from ..least_squares import StepTaken, descend, fit_columns, invert_scaled
 from .envelope_runs import EnvelopeRun
 
 Array = np.ndarray
@@ -75,7 +75,7 @@ def predict(u: Array, time_s: Array, std: Array, count: int) -> Array:
             ],
             axis=-1,
         )
-        solution = np.linalg.lstsq(stack[:, :-1], stack[:, -1], rcond=None)[0]
+        solution = fit_columns(stack[:, :-1], stack[:, -1])
         roots = np.roots(np.concatenate([[1.0], -solution[::-1]]))
         if np.any(np.abs(roots) < 1e-12):
             continue
@@ -92,7 +92,7 @@ def _solve(u: Array, time_s: Array, std: Array, exponent: Array) -> tuple[Array,
     """Amplitudes (k, channels) and χ² at given λ."""
     basis = np.exp(np.outer(time_s - time_s[0], exponent)) / std[:, None]
     target = u / std[:, None]
-    amplitude = np.linalg.lstsq(basis, target, rcond=1e-10)[0]
+    amplitude = fit_columns(basis, target, 1e-10)
     return amplitude, float(np.sum(np.abs(target - basis @ amplitude) ** 2))
 
 
