@@ -12,7 +12,7 @@ import numpy as np
 from ..physics.plant import Readout, SlowState
 from ..physics.resonator import exponential, generator
 from .effect import Array, Effect, Parameter, Values
-from .jumps import in_its_run, instants, part_after, run_parameter
+from .envelope_jumps import in_its_run, instants, part_after, run_parameter
 
 
 def readout(p: Values, readout: Readout) -> None:

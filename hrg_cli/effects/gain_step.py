@@ -14,7 +14,7 @@ import numpy as np
 
 from ..physics.plant import Readout, Samples, SlowState
 from .effect import Array, Effect, Parameter, Values
-from .jumps import in_its_run, instants, part_after, run_parameter
+from .envelope_jumps import in_its_run, instants, part_after, run_parameter
 
 
 def steps(p: Values) -> Array:

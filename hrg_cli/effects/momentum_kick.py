@@ -16,7 +16,7 @@ import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
 from .effect import RUN, Array, Effect, Parameter, Runs, Values
-from .jumps import Jump, in_its_run, run_parameter, strikes
+from .envelope_jumps import Jump, in_its_run, run_parameter, strikes
 
 
 def velocity_over_omega(p: Values) -> Array:

@@ -1,5 +1,5 @@
-"""Least squares whose columns are brought to one length first, solved by the design or by its normal
-equations.
+"""Least squares: linear ones whose columns are brought to one length first, and Gauss–Newton's loop
+over them.
 
 Amplitudes, phases, rates and frequencies stand beside each other in one design and differ by orders
 of magnitude. A singular value means something only against the others of its matrix: with columns
@@ -9,9 +9,18 @@ merely given in a small unit.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Generic, Literal, Protocol, TypeVar
+
 import numpy as np
 
 Array = np.ndarray
+SHORTEST = 2.0**-10
+"""Part of a step that is tried last."""
+ROUNDING = 1e-12
+"""Part of χ² that is the rounding of its sum of squares."""
+NEAR_ZERO = 1e-9
+"""The same where a fit leaves next to nothing of χ²."""
 
 
 def measure_columns(design: Array) -> Array:
@@ -41,8 +50,165 @@ def invert_information(information: Array, rcond: float = 1e-12) -> Array:
     return np.asarray(np.linalg.pinv(information / scale, rcond=rcond, hermitian=True) / scale)
 
 
+def fit_columns(design: Array, target: Array, rcond: float = 1e-12) -> Array:
+    """Least-squares answer (k,) or (k, m) to a target (n,) or (n, m), real or complex; directions
+    that the data do not show stay at 0.
+
+    The design itself is decomposed, not its normal equations, whose condition is the square of its.
+    """
+    length = measure_columns(design)
+    found = np.linalg.lstsq(design / length, target, rcond=rcond)[0]
+    return np.asarray((found.T / length).T)
+
+
 def solve(design: Array, target: Array, tolerance: float = 1e-9) -> tuple[Array, Array]:
     """Answer (k,) and covariance (k, k) of a whitened problem with design (n, k) and target (n,);
     directions that the data do not show stay at 0."""
     inverse = invert_scaled(design, tolerance)
     return inverse @ target, inverse @ inverse.T
+
+
+class Costed(Protocol):
+    """A point of a descent with what is minimised there: χ² and what priors add to it."""
+
+    @property
+    def cost(self) -> float:
+        """χ² with the priors' part; no number where the model has none."""
+        ...
+
+
+PointT = TypeVar("PointT", bound=Costed)
+StepT = TypeVar("StepT")
+
+
+@dataclass(frozen=True)
+class StepTaken:
+    """What came of a step: the part that was taken (0: no part lowers the cost) and the cost before
+    and after it."""
+
+    size: float
+    before: float
+    after: float
+
+    @property
+    def fall(self) -> float:
+        """By how much the cost fell."""
+        return self.before - self.after
+
+
+class Problem(Protocol[PointT, StepT]):
+    """A model to be fitted: its linear form at a point, the points along a step, and when a step is
+    too small to matter."""
+
+    def linearise(self, point: PointT) -> StepT | None:
+        """Gauss–Newton's step from the residual and Jacobian at a point; None where they are no
+        numbers."""
+        ...
+
+    def move(self, point: PointT, step: StepT, size: float) -> PointT:
+        """The point a part of the step further."""
+        ...
+
+    def is_settled(self, step: StepT, taken: StepTaken) -> bool:
+        """Whether what is left to gain after a step does not matter, in standard deviations of what
+        is fitted or in units of χ²/dof."""
+        ...
+
+
+@dataclass(frozen=True)
+class Optimum(Generic[PointT, StepT]):
+    """Where a descent ended, the step that led there or was tried last (None: there was none), how
+    many were tried, and why it ended."""
+
+    point: PointT
+    step: StepT | None
+    steps: int
+    reason: Literal["settled", "no part of the step lowers χ²", "no numbers", "too many steps"]
+
+    @property
+    def converged(self) -> bool:
+        """Whether the point is the optimum as nearly as the problem asks."""
+        return self.reason == "settled"
+
+
+def descend(
+    problem: Problem[PointT, StepT], start: PointT, most_steps: int, rounding: float = ROUNDING
+) -> Optimum[PointT, StepT]:
+    """Gauss–Newton with step halving: the one loop of every fit whose unknowns are few.
+
+    Each step minimises |r + Jx|² of the model linearised where the last one ended; far from the
+    optimum the linear form says too much, and the first of the step, its half, its quarter … that
+    does not raise the cost is taken (Björck 1996, Numerical Methods for Least Squares Problems,
+    §9.2.1). A step of which no part lowers the cost ends the descent: at the optimum, if the
+    problem says that so small a step is settled, and nowhere else.
+
+    Parameters
+    ----------
+    problem
+        The model: its steps, its points, and what is small.
+    start
+        The first point.
+    most_steps
+        Steps after which the descent is given up.
+    rounding
+        Relative rise of the cost that is rounding.
+
+    Returns
+    -------
+    Optimum
+        The last point, and whether and why it is the optimum.
+
+    Examples
+    --------
+    The rate ν of a decay e^{−νt} seen without noise:
+
+    >>> from dataclasses import dataclass
+    >>> import numpy as np
+    >>> t = np.linspace(0.0, 3.0, 30)
+    >>> @dataclass(frozen=True)
+    ... class At:
+    ...     nu: float
+    ...     def left(self):
+    ...         return np.exp(-0.7 * t) - np.exp(-self.nu * t)
+    ...     @property
+    ...     def cost(self):
+    ...         return float(np.sum(self.left() ** 2))
+    >>> class Decay:
+    ...     def linearise(self, at):
+    ...         return solve((-t * np.exp(-at.nu * t))[:, None], at.left())[0]
+    ...     def move(self, at, step, size):
+    ...         return At(at.nu + size * float(step[0]))
+    ...     def is_settled(self, step, taken):
+    ...         return abs(float(step[0])) < 1e-9
+    >>> found = descend(Decay(), At(2.0), 20)
+    >>> found.converged, round(found.point.nu, 6)
+    (True, 0.7)
+    """
+    here, step = start, None
+    for count in range(1, most_steps + 1):
+        new = problem.linearise(here)
+        if new is None:
+            return Optimum(here, step, count, "no numbers")
+        step = new
+        lower, size = _shorten(problem, here, step, rounding)
+        taken = StepTaken(size, here.cost, lower.cost)
+        here = lower
+        if problem.is_settled(step, taken):
+            return Optimum(here, step, count, "settled")
+        if size == 0.0:
+            return Optimum(here, step, count, "no part of the step lowers χ²")
+    return Optimum(here, step, most_steps, "too many steps")
+
+
+def _shorten(
+    problem: Problem[PointT, StepT], here: PointT, step: StepT, rounding: float
+) -> tuple[PointT, float]:
+    """The first point along the step, its half, its quarter … whose cost is not higher, and the part
+    taken; where there is none, (here, 0)."""
+    size, limit = 1.0, here.cost * (1 + rounding) + NEAR_ZERO
+    while size >= SHORTEST:
+        trial = problem.move(here, step, size)
+        if trial.cost <= limit:  # written so that a cost that is no number is never lower
+            return trial, size
+        size /= 2
+    return here, 0.0

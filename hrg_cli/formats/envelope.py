@@ -22,12 +22,12 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..records import Periods, one_or_stream
-from .columns import find
 from .envelope_rows import EnvelopeRows
 from .envelope_signal import EnvelopeSignal
 from .envelope_stream import stream_windows
 from .envelope_windows import plan_windows
 from .log import ONE_DEMODULATOR
+from .log_columns import find
 from .log_options import (
     ClockHz,
     Column,

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from ..records import Array
-from .columns import Roles
 from .envelope_signal import EnvelopeSignal
 from .log import Log
+from .log_columns import Roles
 from .readers import guard_reading
 from .slow import SlowLog
 from .timing import Timing

@@ -12,8 +12,8 @@ import numpy as np
 from ..errors import HrgError
 from ..records import Array, Status
 from ..records.recording import ONE_CHANNEL
-from .columns import listing, number_of_column
 from .log import Log
+from .log_columns import listing, number_of_column
 from .quantities import channel_unit, is_level, phase_factor
 
 ALIASES = {

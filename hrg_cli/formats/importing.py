@@ -18,7 +18,7 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..records import Recording, one_or_stream
-from .columns import ALIASES
+from .log_columns import ALIASES
 from .log_options import (
     ClockHz,
     Column,

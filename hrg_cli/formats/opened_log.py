@@ -12,8 +12,8 @@ import numpy as np
 
 from ..errors import HrgError, name_some
 from ..records.recording import ONE_CHANNEL
-from .columns import Roles, find
 from .log import Log
+from .log_columns import Roles, find
 from .pairing import pair_logs, second_file
 from .quantities import channel_unit, is_level
 from .readers import open_log

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import HrgError
-from .columns import Roles, find
 from .log import ONE_DEMODULATOR, Array, Blocks, Log
+from .log_columns import Roles, find
 from .quantities import is_time, time_factor
 
 Asked = dict[str, str | int | None]

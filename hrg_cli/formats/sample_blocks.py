@@ -9,8 +9,8 @@ import numpy as np
 from ..errors import HrgError
 from ..records import Recording
 from ..records.clock import moved
-from .columns import Roles
 from .log import Array, Log
+from .log_columns import Roles
 from .opened_log import OpenedLog, state_of
 from .readers import guard_reading
 from .slow import SlowLog

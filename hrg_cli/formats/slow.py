@@ -8,8 +8,8 @@ import numpy as np
 
 from ..errors import HrgError
 from .column_units import unit_of_column
-from .columns import Roles
 from .log import Array, Log
+from .log_columns import Roles
 from .quantities import rate_factor, temperature_scale
 from .readers import guard_reading
 from .timing import Timing

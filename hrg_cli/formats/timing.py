@@ -9,9 +9,9 @@ import numpy as np
 
 from ..errors import HrgError
 from .column_units import unit_of_column
-from .columns import Roles, listing
 from .even_times import TimeJudge
 from .log import Log
+from .log_columns import Roles, listing
 from .quantities import time_factor
 from .readers import guard_reading
 

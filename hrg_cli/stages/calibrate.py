@@ -21,7 +21,7 @@ from .calibration.folds import choose_folds, choose_limits
 from .calibration.ladder import climb
 from .calibration.preparation import KnownRates, need_one_gyro, prepare
 from .calibration.prices import an_hour_more
-from .calibration.stability import say_unstable
+from .calibration.repeatability import say_unstable
 from .calibration.summary import summary as summary
 from .calibration.table import check_between
 from .calibration.trials import add_loop_columns, fit_everything, take_coefficients, try_models

@@ -48,11 +48,11 @@ from .diagnosis.samples.odd_windows import say_odd_windows as odd_ones
 from .diagnosis.samples.tone import Tone
 from .diagnosis.samples.tones import confirm_tones, take_out_tones, without_tones
 from .diagnosis.samples.waveform import causes, near_tones, unnamed
-from .diagnosis.search.case import Case
 from .diagnosis.search.explain import explain, reweighted
 from .diagnosis.search.forecast import forecast
 from .diagnosis.search.gain import held_out
 from .diagnosis.search.orientation import orient_runs, settle_signs
+from .diagnosis.search.search_case import Case
 from .diagnosis.suspects import (
     QuietMistake,
     Suspicion,

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ..errors import HrgError
+from ..fitting.least_squares import fit_columns, solve
 from ..fitting.tables.increments import AnglePath, path_of
 from ..records import Calibration, Wave
 from .calibration.table import corrections_along
@@ -141,7 +142,7 @@ def _line_through(
             "a scale factor needs at least two; add a run at another rate"
         )
     line = np.stack([rate, np.ones_like(rate)], axis=1)
-    (gain, offset), *_ = np.linalg.lstsq(line, output, rcond=None)
+    gain, offset = fit_columns(line, output)
     residual = output - line @ np.array([gain, offset])
     spread = float(np.sqrt(np.mean(errors**2)))
     std = spread / np.sqrt(np.sum((rate - rate.mean()) ** 2))
@@ -170,9 +171,9 @@ def _asymmetry(
     scaled = halves / np.abs(halves).max(axis=0, initial=1e-300)
     if np.linalg.matrix_rank(scaled, tol=1e-3) < columns:
         return float("nan"), float("nan")
-    found = np.linalg.lstsq(halves, output, rcond=None)[0]
+    found, covariance = solve(halves, output)
     contrast = np.array([1.0, -1.0, 0.0])[:columns]
-    std = spread * np.sqrt(contrast @ np.linalg.inv(halves.T @ halves) @ contrast)
+    std = spread * np.sqrt(contrast @ covariance @ contrast)
     mean = (found[0] + found[1]) / 2
     return float((found[0] - found[1]) / mean * 1e6), float(std / mean * 1e6)
 

@@ -19,7 +19,7 @@ from ..errors import HrgError
 from ..fitting.tables.dwells import covariance_of, lay_nodes, least_count
 from ..fourier import coefficients_at
 from ..records import Calibration
-from .calibration.dwells import Dwells, figures_of, fit_without_spikes, rows_of
+from .calibration.dwell_curve import Dwells, figures_of, fit_without_spikes, rows_of
 
 Array = np.ndarray
 SPIKES_SUSPECT = 0.05

@@ -180,6 +180,8 @@ def _law(
     fitted = forward_1_s is not None
     forward = forward_1_s or 0.0
     for terms in (2, 1):
+        # Level times gains: linear in either. Rounds of Gauss–Newton are not asked whether they
+        # settled, as the law is judged below by the part of the command that it explains.
         gains, now = np.zeros(2), level
         for _ in range(ROUNDS):
             e = now - x

@@ -11,6 +11,7 @@ from synthetic_waves import as_wave
 
 from hrg_cli import store
 from hrg_cli.errors import HrgError
+from hrg_cli.fitting.envelopes import two_modes
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.records import Recording
 from hrg_cli.stages.diagnose import diagnose
@@ -249,3 +250,17 @@ def test_an_amplitude_alone_measures_no_frequency():
     value, std, _ = record.parameters()["frequency_hz"]
     assert abs(value - 526.4 - 1 / np.pi) < 5 * std < 1e-3
     assert "assumed" not in summary(record)["parameters"]["frequency_hz"]
+
+
+def test_modes_that_did_not_settle_are_refused(monkeypatch):
+    """A start a long way off and one step: what is found is no optimum, and no result."""
+    t = np.arange(0.02, 20.0, 0.04)
+    z = np.exp((-0.124 + 0.02j) * t) + 0.3 * np.exp((-0.128 - 3.51j) * t)
+    wave = one_signal(z, t, 1e-4)
+    assert identify([wave]).status == "suspect"
+    guess = two_modes.predict
+    monkeypatch.setattr(two_modes, "predict", lambda *given: guess(*given) * 1.02)
+    assert identify([wave]).status == "suspect", "a worse start alone must not matter"
+    monkeypatch.setattr(two_modes, "MOST_STEPS", 1)
+    record = identify([wave])
+    assert record.status == "refused" and any("settle" in s for s in record.status_reasons)

@@ -39,6 +39,23 @@ def test_gain_bias_and_cubic_are_recovered_with_honest_errors():
     assert np.mean(cubes) == pytest.approx(-3e-4, rel=0.01)
 
 
+def test_a_slow_table_bends_as_a_fast_one_does():
+    """Rates a hundred thousand times as small (5 °/h): the same curve in other units, the powers of
+    the rate and the errors with it."""
+    table, _, _ = dwells(3)
+    slow = {**table, "rate": table["rate"] * 1e-5}
+    names = {"output": "out", "rate": "rate", "temperature": "degc", "largest_power": 5}
+    fast = rate_table(table, nominal_scale=1e5, **names)
+    found = rate_table(slow, nominal_scale=1e10, **names)
+    assert found.scale_factor == pytest.approx(fast.scale_factor)
+    assert found.scale_factor_std == pytest.approx(fast.scale_factor_std)
+    assert found.drift_rad_s == pytest.approx(fast.drift_rad_s * 1e-5)
+    powers, coefficients = summary(fast)["powers"], summary(fast)["power_coefficients"]
+    assert powers == summary(found)["powers"] and 3 in powers
+    in_slow = [c * 1e5 ** (p - 1) for p, c in zip(powers, coefficients, strict=True)]
+    assert summary(found)["power_coefficients"] == pytest.approx(in_slow)
+
+
 def test_rates_come_back_through_the_nonlinearity():
     table, _, _ = dwells(1)
     record = rate_table(table, output="out", rate="rate", temperature="degc")

@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from ...effects.effect import Effect, frame, no_term
-from ...effects.jumps import part_after
+from ...effects.envelope_jumps import part_after
 from ...physics.plant import SlowState
 from ...physics.resonator import exponential
 from ..envelopes import coordinates

@@ -167,7 +167,11 @@ def _iterate(
     max_iterations: int,
     carrier_known: bool,
 ) -> None:
-    """One chunk; vectors that are done leave the working arrays."""
+    """One chunk; vectors that are done leave the working arrays.
+
+    A loop of its own, not `least_squares.descend`: thousands of windows step at once by formulas (2),
+    for which no Jacobian is ever made, and each ends when it is done.
+    """
     left = np.arange(rows.start, min(rows.stop, len(signals)))
     z = np.ascontiguousarray(signals[rows].T)
     x = np.ascontiguousarray(out.x[rows].T)

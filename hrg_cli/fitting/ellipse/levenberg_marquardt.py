@@ -83,7 +83,8 @@ def _iterate(
     max_iterations: int,
     carrier_known: bool,
 ) -> None:
-    # windows leave the arrays as they end, so that a few slow ones cost no more than themselves
+    # A loop of its own for the reason of `gauss_newton._iterate`: all windows step at once. They
+    # leave the arrays as they end, so that a few slow ones cost no more than themselves.
     left = np.arange(rows.start, min(rows.stop, len(signals)))
     z = np.ascontiguousarray(signals[rows].T)
     size = (z**2).sum(0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..least_squares import invert_scaled, measure_columns
+from ..least_squares import StepTaken, descend, fit_columns, invert_scaled
 from . import coordinates
 from .coordinates import COUNT
 from .response import Batch, Response, State, batch, real, respond
@@ -135,9 +135,10 @@ class _Point:
 
 @dataclass(frozen=True)
 class _Step:
-    """A step of z and of the runs' own states and phases, and by how much the quadratic form says
-    that χ² falls over it."""
+    """The rows linearised, the step of z and of the runs' own states and phases, and by how much the
+    quadratic form says that χ² falls over it."""
 
+    rows: SharedRows
     z: Array
     start: Array
     phase: Array
@@ -145,10 +146,11 @@ class _Step:
 
 
 class _Objective:
-    """χ² of all runs with the Gaussian priors of the directions that have one."""
+    """χ² of all runs with the Gaussian priors of the directions that have one; settled where χ² is
+    as flat as its quadratic form says."""
 
-    def __init__(self, data: Batch, freedom: Freedom) -> None:
-        self.data, self.freedom = data, freedom
+    def __init__(self, data: Batch, freedom: Freedom, dof: int) -> None:
+        self.data, self.freedom, self.dof = data, freedom, dof
         known = np.isfinite(freedom.prior_std)
         self.prior_rows = np.diag(np.where(known, 1 / np.where(known, freedom.prior_std, 1.0), 0.0))
         self.prior_rows = self.prior_rows[known]
@@ -159,41 +161,44 @@ class _Objective:
         off = self.prior_rows @ (z - self.freedom.prior_mean)
         return _Point(z, response, response.chi2 + float(np.sum(off**2)))
 
-    def step(self, here: _Point, rows: SharedRows) -> _Step | None:
+    def linearise(self, point: _Point) -> _Step | None:
         """The Gauss–Newton step; None where numbers have run away."""
+        rows = eliminate_nuisances(point.response, self.freedom)
         full = np.concatenate([rows.design, self.prior_rows])
         target = np.concatenate(
-            [rows.residual, self.prior_rows @ (self.freedom.prior_mean - here.z)]
+            [rows.residual, self.prior_rows @ (self.freedom.prior_mean - point.z)]
         )
         if not (np.isfinite(full).all() and np.isfinite(target).all()):
             return None  # LAPACK would print its complaint among the command's results
-        length = measure_columns(full)
-        step = np.linalg.lstsq(full / length, target, rcond=1e-13)[0] / length
+        step = fit_columns(full, target, 1e-13)
         own = _own_steps(rows.back, step)
         return _Step(
+            rows=rows,
             z=step,
             start=own[:, [0, 2]] + 1j * own[:, [1, 3]],
             phase=own[:, 4:],
             predicted=float(np.sum((full @ step) ** 2)) + float(np.sum(rows.back[..., -1] ** 2)),
         )
 
-    def halve(self, here: _Point, step: _Step) -> tuple[_Point, float] | None:
-        """The first of the step, its half, its quarter … that does not raise χ², and its size; None
-        where a thousandth of it does."""
-        size, state = 1.0, here.response.state
-        while True:
-            trial = self.at(
-                here.z + size * step.z,
-                state.start + size * step.start,
-                state.phase + size * step.phase,
-            )
-            # the margins are the rounding of a χ² near its minimum, or near zero
-            if trial.cost <= here.cost * (1 + 1e-12) + 1e-9 or size < 1e-3:
-                break
-            size /= 2
-        if not np.isfinite(trial.cost) or trial.cost > here.cost * (1 + 1e-6) + 1e-3:
-            return None
-        return trial, size
+    def move(self, point: _Point, step: _Step, size: float) -> _Point:
+        """The point a part of the step further."""
+        state = point.response.state
+        return self.at(
+            point.z + size * step.z,
+            state.start + size * step.start,
+            state.phase + size * step.phase,
+        )
+
+    def is_settled(self, step: _Step, taken: StepTaken) -> bool:
+        """Whether the fall of χ² still to come is below 1e-3 χ²/dof.
+
+        A whole step reached the quadratic form's minimum: what is left is by how much χ² is not
+        that form. A part of one leaves what the form says.
+        """
+        left = step.predicted
+        if taken.size == 1.0:
+            left = min(left, abs(taken.fall - step.predicted))
+        return left < CONVERGED * max(1.0, taken.after / self.dof)
 
 
 def fit(
@@ -205,36 +210,26 @@ def fit(
     A whole step whose fall of χ² is the predicted one to 1e-3 χ²/dof leaves a rest smaller than
     that.
     """
-    objective, dof = _Objective(data, freedom), _dof(data, freedom, phase)
-    here, converged, iteration = objective.at(z, start, phase), False, 0
-    while not converged and iteration < max_iterations:
-        iteration += 1
-        rows = eliminate_nuisances(here.response, freedom)
-        step = objective.step(here, rows)
-        lower = None if step is None else objective.halve(here, step)
-        if step is None or lower is None:
-            break
-        next_point, size = lower
-        # A whole step reached the quadratic form's minimum; what is left is by how much χ² is not
-        # that form.
-        fall = here.cost - next_point.cost
-        left = min(step.predicted, abs(fall - step.predicted)) if size == 1.0 else step.predicted
-        here = next_point
-        converged = left < CONVERGED * max(1.0, here.cost / dof)
-    if not converged:  # else the last step was too small to change the rows
-        rows = eliminate_nuisances(here.response, freedom)
+    dof = _dof(data, freedom, phase)
+    objective = _Objective(data, freedom, dof)
+    found = descend(objective, objective.at(z, start, phase), max_iterations)
+    response = found.point.response
+    if found.converged and found.step is not None:
+        rows = found.step.rows  # the last step was too small to change them
+    else:
+        rows = eliminate_nuisances(response, freedom)
     return Fit(
         freedom=freedom,
-        response=here.response,
-        z=here.z,
+        response=response,
+        z=found.point.z,
         root=triangle(np.concatenate([rows.design, objective.prior_rows])),
         data_root=triangle(rows.design),
-        chi2=here.response.chi2,
+        chi2=response.chi2,
         dof=dof,
-        converged=converged,
-        iterations=iteration,
-        run_chi2=np.sum(np.abs(here.response.residual()) ** 2, axis=(1, 2)),
-        phase_demand=float(rows.gain.max()) / max(1.0, here.response.chi2 / dof),
+        converged=found.converged,
+        iterations=found.steps,
+        run_chi2=np.sum(np.abs(response.residual()) ** 2, axis=(1, 2)),
+        phase_demand=float(rows.gain.max()) / max(1.0, response.chi2 / dof),
     )
 
 

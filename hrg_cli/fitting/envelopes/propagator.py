@@ -238,6 +238,8 @@ def identify(
     for lag in lags[first:]:
         misfit, data = np.inf, pairs(runs, lag, all_rows=lag == lags[-1])
         kept = (p, offsets, covariance)
+        # No `least_squares.descend`: this is a first guess, whose steps at one lag need no end of
+        # their own; one that makes the fit worse, or is too long to be true, is left to the next lag.
         for _ in range(1 + (FIRST_STEPS if lag == lags[first] else STEPS_A_LAG)):
             next_p, next_offsets, next_covariance, here = regress(data, freedom, p, offsets)
             if not here < misfit * (1 + 1e-9):

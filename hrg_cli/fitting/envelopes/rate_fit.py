@@ -14,7 +14,7 @@ import numpy as np
 
 from ...physics.resonator import Mechanics
 from ...records import Resonator, details_number
-from ..least_squares import measure_columns
+from ..least_squares import StepTaken, descend, solve
 from . import coordinates, rows
 from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
@@ -27,6 +27,8 @@ from .trapezium import integrate
 
 Array = np.ndarray
 ITERATIONS = 20
+ROUNDING = 1e-9
+"""Part of χ² by which a step may raise it: rates turn the phase, whose rounding adds up over a run."""
 ROWS, ROWS_OF_A_NODE = 2000, 12
 """Averaged rows of the run that are fitted, at least, and for each node: a row must not span what
 the nodes follow."""
@@ -96,6 +98,24 @@ def fit_rate(
 
 
 @dataclass(frozen=True)
+class _Point:
+    """The unknowns x, what the model says there, χ² of the rows and of the resonator's departure
+    from what is known of it."""
+
+    x: Array
+    response: Response
+    cost: float
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Gauss–Newton's change of x and the covariance of x at unit noise."""
+
+    change: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
 class _Problem:
     """Rows of one run, and the nodes' weights at the begin, middle and end of its steps, (k, n−1),
     and integrated to its rows, (k, n).
@@ -125,19 +145,18 @@ class _Problem:
         """Places of the rates in x."""
         return slice(OWN, OWN + len(self.grid))
 
-    def at(self, x: Array) -> Response:
+    def at(self, x: Array) -> _Point:
         """The model at the unknowns."""
         data = batch([replace(self.run, turn_rad=x[self.rates] @ self.turning)])
-        p = self.known.p + self.known.spread @ x[self.rates.stop :]
+        z = x[self.rates.stop :]
+        p = self.known.p + self.known.spread @ z
         start = np.array([[x[0] + 1j * x[1], x[2] + 1j * x[3]]])
-        return respond(data, State(p, start, x[4:OWN][None]))
+        response = respond(data, State(p, start, x[4:OWN][None]))
+        return _Point(x, response, response.chi2 + float(np.sum(z**2)))
 
-    def chi2(self, x: Array, response: Response) -> float:
-        """χ² of the rows and of the resonator's departure from what is known of it."""
-        return response.chi2 + float(np.sum(x[self.rates.stop :] ** 2))
-
-    def step(self, x: Array, response: Response) -> tuple[Array, Array]:
-        """Gauss–Newton's change of x and the covariance of x at unit noise."""
+    def linearise(self, point: _Point) -> _Step | None:
+        """The step; None where the motion has no end."""
+        x, response = point.x, point.response
         factor = response.state.p[SCALE_FACTOR]
         # Rates times K: a change of K is one of all rates alike, with the same rounding.
         turned = response.turning_sensitivity(
@@ -149,54 +168,56 @@ class _Problem:
         columns = np.concatenate([response.run_sensitivities(), factor * turned, of_resonator])
         design = real(response.batch.over_noise(columns)[:, 0])
         residual = response.residual()[0].ravel()
+        if not (np.isfinite(design).all() and np.isfinite(residual).all()):
+            return None
         z = x[self.rates.stop :]
         prior = np.eye(len(x))[self.rates.stop :]
-        return _solve_with_covariance(
-            np.concatenate([design, prior]), np.concatenate([residual.real, residual.imag, -z])
+        return _Step(
+            *_solve_with_covariance(
+                np.concatenate([design, prior]), np.concatenate([residual.real, residual.imag, -z])
+            )
         )
+
+    def move(self, point: _Point, step: _Step, size: float) -> _Point:
+        """The point a part of the step further."""
+        return self.at(point.x + size * step.change)
+
+    def is_settled(self, step: _Step, taken: StepTaken) -> bool:
+        """Whether the rates move by a hundredth of σ, or, where no part of the step lowers χ², by
+        less than the rows' averaging may move them.
+
+        σ decides: χ² says nothing of a rate at a node that no row sees, which may move for ever.
+        """
+        std = np.sqrt(np.diag(step.covariance)[self.rates])
+        moved = np.abs(step.change[self.rates])
+        if taken.size == 0.0:
+            return bool(np.all(moved < SETTLED * std))
+        noise = np.sqrt(max(1.0, taken.after / (4 * len(self.run))))
+        return bool(np.all(moved < 0.01 * std * noise))
 
 
 def _descend(
     problem: _Problem, run: EnvelopeRun, rate: Array, offset: float, plain: Array
 ) -> RateEstimate:
-    """The rate at the nodes by Gauss–Newton with step halving from `rate`; offset: of the
-    frequency, rad/s."""
+    """The rate at the nodes by Gauss–Newton from `rate`; offset: of the frequency, rad/s."""
     first, span = run.envelope[0], run.time_s[-1] - run.time_s[0]
     own = [first[0].real, first[0].imag, first[1].real, first[1].imag, offset * span]
     x = np.concatenate([own, rate, np.zeros(problem.known.spread.shape[1])])
     rates, dof = problem.rates, max(1, 4 * len(run) - len(rate) - OWN)
-    covariance, converged = np.zeros((len(rate), len(rate))), False
     with np.errstate(over="ignore", invalid="ignore"):
-        response = problem.at(x)
-        chi2 = problem.chi2(x, response)
-        for _ in range(ITERATIONS):
-            change, whole = problem.step(x, response)
-            covariance = whole[rates, rates]
-            # σ decides what is settled: a rate at a node that no row sees may move for ever
-            std, moved = np.sqrt(np.diag(covariance)), np.abs(change[rates])
-            size = 1.0
-            while True:
-                trial = problem.at(x + size * change)
-                reached = problem.chi2(x + size * change, trial)
-                if reached <= chi2 * (1 + 1e-9) or size <= 1e-3:
-                    break
-                size /= 2
-            if not reached <= chi2 * (1 + 1e-9):
-                converged = bool(np.all(moved < SETTLED * std))  # nothing left to gain
-                break
-            x, response, chi2 = x + size * change, trial, reached
-            if np.all(moved < 0.01 * std * np.sqrt(max(1.0, chi2 / (4 * len(run))))):
-                converged = True
-                break
-    left = response.residual()[0]
+        found = descend(problem, problem.at(x), ITERATIONS, ROUNDING)
+    covariance = np.zeros((len(rate), len(rate)))
+    if found.step is not None:
+        covariance = found.step.covariance[rates, rates]
+    chi2, left = found.point.cost, found.point.response.residual()[0]
     return RateEstimate(
         problem.grid,
-        x[rates],
+        found.point.x[rates],
         covariance * max(1.0, chi2 / dof),
         plain,
         chi2 / dof,
         dof,
-        converged=converged,
+        converged=found.converged,
         residual=np.concatenate([left.real, left.imag], axis=1),
     )
 
@@ -207,10 +228,8 @@ def _solve_with_covariance(design: Array, target: Array) -> tuple[Array, Array]:
     The rows are many and the unknowns few: both come from the small triangle R of [design, target],
     whose last column holds Qᵀ·target.
     """
-    length = measure_columns(design)
-    R = triangle(np.column_stack([design / length, target]))
-    inverse = np.linalg.pinv(R[:-1, :-1], rcond=1e-12)
-    return inverse @ R[:-1, -1] / length, inverse @ inverse.T / np.outer(length, length)
+    R = triangle(np.column_stack([design, target]))
+    return solve(R[:-1, :-1], R[:-1, -1], 1e-12)
 
 
 def _turning(time_s: Array, begin: Array, middle: Array, end: Array) -> Array:

@@ -51,6 +51,9 @@ def rate_offset(
 ) -> RateOffset:
     """The common offset of the runs' logged rates; K is held where `known` says so. HrgError:
     nothing can be fitted."""
+    # No `least_squares.descend`: a point here is a whole fit of the other unknowns, which has come
+    # down already, and the step holds them free. Halving it would cost a fit each; steps that grow
+    # are bounded instead.
     value, before = start_rad_s, np.inf
     for _ in range(STEPS):
         fit = base_fit([turn_table(r, value) for r in runs], known, blocks)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...physics import ellipse
+from ..least_squares import fit_columns
 from .envelope_runs import EnvelopeRun
 from .rate_estimate import cardinal
 from .response import State, batch, respond
@@ -48,9 +49,7 @@ def stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
         rows -= np.outer(level, level @ rows)  # the first value is free
         design.append(rows[:, :-1])
         target.append(rows[:, -1])
-    return np.asarray(
-        np.linalg.lstsq(np.concatenate(design), np.concatenate(target), rcond=1e-6)[0]
-    )
+    return fit_columns(np.concatenate(design), np.concatenate(target), 1e-6)
 
 
 def _smooth(values: Array, width: int) -> Array:

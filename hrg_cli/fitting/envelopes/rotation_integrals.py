@@ -171,7 +171,11 @@ def _solve_integrals(
     data: _FullTurns, model: Callable[[Array], EnvelopeRun] | None, start: Array | None
 ) -> _Solved:
     """Newton's method on the six integrals, with the terms in a_B/a_A put back from the estimates
-    themselves; a model's own misfit at its own p is what central differences leave out."""
+    themselves; a model's own misfit at its own p is what central differences leave out.
+
+    As many equations as unknowns, weighted by the influence of the rows: a root, no minimum, so
+    that there is no χ² to go down along.
+    """
     p, before, slope = np.zeros(6), np.zeros(6), np.eye(6)
     left_out: Array | float = 0.0
     for trial in range(CORRECTIONS):

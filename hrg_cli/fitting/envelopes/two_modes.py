@@ -13,17 +13,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..least_squares import measure_columns
+from ..least_squares import StepTaken, descend, fit_columns, invert_scaled
 from .envelope_runs import EnvelopeRun
 
 Array = np.ndarray
 MOST_STEPS = 40
+FLAT = 1e-9
+"""Part of χ² by which a whole step lowers it at the optimum."""
+CONVERGED = 1e-3
+"""Fall of χ² still to come, in units of χ²/dof, that is left."""
 
 
 @dataclass(frozen=True)
 class Modes:
     """λ (k,) complex 1/s against the reference, standard deviation of a real part (k,), amplitudes
-    (k, channels), χ²/dof, and the misfit over the noise (n, 2·channels).
+    (k, channels), χ²/dof, the misfit over the noise (n, 2·channels), and whether the fit settled.
     """
 
     exponent: Array
@@ -32,6 +36,7 @@ class Modes:
     chi2_per_dof: float
     dof: int
     residual: Array
+    converged: bool
 
 
 def channels(run: EnvelopeRun) -> tuple[Array, bool]:
@@ -70,7 +75,7 @@ def predict(u: Array, time_s: Array, std: Array, count: int) -> Array:
             ],
             axis=-1,
         )
-        solution = np.linalg.lstsq(stack[:, :-1], stack[:, -1], rcond=None)[0]
+        solution = fit_columns(stack[:, :-1], stack[:, -1])
         roots = np.roots(np.concatenate([[1.0], -solution[::-1]]))
         if np.any(np.abs(roots) < 1e-12):
             continue
@@ -87,75 +92,94 @@ def _solve(u: Array, time_s: Array, std: Array, exponent: Array) -> tuple[Array,
     """Amplitudes (k, channels) and χ² at given λ."""
     basis = np.exp(np.outer(time_s - time_s[0], exponent)) / std[:, None]
     target = u / std[:, None]
-    amplitude = np.linalg.lstsq(basis, target, rcond=1e-10)[0]
+    amplitude = fit_columns(basis, target, 1e-10)
     return amplitude, float(np.sum(np.abs(target - basis @ amplitude) ** 2))
 
 
 def identify(run: EnvelopeRun, u: Array, count: int = 2) -> Modes:
     """`count` damped exponentials by least squares over all columns of u (n, channels)."""
     t, std = run.time_s, run.std
-    exponent = predict(u, t, std, count)
-    amplitude, chi2 = _solve(u, t, std, exponent)
-    covariance = np.zeros((count, count))
-    for _ in range(MOST_STEPS):
-        step, here = _gauss_newton_step(u, t, std, exponent, amplitude)
-        shorter = _shorten(u, t, std, exponent, step, chi2)
-        if shorter is None:
-            break
-        exponent, amplitude, cost = shorter
-        covariance = here
-        done = chi2 - cost < 1e-9 * chi2
-        chi2 = cost
-        if done:
-            break
     # real numbers seen less real numbers fitted: a complex λ each, and an amplitude a channel
     dof = max(1, 2 * u.size - 2 * count * (u.shape[1] + 1))
-    factor = max(1.0, chi2 / dof)
-    left = (u - np.exp(np.outer(t - t[0], exponent)) @ amplitude) / std[:, None]
-    order = np.argsort(-exponent.imag)
+    problem = _Exponentials(u, t, std, dof)
+    found = descend(problem, problem.at(predict(u, t, std, count)), MOST_STEPS)
+    here = found.point
+    covariance = np.zeros((count, count)) if found.step is None else found.step.covariance
+    factor = max(1.0, here.cost / dof)
+    left = (u - np.exp(np.outer(t - t[0], here.exponent)) @ here.amplitude) / std[:, None]
+    order = np.argsort(-here.exponent.imag)
     return Modes(
-        exponent[order],
+        here.exponent[order],
         np.sqrt(np.maximum(0.0, np.diag(covariance)) * factor)[order],
-        amplitude[order],
-        chi2 / dof,
+        here.amplitude[order],
+        here.cost / dof,
         dof,
         np.concatenate([left.real, left.imag], axis=1),
+        found.converged,
     )
 
 
-def _gauss_newton_step(
-    u: Array, time_s: Array, std: Array, exponent: Array, amplitude: Array
-) -> tuple[Array, Array]:
-    """(step of λ (k,), covariance (k, k) of their real parts) with the amplitudes free.
+@dataclass(frozen=True)
+class _Point:
+    """λ (k,), the amplitudes (k, channels) that fit best with them, and χ²."""
 
-    Each channel has amplitudes of its own, λ are common; the model is analytic in λ, so complex
-    columns do for real and imaginary parts alike.
-    """
-    count, x = len(exponent), time_s - time_s[0]
-    basis = np.exp(np.outer(x, exponent)) / std[:, None]
-    residual = (u / std[:, None] - basis @ amplitude).T.ravel()
-    own = np.kron(np.eye(u.shape[1]), basis)
-    shared = np.concatenate([x[:, None] * basis * one for one in amplitude.T])
-    design = np.concatenate([own, shared], axis=1)
-    scale = measure_columns(design)
-    inverse = np.linalg.pinv(design / scale, rcond=1e-12)
-    step = (inverse @ residual / scale)[-count:]
-    covariance = np.real(inverse @ inverse.conj().T / np.outer(scale, scale))
-    return step, covariance[-count:, -count:]
+    exponent: Array
+    amplitude: Array
+    cost: float
 
 
-def _shorten(
-    u: Array, time_s: Array, std: Array, exponent: Array, step: Array, chi2: float
-) -> tuple[Array, Array, float] | None:
-    """(λ, amplitudes, χ²) after the step, halved until χ² falls: from a start by linear prediction
-    a whole one may overshoot. None where no part of it does."""
-    size = 1.0
-    while size > 1e-3:
-        amplitude, cost = _solve(u, time_s, std, exponent + size * step)
-        if cost <= chi2 * (1 + 1e-12):
-            return exponent + size * step, amplitude, cost
-        size /= 2
-    return None
+@dataclass(frozen=True)
+class _Step:
+    """Step of λ (k,), the covariance (k, k) of their real parts with the amplitudes free, and the
+    fall of χ² that the linear form promises."""
+
+    exponent: Array
+    covariance: Array
+    predicted: float
+
+
+@dataclass(frozen=True)
+class _Exponentials:
+    """Damped exponentials common to all channels of u (n, channels), each channel with amplitudes of
+    its own (variable projection: these are solved at every λ)."""
+
+    u: Array
+    time_s: Array
+    std: Array
+    dof: int
+
+    def at(self, exponent: Array) -> _Point:
+        return _Point(exponent, *_solve(self.u, self.time_s, self.std, exponent))
+
+    def linearise(self, point: _Point) -> _Step:
+        """The step with the amplitudes free; the model is analytic in λ, so complex columns do for
+        real and imaginary parts alike."""
+        count, x = len(point.exponent), self.time_s - self.time_s[0]
+        basis = np.exp(np.outer(x, point.exponent)) / self.std[:, None]
+        residual = (self.u / self.std[:, None] - basis @ point.amplitude).T.ravel()
+        own = np.kron(np.eye(self.u.shape[1]), basis)
+        shared = np.concatenate([x[:, None] * basis * one for one in point.amplitude.T])
+        design = np.concatenate([own, shared], axis=1)
+        inverse = invert_scaled(design)
+        whole = inverse @ residual
+        covariance = np.real(inverse @ inverse.conj().T)
+        return _Step(
+            whole[-count:],
+            covariance[-count:, -count:],
+            float(np.sum(np.abs(design @ whole) ** 2)),
+        )
+
+    def move(self, point: _Point, step: _Step, size: float) -> _Point:
+        """The point a part of the step further: from a start by linear prediction a whole one may
+        overshoot."""
+        return self.at(point.exponent + size * step.exponent)
+
+    def is_settled(self, step: _Step, taken: StepTaken) -> bool:
+        """Whether χ² has stopped falling; a part of a step may gain little far from the optimum, so
+        that beside it the linear form must promise no more either."""
+        if taken.size == 1.0:
+            return taken.fall < FLAT * taken.before
+        return step.predicted < CONVERGED * max(1.0, taken.after / self.dof)
 
 
 def are_resolved(two: Modes, one: Modes) -> bool:

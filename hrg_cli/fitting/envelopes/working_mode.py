@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...physics import ellipse
-from ..least_squares import measure_columns
+from ..least_squares import solve
 from .envelope_runs import EnvelopeRun
 from .equations import derivative
 
@@ -109,12 +109,9 @@ def _increments(columns: Array, quantity: Array, run: EnvelopeRun) -> tuple[Arra
 
 def _regression(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
     x, y = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-    scale = measure_columns(x)
-    inverse = np.linalg.pinv(x / scale, rcond=1e-10)
-    value = inverse @ y
-    residual = y - x / scale @ value
-    covariance = inverse @ inverse.T * float(residual @ residual) / max(1, len(y) - len(value))
-    return value / scale, covariance / np.outer(scale, scale)
+    value, covariance = solve(x, y, 1e-10)
+    residual = y - x @ value
+    return value, covariance * float(residual @ residual) / max(1, len(y) - len(value))
 
 
 STRAIGHT = 0.25

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...records import Array
+from ..least_squares import fit_columns
 from ..samples.envelope_motion import gain_at_middle
 from .allan import allan_deviation
 
@@ -184,9 +185,7 @@ def _least(
     if kept:
         root, own = _root(covariance), list(kept)
         for k, limit in limits.items():
-            taken = np.linalg.lstsq(
-                root @ problem.design[:, own], root @ problem.design[:, k] * limit, rcond=None
-            )[0]
+            taken = fit_columns(root @ problem.design[:, own], root @ problem.design[:, k] * limit)
             least[own] = np.minimum(least[own], squares[own] - taken)
     return least
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...fourier import node_weights
+from ..least_squares import fit_columns, invert_scaled
 
 Array = np.ndarray
 
@@ -86,7 +87,7 @@ def find_spikes(X: Array, residual: Array, keep: Array, limit: float, step: floa
     spread = max(spread, step / np.sqrt(12))
     if spread <= ROUNDING * float(np.abs(X).max() + np.abs(residual).max()):
         return np.zeros(len(residual), bool)
-    leverage = np.einsum("ij,jk,ik->i", X, np.linalg.pinv(X[keep].T @ X[keep]), X)
+    leverage = np.sum((X @ invert_scaled(X[keep])) ** 2, axis=1)
     # A row that was left out did not pull the curve: its residual has the variance s²(1 + h).
     error = np.sqrt(np.where(keep, np.maximum(1 - leverage, 0.1), 1 + leverage))
     return np.asarray(np.abs(residual) > limit * spread * error)
@@ -132,7 +133,7 @@ def held_out_rms(y: Array, X: Array) -> float:
     residual = np.empty(len(y))
     for f in range(FOLDS):
         own = fold == f
-        residual[own] = y[own] - X[own] @ np.linalg.lstsq(X[~own], y[~own], rcond=None)[0]
+        residual[own] = y[own] - X[own] @ fit_columns(X[~own], y[~own])
     return float(np.sqrt(np.mean(residual**2)))
 
 
@@ -165,4 +166,5 @@ def covariance_of(X: Array, residual: Array, step: float) -> Array:
         else len(lags)
     )
     inflation = max(1.0, 1 + 2 * float(((1 - lags[:stop] / len(X)) * correlations[:stop]).sum()))
-    return np.asarray(inflation * variance * np.linalg.pinv(X.T @ X))
+    inverse = invert_scaled(X)
+    return np.asarray(inflation * variance * (inverse @ inverse.T))

@@ -20,7 +20,7 @@ from .figures import cells, figure_rows, predictions
 from .folds import choose_smoothness
 from .noise_guards import say_noise
 from .record import record_of
-from .stability import drop_unstable, repeat_of_harmonics
+from .repeatability import drop_unstable, repeat_of_harmonics
 from .thermal_memory import thermal_memory
 from .variant_solutions import Wanted
 from .variants import measured_details, variant

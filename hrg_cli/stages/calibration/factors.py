@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...fitting.least_squares import fit_columns
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.table_layout import Factor
 from ...fourier import node_weights
@@ -150,7 +151,7 @@ def carry_turn(path: AnglePath) -> Array:
     """mθ' of a run's increments (n,) as a scale factor and a first harmonic of its own carry it: the
     measured increments would put their noise into a column."""
     columns = np.column_stack([path.rotation, path.angle_basis(1) * path.interval_s[:, None]])
-    own = np.linalg.lstsq(columns, path.turn, rcond=None)[0]
+    own = fit_columns(columns, path.turn)
     return np.asarray(columns @ own / path.interval_s)
 
 

@@ -18,7 +18,7 @@ from ...fitting.tables.normal_pieces import solve
 from ...fitting.tables.table_layout import Model, TableLayout
 from ...fourier import coefficients_at
 from .column_spaces import solve_columns
-from .stability import LEAST_SWEEP_DEGC_S, sweep
+from .repeatability import LEAST_SWEEP_DEGC_S, sweep
 
 Array = np.ndarray
 UNITS = {"lag": "s", "hysteresis": "degC"}

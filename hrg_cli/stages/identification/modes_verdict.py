@@ -57,10 +57,12 @@ def judge_modes(found: Sequence[Seen], reason: str) -> Verdict:
     _tell_modes(verdict, found, mean, std)
     verdict.suspect += [sentence for s in found if (sentence := _tell_cut(s))]
     refusing, doubting = closing.check_bounds(verdict)
-    finite = bool(np.all(np.isfinite(mean)))
+    settled = bool(np.all(np.isfinite(mean))) and all(
+        s.two is None or s.two.converged for s in found
+    )
     return closing.close_verdict(
         verdict,
-        [*checks.check_fit(verdict.covariance, finite), *refusing],
+        [*checks.check_fit(verdict.covariance, settled), *refusing],
         [*_check_residuals(found), *doubting],
     )
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...fitting.envelopes import coordinates, inference, resampling
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
+from ...fitting.least_squares import invert_information
 from .outcome import Verdict
 from .splits import state_splits
 from .verdict import ORDER
@@ -68,12 +69,7 @@ def carry_frequency(before: Array, own: Array) -> Array:
     kept: f = b·x + rest, b = C_fx C_xx⁻¹, with the rest's own variance. So correlations stay
     within ±1 however few the draws.
     """
-    std = np.sqrt(np.diag(before)[1:])
-    scale = np.where(std > 0, std, 1.0)
-    inverse = np.linalg.pinv(
-        before[1:, 1:] / np.outer(scale, scale), rcond=1e-9, hermitian=True
-    ) / np.outer(scale, scale)
-    follows = inverse @ before[1:, 0]
+    follows = invert_information(before[1:, 1:], 1e-9) @ before[1:, 0]
     rest = max(0.0, float(before[0, 0] - follows @ before[1:, 0]))
     out = np.empty_like(before)
     out[1:, 1:] = own

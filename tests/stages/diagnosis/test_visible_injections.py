@@ -22,9 +22,9 @@ from hrg_cli.stages.diagnosis.fits.scoring import is_gross, score_effects
 from hrg_cli.stages.diagnosis.fits.variants import variants
 from hrg_cli.stages.diagnosis.samples.tones import take_out_tones
 from hrg_cli.stages.diagnosis.samples.waveform import causes
-from hrg_cli.stages.diagnosis.search.case import Case
 from hrg_cli.stages.diagnosis.search.inquiry import Inquiry
 from hrg_cli.stages.diagnosis.search.instants import take_strikes
+from hrg_cli.stages.diagnosis.search.search_case import Case
 from hrg_cli.stages.diagnosis.search.selection import Search
 from hrg_cli.stages.diagnosis.suspects.rivals import nearest
 from hrg_cli.stages.diagnosis.thresholds import GROSS

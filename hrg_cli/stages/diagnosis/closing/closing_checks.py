@@ -21,8 +21,8 @@ from ..drive.scatter import TOLD, Scatter
 from ..extended.written import Written
 from ..fits.places import another_start, beside_strike
 from ..fits.scoring import is_possible
-from ..search.case import Case
 from ..search.gain import folds_of, predict_folds
+from ..search.search_case import Case
 from ..search.selection import Search
 from ..thresholds import (
     BOUND_COST,

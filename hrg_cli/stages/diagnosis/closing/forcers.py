@@ -20,7 +20,7 @@ from ....fitting.causes import scales
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COUNT
 from ..fits.variants import Variant
-from ..search.case import Case
+from ..search.search_case import Case
 from ..thresholds import WORTH
 
 Array = np.ndarray

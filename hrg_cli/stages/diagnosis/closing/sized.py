@@ -13,7 +13,7 @@ from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.refits import adopt, leave_out
 from ..fits.scoring import score_effects
-from ..search.case import Case
+from ..search.search_case import Case
 from .held_shapes import one_sigma_off
 
 

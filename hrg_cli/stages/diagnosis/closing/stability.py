@@ -8,7 +8,7 @@ from typing import Any
 
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
-from ..search.case import Case
+from ..search.search_case import Case
 from ..search.selection import select
 
 

@@ -17,7 +17,7 @@ from ....physics.resonator import OF_GENERATOR
 from ....records import Wave
 from ....settings import to_toml
 from ..samples.tone import Tone, channel_parts
-from .run import Way, run_table
+from .written_run import Way, run_table
 
 Array = np.ndarray
 TONE, LOSS = mains_tone.EFFECT.name, dropped_samples.EFFECT.name

@@ -34,7 +34,7 @@ from ...simulate import simulate_run
 from ...simulation_file import SimulationFile, runs_of
 from ..samples.tone import Tone
 from .model import TONE
-from .run import Way
+from .written_run import Way
 
 Array = np.ndarray
 MOST_SAMPLES = 30_000_000

@@ -1,7 +1,7 @@
 """Diagnosis, places: before which row of which run something may have struck, beside a fit.
 
 What strikes at an instant is seen in all that follows and not only in the rows next to it, which
-`effects.jumps` looks at: from there on the run moves as from another start, u(t) = Φ(t, 0) u₀ with
+`effects.envelope_jumps` looks at: from there on the run moves as from another start, u(t) = Φ(t, 0) u₀ with
 another u₀. With a run's own columns S_i of row i (those of its start; of a read-out, what it does
 from the start on), what happens before row k has the columns S_i of i ≥ k and none before. Beside
 the model's basis Q and with the residual r perpendicular to it
@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....effects.effect import INSTANT, RUN, Values, no_term, same_signal
-from ....effects.jumps import FEWEST
+from ....effects.envelope_jumps import FEWEST
 from ....fitting.causes import evidence
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..thresholds import SIGNIFICANT

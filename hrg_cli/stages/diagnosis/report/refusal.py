@@ -12,9 +12,9 @@ from ....records import Diagnosis, Resonator, Wave
 from ..closing.sized import Sized
 from ..fits.scoring import score_effects
 from ..fits.variants import variants
-from ..search.case import Case
 from ..search.gain import held_out
 from ..search.inquiry import Inquiry
+from ..search.search_case import Case
 from ..search.selection import Search
 from ..suspects import Suspicion
 from .record import record_of

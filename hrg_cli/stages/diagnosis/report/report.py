@@ -17,9 +17,9 @@ from ..closing.forcers import moves_of_forcers
 from ..closing.loop_delay import moves_of_delay
 from ..closing.sized import Sized
 from ..fits.variants import Variant
-from ..search.case import Case
 from ..search.gain import Gain, figures
 from ..search.remainder import Remainder, Term
+from ..search.search_case import Case
 from ..search.selection import Found, Search
 from ..search.separability import not_separable
 from .base_values import values

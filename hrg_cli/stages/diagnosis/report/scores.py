@@ -19,7 +19,7 @@ import numpy as np
 from ....effects.effect import Effect
 from ..closing.sized import Sized
 from ..fits.variants import Variant
-from ..search.case import Case
+from ..search.search_case import Case
 from ..search.selection import Search
 from ..search.separability import FAINT
 

@@ -11,8 +11,8 @@ from ....fitting.causes import evidence
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.variants import Variant
-from ..search.case import Case
 from ..search.inquiry import NoiseLevel
+from ..search.search_case import Case
 
 ONE_SIDED = 1.645
 """σ of a one-sided 95 % limit."""

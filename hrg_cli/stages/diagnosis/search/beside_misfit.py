@@ -31,8 +31,8 @@ from ..fits.refits import bic, hold_unseen, leave_out, refit
 from ..fits.scoring import number_of_places, score_effects
 from ..fits.variants import Variant
 from ..thresholds import BESIDE_MISFIT, INADEQUATE, MOST_RIVALS, WORTH
-from .case import Case
 from .remainder import search_rest
+from .search_case import Case
 from .selection import Found
 
 Array = np.ndarray

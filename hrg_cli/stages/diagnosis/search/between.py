@@ -18,10 +18,10 @@ import numpy as np
 
 from ....fitting.causes import evidence, extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
-from .case import Case
 from .inquiry import NoiseLevel
 from .offsets import Offsets, offsets_of, scatter
 from .run_patterns import QUIET, SPARE, Pattern, patterns
+from .search_case import Case
 from .selection import Found, prune_causes
 
 Array = np.ndarray

@@ -14,13 +14,13 @@ from ..fits.variants import Variant
 from ..thresholds import GROSS, INADEQUATE, NEVER_LESS
 from .beside_misfit import drop_indistinct
 from .between import take_from_frequencies
-from .case import Case
 from .forecast import drop_misleading
 from .form import take_better_form
 from .inquiry import Inquiry, NoiseLevel
 from .instants import take_strikes
 from .open_rivals import give_way_to_open_terms
 from .remainder import Remainder, adequacy, search_rest
+from .search_case import Case
 from .selection import select
 
 LEAST_CHANGE = 0.03

@@ -32,7 +32,7 @@ from ....fitting.envelopes import channel_noise
 from ....physics import ellipse
 from ..fits.refits import leave_out
 from ..thresholds import WORTH
-from .case import Case
+from .search_case import Case
 from .selection import select
 from .stand_in import is_beyond_question
 

@@ -24,10 +24,10 @@ from ..fits.refits import adopt, bic, hold_unseen
 from ..fits.scoring import is_possible, score_effects
 from ..fits.variants import Variant
 from ..thresholds import WORTH
-from .case import Case
 from .damping_form import Form, TriedForm
 from .inquiry import Inquiry, NoiseLevel
 from .remainder import search_rest
+from .search_case import Case
 from .selection import Found, Search, prune_causes
 from .shapes import (
     FREE,

@@ -19,7 +19,7 @@ import numpy as np
 
 from ....effects import EFFECTS
 from ....effects.effect import INSTANT, RUN, Effect
-from ....effects.jumps import FEWEST
+from ....effects.envelope_jumps import FEWEST
 from ....fitting.causes import designs, evidence, extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
@@ -28,8 +28,8 @@ from ..fits.scoring import is_gross, is_possible, number_of_places, score_effect
 from ..fits.variants import Variant, variants
 from ..thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WORTH
 from .beside_misfit import Spectrum, independent
-from .case import Case
 from .remainder import search_rest
+from .search_case import Case
 from .selection import Found
 
 Array = np.ndarray

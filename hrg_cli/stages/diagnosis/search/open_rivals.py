@@ -15,8 +15,8 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.refits import adopt, bic, loosen
 from ..fits.scoring import score_effects
 from ..thresholds import BOUND_COST, CLEARLY, SAME, SIGNIFICANT, WORTH
-from .case import Case
 from .remainder import OPEN_TERMS, Remainder, describe
+from .search_case import Case
 from .selection import Found
 from .stand_in import takes_nearly_all
 

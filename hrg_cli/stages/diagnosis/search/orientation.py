@@ -18,7 +18,7 @@ from ..fits.refits import bic, leave_out
 from ..fits.scoring import score_effects, worth
 from ..fits.variants import Variant
 from ..thresholds import WORTH
-from .case import Case
+from .search_case import Case
 
 Array = np.ndarray
 CLEARLY = 30.0

@@ -16,7 +16,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.layout import FREQUENCY
 from ....physics import ellipse
 from ..fits.variants import Variant
-from .case import Case
+from .search_case import Case
 
 Array = np.ndarray
 FAINT = 0.02

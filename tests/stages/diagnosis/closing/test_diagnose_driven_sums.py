@@ -13,8 +13,8 @@ from hrg_cli.stages.diagnosis.closing.sized import Sized
 from hrg_cli.stages.diagnosis.fits.scoring import score_effects
 from hrg_cli.stages.diagnosis.fits.variants import variants
 from hrg_cli.stages.diagnosis.report.base_values import values
-from hrg_cli.stages.diagnosis.search.case import Case
 from hrg_cli.stages.diagnosis.search.inquiry import Inquiry
+from hrg_cli.stages.diagnosis.search.search_case import Case
 from hrg_cli.stages.diagnosis.search.selection import Search
 
 NU, SPLIT, AXIS = 0.3, 0.01, 0.4

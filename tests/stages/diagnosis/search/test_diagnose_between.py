@@ -13,10 +13,10 @@ from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 from hrg_cli.stages.diagnosis.fits.variants import variants
 from hrg_cli.stages.diagnosis.search.between import take_from_frequencies
-from hrg_cli.stages.diagnosis.search.case import Case
 from hrg_cli.stages.diagnosis.search.inquiry import STATED, Inquiry
 from hrg_cli.stages.diagnosis.search.offsets import offsets_of
 from hrg_cli.stages.diagnosis.search.run_patterns import patterns
+from hrg_cli.stages.diagnosis.search.search_case import Case
 from hrg_cli.stages.diagnosis.search.selection import Found, Search
 from hrg_cli.stages.diagnosis.thresholds import MOST_RIVALS
 

@@ -9,7 +9,7 @@ from diagnosis_programme import programme, verdict, waves
 
 from hrg_cli.effects import find
 from hrg_cli.effects.effect import INSTANT, RUN
-from hrg_cli.effects.jumps import jumps
+from hrg_cli.effects.envelope_jumps import jumps
 from hrg_cli.fitting.causes import evidence
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base

@@ -14,9 +14,9 @@ from hrg_cli.stages.diagnosis.base.base_priors import freedom_of
 from hrg_cli.stages.diagnosis.base.data import prepare
 from hrg_cli.stages.diagnosis.fits.scoring import is_gross
 from hrg_cli.stages.diagnosis.fits.variants import variants
-from hrg_cli.stages.diagnosis.search.case import Case
 from hrg_cli.stages.diagnosis.search.inquiry import Inquiry
 from hrg_cli.stages.diagnosis.search.instants import take_strikes
+from hrg_cli.stages.diagnosis.search.search_case import Case
 from hrg_cli.stages.diagnosis.search.selection import Search
 
 PENDULUM = Mechanics(0.3563, 3e-4, 4e-5, 0.4, 6e-4, 0.7, 1.0, 1)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError, name_some
+from ...fitting.least_squares import fit_columns
 from ...fitting.tables.dwells import (
     choose_powers,
     design,
@@ -116,7 +117,7 @@ def _fit(dwells: Dwells, keep: Array, largest_power: int, too_many: int = 0) -> 
         y[keep], omega[keep], degc[keep], d.nodes, d.interpolation, d.turning, largest_power
     )
     X = design(omega, degc, d.nodes, d.interpolation, d.turning, powers)
-    coefficients = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
+    coefficients = fit_columns(X[keep], y[keep])
     return Curve(powers, scores, X, coefficients, y - X @ coefficients, keep, too_many)
 
 
@@ -155,7 +156,7 @@ def _of_a_line(y: Array, omega: Array, turning: bool) -> Array:
     """What one scale factor and one bias leave of the rows; a bias alone where nothing turned."""
     ones = np.ones(len(y))
     plain = np.stack([ones, omega], axis=1) if turning else ones[:, None]
-    return np.asarray(y - plain @ np.linalg.lstsq(plain, y, rcond=None)[0])
+    return np.asarray(y - plain @ fit_columns(plain, y))
 
 
 def _bends(omega: Array, powers: list[int], coefficients: list[float]) -> dict[str, float]:
