@@ -149,13 +149,29 @@ class SlowLog:
             times = np.arange(rows) / (self.log.channels[indexes[0]].sample_rate_hz or 1.0)
         else:
             times = joined.pop() * timing.factor - timing.first
+        row, times, joined = self._filled_rows(path, times, joined)
         if len(times) > 1 and not np.all(np.diff(times) > 0):
-            row = int(np.argmin(np.diff(times) > 0)) + 2
+            fallen = row[int(np.argmin(np.diff(times) > 0)) + 1] + 1
             raise HrgError(
-                f"{path}: the times of its slow columns do not rise at their row {row}; sort the"
+                f"{path}: the times of its slow columns do not rise at their row {fallen}; sort the"
                 " log or leave the columns out"
             )
         return [times - shift_s, *self.converted(joined)]
+
+    def _filled_rows(
+        self, path: Path, times: Array, values: list[Array]
+    ) -> tuple[Array, Array, list[Array]]:
+        """Number, time and values of the rows that hold a value: in a table of text, slow columns
+        stand in as many lines as the channels and are blank where they have no row."""
+        filled = np.any(np.isfinite(values), axis=0)
+        timeless = np.flatnonzero(filled & ~np.isfinite(times))
+        if len(timeless):
+            raise HrgError(
+                f"{path}: row {timeless[0] + 1} of its slow columns holds a value but no time; fill"
+                " its time in, or leave the value out"
+            )
+        row = np.flatnonzero(filled)
+        return row, times[row], [column[row] for column in values]
 
 
 def _means(values: Array, every: int) -> Array:

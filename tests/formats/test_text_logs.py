@@ -219,6 +219,24 @@ def test_units_and_slow_columns(tmp_path):
     assert np.all(np.diff(short.auxiliary_time_s) > 0)
 
 
+@pytest.mark.parametrize("blank", ["", "nan"])
+def test_slow_columns_with_times_of_their_own_end_before_the_channels(tmp_path, blank):
+    """A table of text has one length: where the thermometer has no row its cells are blank."""
+    lines = rows([T, C, S]).splitlines()
+    own = [f"{0.05 * k!r},{20 + k!r}" for k in range(4)]
+    cells = [*own, *[f"{blank},{blank}"] * (len(T) - len(own))]
+    text = "time,c,s,slow time,temp (degC)\n" + "".join(
+        f"{line},{cell}\n" for line, cell in zip(lines, cells, strict=True)
+    )
+    r = whole(written(tmp_path, text), auxiliary_time="slow time")
+    np.testing.assert_allclose(r.auxiliary_time_s, [0, 0.05, 0.1, 0.15], atol=1e-12)
+    assert r.temperature_degc.tolist() == [20.0, 21.0, 22.0, 23.0]
+    assert len(r.c) == len(T)
+    timeless = text.replace("0.1,22", f"{blank},22")
+    with pytest.raises(HrgError, match="row 3 of its slow columns holds a value but no time"):
+        whole(written(tmp_path, timeless), auxiliary_time="slow time")
+
+
 @pytest.mark.parametrize(
     ("unit", "factor"),
     [("rad/s", 1), ("deg/s", np.pi / 180), ("deg/h", np.pi / 180 / 3600), ("rpm", np.pi / 30)],

@@ -8,8 +8,9 @@ second order in the rates over ω, and without ḟ, however quickly the loops ch
 
 Where the rate changes, L = L₁ + L₂ changes with it, and u̇ = L u leaves L̇ of the displacement's
 equation, L̇ + L² + 2ΓL + 2jωL = …: L̇₁ = KΩ̇J is the Euler term's own, −L̇₂/2jω a derivative, so that
-it stands beside what moves at once: u = v + jL₂v/2ω, but for [L, L₂]/2ω. Without splits that is u =
-(1 − K²Ω²/4ω²) v, the amplitude of constant action at the frequency √(ω² + K²Ω²).
+it stands beside what moves at once: u = (1 + A)v, A = jL₂/2ω. Without splits that is u = (1 −
+K²Ω²/4ω²) v, the amplitude of constant action at the frequency √(ω² + K²Ω²). At a constant rate u̇ =
+Lu is v̇ = (L + [L, A])v.
 """
 
 from __future__ import annotations
@@ -228,9 +229,17 @@ def lead_of_force(frequency_hz: float) -> complex:
 
 
 def generators(series: MeasuredRuns, point: Point) -> Array:
-    """L (R, n, 2, 2) with the runs' frequency offsets."""
+    """The generator L + [L, A] (R, n, 2, 2) of what moves, with the runs' frequency offsets.
+
+    At a constant rate the displacement u = (1 + A)v, A = jL₂/2ω, follows u' = Lu: v follows
+    (1 + A)⁻¹L(1 + A), to first order in A that commutator.
+    """
     first, second = _orders(series, point)
-    return first + second + 1j * point.offset_rad_s[:, None, None, None] * np.eye(2)
+    L = first + second
+    if np.any(series.rate_rad_s):
+        shift = lead_of_force(series.reference_frequency_hz) * second
+        L = L + (L @ shift - shift @ L)
+    return L + 1j * point.offset_rad_s[:, None, None, None] * np.eye(2)
 
 
 def mean_turns(series: MeasuredRuns) -> Array:
