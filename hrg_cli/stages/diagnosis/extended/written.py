@@ -17,13 +17,10 @@ import numpy as np
 
 from ....effects.effect import Effect
 from ....errors import HrgError
-from ....fitting import least_squares
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.layout import OWN
-from ....fitting.causes.sensitivities import base_sensitivities
 from ....fitting.causes.slow_equation import jump_times
 from ....fitting.causes.wave_frame import real
-from ....fitting.causes.whitened_rows import flatten_own, flatten_rows
+from ....fitting.causes.whitened_rows import flatten_rows
 from ....fitting.envelopes.coordinates import SCALE_FACTOR
 from ....fitting.envelopes.envelope_runs import envelopes_of
 from ....fitting.samples.demodulator import MOVING_PERIODS
@@ -34,6 +31,7 @@ from ...simulate import simulate_run
 from ...simulation_file import SimulationFile, runs_of
 from ..samples.tone import Tone
 from .model import TONE
+from .run_changes import find_change
 from .written_run import Way
 
 Array = np.ndarray
@@ -204,7 +202,7 @@ def hold_written(
     figures = [
         float(np.sqrt(np.mean(flatten_rows(series, side) ** 2))) for side in (missed, fitted)
     ]
-    change = find_change(fit, missed - fitted, compared)
+    change = find_change(fit, missed - fitted, compared, origin)
     return Written(figures[0], figures[1], share, change) if fitted.any() else None
 
 
@@ -234,18 +232,6 @@ def _simulate_first_part(
         except HrgError:
             return share, None
     return share, waves
-
-
-def find_change(fit: ExtendedFit, difference: Array, compared: Array) -> Array:
-    """What of the runs' starts and frequency offsets (R, 5) makes up most of a difference over σ
-    (R, n, 4), judged as the fit judges, on the rows that were compared."""
-    own = base_sensitivities(fit.flow)[1] * compared[..., None, None]
-    columns, wanted = flatten_own(fit.series, own), flatten_own(fit.series, difference)
-    change = np.zeros((len(fit.series.names), OWN))
-    for k, (rows, _, _) in enumerate(fit.design.own):
-        if compared[k].any():
-            change[k] = least_squares.solve(columns[rows], wanted[rows])[0]
-    return change
 
 
 def _periods_per_window(fit: ExtendedFit) -> float:

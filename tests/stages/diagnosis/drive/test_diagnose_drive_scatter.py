@@ -24,7 +24,7 @@ from hrg_cli.physics.resonator import exponential
 from hrg_cli.stages.diagnosis.closing import closing_checks as closing
 from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
 from hrg_cli.stages.diagnosis.drive.scatter import Scatter
-from hrg_cli.stages.diagnosis.extended.written import find_change
+from hrg_cli.stages.diagnosis.extended.run_changes import find_change
 from hrg_cli.stages.diagnosis.samples import tone_search
 
 P = np.array([1.5, 0.1, 0.05, 0.9, -0.4, 0.55, 0.0])
@@ -143,9 +143,10 @@ def test_a_written_start_is_moved_as_the_fit_judges_beside_a_scattered_log():
     compared = np.ones((RUNS, ROWS), bool)
     compared[:, :7] = False
     difference = np.einsum("rnik,rk->rni", own, off) * compared[..., None]
-    np.testing.assert_allclose(find_change(fit, difference, compared), off, rtol=1e-6)
+    each = list(range(RUNS))
+    np.testing.assert_allclose(find_change(fit, difference, compared, each), off, rtol=1e-6)
     compared[1] = False
-    assert not find_change(fit, difference * compared[..., None], compared)[1].any()
+    assert not find_change(fit, difference * compared[..., None], compared, each)[1].any()
 
 
 @pytest.mark.slow
