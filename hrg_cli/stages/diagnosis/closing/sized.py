@@ -56,9 +56,8 @@ class Sized:
         covariance = self.factor * self.fit.covariance[columns, columns]
         off, _ = self.fit.away(effect)
         for other in self.others_of(effect.name):
-            if effect.name in {one.name for one, _ in other.point.active}:
-                moved = off - other.away(effect)[0]
-                covariance = covariance + np.outer(moved, moved)
+            moved = off - other.away(effect)[0]
+            covariance = covariance + np.outer(moved, moved)
         wald = float(off @ np.linalg.pinv(covariance, hermitian=True) @ off)
         return float(np.sqrt(max(wald, 0.0))) if np.isfinite(wald) else float("nan")
 
@@ -68,8 +67,9 @@ class Sized:
         return [self.beside, *self.off.values()]
 
     def others_of(self, cause: str) -> list[ExtendedFit]:
-        """Those in which a cause's own numbers mean the same."""
-        return [self.beside, *(fit for name, fit in self.off.items() if name != cause)]
+        """Those that hold a cause, and in which its own numbers mean the same."""
+        there = [self.beside, *(fit for name, fit in self.off.items() if name != cause)]
+        return [fit for fit in there if cause in {one.name for one, _ in fit.point.active}]
 
 
 def with_rivals(case: Case) -> list[ExtendedFit]:

@@ -30,6 +30,8 @@ ORDERS = (25, 51, 101, 201, 401)
 FEWEST_SPURS, BY_CHANCE = 4, 1e-6
 """Odd harmonics from which a converter is thought of, and the chance at which so many lines may
 meet odd multiples."""
+COUNTED = 1e-3
+"""Distance from a whole number that the samples between two windows may have."""
 SPREAD, BETTER = 1.2, 9.0
 """Ratio of the runs' amplitudes from which a line's size can be held against them, and Δχ² that
 decides."""
@@ -91,6 +93,34 @@ def sampling_hz(waves: Sequence[Wave]) -> float | None:
         if w.spectrum_frequency_hz is not None and len(w.spectrum_frequency_hz)
     ]
     return 2 * ends[0] if ends else None
+
+
+def even_step(wave: Wave) -> float | None:
+    """Sampling step of an evenly sampled run, whose windows are then all equally far apart; None
+    elsewhere."""
+    rate = sampling_hz([wave])
+    steps = np.diff(np.asarray(wave.time_s, float))
+    regular = (
+        len(steps) > 0
+        and float(np.abs(steps / np.median(steps) - np.round(steps / np.median(steps))).max())
+        < 1e-6
+    )
+    if not rate or not regular or wave.spectrum_frequency_hz is None:
+        return None
+    # windows are a whole number of samples apart, where the samples are even; a spectrum of an odd
+    # number of samples ends half a cell below half the sampling rate
+    odd = 2 * len(wave.spectrum_frequency_hz) - 1
+    apart = float(np.median(steps))
+    for samples in (apart * rate, apart * rate * odd / (odd - 1)):
+        if abs(samples - round(samples)) < COUNTED and round(samples) > 0:
+            return apart / round(samples)
+    return None
+
+
+def folding_hz(waves: Sequence[Wave]) -> float | None:
+    """Sampling rate at half of which lines of all runs are folded; None where it is not known, or
+    where a run's samples are not evenly apart: a line above half the rate then has no image."""
+    return sampling_hz(waves) if all(even_step(wave) is not None for wave in waves) else None
 
 
 def amplitude_of(wave: Wave) -> float:
@@ -194,7 +224,7 @@ def folded_beside(waves: Sequence[Wave], found: Sequence[Effect]) -> str:
 
     The slow model knows a read-out's defect by what it does at the oscillation itself.
     """
-    sampling, makers = sampling_hz(waves), [e.name for e in found if e.makes_harmonics]
+    sampling, makers = folding_hz(waves), [e.name for e in found if e.makes_harmonics]
     if not sampling or not makers:
         return ""
     window_s = max(wave.window_s for wave in waves)

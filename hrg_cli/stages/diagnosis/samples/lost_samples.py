@@ -13,14 +13,12 @@ from ....effects import dropped_samples
 from ....fitting.envelopes.envelope_runs import envelopes_of
 from ....records import Wave
 from .jumps import TOUCHED, jumps
-from .lines import sampling_hz
+from .lines import even_step
 from .offered import entry
 
 FEWEST_ROWS = 40
 WHOLE = 2e-3
 """Distance from a whole number of samples that a loss may have, beside its σ."""
-COUNTED = 1e-3
-"""Distance from a whole number that the samples between two windows may have."""
 KNOWN_STEP = 0.15
 """σ of a loss in samples up to which it can be asked to be whole."""
 SHIFTED = 5.0
@@ -144,7 +142,7 @@ def count_lost(
     )
     std = float(weight.sum() ** -0.5)
     missing, samples = float(np.mod(mean, 2 * np.pi)) / omega, None
-    step_s = _even_step(waves[first.run])
+    step_s = even_step(waves[first.run])
     if step_s is not None and std / omega < KNOWN_STEP * step_s:
         best, shown = min(group, key=lambda s: s.std_rad), min(group, key=lambda s: s.shift_std_s)
         period_s = 1 / best.frequency_hz
@@ -172,28 +170,6 @@ def count_lost(
         "what": "lost" if missing > 0 else "repeated",
     }
     return offer if samples is None else offer | {"samples": samples}
-
-
-def _even_step(wave: Wave) -> float | None:
-    """Sampling step of an evenly sampled run, whose windows are then all equally far apart; None
-    elsewhere."""
-    rate = sampling_hz([wave])
-    steps = np.diff(np.asarray(wave.time_s, float))
-    regular = (
-        len(steps) > 0
-        and float(np.abs(steps / np.median(steps) - np.round(steps / np.median(steps))).max())
-        < 1e-6
-    )
-    if not rate or not regular or wave.spectrum_frequency_hz is None:
-        return None
-    # windows are a whole number of samples apart, where the samples are even; a spectrum of an odd
-    # number of samples ends half a cell below half the sampling rate
-    odd = 2 * len(wave.spectrum_frequency_hz) - 1
-    apart = float(np.median(steps))
-    for samples in (apart * rate, apart * rate * odd / (odd - 1)):
-        if abs(samples - round(samples)) < COUNTED and round(samples) > 0:
-            return apart / round(samples)
-    return None
 
 
 def _whole(

@@ -18,7 +18,7 @@ from ....effects import mains_tone
 from ....effects.effect import Effect
 from ....records import Wave
 from .harmonics import below_the_codes, bent_channels
-from .lines import WIDTH_CELLS, Line, cell_hz, frequency_of, harmonic_of, lines, sampling_hz, spurs
+from .lines import WIDTH_CELLS, Line, cell_hz, folding_hz, frequency_of, harmonic_of, lines, spurs
 from .lost_samples import PhaseStep, count_lost, join_steps, phase_steps, split_at
 from .offered import UNMEASURED, entry, sound
 from .tone import Tone, channel_parts
@@ -53,7 +53,7 @@ def causes(
     codes = _codes(waves, near, far, frequency_hz) if direct else []
 
     harmonics = {multiple: line for line, multiple in near}
-    sampling, cell = sampling_hz(waves), cell_hz(waves)
+    sampling, cell = folding_hz(waves), cell_hz(waves)
     open_lines = []
     for line in far:
         multiple = harmonic_of(line, frequency_hz, sampling, cell)
@@ -115,7 +115,7 @@ def _codes(
     """Lines that a converter's codes make."""
     wander = float(np.std([frequency_of(w) for w in waves]))
     everywhere = [*(line for line, _ in near), *far]
-    codes = spurs(everywhere, frequency_hz, wander, sampling_hz(waves), cell_hz(waves))
+    codes = spurs(everywhere, frequency_hz, wander, folding_hz(waves), cell_hz(waves))
     return codes + [line for line in far if line not in codes and below_the_codes(line, waves)]
 
 
@@ -169,7 +169,7 @@ def _multiple(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> int:
 
     Runs of length T tell it to 1/T, and the oscillation's own frequency from run to run apart.
     """
-    sampling = sampling_hz(waves)
+    sampling = folding_hz(waves)
     longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
     wander = float(np.ptp([frequency_of(w) for w in waves]))
     if not sampling:
