@@ -39,9 +39,10 @@ Array = np.ndarray
 MOST_LATE_RAD = 0.3
 """Turn of the wave within a frame's lateness: a third as much force across the wave as along it is more
 than a loop bears that is meant to hold it."""
-BANDWIDTHS = 5
-"""Loops allowed for, evenly in the logarithm of their natural frequency: of a frequency split's phase
-over some cycles, one between two of them leaves a combination of what all of them leave, to 4 %."""
+APART = 1.25
+"""Ratio of neighbouring loops' natural frequencies: what one between two of them leaves is a combination
+of what all leave, to a thousandth. At a ratio of 2, to 4 %: of a phase that a split turns by 0.05 rad
+that was 20 σ over a run, and eight clean gyros of ten had an "angle that changes with wave angle"."""
 MOST_TURNED_RAD = 1.0
 """Turn of the commands' frame beyond which they would not hold the wave that they were made for."""
 SETTLED_RAD = 1e-4
@@ -169,11 +170,15 @@ def _answers(series: MeasuredRuns, course: Array, turning_rad_s: float) -> Array
     return np.concatenate([late[..., None], left], axis=-1)
 
 
-def natural_frequencies(series: MeasuredRuns, slowest: float = 2 * np.pi) -> Array:
-    """ω_n of the loops allowed for, rad/s: from `slowest` over a run's length to one over a row's."""
+def natural_frequencies(
+    series: MeasuredRuns, slowest: float = 2 * np.pi, apart: float = APART
+) -> Array:
+    """ω_n of the loops allowed for, rad/s: from `slowest` over a run's length to one over a row's, by
+    a ratio of `apart` at most."""
     lengths = [np.ptp(t[w > 0]) for t, w in zip(series.time_s, series.weight, strict=True)]
     least, most = slowest / max(lengths), 1 / row_length_s(series)
-    return np.geomspace(least, max(most, least), BANDWIDTHS)
+    most = max(most, least)
+    return np.geomspace(least, most, 1 + max(1, int(np.ceil(np.log(most / least) / np.log(apart)))))
 
 
 def unfollowed(

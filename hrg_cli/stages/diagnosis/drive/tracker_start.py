@@ -24,6 +24,8 @@ Array = np.ndarray
 SETTLED_BY = 0.3
 """Part of a run by which its trackers have settled, to a thirtieth of what they began with."""
 SETTLED_TO = 1 / 30
+APART = 2.0
+"""Ratio of neighbouring trackers' natural frequencies: what begins is a small part of what they leave."""
 
 
 def allow_starts(fit: ExtendedFit) -> ExtendedFit:
@@ -37,7 +39,7 @@ def allow_starts(fit: ExtendedFit) -> ExtendedFit:
 
 def _settling(series: MeasuredRuns, course: Array) -> Array:
     """One standard deviation of every free motion beside a course (R, n), rad (R, n, k)."""
-    natural = natural_frequencies(series, slowest=np.log(1 / SETTLED_TO) / SETTLED_BY / DAMPING)
+    natural = natural_frequencies(series, np.log(1 / SETTLED_TO) / SETTLED_BY / DAMPING, APART)
     size = np.abs(unfollowed(series, course, natural, as_before=True)).max(axis=(0, 1))
     t = (series.time_s - series.time_s[:, :1])[..., None]
     at = DAMPING * natural * t
