@@ -39,8 +39,9 @@ HELD = (
     *(
         f"physics.{name}"
         for name in (
-            *("compilation", "control", "electrodes", "ellipse", "environment", "noise"),
-            *("plant", "readout", "resonator", "signals", "slow_motion"),
+            *("coefficients", "compilation", "control", "drift", "electrodes", "electronics"),
+            *("ellipse", "environment", "fast_engine", "noise", "plant", "readout", "resonator"),
+            *("signals", "slow_engine", "slow_motion"),
         )
     ),
 )
