@@ -44,6 +44,13 @@ HELD = (
             *("signals", "slow_engine", "slow_motion"),
         )
     ),
+    *(
+        f"store.{name}"
+        for name in (
+            *("atomic", "checksums", "covariance_checks", "handles", "headings", "heaps"),
+            *("layout", "reading", "report_checks", "validity", "writing"),
+        )
+    ),
 )
 """Modules that are told whole: every public function has its sections and an example."""
 
