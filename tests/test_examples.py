@@ -51,6 +51,14 @@ HELD = (
             *("layout", "reading", "report_checks", "validity", "writing"),
         )
     ),
+    "fitting.least_squares",
+    *(
+        f"fitting.envelopes.{name}"
+        for name in (
+            *("base_freedom", "channel_noise", "coordinates", "matrices", "normal_equations"),
+            *("rate_estimate", "resonator_spread", "trapezium"),
+        )
+    ),
 )
 """Modules that are told whole: every public function has its sections and an example."""
 
