@@ -51,6 +51,8 @@ HELD = (
             *("layout", "reading", "report_checks", "validity", "writing"),
         )
     ),
+    "records.doubts",
+    "stages.calibration.resonators",
     "fitting.least_squares",
     *(
         f"fitting.envelopes.{name}"
