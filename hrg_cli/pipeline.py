@@ -15,7 +15,7 @@ import numpy as np
 
 from . import settings, store
 from .errors import HrgError
-from .records import KINDS, Provenance, Record, Recording, Source
+from .records import KINDS, Provenance, Record, Recording, Source, doubts_about, name_record
 from .sources import Sources
 from .store import AnyRecord
 from .version import __version__
@@ -174,7 +174,7 @@ def _run_on_all(
     ]
     with _naming(None):
         result = stage.function()(records, **arguments)
-    return result.judged(_doubts(inputs, records)), records
+    return _by_files(result, inputs, records), records
 
 
 def _run_on_one(
@@ -249,26 +249,24 @@ def report(
     )
 
 
-DOUBTS_NAMED = 6
-"""Suspect inputs that are named one by one; the rest are counted."""
-
-
-def _doubts(inputs: Sequence[Path], records: Sequence[Record]) -> list[str]:
-    """What is suspect or refused among the inputs: a result is not surer than what it was made
-    of."""
-    doubted = [
-        (path, record)
-        for path, record in zip(inputs, records, strict=True)
-        if record.status != "valid"
-    ]
-    reasons = [
-        f"{path.name} is {record.status}:"
-        f" {record.status_reasons[-1] if record.status_reasons else 'no reason is given'}"
-        for path, record in doubted[:DOUBTS_NAMED]
-    ]
-    if len(doubted) > DOUBTS_NAMED:
-        reasons.append(f"{len(doubted) - DOUBTS_NAMED} more inputs are suspect or refused")
-    return reasons
+def _by_files(result: Record, inputs: Sequence[Path], records: Sequence[Record]) -> Record:
+    """The result with what it inherits from its inputs told by their files, which a stage does not
+    know; a stage leaves refused runs out and repeats no reason of theirs, so it is added."""
+    files = list(zip((path.name for path in inputs), records, strict=True))
+    suspect = [(name, record) for name, record in files if record.status == "suspect"]
+    by_file: dict[str, list[str]] = {}
+    for told, named in zip(
+        doubts_about((name_record(record), record) for _, record in suspect),
+        doubts_about(suspect),
+        strict=True,
+    ):
+        by_file.setdefault(told, []).append(named)
+    reasons = tuple(
+        by_file[reason].pop(0) if by_file.get(reason) else reason
+        for reason in result.status_reasons
+    )
+    refused = [(name, record) for name, record in files if record.status == "refused"]
+    return replace(result, status_reasons=reasons).judged(doubts_about(refused))
 
 
 @contextmanager

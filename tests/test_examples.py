@@ -35,6 +35,45 @@ FURTHER = {
     "hrg_cli.settings": ["parse_assignment"],
 }
 """Functions with examples beside those that the package exports."""
+HELD = (
+    *(
+        f"physics.{name}"
+        for name in (
+            *("coefficients", "compilation", "control", "drift", "electrodes", "electronics"),
+            *("ellipse", "environment", "fast_engine", "noise", "plant", "readout", "resonator"),
+            *("signals", "slow_engine", "slow_motion"),
+        )
+    ),
+    *(
+        f"store.{name}"
+        for name in (
+            *("atomic", "checksums", "covariance_checks", "handles", "headings", "heaps"),
+            *("layout", "reading", "report_checks", "validity", "writing"),
+        )
+    ),
+    "records.doubts",
+    "stages.calibration.resonators",
+    "fitting.least_squares",
+    *(
+        f"fitting.envelopes.{name}"
+        for name in (
+            *("base_freedom", "channel_noise", "coordinates", "matrices", "normal_equations"),
+            *("rate_estimate", "resonator_spread", "trapezium"),
+        )
+    ),
+)
+"""Modules that are told whole: every public function has its sections and an example."""
+
+
+def functions_of(module):
+    """The public functions that a module defines."""
+    for name, found in vars(module).items():
+        one = inspect.unwrap(found) if callable(found) else found
+        own = inspect.isfunction(one) and one.__module__ == module.__name__
+        if own and not name.startswith("_"):
+            yield f"{module.__name__.removeprefix('hrg_cli.')}.{name}", one
+
+
 PUBLIC = {name: getattr(hrg_cli, name) for name in hrg_cli.__all__}
 FUNCTIONS = {name: found for name, found in PUBLIC.items() if inspect.isfunction(found)}
 EXAMPLES = FUNCTIONS | {
@@ -42,6 +81,12 @@ EXAMPLES = FUNCTIONS | {
     for module, names in FURTHER.items()
     for name in names
 }
+for held in HELD:
+    EXAMPLES |= {
+        place: function
+        for place, function in functions_of(import_module(f"hrg_cli.{held}"))
+        if function not in EXAMPLES.values()
+    }
 METHODS = {
     found.__qualname__: found
     for cls in PUBLIC.values()
@@ -104,8 +149,8 @@ def test_public_functions_tell_parameters_results_and_errors(name):
     function = TOLD[name]
     first = inspect.getdoc(function).split("\n\n")[0]
     assert re.fullmatch(r"[^.]*(\.\S[^.]*)*[.]", first.replace("\n", " ")), f"{name}: {first}"
-    lines = re.findall(r"^\w.*", section_of(function, "Parameters"), re.M)
-    told = {name for line in lines for name in line.split(", ")}
+    lines = re.findall(r"^[*\w].*", section_of(function, "Parameters"), re.M)
+    told = {name.lstrip("*") for line in lines for name in line.split(", ")}
     hints = get_type_hints(function, include_extras=True) if name not in METHODS else {}
     declared = {
         parameter

@@ -24,26 +24,83 @@ NEAR_ZERO = 1e-9
 
 
 def measure_columns(design: Array) -> Array:
-    """Lengths (k,) of the columns of a design (n, k); 1 for a column of zeros, which is left as it
-    is."""
+    """Lengths of the columns of a design.
+
+    Parameters
+    ----------
+    design
+        (n, k).
+
+    Returns
+    -------
+    ndarray
+        (k,); 1 for a column of zeros, which is left as it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.least_squares import measure_columns
+    >>> measure_columns(np.array([[3.0, 0.0], [4.0, 0.0]])).tolist()
+    [5.0, 1.0]
+    """
     length = np.linalg.norm(design, axis=0)
     length[length == 0] = 1.0
     return np.asarray(length)
 
 
 def invert_scaled(design: Array, rcond: float = 1e-12) -> Array:
-    """The pseudo-inverse (k, n) of a design (n, k), its rank judged on columns of one length.
+    """The pseudo-inverse of a design, its rank judged on columns of one length.
 
     With design = U·diag(length) it is diag(1/length)·U⁺: the directions that `rcond` drops get
     nothing from the data, whatever their units.
+
+    Parameters
+    ----------
+    design
+        (n, k).
+    rcond
+        Part of the largest singular value below which a direction is dropped.
+
+    Returns
+    -------
+    ndarray
+        (k, n).
+
+    Examples
+    --------
+    A column in a tiny unit counts as any other:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.least_squares import invert_scaled
+    >>> np.diag(invert_scaled(np.diag([1.0, 1e-20]))).tolist()
+    [1.0, 1e+20]
     """
     length = measure_columns(design)
     return np.asarray(np.linalg.pinv(design / length, rcond=rcond) / length[:, None])
 
 
 def invert_information(information: Array, rcond: float = 1e-12) -> Array:
-    """The pseudo-inverse (k, k) of a symmetric information matrix, its rank judged on a diagonal of
-    ones; rows of zeros, of which the data know nothing, get nothing."""
+    """The pseudo-inverse of a symmetric information matrix, its rank judged on a diagonal of ones.
+
+    Parameters
+    ----------
+    information
+        (k, k).
+    rcond
+        Part of the largest eigenvalue below which a direction is dropped.
+
+    Returns
+    -------
+    ndarray
+        (k, k); rows of zeros, of which the data know nothing, get nothing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.least_squares import invert_information
+    >>> np.diag(invert_information(np.diag([4.0, 2.0**-60, 0.0]))).tolist()
+    [0.25, 1.152921504606847e+18, 0.0]
+    """
     size = np.sqrt(np.maximum(np.diag(information), 0.0))
     size[size == 0] = 1.0
     scale = np.outer(size, size)
@@ -51,10 +108,31 @@ def invert_information(information: Array, rcond: float = 1e-12) -> Array:
 
 
 def fit_columns(design: Array, target: Array, rcond: float = 1e-12) -> Array:
-    """Least-squares answer (k,) or (k, m) to a target (n,) or (n, m), real or complex; directions
-    that the data do not show stay at 0.
+    """Least-squares answer; directions that the data do not show stay at 0.
 
     The design itself is decomposed, not its normal equations, whose condition is the square of its.
+
+    Parameters
+    ----------
+    design
+        (n, k).
+    target
+        (n,) or (n, m), real or complex.
+    rcond
+        Part of the largest singular value below which a direction is dropped.
+
+    Returns
+    -------
+    ndarray
+        (k,) or (k, m).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.least_squares import fit_columns
+    >>> t = np.array([0.0, 1.0, 2.0])
+    >>> fit_columns(np.column_stack([np.ones(3), t]), 1 + 2 * t).round(9).tolist()
+    [1.0, 2.0]
     """
     length = measure_columns(design)
     found = np.linalg.lstsq(design / length, target, rcond=rcond)[0]
@@ -62,8 +140,32 @@ def fit_columns(design: Array, target: Array, rcond: float = 1e-12) -> Array:
 
 
 def solve(design: Array, target: Array, tolerance: float = 1e-9) -> tuple[Array, Array]:
-    """Answer (k,) and covariance (k, k) of a whitened problem with design (n, k) and target (n,);
-    directions that the data do not show stay at 0."""
+    """Answer and covariance of a whitened problem; directions that the data do not show stay at 0.
+
+    Parameters
+    ----------
+    design
+        (n, k), every row over its standard deviation.
+    target
+        (n,), likewise.
+    tolerance
+        Part of the largest singular value below which a direction is dropped.
+
+    Returns
+    -------
+    tuple of ndarray
+        Answer (k,) and covariance (k, k).
+
+    Examples
+    --------
+    The mean of four readings of σ = 1:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.least_squares import solve
+    >>> mean, variance = solve(np.ones((4, 1)), np.array([1.0, 2.0, 3.0, 4.0]))
+    >>> mean.round(9).tolist(), variance.round(9).tolist()
+    ([2.5], [[0.25]])
+    """
     inverse = invert_scaled(design, tolerance)
     return inverse @ target, inverse @ inverse.T
 
@@ -164,6 +266,7 @@ def descend(
 
     >>> from dataclasses import dataclass
     >>> import numpy as np
+    >>> from hrg_cli.fitting.least_squares import descend, solve
     >>> t = np.linspace(0.0, 3.0, 30)
     >>> @dataclass(frozen=True)
     ... class At:

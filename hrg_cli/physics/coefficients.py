@@ -147,10 +147,38 @@ class Coefficients:
 
 
 def analytic(table: Coefficients, t: Array, z: Array, w: Array, omega_r: float) -> Array:
-    """u e^{jω_r t} (n, 2) of displacement z (n, 2) and `v_over_omega` w (n, 2): exact for the
-    linear resonator.
+    """The analytic signal of a state, exact for the linear resonator.
 
-    z = Re q, p = Re[(jω_r + L − kJ) q] with L the solvent; solved for q.
+    z = Re q, p = Re[(jω_r + L − kJ) q] with L the solvent (PHYSICS §5); solved for q.
+
+    Parameters
+    ----------
+    table
+        The plant in its environment.
+    t
+        Times [s], (n,).
+    z, w
+        Displacement and `v_over_omega`, (n, 2).
+    omega_r
+        ω_r [rad/s].
+
+    Returns
+    -------
+    ndarray
+        q = u e^{jω_r t}, (n, 2) complex.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.coefficients import Coefficients, analytic, state_of
+    >>> from hrg_cli.physics.environment import constant, environment
+    >>> from hrg_cli.physics.plant import ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> world = environment(constant(20.0), constant(1.0), 0.0, 1.0, 0.001)
+    >>> table = Coefficients(world, linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), world))
+    >>> t, q = np.zeros(1), np.array([[1.0 + 0.5j, 0.2j]])
+    >>> bool(np.allclose(analytic(table, t, *state_of(table, t, q, 628.0), 628.0), q))
+    True
     """
     G = _momentum_matrix(table, t, omega_r)
     p = table.omega(t)[:, None] * w - np.einsum("nij,nj->ni", table.damping(t), z)
@@ -159,15 +187,73 @@ def analytic(table: Coefficients, t: Array, z: Array, w: Array, omega_r: float) 
 
 
 def state_of(table: Coefficients, t: Array, q: Array, omega_r: float) -> tuple[Array, Array]:
-    """Displacement and `v_over_omega` (n, 2) of the analytic signal q = u e^{jω_r t} (n, 2): the
-    inverse of `analytic`."""
+    """Displacement and `v_over_omega` of an analytic signal: the inverse of `analytic`.
+
+    Parameters
+    ----------
+    table
+        The plant in its environment.
+    t
+        Times [s], (n,).
+    q
+        u e^{jω_r t}, (n, 2) complex.
+    omega_r
+        ω_r [rad/s].
+
+    Returns
+    -------
+    tuple of ndarray
+        z and w, (n, 2) each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.coefficients import Coefficients, state_of
+    >>> from hrg_cli.physics.environment import constant, environment
+    >>> from hrg_cli.physics.plant import ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> world = environment(constant(20.0), constant(0.0), 0.0, 1.0, 0.001)
+    >>> gyro = Mechanics(100.0, 0.0)
+    >>> table = Coefficients(world, linear_plant(gyro, ThermalCourses(), world))
+    >>> z, w = state_of(table, np.zeros(1), np.array([[0j, 1j]]), gyro.omega_rad_s)
+    >>> z.round(9).tolist(), w.round(9).tolist()
+    ([[0.0, 0.0]], [[0.0, -1.0]])
+    """
     p = np.einsum("nij,nj->ni", _momentum_matrix(table, t, omega_r), q).real
     return q.real, (p + np.einsum("nij,nj->ni", table.damping(t), q.real)) / table.omega(t)[:, None]
 
 
 def velocity(table: Coefficients, t: Array, z: Array, w: Array) -> Array:
-    """ż (2, n) in the instrument's axes, of displacement z and `v_over_omega` w (2, n):
-    ωw − Nz + KΩJz."""
+    """ż in the instrument's axes: ωw − Nz + KΩJz.
+
+    Parameters
+    ----------
+    table
+        The plant in its environment.
+    t
+        Times [s], (n,).
+    z, w
+        Displacement and `v_over_omega`, (2, n).
+
+    Returns
+    -------
+    ndarray
+        (2, n), displacement unit/s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.coefficients import Coefficients, velocity
+    >>> from hrg_cli.physics.environment import constant, environment
+    >>> from hrg_cli.physics.plant import ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> world = environment(constant(20.0), constant(1.0), 0.0, 1.0, 0.001)
+    >>> gyro = Mechanics(100.0, 0.0, scale_factor=0.5)
+    >>> table = Coefficients(world, linear_plant(gyro, ThermalCourses(), world))
+    >>> z = np.array([[1.0], [0.0]])
+    >>> velocity(table, np.zeros(1), z, 0 * z).round(9).ravel().tolist()
+    [0.0, -0.5]
+    """
     turned = np.einsum("nij,jn->in", table.turning(t)[:, None, None] * J - table.damping(t), z)
     return np.asarray(table.omega(t) * w + turned)
 

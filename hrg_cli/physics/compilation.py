@@ -17,7 +17,28 @@ Function = Callable[..., Any]
 
 
 def bound(function: Any, **names: Any) -> Any:
-    """A copy of the function in whose globals some names stand for others."""
+    """A copy of the function in whose globals some names stand for others.
+
+    Parameters
+    ----------
+    function
+        A Python function.
+    **names
+        What each name of its globals is to be.
+
+    Returns
+    -------
+    callable
+        The copy; the function itself and its module stay as they are.
+
+    Examples
+    --------
+    >>> import math
+    >>> from hrg_cli.physics.compilation import bound
+    >>> from hrg_cli.physics.electrodes import cubic_factor
+    >>> bound(cubic_factor, float=None) is cubic_factor
+    False
+    """
     copy = FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
     copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
     return copy
@@ -30,8 +51,34 @@ def compile_all(
     opened: Container[str],
     **given: Any,
 ) -> dict[str, Any]:
-    """Each function compiled by name, with those before it and `given` in the place of what it
-    calls by these names; those named in `opened` are written into their callers."""
+    """Each function compiled by name, with what it calls by these names compiled too.
+
+    Parameters
+    ----------
+    jit
+        The compiler, as `numba.njit`.
+    functions
+        In such an order that callees come before their callers.
+    opened
+        Names of those that are written into their callers.
+    **given
+        What stands for further names.
+
+    Returns
+    -------
+    dict
+        name -> compiled function, `given` among them.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.compilation import compile_all
+    >>> from hrg_cli.physics.electrodes import cubic_factor
+    >>> def not_compiled(function, inline):
+    ...     return function
+    >>> made = compile_all(not_compiled, [cubic_factor], opened=())
+    >>> made["cubic_factor"]("printed")
+    3.0
+    """
     made, mark = dict(given), fingerprint(functions)
     for function in functions:
         copy = bound(function, **made)
@@ -43,7 +90,27 @@ def compile_all(
 
 def fingerprint(functions: Sequence[Function]) -> str:
     """Digest of the functions' code, of the numbers they take from their modules and of what their
-    arguments are (what is kept names these classes, and is not read where one is gone)."""
+    arguments are.
+
+    What numba keeps on disk names the arguments' classes, and is not read where one is gone.
+
+    Parameters
+    ----------
+    functions
+        Python functions.
+
+    Returns
+    -------
+    str
+        Twelve hexadecimal digits, other ones after any change.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.compilation import fingerprint
+    >>> from hrg_cli.physics.electrodes import cubic_factor, pick_off
+    >>> fingerprint([cubic_factor]) == fingerprint([cubic_factor, pick_off])
+    False
+    """
     return hashlib.sha256(repr([_content(f) for f in functions]).encode()).hexdigest()[:12]
 
 

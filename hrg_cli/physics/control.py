@@ -37,14 +37,57 @@ class Drive:
 
 
 def is_on(control: Control, time_s: float) -> bool:
-    """Whether the drive acts at this time."""
+    """Whether the drive acts at a time.
+
+    Parameters
+    ----------
+    control
+        The loops, and when they are switched off.
+    time_s
+        The time [s].
+
+    Returns
+    -------
+    bool
+        False in a free run, and from the start of an interval `on_off` to before its end.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.control import is_on
+    >>> from hrg_cli.physics.plant import Control
+    >>> control = Control(forced=True, on_off=np.array([[1.0, 2.0]]))
+    >>> [is_on(control, t) for t in (0.5, 1.0, 2.0)]
+    [True, False, True]
+    """
     off = np.asarray(control.on_off, float).reshape(-1, 2)
     return control.forced and not bool(np.any((time_s >= off[:, 0]) & (time_s < off[:, 1])))
 
 
 def principal(u: Array, near: Array) -> tuple[float, float, Array, Array, complex]:
-    """(a_A, a_B, e_A, e_B, e^{jφ}) of one pair of envelopes (2,); of the two signs of e_A the one
-    nearer `near`."""
+    """The axes of one wave: (a_A, a_B, e_A, e_B, e^{jφ}).
+
+    Parameters
+    ----------
+    u
+        Envelopes (2,), complex, not 0.
+    near
+        The last e_A (2,): (mθ, φ) and (mθ + π, φ + π) are the same wave, and the one nearer to it is
+        taken.
+
+    Returns
+    -------
+    tuple
+        a_A and a_B in the signals' unit, unit vectors e_A and e_B (2,), and e^{jφ}.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.control import principal
+    >>> a_A, a_B, e_A, e_B, turn = principal(np.array([1.0, 0.5j]), np.array([-1.0, 0.0]))
+    >>> round(a_A, 9), round(a_B, 9), e_A.tolist(), turn
+    (1.0, -0.5, [-1.0, -0.0], (-1+0j))
+    """
     s0, s1, s2, s3 = stokes(u)
     a_A = np.sqrt((s0 + np.hypot(s1, s2)) / 2)
     # Half of an angle known modulo 2π: mθ modulo π, its side chosen by `near`.
@@ -69,8 +112,38 @@ def drive(
     near: Array,
     time_s: float = 0.0,
 ) -> Drive:
-    """The control's action on envelopes u (2,); `integral`: state of the amplitude and the
-    quadrature loop; `near`: the last e_A; `time_s`: that of a log's row."""
+    """The control's action on one wave at one instant (seed A (7), PHYSICS §1).
+
+    Parameters
+    ----------
+    control
+        The loops.
+    feed_forward_1_s
+        ν at the reference temperature: what holds the set amplitude without an error.
+    u
+        Envelopes (2,), complex.
+    integral
+        State of the amplitude and of the quadrature loop's integral, (2,).
+    near
+        The last e_A (2,).
+    time_s
+        That of a log's row [s].
+
+    Returns
+    -------
+    Drive
+        du/dt with the drive's defects, the commanded force, (a_ΦA, a_ΦB), and how the integrals move.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.control import drive
+    >>> from hrg_cli.physics.plant import Control
+    >>> control = Control(forced=True, amplitude_gain_1_s=5.0)
+    >>> acted = drive(control, 0.2, np.array([0.9, 0j]), np.zeros(2), np.array([1.0, 0.0]))
+    >>> acted.command.round(9).tolist()
+    [0.7, 0.0]
+    """
     a_A, a_B, e_A, e_B, turn = principal(u, near)
     error = control.main_amplitude - a_A
     main = (

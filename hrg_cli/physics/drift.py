@@ -33,10 +33,35 @@ def drift(
     quadrature_force: Angle = 0.0,
     main_force: Angle = 0.0,
 ) -> Array:
-    """D [rad/s] exactly, for any |r| < 1   (PHYSICS §4 to seed A (8)).
+    """D of m·dθ/dt = −KΩ + D exactly, for any |r| < 1 (PHYSICS §4 to seed A (8)).
 
     D = [νδμ sin χ (1 + r²) − 2r δω cos ζ − f_B + r f_A]/(1 − r²), f_A = a_ΦA Δφ_A/a_A, f_B = a_ΦB
-    Δφ_B/a_A in 1/s.
+    Δφ_B/a_A.
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    wave_angle_rad
+        θ [rad], (...).
+    ratio
+        r = a_B/a_A, (...).
+    quadrature_force, main_force
+        f_B and f_A [1/s], (...).
+
+    Returns
+    -------
+    ndarray
+        D [rad/s], (...).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.drift import drift
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> gyro = Mechanics(1000.0, 0.2, damping_split_1_s=0.01)
+    >>> drift(gyro, np.array([0.0, np.pi / 8])).round(6).tolist()
+    [0.0, 0.01]
     """
     chi, zeta = _angles(mechanics, wave_angle_rad)
     r = np.asarray(ratio, float)
@@ -58,9 +83,34 @@ def quadrature_quasi_static(
     drive: str = "force",
     quadrature_gain_1_s: float = 0.0,
 ) -> Array:
-    """r once it follows the wave angle: δω sin ζ/λ   (seed A after (9)), λ of `quadrature_decay`.
+    """r once it follows the wave angle: δω sin ζ/λ (seed A after (9)), λ of `quadrature_decay`.
 
     For νt ≫ 1, δω ≪ ν and a wave that moves slowly against ν only.
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    wave_angle_rad
+        θ [rad], (...).
+    drive
+        "free", "force" or "parametric".
+    quadrature_gain_1_s
+        k_q of the quadrature loop.
+
+    Returns
+    -------
+    ndarray
+        r, (...).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.drift import quadrature_quasi_static
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> gyro = Mechanics(1000.0, 0.2, frequency_split_rad_s=0.01)
+    >>> round(float(quadrature_quasi_static(gyro, np.pi / 8)), 6)
+    0.05
     """
     _, zeta = _angles(mechanics, wave_angle_rad)
     return np.asarray(
@@ -76,7 +126,35 @@ def drift_quasi_static(
     drive: str = "force",
     quadrature_gain_1_s: float = 0.0,
 ) -> Array:
-    """D [rad/s] with the quasi-static quadrature: νδμ sin χ − (δω²/λ) sin 2ζ   (seed A (9); half of it with a parametric drive, M3p)."""
+    """D with the quasi-static quadrature: νδμ sin χ − (δω²/λ) sin 2ζ.
+
+    Seed A (9); half of its second term with a parametric drive (PHYSICS M3p).
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    wave_angle_rad
+        θ [rad], (...).
+    drive
+        "free", "force" or "parametric".
+    quadrature_gain_1_s
+        k_q of the quadrature loop.
+
+    Returns
+    -------
+    ndarray
+        D [rad/s], (...).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.drift import drift_quasi_static
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> gyro = Mechanics(1000.0, 0.2, frequency_split_rad_s=0.01)
+    >>> round(float(drift_quasi_static(gyro, np.pi / 16)), 6)
+    -0.0005
+    """
     chi, zeta = _angles(mechanics, wave_angle_rad)
     split = mechanics.frequency_split_rad_s**2 / quadrature_decay(
         mechanics, drive, quadrature_gain_1_s
@@ -87,7 +165,30 @@ def drift_quasi_static(
 def drift_bound(
     mechanics: Mechanics, drive: str = "force", quadrature_gain_1_s: float = 0.0
 ) -> Array:
-    """D_max = νδμ + δω²/λ, rad/s   (seed A after the tangent law; λ of `quadrature_decay`)."""
+    """D_max = νδμ + δω²/λ (seed A after the tangent law), λ of `quadrature_decay`.
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    drive
+        "free", "force" or "parametric".
+    quadrature_gain_1_s
+        k_q of the quadrature loop.
+
+    Returns
+    -------
+    ndarray
+        rad/s; a bound where δω ≪ λ.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.drift import drift_bound
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> gyro = Mechanics(1000.0, 0.2, damping_split_1_s=0.01, frequency_split_rad_s=0.01)
+    >>> round(float(drift_bound(gyro)), 6)
+    0.0105
+    """
     split = np.square(mechanics.frequency_split_rad_s) / quadrature_decay(
         mechanics, drive, quadrature_gain_1_s
     )
@@ -97,11 +198,37 @@ def drift_bound(
 def quadrature_decay(
     mechanics: Mechanics, drive: str = "force", quadrature_gain_1_s: float = 0.0
 ) -> float:
-    """λ, 1/s, that holds the quadrature back: ν (force drive), 2ν (parametric: the pump damps B,
-    M3p), plus the loop's gain.
+    """λ that holds the quadrature back: ν of a force drive, 2ν of a parametric one, whose pump damps B
+    (PHYSICS M3p), plus the loop's gain.
 
-    In a free run-down r grows as δω sin ζ·t unchecked (M2); ν then stands for the growth until one
-    time constant.
+    In a free run-down r grows as δω sin ζ·t unchecked (PHYSICS M2); ν then stands for the growth until
+    one time constant.
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    drive
+        "free", "force" or "parametric".
+    quadrature_gain_1_s
+        k_q of the quadrature loop.
+
+    Returns
+    -------
+    float
+        λ [1/s].
+
+    Raises
+    ------
+    ValueError
+        Another drive.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.drift import quadrature_decay
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> quadrature_decay(Mechanics(1000.0, 0.2), "parametric", 1.0)
+    1.4
     """
     if drive not in ("free", "force", "parametric"):
         raise ValueError(f'drive is "free", "force" or "parametric", not {drive!r}')
@@ -114,11 +241,35 @@ def quadrature_settled(
     drive: str = "force",
     quadrature_gain_1_s: float = 0.0,
 ) -> Array:
-    """r at which `quadrature_rate` vanishes at a fixed angle, for any split: beyond 1 with a force
-    drive there is none.
+    """r at which `quadrature_rate` vanishes at a fixed angle, for any split.
 
-    Force: δω sin ζ/(ν − νδμ cos χ + k_q). Parametric: δω_s(1 − r²) = 2νr, so r = δω_s/(ν + √(ν² +
-    δω_s²)), δω_s = δω sin ζ.
+    Force: δω sin ζ/(ν − νδμ cos χ + k_q); a value beyond 1 says that there is none. Parametric: δω_s(1
+    − r²) = 2νr, so r = δω_s/(ν + √(ν² + δω_s²)), δω_s = δω sin ζ (PHYSICS §4).
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    wave_angle_rad
+        θ [rad], (...).
+    drive
+        "force" or "parametric".
+    quadrature_gain_1_s
+        k_q of the quadrature loop.
+
+    Returns
+    -------
+    ndarray
+        r, (...).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.drift import quadrature_settled
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> gyro = Mechanics(1000.0, 0.2, frequency_split_rad_s=0.15)
+    >>> [round(float(quadrature_settled(gyro, np.pi / 8, d)), 4) for d in ("force", "parametric")]
+    [0.75, 0.3333]
     """
     chi, zeta = _angles(mechanics, wave_angle_rad)
     nu, along = mechanics.damping_rate_1_s, mechanics.frequency_split_rad_s * np.sin(zeta)
@@ -136,11 +287,37 @@ def quadrature_rate(
     drive: str = "force",
     quadrature_gain_1_s: float = 0.0,
 ) -> Array:
-    """dr/dt, 1/s: the first two of seed A (7) divided, exact in r; a_A falls freely, is held by a
-    force along it, or pumped (M3p).
+    """dr/dt: the first two of seed A (7) divided, exact in r.
 
-    Free: δω_s(1 + r²) + 2νδμ cos χ·r. Force: δω_s − (ν_B + k_q) r. Parametric, p = ν_A + δω_s r:
-    δω_s(1 − r²) − 2νr.
+    a_A falls freely: δω_s(1 + r²) + 2νδμ cos χ·r; is held by a force along it: δω_s − (ν_B + k_q) r; or
+    is pumped, p = ν_A + δω_s r: δω_s(1 − r²) − 2νr (PHYSICS M3p).
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    wave_angle_rad
+        θ [rad], (...).
+    ratio
+        r, (...).
+    drive
+        "free", "force" or "parametric".
+    quadrature_gain_1_s
+        k_q of the quadrature loop, which a force drive has.
+
+    Returns
+    -------
+    ndarray
+        1/s, (...).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.drift import quadrature_rate
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> gyro = Mechanics(1000.0, 0.2, frequency_split_rad_s=0.01)
+    >>> [round(float(quadrature_rate(gyro, np.pi / 8, r)), 6) for r in (0.0, 0.1)]
+    [0.01, -0.01]
     """
     chi, zeta = _angles(mechanics, wave_angle_rad)
     r, along = np.asarray(ratio, float), mechanics.frequency_split_rad_s * np.sin(zeta)
@@ -155,8 +332,32 @@ def quadrature_rate(
 def motion(
     mechanics: Mechanics, rate_rad_s: float, drive: str, quadrature_gain_1_s: float = 0.0
 ) -> Callable[[float, Array], Array]:
-    """d(θ, r)/dt as a function of (t, (θ, r)): m·dθ/dt = −KΩ + D(θ, r) with `drift` and
-    `quadrature_rate`; for `adams`."""
+    """The motion of angle and quadrature: m·dθ/dt = −KΩ + D(θ, r) with `quadrature_rate`.
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    rate_rad_s
+        Ω.
+    drive
+        "free", "force" or "parametric".
+    quadrature_gain_1_s
+        k_q of the quadrature loop.
+
+    Returns
+    -------
+    callable
+        (t, (θ, r)) -> d(θ, r)/dt, as `adams` takes it; θ and r of one shape.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.drift import motion
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> motion(Mechanics(1000.0, 0.2, scale_factor=0.5), 1.0, "free")(0.0, np.zeros(2)).tolist()
+    [-0.25, 0.0]
+    """
 
     def slope(_: float, state: Array) -> Array:
         angle, r = state
@@ -174,8 +375,33 @@ def motion(
 def motion_following(
     mechanics: Mechanics, rate_rad_s: float, quadrature_gain_1_s: float
 ) -> Callable[[float, Array], Array]:
-    """dθ/dt of a gyro whose fast quadrature loop makes r follow the angle with the lag 1/λ: r =
-    r_settled(θ + KΩ/mλ), right to (2KΩ/λ)²."""
+    """The motion of a gyro whose fast quadrature loop makes r follow the angle with the lag 1/λ.
+
+    r = r_settled(θ + KΩ/mλ), right to (2KΩ/λ)².
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    rate_rad_s
+        Ω.
+    quadrature_gain_1_s
+        k_q of the quadrature loop, fast against KΩ.
+
+    Returns
+    -------
+    callable
+        (t, θ) -> dθ/dt, as `adams` takes it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.drift import motion_following
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> slope = motion_following(Mechanics(1000.0, 0.2, scale_factor=0.5), 1.0, 100.0)
+    >>> slope(0.0, np.zeros(1)).tolist()
+    [-0.25]
+    """
     decay = quadrature_decay(mechanics, "force", quadrature_gain_1_s)
     turning = mechanics.scale_factor * rate_rad_s
 
@@ -188,10 +414,33 @@ def motion_following(
 
 
 def tangent_law(mechanics: Mechanics, start_rad: float, time_s: Angle) -> Array:
-    """θ(t) [rad] at rest with damping split alone: tan m(θ − θ_μ) = tan m(θ₀ − θ_μ)·e^{2νδμ t}   (seed A, after (10); the constant
-    is omitted there).
+    """θ(t) at rest with damping split alone: tan m(θ − θ_μ) = tan m(θ₀ − θ_μ)·e^{2νδμ t}.
 
-    The axis at θ_μ + π/2m, of least damping, attracts.
+    Seed A, after (10), where the constant is omitted. The axis at θ_μ + π/2m, of least damping,
+    attracts.
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    start_rad
+        θ₀.
+    time_s
+        t [s], (...).
+
+    Returns
+    -------
+    ndarray
+        θ [rad], (...), continuous in t.
+
+    Examples
+    --------
+    >>> import math
+    >>> from hrg_cli.physics.drift import tangent_law
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> found = tangent_law(Mechanics(1000.0, 0.2, damping_split_1_s=0.1), 0.1, 100.0)
+    >>> round(float(found) / (math.pi / 4), 6)
+    1.0
     """
     m = mechanics.mode_number
     offset = m * (start_rad - mechanics.damping_axis_rad)
@@ -202,7 +451,31 @@ def tangent_law(mechanics: Mechanics, start_rad: float, time_s: Angle) -> Array:
 
 
 def adams(rate: Callable[[float, Array], Array], start: Angle, step_s: float, steps: int) -> Array:
-    """y (steps + 1, ...) of dy/dt = f(t, y) by `adams_steps`, from y(0) of any shape."""
+    """The solution of dy/dt = f(t, y) at even times by `adams_steps`.
+
+    Parameters
+    ----------
+    rate
+        f: (t, y) -> dy/dt.
+    start
+        y(0), of any shape.
+    step_s
+        Δt.
+    steps
+        How many.
+
+    Returns
+    -------
+    ndarray
+        y (steps + 1, ...), from y(0).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.drift import adams
+    >>> round(float(adams(lambda t, y: -y, 1.0, 0.01, 100)[-1]), 8)
+    0.36787944
+    """
     first = np.asarray(start, float)
     return np.stack([first, *islice(adams_steps(rate, first, step_s), steps)])
 
@@ -210,10 +483,32 @@ def adams(rate: Callable[[float, Array], Array], start: Angle, step_s: float, st
 def adams_steps(
     rate: Callable[[float, Array], Array], start: Array, step_s: float
 ) -> Iterator[Array]:
-    """y after each step by the explicit four-point Adams method, error O(step⁴); the first three
-    steps by Runge–Kutta.
+    """y after each step by the explicit four-point Adams method, error O(step⁴).
 
-    y₄ = y₃ + Δt(55f₃ − 59f₂ + 37f₁ − 9f₀)/24   (seed A, after (10)).
+    y₄ = y₃ + Δt(55f₃ − 59f₂ + 37f₁ − 9f₀)/24 (seed A, after (10)); the first three steps by Runge–Kutta,
+    which needs no slopes before the start.
+
+    Parameters
+    ----------
+    rate
+        f: (t, y) -> dy/dt.
+    start
+        y(0), of any shape.
+    step_s
+        Δt.
+
+    Returns
+    -------
+    iterator of ndarray
+        y at Δt, 2Δt, …, without end.
+
+    Examples
+    --------
+    >>> from itertools import islice
+    >>> import numpy as np
+    >>> from hrg_cli.physics.drift import adams_steps
+    >>> [round(float(y), 6) for y in islice(adams_steps(lambda t, y: 2 * t, np.zeros(()), 1.0), 4)]
+    [1.0, 4.0, 9.0, 16.0]
     """
     y, k = np.asarray(start, float), 0
     slopes: deque[Array] = deque(maxlen=4)

@@ -30,18 +30,65 @@ SIGNS = np.array([1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
 
 
 def cubic_factor(law: str) -> float:
-    """γ of the fundamental, amplitude a → a(1 + ¾γa²), with equal gaps and a in gap units."""
+    """γ of the fundamental, amplitude a → a(1 + ¾γa²), with equal gaps and a in gap units.
+
+    Parameters
+    ----------
+    law
+        One of `LAWS`.
+
+    Returns
+    -------
+    float
+        γ, derived in this module's head and in docs/explanation/electrode-law.md.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.electrodes import LAWS, cubic_factor
+    >>> [cubic_factor(law) for law in LAWS]
+    [1.0, 1.0, 3.0]
+    """
     return 3.0 if law == "printed" else 1.0
 
 
 def pick_off(
     law: str, gap: float, gaps: Array, gains: Array, displacement: Array, velocity_over_omega: Array
 ) -> Array:
-    """What the channels give for displacements (2, n), in displacement units: a small wave and
-    equal electrodes are unchanged.
+    """What the channels give for displacements: a small wave and equal electrodes are unchanged.
 
-    gap: mean gap d in displacement units; gaps, gains (8,): each electrode's, relative to it.
-    HrgError: the wave reaches a gap.
+    The sum of eight electrodes with their signs; seed B's law and its two readings stand in this
+    module's head.
+
+    Parameters
+    ----------
+    law
+        One of `LAWS`.
+    gap
+        Mean gap d, in displacement units.
+    gaps, gains
+        Each electrode's gap and gain relative to the mean, (8,).
+    displacement
+        C and S, (2, n).
+    velocity_over_omega
+        Their velocities over ω, (2, n), which a constant voltage shows.
+
+    Returns
+    -------
+    ndarray
+        (2, n), in displacement units.
+
+    Raises
+    ------
+    HrgError
+        The wave reaches a gap.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.electrodes import pick_off
+    >>> alike, wave = np.ones(8), np.array([[0.1], [0.0]])
+    >>> pick_off("alternating", 1.0, alike, alike, wave, wave).round(6).ravel().tolist()
+    [0.10101, 0.0]
     """
     c = displacement / gap
     reach = float(np.abs(c).max()) / float(gaps.min()) if c.size else 0.0

@@ -120,8 +120,38 @@ def board(
     angle_rad: float,
     noisy: bool,
 ) -> Board:
-    """The board at t = 0, locked to the wave (phase φ, electrical angle mθ); without electronics
-    only its oscillator runs."""
+    """The board at t = 0, locked to the wave; without electronics only its oscillator runs.
+
+    Parameters
+    ----------
+    e
+        The electronics; None: the loops act on the true wave.
+    control
+        The loops' set point.
+    mechanics
+        The resonator, whose frequency is the oscillator's nominal one.
+    h
+        The engine's step [s].
+    phase_rad, angle_rad
+        φ and the electrical angle mθ of the wave.
+    noisy
+        Whether read-out or drive are noisy.
+
+    Returns
+    -------
+    Board
+        As the compiled loop takes it.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.electronics import LOOPS_ON_BOARD, Electronics, board
+    >>> from hrg_cli.physics.plant import Control
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> e = Electronics(periods_per_update=8, delay_periods=2.0)
+    >>> made = board(e, Control(forced=True), Mechanics(1000.0, 0.5), 1e-4, 0.0, 0.0, False)
+    >>> made.kind == LOOPS_ON_BOARD, made.settings.reading_steps, made.settings.delay_steps
+    (True, 80, 20)
+    """
     omega = mechanics.omega_rad_s
     state = np.zeros(STATE)
     state[OSCILLATOR_COS], state[OSCILLATOR_SIN] = math.cos(phase_rad), math.sin(phase_rad)

@@ -52,8 +52,28 @@ def envelopes(
 
 
 def stokes(u: Array) -> Array:
-    """Stokes vector (..., 4) of envelopes (..., 2): |C|²+|S|², then (a_A²−a_B²)·(cos 2mθ, sin 2mθ),
-    then 2·Im(C0 S0*) = 2 a_A a_B."""
+    """Stokes vector of envelopes (PHYSICS §0).
+
+    S₀ = |C|² + |S|², then (a_A² − a_B²)·(cos 2mθ, sin 2mθ), then 2·Im(C0 S0*) = 2 a_A a_B: quadratic,
+    so without a special place at a circle, where θ and φ alone are undetermined.
+
+    Parameters
+    ----------
+    u
+        Envelopes (..., 2), complex, in the signals' unit.
+
+    Returns
+    -------
+    ndarray
+        (..., 4), in that unit squared.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.ellipse import envelopes, stokes
+    >>> np.round(stokes(envelopes(1.0, 0.5, 0.0, 0.3)), 9).tolist()
+    [1.25, 0.75, 0.0, 1.0]
+    """
     c, s = u[..., 0], u[..., 1]
     c2, s2, cross = np.abs(c) ** 2, np.abs(s) ** 2, c * np.conj(s)
     return np.stack([c2 + s2, c2 - s2, 2 * cross.real, 2 * cross.imag], axis=-1)
@@ -95,8 +115,30 @@ def wave(u: Array, mode_number: int = 2) -> tuple[Array, Array, Array, Array]:
 
 
 def unwrap(wave_angle_rad: Array, phase_rad: Array, mode_number: int = 2) -> tuple[Array, Array]:
-    """Continuous (θ, φ) along the first axis; (mθ, φ) and (mθ+π, φ+π) are the same wave. Rows that
-    are not finite are stepped over."""
+    """Continuous (θ, φ) along the first axis: (mθ, φ) and (mθ + π, φ + π) are the same wave.
+
+    Parameters
+    ----------
+    wave_angle_rad, phase_rad
+        θ and φ [rad], (n,); rows that are not finite are stepped over.
+    mode_number
+        m.
+
+    Returns
+    -------
+    tuple of ndarray
+        θ and φ, each without jumps.
+
+    Examples
+    --------
+    The wave turns past π/2m, and φ, which the sign of e_A drags along, stays:
+
+    >>> import numpy as np
+    >>> from hrg_cli.physics.ellipse import unwrap
+    >>> angle, phase = unwrap(np.array([0.78, -0.78]), np.array([0.1, 0.1 - np.pi]))
+    >>> np.round(angle, 2).tolist(), np.round(phase, 2).tolist()
+    ([0.78, 0.79], [0.1, 0.1])
+    """
     angle, phase = np.array(wave_angle_rad, float), np.array(phase_rad, float)
     good = np.isfinite(angle) & np.isfinite(phase)
     # θ first: mθ repeats after π, and each half turn taken there turns φ by π as well.

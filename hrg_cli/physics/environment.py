@@ -36,18 +36,76 @@ class Programme:
 
 
 def constant(level: float) -> Programme:
-    """The same value at all times."""
+    """The same value at all times.
+
+    Parameters
+    ----------
+    level
+        The value, in the quantity's unit.
+
+    Returns
+    -------
+    Programme
+        Without corners.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.environment import constant
+    >>> constant(20.0).value(np.array([0.0, 1.0])).tolist()
+    [20.0, 20.0]
+    """
     return Programme(lambda t: np.full(np.shape(t), level), np.zeros(0), constant=True)
 
 
 def polyline(times: Sequence[float] | Array, values: Sequence[float] | Array) -> Programme:
-    """Straight lines through the points; constant before the first and after the last."""
+    """Straight lines through the points; constant before the first and after the last.
+
+    Parameters
+    ----------
+    times
+        Times of the points [s], (k,), rising.
+    values
+        Values there, (k,).
+
+    Returns
+    -------
+    Programme
+        With a corner at every point.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.environment import polyline
+    >>> polyline([0.0, 10.0], [20.0, 30.0]).value(np.array([5.0, 15.0])).tolist()
+    [25.0, 30.0]
+    """
     t, v = np.asarray(times, float), np.asarray(values, float)
     return Programme(lambda x: np.interp(x, t, v), t)
 
 
 def levels(values: Sequence[float], dwell_s: float, transition_s: float) -> Programme:
-    """Each value held for dwell_s, the next reached along a straight line of transition_s."""
+    """Each value held for dwell_s, the next reached along a straight line of transition_s.
+
+    Parameters
+    ----------
+    values
+        The levels, in order.
+    dwell_s, transition_s
+        How long each is held, and how long the way to the next takes.
+
+    Returns
+    -------
+    Programme
+        Constant after the last level.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.environment import levels
+    >>> levels([0.0, 4.0], 10.0, 2.0).value(np.array([9.0, 11.0, 13.0])).tolist()
+    [0.0, 2.0, 4.0]
+    """
     starts = np.arange(len(values)) * (dwell_s + transition_s)
     return polyline(
         np.column_stack([starts, starts + dwell_s]).ravel(), np.repeat(np.asarray(values, float), 2)
@@ -57,7 +115,27 @@ def levels(values: Sequence[float], dwell_s: float, transition_s: float) -> Prog
 def sine(
     amplitude: float, frequency_hz: float, phase_rad: float = 0.0, offset: float = 0.0
 ) -> Programme:
-    """offset + amplitude·sin(2πft + phase)."""
+    """offset + amplitude·sin(2πft + phase).
+
+    Parameters
+    ----------
+    amplitude, offset
+        In the quantity's unit.
+    frequency_hz, phase_rad
+        f and the phase at t = 0.
+
+    Returns
+    -------
+    Programme
+        Smooth; its period bounds the grid's step.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.environment import sine
+    >>> sine(2.0, 0.25, offset=1.0).value(np.array([0.0, 1.0])).tolist()
+    [1.0, 3.0]
+    """
     omega = 2 * np.pi * frequency_hz
     return Programme(
         lambda t: offset + amplitude * np.sin(omega * np.asarray(t) + phase_rad),
@@ -78,19 +156,81 @@ def _corners(a_period: int, period_s: float, end_s: float) -> Array:
 
 
 def triangle(low: float, high: float, period_s: float, end_s: float) -> Programme:
-    """From low to high in half a period and back, again and again until end_s."""
+    """From low to high in half a period and back, again and again until end_s.
+
+    Parameters
+    ----------
+    low, high
+        The turning points.
+    period_s
+        From low to low.
+    end_s
+        Until when corners are needed.
+
+    Returns
+    -------
+    Programme
+        With a corner every half period.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.environment import triangle
+    >>> triangle(0.0, 1.0, 4.0, 8.0).value(np.array([0.0, 1.0, 2.0, 3.0])).tolist()
+    [0.0, 0.5, 1.0, 0.5]
+    """
     corner = _corners(2, period_s, end_s)
     return polyline(corner * period_s / 2, np.where(corner % 2, high, low))
 
 
 def sweep(largest: float, period_s: float, end_s: float) -> Programme:
-    """From 0 to +largest, to −largest and back to 0 in each period until end_s."""
+    """From 0 to +largest, to −largest and back to 0 in each period until end_s.
+
+    Parameters
+    ----------
+    largest
+        The turning points are ± this.
+    period_s
+        From 0 to 0.
+    end_s
+        Until when corners are needed.
+
+    Returns
+    -------
+    Programme
+        With a corner every quarter period.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.environment import sweep
+    >>> sweep(2.0, 4.0, 8.0).value(np.array([0.0, 1.0, 2.0, 3.0])).tolist()
+    [0.0, 2.0, 0.0, -2.0]
+    """
     corner = _corners(4, period_s, end_s)
     return polyline(corner * period_s / 4, largest * np.array([0.0, 1.0, 0.0, -1.0])[corner % 4])
 
 
 def total(parts: Sequence[Programme]) -> Programme:
-    """The sum of programmes."""
+    """The sum of programmes.
+
+    Parameters
+    ----------
+    parts
+        Programmes of one quantity, at least one.
+
+    Returns
+    -------
+    Programme
+        With the corners of all and the shortest of their periods.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.environment import constant, polyline, total
+    >>> total([constant(1.0), polyline([0.0, 1.0], [0.0, 2.0])]).value(np.array([0.5])).tolist()
+    [2.0]
+    """
     return Programme(
         lambda t: np.sum([p.value(np.asarray(t)) for p in parts], axis=0),
         np.concatenate([p.corners for p in parts]),
@@ -105,6 +245,25 @@ def slope(values: Array, time_s: Array) -> Array:
 
     The chord over both neighbours; weighed by their distances, as is exact where v is smooth, it
     would miss the integral at each corner between rows.
+
+    Parameters
+    ----------
+    values
+        v at the rows, (k,).
+    time_s
+        Times of the rows [s], (k,), rising.
+
+    Returns
+    -------
+    ndarray
+        (k,), per second; 0 between rows of one time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.environment import slope
+    >>> slope(np.array([0.0, 1.0, 4.0]), np.array([0.0, 1.0, 2.0])).tolist()
+    [1.0, 2.0, 3.0]
     """
     steps = np.diff(time_s)
     width = np.concatenate([steps[:1], time_s[2:] - time_s[:-2], steps[-1:]])
@@ -113,7 +272,25 @@ def slope(values: Array, time_s: Array) -> Array:
 
 
 def earth_rate(latitude_rad: float) -> float:
-    """The Earth's rotation about the local vertical, rad/s."""
+    """The Earth's rotation about the local vertical.
+
+    Parameters
+    ----------
+    latitude_rad
+        Geographic latitude, north positive.
+
+    Returns
+    -------
+    float
+        rad/s, positive on the northern hemisphere.
+
+    Examples
+    --------
+    >>> import math
+    >>> from hrg_cli.physics.environment import earth_rate
+    >>> round(math.degrees(earth_rate(math.pi / 2)) * 3600, 2)
+    15.04
+    """
     return float(EARTH_RATE_RAD_S * np.sin(latitude_rad))
 
 
@@ -125,11 +302,37 @@ def environment(
     sample_s: float,
     fine: bool = False,
 ) -> Environment:
-    """The environment of a run on its grid; the log holds the truth but for `unlogged_rate_rad_s`,
-    which is part of `rate`.
+    """The environment of a run on its grid.
 
-    fine: a full grid even where nothing moves, dense enough for effects that follow the turned
-    angle. HrgError: a sine too fast for the run's length to be drawn on a million rows.
+    Parameters
+    ----------
+    temperature
+        True temperature of the resonator [°C].
+    rate
+        True rate [rad/s].
+    unlogged_rate_rad_s
+        Part of `rate` that the log does not hold (the Earth's, say); else the log holds the truth.
+    duration_s, sample_s
+        Length of the run and of a sample; the grid reaches a little beyond the last.
+    fine
+        A full grid even where nothing moves, dense enough for effects that follow the turned angle.
+
+    Returns
+    -------
+    Environment
+        Rows from 0 to beyond the run's end, between which everything is linear.
+
+    Raises
+    ------
+    HrgError
+        A sine too fast for the run's length to be drawn on a million rows.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.environment import constant, environment
+    >>> world = environment(constant(20.0), constant(1.5), 0.5, 2.0, 0.001)
+    >>> world.rate_rad_s.tolist(), world.logged_rate_rad_s.tolist()
+    ([1.5, 1.5], [1.0, 1.0])
     """
     end = duration_s * (1 + 1e-3) + 2 * sample_s
     times = np.array([0.0, end])

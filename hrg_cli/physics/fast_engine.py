@@ -66,12 +66,49 @@ def run(
     noise: Noise | None = None,
     random: np.random.Generator | None = None,
 ) -> Iterator[Block]:
-    """Samples at n·step_s, n < count, in chunks of `CHUNK`; with `electronics` the loops act on
-    what the board knows.
+    """The samples of a run from the second-order motion, sample by sample.
 
-    start: envelopes (2,) at t = 0 against the mean frequency of `plant.mechanics`. start_angle_rad:
-    electrical angle mθ near which the loops take the wave's at first; (mθ, φ) and (mθ + π, φ + π)
-    are one wave, but a parasitic force is coherent with φ.
+    Parameters
+    ----------
+    environment
+        The world on its grid.
+    plant
+        The resonator on that grid.
+    control
+        Drive and loops.
+    start
+        Envelopes (2,) at t = 0 against the mean frequency of `plant.mechanics`.
+    step_s
+        From one sample to the next.
+    count
+        Samples, at n·step_s, n < count.
+    start_angle_rad
+        Electrical angle mθ near which the loops take the wave's at first: (mθ, φ) and (mθ + π, φ + π)
+        are one wave, but a parasitic force is coherent with φ.
+    electronics
+        With it the loops act on what the board knows, else on the true wave.
+    noise
+        Brownian force and electronic noise; by default none.
+    random
+        Their draws.
+
+    Returns
+    -------
+    iterator of Block
+        Chunks of at most `CHUNK` samples, in order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.environment import constant, environment
+    >>> from hrg_cli.physics.fast_engine import run
+    >>> from hrg_cli.physics.plant import Control, ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> world = environment(constant(20.0), constant(0.0), 0.0, 1.0, 0.001)
+    >>> plant = linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), world)
+    >>> block = next(run(world, plant, Control(), np.array([1.0, 0j]), 0.001, 1000))
+    >>> bool(abs(block.envelopes(np.array([999]))[0, 0] - np.exp(-0.5 * 0.999)) < 1e-3)
+    True
     """
     engine = _Engine(
         environment, plant, control, start, step_s, count, start_angle_rad, electronics,

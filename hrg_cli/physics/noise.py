@@ -49,16 +49,59 @@ class Noise:
 
 
 def thermal_velocity2(temperature_k: float, mass_kg: float, metres_per_unit: float = 1.0) -> float:
-    """k_B T/M in (displacement unit/s)²."""
+    """k_B T/M, the mean square of a mode's velocity in one direction.
+
+    Parameters
+    ----------
+    temperature_k
+        T [K].
+    mass_kg
+        Effective mass M of the mode [kg].
+    metres_per_unit
+        One unit of displacement [m].
+
+    Returns
+    -------
+    float
+        In (displacement unit/s)².
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.noise import thermal_velocity2
+    >>> f"{thermal_velocity2(300.0, 1e-3):.3e}"
+    '4.142e-18'
+    """
     return BOLTZMANN_J_K * temperature_k / (mass_kg * metres_per_unit**2)
 
 
 def thermal_kicks(mechanics: Mechanics, noise: Noise, h: float) -> Array:
-    """R (2, 2): R·(two standard normals) is the change of the velocity in a step h, R Rᵀ = 2(k_B
-    T/M)(e^{2Nh} − 1) ≈ 4(k_B T/M) N h.
+    """R with R·(two standard normals) the change of the velocity in one step.
 
-    The exponential keeps the energy exact at any step: what a kick adds before the samples' next
-    look decays by e^{−2Nh} between two.
+    R Rᵀ = 2(k_B T/M)(e^{2Nh} − 1) ≈ 4(k_B T/M) N h. The exponential keeps the energy exact at any step:
+    what a kick adds before the samples' next look decays by e^{−2Nh} between two (PHYSICS M18).
+
+    Parameters
+    ----------
+    mechanics
+        The resonator, whose damping N it is.
+    noise
+        Its k_B T/M.
+    h
+        The step [s].
+
+    Returns
+    -------
+    ndarray
+        (2, 2), displacement unit/s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.noise import Noise, thermal_kicks
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> R = thermal_kicks(Mechanics(1000.0, 0.5), Noise(thermal_velocity2=1.0), 1e-4)
+    >>> np.round(np.diag(R @ R.T), 7).tolist()
+    [0.0002, 0.0002]
     """
     value, vector = np.linalg.eigh(mechanics.damping_matrix())
     return np.asarray(
@@ -67,10 +110,32 @@ def thermal_kicks(mechanics: Mechanics, noise: Noise, h: float) -> Array:
 
 
 def angle_random_walk(mechanics: Mechanics, noise: Noise, amplitude: float) -> float:
-    """Angle random walk of the input angle by Brownian force and white drive noise, rad/√s.
+    """Angle random walk of the input angle by Brownian force and white drive noise.
 
-    d⟨(mθ)²⟩/dt = 2ν(k_B T/M)/(ωa)² + S_d/2a², S_d the one-sided density of the drive's force along
-    the quadrature wave.
+    d⟨(mθ)²⟩/dt = 2ν(k_B T/M)/(ωa)² + S_d/2a², S_d the one-sided density of the drive's force along the
+    quadrature wave; over K it is that of the input angle (PHYSICS M18).
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    noise
+        Its k_B T/M and the drive's density.
+    amplitude
+        a, in displacement units.
+
+    Returns
+    -------
+    float
+        rad/√s.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.noise import Noise, angle_random_walk
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> gyro = Mechanics(1000.0, 0.5, scale_factor=0.5)
+    >>> round(angle_random_walk(gyro, Noise(drive_density=1e-4), 1.0), 8)
+    0.00014142
     """
     thermal = (
         2

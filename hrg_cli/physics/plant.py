@@ -91,7 +91,30 @@ class Plant:
 
 @functools.lru_cache(maxsize=16)
 def add_accelerations(first: Acceleration, second: Acceleration) -> Acceleration:
-    """The sum of two accelerations, compiled where numba is installed."""
+    """The sum of two accelerations, compiled where numba is installed.
+
+    Kept by its arguments, so that one pair is compiled once.
+
+    Parameters
+    ----------
+    first, second
+        Each (t, x, y, vx, vy) -> (ax, ay), times in s and displacements in their unit.
+
+    Returns
+    -------
+    callable
+        Of the same form.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.plant import add_accelerations
+    >>> def pull(t, x, y, vx, vy):
+    ...     return -x, -y
+    >>> def push(t, x, y, vx, vy):
+    ...     return 0.5, 0.0
+    >>> add_accelerations(pull, push)(0.0, 1.0, 2.0, 0.0, 0.0)
+    (-0.5, -2.0)
+    """
     try:
         from numba import njit
     except ImportError:
@@ -142,7 +165,35 @@ class ThermalCourses:
 
 
 def linear_plant(mechanics: Mechanics, courses: ThermalCourses, environment: Environment) -> Plant:
-    """The linear resonator on the environment's grid (true temperature)."""
+    """The linear resonator on the environment's grid, at its true temperature.
+
+    N = ν I + νδμ R(2mθ_μ), W = (ω² + δω²) I + 2ωδω R(2mθ_ω) (PHYSICS §0), each parameter times its
+    own course over temperature.
+
+    Parameters
+    ----------
+    mechanics
+        The resonator at the courses' reference temperature.
+    courses
+        How its parameters follow temperature.
+    environment
+        The grid and the true temperature.
+
+    Returns
+    -------
+    Plant
+        N [1/s] and W [rad²/s²] (k, 2, 2) and K (k,), without nonlinear terms.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.environment import constant, environment
+    >>> from hrg_cli.physics.plant import ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> warm = environment(constant(30.0), constant(0.0), 0.0, 1.0, 0.001)
+    >>> courses = ThermalCourses(reference_degc=20.0, damping_rate=(0.01,))
+    >>> linear_plant(Mechanics(1000.0, 0.5), courses, warm).damping[0].round(6).tolist()
+    [[0.55, 0.0], [0.0, 0.55]]
+    """
     T = environment.temperature_degc
     omega = (mechanics.omega_rad_s * courses.factor(courses.frequency, T))[:, None, None]
     split = (mechanics.frequency_split_rad_s * courses.factor(courses.frequency_split, T))[

@@ -16,8 +16,33 @@ Array = np.ndarray
 
 
 def measure(readout: Readout, samples: Samples, random: np.random.Generator) -> Array:
-    """What the converter sees of a block, in displacement units: (2, n), fewer where a step loses
-    samples."""
+    """What the converter sees of a block, in displacement units.
+
+    Parameters
+    ----------
+    readout
+        The pick-off chain.
+    samples
+        A block of the engine's samples.
+    random
+        Draws of the noise, unless the engine drew it (its loops saw the same).
+
+    Returns
+    -------
+    ndarray
+        (2, n), fewer where a step loses samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.plant import Readout, Samples
+    >>> from hrg_cli.physics.readout import measure
+    >>> t, z = np.array([0.0, 0.25]), np.array([[1.0, 1.0], [0.0, 0.0]])
+    >>> samples = Samples(t, z, 0 * z, 0j * z, 20 + 0 * t, 0 * t)
+    >>> carried = Readout(kind="carrier", carrier_hz=1.0)
+    >>> measure(carried, samples, np.random.default_rng(0))[0].round(9).tolist()
+    [-0.0, -2.0]
+    """
     y = samples.z
     for step in readout.steps:
         y = step(samples, y)
@@ -42,8 +67,28 @@ def measure(readout: Readout, samples: Samples, random: np.random.Generator) -> 
 
 
 def convert(readout: Readout, y: Array) -> Array:
-    """Raw numbers: counts of an `adc_bits` converter that clips at ± full scale, or the values
-    themselves with 0 bits."""
+    """Raw numbers of a converter that clips at ± full scale.
+
+    Parameters
+    ----------
+    readout
+        The pick-off chain, of which `adc_bits` and `full_scale` count.
+    y
+        In displacement units, (2, n).
+
+    Returns
+    -------
+    ndarray
+        Counts (2, n), int16 up to 16 bits and int32 above; the values themselves with 0 bits.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.plant import Readout
+    >>> from hrg_cli.physics.readout import convert
+    >>> convert(Readout(adc_bits=8), np.array([0.5, 3.0, -3.0])).tolist()
+    [64, 127, -128]
+    """
     if readout.adc_bits == 0:
         return y
     top = 2 ** (readout.adc_bits - 1)
@@ -53,12 +98,52 @@ def convert(readout: Readout, y: Array) -> Array:
 
 
 def least_count(readout: Readout) -> float:
-    """Unit of a raw count: 2·full_scale/2^bits, 1 without a converter."""
+    """Unit of a raw count: 2·full_scale/2^bits.
+
+    Parameters
+    ----------
+    readout
+        The pick-off chain.
+
+    Returns
+    -------
+    float
+        In displacement units; 1 without a converter.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.plant import Readout
+    >>> from hrg_cli.physics.readout import least_count
+    >>> least_count(Readout(adc_bits=8)), least_count(Readout())
+    (0.0078125, 1.0)
+    """
     return 2 * readout.full_scale / 2**readout.adc_bits if readout.adc_bits else 1.0
 
 
 def kept_samples(readout: Readout, first: int, count: int, sample_rate_hz: float) -> Array | None:
-    """Which of the samples first … first+count−1 are not lost (`Readout.dropped`); None: all."""
+    """Which samples are not lost (`Readout.dropped`).
+
+    Parameters
+    ----------
+    readout
+        The pick-off chain.
+    first, count
+        The samples first … first + count − 1 since t = 0.
+    sample_rate_hz
+        Their rate.
+
+    Returns
+    -------
+    ndarray or None
+        (count,) bool; None: all are kept.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.plant import Readout
+    >>> from hrg_cli.physics.readout import kept_samples
+    >>> kept_samples(Readout(dropped=[(0.2, 0.1)]), 0, 5, 10.0).tolist()
+    [True, True, False, True, True]
+    """
     if not readout.dropped:
         return None
     number = np.arange(first, first + count)

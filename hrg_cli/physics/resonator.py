@@ -64,14 +64,49 @@ class Mechanics:
 
 
 def reflection(alpha: float | Array) -> Array:
-    """R(α) = [[cos α, sin α], [sin α, −cos α]], (..., 2, 2)."""
+    """R(α) = [[cos α, sin α], [sin α, −cos α]], (..., 2, 2).
+
+    Parameters
+    ----------
+    alpha
+        α [rad], an electrical angle (2m times a physical axis), (...).
+
+    Returns
+    -------
+    ndarray
+        (..., 2, 2), symmetric, with the eigenvalues ±1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.resonator import reflection
+    >>> np.round(reflection(np.pi / 2), 9).tolist()
+    [[0.0, 1.0], [1.0, -0.0]]
+    """
     cos, sin = np.cos(alpha), np.sin(alpha)
     return np.stack([np.stack([cos, sin], -1), np.stack([sin, -cos], -1)], -2)
 
 
 def split_matrix(cos: float, sin: float) -> Array:
     """c R(0) + s R(π/2) = [[c, s], [s, −c]] (2, 2): a split of components c and s along the
-    electrical axes 0 and π/2."""
+    electrical axes 0 and π/2.
+
+    Parameters
+    ----------
+    cos, sin
+        Components c and s of the split, in its own unit.
+
+    Returns
+    -------
+    ndarray
+        (2, 2), in that unit.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.resonator import split_matrix
+    >>> split_matrix(0.02, 0.01).tolist()
+    [[0.02, 0.01], [0.01, -0.02]]
+    """
     return np.array([[cos, sin], [sin, -cos]])
 
 
@@ -81,10 +116,35 @@ def generator(
     reference_frequency_hz: float | None = None,
     second_order: float = 1.0,
 ) -> Array:
-    """Slow generator L (..., 2, 2) complex, 1/s, for a constant rate (shape ...).
+    """Slow generator L of u' = L u for a constant rate.
 
-    second_order: 1 for the solvent, exact to O(L³/ω²); 0 for plain averaging. The envelope is taken
-    against the reference frequency.
+    L₀ = −N + jδω R(2mθ_ω) + j(ω − ω_r) + KΩ J averages over a period (PHYSICS §0; Lynch 1995); the
+    solvent adds what is of second order in the slow rates over ω (PHYSICS §5).
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    rate_rad_s
+        Ω [rad/s], (...).
+    reference_frequency_hz
+        ω_r/2π, against which the envelopes are taken; by default the resonator's own frequency.
+    second_order
+        1 for the solvent, exact to O(L³/ω²); 0 for plain averaging; between them a part of it.
+
+    Returns
+    -------
+    ndarray
+        (..., 2, 2) complex, 1/s.
+
+    Examples
+    --------
+    A rate turns the wave by −KΩ, here 0.5 rad/s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.physics.resonator import Mechanics, generator
+    >>> np.round(generator(Mechanics(1000.0, 0.1, scale_factor=0.5), 1.0, second_order=0).real, 9).tolist()
+    [[-0.1, 0.5], [-0.5, -0.1]]
     """
     omega_r = (
         2
@@ -102,8 +162,37 @@ def generator(
 
 
 def solvent(damping: Array, stiffness: Array, omega_r: float, second_order: float = 1.0) -> Array:
-    """L with (jω_r + L)² + 2Γ(jω_r + L) + W = 0 near −Γ + j(W − ω_r²)/2ω_r: Γ = `damping`, W =
-    `stiffness` (..., 2, 2)."""
+    """L with (jω_r + L)² + 2Γ(jω_r + L) + W = 0 near −Γ + j(W − ω_r²)/2ω_r (PHYSICS §5).
+
+    Three steps of L ← L₀ − (L² + 2ΓL)/2jω_r: each is wrong by a further factor of the slow rates
+    over ω, and the third is below rounding for any resonator with Q above some hundred.
+
+    Parameters
+    ----------
+    damping
+        Γ = N − KΩJ, (..., 2, 2), 1/s.
+    stiffness
+        W, (..., 2, 2), rad²/s².
+    omega_r
+        ω_r [rad/s] of the envelopes.
+    second_order
+        Part of the second order that is taken, 0 to 1.
+
+    Returns
+    -------
+    ndarray
+        L (..., 2, 2) complex, 1/s.
+
+    Examples
+    --------
+    A damped oscillation is slower by ν²/2ω:
+
+    >>> import numpy as np
+    >>> from hrg_cli.physics.resonator import solvent
+    >>> L = solvent(0.2 * np.eye(2), 100.0**2 * np.eye(2), 100.0)
+    >>> bool(np.isclose(L[0, 0], -0.2 - 0.2**2 / 200 * 1j, atol=1e-8))
+    True
+    """
     first = -damping + 1j * (stiffness - omega_r**2 * IDENTITY) / (2 * omega_r)
     L = first
     for _ in range(3):
@@ -112,9 +201,28 @@ def solvent(damping: Array, stiffness: Array, omega_r: float, second_order: floa
 
 
 def exponential(L: Array, time_s: float | Array) -> Array:
-    """exp(L t) of 2 × 2 matrices (..., 2, 2) in closed form, through equal eigenvalues too.
+    """exp(L t) of 2 × 2 matrices in closed form, through equal eigenvalues too.
 
     exp(Lt) = e^{ht}[cosh(dt) I + t·sinhc(dt)(L − hI)], h = tr L/2, d² = h² − det L.
+
+    Parameters
+    ----------
+    L
+        (..., 2, 2), 1/s.
+    time_s
+        t [s], broadcast against L's leading axes.
+
+    Returns
+    -------
+    ndarray
+        (..., 2, 2) complex: u(t) = exp(L t) u(0).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.resonator import J, exponential
+    >>> np.round(exponential(J, np.pi / 2).real, 9).tolist()
+    [[0.0, 1.0], [-1.0, 0.0]]
     """
     t = np.asarray(time_s)[..., None, None]
     half = (L[..., 0, 0] + L[..., 1, 1])[..., None, None] / 2

@@ -16,8 +16,25 @@ Array = np.ndarray
 
 
 def signals(x: Array) -> Array:
-    """F(x), seed B (1): the eight signals (..., 8) of x = (A, B, θ, φ, ψ) (..., 5); signs of
-    PHYSICS §3."""
+    """F(x), seed B (1): the eight signals of a wave under a carrier, with the signs of PHYSICS §3.
+
+    Parameters
+    ----------
+    x
+        (A, B, θ, φ, ψ), (..., 5): amplitudes in the signals' unit, angles in rad; θ is the electrical
+        angle.
+
+    Returns
+    -------
+    ndarray
+        (..., 8): a_c⁻, a_c⁺, b_c⁻, b_c⁺, a_s⁻, a_s⁺, b_s⁻, b_s⁺.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.signals import signals
+    >>> [round(float(z), 3) + 0.0 for z in signals([1.0, 0.0, 0.0, 0.5, 0.1])]
+    [0.389, -0.565, -0.921, -0.825, 0.0, 0.0, 0.0, 0.0]
+    """
     A, B, theta, phi, psi = np.moveaxis(np.asarray(x, float), -1, 0)
     cos, sin = np.cos(theta), np.sin(theta)
     cos_m, sin_m, cos_p, sin_p = (
@@ -42,15 +59,52 @@ def signals(x: Array) -> Array:
 
 
 def sidebands(z: Array) -> tuple[Array, Array]:
-    """Complex sidebands z⁻ and z⁺, each (..., 2) for the channels C and S, of eight signals (...,
-    8)."""
+    """Complex sidebands of eight signals: z⁻ = −b⁻ + j a⁻ = u e^{−jψ}, z⁺ = −b⁺ − j a⁺ = u e^{+jψ}.
+
+    Parameters
+    ----------
+    z
+        The eight signals, (..., 8).
+
+    Returns
+    -------
+    tuple of ndarray
+        z⁻ and z⁺, each (..., 2) for the channels C and S.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.signals import sidebands, signals
+    >>> lower, upper = sidebands(signals([1.0, 0.0, 0.0, 0.5, 0.1]))
+    >>> round(float(np.angle(lower[0])), 3), round(float(np.angle(upper[0])), 3)
+    (0.4, 0.6)
+    """
     lower = -z[..., 2::4] + 1j * z[..., 0::4]
     upper = -z[..., 3::4] - 1j * z[..., 1::4]
     return lower, upper
 
 
 def from_sidebands(lower: Array, upper: Array) -> Array:
-    """Eight signals (..., 8) of complex sidebands z⁻, z⁺ (..., 2): the inverse of `sidebands`."""
+    """Eight signals of complex sidebands: the inverse of `sidebands`.
+
+    Parameters
+    ----------
+    lower, upper
+        z⁻ and z⁺, (..., 2) complex.
+
+    Returns
+    -------
+    ndarray
+        (..., 8).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.signals import from_sidebands, sidebands, signals
+    >>> z = signals([1.0, 0.2, 0.3, 0.5, 0.1])
+    >>> bool(np.allclose(from_sidebands(*sidebands(z)), z))
+    True
+    """
     z = np.empty((*lower.shape[:-1], 8))
     z[..., 0::4], z[..., 1::4] = lower.imag, -upper.imag
     z[..., 2::4], z[..., 3::4] = -lower.real, -upper.real
@@ -58,6 +112,23 @@ def from_sidebands(lower: Array, upper: Array) -> Array:
 
 
 def envelopes_of_direct(four: Array) -> Array:
-    """Envelopes u (..., 2) of the direct read-out's signals c_cos, c_sin, s_cos, s_sin (..., 4): C0
-    = c_cos − j c_sin."""
+    """Envelopes of the direct read-out's signals: C0 = c_cos − j c_sin, S0 likewise.
+
+    Parameters
+    ----------
+    four
+        c_cos, c_sin, s_cos, s_sin, (..., 4).
+
+    Returns
+    -------
+    ndarray
+        u (..., 2), complex.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.signals import envelopes_of_direct
+    >>> envelopes_of_direct(np.array([1.0, 0.5, 0.0, 0.25])).tolist()
+    [(1-0.5j), -0.25j]
+    """
     return four[..., 0::2] - 1j * four[..., 1::2]

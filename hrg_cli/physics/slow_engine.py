@@ -38,8 +38,48 @@ def run(
     count: int,
     start_angle_rad: float = 0.0,
 ) -> Iterator[Block]:
-    """As `fast_engine.run`, from the envelopes. plant_at: the linear plant in any environment, as
-    the effects may change it."""
+    """The samples of a run from the envelopes' equation, as `fast_engine.run` makes them sample by sample.
+
+    Parameters
+    ----------
+    environment
+        The world on its grid.
+    plant_at
+        The linear plant in any environment, as the effects may change it.
+    control
+        Drive and loops.
+    terms
+        The effects' slow terms.
+    start
+        Envelopes u(0), (2,) complex.
+    step_s
+        From one sample to the next.
+    count
+        Samples.
+    start_angle_rad
+        mθ at the start, which tells the sign of e_A.
+
+    Returns
+    -------
+    iterator of Block
+        Blocks of at most `CHUNK` samples, in order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.environment import constant, environment
+    >>> from hrg_cli.physics.plant import Control, ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.physics.slow_engine import run
+    >>> from hrg_cli.physics.slow_motion import SlowTerms
+    >>> world = environment(constant(20.0), constant(0.0), 0.0, 1.0, 0.001)
+    >>> def plant_at(there):
+    ...     return linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), there)
+    >>> start = np.array([1.0, 0j])
+    >>> block = next(run(world, plant_at, Control(), SlowTerms(), start, 0.001, 1000))
+    >>> bool(abs(block.envelopes(np.array([999]))[0, 0] - np.exp(-0.5 * 0.999)) < 1e-3)
+    True
+    """
     motion = EnvelopeMotion(environment, plant_at, control, terms)
     stride = samples_a_step(environment, motion.plant, control, step_s)
     memory = Memory(np.zeros(2), np.array([np.cos(start_angle_rad), np.sin(start_angle_rad)]))
@@ -77,7 +117,43 @@ class EnvelopePath:
 def follow(
     motion: EnvelopeMotion, t: Array, h: float, u: Array, memory: Memory
 ) -> tuple[EnvelopePath, Array]:
-    """The path over nodes t (m,) from u (2,), and u at the last of them."""
+    """The path of one chunk from node to node.
+
+    Parameters
+    ----------
+    motion
+        The envelopes' equation.
+    t
+        Nodes [s], (m,), evenly apart.
+    h
+        Their distance.
+    u
+        Envelopes at the first, (2,).
+    memory
+        What the loops remember; it goes on.
+
+    Returns
+    -------
+    tuple
+        The path, and u at the last node (2,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.environment import constant, environment
+    >>> from hrg_cli.physics.plant import Control, ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.physics.slow_engine import follow
+    >>> from hrg_cli.physics.slow_motion import EnvelopeMotion, Memory, SlowTerms
+    >>> world = environment(constant(20.0), constant(0.0), 0.0, 1.0, 0.001)
+    >>> def plant_at(there):
+    ...     return linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), there)
+    >>> motion = EnvelopeMotion(world, plant_at, Control(), SlowTerms())
+    >>> memory = Memory(np.zeros(2), np.array([1.0, 0.0]))
+    >>> path, last = follow(motion, np.array([0.0, 0.5, 1.0]), 0.5, np.array([1.0, 0j]), memory)
+    >>> bool(abs(abs(last[0]) - np.exp(-0.5)) < 1e-6)
+    True
+    """
     count, steps = len(t), len(t) - 1
     L, corrections = motion.generators(t)
     halves = motion.propagator(t[:-1], h / 2), motion.propagator(t[:-1] + h / 2, h / 2)
@@ -125,7 +201,44 @@ def follow(
 def sample(
     path: EnvelopePath, motion: EnvelopeMotion, terms: SlowTerms, times: Array, stride: int
 ) -> Block:
-    """The samples at times (n,), `stride` of them a step, as the read-out sees them."""
+    """The samples along a path, as the read-out sees them.
+
+    Parameters
+    ----------
+    path
+        One chunk's nodes.
+    motion
+        The envelopes' equation.
+    terms
+        The effects' slow terms, of which those of the read-out act here.
+    times
+        Times of the samples [s], (n,), the first at the path's first node.
+    stride
+        Samples from node to node.
+
+    Returns
+    -------
+    Block
+        Samples, commands (2, n) and the true envelopes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.environment import constant, environment
+    >>> from hrg_cli.physics.plant import Control, ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.physics.slow_engine import follow, sample
+    >>> from hrg_cli.physics.slow_motion import EnvelopeMotion, Memory, SlowTerms
+    >>> world = environment(constant(20.0), constant(0.0), 0.0, 1.0, 0.001)
+    >>> def plant_at(there):
+    ...     return linear_plant(Mechanics(100.0, 0.0), ThermalCourses(), there)
+    >>> motion = EnvelopeMotion(world, plant_at, Control(), SlowTerms())
+    >>> memory = Memory(np.zeros(2), np.array([1.0, 0.0]))
+    >>> path, _ = follow(motion, np.array([0.0, 0.01]), 0.01, np.array([1.0, 0j]), memory)
+    >>> seen = sample(path, motion, SlowTerms(), np.array([0.0, 0.005]), 2)
+    >>> seen.samples.z[0].round(6).tolist()
+    [1.0, -1.0]
+    """
     # Samples count from the chunk's first node, `stride` of them to a step.
     cell, part = np.divmod(np.arange(len(times)), stride)
     x = (part / stride)[:, None]
@@ -196,7 +309,37 @@ def _hermite(path: Array, step: Array, cell: Array, x: Array) -> Array:
 
 
 def samples_a_step(environment: Environment, plant: Plant, control: Control, step_s: float) -> int:
-    """Samples a slow step: a power of two, so that a chunk holds whole steps."""
+    """Samples a slow step: a power of two, so that a chunk holds whole steps.
+
+    As many as the fastest rate, the environment's corners and the drive's log allow.
+
+    Parameters
+    ----------
+    environment
+        The world on its grid.
+    plant
+        The resonator on that grid.
+    control
+        Drive and loops.
+    step_s
+        From one sample to the next.
+
+    Returns
+    -------
+    int
+        1, 2, 4 … up to `CHUNK`.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.environment import constant, environment
+    >>> from hrg_cli.physics.plant import Control, ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.physics.slow_engine import samples_a_step
+    >>> world = environment(constant(20.0), constant(0.0), 0.0, 1.0, 0.001)
+    >>> plant = linear_plant(Mechanics(1000.0, 0.5), ThermalCourses(), world)
+    >>> samples_a_step(world, plant, Control(), 1e-4)
+    128
+    """
     table = Coefficients(environment, plant)
     t = np.asarray(environment.time_s, float)
     L = solvent(

@@ -216,7 +216,31 @@ class EnvelopeMotion:
 
 
 def row_of(state: SlowState, k: int) -> SlowState:
-    """One time's state, every column of length 1."""
+    """One time's state, every column of length 1.
+
+    Parameters
+    ----------
+    state
+        A state over n times.
+    k
+        The row, 0 to n − 1.
+
+    Returns
+    -------
+    SlowState
+        What an effect's slow term takes at that time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.plant import SlowState
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.physics.slow_motion import row_of
+    >>> t = np.array([0.0, 1.0])
+    >>> rest = (20 + t, 0 * t, 0 * t, 0 * t, 0 * t, np.zeros((2, 2), complex), 0 * t, 0 * t, 6283.0)
+    >>> row_of(SlowState(Mechanics(1000.0, 0.5), t, *rest), 1).temperature_degc.tolist()
+    [21.0]
+    """
     at = slice(k, k + 1)
     return SlowState(
         state.mechanics,

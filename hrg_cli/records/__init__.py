@@ -14,6 +14,7 @@ from .columns import GROWING, SIZES, Array, Column, Valid, attribute, column
 from .compensated import Compensated
 from .details import details_number
 from .diagnosis import Diagnosis
+from .doubts import doubts_about, name_record
 from .periods import Periods
 from .record import REHEARSAL, Provenance, Record, Source, Status, collect, one_or_stream
 from .recording import Recording, Slice
@@ -61,5 +62,7 @@ __all__ = [
     "collect",
     "column",
     "details_number",
+    "doubts_about",
+    "name_record",
     "one_or_stream",
 ]

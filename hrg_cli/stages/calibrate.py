@@ -13,7 +13,7 @@ from pydantic import Field
 from ..errors import HrgError
 from ..fitting.checks import failures
 from ..fitting.tables.joint import Fitted
-from ..records import Calibration, Resonator, Wave
+from ..records import Calibration, Resonator, Wave, doubts_about, name_record
 from .calibration.accuracy_stages import LadderSettings
 from .calibration.checks import noisy_angles, stray_harmonics
 from .calibration.chosen import LEAST_REPEATED, Chosen
@@ -179,6 +179,8 @@ def calibrate(
     if not refusals:
         remarks += _doubts_of(chosen, strays)
         (refusals if answer.tried.foreign else remarks).extend(answer.failed)
+        if answer.tried.foreign:
+            remarks += doubts_about((name_record(one), one) for one in given)
 
     details = chosen.details(bootstrap, seed) | {
         "held_out_by": held_out_by,

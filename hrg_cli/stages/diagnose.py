@@ -161,6 +161,7 @@ def _of_usable(asked: Asked) -> Diagnosis:
         for w in asked.waves
         if w.status == "refused"
     ]
+    # A stuck column is no motion: causes fitted to it would be blamed for it.
     if stuck := unfit or stuck_columns(asked.waves):
         try:
             base = fit_together(asked.waves, asked.fit)
@@ -211,6 +212,7 @@ def _diagnosed(asked: Asked) -> Diagnosis:
         return refuse(asked.waves, cut.untouched, asked.searched, suspicions, asked.resonator)
     if contradiction := find_strangers(cut.base):
         raise HrgError(contradiction)
+    # Tones near the oscillation first: in the envelopes they look like a split that beats.
     case, pieces, tones = _explain_beside_tones(asked, cut, near)
     result = _judge(asked, cut, case, pieces, tones)
     mistake = result.mistake
@@ -310,6 +312,7 @@ def _explain_beside_tones(
             fit = asked.fit(waves)
             return extended_fit.fit(fit.series, replace(fit.point, active=active), fit.freedom)
 
+        # What looked like a tone beside the bare model may have been a cause's own beat.
         standing = confirm_tones(tones, cut.pieces, complete) if active else tones
         if len(standing) == len(tones):
             return case, pieces, tones
@@ -327,6 +330,8 @@ def _explain_heard(asked: Asked, base: ExtendedFit) -> Case:
         return explain(begin, candidates, asked.most)
 
     case, start = settle_signs(explained(start), start, explained)
+    # A cause that must leave harmonics in the samples and does not is another one in disguise; the
+    # search begins anew without it, since what it took up belongs to others.
     while silent := find_unheard(case.search.final, asked.waves):
         candidates = [one for one in candidates if one.effect.name not in silent]
         case = explained(start)

@@ -19,7 +19,7 @@ from ..fitting.envelopes.rate_estimate import MOST_NODES, RateEstimate
 from ..fitting.envelopes.rate_fit import HOPELESS, SETTLED
 from ..fitting.envelopes.rate_from_model import TOO_COARSE, rate_from_model
 from ..fitting.samples.rate_log import left_out, stretches
-from ..records import Calibration, Compensated, Resonator, Wave
+from ..records import Calibration, Compensated, Resonator, Wave, doubts_about, name_record
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 from .rate_by_tables import TableRate, rate_by_tables
 from .rate_nodes import DOUBTFUL, follow
@@ -147,8 +147,11 @@ def rate(
         doubtful += _check_tables(found, beside, wave, resonator)
     notes = _loops_at_once(wave, resonator) if loop_delay_s is None else []
     result = _record_of(wave, found, beside, [*impossible, *doubtful], notes)
-    return result.judged(checks.failures(impossible), "refused").judged(
-        checks.failures(doubtful), "suspect"
+    # what the tables inherit is told by `rate_by_tables` beside their rate
+    return (
+        result.judged(checks.failures(impossible), "refused")
+        .judged(checks.failures(doubtful), "suspect")
+        .judged(doubts_about((name_record(one), one) for one in (wave, resonator)), "suspect")
     )
 
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..fitting.checks import CHANCE, at_most, failures
+from ..fitting.least_squares import invert_information
 from ..records import Calibration, Resonator
 from .calibration.moved_tables import GROUPS, TableState
 from .calibration.programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ
@@ -235,9 +236,16 @@ def _then(
 
 
 def _chi2(change: Array, spread: Array, places: Array | slice) -> float:
-    """χ² of some of the changes (5,) at their covariance (5, 5)."""
+    """χ² of some of the changes (5,) at their covariance (5, 5). HrgError: it is singular there."""
     some, own = change[places], spread[places][:, places]
-    return float(some @ np.linalg.pinv(own, hermitian=True) @ some)
+    inverse = invert_information(own)
+    # a direction without an error would have no say in χ², as if nothing could move along it
+    if round(float(np.trace(inverse @ own))) < len(some):
+        raise HrgError(
+            "resonator and tables state no error for a part of what they hold, so no change of it"
+            " can be judged; identify the resonator from runs that measure it"
+        )
+    return float(some @ inverse @ some)
 
 
 def _chance(change: Array, spread: Array, places: Array | slice) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..errors import HrgError
 from ..fitting.envelopes.envelope_runs import MIN_ROWS
 from ..fitting.envelopes.wild_rows import flag_wild_rows
 from ..fitting.samples.rate_log import left_out, stretches, within_log
-from ..records import Wave
+from ..records import Wave, doubts_about, name_record
 from ..records.record import Record
 
 R = TypeVar("R", bound=Record)
@@ -32,17 +32,19 @@ WHY = 160
 @dataclass(frozen=True)
 class Usable:
     """Runs with the windows that cannot be used flagged, and what to say in the result: notes on
-    windows left out, doubts on whole runs left out, refusals where no other run was given."""
+    windows left out, doubts on whole runs left out, refusals where no other run was given, and what
+    is inherited from runs that are suspect themselves."""
 
     waves: list[Wave]
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     refusals: tuple[str, ...] = ()
+    inherited: tuple[str, ...] = ()
 
     def judged(self, record: R) -> R:
         """The result with these sentences in its status."""
         noted = record.judged(self.notes, "valid").judged(self.doubts, "suspect")
-        return noted.judged(self.refusals, "refused")
+        return noted.judged(self.refusals, "refused").judged(self.inherited, "suspect")
 
     @contextmanager
     def blamed(self) -> Iterator[None]:
@@ -67,7 +69,8 @@ def not_refused(waves: Sequence[Wave]) -> Usable:
     bad = [w for w in waves if w.status == "refused"]
     if kept or not bad:
         said = (f"the wave of run {w.run_id or '?'} is refused and is left out" for w in bad)
-        return Usable(kept, notes, tuple(said))
+        doubted = ((name_record(w), w) for w in kept if w.status == "suspect")
+        return Usable(kept, notes, tuple(said), inherited=tuple(doubts_about(doubted)))
     why = (f"the wave of run {w.run_id or '?'} is refused: {why_refused(w)}" for w in bad)
     return Usable(list(waves), refusals=tuple(why))
 
@@ -97,7 +100,7 @@ def with_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
             f"{_first(doubts)}; no run is left: log the rate over the whole run, or give the rate"
             " with rate_rad_s"
         )
-    return Usable(waves, tuple(notes), tuple(doubts), usable.refusals)
+    return replace(usable, waves=waves, notes=tuple(notes), doubts=tuple(doubts))
 
 
 def named_apart(waves: Sequence[Wave]) -> tuple[Wave, ...]:

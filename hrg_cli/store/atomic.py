@@ -51,6 +51,13 @@ def check_output(path: Path | str, force: bool = False) -> Path:
     HrgError
         It is none: a folder, in none or in one without the right to write, a file that is there, a
         name that no file can have.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from hrg_cli.store import check_output
+    >>> check_output(tempfile.mkdtemp() + "/out.h5").name
+    'out.h5'
     """
     path = Path(path)
     _check_name(path)
@@ -85,6 +92,12 @@ def need_no_input(output: Path, inputs: Iterable[Path]) -> None:
     ------
     HrgError
         It would.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.store import need_no_input
+    >>> need_no_input(Path("out.h5"), [Path("in.h5")])
     """
     for path in inputs:
         if is_same_file(path, output):
@@ -103,6 +116,13 @@ def is_same_file(one: Path, other: Path) -> bool:
     -------
     bool
         True where they are.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.store import is_same_file
+    >>> is_same_file(Path("out.h5"), Path("./folder/../out.h5"))
+    True
     """
     try:
         return one.samefile(other) and not one.is_dir()
@@ -159,6 +179,17 @@ def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
     ------
     HrgError
         The file is there and `force` is not given, or the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.store import atomic_path
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> with atomic_path(folder / "table.csv") as temporary:
+    ...     _ = temporary.write_text("a,b")
+    >>> [path.name for path in folder.iterdir()]
+    ['table.csv']
     """
     path = check_output(path, force)
     remove_stale(path.parent, shown_name(path))
@@ -197,6 +228,20 @@ def whole_or_none(
     -------
     context manager
         Around the writing.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.store import whole_or_none
+    >>> out = Path(tempfile.mkdtemp()) / "first.csv"
+    >>> try:
+    ...     with whole_or_none([out]):
+    ...         _ = out.write_text("a,b")
+    ...         raise OSError("the second one failed")
+    ... except OSError:
+    ...     out.exists()
+    False
     """
     before = {path: _stamp(path) for path in outputs}
     try:
@@ -220,8 +265,23 @@ def _stamp(path: Path) -> tuple[int, int] | None:
 
 @contextlib.contextmanager
 def lost_writes() -> Iterator[list[BaseException]]:
-    """Errors that h5py meets while it lets go of an object, which it can only print; while a failed
-    file is let go they say nothing new, otherwise a write is lost."""
+    """Errors that h5py meets while it lets go of an object, which it can only print.
+
+    While a failed file is let go they say nothing new, otherwise a write is lost.
+
+    Returns
+    -------
+    context manager of list
+        Those met so far.
+
+    Examples
+    --------
+    >>> from hrg_cli.store.atomic import lost_writes
+    >>> with lost_writes() as lost:
+    ...     pass
+    >>> lost
+    []
+    """
     hooks = sys.unraisablehook, sys.excepthook
     lost: list[BaseException] = []
 
@@ -259,14 +319,44 @@ def _rename_to_new(temporary: Path, path: Path) -> None:
 
 
 def shown_name(path: Path) -> str:
-    """As much of an output's name as its temporary one bears."""
+    """As much of an output's name as its temporary one bears.
+
+    Parameters
+    ----------
+    path
+        The output.
+
+    Returns
+    -------
+    str
+        60 bytes at most, whole characters.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.store.atomic import shown_name
+    >>> shown_name(Path("lot/table.csv")), len(shown_name(Path("n" * 100)))
+    ('table.csv', 60)
+    """
     return path.name.encode()[:SHOWN_BYTES].decode("utf-8", "ignore")
 
 
 @functools.cache
 def this_host() -> str:
-    """The host, and the space of process numbers on it (of a container): within it a number names
-    one process."""
+    """The host, and the space of process numbers on it (of a container): within it a number names one
+    process.
+
+    Returns
+    -------
+    str
+        Letters, digits and a dot.
+
+    Examples
+    --------
+    >>> from hrg_cli.store.atomic import this_host
+    >>> this_host().count(".")
+    1
+    """
     facts = [platform.node()]
     for read in (
         lambda: Path("/etc/machine-id").read_text(),
@@ -289,6 +379,13 @@ def remove_stale(folder: Path, name: str | None = None, below: bool = False) -> 
         Of this output alone; None: of all.
     below
         In the folders below, too.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.store import remove_stale
+    >>> remove_stale(Path(tempfile.mkdtemp()))
     """
     pattern = f".{'*' if name is None else _glob_escape(name)}.hrg-*.tmp"
     for left in folder.rglob(pattern) if below else folder.glob(pattern):
@@ -325,7 +422,28 @@ def _glob_escape(name: str) -> str:
 
 
 def write_error(error: OSError, path: Path) -> HrgError:
-    """The sentence of a write that the system refused."""
+    """The sentence of a write that the system refused.
+
+    Parameters
+    ----------
+    error
+        What the system said.
+    path
+        The output, by the name that was asked for.
+
+    Returns
+    -------
+    HrgError
+        A `DiskFullError` where there is no room.
+
+    Examples
+    --------
+    >>> import errno
+    >>> from pathlib import Path
+    >>> from hrg_cli.store.atomic import write_error
+    >>> print(write_error(OSError(errno.EACCES, "Permission denied"), Path("out.h5")))
+    out.h5: no right to write it; choose another --output
+    """
     if error.errno == errno.ENOSPC or "No space left" in str(error):
         return DiskFullError(f"{path}: the disk is full; free space or choose another --output")
     if error.errno in (errno.EFBIG, errno.EDQUOT) or "File too large" in str(error):

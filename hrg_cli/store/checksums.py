@@ -67,7 +67,26 @@ def _text(value: Any) -> str:
 
 
 def of_dataset(dataset: h5py.Dataset) -> str:
-    """Type, shape and digest of a dataset on disk, read a few megabytes at a time."""
+    """Type, shape and digest of a dataset on disk, read a few megabytes at a time.
+
+    Parameters
+    ----------
+    dataset
+        Of an open file.
+
+    Returns
+    -------
+    str
+        One word for type and shape, and the SHA-256.
+
+    Examples
+    --------
+    >>> import h5py
+    >>> from hrg_cli.store.checksums import of_dataset
+    >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
+    ...     of_dataset(file.create_dataset("a", data=[1.0, 2.0])).split()[0]
+    '<f82'
+    """
     running = Running()
     if dataset.ndim == 0 or not dataset.size:
         running.add(dataset[()])
@@ -79,8 +98,28 @@ def of_dataset(dataset: h5py.Dataset) -> str:
 
 
 def of_attributes(holder: h5py.Group | h5py.Dataset) -> str:
-    """The digest of all attributes of a group or dataset but netCDF's own and the checksums
-    themselves."""
+    """The digest of all attributes of a group or dataset but netCDF's own and the checksums themselves.
+
+    Parameters
+    ----------
+    holder
+        A group or dataset of an open file.
+
+    Returns
+    -------
+    str
+        SHA-256, whatever the attributes' order.
+
+    Examples
+    --------
+    >>> import h5py
+    >>> from hrg_cli.store.checksums import of_attributes
+    >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
+    ...     before = of_attributes(file)
+    ...     file.attrs["gyro_id"] = "SN-1"
+    ...     before == of_attributes(file)
+    False
+    """
     hashed = hashlib.sha256()
     for name in sorted(holder.attrs):
         if name in OF_NETCDF or (name == NAME and holder.name == "/"):
@@ -97,8 +136,29 @@ def of_attributes(holder: h5py.Group | h5py.Dataset) -> str:
 
 
 def contents(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
-    """Every group and dataset by its path, dimensions without values (netCDF's) left out, links to
-    other files not followed."""
+    """Every group and dataset of a file by its path.
+
+    Dimensions without values (netCDF's) are left out, links to other files are not followed.
+
+    Parameters
+    ----------
+    file
+        Open for reading.
+
+    Returns
+    -------
+    iterator of tuple
+        Path and object, groups before what is in them.
+
+    Examples
+    --------
+    >>> import h5py
+    >>> from hrg_cli.store.checksums import contents
+    >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
+    ...     _ = file.create_dataset("wave/time_s", data=[1.0])
+    ...     [path for path, _ in contents(file)]
+    ['/', '/wave', '/wave/time_s']
+    """
 
     def below(group: h5py.Group) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
         yield group.name, group
@@ -137,8 +197,26 @@ def _only_dimension(dataset: h5py.Dataset) -> bool:
 
 
 def seal(file: h5py.File, running: dict[str, Running]) -> None:
-    """Keep the digests of everything in the file; `running` has those of datasets that were hashed
-    as they were written."""
+    """Keep the digests of everything in a file, in its root attribute `checksums`.
+
+    Parameters
+    ----------
+    file
+        Open for writing, all else written.
+    running
+        Digests by path of datasets that were hashed as they were written.
+
+    Examples
+    --------
+    >>> import h5py
+    >>> from hrg_cli.store.checksums import changes, seal
+    >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
+    ...     file["a"] = [1.0, 2.0]
+    ...     seal(file, {})
+    ...     file["a"][0] = 3.0
+    ...     changes(file)
+    ['the values of /a were changed']
+    """
     kept = {}
     for path, item in contents(file):
         if isinstance(item, h5py.Dataset):
@@ -148,7 +226,27 @@ def seal(file: h5py.File, running: dict[str, Running]) -> None:
 
 
 def kept_in(file: h5py.File) -> dict[str, str] | None:
-    """The digests a file keeps, None where what it keeps are none."""
+    """The digests a file keeps.
+
+    Parameters
+    ----------
+    file
+        Open for reading.
+
+    Returns
+    -------
+    dict or None
+        Place -> digest; None where what it keeps are none.
+
+    Examples
+    --------
+    >>> import h5py
+    >>> from hrg_cli.store.checksums import kept_in, seal
+    >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
+    ...     seal(file, {})
+    ...     list(kept_in(file))
+    ['/@']
+    """
     with contextlib.suppress(ValueError, KeyError, RecursionError):
         found = json.loads(_text(file.attrs[NAME]))
         if isinstance(found, dict):
@@ -157,7 +255,28 @@ def kept_in(file: h5py.File) -> dict[str, str] | None:
 
 
 def changes(file: h5py.File) -> list[str] | None:
-    """What differs from what was written, in words; None where the file keeps no checksums."""
+    """What differs from what was written.
+
+    Parameters
+    ----------
+    file
+        Open for reading.
+
+    Returns
+    -------
+    list of str or None
+        In words, empty where nothing does; None where the file keeps no checksums.
+
+    Examples
+    --------
+    >>> import h5py
+    >>> from hrg_cli.store.checksums import changes, seal
+    >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
+    ...     before = changes(file)
+    ...     seal(file, {})
+    ...     before, changes(file)
+    (None, [])
+    """
     if NAME not in file.attrs:
         return None
     kept = kept_in(file)
@@ -179,7 +298,27 @@ def changes(file: h5py.File) -> list[str] | None:
 
 
 def unreadable(file: h5py.File) -> list[str]:
-    """What cannot be read back, in words: all that a file without checksums can be asked."""
+    """What cannot be read back: all that a file without checksums can be asked.
+
+    Parameters
+    ----------
+    file
+        Open for reading.
+
+    Returns
+    -------
+    list of str
+        In words, one a dataset.
+
+    Examples
+    --------
+    >>> import h5py
+    >>> from hrg_cli.store.checksums import unreadable
+    >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
+    ...     file["a"] = [1.0, 2.0]
+    ...     unreadable(file)
+    []
+    """
     said = []
     for path, item in contents(file):
         if isinstance(item, h5py.Dataset):

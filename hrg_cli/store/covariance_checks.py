@@ -10,10 +10,28 @@ ROUNDING = 1e-6
 
 
 def covariance_problem(matrix: Array) -> str | None:
-    """Why a matrix (k, k) is no covariance, in words; None where it may be one.
+    """Why a matrix is no covariance.
 
     Variances are not negative, the matrix is symmetric, and no correlation is beyond ±1
     (Cauchy and Schwarz: c_ij² ≤ c_ii c_jj).
+
+    Parameters
+    ----------
+    matrix
+        (k, k).
+
+    Returns
+    -------
+    str or None
+        In words; None where it may be one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.store.covariance_checks import covariance_problem
+    >>> covariance_problem(np.eye(2))
+    >>> covariance_problem(np.array([[1.0, 2.0], [2.0, 1.0]]))
+    'has a correlation of 2 in row 1, column 2, from -1 to 1 was expected'
     """
     matrix = np.asarray(matrix, float)
     variances = np.diag(matrix)

@@ -66,8 +66,34 @@ class Handle:
 
 
 def has_signature(path: Path) -> bool:
-    """Whether HDF5's signature stands at the file's start or behind a user block (HDF5 file format
-    3.0, II.A). OSError: the file cannot be read, of which HDF5 itself says that it is none."""
+    """Whether HDF5's signature stands at the file's start or behind a user block (HDF5 file format 3.0,
+    II.A).
+
+    Parameters
+    ----------
+    path
+        Any file.
+
+    Returns
+    -------
+    bool
+        True where it does.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read, of which HDF5 itself says that it is none.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from hrg_cli.store.handles import SIGNATURE, has_signature
+    >>> with tempfile.NamedTemporaryFile() as file:
+    ...     _ = file.write(bytes(512) + SIGNATURE)
+    ...     file.flush()
+    ...     has_signature(file.name)
+    True
+    """
     with open(path, "rb", buffering=0) as file:
         size = os.fstat(file.fileno()).st_size
         at = 0
@@ -105,6 +131,17 @@ def need_readable(path: Path) -> None:
     ------
     HrgError
         There is no file of this name, or a pipe or device.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli import HrgError
+    >>> from hrg_cli.store import need_readable
+    >>> try:
+    ...     need_readable(Path("nowhere.h5"))
+    ... except HrgError as error:
+    ...     print(error)
+    nowhere.h5: no such file; name a file that `hrg` or your laboratory wrote
     """
     need_possible(path)
     if not path.exists():
@@ -129,6 +166,12 @@ def need_possible(path: Path) -> None:
     ------
     HrgError
         None can.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.store import need_possible
+    >>> need_possible(Path("not yet there.h5"))
     """
     try:
         with contextlib.suppress(FileNotFoundError, NotADirectoryError, PermissionError):
@@ -162,8 +205,31 @@ def _open_error(error: Exception, path: Path) -> HrgError:
 
 
 def read_error(error: Exception, path: Path, what: str = "") -> HrgError:
-    """The sentence for a failure while `path` (its part `what`) was read: the input is to blame, or
-    this machine; never the output."""
+    """The sentence for a failure while an input was read: the input is to blame, or this machine; never
+    the output.
+
+    Parameters
+    ----------
+    error
+        What the system or the HDF5 library said.
+    path
+        The input.
+    what
+        Its part that was read, such as a dataset's path.
+
+    Returns
+    -------
+    HrgError
+        To be raised.
+
+    Examples
+    --------
+    >>> import errno
+    >>> from pathlib import Path
+    >>> from hrg_cli.store.handles import read_error
+    >>> print(read_error(OSError(errno.EACCES, "Permission denied"), Path("in.h5")))
+    in.h5: no right to read it; ask for read access
+    """
     number = getattr(error, "errno", None)
     if number in (errno.EMFILE, errno.ENFILE) or "Too many open files" in str(error):
         return HrgError(
@@ -193,7 +259,37 @@ def read_error(error: Exception, path: Path, what: str = "") -> HrgError:
 
 @contextlib.contextmanager
 def reading(path: Path, what: str = "") -> Iterator[None]:
-    """While an input is read: every way h5py fails becomes a sentence that names the input."""
+    """While an input is read: every way h5py fails becomes a sentence that names the input.
+
+    Parameters
+    ----------
+    path
+        The input.
+    what
+        Its part that is read.
+
+    Returns
+    -------
+    context manager
+        Around the reading.
+
+    Raises
+    ------
+    HrgError
+        The reading failed.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli import HrgError
+    >>> from hrg_cli.store.handles import reading
+    >>> try:
+    ...     with reading(Path("in.h5"), "/wave/time_s"):
+    ...         raise OSError("filter returned failure during read")
+    ... except HrgError as error:
+    ...     str(error).split(";")[0]
+    'in.h5: dataset /wave/time_s is damaged (filter returned failure during read)'
+    """
     try:
         yield
     except HrgError:

@@ -72,6 +72,14 @@ def is_hdf5(path: Path | str) -> bool:
     ------
     HrgError
         They cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from hrg_cli import store
+    >>> with tempfile.NamedTemporaryFile() as empty:
+    ...     store.is_hdf5(empty.name)
+    False
     """
     with reading(Path(path)):
         return has_signature(Path(path))
@@ -131,6 +139,17 @@ def texts_of(path: Path | str, group: str, names: Sequence[str]) -> dict[str, st
     ------
     HrgError
         The file cannot be opened.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> path = tempfile.mkdtemp() + "/run.h5"
+    >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
+    >>> _ = store.write(path, run)
+    >>> store.texts_of(path, "recording", ["mode", "mood"])
+    {'mode': 'free'}
     """
     with open_for_reading(Path(path)) as file:
         return _texts(file, group, names)
@@ -159,6 +178,17 @@ def heading_of(path: Path | str, kind: type[Record], names: Sequence[str]) -> di
         The file cannot be opened, holds another kind, or an attribute is not as declared.
     NotHrgError
         It is another program's HDF5.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> path = tempfile.mkdtemp() + "/run.h5"
+    >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free", gyro_id="SN-1")
+    >>> _ = store.write(path, run)
+    >>> store.heading_of(path, Recording, ["gyro_id"])
+    {'gyro_id': 'SN-1'}
     """
     declared = kind.columns()
     with open_for_reading(Path(path)) as file:
@@ -222,6 +252,17 @@ def unreadable(path: Path | str) -> list[str]:
     ------
     HrgError
         It cannot be opened.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> path = tempfile.mkdtemp() + "/run.h5"
+    >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
+    >>> _ = store.write(path, run)
+    >>> store.unreadable(path)
+    []
     """
     with open_for_reading(Path(path)) as file:
         return checksums.unreadable(file)
@@ -229,7 +270,35 @@ def unreadable(path: Path | str) -> list[str]:
 
 @contextlib.contextmanager
 def open_for_reading(path: Path) -> Iterator[h5py.File]:
-    """An HDF5 file for reading; every way h5py fails becomes a sentence."""
+    """An HDF5 file for reading; every way h5py fails becomes a sentence.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    context manager of h5py.File
+        Open inside the block.
+
+    Raises
+    ------
+    HrgError
+        It cannot be opened or read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import h5py
+    >>> from hrg_cli.store.headings import open_for_reading
+    >>> path = Path(tempfile.mkdtemp()) / "foreign.h5"
+    >>> h5py.File(path, "w").close()
+    >>> with open_for_reading(path) as file:
+    ...     list(file)
+    []
+    """
     handle = Handle(path)
     try:
         with reading(path):
@@ -270,7 +339,35 @@ def _kind(file: h5py.File, path: Path) -> type[Record]:
 
 
 def need_kind(file: h5py.File, path: Path, kind: type[Record]) -> None:
-    """HrgError: the file holds another kind."""
+    """Refuse a file that holds another kind of record.
+
+    Parameters
+    ----------
+    file, path
+        The file, open for reading, and its name.
+    kind
+        The wanted class.
+
+    Raises
+    ------
+    HrgError
+        It holds another.
+    NotHrgError
+        It is another program's HDF5.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> from hrg_cli.store.headings import need_kind, open_for_reading
+    >>> path = Path(tempfile.mkdtemp()) / "run.h5"
+    >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
+    >>> _ = store.write(path, run)
+    >>> with open_for_reading(path) as file:
+    ...     need_kind(file, path, Recording)
+    """
     found = _kind(file, path)
     if found is not kind:
         raise HrgError(
@@ -280,7 +377,39 @@ def need_kind(file: h5py.File, path: Path, kind: type[Record]) -> None:
 
 
 def read_attribute(file: h5py.File, path: Path, place: str, field_name: str, spec: Column) -> Any:
-    """An attribute as declared; its default where it may be missing. HrgError: missing or wrong."""
+    """An attribute as declared; its default where it may be missing.
+
+    Parameters
+    ----------
+    file, path
+        The file, open for reading, and its name.
+    place
+        Group and name, as `place_of` has it.
+    field_name, spec
+        The record's field and its declaration.
+
+    Returns
+    -------
+    object
+        Text, a whole number or a float.
+
+    Raises
+    ------
+    HrgError
+        It is missing, or not as declared.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import h5py
+    >>> from hrg_cli.records import Wave
+    >>> from hrg_cli.store.headings import read_attribute
+    >>> spec = Wave.columns()["mode_number"]
+    >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
+    ...     file.create_group("wave").attrs["mode_number"] = 3
+    ...     read_attribute(file, Path("x"), "/wave/mode_number", "mode_number", spec)
+    3
+    """
     group, _, name = place.rpartition("/")
     holder = item_at(file, group)
     if holder is None or name not in holder.attrs:
@@ -313,7 +442,37 @@ def _parsed(value: Any, spec: Column, where: str) -> Any:
 
 
 def json_list(file: h5py.File, name: str, path: Path) -> list[Any]:
-    """A root attribute that holds a JSON list; empty where it is none."""
+    """A root attribute that holds a JSON list.
+
+    Parameters
+    ----------
+    file
+        Open for reading.
+    name
+        The attribute.
+    path
+        The file's name.
+
+    Returns
+    -------
+    list
+        Empty where it is missing or no list.
+
+    Raises
+    ------
+    HrgError
+        It is no JSON.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import h5py
+    >>> from hrg_cli.store.headings import json_list
+    >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
+    ...     file.attrs["status_reasons"] = '["too short"]'
+    ...     json_list(file, "status_reasons", Path("x")), json_list(file, "sources", Path("x"))
+    (['too short'], [])
+    """
     text = text_of(file.attrs.get(name, "[]"))
     try:
         value = json.loads(text)
@@ -323,7 +482,33 @@ def json_list(file: h5py.File, name: str, path: Path) -> list[Any]:
 
 
 def provenance(file: h5py.File, path: Path) -> Provenance:
-    """What the root attributes tell of the file's origin."""
+    """What the root attributes tell of a file's origin.
+
+    Parameters
+    ----------
+    file, path
+        The file, open for reading, and its name.
+
+    Returns
+    -------
+    Provenance
+        Empty where they tell nothing.
+
+    Raises
+    ------
+    HrgError
+        The sources are no JSON.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import h5py
+    >>> from hrg_cli.store.headings import provenance
+    >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
+    ...     file.attrs["history"] = "hrg identify a.h5"
+    ...     provenance(file, Path("x")).history
+    ('hrg identify a.h5',)
+    """
     history = text_of(file.attrs.get("history", ""))
     sources = []
     for entry in json_list(file, "sources", path):

@@ -23,8 +23,34 @@ STEP = 16
 
 
 def check_heaps(path: Path) -> None:
-    """HrgError when a global heap in the head or the tail of `path` would stop the HDF5 library for
-    ever. OSError: it cannot be read."""
+    """Refuse a file of which a global heap, in its head or tail, would stop the HDF5 library for ever.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    HrgError
+        It would.
+    OSError
+        The file cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from hrg_cli import HrgError
+    >>> from hrg_cli.store.heaps import SIGNATURE, check_heaps
+    >>> with tempfile.NamedTemporaryFile() as file:
+    ...     _ = file.write(SIGNATURE + (64).to_bytes(8, "little") + bytes(64))
+    ...     file.flush()
+    ...     try:
+    ...         check_heaps(file.name)
+    ...     except HrgError as error:
+    ...         "the texts at byte 0 are overwritten" in str(error)
+    True
+    """
     # Read, not mapped: of a bad sector, or where the file is cut meanwhile, reading raises an error
     # where a map ends the process (SIGBUS).
     with open(path, "rb", buffering=0) as file:

@@ -14,12 +14,54 @@ BY_NAME = {cls.kind: cls for cls in KINDS}
 
 
 def place_of(kind: type[Record], field_name: str, spec: Column) -> str:
-    """Where a column of a kind stands in the file, e.g. /wave/time_s."""
+    """Where a column of a kind stands in the file.
+
+    Parameters
+    ----------
+    kind
+        A class of records.
+    field_name
+        The column's name in it.
+    spec
+        Its declaration.
+
+    Returns
+    -------
+    str
+        A path in the HDF5 file.
+
+    Examples
+    --------
+    >>> from hrg_cli.records import Wave
+    >>> from hrg_cli.store.layout import place_of
+    >>> place_of(Wave, "time_s", Wave.columns()["time_s"])
+    '/wave/time_s'
+    """
     return f"{spec.group or '/' + kind.kind}/{spec.name or field_name}"
 
 
 def default_of(field_name: str, spec: Column) -> Any:
-    """The value of an optional column that a file does not have."""
+    """The value of an optional column that a file does not have.
+
+    Parameters
+    ----------
+    field_name
+        The column's name.
+    spec
+        Its declaration, which tells the class.
+
+    Returns
+    -------
+    object
+        As the class declares it.
+
+    Examples
+    --------
+    >>> from hrg_cli.records import Wave
+    >>> from hrg_cli.store.layout import default_of
+    >>> default_of("mode_number", Wave.columns()["mode_number"])
+    2
+    """
     for cls in KINDS:
         for f in dataclasses.fields(cls):
             if f.metadata.get("column") is spec:
@@ -28,5 +70,22 @@ def default_of(field_name: str, spec: Column) -> Any:
 
 
 def first_line(error: BaseException) -> str:
-    """The first line of an error's text, for a sentence."""
+    """The first line of an error's text, for a sentence.
+
+    Parameters
+    ----------
+    error
+        Another library's error.
+
+    Returns
+    -------
+    str
+        160 characters at most; the error's class where it says nothing.
+
+    Examples
+    --------
+    >>> from hrg_cli.store.layout import first_line
+    >>> first_line(KeyError("no such dataset")), first_line(OSError())
+    ('no such dataset', 'OSError')
+    """
     return str(error).strip("'\"").splitlines()[0][:160] if str(error) else type(error).__name__

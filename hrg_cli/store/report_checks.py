@@ -17,8 +17,25 @@ ROWS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = {
 
 
 def report_problem(text: str) -> str | None:
-    """What is wrong with a diagnosis' JSON object, in words; None where its tables are as they are
-    read."""
+    """What is wrong with the tables of a diagnosis' JSON object.
+
+    Parameters
+    ----------
+    text
+        The object's JSON.
+
+    Returns
+    -------
+    str or None
+        In words; None where its tables are as they are read.
+
+    Examples
+    --------
+    >>> from hrg_cli.store.report_checks import report_problem
+    >>> report_problem('{"effects": [{"name": "gain_step"}]}')
+    >>> report_problem('{"effects": [{}]}')
+    'is damaged: a row of effects has no name'
+    """
     report = json.loads(text)
     for table, needed in ROWS.items():
         rows = report.get(table) or []

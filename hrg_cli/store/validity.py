@@ -22,7 +22,28 @@ samples from yes and no."""
 
 
 def dtype_problem(found: np.dtype[Any], spec: Column) -> str | None:
-    """Why a dataset of type `found` cannot be this column; None where it can."""
+    """Why a dataset's type cannot be that of a column.
+
+    Parameters
+    ----------
+    found
+        The dataset's type.
+    spec
+        The column's declaration.
+
+    Returns
+    -------
+    str or None
+        In words; None where it can.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.records import Wave
+    >>> from hrg_cli.store.validity import dtype_problem
+    >>> dtype_problem(np.dtype("f4"), Wave.columns()["flags"])
+    'holds float32, whole numbers were expected'
+    """
     if spec.dtype == "str":
         return None if found.kind in "OSU" else f"holds {found}, text was expected"
     if found.kind in KINDS_OF_NUMBER[spec.dtype]:
@@ -32,7 +53,25 @@ def dtype_problem(found: np.dtype[Any], spec: Column) -> str | None:
 
 
 def size_problem(dim: str, size: int) -> str | None:
-    """Why a dimension cannot have this size; None where it can."""
+    """Why a dimension cannot have a size.
+
+    Parameters
+    ----------
+    dim
+        The dimension's name.
+    size
+        Its length.
+
+    Returns
+    -------
+    str or None
+        In words; None where it can.
+
+    Examples
+    --------
+    >>> from hrg_cli.store.validity import size_problem
+    >>> size_problem("row", 12)
+    """
     allowed = SIZES.get(dim)
     if allowed is None or size in allowed:
         return None
@@ -45,11 +84,32 @@ def size_problem(dim: str, size: int) -> str | None:
 def values_problem(
     values: Array, spec: Column, first_row: int = 0, excused: Callable[[], Array] | None = None
 ) -> str | None:
-    """What is wrong with these values (rows from `first_row` on), in words; None where they are as
-    declared.
+    """What is wrong with some rows of a column.
 
-    excused: the rows (n,) bool in which NaN may stand, for columns declared missing="flagged";
-    asked only where there is a NaN.
+    Parameters
+    ----------
+    values
+        (n, …), the rows from `first_row` on.
+    spec
+        The column's declaration.
+    first_row
+        Number of the first row in the file, for the sentence.
+    excused
+        () -> (n,) bool: rows in which NaN may stand, for columns declared missing="flagged"; asked
+        only where there is a NaN.
+
+    Returns
+    -------
+    str or None
+        In words; None where they are as declared.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.records import Wave
+    >>> from hrg_cli.store.validity import values_problem
+    >>> values_problem(np.array([0.0, 1.0, 1.0]), Wave.columns()["time_s"], first_row=10)
+    'holds 1 in row 13 after 1; the values must increase from row to row'
     """
     valid = spec.valid
     if spec.dtype == "str" or valid.raw or not np.size(values):
@@ -125,7 +185,27 @@ def _at(values: Array, place: tuple[int, ...], first_row: int) -> str:
 
 
 def attribute_problem(value: Any, spec: Column) -> str | None:
-    """What is wrong with an attribute's value, in words; None where it is as declared."""
+    """What is wrong with an attribute's value.
+
+    Parameters
+    ----------
+    value
+        The value; None: it is not there.
+    spec
+        The attribute's declaration.
+
+    Returns
+    -------
+    str or None
+        In words; None where it is as declared.
+
+    Examples
+    --------
+    >>> from hrg_cli.records import Wave
+    >>> from hrg_cli.store.validity import attribute_problem
+    >>> print(attribute_problem("forked", Wave.columns()["mode"]))
+    is 'forked', "free" or "forced" was expected
+    """
     valid = spec.valid
     if value is None:
         return None
@@ -162,15 +242,51 @@ def _json_problem(text: str, wanted: str) -> str | None:
 
 
 def may_be_missing(record: Record) -> Array:
-    """Rows (n,) of a windowed record in which NaN may stand: flagged, or the solver did not
-    converge."""
+    """Rows of a windowed record in which NaN may stand: flagged, or the solver did not converge.
+
+    Parameters
+    ----------
+    record
+        A record with flags (n,).
+
+    Returns
+    -------
+    ndarray
+        (n,) bool.
+
+    Examples
+    --------
+    >>> import types
+    >>> from hrg_cli.store.validity import may_be_missing
+    >>> may_be_missing(types.SimpleNamespace(flags=[0, 1, 0], iterations=[3, 3, -1])).tolist()
+    [False, True, True]
+    """
     excused = np.asarray(record.flags) != 0  # type: ignore[attr-defined]
     iterations = getattr(record, "iterations", None)
     return excused if iterations is None else excused | (np.asarray(iterations) < 0)
 
 
 def bound_together(record: Record) -> str | None:
-    """What is wrong between several fields of a record, in words; None where all agree."""
+    """What is wrong between several fields of a record.
+
+    Parameters
+    ----------
+    record
+        Of any kind, every field as declared.
+
+    Returns
+    -------
+    str or None
+        In words; None where all agree.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.store.validity import bound_together
+    >>> bound_together(Recording(c=np.zeros(0), s=np.zeros(0), sample_rate_hz=10.0, mode="free"))
+    'holds no samples; record again'
+    """
     if isinstance(record, Recording):
         return _recording_problem(record)
     if isinstance(record, Calibration):

@@ -46,6 +46,12 @@ def created_now() -> str:
     -------
     str
         ISO 8601, UTC.
+
+    Examples
+    --------
+    >>> from hrg_cli import store
+    >>> store.created_now()[4], store.created_now()[7]
+    ('-', '-')
     """
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(float(epoch) if epoch else None))
@@ -70,6 +76,14 @@ def sha256(path: Path | str, unwanted: threading.Event | None = None) -> str:
     ------
     HrgError
         The file cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from hrg_cli import store
+    >>> with tempfile.NamedTemporaryFile() as empty:
+    ...     store.sha256(empty.name)[:8]
+    'e3b0c442'
     """
     need_readable(Path(path))
     digest = hashlib.sha256()

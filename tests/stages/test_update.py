@@ -13,7 +13,7 @@ from hrg_cli.physics.drift import drift
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.calibration.resonators import coefficients_of
 from hrg_cli.stages.calibration.table import measured_drift, standard_deviations
-from hrg_cli.stages.update import summary, update
+from hrg_cli.stages.update import _chi2, summary, update
 
 PLAN = ((0.4, 0.1, 0.05), (-0.4, 0.9, -0.05), (0.4, 0.7, -0.04), (-0.4, 0.3, 0.06))
 
@@ -261,3 +261,27 @@ def test_the_command_writes_what_compensate_takes(calibration, hrg, tmp_path):
     )
     assert done.status == 0 and json.loads(json.dumps(done.json))["kind"] == "compensated"
     assert hrg("update", tmp_path / "cal.h5", "-o", tmp_path / "x.h5").status == 2
+
+
+def test_a_change_without_an_error_is_refused_and_not_passed_over():
+    """A pseudo-inverse took a direction without error for one along which nothing can move."""
+    change, spread = np.array([0.0, 0.0, 1e-3, 0.0, 0.0]), np.diag([1e-8, 1e-8, 0.0, 1e-6, 1e-6])
+    with pytest.raises(HrgError, match="state no error for a part"):
+        _chi2(change, spread, slice(2, 3))
+    # units of any size are no singularity
+    spread[2, 2] = 1e-24
+    assert _chi2(change, spread, slice(0, 5)) == pytest.approx(1e18)
+
+
+def test_a_scale_factor_that_was_given_is_no_news(calibration):
+    resonator = resonator_of(later(20.0), 20.0, 2e-3, seed=1)
+    at = [str(n) for n in resonator.name].index("scale_factor")
+    value, std, covariance = (getattr(resonator, n).copy() for n in ("value", "std", "covariance"))
+    value[at], std[at], covariance[at], covariance[:, at] = 0.7, 0.0, 0.0, 0.0
+    given = resonator.replace(value=value, std=std, covariance=covariance)
+    found = update(calibration, given)
+    # K follows what the splits say of it by its covariance with them, and nothing of what was given
+    assert found.scale_factor_harmonics[:, 0] == pytest.approx(
+        calibration.scale_factor_harmonics[:, 0], rel=1e-5
+    )
+    assert any("the resonator tells no" in reason for reason in found.status_reasons)

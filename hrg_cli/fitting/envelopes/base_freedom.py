@@ -17,14 +17,47 @@ scales."""
 
 
 def nominal_scale_factor(mode_number: int) -> float:
-    """K where it is neither known nor measurable: 1 for a Foucault pendulum (m = 1), 0.55 for a
-    shell."""
+    """K where it is neither known nor measurable: 1 for a Foucault pendulum (m = 1), 0.55 for a shell.
+
+    Parameters
+    ----------
+    mode_number
+        m.
+
+    Returns
+    -------
+    float
+        K, without a unit.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.base_freedom import nominal_scale_factor
+    >>> nominal_scale_factor(1), nominal_scale_factor(2)
+    (1.0, 0.55)
+    """
     return 1.0 if mode_number == 1 else 0.55
 
 
 def scale_factor_spread(mode_number: int) -> float:
-    """Standard deviation to which the nominal K is known: shells and rings have 0.25 to 0.85, a
-    pendulum 1 but for its pivot."""
+    """Standard deviation to which the nominal K is known: shells and rings have 0.25 to 0.85, a pendulum
+    1 but for its pivot.
+
+    Parameters
+    ----------
+    mode_number
+        m.
+
+    Returns
+    -------
+    float
+        Of K.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.base_freedom import scale_factor_spread
+    >>> scale_factor_spread(1), scale_factor_spread(2)
+    (0.05, 0.2)
+    """
     return 0.05 if mode_number == 1 else 0.2
 
 
@@ -39,8 +72,32 @@ class Known:
 
 
 def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
-    """What is fitted, with weak priors sized by a first estimate p (7,); a known axis leaves its
-    split's size alone."""
+    """What is fitted, with weak priors sized by a first estimate.
+
+    Parameters
+    ----------
+    known
+        What is held; a known axis leaves its split's size alone.
+    p
+        The first estimate, (7,), in the order of `COORDINATES`.
+    mode_number
+        m.
+    span_s
+        Length of the longest run: what no run can show is taken for no smaller than 1 over it.
+
+    Returns
+    -------
+    Freedom
+        Names, origin, directions and priors of the free coordinates.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known, freedom
+    >>> p = np.array([0.2, 0.0, 0.0, 0.1, 0.0, 0.55, 1.0])
+    >>> "scale_factor" in freedom(Known(scale_factor=0.55), p, 2, 10.0).names
+    False
+    """
     base = free_coordinates(COORDINATES, np.zeros(COUNT))
     directions, origin = base.directions.copy(), np.zeros(COUNT)
     damping = max(abs(float(p[DAMPING])), 0.01 / span_s)
@@ -67,7 +124,28 @@ def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
 
 
 def without_second_order(space: Freedom, value: float = 1.0) -> Freedom:
-    """The same freedom with the second-order correction held; it is the last coordinate."""
+    """The same freedom with the second-order correction held.
+
+    Parameters
+    ----------
+    space
+        With the correction as its last coordinate.
+    value
+        Where it is held: 1 as a real resonator has it, 0 for plain averaging.
+
+    Returns
+    -------
+    Freedom
+        With one coordinate less.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known, freedom, without_second_order
+    >>> space = freedom(Known(), np.array([0.2, 0.0, 0.0, 0.1, 0.0, 0.55, 1.0]), 2, 10.0)
+    >>> len(space.names), len(without_second_order(space).names)
+    (7, 6)
+    """
     origin = space.origin.copy()
     origin[6] = value
     return Freedom(

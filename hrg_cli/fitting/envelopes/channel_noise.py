@@ -29,19 +29,27 @@ FEWEST, MOVING, CONTRADICTED = 32, 1.5, 12.0
 def whitening(
     channel_std: Array | None, correlation: float | None, envelope: Array | None = None
 ) -> Array | None:
-    """W (2, 2) of a run from the standard deviations (n, 2) of either channel in its rows, and the
-    correlation of their noise; None: both have the same, or it is not known.
+    """W of a run, which makes the noise of its channels white.
 
     Parameters
     ----------
     channel_std
-        In the envelopes' unit, of which their ratio counts, the median over the rows.
+        Standard deviations (n, 2) of either channel in the run's rows, in the envelopes' unit; their
+        ratio counts, the median over the rows.
+    correlation
+        Of both channels' noise; None: not known, taken for 0.
     envelope
         The rows' envelopes (n, 2), whose scatter from row to row the ratio is held against.
+
+    Returns
+    -------
+    ndarray or None
+        (2, 2); None: both channels have the same noise, or it is not known.
 
     Examples
     --------
     >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.channel_noise import whitening
     >>> W = whitening(np.array([[3.0, 1.0]]), None)  # variances 9 and 1, 5 in the mean
     >>> np.round(np.diag(W) ** -2, 6).tolist()
     [1.8, 0.2]
@@ -83,15 +91,52 @@ def _unless_spoilt(ratio: float, stated: Array, u: Array) -> float:
 
 
 def side_by_side(matrices: Sequence[Array | None]) -> Array | None:
-    """Those of several runs (R, 2, 2), the unit matrix for a run without; None where no run has
-    one."""
+    """The matrices of several runs, the unit matrix for a run without.
+
+    Parameters
+    ----------
+    matrices
+        One a run, or None.
+
+    Returns
+    -------
+    ndarray or None
+        (R, 2, 2); None where no run has one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.channel_noise import side_by_side
+    >>> side_by_side([None, np.diag([2.0, 1.0])])[:, 0, 0].tolist()
+    [1.0, 2.0]
+    """
     if all(one is None for one in matrices):
         return None
     return np.stack([np.eye(2) if one is None else one for one in matrices])
 
 
 def whiten(matrices: Array | None, u: Array) -> Array:
-    """Envelopes (..., R, n, 2) of runs, each by its own matrix."""
+    """Envelopes of runs, each by its own matrix.
+
+    Parameters
+    ----------
+    matrices
+        (R, 2, 2), or None for none.
+    u
+        (..., R, n, 2), complex.
+
+    Returns
+    -------
+    ndarray
+        The same shape.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.channel_noise import whiten
+    >>> whiten(np.diag([2.0, 1.0])[None], np.array([[[1.0, 1j]]])).tolist()
+    [[[(2+0j), 1j]]]
+    """
     if matrices is None:
         return u
     of_c, of_s = np.moveaxis(matrices[:, None], -1, 0)
@@ -99,7 +144,27 @@ def whiten(matrices: Array | None, u: Array) -> Array:
 
 
 def whiten_reals(matrices: Array | None, x: Array) -> Array:
-    """The same of reals (R, n, 4, K): Re C, Re S, Im C, Im S."""
+    """What `whiten` does, of reals.
+
+    Parameters
+    ----------
+    matrices
+        (R, 2, 2), or None for none.
+    x
+        (R, n, 4, K): Re C, Re S, Im C, Im S.
+
+    Returns
+    -------
+    ndarray
+        The same shape.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.channel_noise import whiten_reals
+    >>> whiten_reals(np.diag([2.0, 1.0])[None], np.ones((1, 1, 4, 1))).ravel().tolist()
+    [2.0, 1.0, 2.0, 1.0]
+    """
     if matrices is None:
         return x
     parts = x.reshape(*x.shape[:2], 2, 2, -1)
@@ -108,12 +173,48 @@ def whiten_reals(matrices: Array | None, x: Array) -> Array:
 
 
 def inverse(matrices: Array | None) -> Array | None:
-    """What undoes them."""
+    """What undoes the matrices of several runs.
+
+    Parameters
+    ----------
+    matrices
+        (R, 2, 2), or None for none.
+
+    Returns
+    -------
+    ndarray or None
+        Their inverses.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.channel_noise import inverse
+    >>> inverse(np.diag([2.0, 1.0])[None]).tolist()
+    [[[0.5, 0.0], [0.0, 1.0]]]
+    """
     return None if matrices is None else np.asarray(np.linalg.inv(matrices))
 
 
 def spread(matrices: Array | None) -> Array:
-    """σ (R, 2) of either channel over that of both in the mean, or (1, 2) of all runs alike."""
+    """σ of either channel over that of both in the mean.
+
+    Parameters
+    ----------
+    matrices
+        (R, 2, 2), or None where all channels are alike.
+
+    Returns
+    -------
+    ndarray
+        (R, 2), or (1, 2) of all runs alike.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.channel_noise import spread
+    >>> spread(np.diag([2.0, 1.0])[None]).tolist(), spread(None).tolist()
+    ([[0.5, 1.0]], [[1.0, 1.0]])
+    """
     if matrices is None:
         return np.ones((1, 2))
     return np.asarray(np.linalg.norm(np.linalg.inv(matrices), axis=-1))

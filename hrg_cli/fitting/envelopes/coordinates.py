@@ -51,18 +51,61 @@ BASIS = np.array([-np.eye(2), -R_COS, -R_SIN, 1j * R_COS, 1j * R_SIN])
 
 
 def generator(p: Array, rate_rad_s: Array, omega: Array | float) -> Array:
-    """L (..., 2, 2) of coordinates p (7,) for rates (...), against the run's own frequency ω:
-    `entries` side by side."""
+    """L of coordinates, against the run's own frequency: `entries` side by side.
+
+    Parameters
+    ----------
+    p
+        (7,), in the order of `COORDINATES`.
+    rate_rad_s
+        Ω, (...).
+    omega
+        ω [rad/s], (...) or one.
+
+    Returns
+    -------
+    ndarray
+        (..., 2, 2) complex, 1/s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import from_mechanics, generator
+    >>> from hrg_cli.physics import resonator
+    >>> gyro = resonator.Mechanics(1000.0, 0.2, 0.01, 0.3, 0.05, 0.1)
+    >>> L = generator(from_mechanics(gyro), np.array(1.0), gyro.omega_rad_s)
+    >>> bool(np.allclose(L, resonator.generator(gyro, 1.0), atol=1e-9))
+    True
+    """
     parts = np.broadcast_arrays(*entries(p, np.asarray(rate_rad_s), np.asarray(omega, float)))
     return np.stack(parts, axis=-1).reshape(*parts[0].shape, 2, 2)
 
 
 def entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:
-    """L of coordinates p (7,) for rates (...), against the run's own frequency ω; second order
-    times p₆.
+    """The four entries of L, second order times p₆ (PHYSICS §0 and §5).
 
     The correction is −(L² + 2ΓL)/2jω three times over, Γ = −Re L₀, from L₀ with the mean of (ω ±
     δω)², ω² + δω² (solvent of resonator.py).
+
+    Parameters
+    ----------
+    p
+        (7,), in the order of `COORDINATES`.
+    rate_rad_s, omega
+        Ω and the run's own ω [rad/s], (...).
+
+    Returns
+    -------
+    tuple of ndarray
+        L₀₀, L₀₁, L₁₀, L₁₁, each (...) complex, 1/s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import entries
+    >>> p = np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0])
+    >>> [float(np.real(part)) for part in entries(p, np.array(1.0), np.array(6283.0))]
+    [-0.2, 0.5, -0.5, -0.2]
     """
     along, across, turning = -p[1] + 1j * p[3], -p[2] + 1j * p[4], p[5] * rate_rad_s
     first = (along - p[0], across + turning, across - turning, -along - p[0])
@@ -86,7 +129,30 @@ def entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:
 
 
 def to_mechanics(p: Array, frequency_hz: float, mode_number: int) -> Mechanics:
-    """The resonator these coordinates describe; axes in [0, π/m)."""
+    """The resonator that coordinates describe.
+
+    Parameters
+    ----------
+    p
+        (7,), in the order of `COORDINATES`.
+    frequency_hz
+        Its frequency, which the coordinates do not hold.
+    mode_number
+        m.
+
+    Returns
+    -------
+    Mechanics
+        Its axes in [0, π/m).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import to_mechanics
+    >>> p = np.array([0.2, 0.0, 0.01, 0.0, 0.0, 0.55, 1.0])
+    >>> round(to_mechanics(p, 1000.0, 2).damping_axis_rad * 8 / np.pi, 9)
+    1.0
+    """
     values, _ = to_parameters(p, mode_number)
     nu, split, damping_axis, detuning, stiffness_axis, factor = (float(v) for v in values)
     return Mechanics(
@@ -95,7 +161,27 @@ def to_mechanics(p: Array, frequency_hz: float, mode_number: int) -> Mechanics:
 
 
 def from_mechanics(mechanics: Mechanics, second_order: float = 1.0) -> Array:
-    """Coordinates (7,) of a resonator."""
+    """Coordinates of a resonator.
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    second_order
+        1, as a real resonator has it, or 0 for plain averaging.
+
+    Returns
+    -------
+    ndarray
+        (7,), in the order of `COORDINATES`.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.coordinates import from_mechanics
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from_mechanics(Mechanics(1000.0, 0.2, 0.01, 0.0)).tolist()
+    [0.2, 0.01, 0.0, 0.0, 0.0, 0.55, 1.0]
+    """
     m = mechanics
     a, b = 2 * m.mode_number * m.damping_axis_rad, 2 * m.mode_number * m.stiffness_axis_rad
     return np.array(
@@ -112,7 +198,29 @@ def from_mechanics(mechanics: Mechanics, second_order: float = 1.0) -> Array:
 
 
 def to_parameters(p: Array, mode_number: int) -> tuple[Array, Array]:
-    """(ν, νδμ, θ_μ, δω, θ_ω, K) and their derivatives (6, 7) by the coordinates."""
+    """(ν, νδμ, θ_μ, δω, θ_ω, K) of coordinates and their derivatives.
+
+    Parameters
+    ----------
+    p
+        (7,), in the order of `COORDINATES`.
+    mode_number
+        m.
+
+    Returns
+    -------
+    tuple of ndarray
+        Values (6,), axes in [0, π/m), and slopes (6, 7). A split of 0 has no axis: its slopes are those
+        of its size along the first component.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import to_parameters
+    >>> values, slopes = to_parameters(np.array([0.2, 0.03, 0.04, 0, 0, 0.55, 1.0]), 2)
+    >>> round(float(values[1]), 9), slopes[1, 1:3].round(9).tolist()
+    (0.05, [0.6, 0.8])
+    """
     values, slopes = np.zeros(6), np.zeros((6, COUNT))
     values[0], slopes[0, 0] = p[0], 1.0
     values[5], slopes[5, 5] = p[5], 1.0
@@ -130,26 +238,88 @@ def to_parameters(p: Array, mode_number: int) -> tuple[Array, Array]:
 
 
 def wrap_axis(axis_rad: float, mode_number: int) -> float:
-    """A physical axis angle in [0, π/m)."""
+    """A physical axis angle in [0, π/m).
+
+    Parameters
+    ----------
+    axis_rad
+        Any angle.
+    mode_number
+        m.
+
+    Returns
+    -------
+    float
+        The same axis; 0 within rounding of π/m.
+
+    Examples
+    --------
+    >>> import math
+    >>> from hrg_cli.fitting.envelopes.coordinates import wrap_axis
+    >>> round(wrap_axis(-0.1, 2) - math.pi / 2, 9), wrap_axis(math.pi / 2, 2)
+    (-0.1, 0.0)
+    """
     wrapped = float(np.mod(axis_rad, np.pi / mode_number))
     return 0.0 if np.isclose(wrapped, np.pi / mode_number, rtol=0, atol=1e-15) else wrapped
 
 
 def is_shown(components: Array, covariance: Array) -> bool:
-    """Whether normal components (2,) with their covariance (2, 2) show a split at all: as large
-    over their noise, pᵀΣ⁻¹p, as noise alone is once in fourteen times."""
+    """Whether normal components show a split at all: pᵀΣ⁻¹p beyond what noise alone reaches once in
+    fourteen times.
+
+    Parameters
+    ----------
+    components
+        (2,), along the electrical axes 0 and 90°.
+    covariance
+        Theirs, (2, 2).
+
+    Returns
+    -------
+    bool
+        True where the split has an axis.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import is_shown
+    >>> is_shown(np.array([2.0, 0.0]), np.eye(2)), is_shown(np.array([3.0, 0.0]), np.eye(2))
+    (False, True)
+    """
     size, vector = np.linalg.eigh(covariance)
     across = (vector.T @ components) ** 2 / np.maximum(size, 1e-12 * max(size[-1], 1e-300))
     return bool(np.sum(across) >= SHOWN**2)
 
 
 def axis_spread(components: Array, covariance: Array, mode_number: int) -> float:
-    """Standard deviation of the axis ½m·arg(x + jy) of normal components (2,), covariance (2, 2): a
-    uniform one's where they show no split (`is_shown`), else that of the components about their
-    own, at most the uniform one's.
+    """Standard deviation of the axis of normal components.
 
-    By Gauss–Hermite quadrature: the better known of two components may make the tangent look sharp,
-    and then the slope says too little.
+    A uniform one's where they show no split (`is_shown`), else that of the components about their own,
+    at most the uniform one's. By Gauss–Hermite quadrature: the better known of two components may make
+    the tangent look sharp, and then the slope says too little.
+
+    Parameters
+    ----------
+    components
+        x and y, (2,), of an axis arg(x + jy)/2m.
+    covariance
+        Theirs, (2, 2).
+    mode_number
+        m.
+
+    Returns
+    -------
+    float
+        rad.
+
+    Examples
+    --------
+    Far from 0 it is the slope's, σ/2m|p|:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import axis_spread
+    >>> round(axis_spread(np.array([100.0, 0.0]), np.eye(2), 2), 6)
+    0.0025
     """
     uniform = np.pi / mode_number / np.sqrt(12)
     if not is_shown(components, covariance):

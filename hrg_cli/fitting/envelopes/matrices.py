@@ -15,7 +15,24 @@ SLOPE_SERIES = 0.05
 
 
 def product(a: Matrix, b: Matrix) -> Matrix:
-    """a·b."""
+    """Products of matrices.
+
+    Parameters
+    ----------
+    a, b
+        Four entries each, (...).
+
+    Returns
+    -------
+    tuple of ndarray
+        a·b.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.matrices import product
+    >>> product((1.0, 2.0, 0.0, 1.0), (1.0, 0.0, 3.0, 1.0))
+    (7.0, 2.0, 3.0, 1.0)
+    """
     return (
         a[0] * b[0] + a[1] * b[2],
         a[0] * b[1] + a[1] * b[3],
@@ -25,22 +42,97 @@ def product(a: Matrix, b: Matrix) -> Matrix:
 
 
 def apply(m: Matrix, v: Vector) -> Vector:
-    """m·v."""
+    """Matrices times vectors.
+
+    Parameters
+    ----------
+    m
+        Four entries, (...).
+    v
+        Two entries, (...).
+
+    Returns
+    -------
+    tuple of ndarray
+        m·v.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.matrices import apply
+    >>> apply((1.0, 2.0, 0.0, 1.0), (1.0, 1.0))
+    (3.0, 1.0)
+    """
     return m[0] * v[0] + m[1] * v[1], m[2] * v[0] + m[3] * v[1]
 
 
 def columns(m: Matrix, part: slice) -> Matrix:
-    """Some of the columns of (R, n) matrices."""
+    """Some of the columns of matrices that stand in rows.
+
+    Parameters
+    ----------
+    m
+        Four entries, (R, n).
+    part
+        Which of the n.
+
+    Returns
+    -------
+    tuple of ndarray
+        Four entries, (R, k).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.matrices import columns
+    >>> columns((np.arange(6).reshape(2, 3),) * 4, slice(1, 2))[0].tolist()
+    [[1], [4]]
+    """
     return m[0][:, part], m[1][:, part], m[2][:, part], m[3][:, part]
 
 
 def inverse(m: Matrix) -> Matrix:
-    """Inverse of matrices of determinant 1."""
+    """Inverses of matrices of determinant 1, as the exponentials of traceless ones are.
+
+    Parameters
+    ----------
+    m
+        Four entries, (...).
+
+    Returns
+    -------
+    tuple of ndarray
+        m⁻¹.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.matrices import inverse, product
+    >>> product(inverse((1.0, 2.0, 0.0, 1.0)), (1.0, 2.0, 0.0, 1.0))
+    (1.0, 0.0, 0.0, 1.0)
+    """
     return m[3], -m[1], -m[2], m[0]
 
 
 def reflect_and_pull(m: Matrix, v: Vector) -> tuple[Vector, Vector, Vector]:
-    """m⁻¹ R_c v, m⁻¹ R_s v and m⁻¹ J v for matrices of determinant 1."""
+    """m⁻¹ R_c v, m⁻¹ R_s v and m⁻¹ J v for matrices of determinant 1.
+
+    Parameters
+    ----------
+    m
+        Four entries, (...).
+    v
+        Two entries, (...).
+
+    Returns
+    -------
+    tuple of tuple
+        The three vectors.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.matrices import reflect_and_pull
+    >>> reflect_and_pull((1.0, 0.0, 0.0, 1.0), (1.0, 2.0))
+    ((1.0, -2.0), (2.0, 1.0), (2.0, -1.0))
+    """
     x, y = v
     ax, ay, bx, by = m[0] * x, m[0] * y, m[1] * x, m[1] * y
     cx, cy, dx, dy = m[2] * x, m[2] * y, m[3] * x, m[3] * y
@@ -48,15 +140,52 @@ def reflect_and_pull(m: Matrix, v: Vector) -> tuple[Vector, Vector, Vector]:
 
 
 def traceless(m: Matrix) -> tuple[Array, Matrix]:
-    """(half the trace, what is left of m without it)."""
+    """Half the trace of matrices, and what is left of them without it.
+
+    Parameters
+    ----------
+    m
+        Four entries, (...).
+
+    Returns
+    -------
+    tuple
+        The mean of the diagonal, and the matrix less that.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.matrices import traceless
+    >>> traceless((3.0, 2.0, 0.0, 1.0))
+    (2.0, (1.0, 2.0, 0.0, -1.0))
+    """
     mean = (m[0] + m[3]) / 2
     half = (m[0] - m[3]) / 2
     return mean, (half, m[1], m[2], -half)
 
 
 def exponential(m: Matrix, time_s: Array) -> Matrix:
-    """exp(m·t) = cosh(dt) I + t·sinhc(dt) m of traceless m, d² = −det m, through equal eigenvalues
-    too."""
+    """exp(m·t) = cosh(dt) I + t·sinhc(dt) m of traceless m, d² = −det m, through equal eigenvalues too.
+
+    Parameters
+    ----------
+    m
+        Four entries, (...), 1/s.
+    time_s
+        t, (...).
+
+    Returns
+    -------
+    tuple of ndarray
+        Four entries, complex.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.matrices import exponential
+    >>> turned = exponential((np.zeros(1), np.ones(1), -np.ones(1), np.zeros(1)), np.array([np.pi]))
+    >>> [float(part[0].real.round(9)) for part in turned]
+    [-1.0, 0.0, -0.0, -1.0]
+    """
     d = np.sqrt(m[0] ** 2 + m[1] * m[2] + 0j)
     x = d * time_s
     up = np.exp(x)
@@ -71,11 +200,32 @@ def exponential(m: Matrix, time_s: Array) -> Matrix:
 
 
 def exponential_slopes(m: Matrix, time_s: Array) -> tuple[Matrix, Array, Array, Array]:
-    """exp(m·t) of traceless m, and f, g, s of its exact derivative along a traceless E: (f I + g
-    m)·tr(mE) + s E.
+    """exp(m·t) of traceless m, and what its exact derivative along any traceless E is made of.
 
-    exp(mt) = c I + s m with d² = tr(m²)/2, so ∂d²/∂E = tr(mE), ∂c/∂d² = ts/2 = f, ∂s/∂d² = (tc −
-    s)/2d² = g: no integral is needed, however far the motion turns in t.
+    The derivative is (f I + g m)·tr(mE) + s E. exp(mt) = c I + s m with d² = tr(m²)/2, so ∂d²/∂E =
+    tr(mE), ∂c/∂d² = ts/2 = f, ∂s/∂d² = (tc − s)/2d² = g: no integral is needed, however far the motion
+    turns in t.
+
+    Parameters
+    ----------
+    m
+        Four entries, (...), 1/s.
+    time_s
+        t, (...).
+
+    Returns
+    -------
+    tuple
+        exp(m·t), then f, g and s, (...).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.matrices import exponential, exponential_slopes
+    >>> m, t = (np.array([0.3]), np.array([1.0]), np.array([0.5]), np.array([-0.3])), np.array([1.0])
+    >>> whole, f, g, s = exponential_slopes(m, t)
+    >>> bool(np.allclose(whole, exponential(m, t)))
+    True
     """
     d2 = m[0] ** 2 + m[1] * m[2] + 0j
     x2 = d2 * time_s**2
@@ -93,8 +243,26 @@ def exponential_slopes(m: Matrix, time_s: Array) -> tuple[Matrix, Array, Array, 
 
 
 def chain(steps: Matrix) -> Matrix:
-    """Running products (R, n) of steps (R, n − 1), the identity first; about 2√n batched
-    multiplications."""
+    """Running products of steps, by about 2√n batched multiplications.
+
+    Parameters
+    ----------
+    steps
+        Four entries, (R, n − 1), complex: of each row the way to the next.
+
+    Returns
+    -------
+    tuple of ndarray
+        Four entries, (R, n): from the first row to each, the identity first.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.matrices import chain
+    >>> one, none = np.ones((1, 4), complex), np.zeros((1, 4), complex)
+    >>> chain((one, 2 * one, none, one))[1].real.tolist()
+    [[0.0, 2.0, 4.0, 6.0, 8.0]]
+    """
     runs, count = steps[0].shape
     size = max(1, int(np.sqrt(count)))
     blocks = -(-count // size)

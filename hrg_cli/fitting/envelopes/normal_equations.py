@@ -42,13 +42,57 @@ class Normal:
 
 
 def add_normals(parts: Iterable[Normal]) -> Normal:
-    """All of them together."""
+    """All normal equations of the same unknowns together.
+
+    Parameters
+    ----------
+    parts
+        Of each run or side, at least one.
+
+    Returns
+    -------
+    Normal
+        Their sum.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.normal_equations import Normal, add_normals
+    >>> one = Normal(np.eye(4), np.ones(4), 4.0, 3)
+    >>> add_normals([one, one]).freedom
+    6
+    """
     return reduce(Normal.__add__, parts)
 
 
 def normal(columns: Array, target: Array, std: Array, group: Array, own: int = 0) -> Normal:
-    """Least squares of target (n,) by columns (n, own + 4), each group (n,) of rows with a constant
-    of its own; the first `own` unknowns are nobody else's."""
+    """Normal equations of a target by columns, each group of rows with a constant of its own.
+
+    Parameters
+    ----------
+    columns
+        (n, own + 4).
+    target, std
+        (n,), the standard deviation in the target's unit.
+    group
+        Which constant a row has, (n,).
+    own
+        The first unknowns, which are nobody else's and are eliminated.
+
+    Returns
+    -------
+    Normal
+        Of the four common unknowns.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.normal_equations import normal
+    >>> rows = np.random.default_rng(1).standard_normal((50, 4))
+    >>> found = normal(rows, rows @ [1.0, 2.0, 3.0, 4.0] + 7.0, np.ones(50), np.zeros(50))
+    >>> found.solved()[0].round(9).tolist(), found.freedom
+    ([1.0, 2.0, 3.0, 4.0], 49)
+    """
     joined = take_means_off(np.column_stack([columns, target]), std, group)
     basis = np.linalg.qr(joined[:, :own])[0]
     joined = (joined - basis @ (basis.T @ joined))[:, own:]
@@ -57,7 +101,27 @@ def normal(columns: Array, target: Array, std: Array, group: Array, own: int = 0
 
 
 def take_means_off(columns: Array, std: Array, group: Array) -> Array:
-    """Columns (n, k) over std (n,), less the weighted mean of each group (n,)."""
+    """Columns over their standard deviation, less the weighted mean of each group.
+
+    Parameters
+    ----------
+    columns
+        (n, k).
+    std, group
+        (n,).
+
+    Returns
+    -------
+    ndarray
+        (n, k).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.normal_equations import take_means_off
+    >>> take_means_off(np.array([[1.0], [3.0], [5.0]]), np.ones(3), np.array([0, 0, 1])).tolist()
+    [[-1.0], [1.0], [0.0]]
+    """
     index = np.unique(group, return_inverse=True)[1]
     weight = 1 / std**2
     total = np.bincount(index, weight)

@@ -56,14 +56,55 @@ class RateEstimate:
 
 
 def cardinal(time_s: Array, grid: Array) -> Array:
-    """Cubic splines at times that are 1 at one node and 0 at the others, (k, n)."""
+    """Cubic splines that are 1 at one node and 0 at the others.
+
+    Parameters
+    ----------
+    time_s
+        Times at which they are wanted, (n,).
+    grid
+        The nodes, (k,).
+
+    Returns
+    -------
+    ndarray
+        (k, n).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.rate_estimate import cardinal
+    >>> grid = np.arange(5.0)
+    >>> bool(np.allclose(grid**3 @ cardinal(np.array([2.5]), grid), 2.5**3))
+    True
+    """
     from scipy.interpolate import CubicSpline
 
     return np.asarray(CubicSpline(grid, np.eye(len(grid)))(time_s)).T
 
 
 def integrals(grid: Array, time_s: Array) -> Array:
-    """Their integrals from the first node to times, (k, n)."""
+    """The integrals of `cardinal` from the first node.
+
+    Parameters
+    ----------
+    grid
+        The nodes, (k,).
+    time_s
+        Where they end, (n,).
+
+    Returns
+    -------
+    ndarray
+        (k, n), s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.rate_estimate import integrals
+    >>> round(float(np.ones(5) @ integrals(np.arange(5.0), np.array([3.0]))[:, 0]), 9)
+    3.0
+    """
     from scipy.interpolate import CubicSpline
 
     return np.asarray(CubicSpline(grid, np.eye(len(grid))).antiderivative()(time_s)).T

@@ -35,8 +35,33 @@ of them."""
 
 
 def node_count(name: str, windows: int, window_s: float, nodes: int | None) -> tuple[int, int]:
-    """(Nodes asked for, or to begin with; the most that so many windows carry); HrgError: more are
-    asked for than that."""
+    """Nodes to begin with, and the most that the windows carry.
+
+    Parameters
+    ----------
+    name
+        Of the run, for a sentence.
+    windows, window_s
+        How many good windows it has, and their length.
+    nodes
+        Those asked for; None: as many as is usual.
+
+    Returns
+    -------
+    tuple of int
+        Both numbers.
+
+    Raises
+    ------
+    HrgError
+        More are asked for than the windows carry.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.rate_from_model import node_count
+    >>> node_count("run left", 100, 0.02, None), node_count("run left", 100, 0.02, 8)
+    ((12, 25), (8, 25))
+    """
     most = windows // ROWS_A_NODE
     usual = int(np.clip(most // 2, FEWEST_NODES, USUAL_NODES))
     count = nodes if nodes is not None else usual

@@ -29,8 +29,31 @@ UNIFORM = 0.999
 
 
 def mechanics_of(resonator: Resonator, scale_factor: float | None = None) -> Mechanics:
-    """The resonator's values; a scale factor that it lacks is taken from `scale_factor`, else 0
-    (then there is no input rate)."""
+    """A resonator's values.
+
+    Parameters
+    ----------
+    resonator
+        With frequency and damping at least; splits that it lacks are 0.
+    scale_factor
+        K that is taken whatever the resonator holds; None: its own, 0 where it has none (then there is
+        no input rate).
+
+    Returns
+    -------
+    Mechanics
+        Without uncertainty.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import mechanics_of
+    >>> held = dict(name=np.array(["frequency_hz", "damping_rate_1_s"]), units=np.array(["Hz", "s-1"]))
+    >>> found = Resonator(value=np.array([1000.0, 0.2]), std=np.zeros(2), covariance=np.eye(2), **held)
+    >>> mechanics_of(found).scale_factor, mechanics_of(found, 0.55).scale_factor
+    (0.0, 0.55)
+    """
     given = {name: value for name, (value, _, _) in resonator.parameters().items()}
     factor = scale_factor if scale_factor is not None else given.get("scale_factor", 0.0)
     return Mechanics(
@@ -46,7 +69,25 @@ def mechanics_of(resonator: Resonator, scale_factor: float | None = None) -> Mec
 
 
 def vector_of(mechanics: Mechanics) -> Array:
-    """(ν, νδμ cos 2mθ_μ, νδμ sin 2mθ_μ, δω cos 2mθ_ω, δω sin 2mθ_ω, K) (6,)."""
+    """A resonator as a vector in which errors are normal, even of splits that are lost in noise.
+
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+
+    Returns
+    -------
+    ndarray
+        (ν, νδμ cos 2mθ_μ, νδμ sin 2mθ_μ, δω cos 2mθ_ω, δω sin 2mθ_ω, K), (6,).
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import vector_of
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> vector_of(Mechanics(1000.0, 0.2, 0.01)).tolist()
+    [0.2, 0.01, 0.0, 0.0, 0.0, 0.55]
+    """
     a, b = (
         2 * mechanics.mode_number * mechanics.damping_axis_rad,
         2 * mechanics.mode_number * mechanics.stiffness_axis_rad,
@@ -69,8 +110,29 @@ def vector_of(mechanics: Mechanics) -> Array:
 
 
 def from_vector(x: Array, mechanics: Mechanics) -> Mechanics:
-    """The resonator of vectors x (..., 6), its fields of shape (..., 1): they broadcast over angles
-    along the last axis."""
+    """Resonators of vectors, whose fields broadcast over angles along the last axis.
+
+    Parameters
+    ----------
+    x
+        (..., 6), as `vector_of` has them.
+    mechanics
+        What the vector does not hold: frequency and mode number.
+
+    Returns
+    -------
+    Mechanics
+        Its fields (..., 1).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import from_vector, vector_of
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> gyro = Mechanics(1000.0, 0.2, 0.01, 0.1)
+    >>> bool(np.isclose(from_vector(vector_of(gyro), gyro).damping_axis_rad[0], 0.1))
+    True
+    """
     nu, mc, ms, wc, ws, factor = np.moveaxis(np.asarray(x, float)[..., None], -2, 0)
     m2 = 2 * mechanics.mode_number
     return replace(
@@ -85,12 +147,31 @@ def from_vector(x: Array, mechanics: Mechanics) -> Mechanics:
 
 
 def slope_covariance(resonator: Resonator) -> Array:
-    """Covariance of the resonator's parameters with its axes as the slopes of their splits make
-    them: what anything computed from it moves with.
+    """Covariance of a resonator's parameters with its axes as the slopes of their splits make them: what
+    anything computed from it moves with.
 
     The stated deviation of an axis whose split is lost in noise tells how far the axis may lie off
     (`inference.widen_axes`) and would move the split as a vector by more than its noise. The stated
     components give the slope's back: their variances add up to the size's and the tangent's.
+
+    Parameters
+    ----------
+    resonator
+        With k parameters.
+
+    Returns
+    -------
+    ndarray
+        (k, k), in the parameters' order and units.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import slope_covariance
+    >>> held = dict(name=np.array(["damping_rate_1_s"]), units=np.array(["s-1"]), value=np.ones(1))
+    >>> slope_covariance(Resonator(std=np.ones(1), covariance=np.eye(1), **held)).tolist()
+    [[1.0]]
     """
     values = resonator.parameters()
     names = [str(n) for n in resonator.name]
@@ -121,8 +202,28 @@ def _stated_trace(resonator: Resonator, components: tuple[str, ...]) -> float | 
 
 
 def vector_covariance(resonator: Resonator) -> Array:
-    """Covariance (6, 6) of the vector; what the resonator does not hold, or holds without a finite
-    deviation, counts as known."""
+    """Covariance of `vector_of` a resonator.
+
+    Parameters
+    ----------
+    resonator
+        What it does not hold, or holds without a finite deviation, counts as known.
+
+    Returns
+    -------
+    ndarray
+        (6, 6).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import vector_covariance
+    >>> held = dict(name=np.array(["damping_rate_1_s"]), units=np.array(["s-1"]), value=np.ones(1))
+    >>> found = Resonator(std=np.array([0.5]), covariance=np.array([[0.25]]), **held)
+    >>> np.diag(vector_covariance(found)).tolist()
+    [0.25, 0.0, 0.0, 0.0, 0.0, 0.0]
+    """
     m = resonator.mode_number
     values = resonator.parameters()
     order = [name for name in OF_GENERATOR if name in values and np.isfinite(values[name][1])]
@@ -169,14 +270,54 @@ def _slopes(
 
 
 def spread_points(x: Array, covariance: Array) -> Array:
-    """x (k,), then x ± σe along every principal direction of its covariance (k, k), (1 + 2k, k)."""
+    """x, then x ± σe along every principal direction of its covariance.
+
+    Parameters
+    ----------
+    x
+        (k,).
+    covariance
+        (k, k).
+
+    Returns
+    -------
+    ndarray
+        (1 + 2k, k): x, all x + σe, all x − σe.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import spread_points
+    >>> spread_points(np.array([1.0]), np.array([[0.25]])).ravel().tolist()
+    [1.0, 1.5, 0.5]
+    """
     size, direction = np.linalg.eigh((covariance + covariance.T) / 2)
     step = (direction * np.sqrt(np.maximum(size, 0.0))).T
     return np.concatenate([x[None], x + step, x - step])
 
 
 def deviation(values: Array) -> Array:
-    """Standard deviation of f from its values (1 + 2k, ...) at the vectors of `spread_points`."""
+    """Standard deviation of f from its values at the vectors of `spread_points` (Nørgaard 2000).
+
+    Parameters
+    ----------
+    values
+        f there, (1 + 2k, ...).
+
+    Returns
+    -------
+    ndarray
+        (...), exact for linear functions and for squares.
+
+    Examples
+    --------
+    x² at x = 0 with σ = 1 has the standard deviation √2:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import deviation, spread_points
+    >>> round(float(deviation(spread_points(np.zeros(1), np.eye(1)) ** 2)[0]) ** 2, 9)
+    2.0
+    """
     half = (len(values) - 1) // 2
     plus, minus, centre = values[1 : 1 + half], values[1 + half :], values[0]
     return np.asarray(

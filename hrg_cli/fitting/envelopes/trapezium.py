@@ -22,6 +22,13 @@ def integrate(values: Array, time_s: Array) -> Array:
     -------
     ndarray
         The integral from the first row to each, (..., n), in the integrand's unit times s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.trapezium import integrate
+    >>> integrate(np.array([0.0, 2.0, 4.0]), np.array([0.0, 1.0, 2.0])).tolist()
+    [0.0, 1.0, 4.0]
     """
     step = np.diff(time_s)
     slope = np.gradient(values, time_s, axis=-1)

@@ -52,7 +52,8 @@ class PreparedRuns:
     ) -> Calibration:
         """The record with everything there is to say in its status."""
         noted = record.judged(self.usable.notes, "valid").judged(self.usable.doubts, "suspect")
-        return noted.judged(refusals, "refused").judged(remarks, "suspect")
+        judged = noted.judged(refusals, "refused").judged(remarks, "suspect")
+        return judged.judged(self.usable.inherited, "suspect")
 
 
 def prepare(

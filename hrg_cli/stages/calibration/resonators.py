@@ -27,16 +27,75 @@ NAMES = ("K_DC_rad_s", "K_DS_rad_s", "K", "quadrature_cos_rad_s", "quadrature_si
 DAMPING = ("damping_split_1_s", "damping_axis_rad")
 STIFFNESS = ("frequency_split_rad_s", "stiffness_axis_rad")
 NEEDED = (*DAMPING, *STIFFNESS, "scale_factor")
+ROUNDING = 1e-12
+"""Part of the largest variance below which a direction has none: it is held."""
+
+
+def held_in(resonator: Resonator) -> set[str]:
+    """Parameters that a resonator's file holds and its runs did not measure: given to `hrg
+    identify`, they have no standard deviation.
+
+    Parameters
+    ----------
+    resonator
+        The file's record.
+
+    Returns
+    -------
+    set of str
+        Names among `NEEDED`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.stages.calibration.resonators import held_in
+    >>> given = dict(name=np.array(["scale_factor"]), units=np.array(["1"]), value=np.array([0.55]))
+    >>> held_in(Resonator(std=np.zeros(1), covariance=np.zeros((1, 1)), **given))
+    {'scale_factor'}
+    """
+    return {
+        name for name, (_, std, _) in resonator.parameters().items() if name in NEEDED and std == 0
+    }
 
 
 def coefficients_of(resonator: Resonator, partly: bool = False) -> tuple[Array, Array]:
-    """The five coefficients of `NAMES` and their covariance (5, 5), by the Jacobian of the
-    resonator's parameters.
+    """The five coefficients of `NAMES` and their covariance, by the Jacobian of the resonator's
+    parameters.
 
-    partly: what the resonator does not hold is NaN, with zeros in the covariance; else an error.
-    HrgError: a parameter is missing, or its standard deviation is not finite.
+    K_DC = −νδμ sin 2mθ_μ, K_DS = νδμ cos 2mθ_μ (seed A (8), (10)), K, −2δω(cos, sin) 2mθ_ω.
+
+    Parameters
+    ----------
+    resonator
+        The file's record.
+    partly
+        What the resonator did not measure is NaN, with zeros in the covariance: what it lacks is no
+        error, and what it holds is no knowledge.
+
+    Returns
+    -------
+    tuple of ndarray
+        (5,) and (5, 5); what is held has no variance.
+
+    Raises
+    ------
+    HrgError
+        A parameter is missing, or its standard deviation is not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.stages.calibration.resonators import coefficients_of
+    >>> k = dict(name=np.array(["scale_factor"]), units=np.array(["1"]), value=np.array([0.55]))
+    >>> found = Resonator(std=np.array([1e-3]), covariance=np.array([[1e-6]]), **k)
+    >>> value, covariance = coefficients_of(found, partly=True)
+    >>> float(value[2]), float(covariance[2, 2]), bool(np.isnan(value[0]))
+    (0.55, 1e-06, True)
     """
     names = [str(n) for n in resonator.name]
+    told = set(names) - held_in(resonator) if partly else set(names)
     for name in () if partly else NEEDED:
         if name not in names:
             raise HrgError(
@@ -51,17 +110,17 @@ def coefficients_of(resonator: Resonator, partly: bool = False) -> tuple[Array, 
         )
     two_m = 2 * resonator.mode_number
     value, slope = np.full(5, np.nan), np.zeros((5, len(names)))
-    if set(DAMPING) <= set(names):
+    if set(DAMPING) <= told:
         split, axis = (resonator.get(name) for name in DAMPING)
         # K_DC = −νδμ sin 2mθ_μ, K_DS = νδμ cos 2mθ_μ and their Jacobian
         sin, cos = np.sin(two_m * axis), np.cos(two_m * axis)
         value[:2] = -split * sin, split * cos
         slope[:2, names.index(DAMPING[0])] = -sin, cos
         slope[:2, names.index(DAMPING[1])] = -two_m * split * cos, -two_m * split * sin
-    if "scale_factor" in names:
+    if "scale_factor" in told:
         value[2] = resonator.get("scale_factor")
         slope[2, names.index("scale_factor")] = 1.0
-    if set(STIFFNESS) <= set(names):
+    if set(STIFFNESS) <= told:
         split, axis = (resonator.get(name) for name in STIFFNESS)
         sin, cos = np.sin(two_m * axis), np.cos(two_m * axis)
         value[3:] = -2 * split * cos, -2 * split * sin
@@ -152,8 +211,44 @@ def pool_resonators(
 ) -> ResonatorCoefficients:
     """The resonators' coefficients over temperature or frequency, those of one place pooled.
 
-    low, high: the range the runs to be described take. HrgError: a resonator without its
-    temperature where it matters, a range that the resonators do not span, a refused resonator.
+    Parameters
+    ----------
+    resonators
+        One file's record each, at least one.
+    axis
+        "temperature" or "frequency".
+    nodes
+        Nodes of the tables, (j,).
+    low, high
+        The range that the runs to be described take, in the nodes' unit.
+    interpolation
+        Between places, as the tables': "linear", "monotone" or a smooth one.
+
+    Returns
+    -------
+    ResonatorCoefficients
+        At the places, with the checks that files of one place agree.
+
+    Raises
+    ------
+    HrgError
+        A refused resonator, one without its temperature where it matters, runs of a wide range in one
+        file, a range that the resonators do not span, a parameter held at one place and measured at
+        another.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.physics.resonator import PARAMETERS
+    >>> from hrg_cli.stages.calibration.resonators import pool_resonators
+    >>> names, units = zip(*PARAMETERS)
+    >>> value, std = np.array([1e3, 0.2, 0.01, 0.0, 0.02, 0.1, 0.55]), np.full(7, 1e-3)
+    >>> known = dict(name=np.array(names), units=np.array(units), std=std, covariance=np.diag(std**2))
+    >>> file = Resonator(value=value, temperature_degc=20.0, **known)
+    >>> pooled = pool_resonators([file] * 4, "temperature", np.array([20.0]), 20.0, 20.0, "linear")
+    >>> round(float(pooled.value[0, 2]), 6), round(float(pooled.covariance[0, 2, 2] ** 0.5), 6)
+    (0.55, 0.0005)
     """
     margin, name, unit = (
         (SINGLE_NODE_MARGIN_DEGC, "temperature", "°C")
@@ -175,6 +270,7 @@ def pool_resonators(
             )
         places = np.full(1, nodes[0])
     groups = _groups(places, margin)
+    _need_measured_alike([[resonators[i] for i in group] for group in groups], f"another {name}")
     if np.isfinite([low, high]).all() and np.isfinite(places).all():
         lowest, highest = float(places.min()), float(places.max())
         if low < lowest - margin or high > highest + margin:
@@ -197,7 +293,30 @@ def pool_resonators(
 
 
 def place_of(resonator: Resonator, axis: str) -> float:
-    """Temperature or frequency a resonator was identified at; NaN where its file does not say."""
+    """Temperature or frequency a resonator was identified at.
+
+    Parameters
+    ----------
+    resonator
+        The file's record.
+    axis
+        "temperature" or "frequency".
+
+    Returns
+    -------
+    float
+        °C or Hz; NaN where its file does not say.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.stages.calibration.resonators import place_of
+    >>> k = dict(name=np.array(["scale_factor"]), units=np.array(["1"]), value=np.array([0.55]))
+    >>> made = Resonator(std=np.zeros(1), covariance=np.zeros((1, 1)), temperature_degc=20.0, **k)
+    >>> place_of(made, "temperature"), place_of(made, "frequency")
+    (20.0, nan)
+    """
     if axis == "temperature":
         return (
             float("nan")
@@ -215,17 +334,66 @@ def _groups(places: Array, margin: float) -> list[Array]:
     return list(np.split(order, cut))
 
 
+def _need_measured_alike(groups: Sequence[Sequence[Resonator]], elsewhere: str) -> None:
+    """HrgError: a parameter was measured at one place and only held at another, where it would stand
+    beside the measured one as if it were known without error; or files of one place hold it at
+    different values."""
+    for name in NEEDED:
+        held = [all(name in held_in(one) for one in group) for group in groups]
+        if any(held) and not all(held):
+            raise HrgError(
+                f"a resonator file holds {name} at a value that was given, and one of {elsewhere}"
+                " measured it; identify it there from runs that show it, or leave that file out"
+            )
+        for group in groups:
+            given = {one.get(name) for one in group} if all(held) else set()
+            if len(given) > 1:
+                raise HrgError(
+                    f"resonator files of one place hold {name} at {min(given):.6g} and"
+                    f" {max(given):.6g}; identify them with one value"
+                )
+
+
 def _pool(found: Sequence[tuple[Array, Array]], at: str) -> tuple[Array, Array, Check | None]:
     """Generalised mean of coefficients of one place, its covariance, and the check that they
-    agree."""
+    agree.
+
+    A direction without variance is held, no measurement: it has no weight beside one that is
+    measured, and keeps its value where it is held in every file.
+    """
     if len(found) == 1:
         return (*found[0], None)
-    weights = [np.linalg.pinv(covariance, hermitian=True) for _, covariance in found]
-    total = np.linalg.pinv(np.sum(weights, axis=0), hermitian=True)
-    mean = total @ np.sum([w @ v for w, (v, _) in zip(weights, found)], axis=0)
-    excess = float(sum((v - mean) @ w @ (v - mean) for w, (v, _) in zip(weights, found)))
+    values = [value for value, _ in found]
+    weights = [_invert(covariance) for _, covariance in found]
+    together = np.sum(weights, axis=0)
+    total = _invert(together)
+    first = np.mean(values, axis=0)
+    mean = first + total @ np.sum([w @ (v - first) for w, v in zip(weights, values)], axis=0)
+    excess = float(sum((v - mean) @ w @ (v - mean) for w, v in zip(weights, values)))
+    freedom = sum(_rank(covariance) for _, covariance in found) - _rank(together)
     sentence = (
         f"the resonator files at {at} contradict each other beyond their errors; leave one out, or"
         " identify all their runs together"
     )
-    return mean, total, goodness(excess, 5 * (len(found) - 1), sentence, "resonators_agree")
+    if freedom == 0:
+        return mean, total, None
+    return mean, total, goodness(excess, freedom, sentence, "resonators_agree")
+
+
+def _rank(matrix: Array) -> int:
+    """Directions (k, k) that are measured: the trace of the projector on them."""
+    return round(float(np.trace(_invert(matrix) @ matrix)))
+
+
+def _invert(matrix: Array) -> Array:
+    """The pseudo-inverse (5, 5) of a covariance or an information, its rank judged with the two
+    anisotropies and K in units of their own.
+
+    Both components of an anisotropy have one unit: an axis that is held leaves one direction of
+    them, which units of their own would turn.
+    """
+    size = np.ones(5)
+    for places in ([0, 1], [2], [3, 4]):
+        size[places] = np.sqrt(max(float(np.diag(matrix)[places].sum()), 0.0)) or 1.0
+    scale = np.outer(size, size)
+    return np.asarray(np.linalg.pinv(matrix / scale, rcond=ROUNDING, hermitian=True) / scale)

@@ -97,6 +97,7 @@ def wave_of(run: SimulationFile) -> Wave:
     a_A, a_B, angle, phase = ellipse.wave(u, run.device.mode_number)
     angle, phase = ellipse.unwrap(angle, phase, run.device.mode_number)
     noise = float(np.hypot(run.readout.noise, _converter(run)))
+    # Demodulating N samples of noise σ leaves σ√(2/N) on each of cosine and sine.
     std = np.full(STEPS, noise * np.sqrt(2 / (table.sample_rate_hz * step)))
     warm, rate = (
         np.interp(t, world.time_s, world.logged_temperature_degc),
@@ -159,7 +160,9 @@ def information(
             columns.append(
                 whitened_rows.sensitivity(flow, cause, values, scales.steps_of(cause, series))
             )
+        # A cause may have no slope at some rows (no log of what it follows): these tell nothing of it.
         A = np.nan_to_num(np.concatenate(columns, axis=1))
+        # Start and frequency are every run's own: what they can imitate is no information.
         basis = designs.orthonormal(own_columns[:, :OWN])
         A = A - basis @ (basis.T @ A)
         out.append(A.T @ A)

@@ -69,6 +69,7 @@ def deviations(M: Array, m: Mechanics) -> dict[str, float | None]:
     _, slopes = to_parameters(from_mechanics(m), m.mode_number)
     u = _units(m)
     covariance = np.zeros((COUNT, COUNT))
+    # The second order is a nuisance here: its part is marginalised, not shown as a parameter.
     covariance[:6, :6] = np.linalg.pinv(
         left_over(M, range(6), [6]) / np.outer(u, u), hermitian=True
     ) / np.outer(u, u)
@@ -88,6 +89,7 @@ def choose_runs(
         names.append(
             max((n for n in offered if n not in names), key=lambda n: worth(total + offered[n]))
         )
+    # A first run that was best alone may be a poor one beside the others: greedy choice keeps it.
     improved = True
     while improved:
         improved = False
@@ -97,6 +99,7 @@ def choose_runs(
                 (n for n in offered if n not in names or n == names[k]),
                 key=lambda n: worth(others + offered[n]),
             )
+            # More than rounding, or two runs of one worth would be exchanged for ever.
             if worth(others + offered[best]) > worth(others + offered[names[k]]) + 1e-9:
                 names[k], improved = best, True
     return names
