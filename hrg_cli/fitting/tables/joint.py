@@ -8,10 +8,11 @@ few contiguous pieces of time (`normal_pieces`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .bends import bends, settle_bends
 from .common_walk import coarsen, common_walk
 from .increment_noise import AngleNoise, estimate_noise
 from .increments import AnglePath
@@ -74,9 +75,12 @@ def fit(
     settled = False
     for sweep in range(MOST_SWEEPS + 1):
         pieces = accumulate(paths, noises, layout, turns, previous)
-        A, b, square, rows = pieces.sum()
-        solution = solve(A, b, model)
+        solution = solve(*pieces.sum()[:2], model)
         linearised, previous = previous, solution.coefficients
+        if bends(layout):
+            linearised = previous = settle_bends(paths, noises, layout, turns, model, previous)
+            pieces = accumulate(paths, noises, layout, turns, previous)
+            solution = replace(solve(*pieces.sum()[:2], model), coefficients=previous)
         if settled or sweep == MOST_SWEEPS:
             break
         coarse, used = [], list(noises)
@@ -101,5 +105,6 @@ def fit(
         weights = [AngleNoise(n.white, max(n.walk, walk)) for n in noises]
         settled = sweep > 0 and _walks_settled(used, weights)
         noises = weights
+    A, b, square, rows = pieces.sum()
     chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
     return Fitted(list(paths), turns, noises, layout, pieces, solution, float(chi2), jumps)
