@@ -25,9 +25,9 @@ from ..records import Periods, one_or_stream
 from .envelope_rows import EnvelopeRows
 from .envelope_signal import EnvelopeSignal
 from .envelope_stream import stream_windows
-from .envelope_windows import plan_windows
-from .log import ONE_DEMODULATOR
-from .log_columns import find
+from .envelope_windows import WindowPlan, plan_windows
+from .log import ONE_DEMODULATOR, Log
+from .log_columns import Roles, find
 from .log_options import (
     ClockHz,
     Column,
@@ -50,6 +50,7 @@ from .log_options import (
     ToS,
 )
 from .readers import open_log
+from .run_heading import RunHeading, UnitsTold
 from .slow import SlowLog
 from .taken import Taken, checked_range
 from .timing import timing_of
@@ -176,11 +177,7 @@ def import_envelope(
     """
     path = Path(path)
     checked_range(from_s, to_s)
-    if reference_frequency_hz is None:
-        raise HrgError(
-            f"{path}: the frequency of the demodulator's reference is not in the log; give"
-            " reference_frequency_hz"
-        )
+    reference_hz = _need_reference(path, reference_frequency_hz)
     log = open_log(path, format, separator, decimal)
     named = {
         "c_in_phase": c_in_phase,
@@ -191,19 +188,14 @@ def import_envelope(
         "phase": phase,
     }
     signal = EnvelopeSignal.found(log, path, named, decibel, phase_units, quadrature_sign)
-    first = next(iter(signal.columns.values()))
-    roles = find(
-        log,
-        str(path),
-        {"time": time, "c": first + 1, "s": "none", "temperature": temperature, "rate": rate},
-    )
+    roles = _find_beside(log, path, signal, time, temperature, rate)
     timing = timing_of(log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
+    told = UnitsTold(time_units, rate_units, temperature_units)
     slow = SlowLog(
         log,
         roles,
         where=str(path),
-        rate_units=rate_units,
-        temperature_units=temperature_units,
+        told=told,
         rate_scale_factor=1.0,
         constants={"rate": constant_rate_rad_s, "temperature": constant_temperature_degc},
         most=1 << 62,  # as many as there are: windows average them, no auxiliary log holds them
@@ -213,32 +205,37 @@ def import_envelope(
     columns = (
         signal.columns | ({} if roles.time is None else {"time": roles.time}) | roles.auxiliary()
     )
-    given = {"time": time_units, "rate": rate_units, "temperature": temperature_units}
-    told = dict.fromkeys(signal.columns, unit) | {role: of for role, of in given.items() if of}
-    taken = Taken(log, columns, told, timing.sample_rate_hz, from_s, to_s)
+    by_role = told.by_role(signal.columns, unit)
+    taken = Taken(log, columns, by_role, timing.sample_rate_hz, from_s, to_s)
     source = EnvelopeRows(path, log, roles, timing, slow, signal)
     plan = plan_windows(path, source.between(from_s, to_s), rows_per_window)
-    blank = (
-        _no_windows(reference_frequency_hz, plan.rows * plan.step_s)
-        .replace(
-            mode=mode,
-            mode_number=mode_number,
-            gyro_id=gyro_id,
-            run_id=run_id or path.stem,
-            lot_id=lot_id,
-            start_time=start_time or log.start_time,
-            units=unit,
-        )
-        .judged(
-            [reason for reason in log.reasons if reason != ONE_DEMODULATOR] + list(timing.reasons)
-        )
-    )
-    for status, reason in (
-        *signal.verdicts(reference_frequency_hz),
-        *plan.verdicts(slow.scales != {}),
-    ):
-        blank = blank.judged([reason], status)
+    heading = RunHeading(mode, mode_number, gyro_id, run_id, lot_id, start_time)
+    blank = _no_windows(reference_hz, plan.rows * plan.step_s)
+    blank = _judge(blank.replace(**heading.fields(log, path), units=unit), source, plan)
     return one_or_stream(stream_windows(source, blank, plan, taken))
+
+
+def _need_reference(path: Path, reference_hz: float | None) -> float:
+    """The frequency of the demodulator's reference. HrgError: not given."""
+    if reference_hz is None:
+        raise HrgError(
+            f"{path}: the frequency of the demodulator's reference is not in the log; give"
+            " reference_frequency_hz"
+        )
+    return reference_hz
+
+
+def _find_beside(
+    log: Log, path: Path, signal: EnvelopeSignal, time: Column, temperature: Column, rate: Column
+) -> Roles:
+    """The columns of times, temperature and rate beside the envelope's; channel C stands for all of
+    the envelope, so that none of its columns is taken for another."""
+    first = next(iter(signal.columns.values()))
+    return find(
+        log,
+        str(path),
+        {"time": time, "c": first + 1, "s": "none", "temperature": temperature, "rate": rate},
+    )
 
 
 def _need_beside(path: Path, slow: SlowLog) -> None:
@@ -248,6 +245,20 @@ def _need_beside(path: Path, slow: SlowLog) -> None:
             f"{path}: its slow columns differ in length from the signals; columns beside the"
             " signals were expected"
         )
+
+
+def _judge(blank: Periods, source: EnvelopeRows, plan: WindowPlan) -> Periods:
+    """What speaks against the periods before a row of them is made: the log, its times, its columns
+    and the filter that its rows show."""
+    of_log = [reason for reason in source.log.reasons if reason != ONE_DEMODULATOR]
+    judged = blank.judged([*of_log, *source.timing.reasons])
+    logged = bool(source.slow.scales)
+    for status, reason in (
+        *source.signal.verdicts(blank.reference_frequency_hz),
+        *plan.verdicts(logged),
+    ):
+        judged = judged.judged([reason], status)
+    return judged
 
 
 def _no_windows(reference_frequency_hz: float, window_s: float) -> Periods:

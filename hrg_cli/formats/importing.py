@@ -18,7 +18,6 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..records import Recording, one_or_stream
-from .log_columns import ALIASES
 from .log_options import (
     ClockHz,
     Column,
@@ -41,6 +40,7 @@ from .log_options import (
     ToS,
 )
 from .opened_log import first_reasons, open_channels, scales_of, unit_of_channels
+from .run_heading import RunHeading, UnitsTold
 from .sample_blocks import stream_blocks
 from .slow import SlowLog
 from .taken import Taken, checked_range
@@ -196,36 +196,30 @@ def import_log(
     opened = open_channels(Path(path), s_file, asked, format, separator, decimal)
     log, roles, where = opened.log, opened.roles, opened.files[0]
     unit = unit_of_channels(log, roles, units, str(where))
+    told = UnitsTold(time_units, rate_units, temperature_units)
     timing = timing_of(log, roles, where, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
+    heading = RunHeading(mode, mode_number, gyro_id, run_id, lot_id, start_time)
     blank = Recording(
         c=np.empty(0),
         s=np.empty(0),
         sample_rate_hz=timing.sample_rate_hz,
-        mode=mode,
         readout=readout,
         carrier_hz=carrier_hz,
-        mode_number=mode_number,
-        gyro_id=gyro_id,
-        run_id=run_id or where.stem,
-        lot_id=lot_id,
-        start_time=start_time or log.start_time,
         nominal_frequency_hz=nominal_frequency_hz,
         c_units=unit,
         s_units=unit,
+        **heading.fields(log, where),
         **scales_of(log, roles, c_scale_factor, s_scale_factor),
     ).judged(first_reasons(opened, timing))
     slow = SlowLog(
         log,
         roles,
         where=str(where),
-        rate_units=rate_units,
-        temperature_units=temperature_units,
+        told=told,
         rate_scale_factor=rate_scale_factor,
         constants={"rate": constant_rate_rad_s, "temperature": constant_temperature_degc},
         most=auxiliary_rows,
     )
-    columns = {role: index for role in ALIASES if (index := getattr(roles, role)) is not None}
-    given = {"time": time_units, "rate": rate_units, "temperature": temperature_units}
-    told = {"c": unit, "s": unit} | {role: asked for role, asked in given.items() if asked}
-    taken = Taken(log, columns, told, timing.sample_rate_hz, from_s, to_s)
+    by_role = told.by_role(("c", "s"), unit)
+    taken = Taken(log, roles.columns(), by_role, timing.sample_rate_hz, from_s, to_s)
     return one_or_stream(stream_blocks(opened, blank, timing, slow, taken))

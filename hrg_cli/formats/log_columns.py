@@ -114,6 +114,11 @@ class Roles:
     drive_quadrature: int | None
     auxiliary_time: int | None = None
 
+    def columns(self) -> dict[str, int]:
+        """The columns present, in the order of `ALIASES`: role -> index."""
+        found = {role: getattr(self, role) for role in ALIASES}
+        return {role: index for role, index in found.items() if index is not None}
+
     def auxiliary(self) -> dict[str, int]:
         """The slow columns present: role -> index."""
         found = {

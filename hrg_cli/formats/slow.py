@@ -12,6 +12,7 @@ from .log import Array, Log
 from .log_columns import Roles
 from .quantities import rate_factor, temperature_scale
 from .readers import guard_reading
+from .run_heading import UnitsTold
 from .timing import Timing
 
 MOST_OWN_ROWS = 1 << 26
@@ -39,8 +40,7 @@ class SlowLog:
         roles: Roles,
         *,
         where: str,
-        rate_units: str | None,
-        temperature_units: str | None,
+        told: UnitsTold,
         rate_scale_factor: float,
         constants: dict[str, float | None],
         most: int,
@@ -57,10 +57,10 @@ class SlowLog:
             channel = log.channels[index]
             factor, offset = 1.0, 0.0
             if role == "rate":
-                unit = unit_of_column(where, role, index, channel, rate_units)
+                unit = unit_of_column(where, role, index, channel, told.rate)
                 factor = rate_scale_factor * rate_factor(unit)
             if role == "temperature":
-                unit = unit_of_column(where, role, index, channel, temperature_units)
+                unit = unit_of_column(where, role, index, channel, told.temperature)
                 factor, offset = temperature_scale(unit)
             self.scales[role] = (
                 factor * channel.scale_factor,

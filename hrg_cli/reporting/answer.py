@@ -117,37 +117,25 @@ def answer(
     >>> answer([]) is None
     True
     """
-    of_kind = {record.kind: record for record in records}
-    kinds = ("diagnosis", "calibration", "resonator", "compensated")
-    results = [of_kind[kind] for kind in kinds if kind in of_kind]
-    if not results:
+    results = Results.of(records)
+    if not results.deciding:
         return None
-    found, resonator = of_kind.get("diagnosis"), of_kind.get("resonator")
-    diagnosis = found if isinstance(found, Diagnosis) else None
+    diagnosis, tables = results.diagnosis, results.tables
     report = json_object(diagnosis.report) if diagnosis is not None else {}
     departure = answer_words.departure_of(diagnosis) if diagnosis is not None else None
     causes = answer_words.causes_of(report, departure)
     verdict = plain(diagnosis.verdict) if diagnosis is not None else None
-    calibration = of_kind.get("calibration")
-    used = calibration if isinstance(calibration, Calibration) else None
-    examined = _examined(results)
-    parameters, of = _parameters(diagnosis, resonator)
+    examined = _examined(results.deciding)
+    parameters, of = _parameters(diagnosis, results.resonator)
     moved = _moved(report)
     of_runs = None
     if diagnosis is not None:
         runs = len(json_list(diagnosis.run_ids))
         of_runs = answer_words.sentence(plain(diagnosis.verdict), report, departure, causes, runs)
-    sentence = _say_results(of_runs, used, results[-1], "" if causes else _say_farthest(moved))
-    named = dict(names or {})
-    one_signal = isinstance(resonator, Resonator) and resonator.modes_alone
-    if one_signal:
-        named.pop("resonator", None)
-    # one channel alone has no wave angle that an equation of the rate could be of
-    without_rate = one_signal and used is None
-    equation = "" if without_rate else answer_use.equation(used, [c.name for c in causes])
+    farthest = "" if causes else _say_farthest(moved)
     return Answer(
-        gyro_id=plain(next((g for r in results if (g := getattr(r, "gyro_id", ""))), "")),
-        sentence=sentence,
+        gyro_id=results.gyro_id,
+        sentence=_say_results(of_runs, tables, results.deciding[-1], farthest),
         health=_health(verdict, causes),
         validity=_validity(verdict, examined),
         verdict=verdict,
@@ -162,10 +150,60 @@ def answer(
         suspect_runs=tuple(answer_words.suspect_run(e) for e in entries(report, "suspect_runs")),
         stability=answer_words.stability(report),
         next_runs=answer_words.next_runs(report),
-        equation=equation,
-        snippet=answer_use.snippet(report, used, parameters),
-        commands=answer_use.commands(named, diagnosis, used),
+        equation=_equation(results, causes),
+        snippet=answer_use.snippet(report, tables, parameters),
+        commands=answer_use.commands(_usable_files(results, names), diagnosis, tables),
     )
+
+
+@dataclass(frozen=True)
+class Results:
+    """The results of one gyro: the last record of each kind, and those of a kind that decides."""
+
+    deciding: Sequence[Record]
+    diagnosis: Diagnosis | None
+    tables: Calibration | None
+    resonator: Record | None
+
+    @classmethod
+    def of(cls, records: Sequence[Record]) -> Results:
+        """What of the records is a result."""
+        of_kind = {record.kind: record for record in records}
+        diagnosis, tables = of_kind.get("diagnosis"), of_kind.get("calibration")
+        kinds = ("diagnosis", "calibration", "resonator", "compensated")
+        return cls(
+            [of_kind[kind] for kind in kinds if kind in of_kind],
+            diagnosis if isinstance(diagnosis, Diagnosis) else None,
+            tables if isinstance(tables, Calibration) else None,
+            of_kind.get("resonator"),
+        )
+
+    @property
+    def gyro_id(self) -> str:
+        """The first name that a result gives its gyro."""
+        return plain(next((g for r in self.deciding if (g := getattr(r, "gyro_id", ""))), ""))
+
+    @property
+    def one_signal(self) -> bool:
+        """Whether the resonator is of one channel alone: no wave angle is seen."""
+        return isinstance(self.resonator, Resonator) and self.resonator.modes_alone
+
+
+def _equation(results: Results, causes: Sequence[Cause]) -> str:
+    """The equation that the result gives the numbers of; none where no wave angle was seen that an
+    equation of the rate could be of."""
+    if results.one_signal and results.tables is None:
+        return ""
+    return answer_use.equation(results.tables, [cause.name for cause in causes])
+
+
+def _usable_files(results: Results, names: Mapping[str, str] | None) -> dict[str, str]:
+    """Kind -> file that a next command can take: a resonator of one channel is none."""
+    return {
+        kind: name
+        for kind, name in (names or {}).items()
+        if not (results.one_signal and kind == "resonator")
+    }
 
 
 def _say_results(

@@ -24,7 +24,13 @@ from .calibration.prices import an_hour_more
 from .calibration.repeatability import say_unstable
 from .calibration.summary import summary as summary
 from .calibration.table import check_between
-from .calibration.trials import add_loop_columns, fit_everything, take_coefficients, try_models
+from .calibration.trials import (
+    FullFit,
+    add_loop_columns,
+    fit_everything,
+    take_coefficients,
+    try_models,
+)
 from .calibration.variant_solutions import Wanted
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 from .figures_of_merit import trade_figures
@@ -170,11 +176,9 @@ def calibrate(
     tried = try_models(whole, folds, wanted, coefficients, model, bool(refusals))
 
     chosen = Chosen.of(fitted, folds, tried.answer, wanted, programmes)
-    if stable_only:
-        chosen = chosen.stable_alone()
-        remarks += chosen.not_dropped
-    if interpolation == "smooth":
-        chosen = chosen.smoothed()
+    chosen = chosen.stable_alone() if stable_only else chosen
+    chosen = chosen.smoothed() if interpolation == "smooth" else chosen
+    remarks += chosen.not_dropped
     answer, strays = chosen.answer, stray_harmonics(fitted, fitted.solution)
     if not refusals:
         remarks += _doubts_of(chosen, strays)
@@ -190,14 +194,20 @@ def calibrate(
         **tried.details(chosen, model in ("auto", "all"), bootstrap, seed),
     }
     if ladder:
-        settings = LadderSettings(*answer.limits, chosen.scale_factor, bootstrap, seed)
-        details["ladder"], details["final_analysis"] = climb(
-            add_loop_columns(fitted), whole.free, folds, settings, chosen.penalty
-        )
+        details |= _climb_all_stages(chosen, whole, bootstrap, seed)
     record = chosen.record(runs.usable.waves, runs.valid, details)
     if not refusals:
         record = _with_between(_with_use(record, details, fitted))
     return runs.judge(record, refusals, remarks)
+
+
+def _climb_all_stages(chosen: Chosen, whole: FullFit, draws: int, seed: int) -> dict[str, Any]:
+    """All seven stages of accuracy, and the analysis of what the last one leaves."""
+    settings = LadderSettings(*chosen.answer.limits, chosen.scale_factor, draws, seed)
+    stages, analysis = climb(
+        add_loop_columns(whole.fitted), whole.free, chosen.folds, settings, chosen.penalty
+    )
+    return {"ladder": stages, "final_analysis": analysis}
 
 
 def _doubts_of(chosen: Chosen, strays: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -4,7 +4,7 @@ outside what they were made for."""
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 import numpy as np
@@ -12,19 +12,17 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..fitting.checks import failures
-from ..fitting.samples.rate_log import left_out, stretches
-from ..fitting.tables.increments import ROWS_AT_ONCE, AnglePath, path_of
+from ..fitting.tables.increments import AnglePath, path_of
 from ..records import Calibration, Compensated, Wave
-from .calibration.figures import CELLS_A_PERIOD
 from .calibration.table import (
     angle_random_walk_of,
     corrections_along,
     need_range,
     standard_deviations,
 )
-from .compensation.against_log import AngleAgainstLog
 from .compensation.angle_spread import AngleSpread
-from .compensation.figures import MOST_RATES, RateSpread, Totals
+from .compensation.logged_run import LoggedRun
+from .compensation.run_sums import IncrementRates, RateErrors, RunSums
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 
 Array = np.ndarray
@@ -98,8 +96,9 @@ def compensate(
     (159, 2.0)
     """
     _guard(wave, calibration)
+    run = LoggedRun.of(wave)
     earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
-    return _stream(wave, calibration, windows_per_increment, earth)
+    return _compensate_pieces(run, calibration, windows_per_increment, earth)
 
 
 def summary(record: Compensated) -> dict[str, Any]:
@@ -108,6 +107,7 @@ def summary(record: Compensated) -> dict[str, Any]:
 
 
 def _guard(wave: Wave, calibration: Calibration) -> None:
+    """HrgError: these tables are not to be applied to this wave."""
     if isinstance(wave, Compensated):
         raise HrgError(
             "the input is compensated already; compensate the wave file it was made from"
@@ -142,94 +142,65 @@ def _guard(wave: Wave, calibration: Calibration) -> None:
         raise HrgError(f"{name}: has {len(wave)} windows, at least three are needed")
 
 
-def _stream(
-    wave: Wave, calibration: Calibration, windows: int, earth_rate: float
+def _compensate_pieces(
+    run: LoggedRun, calibration: Calibration, windows: int, earth_rate: float
 ) -> Iterator[Compensated]:
-    name = f"run {wave.run_id or '?'}"
-    stretch = stretches(wave)
-    known = wave.rate_rad_s is not None and bool(stretch.any())
-    outside = left_out(wave, stretch > 0)
-    unknown = [f"{outside} of its figures"] if outside else []
-    scale_factor = float(np.mean(np.asarray(calibration.scale_factor_harmonics)[:, 0]))
-    spread, angles, against = RateSpread(), AngleSpread(calibration), AngleAgainstLog()
-    totals = Totals(np.zeros((3, CELLS_A_PERIOD)), max(1, -(-len(wave) // windows // MOST_RATES)))
-    angle, slowest, fastest = 0.0, np.inf, -np.inf
-    for piece, of_log in _pieces(wave, stretch, windows):
+    """The run in pieces that fit into memory, each with the figures of all so far."""
+    sums = RunSums(calibration, -(-len(run.wave) // windows), run.logged)
+    for piece, of_log in run.pieces(windows):
         path = path_of(
             piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False
         )
-        need_range(calibration, path.abscissa(calibration.axis), name)
-        time = path.interval_s
-        rate, noise, own, of_angle = _correct(path, calibration, angles)
-        logged = (of_log[1:] == of_log[:-1]) & (of_log[1:] > 0)
-        steady = path.rate_rad_s[logged] if logged.any() and known else _smooth(rate)
-        slowest, fastest = min(slowest, float(steady.min())), max(fastest, float(steady.max()))
-        on_ground = rate - earth_rate
-        middle = angle + np.cumsum(on_ground * time) - on_ground * time / 2
-        angle += float((on_ground * time).sum())
-        before, after, std = None, None, np.hypot(noise, own)
-        if known:
-            true = np.where(logged, path.rate_rad_s, np.nan)
-            before, after = -path.turn / time / scale_factor - true, rate - true
-            totals.add(path, before, after)
-            against.add(path.middle(path.time_s), time, after, std, of_angle)
-        spread.add(noise, own, after)
-        figures = (
-            totals.figures() if known else {}
-        )  # all so far: the last piece has those of the run
+        need_range(calibration, path.abscissa(calibration.axis), run.name)
+        found = _correct(path, calibration, sums.angles)
+        known = run.known_rates(of_log)
+        sums.widen(path.rate_rad_s[known] if known.any() else _smooth(found.rate_rad_s))
+        errors = _errors_of(path, found, known, calibration) if run.logged else None
+        sums.add(path, found, errors)
+        on_ground = found.rate_rad_s - earth_rate
         record = _record_of(
-            wave,
+            run,
             calibration,
-            unknown,
             time_s=path.middle(path.time_s),
             rate_estimate_rad_s=on_ground,
-            rate_estimate_rad_s_std=std,
-            angle_estimate_rad=middle,
-            angle_estimate_rad_std=of_angle,
-            residual_before_rad_s=before,
-            residual_after_rad_s=after,
-            details=json.dumps(figures | spread.figures() | against.figures()),
+            rate_estimate_rad_s_std=found.std,
+            angle_estimate_rad=sums.turn_on(on_ground, path.interval_s),
+            angle_estimate_rad_std=found.angle_std,
+            residual_before_rad_s=None if errors is None else errors.before_rad_s,
+            residual_after_rad_s=None if errors is None else errors.after_rad_s,
+            details=json.dumps(sums.figures()),
         )
-        seen = totals if known else None
-        judged = _judge_rates(record, calibration, seen, scale_factor, slowest, fastest, name)
-        yield judged.judged(failures([against.check()]))
-    if not np.isfinite(slowest):
-        raise HrgError(f"{name}: has no good windows; see its flags, and demodulate again")
+        judged = _judge_rates(record, calibration, sums, run.name)
+        yield judged.judged(failures([sums.against.check()]))
+    if not np.isfinite(sums.slowest_rad_s):
+        raise HrgError(f"{run.name}: has no good windows; see its flags, and demodulate again")
 
 
-def _correct(
-    path: AnglePath, calibration: Calibration, angles: AngleSpread
-) -> tuple[Array, Array, Array, Array]:
-    """Of every increment the rate by the tables, Ω = (D − mθ̇)/K, its σ by the windows' noise and by
-    the tables' own errors, and σ of the angle at its end."""
+def _correct(path: AnglePath, calibration: Calibration, angles: AngleSpread) -> IncrementRates:
+    """Of every increment the rate by the tables, Ω = (D − mθ̇)/K, with what it is uncertain by."""
     blocks = path.abscissa(calibration.axis)
     drift, scale = corrections_along(calibration, path)
     rate = (drift - path.turn / path.interval_s) / scale
-    noise, own = deviations(calibration, path, blocks, rate, scale)
-    return rate, noise, own, angles.along(path, blocks, rate, scale)
+    noise, of_tables = deviations(calibration, path, blocks, rate, scale)
+    return IncrementRates(rate, noise, of_tables, angles.along(path, blocks, rate, scale))
 
 
-def _pieces(wave: Wave, stretch: Array, windows: int) -> Iterator[tuple[Wave, Array]]:
-    """The wave in pieces that fit into memory, and on which stretch of the rate's log each good
-    block stands. Each begins with the last good block of the one before, so that no increment is
-    lost between them."""
-    step = max(windows, ROWS_AT_ONCE // windows * windows)
-    begin, stop = 0, 0
-    while stop < len(wave):
-        # a last piece shorter than the others goes with the one before it
-        stop = len(wave) if len(wave) - stop < 2 * step else stop + step
-        piece = wave.rows(begin, stop)
-        kept = _good_blocks(piece, windows)
-        if len(kept) < 2:
-            continue
-        yield piece, _of_blocks(stretch[begin:stop], windows)[kept]
-        begin += int(kept[-1]) * windows
+def _errors_of(
+    path: AnglePath, found: IncrementRates, known: Array, calibration: Calibration
+) -> RateErrors:
+    """The rates' errors against the log, where it is `known` (n,)."""
+    true = np.where(known, path.rate_rad_s, np.nan)
+    constant = -path.turn / path.interval_s / _mean_scale_factor(calibration)
+    return RateErrors(constant - true, found.rate_rad_s - true)
 
 
-def _record_of(
-    wave: Wave, calibration: Calibration, unknown: Sequence[str], **columns: Any
-) -> Compensated:
+def _mean_scale_factor(calibration: Calibration) -> float:
+    return float(np.mean(np.asarray(calibration.scale_factor_harmonics)[:, 0]))
+
+
+def _record_of(run: LoggedRun, calibration: Calibration, **columns: Any) -> Compensated:
     """The rates of a piece, named and judged as its wave."""
+    wave = run.wave
     return Compensated(
         **columns,
         gyro_id=wave.gyro_id or calibration.gyro_id,
@@ -237,7 +208,7 @@ def _record_of(
         lot_id=wave.lot_id,
         mode_number=wave.mode_number,
         status=wave.status,
-        status_reasons=(*wave.status_reasons, *unknown),
+        status_reasons=(*wave.status_reasons, *run.doubts()),
     )
 
 
@@ -270,21 +241,6 @@ def deviations(
     return noise, np.hypot(drift_std, rate * scale_std) / gain
 
 
-def _good_blocks(piece: Wave, windows: int) -> Array:
-    """Numbers of the blocks of `windows` rows that are at least half good."""
-    good = np.asarray(piece.good())
-    count = np.add.reduceat(good.astype(int), np.arange(0, len(good), windows))
-    return np.flatnonzero(count >= max(1.0, windows / 2))
-
-
-def _of_blocks(stretch: Array, windows: int) -> Array:
-    """The stretch of the rate log that a block of windows is in, 0 where it is not wholly in
-    one."""
-    starts = np.arange(0, len(stretch), windows)
-    least, most = (f.reduceat(stretch, starts) for f in (np.minimum, np.maximum))
-    return np.where(least == most, least, 0)
-
-
 def _smooth(rate: Array, increments: int = 200) -> Array:
     """Means over stretches of increments, so that noise does not look like a rate."""
     size = min(increments, len(rate))
@@ -292,13 +248,7 @@ def _smooth(rate: Array, increments: int = 200) -> Array:
 
 
 def _judge_rates(
-    record: Compensated,
-    calibration: Calibration,
-    totals: Totals | None,
-    scale_factor: float,
-    slowest: float,
-    fastest: float,
-    name: str,
+    record: Compensated, calibration: Calibration, sums: RunSums, name: str
 ) -> Compensated:
     """Refuse rates of the wrong sign, doubt rates outside those calibrated; a stream keeps the last
     record's verdict."""
@@ -307,6 +257,8 @@ def _judge_rates(
         if calibration.status == "suspect"
         else []
     )
+    totals, slowest, fastest = sums.totals, sums.slowest_rad_s, sums.fastest_rad_s
+    scale_factor = _mean_scale_factor(calibration)
     if totals is not None and np.isfinite(totals.scale_factor_seen):
         seen = totals.scale_factor_seen
         rms_rate = np.sqrt(totals.turned / max(totals.rows, 1)) / max(

@@ -16,26 +16,17 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ..effects import find
 from ..errors import HrgError
 from ..records import Diagnosis, Resonator, Status, Wave
-from .planning.information import InformationColumns, information, wave_of
-from .planning.known import (
-    device_table,
-    information_of,
-    mechanics_of,
-    reference_temperatures,
-    weak_prior,
-)
+from .planning.known import device_table, mechanics_of
 from .planning.menu import candidates
-from .planning.questions import BASE, Question, never_told, open_causes, questions_of
+from .planning.prospects import Prospects, reason_of, weigh_menu
+from .planning.questions import Question, never_told
 from .planning.worth import (
-    TOLD,
     choose_runs,
     deviations,
     find_impossible,
     log_information,
-    reason_of,
     separation,
     sum_of_separations,
 )
@@ -122,78 +113,51 @@ def plan(
     ['turning']
     """
     mechanics = mechanics_of(known)
-    sizes, groups = open_causes(known, causes)
-    acting = _acting(sizes, groups)
-    rivals = (rival for group in groups for rival in group)
-    effects = tuple(find(name) for name in dict.fromkeys([*sizes, *acting, *rivals]))
-    layout = InformationColumns(effects, acting)
     common, tables, feasible = candidates(menu, device_table(mechanics))
-    waves = {name: wave_of(run) for name, run in feasible.items()}
-    references = reference_temperatures([*made, *waves.values()], effects)
-    brought = information(list(waves.values()), mechanics, layout, references, False)
-    offered = dict(zip(waves, brought, strict=True))
-    # the runs made, where they are at hand, know what the result's covariance has forgotten
-    known_by_runs = (
-        sum(information(made, mechanics, layout, references, True))
-        if made
-        else information_of(known, mechanics, layout)
-    )
-    had = weak_prior(mechanics, layout) + known_by_runs
-    questions = questions_of(sizes, groups, layout, [*made, *waves.values()])
-    if criterion == "separate" and not questions:
+    prospects = weigh_menu(known, made, feasible, causes)
+    if criterion == "separate" and not prospects.questions:
         raise HrgError(
             "nothing is to be separated: name causes (--causes), or give a diagnosis that left some"
             " open"
         )
-    everything = had + sum(offered.values())
-    askable = [q for q in questions if separation(everything, q, layout) >= TOLD]
-    separate = bool(askable) and criterion != "variance"
-    worth: Callable[[Array], float] = partial(log_information, m=mechanics)
-    if separate:
-        worth = partial(sum_of_separations, questions=askable, layout=layout)
-    names = choose_runs(had, offered, min(runs, len(offered)), worth)
-    why = partial(
-        reason_of, names=names, had=had, offered=offered,
-        questions=askable if separate else (), layout=layout, m=mechanics,
-    )  # fmt: skip
-    total = had + sum(offered[name] for name in names)
-    refused = find_impossible(everything, questions, layout)
-    told_nothing = bool(questions) and len(refused) >= len(questions)
+    asked = [] if criterion == "variance" else prospects.answerable()
+    offered = prospects.offered
+    worth = _worth_of(prospects, asked)
+    names = choose_runs(prospects.had, offered, min(runs, len(offered)), worth)
+    refused = find_impossible(prospects.everything(), prospects.questions, prospects.layout)
+    answers_nothing = bool(prospects.questions) and len(refused) >= len(prospects.questions)
     return Plan(
-        runs=tuple(PlannedRun(name, tables[name], why(name)) for name in names),
-        before=deviations(had, mechanics),
-        after=deviations(total, mechanics),
-        separations=_separations(questions, had, total, layout),
+        runs=tuple(
+            PlannedRun(name, tables[name], reason_of(name, names, prospects, asked))
+            for name in names
+        ),
+        before=deviations(prospects.had, mechanics),
+        after=deviations(prospects.after(names), mechanics),
+        separations=_separations(prospects, names),
         impossible=tuple(dict.fromkeys([*refused, *never_told(known)])),
         file={**common, "run": [dict(tables[name]) for name in names]},
-        status="suspect" if told_nothing else "valid",
-        status_reasons=tuple(refused) if told_nothing else (),
+        status="suspect" if answers_nothing else "valid",
+        status_reasons=tuple(refused) if answers_nothing else (),
     )
 
 
-def _acting(
-    sizes: Mapping[str, dict[str, float]], groups: Sequence[Sequence[str]]
-) -> dict[str, dict[str, float]]:
-    """The causes with a size, by name; a thermometer's error shows only through what follows
-    temperature: where none was found, a typical coefficient is assumed."""
-    acting = {name: given for name, given in sizes.items() if given}
-    beside = {find(name).beside for group in groups for name in group if name != BASE} - {""}
-    if beside and not any(find(name).follows_temperature for name in acting):
-        acting |= {name: {p.name: p.typical for p in find(name).fitted()} for name in beside}
-    return acting
+def _worth_of(prospects: Prospects, asked: Sequence[Question]) -> Callable[[Array], float]:
+    """What an information is worth: separations where causes are to be told apart, else variance."""
+    if asked:
+        return partial(sum_of_separations, questions=asked, layout=prospects.layout)
+    return partial(log_information, m=prospects.mechanics)
 
 
-def _separations(
-    questions: Sequence[Question], had: Array, total: Array, layout: InformationColumns
-) -> tuple[dict[str, Any], ...]:
-    """How many σ apart each cause and its rival are, before and after the planned runs."""
+def _separations(prospects: Prospects, names: Sequence[str]) -> tuple[dict[str, Any], ...]:
+    """How many σ apart each cause and its rival are, before and after the runs of these names."""
+    layout, after = prospects.layout, prospects.after(names)
     return tuple(
         {
             "causes": [q.cause, q.rival],
-            "before_sigma": separation(had, q, layout),
-            "after_sigma": separation(total, q, layout),
+            "before_sigma": separation(prospects.had, q, layout),
+            "after_sigma": separation(after, q, layout),
         }
-        for q in questions
+        for q in prospects.questions
     )
 
 

@@ -334,13 +334,18 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("abs(seen / scale_factor - 1) > 0.05", "abs(seen / scale_factor - 1) > 0.5"),
             ("if strong and seen * scale_factor < 0:", "if False:"),
             ("rate = (drift - path.turn / path.interval_s) / scale", "rate = (drift + path.turn / path.interval_s) / scale"),
-            ("np.cumsum(on_ground * time) - on_ground * time / 2", "np.cumsum(on_ground * time)"),
-            ("angle += float((on_ground * time).sum())", "angle += 0.0"),
             ("if wave.mode_number != calibration.mode_number:", "if False:"),
             ("if calibration.correction != CORRECTION:", "if False:"),
             ("if wave.gyro_id and calibration.gyro_id and wave.gyro_id != calibration.gyro_id:", "if False:"),
             ("if calibration.status == \"refused\":", "if False:"),
             ("rate_max_rad_s + 0.1 * span", "rate_max_rad_s + 10 * span"),
+        ),
+    ),
+    "stages/compensation/run_sums.py": (
+        "tests/stages/test_compensate.py",
+        (
+            ("np.cumsum(turned) - turned / 2", "np.cumsum(turned)"),
+            ("self.angle_rad += float(turned.sum())", "self.angle_rad += 0.0"),
         ),
     ),
     "stages/calibration/table.py": (

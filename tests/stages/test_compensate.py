@@ -8,9 +8,9 @@ from forced_runs import Truth, forced_run, programme
 
 from hrg_cli.errors import HrgError
 from hrg_cli.records import Provenance, collect
-from hrg_cli.stages import compensate as stage
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.compensate import compensate, summary
+from hrg_cli.stages.compensation import logged_run
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_a_stream_of_pieces_equals_the_whole(tables, run, monkeypatch):
     bad[190:215] = 2
     run = run.replace(flags=bad)
     whole = collect(compensate(run, tables, windows_per_increment=3))
-    monkeypatch.setattr(stage, "ROWS_AT_ONCE", 200)
+    monkeypatch.setattr(logged_run, "ROWS_AT_ONCE", 200)
     pieces = list(compensate(run, tables, windows_per_increment=3))
     assert len(pieces) > 5
     joined = collect(pieces)

@@ -8,8 +8,8 @@ from forced_runs import Truth, forced_run, programme
 
 from hrg_cli import calibrate, collect, compensate, demodulate, estimate, simulate
 from hrg_cli.records.windowed import FLAG_GAP
-from hrg_cli.stages import compensate as stage
 from hrg_cli.stages.compensate import summary
+from hrg_cli.stages.compensation import logged_run
 
 RATE = 0.7
 CONFIG = {
@@ -114,7 +114,7 @@ def test_the_tables_own_errors_are_in_it():
 def test_a_stream_of_pieces_states_what_the_whole_does(raw, monkeypatch):
     tables, (wave, *_) = raw
     whole = collect(compensate(wave, tables))
-    monkeypatch.setattr(stage, "ROWS_AT_ONCE", 32)
+    monkeypatch.setattr(logged_run, "ROWS_AT_ONCE", 32)
     joined = collect(list(compensate(wave, tables)))
     assert joined.rate_estimate_rad_s_std == pytest.approx(whole.rate_estimate_rad_s_std)
     assert joined.angle_estimate_rad_std == pytest.approx(whole.angle_estimate_rad_std)

@@ -284,17 +284,7 @@ def colour(
     and add no doubt.
     """
     n = len(basis.orthonormal)
-    filled = density.copy()
-    below = floor(density)
-    for low, high in blind_hz:
-        first, last = (
-            np.searchsorted(frequency_hz, low),
-            np.searchsorted(frequency_hz, high, side="right"),
-        )
-        beside = [density[max(0, first - BESIDE) : first], density[last : last + BESIDE]]
-        levels = [np.median(part, axis=0) for part in beside if len(part)]
-        if levels:
-            filled[first:last] = below[first:last] = np.mean(levels, axis=0)
+    filled, below = _fill_blind_bins(frequency_hz, density, blind_hz)
     # zero padding to eight windows: transfer functions change over 1/(window), and are sampled
     # eight times finer than that
     size = 1 << int(np.ceil(np.log2(max(8 * n, 2 * len(frequency_hz)))))
@@ -330,3 +320,21 @@ def colour(
         # ∫ S df over the transform's bins
         variance=floor_left * sample_rate_hz / size,
     )
+
+
+def _fill_blind_bins(
+    frequency_hz: Array, density: Array, blind_hz: tuple[tuple[float, float], ...]
+) -> tuple[Array, Array]:
+    """The density (n, channels) and its floor, where the oscillation itself was taken out filled
+    with the level beside."""
+    filled, below = density.copy(), floor(density)
+    for low, high in blind_hz:
+        first, last = (
+            np.searchsorted(frequency_hz, low),
+            np.searchsorted(frequency_hz, high, side="right"),
+        )
+        beside = [density[max(0, first - BESIDE) : first], density[last : last + BESIDE]]
+        levels = [np.median(part, axis=0) for part in beside if len(part)]
+        if levels:
+            filled[first:last] = below[first:last] = np.mean(levels, axis=0)
+    return filled, below

@@ -135,16 +135,9 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     freedom = np.broadcast_to(np.asarray(freedom, float), residual2.shape)
     finite = np.isfinite(residual2)
     sums, weight = np.where(finite, residual2, 0.0), np.where(finite, freedom, 0.0)
-    own = np.full(len(starts) * int(counts.max()), np.nan)
-    place = np.repeat(np.arange(len(starts)) * int(counts.max()) - starts, counts) + np.arange(
-        len(residual2)
+    middle = _lower_medians(
+        np.where(finite, residual2 / np.maximum(freedom, 1), np.inf), starts, counts
     )
-    # a table (group, row in it), short groups filled with NaN: the middle of each group is taken
-    # of all at once
-    own[place] = np.where(finite, residual2 / np.maximum(freedom, 1), np.inf)
-    own = np.sort(own.reshape(len(starts), -1), axis=1)
-    # the lower median: a burst in one half of a group does not reach it
-    middle = own[np.arange(len(starts)), np.maximum(0, np.isfinite(own).sum(1) - 1) // 2]
     limit = _far_above(freedom) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts)
     if known is not None:
         # what a jump makes of a few rows' share is not in the median of those beside them
@@ -162,6 +155,20 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
         total = _less_motion(total, share)
     spread = np.repeat(total, counts)
     return np.where(finite, np.where(excess, sums / np.maximum(freedom, 1), spread), np.nan)
+
+
+def _lower_medians(values: Array, starts: Array, counts: Array) -> Array:
+    """The lower median (groups,) of the finite values of each group, which a burst in one half of it
+    does not reach; not finite where none is."""
+    widest = int(counts.max())
+    # a table (group, row in it), short groups filled with NaN: all medians are taken at once
+    table = np.full(len(starts) * widest, np.nan)
+    place = np.repeat(np.arange(len(starts)) * widest - starts, counts) + np.arange(len(values))
+    table[place] = values
+    table = np.sort(table.reshape(len(starts), -1), axis=1)
+    return np.asarray(
+        table[np.arange(len(starts)), np.maximum(0, np.isfinite(table).sum(1) - 1) // 2]
+    )
 
 
 def _far_above(freedom: Array) -> Array:

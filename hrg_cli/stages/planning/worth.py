@@ -120,36 +120,3 @@ def find_impossible(
                 f" by {sigma:.1f} σ only; add other runs"
             )
     return out
-
-
-def reason_of(
-    name: str,
-    names: Sequence[str],
-    had: Array,
-    offered: Mapping[str, Array],
-    questions: Sequence[Question],
-    layout: InformationColumns,
-    m: Mechanics,
-) -> str:
-    """What would be lost without this run."""
-    without = had + sum(offered[n] for n in names if n != name)
-    total = without + offered[name]
-    if questions:
-        gains = [
-            (
-                np.log1p(separation(total, q, layout) ** 2)
-                - np.log1p(separation(without, q, layout) ** 2),
-                q,
-            )
-            for q in questions
-        ]
-        q = max(gains, key=lambda pair: pair[0])[1]
-        before_sigma, after_sigma = separation(without, q, layout), separation(total, q, layout)
-        return (
-            f"tells {in_words(q.cause)} from {in_words(q.rival)}: {before_sigma:.3g} σ without it,"
-            f" {after_sigma:.3g} σ with it"
-        )
-    before, after = deviations(without, m), deviations(total, m)
-    best = max(before, key=lambda key: (before[key] or 0.0) / max(after[key] or 0.0, 1e-300))
-    times = (before[best] or 0.0) / max(after[best] or 0.0, 1e-300)
-    return f"makes σ of the {in_words(best)} {times:.3g} times smaller"

@@ -1,0 +1,117 @@
+"""What is known before the next runs, what each run of a menu would add, and what is to be told
+apart: three matrices and lists over the same columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...effects import find
+from ...physics.resonator import Mechanics
+from ...records import Diagnosis, Resonator, Wave
+from ..simulation_file import SimulationFile
+from .information import InformationColumns, information, wave_of
+from .known import information_of, mechanics_of, reference_temperatures, weak_prior
+from .questions import BASE, Question, in_words, open_causes, questions_of
+from .worth import TOLD, deviations, separation
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Prospects:
+    """Informations (columns, columns) about the resonator and the causes of `layout`: that had
+    before, and that of every run offered."""
+
+    mechanics: Mechanics
+    layout: InformationColumns
+    had: Array
+    offered: Mapping[str, Array]
+    questions: Sequence[Question]
+
+    def after(self, names: Sequence[str]) -> Array:
+        """Information after the runs of these names."""
+        return np.asarray(self.had + sum(self.offered[name] for name in names))
+
+    def everything(self) -> Array:
+        """Information after all runs of the menu."""
+        return self.after(list(self.offered))
+
+    def answerable(self) -> list[Question]:
+        """Questions that all runs of the menu together answer."""
+        whole = self.everything()
+        return [q for q in self.questions if separation(whole, q, self.layout) >= TOLD]
+
+
+def weigh_menu(
+    known: Resonator | Diagnosis,
+    made: Sequence[Wave],
+    feasible: Mapping[str, SimulationFile],
+    causes: Sequence[str],
+) -> Prospects:
+    """Informations and questions for the feasible runs (by name) of a menu."""
+    mechanics = mechanics_of(known)
+    sizes, groups = open_causes(known, causes)
+    acting = _acting_causes(sizes, groups)
+    rivals = (rival for group in groups for rival in group)
+    effects = tuple(find(name) for name in dict.fromkeys([*sizes, *acting, *rivals]))
+    layout = InformationColumns(effects, acting)
+    waves = {name: wave_of(run) for name, run in feasible.items()}
+    references = reference_temperatures([*made, *waves.values()], effects)
+    added = information(list(waves.values()), mechanics, layout, references, False)
+    # the runs made, where they are at hand, know what the result's covariance has forgotten
+    known_by_runs = (
+        sum(information(made, mechanics, layout, references, True))
+        if made
+        else information_of(known, mechanics, layout)
+    )
+    return Prospects(
+        mechanics,
+        layout,
+        weak_prior(mechanics, layout) + known_by_runs,
+        dict(zip(waves, added, strict=True)),
+        questions_of(sizes, groups, layout, [*made, *waves.values()]),
+    )
+
+
+def _acting_causes(
+    sizes: Mapping[str, dict[str, float]], groups: Sequence[Sequence[str]]
+) -> dict[str, dict[str, float]]:
+    """The causes with a size, by name; a thermometer's error shows only through what follows
+    temperature: where none was found, a typical coefficient is assumed."""
+    acting = {name: given for name, given in sizes.items() if given}
+    beside = {find(name).beside for group in groups for name in group if name != BASE} - {""}
+    if beside and not any(find(name).follows_temperature for name in acting):
+        acting |= {name: {p.name: p.typical for p in find(name).fitted()} for name in beside}
+    return acting
+
+
+def reason_of(
+    name: str, names: Sequence[str], prospects: Prospects, asked: Sequence[Question]
+) -> str:
+    """What would be lost without this run of those chosen: of the questions asked the one that it
+    answers most, else the parameter."""
+    layout = prospects.layout
+    without = prospects.after([n for n in names if n != name])
+    total = without + prospects.offered[name]
+    if asked:
+        gains = [
+            (
+                np.log1p(separation(total, q, layout) ** 2)
+                - np.log1p(separation(without, q, layout) ** 2),
+                q,
+            )
+            for q in asked
+        ]
+        q = max(gains, key=lambda pair: pair[0])[1]
+        before_sigma, after_sigma = separation(without, q, layout), separation(total, q, layout)
+        return (
+            f"tells {in_words(q.cause)} from {in_words(q.rival)}: {before_sigma:.3g} σ without it,"
+            f" {after_sigma:.3g} σ with it"
+        )
+    before, after = (deviations(M, prospects.mechanics) for M in (without, total))
+    best = max(before, key=lambda key: (before[key] or 0.0) / max(after[key] or 0.0, 1e-300))
+    times = (before[best] or 0.0) / max(after[best] or 0.0, 1e-300)
+    return f"makes σ of the {in_words(best)} {times:.3g} times smaller"
