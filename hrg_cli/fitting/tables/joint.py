@@ -48,6 +48,25 @@ def _walks_settled(before: Sequence[AngleNoise], now: Sequence[AngleNoise]) -> b
     return all(abs(n.walk - b.walk) <= SETTLED * max(n.walk, b.walk) for b, n in zip(before, now))
 
 
+def _solve(
+    paths: list[AnglePath],
+    noises: list[AngleNoise],
+    layout: TableLayout,
+    turns: list[Array],
+    model: Model,
+    previous: Array | None,
+) -> tuple[Pieces, TableSolution, Array | None]:
+    """The runs' whitened pieces, the model's coefficients, and those whose weights the pieces have
+    (None: weights of their own are not needed)."""
+    pieces = accumulate(paths, noises, layout, turns, previous)
+    solution = solve(*pieces.sum()[:2], model)
+    if not bends(layout):
+        return pieces, solution, previous
+    own = settle_bends(paths, noises, layout, turns, model, solution.coefficients)
+    pieces = accumulate(paths, noises, layout, turns, own)
+    return pieces, replace(solve(*pieces.sum()[:2], model), coefficients=own), own
+
+
 def fit(
     paths: Sequence[AnglePath],
     layout: TableLayout,
@@ -74,13 +93,8 @@ def fit(
     jumps = 0 if start is None else start.jumps
     settled = False
     for sweep in range(MOST_SWEEPS + 1):
-        pieces = accumulate(paths, noises, layout, turns, previous)
-        solution = solve(*pieces.sum()[:2], model)
-        linearised, previous = previous, solution.coefficients
-        if bends(layout):
-            linearised = previous = settle_bends(paths, noises, layout, turns, model, previous)
-            pieces = accumulate(paths, noises, layout, turns, previous)
-            solution = replace(solve(*pieces.sum()[:2], model), coefficients=previous)
+        pieces, solution, linearised = _solve(paths, noises, layout, turns, model, previous)
+        previous = solution.coefficients
         if settled or sweep == MOST_SWEEPS:
             break
         coarse, used = [], list(noises)
