@@ -58,7 +58,8 @@ def check(name, seed):
         if name in IN_THE_WAVEFORM
         else true_gain(runs, effects)
     )
-    assert out["gain"]["ratio"] ** 2 - 1 >= 0.9 * (wanted - 1) - 1e-3
+    # a run that alone holds a temperature is predicted worse by the truth, too: a gain below one
+    assert out["gain"]["ratio"] ** 2 >= wanted - 0.1 * abs(wanted - 1) - 1e-3
 
 
 @pytest.mark.parametrize("name", SAMPLE)
