@@ -27,7 +27,6 @@ FORCED = {
     "parasitic_force",
 }
 CYCLE = {"thermal_gradient", "thermal_hysteresis", "thermal_lag"}
-POSITIVE = {"nonlinear_damping", "inertial_nonlinearity", "finite_quadrature_gain", "thermal_lag"}
 COHERENT = {"coherent_offset", "drive_feedthrough", "parasitic_force", "momentum_kick"}
 """The overall sign of these is nobody's to know: (mθ, φ) and (mθ + π, φ + π) are one wave, and a
 knock is the opposite one half a period later."""
@@ -112,7 +111,9 @@ def sized(effect, fit, z, random):
     direction = np.where(
         size > 1e-6 * whole, random.standard_normal(len(size)) / np.where(size > 0, size, 1.0), 0.0
     )
-    direction = np.abs(direction) if effect.name in POSITIVE else direction
+    # a friction takes energy and never gives any: signs are those that the page allows
+    bounded = [p.minimum == 0.0 for p in effect.parameters if p.name in steps]
+    direction = np.where(bounded, np.abs(direction), direction)
     direction *= z / np.linalg.norm(free @ direction)
     return values | {
         name: values[name] + float(d) for name, d in zip(steps, direction, strict=True)
