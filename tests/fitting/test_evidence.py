@@ -216,6 +216,57 @@ def test_what_the_other_folds_hold_no_information_on_stays_where_it_is():
     np.testing.assert_allclose(left[:15], left_over[:15] - X[:15, :2] @ step, rtol=1e-6)
 
 
+def _score(X, y, folds, own=None, prior=None):
+    whole = np.column_stack([X, own]) if own is not None else X
+    pull = np.zeros((0, X.shape[1])) if prior is None else prior
+    wide = np.column_stack([pull, np.zeros((len(pull), whole.shape[1] - X.shape[1]))])
+    stacked = np.concatenate([whole, wide])
+    target = np.concatenate([y, np.zeros(len(wide))])
+    left = y - whole @ np.linalg.lstsq(stacked, target, rcond=None)[0]
+    blocks = {k: np.zeros((len(f), 0)) if own is None else own[f] for k, f in enumerate(folds)}
+    blocks = {k: block[:, np.any(block != 0, axis=0)] for k, block in blocks.items()}
+    return left_out_folds.score_folds(left, X, blocks, folds, prior, 1e-6)
+
+
+def test_the_score_of_folds_is_the_density_that_the_others_give_them():
+    """Two independent ways: the condensed one, and e'C⁻¹e + ln|C| of each fold from a fit without
+    it, the fold's own column of any size."""
+    random = np.random.default_rng(11)
+    X, y = random.standard_normal((60, 3)), random.standard_normal(60)
+    folds = np.array_split(np.arange(60), 4)
+    own = np.zeros((60, 4))
+    for k, f in enumerate(folds):
+        own[f, k] = 1.0
+    prior = np.array([[2.0, 0.0, 0.0]])
+    wide, expected = 1e5, 0.0
+    for f in folds:
+        rest = np.setdiff1d(np.arange(60), f)
+        V = np.eye(45) + wide * own[rest] @ own[rest].T
+        A = X[rest].T @ np.linalg.solve(V, X[rest]) + prior.T @ prior
+        mean = np.linalg.solve(A, X[rest].T @ np.linalg.solve(V, y[rest]))
+        C = np.eye(15) + wide * own[f] @ own[f].T + X[f] @ np.linalg.solve(A, X[f].T)
+        e = y[f] - X[f] @ mean
+        expected += e @ np.linalg.solve(C, e) + np.linalg.slogdet(C)[1]
+        expected -= np.log1p(15 * wide)
+    found = _score(X, y, folds, own, prior)
+    assert found == pytest.approx(expected, rel=2e-4)
+
+
+def test_a_score_is_not_ruled_by_what_other_folds_hardly_tell():
+    """A number that nearly one fold alone tells (a start, an angle at one temperature): the plain
+    sum of squared errors grew with a true cause of 12 σ in one draw of four."""
+    wrong = 0
+    for seed in range(40):
+        random = np.random.default_rng([seed, 12])
+        X = random.standard_normal((200, 3))
+        X[40:, 2] *= 0.02
+        cause = random.standard_normal(200) + 8.0 * X[:, 2]
+        y = X[:, 2] + 0.9 * cause + random.standard_normal(200)
+        folds = np.array_split(np.arange(200), 5)
+        wrong += _score(np.column_stack([X, cause]), y, folds) > _score(X, y, folds)
+    assert wrong == 0
+
+
 def test_the_price_is_that_of_every_parameter():
     """BIC against its origin: the mean of the likelihood over a wide normal prior (odds of two
     models) is what m columns cost, ln N each, but for what does not grow with N."""

@@ -21,7 +21,7 @@ from ..drive.scatter import TOLD, Scatter
 from ..extended.written import Written
 from ..fits.places import another_start, beside_strike
 from ..fits.scoring import is_possible
-from ..search.gain import folds_of, predict_folds
+from ..search.gain import LEAST_INFORMATION, folds_of, predict_folds
 from ..search.search_case import Case
 from ..search.selection import Search
 from ..thresholds import (
@@ -40,9 +40,6 @@ from ..thresholds import (
 from .sized import Sized
 
 Array = np.ndarray
-LEAST_INFORMATION = 1e-4
-"""Part of all information on a combination of numbers that the other runs must hold to predict it
-at all."""
 ROUNDING = 1e-9
 """Of what stands still: an order by its rounding is none."""
 

@@ -16,12 +16,16 @@ from ....fitting.causes.extended_fit import ExtendedFit, on_rows
 from ....fitting.causes.left_out_folds import HeldOut
 from ....fitting.causes.wave_frame import imaginary
 from ....units import DEGREE_PER_HOUR
+from ..fits.scoring import is_gross
 
 Array = np.ndarray
 FEWEST_RUNS = 4
 TIME_BLOCKS = 5
 PIECES = 4
 """Pieces of a run, over each of which the angle's error is taken as a drift."""
+LEAST_INFORMATION = 1e-4
+"""Part of all information on a combination of numbers that the other folds must hold to predict it
+at all."""
 PPM = 1e6
 
 
@@ -64,21 +68,20 @@ def predict_folds(
 ) -> Array:
     """Whitened residual (N,) of every fold, predicted from the others (linearised at the optimum);
     what these hold less information on than a part of all stays where it is."""
+    shared, own, prior = _columns(fit, kind, folds)
+    return left_out_folds.predict_folds(fit.residual, shared, own, folds, prior, least_information)
+
+
+def _columns(
+    fit: ExtendedFit, kind: str, folds: list[Array]
+) -> tuple[Array, dict[int, Array], Array]:
+    """(Columns that folds share, those of each fold alone, the prior's rows on the shared ones)."""
     prior = coordinate_rows(fit.freedom, fit.layout)
     if kind == "runs":
         own = {number: _own(fit, rows) for number, rows in enumerate(folds)}
-        return left_out_folds.predict_folds(
-            fit.residual,
-            fit.design.shared,
-            own,
-            folds,
-            prior[:, fit.design.places],
-            least_information,
-        )
+        return fit.design.shared, own, prior[:, fit.design.places]
     own = {number: np.zeros((len(rows), 0)) for number, rows in enumerate(folds)}
-    return left_out_folds.predict_folds(
-        fit.residual, fit.design.whole(), own, folds, prior, least_information
-    )
+    return fit.design.whole(), own, prior
 
 
 def _own(fit: ExtendedFit, rows: Array) -> Array:
@@ -144,16 +147,30 @@ def _errors(
 
 
 def predicts_better(before: ExtendedFit, after: ExtendedFit) -> bool:
-    """Whether what was left out is predicted better by runs, or, where single runs alone show a
-    cause, by blocks of time."""
+    """Whether what was left out is more likely by runs, or, where single runs alone show a cause, by
+    blocks of time.
+
+    While the misfit is gross the errors are not those of the noise and of what is not known, and
+    their plain squares count.
+    """
+    score = _square if is_gross(before) else _score
     kinds = (FEWEST_RUNS, len(before.series.names) + 1)
     for fewest in kinds:
         kind, folds = folds_of(before, fewest_runs=fewest)
-        if np.sum(predict_folds(after, kind, folds) ** 2) < np.sum(
-            predict_folds(before, kind, folds) ** 2
-        ):
+        if score(after, kind, folds) < score(before, kind, folds):
             return True
     return False
+
+
+def _square(fit: ExtendedFit, kind: str, folds: list[Array]) -> float:
+    """Sum of the squared errors of every fold, predicted from the others."""
+    return float(np.sum(predict_folds(fit, kind, folds) ** 2))
+
+
+def _score(fit: ExtendedFit, kind: str, folds: list[Array]) -> float:
+    """−2 ln of the density that the others give to every fold."""
+    shared, own, prior = _columns(fit, kind, folds)
+    return left_out_folds.score_folds(fit.residual, shared, own, folds, prior, LEAST_INFORMATION)
 
 
 def _quantities(
