@@ -235,13 +235,21 @@ def _simulate_first_part(
 
 
 def _periods_per_window(fit: ExtendedFit) -> float:
-    """Periods per window in which the fit's envelope hardly bends."""
-    p = fit.point.p
+    """Periods per window in which the fit's envelope hardly bends: the fewest, or, where a read-out
+    bends the samples, as many as the measured rows hold, for a clip takes few samples of a period,
+    and in a short window one more or less."""
+    p, hz = fit.point.p, fit.series.reference_frequency_hz
     # the coordinates before the scale factor are damping and splits, rad/s
     own = float(np.linalg.norm(p[:SCALE_FACTOR]))
     turned = float(np.abs(p[SCALE_FACTOR] * fit.series.rate_rad_s).max())
-    in_window = (own + turned) * PERIODS / fit.series.reference_frequency_hz
-    return QUICK_PERIODS if in_window > QUICK_RAD else PERIODS
+    most = QUICK_RAD * hz / max(own + turned, 1e-300)
+    if most < PERIODS:
+        return QUICK_PERIODS
+    if not any(effect.makes_harmonics for effect, _ in fit.point.active):
+        return PERIODS
+    rows = [t[seen > 0] for t, seen in zip(fit.series.time_s, fit.series.weight, strict=True)]
+    step_s = min(float(np.median(np.diff(t))) for t in rows if len(t) > 1)
+    return float(np.clip(np.round(step_s * hz), PERIODS, np.floor(most)))
 
 
 def _estimated(recording: Any, periods: float) -> Wave:

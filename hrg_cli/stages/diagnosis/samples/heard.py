@@ -24,12 +24,17 @@ ORDERS = (3, 5, 7)
 INSIDE = 0.9
 """Part of the spectrum's width up to which a multiple is heard: beyond it the sampling folds it, and
 a filter may have taken it away."""
+LOOKS = 16
+"""Stretches of a run that make up its spectrum."""
 SURE = 3.0
 """σ by which a cause may be smaller than it came out."""
 EXCEEDS = 2.0
 """Times the power in the samples that the least of a cause must make to be excluded."""
 POINTS, LEVELS, NODES = 256, 24, 16
-"""Points of a period, amplitudes, and values of the noise at which a curve is drawn."""
+"""Points of a period, amplitudes (and as many near the largest), and values of the noise at which a
+curve is drawn."""
+NEAREST_TOP = 1e-6
+"""Distance of the last of these amplitudes from the largest, over it."""
 
 
 def find_unheard(fit: ExtendedFit, waves: Sequence[Wave]) -> list[str]:
@@ -60,7 +65,9 @@ def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wav
         frequency, grid = frequency_of(wave), np.asarray(wave.spectrum_frequency_hz, float)
         density, cell = np.asarray(wave.spectrum_density, float), cell_hz([wave])
         noise = float(np.sqrt(density.sum(axis=0).mean() * cell))
-        made = harmonics(effect, values, _amplitudes(wave), noise)
+        good = wave.good()
+        power = harmonics(effect, values, np.abs(envelopes_of(wave, good)), noise)
+        made = least_in_looks(power, np.asarray(wave.time_s)[good], 1 / cell)
         for order, power in zip(ORDERS, made, strict=True):
             width = WIDTH_CELLS * cell + WANDER * order * frequency
             near = np.abs(grid - order * frequency) < width + cell
@@ -74,24 +81,53 @@ def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wav
 def harmonics(
     effect: Effect, values: Mapping[str, float], amplitude: Array, noise: float = 0.0
 ) -> Array:
-    """Mean power (orders, channels) of the odd multiples that an effect's curve, its corners
-    rounded by the samples' noise, makes of channels of these amplitudes (n, channels)."""
+    """Power (orders, n, channels) of the odd multiples that an effect's curve, its corners rounded
+    by the samples' noise, makes of channels of these amplitudes (n, channels)."""
     readout = Readout()
     effect.readout(dict(values), readout)
-    level = np.linspace(0.0, float(amplitude.max()), LEVELS)
+    # a clip sets in just under the top, and within a thousandth its harmonics grow tenfold
+    near_top = 1 - np.geomspace(0.5 / LEVELS, NEAREST_TOP, LEVELS)
+    share = np.sort(np.concatenate([np.linspace(0.0, 1.0, LEVELS), near_top]))
+    level = float(amplitude.max()) * share
     phase = 2 * np.pi * np.arange(POINTS) / POINTS
-    seen, around = np.zeros((LEVELS, POINTS)), _period(level[:, None], phase)
+    seen, around = np.zeros((len(level), POINTS)), _period(level[:, None], phase)
     place, weight = np.polynomial.hermite_e.hermegauss(NODES)
-    for x, share in zip(place, weight / weight.sum(), strict=True):
+    for x, part in zip(place, weight / weight.sum(), strict=True):
         one = level[:, None] * np.cos(phase) + noise * x
         for step in (*readout.steps, *readout.after):
             one = step(around, one)
-        seen += share * one
+        seen += part * one
     # complex: what remembers where the channel turned is behind it, by sines
     made = 2 * np.fft.rfft(seen, axis=1)[:, list(ORDERS)] / POINTS
-    return np.stack(
-        [np.mean(np.abs(np.interp(amplitude, level, b)) ** 2, axis=0) / 2 for b in made.T]
-    )
+    return np.stack([np.abs(np.interp(amplitude, level, b)) ** 2 / 2 for b in made.T])
+
+
+def least_in_looks(power: Array, time_s: Array, length_s: float) -> Array:
+    """The least (orders, channels) that a spectrum may hold of a power (orders, n, channels) that
+    comes and goes.
+
+    A spectrum is the mean of `LOOKS` stretches spread evenly along a run. A wave that is clipped
+    while it passes an axis may do so between them: of all places of the stretches, moved together
+    by up to half their distance, those count that see least.
+    """
+    span = time_s[-1] - time_s[0]
+    pitch = (span - length_s) / (LOOKS - 1)
+    if len(time_s) < 2 or pitch <= length_s:
+        return np.asarray(power.mean(axis=1))
+    step = np.diff(time_s)[:, None]
+    energy = np.zeros_like(power)
+    np.cumsum((power[:, 1:] + power[:, :-1]) / 2 * step, axis=1, out=energy[:, 1:])
+    shift = np.linspace(-pitch / 2, pitch / 2, 2 * int(np.ceil(pitch / length_s)) + 1)
+    places = pitch * np.arange(LOOKS) + shift[:, None]
+    begin = time_s[0] + np.clip(places, 0.0, span - length_s)
+    seen = [
+        [
+            np.interp(begin + length_s, time_s, one) - np.interp(begin, time_s, one)
+            for one in order.T
+        ]
+        for order in energy
+    ]
+    return np.asarray(np.mean(seen, axis=-1).min(axis=-1) / length_s)
 
 
 def _period(level: Array, phase: Array) -> Samples:
@@ -100,8 +136,3 @@ def _period(level: Array, phase: Array) -> Samples:
     z, late = level * np.cos(phase), -level * np.sin(phase)
     still = np.zeros(len(phase))
     return Samples(phase / (2 * np.pi), z, late, np.zeros(z.shape, complex), still, still)
-
-
-def _amplitudes(wave: Wave) -> Array:
-    """Amplitudes (n, 2) of the channels in the good rows."""
-    return np.abs(envelopes_of(wave, wave.good()))
