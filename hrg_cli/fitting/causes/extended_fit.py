@@ -48,6 +48,8 @@ class ExtendedFit:
     """χ² that the passive resonator's bound costs; 0 where the optimum lies inside."""
     rows: Array = field(repr=False)
     factored: Factored = field(repr=False)
+    promised: float = 0.0
+    """Fall of χ² that one more step promises."""
 
     @property
     def prediction(self) -> Prediction:
@@ -239,6 +241,7 @@ def fit(
         max(here.lost, 0.0),
         index,
         here.factored,
+        here.expected,
     )
 
 

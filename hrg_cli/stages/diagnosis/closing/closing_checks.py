@@ -35,6 +35,7 @@ from ..thresholds import (
     SAME_FREQUENCY,
     SCALE_FACTORS,
     SIGNIFICANT,
+    UNSETTLED_BASE,
     WRITTEN,
 )
 from .sized import Sized
@@ -91,11 +92,17 @@ def closing_checks(
         *_physics(final),
         checks.holds(
             "converged",
-            final.converged and search.base.converged,
+            final.converged and _is_base_settled(search),
             "a fit stopped before it had settled",
         ),
         *_written(written),
     ]
+
+
+def _is_base_settled(search: Search) -> bool:
+    """Whether the fit without causes stands as nearly as what they change of it needs."""
+    taken = search.base.chi2 - search.final.chi2
+    return search.base.converged or search.base.promised < UNSETTLED_BASE * taken
 
 
 def _noise(fit: ExtendedFit, level: float, odd: str) -> Iterator[Check]:
