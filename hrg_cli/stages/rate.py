@@ -191,7 +191,7 @@ def _record_of(
     outside = left_out(wave, stretch > 0)
     told = [f"{outside} of the comparison with it"] if outside else []
     noted = result.judged([*told, *notes], "valid")
-    return noted if beside is None else noted.judged(beside.reasons, "suspect")
+    return noted if beside is None else noted.judged(beside.reasons, beside.status)
 
 
 def _check_tables(

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..records import Calibration, Compensated, Wave, collect
+from ..records.record import Status
 from .compensate import compensate
 
 Array = np.ndarray
@@ -24,6 +25,8 @@ class TableRate:
     rate_rad_s: Array
     difference_rad_s: Array
     reasons: tuple[str, ...]
+    status: Status
+    """Whether the reasons are doubts or notes."""
     own_std_rad_s: float = 0.0
     """Standard deviation that the tables' own errors leave in any mean."""
 
@@ -90,4 +93,4 @@ def rate_by_tables(
     difference = table_rate - mean(CubicSpline(time_s, rate_rad_s)(at))
     reasons = tuple(f"by the tables: {reason}" for reason in made.status_reasons)
     spread = json.loads(made.details).get("rate_std_rad_s", {}).get("by_tables", 0.0)
-    return TableRate(table_rate, difference, reasons, spread)
+    return TableRate(table_rate, difference, reasons, made.status, spread)

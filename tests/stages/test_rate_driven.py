@@ -130,3 +130,10 @@ def test_the_tables_rate_stands_beside_the_models():
     assert shift == pytest.approx(1e-3 * right.rate_estimate_rad_s.mean(), abs=1e-5)
     assert np.abs(right.table_rate_rad_s - truth(right.time_s)).max() < 0.01
     assert rate(wave, resonator(**split)).table_rate_rad_s is None
+
+    # a note on the run is no doubt about its rate: beside tables it was
+    trusted = tables.replace(status="valid", status_reasons=())
+    noted = wave.replace(status_reasons=("the residual is not white",))
+    beside = rate(noted, resonator(**split), trusted)
+    assert beside.status == rate(noted, resonator(**split)).status == "valid"
+    assert any("not white" in reason for reason in beside.status_reasons)
