@@ -134,7 +134,7 @@ def resolve_settings(
         name: import_log if name == "import" else STAGES[name].function() for name in stages
     }
     return {
-        name: settings.checked(function, tables.get(name, {}))
+        name: settings.check_settings(function, tables.get(name, {}))
         for name, function in functions.items()
     }
 

@@ -238,7 +238,7 @@ def tables_of(
         )
     if run.show_config:
         whole = {
-            name: settings.checked(stage.function(), tables.get(name, {}))
+            name: settings.check_settings(stage.function(), tables.get(name, {}))
             for name, stage in STAGES.items()
         }
         rehearsals = rehearsals_of(tables)
@@ -260,7 +260,7 @@ def rehearsals_of(tables: Mapping[str, Any]) -> dict[str, Any] | None:
         )
     from ..stages.rehearse import rehearse
 
-    return settings.checked(rehearse, tables["rehearse"])
+    return settings.check_settings(rehearse, tables["rehearse"])
 
 
 def reasons_of(steps: Sequence[Step]) -> list[str]:

@@ -50,7 +50,7 @@ from .diagnosis.samples.tones import confirm_tones, take_out_tones, without_tone
 from .diagnosis.samples.waveform import causes, near_tones, unnamed
 from .diagnosis.search.explain import explain, reweighted
 from .diagnosis.search.forecast import forecast
-from .diagnosis.search.gain import held_out
+from .diagnosis.search.gain import predict_held_out
 from .diagnosis.search.orientation import orient_runs, settle_signs
 from .diagnosis.search.search_case import Case
 from .diagnosis.suspects import (
@@ -252,7 +252,7 @@ def _judge(
     samples = _seen_in_samples(asked.waves, case, cut, tones)
     model, written = _written(asked, case, cut, pieces, samples)
     closing = closing_checks(case, sized, written, samples.shown, samples.unnamed_hz, samples.odd)
-    failed = checks.failures(closing)
+    failed = checks.list_failures(closing)
     if failed and (folded := folded_beside(pieces, samples.named)):
         failed = [folded, *failed]
     mistake = suspect_quiet_run(
@@ -268,7 +268,7 @@ def _report_result(
     case, samples, written = result.case, result.samples, result.written
     ahead = forecast(case, asked.waves[0].units)
     untouched = _untouched(case, cut) if cut.steps or result.tones else case.search.base
-    gain = held_out(untouched, case.search.final, cut.own, cut.origin)
+    gain = predict_held_out(untouched, case.search.final, cut.own, cut.origin)
     report = report_of(verdict, case, result.sized, gain, asked.resonator, untouched)
     mistakes = [] if result.mistake is None else [result.mistake.table()]
     return report | {

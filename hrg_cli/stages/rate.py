@@ -18,7 +18,7 @@ from ..fitting.envelopes.rate_driven import rate_driven
 from ..fitting.envelopes.rate_estimate import MOST_NODES, RateEstimate
 from ..fitting.envelopes.rate_fit import HOPELESS, SETTLED
 from ..fitting.envelopes.rate_from_model import TOO_COARSE, rate_from_model
-from ..fitting.samples.rate_log import left_out, stretches
+from ..fitting.samples.rate_log import describe_left_out, find_stretches
 from ..records import Calibration, Compensated, Resonator, Wave, doubts_about, name_record
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 from .rate_by_tables import TableRate, rate_by_tables
@@ -149,8 +149,8 @@ def rate(
     result = _record_of(wave, found, beside, [*impossible, *doubtful], notes)
     # what the tables inherit is told by `rate_by_tables` beside their rate
     return (
-        result.judged(checks.failures(impossible), "refused")
-        .judged(checks.failures(doubtful), "suspect")
+        result.judged(checks.list_failures(impossible), "refused")
+        .judged(checks.list_failures(doubtful), "suspect")
         .judged(doubts_about((name_record(one), one) for one in (wave, resonator)), "suspect")
     )
 
@@ -164,7 +164,7 @@ def _record_of(
 ) -> Compensated:
     """The estimate as a record, with what it leaves of the logged rate and what the tables say."""
     # The log may begin late, end early or have gaps: only what it covers is compared.
-    stretch = stretches(wave)
+    stretch = find_stretches(wave)
     before, after = (
         _less(values, wave, stretch, found.time_s)
         for values in (found.plain_rate_rad_s, found.rate_rad_s)
@@ -188,7 +188,7 @@ def _record_of(
         mode_number=wave.mode_number,
         details=json.dumps(figures),
     )
-    outside = left_out(wave, stretch > 0)
+    outside = describe_left_out(wave, stretch > 0)
     told = [f"{outside} of the comparison with it"] if outside else []
     noted = result.judged([*told, *notes], "valid")
     return noted if beside is None else noted.judged(beside.reasons, "suspect")
@@ -215,7 +215,7 @@ def _check_tables(
     sentence = (
         f"the tables' mean rate is {apart:.3g} ± {own:.1g} rad/s off the reference model's: {why}"
     )
-    return [checks.at_most("agrees_with_tables", abs(apart) / float(own), APART, sentence)]
+    return [checks.check_at_most("agrees_with_tables", abs(apart) / float(own), APART, sentence)]
 
 
 def _damping_of(resonator: Resonator) -> float:
@@ -268,7 +268,7 @@ def closing_checks(found: RateEstimate, foretold: float = 0.0) -> tuple[list[Che
             found.converged or found.adequate,
             f"the rate did not settle on {count} nodes; give other nodes",
         ),
-        checks.at_most("rate_is_found", found.chi2_per_dof, HOPELESS, poor),
+        checks.check_at_most("rate_is_found", found.chi2_per_dof, HOPELESS, poor),
     ]
     noise = checks.check_statistics(
         found.chi2_per_dof * found.dof,
@@ -288,13 +288,13 @@ def _check_nodes(found: RateEstimate, foretold: float) -> list[Check]:
     """Whether rows and nodes are close enough for the rate that was found."""
     count, more = len(found.time_s), _more_nodes(found)
     return [
-        checks.at_most(
+        checks.check_at_most(
             "row_truncation",
             found.truncation,
             2 * SETTLED,
             f"averaging along the rate found still moves it by {found.truncation:.2g} σ",
         ),
-        checks.at_most(
+        checks.check_at_most(
             "nodes_follow",
             found.finer_z,
             TOO_COARSE,
@@ -302,7 +302,7 @@ def _check_nodes(found: RateEstimate, foretold: float) -> list[Check]:
             f" {found.finer_z:.2g} of its standard deviations more than by chance, so the errors"
             f" hold at smooth places only; {more}",
         ),
-        checks.at_most(
+        checks.check_at_most(
             "nodes_are_dense",
             foretold,
             DOUBTFUL,

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import HrgError
-from ..fitting.checks import CHANCE, at_most, failures
+from ..fitting.checks import CHANCE, check_at_most, list_failures
 from ..fitting.least_squares import invert_information
 from ..records import Calibration, Resonator
 from .calibration.moved_tables import GROUPS, TableState
@@ -309,7 +309,7 @@ def _cannot_tell(covariance: Array, then: Array, known: Array) -> list[str]:
             float(np.linalg.norm(then[places])),
         )
         checks.append(
-            at_most(
+            check_at_most(
                 name,
                 std / size if size > 0 else np.inf,
                 LEAST_TOLD,
@@ -318,4 +318,4 @@ def _cannot_tell(covariance: Array, then: Array, known: Array) -> list[str]:
                 " windows at other wave angles",
             )
         )
-    return failures(checks)
+    return list_failures(checks)

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import HrgError
 from ..fitting.envelopes.envelope_runs import MIN_ROWS
 from ..fitting.envelopes.wild_rows import flag_wild_rows
-from ..fitting.samples.rate_log import left_out, stretches, within_log
+from ..fitting.samples.rate_log import describe_left_out, find_stretches, restrict_to_log
 from ..records import Wave, doubts_about, name_record
 from ..records.record import Record
 
@@ -83,13 +83,13 @@ def with_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
     """
     waves, notes, doubts = [], list(usable.notes), list(usable.doubts)
     for wave in usable.waves:
-        stretch = np.ones(len(wave), np.int32) if wave.run_id in given else stretches(wave)
+        stretch = np.ones(len(wave), np.int32) if wave.run_id in given else find_stretches(wave)
         if stretch.all():
             waves.append(wave)
             continue
         own = stretches_taken(wave, stretch)
-        waves += [within_log(wave, stretch == number) for number in own]
-        sentence = left_out(wave, np.isin(stretch, own))
+        waves += [restrict_to_log(wave, stretch == number) for number in own]
+        sentence = describe_left_out(wave, np.isin(stretch, own))
         if short := np.count_nonzero(~np.isin(stretch, [0, *own])):
             sentence += f", {short} of them in stretches of it that are too short for runs"
         if len(own) > 1:

@@ -21,7 +21,7 @@ from ..errors import UsageError
 from ..fitting.causes import extended_fit, fit_point, scales, whitened_rows
 from ..fitting.causes.extended_fit import ExtendedFit
 from ..fitting.causes.fit_point import state_of
-from ..fitting.causes.wave_frame import real
+from ..fitting.causes.wave_frame import to_reals
 from ..records import Wave, collect
 from ..stages.demodulate import demodulate
 from ..stages.diagnosis.base.base_priors import freedom_of
@@ -85,7 +85,7 @@ class Hiding:
 
 def _size_beside_model(change: Array, fit: ExtendedFit) -> float:
     """Size in σ of a change of the envelopes that the base model cannot take up."""
-    rows = whitened_rows.flatten_rows(fit.series, real(fit.series.over_noise(change)))
+    rows = whitened_rows.flatten_rows(fit.series, to_reals(fit.series.over_noise(change)))
     return float(np.linalg.norm(_beside(rows, fit)))
 
 
@@ -172,7 +172,9 @@ def setting_in(
         changed = effect.slow_readout(
             {**neutral, parameter.name: middle}, u, state_of(fit.series, fit.point)
         )
-        column = whitened_rows.flatten_rows(fit.series, real(fit.series.over_noise(changed - u)))
+        column = whitened_rows.flatten_rows(
+            fit.series, to_reals(fit.series.over_noise(changed - u))
+        )
         low, high = (
             (middle, high) if information(fit, column[:, None])[0, 0] < size**2 else (low, middle)
         )

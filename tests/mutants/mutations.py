@@ -567,7 +567,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("if isinstance(value, int) and not -LARGEST_INTEGER <= value < LARGEST_INTEGER:", "if False:"),
             ("if count > MOST_KEYS:", "if False:"),
             ("found[:MOST_TOLD]]", "found]"),
-            ("return checked(stage, from_file | given, usage=True)", "return checked(stage, given | from_file, usage=True)"),
+            ("return check_settings(stage, from_file | given, usage=True)", "return check_settings(stage, given | from_file, usage=True)"),
             ("kind = UsageError if usage else HrgError", "kind = HrgError"),
             ("extra=\"forbid\", frozen=True", "frozen=True"),
         ),

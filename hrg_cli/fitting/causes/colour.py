@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .wave_frame import directions, real
+from .wave_frame import find_directions, to_reals
 
 Array = np.ndarray
 COMPONENTS = ("amplitude", "phase", "angle", "ellipticity")
@@ -58,7 +58,7 @@ class ColouredNoise:
 def components(x: Array, along: Array) -> Array:
     """Reals (R, n, 4, K) turned into the wave's frame: along it, its phase, across it (angle), and
     its quadrature."""
-    return real(directions(along)) @ x
+    return to_reals(find_directions(along)) @ x
 
 
 def wander(t: Array, q: float, tau: float) -> Array:

@@ -15,9 +15,9 @@ from .fit_point import Point
 from .layout import FREQUENCY, FitColumns
 from .measured_runs import MeasuredRuns
 from .motion_budget import spend_motion
-from .sensitivities import Propagation, propagation
+from .sensitivities import Propagation, linearise_flow
 from .slow_prediction import Prediction, predict
-from .wave_frame import imaginary
+from .wave_frame import to_complex
 from .whitened_rows import design_of, flatten_rows
 
 Array = np.ndarray
@@ -74,7 +74,7 @@ class LinearModel:
 def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePriors) -> LinearModel:
     """The model about a prediction. DivergedError: its slopes are no numbers."""
     series = prediction.series
-    flow = propagation(prediction)
+    flow = linearise_flow(prediction)
     design = design_of(flow, layout)
     residual = flatten_rows(series, prediction.residual())
     try:
@@ -151,7 +151,7 @@ def move_point(point: Point, layout: FitColumns, step: Array, passive: bool = Tr
     p[list(layout.coordinates)] += step[: len(layout.coordinates)]
     for number in range(layout.runs):
         own = step[layout.run(number)]
-        start[number] += imaginary(own[:FREQUENCY])
+        start[number] += to_complex(own[:FREQUENCY])
         offset[number] += own[FREQUENCY]
     active = []
     for effect, values in point.active:

@@ -21,9 +21,9 @@ from .fit_point import Point
 from .layout import FitColumns
 from .measured_runs import MeasuredRuns
 from .motion_budget import spend_motion
-from .sensitivities import Propagation, Wanted, propagation
+from .sensitivities import Propagation, Wanted, linearise_flow
 from .slow_prediction import Near, Prediction, predict
-from .wave_frame import directions, imaginary, real
+from .wave_frame import find_directions, to_complex, to_reals
 from .whitened_rows import layout_of, sensitivities
 
 __all__ = ["DivergedError", "ExtendedFit", "along_wave", "fit", "on_rows", "unsettled_part"]
@@ -175,13 +175,13 @@ def unsettled_part(fit: ExtendedFit) -> Array:
     if series.scatter is not None:
         noise = series.scatter.back(noise)
     beside = fit.prediction.residual() - on_rows(fit, noise)
-    return series.in_units(imaginary(beside))
+    return series.in_units(to_complex(beside))
 
 
 def along_wave(fit: ExtendedFit, values: Array) -> Array:
     """The same along the directions of the wave as its noise weighs it: amplitude, phase, angle,
     ellipticity."""
-    own = real(directions(channel_noise.whiten(fit.series.whitening, fit.prediction.seen)))
+    own = to_reals(find_directions(channel_noise.whiten(fit.series.whitening, fit.prediction.seen)))
     return np.asarray(np.einsum("rnki,rni...->rnk...", own, on_rows(fit, values)))
 
 
@@ -246,4 +246,4 @@ def _measured_motion(series: MeasuredRuns, point: Point) -> Near | None:
     """Near which driven runs move: as they were measured. None for free ones, which need no guess."""
     if not series.forced.any():
         return None
-    return propagation(Prediction(series, point, series.envelope, series.envelope)).near
+    return linearise_flow(Prediction(series, point, series.envelope, series.envelope)).near

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..least_squares import solve
-from .designs import orthonormal
+from .designs import orthonormalise
 
 Array = np.ndarray
 
@@ -57,7 +57,7 @@ def predict_folds(
     out = residual.copy()
     both = np.column_stack([shared, residual])
     bases = [
-        orthonormal(own[f]) if own[f].shape[1] else np.zeros((len(rows), 0))
+        orthonormalise(own[f]) if own[f].shape[1] else np.zeros((len(rows), 0))
         for f, rows in enumerate(folds)
     ]
     parts = [

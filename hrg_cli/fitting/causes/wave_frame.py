@@ -8,23 +8,23 @@ import numpy as np
 Array = np.ndarray
 
 
-def real(u: Array) -> Array:
+def to_reals(u: Array) -> Array:
     """(..., 2) complex as (..., 4) reals: Re C, Re S, Im C, Im S."""
     return np.concatenate([u.real, u.imag], axis=-1)
 
 
-def imaginary(x: Array) -> Array:
-    """Inverse of `real`."""
+def to_complex(x: Array) -> Array:
+    """Inverse of `to_reals`."""
     return x[..., :2] + 1j * x[..., 2:]
 
 
 def real_matrix(L: Array) -> Array:
-    """Complex (..., 2, 2) as the real (..., 4, 4) that acts on `real` vectors."""
+    """Complex (..., 2, 2) as the real (..., 4, 4) that acts on `to_reals` vectors."""
     top = np.concatenate([L.real, -L.imag], axis=-1)
     return np.concatenate([top, np.concatenate([L.imag, L.real], axis=-1)], axis=-2)
 
 
-def directions(u: Array) -> Array:
+def find_directions(u: Array) -> Array:
     """Unit changes (..., 4, 2) of envelopes u (..., 2): in relative amplitude, phase, angle (across
     the wave) and ellipticity."""
     size = np.sqrt(np.sum(np.abs(u) ** 2, axis=-1, keepdims=True))

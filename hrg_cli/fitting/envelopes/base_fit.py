@@ -68,7 +68,9 @@ def start_from_propagator(
     return p, offsets, covariance, space
 
 
-def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: int = 300) -> Fit:
+def fit_base_model(
+    runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: int = 300
+) -> Fit:
     """The likelihood's optimum over free runs; averaged envelopes, phase orders as the data demand.
 
     HrgError: no run, mixed mode numbers, or nothing that can be fitted.
@@ -102,7 +104,7 @@ def _advice(runs: Sequence[EnvelopeRun], known: Known) -> str:
         if known.scale_factor is not None
         else nominal_scale_factor(runs[0].mode_number)
     )
-    turning = [rows.speed(r, np.eye(COUNT)[5] * factor) * r.window_s for r in runs]
+    turning = [rows.estimate_speed(r, np.eye(COUNT)[5] * factor) * r.window_s for r in runs]
     worst = int(np.argmax(turning))
     if turning[worst] < WRAPPED_RAD:
         return "look at the envelopes"
@@ -217,7 +219,7 @@ def settle_averages(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fi
     """
     last = np.inf
     for _ in range(AVERAGINGS):
-        blocks = rows.rows_needed(result.p, runs, blocks)
+        blocks = rows.count_rows(result.p, runs, blocks)
         if not np.all(np.isfinite(result.p)):
             return result
         before, result = result, _averaged_again(runs, result, blocks)
@@ -290,7 +292,7 @@ def _from_start(
     space = freedom(known, p, runs[0].mode_number, max(r.duration_s for r in runs))
     p = p.copy()
     p[SECOND_ORDER] = 1.0
-    data = batch(propagator.thin_rows(runs, p, offsets, rows.rows_needed(p, runs, blocks)))
+    data = batch(propagator.thin_rows(runs, p, offsets, rows.count_rows(p, runs, blocks)))
     z = np.linalg.pinv(space.directions) @ (p - space.origin)
     start, phase = data.envelope[:, 0], (offsets * data.span_s)[:, None]
     try:

@@ -57,7 +57,7 @@ class Ellipse:
     good: Array
 
 
-def derivative(values: Array, time_s: Array) -> Array:
+def differentiate(values: Array, time_s: Array) -> Array:
     """Central differences on uneven times."""
     return np.gradient(values, time_s, axis=0)
 
@@ -71,7 +71,7 @@ def beside_gap(time_s: Array) -> Array:
 
 def table_rate(run: EnvelopeRun) -> Array:
     """Rate on the rows, rad/s."""
-    return derivative(run.turn_rad, run.time_s)
+    return differentiate(run.turn_rad, run.time_s)
 
 
 def ellipse_of(run: EnvelopeRun) -> Ellipse:
@@ -84,9 +84,9 @@ def ellipse_of(run: EnvelopeRun) -> Ellipse:
         a,
         b,
         angle,
-        derivative(a, t),
-        derivative(b, t),
-        derivative(angle, t),
+        differentiate(a, t),
+        differentiate(b, t),
+        differentiate(angle, t),
         table_rate(run),
         ~beside_gap(t),
     )
@@ -130,7 +130,7 @@ def integrate_equations(
     pieces, targets = [], []
     for columns, quantity, _ in equations:
         full = np.stack([np.broadcast_to(c, quantity.shape) for c in columns], axis=-1)
-        slope = derivative(full, t)
+        slope = differentiate(full, t)
         # Trapezium with its end correction, −h²/12 [f']: right to h⁴ (Euler and Maclaurin).
         pieces.append((full[1:] + full[:-1]) / 2 * step - np.diff(slope, axis=0) * step**2 / 12)
         targets.append(np.diff(quantity))

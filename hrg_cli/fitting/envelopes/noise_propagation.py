@@ -42,7 +42,7 @@ def moves(
                 yield np.where(inside, change, 0.0), np.where(inside, row, 0)
 
 
-def covariance(
+def propagate_noise(
     run: EnvelopeRun,
     misfit: Callable[[EnvelopeRun], Array],
     first: Array,

@@ -97,9 +97,9 @@ def guess_roughly(runs: Sequence[EnvelopeRun]) -> tuple[Array, Array]:
 def plain_exponential(p: Array, dt: Array, turn: Array, offset_rad_s: Array | float) -> Matrix:
     """exp of the plain generator over times (n,) and table turns (n,), with a frequency offset."""
     rate = np.divide(turn, dt, out=np.zeros(len(dt)), where=dt != 0)
-    mean, L = matrices.traceless(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
+    mean, L = matrices.split_trace(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
     factor = np.exp((mean + 1j * offset_rad_s) * dt)
-    m = matrices.exponential(L, dt)
+    m = matrices.exponentiate(L, dt)
     return m[0] * factor, m[1] * factor, m[2] * factor, m[3] * factor
 
 
@@ -151,7 +151,7 @@ def _predict(data: Pairs, p: Array, offsets: Array) -> tuple[Array, Array]:
     """e^{jδh} exp(Lh) u(t) of every pair (n, 2), and its derivatives by the first six coordinates
     over σ (6, n, 2)."""
     dt, rate = data.dt, data.turn / data.dt
-    mean, L = matrices.traceless(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
+    mean, L = matrices.split_trace(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
     factor = np.exp((mean + 1j * offsets[data.run]) * dt)
     before = data.before[:, 0] * factor, data.before[:, 1] * factor
     whole, even, third, slope = matrices.exponential_slopes(L, dt)

@@ -11,7 +11,7 @@ from ...physics.resonator import OF_GENERATOR
 from ..least_squares import measure_columns
 from . import coordinates
 from .likelihood import Fit, Freedom, fit
-from .response import real
+from .response import stack_reals
 
 Array = np.ndarray
 PAIRS = {
@@ -44,11 +44,11 @@ def bootstrap(best: Fit, draws: int, seed: int) -> Array:
     for run, record in enumerate(response.batch.runs):
         n = len(record)
         design = np.concatenate([own[:, run, :n], shared[:, run, :n]])
-        scale = measure_columns(real(design))
+        scale = measure_columns(stack_reals(design))
         pieces = np.array_split(np.arange(n), min(BLOCKS_A_RUN, n))
         matrices, vectors = [], []
         for piece in pieces:
-            block = real(design[:, piece]) / scale
+            block = stack_reals(design[:, piece]) / scale
             r = residual[run, piece].ravel()
             matrices.append(block.T @ block)
             vectors.append(block.T @ np.concatenate([r.real, r.imag]))

@@ -19,7 +19,7 @@ from .envelope_runs import EnvelopeRun
 from .equations import (
     Equations,
     beside_gap,
-    derivative,
+    differentiate,
     ellipse_of,
     integrate_equations,
     join_equations,
@@ -108,7 +108,7 @@ def fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
 
     `eliminate_rate`: the published KΩ := −mθ̇.
     """
-    u, dot = run.envelope, derivative(run.envelope, run.time_s)
+    u, dot = run.envelope, differentiate(run.envelope, run.time_s)
     keep = ~beside_gap(run.time_s)
     rate = table_rate(run)
     known = np.zeros_like(rate)
@@ -194,11 +194,11 @@ class _Products:
         return [
             self._rows(
                 [-c2, -c2, -x, zero, y, self.rate * x, zero],
-                derivative(c2, t) / 2 - self.known * x,
+                differentiate(c2, t) / 2 - self.known * x,
             ),
             self._rows(
                 [-s2, s2, -x, zero, -y, -self.rate * x, zero],
-                derivative(s2, t) / 2 + self.known * x,
+                differentiate(s2, t) / 2 + self.known * x,
             ),
         ]
 
@@ -209,9 +209,9 @@ class _Products:
         return [
             self._rows(
                 [-2 * x, zero, -total, -2 * y, zero, self.rate * difference, zero],
-                derivative(x, t) - self.known * difference,
+                differentiate(x, t) - self.known * difference,
             ),
-            self._rows([-2 * y, zero, zero, 2 * x, difference, zero, zero], derivative(y, t)),
+            self._rows([-2 * y, zero, zero, 2 * x, difference, zero, zero], differentiate(y, t)),
         ]
 
     def phase_difference(self, grouped: bool) -> tuple[_Products, Equations]:
@@ -223,7 +223,7 @@ class _Products:
         x, y, t, zero = self.x, self.y, self.run.time_s, np.zeros_like(self.x)
         product = np.sqrt(np.maximum(x**2 + y**2, 1e-300))
         sin, cos = y / product, x / product
-        left = cos * derivative(y, t) - sin * derivative(x, t)
+        left = cos * differentiate(y, t) - sin * differentiate(x, t)
         used = self
         if grouped:
             size = np.where(np.minimum(np.abs(sin), np.abs(cos)) < GROUP, self.size, np.inf)

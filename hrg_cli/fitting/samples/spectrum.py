@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .basis import WindowBasis, columns, pairs, rotations
+from .basis import WindowBasis, build_columns, build_pairs, rotations
 
 Array = np.ndarray
 
@@ -84,8 +84,8 @@ def _less_oscillation(
     moving = np.polynomial.legendre.legvander(tau / max(float(np.abs(tau).max()), 1e-300), order)[
         :, 1:
     ]
-    wanted = (moving[:, :, None] * pairs(tau, frequency_hz)[:, None, :]).reshape(len(tau), -1)
-    basis = np.concatenate([columns(tau, frequency_hz, nuisance_hz), wanted], -1)
+    wanted = (moving[:, :, None] * build_pairs(tau, frequency_hz)[:, None, :]).reshape(len(tau), -1)
+    basis = np.concatenate([build_columns(tau, frequency_hz, nuisance_hz), wanted], -1)
     gram = basis.T @ basis
     # the ridge keeps two frequencies that the look cannot tell apart solvable; the second solution
     # takes off what the ridge left of the first

@@ -15,11 +15,11 @@ import numpy as np
 from .envelope_motion import (
     bend_power,
     better_slopes,
-    curvatures,
+    estimate_curvatures,
+    estimate_slopes,
     motion_counts,
     motion_residual,
     pull_noise,
-    slopes,
     take_off_pull,
 )
 from .neighbours import from_neighbours
@@ -72,7 +72,10 @@ class MotionWithin:
         judged = self._keep_judged(smooth, times)
         if self.takes_bends_off or self._bends(judged, offset, fits):
             bends = from_neighbours(
-                lambda rows: curvatures(rows, offset, self.window_s), judged, offset, self.window_s
+                lambda rows: estimate_curvatures(rows, offset, self.window_s),
+                judged,
+                offset,
+                self.window_s,
             )
             bend, doubt = bends or (None, None)
         noisier = pull_noise(
@@ -94,7 +97,7 @@ class MotionWithin:
     ) -> tuple[Array, Array | None]:
         """The envelopes without the pull of their slopes, and the part of the squared residual that
         these explain where they count; as they are where the fit holds the slopes."""
-        slope = None if self.moving else self._seen_beside(slopes, u, offset)
+        slope = None if self.moving else self._seen_beside(estimate_slopes, u, offset)
         if slope is None:
             return u, None
         known = None

@@ -98,7 +98,7 @@ def _squares(y: Array) -> Array:
     )
 
 
-def energy(u: Array) -> float:
+def sum_energy(u: Array) -> float:
     """Σ|u|² of complex values, in this thread: a BLAS shares so short a sum among threads that then
     wait for each other."""
     parts = np.ascontiguousarray(u).view(float).ravel()

@@ -13,7 +13,7 @@ import numpy as np
 
 from .increment_noise import AngleNoise, Whitener, covariance_bands
 from .increments import AnglePath
-from .table_design import design, stretches
+from .table_design import build_design, split_stretches
 from .table_layout import Model, TableLayout
 
 Array = np.ndarray
@@ -71,9 +71,9 @@ def accumulate(
     for r, (path, noise, turn) in enumerate(zip(paths, noises, turns)):
         piece = piece_of(len(path))
         whitener = Whitener(covariance_bands(path, noise))
-        for rows in stretches(len(path)):
+        for rows in split_stretches(len(path)):
             white = whitener.next(
-                np.column_stack([design(path, layout, previous, rows), turn[rows]])
+                np.column_stack([build_design(path, layout, previous, rows), turn[rows]])
             )
             for s in np.unique(piece[rows]):
                 own = white[piece[rows] == s]

@@ -16,7 +16,7 @@ from ...records import Calibration, Wave
 from .accuracy_stages import list_first_stages
 from .between_nodes import interpolation_doubt
 from .choice import TriedVariant, solve_again
-from .figures import cells, figure_rows, predictions
+from .figures import figure_rows, gather_cells, predictions
 from .folds import choose_smoothness
 from .noise_guards import say_noise
 from .record import record_of
@@ -120,7 +120,9 @@ class Chosen:
         whole, held = predictions(self.fitted, stages[:2], self.folds)
         whole = np.concatenate([whole, tried.solution.coefficients[:, None]], axis=1)
         own = np.stack([s.coefficients for s in tried.held], axis=1)[:, None]
-        used, unseen = cells(self.fitted, whole, np.concatenate([held, own], axis=1), self.folds)
+        used, unseen = gather_cells(
+            self.fitted, whole, np.concatenate([held, own], axis=1), self.folds
+        )
         names = [stage.name for stage in stages]
         return figure_rows(names, used, unseen, self.scale_factor, draws, seed)
 

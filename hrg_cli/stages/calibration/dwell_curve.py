@@ -16,9 +16,9 @@ from ...fitting.least_squares import fit_columns
 from ...fitting.tables.dwells import (
     choose_powers,
     design,
+    find_least_count,
     find_spikes,
     held_out_rms,
-    least_count,
 )
 
 Array = np.ndarray
@@ -98,7 +98,7 @@ def _column(table: Mapping[str, Any], name: str) -> Array:
 
 def fit_without_spikes(dwells: Dwells, largest_power: int, spike_sigma: float) -> Curve:
     """The curve with powers chosen on rows left out, spikes left out until their choice repeats."""
-    keep, step = np.ones(len(dwells.output), bool), least_count(dwells.output)
+    keep, step = np.ones(len(dwells.output), bool), find_least_count(dwells.output)
     for _ in range(MOST_ROUNDS):
         curve = _fit(dwells, keep, largest_power)
         spikes = find_spikes(curve.X, curve.residual, keep, spike_sigma, step)

@@ -14,7 +14,7 @@ from ...fitting.tables.normal_pieces import chi_square, held_out_chi_square, sol
 from ...fitting.tables.table_layout import Model
 from .accuracy_stages import LadderSettings, list_first_stages
 from .column_spaces import find_correlated, leave_out, measure_independence, take_along_nodes
-from .figures import cells, figure_rows, predictions
+from .figures import figure_rows, gather_cells, predictions
 from .joint_runs import BESIDE
 from .named_elements import name_loop_elements, name_readout_elements
 from .prices import need
@@ -52,7 +52,7 @@ def analyse_factors(
         *(Model(name, leave_out(final.matrix, columns)) for name, (columns, _) in groups.items()),
     ]
     whole, held = predictions(joint, models, folds)
-    used, unseen = cells(joint, whole, held, folds, runs)
+    used, unseen = gather_cells(joint, whole, held, folds, runs)
     # the first row is the whole model's; each other one lacks a group, and the difference is what
     # that group buys
     rows = figure_rows(

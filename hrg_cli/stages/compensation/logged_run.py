@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...fitting.samples.rate_log import left_out, stretches
+from ...fitting.samples.rate_log import describe_left_out, find_stretches
 from ...fitting.tables.increments import ROWS_AT_ONCE
 from ...records import Wave
 
@@ -25,7 +25,7 @@ class LoggedRun:
     @classmethod
     def of(cls, wave: Wave) -> LoggedRun:
         """The run with its rate log read."""
-        return cls(wave, stretches(wave))
+        return cls(wave, find_stretches(wave))
 
     @property
     def name(self) -> str:
@@ -39,7 +39,7 @@ class LoggedRun:
 
     def doubts(self) -> list[str]:
         """What to say of the windows that the log does not cover."""
-        outside = left_out(self.wave, self.stretch > 0)
+        outside = describe_left_out(self.wave, self.stretch > 0)
         return [f"{outside} of its figures"] if outside else []
 
     def pieces(self, windows: int) -> Iterator[tuple[Wave, Array]]:

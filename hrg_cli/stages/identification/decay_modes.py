@@ -75,7 +75,7 @@ def _fit_modes(thin: EnvelopeRun, u: Array, stretch: tuple[int, int], run: Envel
     if not run.phase_known:
         return Seen(part, thin, spacing, one, None)
     two, single = two_modes.identify(part, signal, 2), two_modes.identify(part, signal, 1)
-    adequate = checks.goodness(one.chi2, one.dof).passed
+    adequate = checks.check_goodness(one.chi2, one.dof).passed
     if (
         two_modes.are_resolved(two, single)
         and not adequate

@@ -120,7 +120,7 @@ def _beside_steps(fit: ExtendedFit, settled: Callable[[ExtendedFit], ExtendedFit
 
 
 def _is_noise(fit: ExtendedFit) -> bool:
-    return checks.goodness(fit.chi2, fit.dof).passed
+    return checks.check_goodness(fit.chi2, fit.dof).passed
 
 
 def _beside_frames(fit: ExtendedFit) -> ExtendedFit:

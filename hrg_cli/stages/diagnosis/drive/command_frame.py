@@ -28,10 +28,10 @@ from ....effects.effect import frame
 from ....fitting.causes import extended_fit, whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.sensitivities import Propagation, base_sensitivities, propagation
+from ....fitting.causes.sensitivities import Propagation, base_sensitivities, linearise_flow
 from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.walks import Walk
-from ....fitting.causes.wave_frame import imaginary, real
+from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.envelopes.coordinates import SCALE_FACTOR
 from .scatter import row_length_s, turn_forces
 
@@ -103,10 +103,10 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     if np.abs(turn - before).max() < SETTLED_RAD:
         return fit
     series = replace(series, frame_turn=turn)
-    flow = propagation(predict(series, fit.point, fit.flow.near))
+    flow = linearise_flow(predict(series, fit.point, fit.flow.near))
     carried = carry_turns(flow, series, answers.angle, answers.phase)
     walk = Walk.none(flow.prediction.motion) if series.walk is None else series.walk
-    turned = imaginary(flow.viewed(carried) @ size)
+    turned = to_complex(flow.viewed(carried) @ size)
     series = replace(series, walk=replace(walk, turned=turned))
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
@@ -133,7 +133,7 @@ def carry_turns(flow: Propagation, series: MeasuredRuns, angle: Array, phase: Ar
     at_rows, at_middle = (
         np.concatenate(
             [
-                real(force)[..., None] * answer[..., None, :]
+                to_reals(force)[..., None] * answer[..., None, :]
                 for force, answer in zip(turn_forces(runs, motion), beside, strict=True)
             ],
             axis=-1,

@@ -30,7 +30,7 @@ from ....fitting.causes import designs, whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit, on_rows
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.causes.sensitivities import Propagation, base_sensitivities
-from ....fitting.causes.wave_frame import imaginary, real
+from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.envelopes.coordinates import BASIS
 from ..thresholds import WORTH
 from .command_frame import slope_of
@@ -123,7 +123,7 @@ def _left(fit: ExtendedFit, besides: Array | None = None) -> list[_Left]:
     driven, out = np.any(series.forced > 0, axis=1), []
     for k, (rows, _, own) in enumerate(fit.design.own):
         if driven[k]:
-            Q = designs.orthonormal(np.concatenate([own, shared[rows]], axis=1), INDEPENDENT)
+            Q = designs.orthonormalise(np.concatenate([own, shared[rows]], axis=1), INDEPENDENT)
             rest = fit.residual[rows]
             out.append(_Left(rows, Q, rest - Q @ (Q.T @ rest)))
     return out
@@ -145,7 +145,7 @@ def _of_linear_maps(flow: Propagation) -> Array:
     (R, n, 4, 24)."""
 
     def mapped(u: Array) -> list[Array]:
-        return [real(np.einsum("ij,rnj->rni", one, u)) for one in LINEAR]
+        return [to_reals(np.einsum("ij,rnj->rni", one, u)) for one in LINEAR]
 
     prediction = flow.prediction
     at_rows, at_middle = (
@@ -200,7 +200,7 @@ def _means(series: MeasuredRuns, v: Array, change: Array, turned: Array) -> Arra
 
     over = 1 / (4 * np.pi * series.reference_frequency_hz)
     held = 1j * over * np.conj(change)
-    return np.stack([real(vector(one)) for one in (held, 1j * held, over * turned)], axis=-1)
+    return np.stack([to_reals(vector(one)) for one in (held, 1j * held, over * turned)], axis=-1)
 
 
 def _swings(time_s: Array, beats: Array) -> Array:
@@ -216,7 +216,7 @@ def _spectrum(fit: ExtendedFit, left: Sequence[_Left], beats: Array) -> Array:
     for run in left:
         rest[run.rows] = run.rest
     turn, _, e_B, _ = frame(fit.prediction.motion, series.phase_rad)
-    beside = np.conj(turn) * np.sum(e_B * imaginary(on_rows(fit, rest)), axis=-1)
+    beside = np.conj(turn) * np.sum(e_B * to_complex(on_rows(fit, rest)), axis=-1)
     power = np.zeros(len(beats))
     for t, z, weight in zip(series.time_s, beside, series.weight, strict=True):
         good = weight > 0

@@ -24,8 +24,13 @@ import numpy as np
 from ....effects.effect import frame
 from ....fitting.causes import whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.slow_equation import RungeKuttaStage, generators, mean_turns, times
-from ....fitting.causes.wave_frame import real
+from ....fitting.causes.slow_equation import (
+    RungeKuttaStage,
+    apply_generators,
+    generators,
+    mean_turns,
+)
+from ....fitting.causes.wave_frame import to_reals
 from ..fits.scoring import is_gross
 from .loop_gain import bound_gains
 
@@ -88,7 +93,7 @@ def _doings(fit: ExtendedFit) -> Array:
 
 def _forces(stage: RungeKuttaStage, L: Array, v: Array) -> Array:
     """The five forces on the envelopes v, as reals (R, n, 4, 5)."""
-    G = times(L, v) + stage.beside(v)
+    G = apply_generators(L, v) + stage.beside(v)
     turn, e_A, e_B, _ = frame(v, stage.state.phase_rad)
     seen = [np.conj(turn) * np.sum(axis * w, axis=-1) for w in (v, G) for axis in (e_A, e_B)]
     a, b, G_A, G_B = seen[0].real, -seen[1].imag, seen[2], seen[3]
@@ -118,4 +123,4 @@ def _forces(stage: RungeKuttaStage, L: Array, v: Array) -> Array:
     )
     answers = turn[..., None] * answers
     forces = answers[0][..., None, :] * e_A[..., None] + answers[1][..., None, :] * e_B[..., None]
-    return np.moveaxis(real(np.moveaxis(forces, -1, -2)), -1, -2)
+    return np.moveaxis(to_reals(np.moveaxis(forces, -1, -2)), -1, -2)

@@ -32,7 +32,7 @@ from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.causes.sensitivities import base_sensitivities
 from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.walks import LogPieces, Walk, WalkPart
-from ....fitting.causes.wave_frame import directions, real
+from ....fitting.causes.wave_frame import find_directions, to_reals
 
 Array = np.ndarray
 SLOW = 4
@@ -297,7 +297,7 @@ def _pieces(fit: ExtendedFit, size: Array, forces: tuple[Array, Array]) -> LogPi
     """The log's pieces, and the jumps by one σ of scatter in the row before a step or behind it."""
     series, rows = fit.series, fit.series.time_s.shape[1]
     jumps = [
-        real(unit) * (series.step_s * size[:, n, None] / 2)[..., None]
+        to_reals(unit) * (series.step_s * size[:, n, None] / 2)[..., None]
         for n, unit in enumerate(forces)
     ]
     return LogPieces(np.stack(jumps, axis=-1), np.arange(rows) * min(PIECES, rows) // rows)
@@ -309,7 +309,7 @@ def _slow(fit: ExtendedFit) -> Array:
     waves = np.cos(
         np.pi * np.arange(SLOW) * ((t - t[:, :1]) / np.ptp(t, axis=1)[:, None])[..., None]
     )
-    along = np.moveaxis(real(directions(fit.prediction.seen)), -2, -1)
+    along = np.moveaxis(to_reals(find_directions(fit.prediction.seen)), -2, -1)
     columns = along[..., None] * waves[..., None, None, :]
     return fit.prediction.judged(columns.reshape(*t.shape, 4, -1))
 
@@ -318,7 +318,7 @@ def _part(residual: Array, runs: Sequence[_Run]) -> float:
     """The part q of the scatter, from the mean of q² over all that the residual leaves possible."""
     powers, squares = [], []
     for run in runs:
-        beside = designs.orthonormal(run.beside, INDEPENDENT)
+        beside = designs.orthonormalise(run.beside, INDEPENDENT)
         Q, power, _ = _directions(run.doings - beside @ (beside.T @ run.doings))
         powers.append(power)
         squares.append((Q.T @ residual[run.rows]) ** 2)
@@ -348,5 +348,5 @@ def _whitened(known: Basis | None, soft: Softened) -> Basis | None:
     for rows, Q in known.own:
         whole = np.zeros((known.shape[0], Q.shape[1]))
         whole[rows] = Q
-        own.append((rows, designs.orthonormal(soft.off(whole)[rows], INDEPENDENT)))
+        own.append((rows, designs.orthonormalise(soft.off(whole)[rows], INDEPENDENT)))
     return Basis(tuple(own), soft.off(known.shared), known.variance)

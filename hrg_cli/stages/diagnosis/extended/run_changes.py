@@ -17,7 +17,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.layout import FREQUENCY, OWN
 from ....fitting.causes.sensitivities import base_sensitivities
 from ....fitting.causes.slow_equation import generators
-from ....fitting.causes.wave_frame import imaginary, real, real_matrix
+from ....fitting.causes.wave_frame import real_matrix, to_complex, to_reals
 from ....fitting.causes.whitened_rows import flatten_own
 from ....physics.resonator import exponential
 
@@ -65,7 +65,7 @@ def _carried(fit: ExtendedFit, first: int, pieces: Sequence[int]) -> dict[int, A
         matrix = np.eye(OWN)
         matrix[:FREQUENCY, :FREQUENCY] = start
         since_s = float(series.time_s[k, 0] - series.time_s[first, 0])
-        matrix[:FREQUENCY, FREQUENCY] = since_s * real(1j * motion[k, 0])
+        matrix[:FREQUENCY, FREQUENCY] = since_s * to_reals(1j * motion[k, 0])
         out[k] = matrix
     return out
 
@@ -73,7 +73,7 @@ def _carried(fit: ExtendedFit, first: int, pieces: Sequence[int]) -> dict[int, A
 def _turned_onto(carried: Array, before: Array, after: Array) -> Array:
     """The carried changes (4, 4) turned by the phase that brings the carried motion onto the piece's:
     the clock of the recording stood still where samples were lost."""
-    arrived = imaginary(carried @ real(before))
+    arrived = to_complex(carried @ to_reals(before))
     turn = np.vdot(arrived, after)
     phase = turn / abs(turn) if abs(turn) > 0 else 1.0
     return np.asarray(real_matrix(phase * np.eye(2)) @ carried)

@@ -19,7 +19,7 @@ from ....effects.effect import Effect
 from ....errors import HrgError
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.slow_equation import jump_times
-from ....fitting.causes.wave_frame import real
+from ....fitting.causes.wave_frame import to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....fitting.envelopes.coordinates import SCALE_FACTOR
 from ....fitting.envelopes.envelope_runs import envelopes_of
@@ -196,7 +196,7 @@ def hold_written(
         compared[k] = inside
         missed[k, inside] = measured - course.at(series.time_s[k][inside])
         fitted[k, inside] = measured - fit.prediction.by_log[k][inside]
-    missed, fitted = (real(series.over_noise(one)) for one in (missed, fitted))
+    missed, fitted = (to_reals(series.over_noise(one)) for one in (missed, fitted))
     # what nobody knows of the runs (the way through a step of the rate) counts neither for the fit
     # nor for the file
     figures = [

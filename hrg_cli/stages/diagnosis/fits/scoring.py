@@ -33,7 +33,7 @@ def price_of_place(effect: Effect, fit: ExtendedFit) -> float:
 def worth(score: Score, variant: Variant, fit: ExtendedFit, slow: float = 1.0) -> float:
     """ΔBIC that a candidate's score promises beside a fit; slow: variance of the noise over the
     stated one."""
-    gained = evidence.criterion(score.gain / slow, score.rank, len(fit.residual))
+    gained = evidence.find_bic_gain(score.gain / slow, score.rank, len(fit.residual))
     return gained - price_of_place(variant.effect, fit)
 
 
@@ -48,7 +48,7 @@ def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple
     ]
     columns = fit.sensitivities([variant.wanted for variant in open_ones])
     best: dict[str, tuple[Score, Variant]] = {}
-    found = evidence.scores(
+    found = evidence.score_candidates(
         [variant.effect.name for variant in open_ones], fit.residual, columns, fit.basis
     )
     for score, variant in zip(found, open_ones, strict=True):

@@ -24,9 +24,9 @@ from ....fitting.causes.coordinate_priors import CoordinatePriors
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import Point
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.sensitivities import propagation
+from ....fitting.causes.sensitivities import linearise_flow
 from ....fitting.causes.slow_prediction import predict
-from ....fitting.causes.wave_frame import real
+from ....fitting.causes.wave_frame import to_reals
 from ....fitting.causes.whitened_rows import design_of, layout_of
 from ....fitting.envelopes import channel_noise
 from ....physics import ellipse
@@ -216,7 +216,8 @@ def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
     else:
         prediction, names = predict(series, fit.point), np.arange(len(series.names))
         with np.errstate(all="ignore"):
-            learned = design_of(propagation(prediction), fit.layout).whole() @ _root(fit.covariance)
+            design = design_of(linearise_flow(prediction), fit.layout)
+            learned = design.whole() @ _root(fit.covariance)
     run, row = np.argwhere(series.weight > 0).T
     weight = series.weight[run, row]
     whitening = None if series.whitening is None else series.whitening[run]
@@ -225,14 +226,13 @@ def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
     )[:, 0]
     learned = learned / weight[:, None, None]
     measured, said = series.envelope[run, row], prediction.seen[run, row]
-    misfit = max(
-        1.0, fit.chi2 / fit.dof
-    )  # a model that misses its own training by more than the noise is trusted that much less
+    # a model that misses its own training by more than the noise is trusted that much less
+    misfit = max(1.0, fit.chi2 / fit.dof)
     parts = _parts(measured, said)
     return Errors(
         names[run],
         series.time_s[run, row],
-        real(measured - said),
+        to_reals(measured - said),
         parts,
         np.sqrt(misfit) * learned,
         weight,
@@ -246,7 +246,7 @@ def _of_own(own: ExtendedFit, fit: ExtendedFit) -> Array:
     point = replace(own.point, active=fit.point.active)
     layout = layout_of(own.series, point, fit.freedom)
     with np.errstate(all="ignore"):
-        design = design_of(propagation(replace(own.prediction, point=point)), layout)
+        design = design_of(linearise_flow(replace(own.prediction, point=point)), layout)
         of_runs = own.design.whole() @ _root(own.covariance)
     places = fit.layout.shared
     of_all = own.basis.off(design.shared) @ _root(fit.covariance[np.ix_(places, places)])

@@ -14,7 +14,7 @@ from ....fitting.causes import left_out_folds
 from ....fitting.causes.coordinate_priors import coordinate_rows
 from ....fitting.causes.extended_fit import ExtendedFit, on_rows
 from ....fitting.causes.left_out_folds import HeldOut
-from ....fitting.causes.wave_frame import imaginary
+from ....fitting.causes.wave_frame import to_complex
 from ....units import DEGREE_PER_HOUR
 
 Array = np.ndarray
@@ -97,7 +97,7 @@ def _own(fit: ExtendedFit, rows: Array) -> Array:
     return out
 
 
-def held_out(
+def predict_held_out(
     before: ExtendedFit,
     after: ExtendedFit,
     origin_before: Sequence[int] | None = None,
@@ -162,7 +162,7 @@ def _quantities(
     """rms and its standard deviation over the folds of: drift error mθ̇ (°/h), error of the angle
     mθ and of the amplitude (ppm)."""
     series, u = fit.series, fit.prediction.seen
-    difference = series.in_units(imaginary(on_rows(fit, left)))
+    difference = series.in_units(to_complex(on_rows(fit, left)))
     turn, e_A, e_B, a_A = frame(u, series.phase_rad)
     angle = np.real(np.sum(difference * e_B, axis=-1) * np.conj(turn)) / a_A
     amplitude = np.real(np.sum(difference * e_A, axis=-1) * np.conj(turn)) / a_A

@@ -12,7 +12,7 @@ import numpy as np
 from ....fitting.causes import evidence, extended_fit
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
-from ..fits.refits import adopt, bic, loosen
+from ..fits.refits import adopt, compute_bic, loosen
 from ..fits.scoring import score_effects
 from ..thresholds import BOUND_COST, CLEARLY, SAME, SIGNIFICANT, WORTH
 from .remainder import OPEN_TERMS, Remainder, describe
@@ -44,8 +44,8 @@ class Rival:
         if case.remainder is None or self.beyond is None:
             return False
         one = self.described.terms[0].score
-        worth = evidence.criterion(one.gain, one.rank, len(self.fit.residual))
-        more = bic(self.fit) - bic(self.beyond) - worth
+        worth = evidence.find_bic_gain(one.gain, one.rank, len(self.fit.residual))
+        more = compute_bic(self.fit) - compute_bic(self.beyond) - worth
         return more < -CLEARLY * case.inquiry.noise.slow
 
 
@@ -126,7 +126,7 @@ def _outdoes(rival: Rival, case: Case, full: float, mimics: bool) -> bool:
 def _criterion(fit: ExtendedFit, beside: Remainder | None) -> float:
     """χ² + rank·ln N of a fit with open terms beside it."""
     if beside is None:
-        return bic(fit)
+        return compute_bic(fit)
     rank = fit.basis.shape[1] + beside.rank
     return beside.chi2 + rank * float(np.log(len(fit.residual)))
 

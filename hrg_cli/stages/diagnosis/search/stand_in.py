@@ -48,7 +48,7 @@ def has_none(fit: ExtendedFit, name: str, candidates: Sequence[Variant]) -> bool
         one.wanted for one in candidates if one.effect.name not in active and not one.anywhere
     ]
     for sensitivity in fit.sensitivities(others):
-        Q = designs.orthonormal(beside.off(sensitivity))
+        Q = designs.orthonormalise(beside.off(sensitivity))
         left = done - Q @ (Q.T @ done)
         if float(left @ left) < HOPELESS * fit.chi2:
             return False

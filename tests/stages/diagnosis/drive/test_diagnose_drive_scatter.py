@@ -19,7 +19,7 @@ from hrg_cli.fitting.causes.fit_point import Point
 from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.causes.sensitivities import base_sensitivities
 from hrg_cli.fitting.envelopes import coordinates
-from hrg_cli.fitting.samples.course import impulse, mean_of, means_of_values
+from hrg_cli.fitting.samples.course import average_over_windows, integrate_means, means_of_values
 from hrg_cli.physics.resonator import exponential
 from hrg_cli.stages.diagnosis.closing import closing_checks as closing
 from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
@@ -76,8 +76,8 @@ def measured(seen, commands, logged, seed):
     for run in range(RUNS):
         for n in range(2):
             values = means_of_values(log_time, commands[run][:, logged, n].ravel())
-            course = impulse(log_time, values)
-            mean[n, run], area[n, run] = mean_of(course, t, ROW_S), course.at(t)
+            course = integrate_means(log_time, values)
+            mean[n, run], area[n, run] = average_over_windows(course, t, ROW_S), course.at(t)
     random = np.random.default_rng(seed)
     envelope = seen + NOISE * (random.normal(size=seen.shape) + 1j * random.normal(size=seen.shape))
     one = np.ones((RUNS, ROWS))
