@@ -151,10 +151,10 @@ def diagnose(
         most_effects,
         partial(fit_base, scale_factor=scale_factor, blocks=blocks, free_phase=free_phase),
     )
-    return replace(usable, refusals=()).judged(_of_usable(asked))
+    return replace(usable, refusals=()).judged(_diagnose_usable(asked))
 
 
-def _of_usable(asked: Asked) -> Diagnosis:
+def _diagnose_usable(asked: Asked) -> Diagnosis:
     """The diagnosis of runs that can be used, or the refusal of runs that are not what they say."""
     unfit = [
         Suspicion(w.run_id, "its wave is refused", why_refused(w), ESTIMATE_AGAIN)

@@ -116,7 +116,7 @@ def rate(
     (5, 1.0)
     """
     name = f"run {wave.run_id or '?'}"
-    wave = _in_memory(wave)
+    wave = _read_whole(wave)
     _need_resonator_of(wave, resonator, name)
     if wave.mode == "forced":
         errors = (main_phase_error_rad, quadrature_phase_error_rad, loop_delay_s or 0.0)
@@ -166,7 +166,7 @@ def _record_of(
     # The log may begin late, end early or have gaps: only what it covers is compared.
     stretch = find_stretches(wave)
     before, after = (
-        _less(values, wave, stretch, found.time_s)
+        _subtract_log(values, wave, stretch, found.time_s)
         for values in (found.plain_rate_rad_s, found.rate_rad_s)
     )
     angle, angle_std = found.turned()
@@ -328,7 +328,7 @@ def summary(record: Compensated) -> dict[str, Any]:
     return dict(json.loads(record.details))
 
 
-def _in_memory(wave: Wave) -> Wave:
+def _read_whole(wave: Wave) -> Wave:
     """The wave with every column read: one run-down fits into memory, and the fit needs all of it
     at once."""
     columns = {f.name: getattr(wave, f.name) for f in dataclasses.fields(wave)}
@@ -341,7 +341,7 @@ def _in_memory(wave: Wave) -> Wave:
     )
 
 
-def _less(estimate: Array, wave: Wave, stretch: Array, time_s: Array) -> Array | None:
+def _subtract_log(estimate: Array, wave: Wave, stretch: Array, time_s: Array) -> Array | None:
     """The estimate less the logged rate, NaN where the log does not reach (`stretch`: the windows'
     stretch of it, 0 outside); None without a log."""
     if wave.rate_rad_s is None or not stretch.any():

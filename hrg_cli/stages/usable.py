@@ -54,7 +54,7 @@ class Usable:
         except HrgError as error:
             if not self.refusals:
                 raise
-            raise HrgError(f"{_first(self.refusals)}; {error}") from error
+            raise HrgError(f"{_tell_first(self.refusals)}; {error}") from error
 
 
 def flag_wild(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str, ...]]:
@@ -97,7 +97,7 @@ def with_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
         (notes if own else doubts).append(sentence)
     if usable.waves and not waves:
         raise HrgError(
-            f"{_first(doubts)}; no run is left: log the rate over the whole run, or give the rate"
+            f"{_tell_first(doubts)}; no run is left: log the rate over the whole run, or give the rate"
             " with rate_rad_s"
         )
     return replace(usable, waves=waves, notes=tuple(notes), doubts=tuple(doubts))
@@ -129,7 +129,7 @@ def why_refused(wave: Wave) -> str:
     return why if len(why) <= WHY else f"{why[:WHY]}…"
 
 
-def _first(sentences: Sequence[str]) -> str:
+def _tell_first(sentences: Sequence[str]) -> str:
     """Some of the sentences, and how many more there are."""
     more = len(sentences) - TOLD
     return "; ".join(sentences[:TOLD]) + (f"; and {more} more such runs" if more > 0 else "")

@@ -86,7 +86,7 @@ class Hiding:
 def _size_beside_model(change: Array, fit: ExtendedFit) -> float:
     """Size in σ of a change of the envelopes that the base model cannot take up."""
     rows = whitened_rows.flatten_rows(fit.series, to_reals(fit.series.over_noise(change)))
-    return float(np.linalg.norm(_beside(rows, fit)))
+    return float(np.linalg.norm(_project_base(rows, fit)))
 
 
 def hide(name: str, random: np.random.Generator, noise: float) -> Hiding:
@@ -184,11 +184,11 @@ def setting_in(
 def beside_base(fit: ExtendedFit, columns: Array) -> Array:
     """Fisher information (K, K) of columns over σ (N, K) beside the base model, as free as the runs
     leave it."""
-    free = _beside(columns, fit)
+    free = _project_base(columns, fit)
     return free.T @ free
 
 
-def _beside(columns: Array, fit: ExtendedFit) -> Array:
+def _project_base(columns: Array, fit: ExtendedFit) -> Array:
     """Columns over σ without what the base model can do, projected twice against rounding."""
     return fit.basis.off(fit.basis.off(columns))
 

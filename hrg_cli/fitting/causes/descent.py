@@ -97,7 +97,7 @@ def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePri
         # along the wall only; the covariance stays that without it, as the bound is no measurement
         free = step
         step, _ = factored.solve(residual, *priors, *wall)
-        lost = _fall(design, residual, free) - _fall(design, residual, step)
+        lost = _predict_fall(design, residual, free) - _predict_fall(design, residual, step)
     return LinearModel(flow, design, residual, layout, factored, priors, step, covariance, lost)
 
 
@@ -138,7 +138,7 @@ def descend(
     return trial, now, False
 
 
-def _fall(design: Design, residual: Array, step: Array) -> float:
+def _predict_fall(design: Design, residual: Array, step: Array) -> float:
     """By how much a step lowers χ² in the linear model."""
     change = design.times(step)  # |r|² − |r − Js|²
     return float(2 * residual @ change - change @ change)

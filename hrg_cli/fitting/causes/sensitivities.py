@@ -320,10 +320,10 @@ def effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Ar
     ]
     out = [np.zeros((*flow.prediction.series.weight.shape, 4, count)) for count in counts]
     if moving:
-        rows = [_given(terms[k].at_rows, out[k]) for k in moving]
-        middles = [_given(terms[k].at_middle, out[k][:, 1:]) for k in moving]
+        rows = [_fill_missing(terms[k].at_rows, out[k]) for k in moving]
+        middles = [_fill_missing(terms[k].at_middle, out[k][:, 1:]) for k in moving]
         jumps = (
-            [_given(terms[k].in_steps, out[k][:, 1:]) for k in moving]
+            [_fill_missing(terms[k].in_steps, out[k][:, 1:]) for k in moving]
             if any(t.in_steps is not None for t in terms)
             else None
         )
@@ -347,5 +347,5 @@ def effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Ar
     ]
 
 
-def _given(terms: Array | None, nothing: Array) -> Array:
+def _fill_missing(terms: Array | None, nothing: Array) -> Array:
     return nothing if terms is None else terms

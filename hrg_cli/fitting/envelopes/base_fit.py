@@ -78,7 +78,7 @@ def fit_base_model(
     check_runs(runs)
     try:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            best = _base_fit(runs, known or Known(), blocks)
+            best = _fit_free_runs(runs, known or Known(), blocks)
     except np.linalg.LinAlgError:
         best = None
     if best is None or has_run_away(best):
@@ -115,7 +115,7 @@ def _advice(runs: Sequence[EnvelopeRun], known: Known) -> str:
     )
 
 
-def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
+def _fit_free_runs(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
     courses = phase_course.bends(runs, _rough_scale_factor(runs, known))
     # normal modes that decay unequally hand the wave over, which bends its phase too: that is the
     # model's own, and taken off as a course it would be missed
@@ -163,7 +163,7 @@ def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | 
     best: Fit | None = None
     for p, offsets in _starts(runs, known):
         for held_first in (False, True):
-            result = _from_start(runs, known, blocks, p, offsets, held_first)
+            result = _fit_from_start(runs, known, blocks, p, offsets, held_first)
             if result is None or has_run_away(result):
                 continue
             if best is None or result.chi2 / result.dof < best.chi2 / best.dof:
@@ -176,7 +176,7 @@ def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | 
 def _fit_at_once(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
     """From the propagator's start; None where that does not lead to the noise."""
     p, offsets, _, _ = start_from_propagator(runs, known)
-    result = _from_start(runs, known, blocks, p, offsets, held_first=False)
+    result = _fit_from_start(runs, known, blocks, p, offsets, held_first=False)
     return result if result is not None and _is_noise(result) else None
 
 
@@ -274,7 +274,7 @@ def second_order(result: Fit) -> float | None:
     return 1.0 if misfit or abs(result.p[SECOND_ORDER] - 0.5) > SECOND_ORDER_REACH else None
 
 
-def _from_start(
+def _fit_from_start(
     runs: Sequence[EnvelopeRun],
     known: Known,
     blocks: int,

@@ -246,7 +246,7 @@ def identify(
                 p, offsets, covariance = kept  # the last step made it worse
                 break
             kept, misfit = (p, offsets, covariance), here
-            moved = _over_a_lag(next_p - p, data)
+            moved = _measure_over_lag(next_p - p, data)
             if moved > LARGEST_STEP:
                 break
             p, offsets, covariance = next_p, next_offsets, next_covariance
@@ -288,7 +288,7 @@ def growing_lags(runs: Sequence[EnvelopeRun]) -> list[float]:
     return [lag for lag in np.geomspace(shortest, longest, count) if lag <= 0.9 * span]
 
 
-def _over_a_lag(change: Array, data: Pairs) -> float:
+def _measure_over_lag(change: Array, data: Pairs) -> float:
     """By how much a change of the coordinates turns or shrinks the wave over a lag, rad: K is a
     number of its own and counts by what the table turns."""
     return float(

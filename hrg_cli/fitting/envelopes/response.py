@@ -235,8 +235,10 @@ def respond(data: Batch, state: State) -> Response:
     rate = data.step_rate if steady is None else steady[:, None]
     plain = coordinates.entries(np.append(state.p[:6], 0.0), rate, omega[:, None])
     full = coordinates.entries(np.append(state.p[:6], 1.0), rate, omega[:, None])
-    second = _each(lambda a, b: a - b, full, plain)
-    mean, L = matrices.split_trace(_each(lambda a, b: a + state.p[SECOND_ORDER] * b, plain, second))
+    second = _apply_to_entries(lambda a, b: a - b, full, plain)
+    mean, L = matrices.split_trace(
+        _apply_to_entries(lambda a, b: a + state.p[SECOND_ORDER] * b, plain, second)
+    )
     if steady is not None:
         phi, growth = matrices.exponentiate(L, data.time_s), mean * data.time_s
         centre = (data.time_s[:, 1:] + data.time_s[:, :-1]) / 2
@@ -267,7 +269,7 @@ def respond(data: Batch, state: State) -> Response:
     return Response(data, state, model, turn, phi, middle, flow, second)
 
 
-def _each(rule: Callable[[Array, Array], Array], a: Matrix, b: Matrix) -> Matrix:
+def _apply_to_entries(rule: Callable[[Array, Array], Array], a: Matrix, b: Matrix) -> Matrix:
     """A rule entry by entry."""
     return rule(a[0], b[0]), rule(a[1], b[1]), rule(a[2], b[2]), rule(a[3], b[3])
 

@@ -130,7 +130,7 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
         if not (np.maximum.reduceat(most, starts) > _far_above(freedom) * level).any():
             if known is not None:
                 share = np.add.reduceat(known, starts) / (counts * freedom)
-                level = _less_motion(level, share)
+                level = _subtract_motion(level, share)
             return np.repeat(level, counts)
     freedom = np.broadcast_to(np.asarray(freedom, float), residual2.shape)
     finite = np.isfinite(residual2)
@@ -152,7 +152,7 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
         share = np.add.reduceat(share, starts) / np.maximum(
             np.add.reduceat(np.where(excess, 0.0, weight), starts), 1
         )
-        total = _less_motion(total, share)
+        total = _subtract_motion(total, share)
     spread = np.repeat(total, counts)
     return np.where(finite, np.where(excess, sums / np.maximum(freedom, 1), spread), np.nan)
 
@@ -176,7 +176,7 @@ def _far_above(freedom: Array) -> Array:
     return 4 * freedom + 40
 
 
-def _less_motion(level: Array, share: Array) -> Array:
+def _subtract_motion(level: Array, share: Array) -> Array:
     """Variances of pools without the motion's share, which is known to `KNOWN` of itself."""
     return np.asarray(np.maximum(level - share, KNOWN * np.minimum(share, level)))
 

@@ -154,7 +154,7 @@ def path_of(
     """
     rows = len(wave)
     if need_rate and rate_rad_s is None:
-        wave = _within_rate_log(wave)
+        wave = _restrict_to_rate_log(wave)
     if wave.rate_rad_s is None and rate_rad_s is None:
         rate_rad_s = 0.0
     per_block = per_block or _rows_per_block(wave, rows, harmonics, rate_rad_s)
@@ -193,7 +193,7 @@ def path_of(
     )
 
 
-def _within_rate_log(wave: Wave) -> Wave:
+def _restrict_to_rate_log(wave: Wave) -> Wave:
     """The wave where its rate was logged. HrgError: nowhere."""
     if wave.rate_rad_s is None:
         raise HrgError(

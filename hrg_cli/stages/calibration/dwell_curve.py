@@ -133,7 +133,7 @@ def figures_of(dwells: Dwells, curve: Curve, scale: float) -> dict[str, Any]:
         "rows": len(y),
         "rejected": int((~keep).sum()),
         "residual_rms_rad_s": {
-            "before": _rms(_of_a_line(y[keep], omega[keep], dwells.turning)),
+            "before": _rms(_fit_line(y[keep], omega[keep], dwells.turning)),
             "after": _rms(curve.residual[keep]),
             "held_out": held_out_rms(y[keep], curve.X[keep]),
         },
@@ -152,7 +152,7 @@ def figures_of(dwells: Dwells, curve: Curve, scale: float) -> dict[str, Any]:
     return out
 
 
-def _of_a_line(y: Array, omega: Array, turning: bool) -> Array:
+def _fit_line(y: Array, omega: Array, turning: bool) -> Array:
     """What one scale factor and one bias leave of the rows; a bias alone where nothing turned."""
     ones = np.ones(len(y))
     plain = np.stack([ones, omega], axis=1) if turning else ones[:, None]

@@ -58,7 +58,7 @@ class LoggedRun:
             kept = _good_blocks(piece, windows)
             if len(kept) < 2:
                 continue
-            yield piece, _of_blocks(self.stretch[begin:stop], windows)[kept]
+            yield piece, _find_block_stretches(self.stretch[begin:stop], windows)[kept]
             begin += int(kept[-1]) * windows
 
     def known_rates(self, of_log: Array) -> Array:
@@ -74,7 +74,7 @@ def _good_blocks(piece: Wave, windows: int) -> Array:
     return np.flatnonzero(count >= max(1.0, windows / 2))
 
 
-def _of_blocks(stretch: Array, windows: int) -> Array:
+def _find_block_stretches(stretch: Array, windows: int) -> Array:
     """The stretch of the rate log that a block of windows is in, 0 where it is not wholly in
     one."""
     starts = np.arange(0, len(stretch), windows)

@@ -45,7 +45,7 @@ def identify_with_unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks
 
     std = found.std * float(np.sqrt(verdict.details["variance_factor"]))
     held = known.scale_factor is not None
-    _close(verdict, found, _is_unclear(found, std, held))
+    _add_closing_checks(verdict, found, _is_unclear(found, std, held))
     logged = max(float(np.ptp(r.turn_rad)) for r in runs) > 0
     verdict.details["rate_rad_s"] = {
         "value": found.value,
@@ -80,7 +80,7 @@ def _is_unclear(found: rate_offset.RateOffset, std: float, held: bool) -> bool:
     return bool(not std < UNCLEAR * seen or (held and is_one_rate(found.fit)))
 
 
-def _close(verdict: Verdict, found: rate_offset.RateOffset, unclear: bool) -> None:
+def _add_closing_checks(verdict: Verdict, found: rate_offset.RateOffset, unclear: bool) -> None:
     """The closing checks of the rate into the verdict."""
     span = 2 * max(
         float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0]))

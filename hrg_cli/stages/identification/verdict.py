@@ -136,7 +136,9 @@ def judge_parameters(
         fit=fit,
     )
     verdict.details = pooled.details() | _details_of(fit, known, mode, factor, colour)
-    verdict.details |= state_splits(verdict.values, verdict.std, fit.p, _of_coordinates(fit, of_z))
+    verdict.details |= state_splits(
+        verdict.values, verdict.std, fit.p, _expand_covariance(fit, of_z)
+    )
     _check_fit(verdict, fit, runs, colour)
     verdict.suspect.extend(verdict.flat)
     verdict.suspect.extend(_disagreements(verdict, fit, runs))
@@ -169,7 +171,7 @@ def _details_of(fit: Fit, known: Known, mode: int, factor: float, colour: float)
     }
 
 
-def _of_coordinates(fit: Fit, z: Array) -> Array:
+def _expand_covariance(fit: Fit, z: Array) -> Array:
     """Covariance (7, 7) of the coordinates by that of z (k, k)."""
     return np.asarray(fit.freedom.directions @ z @ fit.freedom.directions.T)
 

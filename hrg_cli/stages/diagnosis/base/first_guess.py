@@ -137,7 +137,7 @@ def _logged(wave: Wave, name: str) -> Array:
     return np.full(len(wave.time_s), np.nan) if values is None else np.asarray(values, float)
 
 
-def _at(t: Array, wave: Wave, values: Array) -> Array:
+def _interpolate_column(t: Array, wave: Wave, values: Array) -> Array:
     """A column of the wave at other times; 0 where there is none."""
     known = np.isfinite(values)
     if not known.any():
@@ -152,7 +152,7 @@ def _integrated(run: EnvelopeRun, wave: Wave, offset: float) -> tuple[Array, Arr
     back = np.exp(-1j * offset * t)[:, None]
     u = run.envelope * back
     main, quadrature, phase = (
-        _at(t, wave, _logged(wave, name))
+        _interpolate_column(t, wave, _logged(wave, name))
         for name in ("drive_main", "drive_quadrature", "phase_rad")
     )
     turn, e_A, e_B, _ = frame(run.envelope, phase)

@@ -75,7 +75,7 @@ class FrameAnswers:
     def spread(self, fit: ExtendedFit) -> Array:
         """What one standard deviation of each does, over σ (N, 2k); driven runs alone show that
         scale factor which their loops make of it."""
-        return _beside_scale_factor(fit, self.doings) if all_driven(fit.series) else self.doings
+        return _project_scale_factor(fit, self.doings) if all_driven(fit.series) else self.doings
 
     def turn(self, size: Array) -> Array:
         """Turn of the frame by answers of these sizes (2k,), rad (R, n, 2)."""
@@ -116,7 +116,7 @@ def all_driven(series: MeasuredRuns) -> bool:
     return bool(np.all(np.any(series.forced > 0, axis=1)))
 
 
-def _beside_scale_factor(fit: ExtendedFit, doings: Array) -> Array:
+def _project_scale_factor(fit: ExtendedFit, doings: Array) -> Array:
     """Columns (N, k) less what another scale factor does: driven runs alone show the one that their
     loops make of it."""
     shared = whitened_rows.flatten_own(fit.series, base_sensitivities(fit.flow)[0])

@@ -81,7 +81,7 @@ class _Left:
 def likely_beats(fit: ExtendedFit) -> list[float]:
     """The beat D of the commands' steps with the oscillation that is likely in what is left of driven
     runs, rad/s, and none where that is likely too; empty where neither is."""
-    left = _left(fit, _of_linear_maps(fit.flow))
+    left = _find_remainder(fit, _span_linear_maps(fit.flow))
     if not left:
         return []
     lengths = [np.ptp(t[w > 0]) for t, w in zip(fit.series.time_s, fit.series.weight, strict=True)]
@@ -100,7 +100,7 @@ def likely_beats(fit: ExtendedFit) -> list[float]:
             best, _ = _likeliest(fit, left, best + step * np.linspace(-1, 1, 2 * FINER + 1))
             step /= FINER
         out.append(best)
-    if 0.0 not in out and _likeliest(fit, _left(fit), np.zeros(1))[1] > price:
+    if 0.0 not in out and _likeliest(fit, _find_remainder(fit), np.zeros(1))[1] > price:
         out.append(0.0)
     return out
 
@@ -113,7 +113,7 @@ def allow_steps(fit: ExtendedFit, beat_rad_s: float) -> ExtendedFit:
     return soften_runs(replace(fit, flow=flow), _moved(fit, np.array([beat_rad_s])))
 
 
-def _left(fit: ExtendedFit, besides: Array | None = None) -> list[_Left]:
+def _find_remainder(fit: ExtendedFit, besides: Array | None = None) -> list[_Left]:
     """Of every driven run, beside what the base model of its own could leave, and changes of what is
     seen (R, n, 4, k)."""
     series, shared = fit.series, base_sensitivities(fit.flow)[0]
@@ -140,7 +140,7 @@ def _likeliest(fit: ExtendedFit, left: Sequence[_Left], beats: Array) -> tuple[f
     return float(beats[best]), found[best]
 
 
-def _of_linear_maps(flow: Propagation) -> Array:
+def _span_linear_maps(flow: Propagation) -> Array:
     """What any linear map of the wave, of what is seen of it, and of the forces does, over σ
     (R, n, 4, 24)."""
 

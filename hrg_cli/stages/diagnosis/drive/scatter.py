@@ -141,14 +141,14 @@ def allowed_for(fit: ExtendedFit) -> ExtendedFit:
     if not has_log(fit.series):
         return fit
     for scatter, forces in (
-        (Scatter.of(fit.series), _of_commands),
-        (Scatter.of_frame(fit.series), _of_frame),
+        (Scatter.of(fit.series), _predict_command_forces),
+        (Scatter.of_frame(fit.series), _predict_frame_forces),
     ):
         if np.any(scatter.counts(fit.series)):
             pieces = _pieces(fit, scatter.size, forces(fit))
             runs = _runs(fit, scatter, pieces)
-            part = _part(fit.residual, runs)
-            told = part if forces is _of_commands else fit.series.scatter_part
+            part = _estimate_part(fit.residual, runs)
+            told = part if forces is _predict_command_forces else fit.series.scatter_part
             fit = _soften(fit, runs, replace(pieces, jumps=part * pieces.jumps), part, told)
     return fit
 
@@ -165,13 +165,15 @@ def follow_walk(fit: ExtendedFit) -> ExtendedFit:
         return fit
     jumps = walk.likely(fit.residual, series.scatter)
     nothing = np.zeros_like(walk.seen)
-    of_log = predict(_along(series, walk, np.zeros_like(jumps), nothing), fit.point, fit.flow.near)
-    walked = predict(_along(series, walk, jumps, nothing), fit.point, fit.flow.near)
-    series = _along(series, walk, jumps, walked.seen - of_log.seen)
+    of_log = predict(
+        _soften_walk(series, walk, np.zeros_like(jumps), nothing), fit.point, fit.flow.near
+    )
+    walked = predict(_soften_walk(series, walk, jumps, nothing), fit.point, fit.flow.near)
+    series = _soften_walk(series, walk, jumps, walked.seen - of_log.seen)
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
-def _along(series: MeasuredRuns, walk: Walk, jumps: Array, seen: Array) -> MeasuredRuns:
+def _soften_walk(series: MeasuredRuns, walk: Walk, jumps: Array, seen: Array) -> MeasuredRuns:
     """The runs with another walk."""
     return replace(series, walk=replace(walk, jumps=jumps, seen=seen))
 
@@ -269,13 +271,13 @@ def _runs(fit: ExtendedFit, scatter: Scatter, pieces: LogPieces) -> list[_Run]:
     return out
 
 
-def _of_commands(fit: ExtendedFit) -> tuple[Array, Array]:
+def _predict_command_forces(fit: ExtendedFit) -> tuple[Array, Array]:
     """Forces (R, n − 1, 2) in the steps' middles of one unit of either command, in phasors."""
     turn, e_A, e_B, _ = frame(fit.flow.middle, fit.flow.centre.phase_rad)
     return turn[..., None] * e_A, -1j * turn[..., None] * e_B
 
 
-def _of_frame(fit: ExtendedFit) -> tuple[Array, Array]:
+def _predict_frame_forces(fit: ExtendedFit) -> tuple[Array, Array]:
     """The same of one radian by which the commands' angle, and their phase, stand beside the
     wave's."""
     return turn_forces(fit.flow.centre, fit.flow.middle)
@@ -314,7 +316,7 @@ def _slow(fit: ExtendedFit) -> Array:
     return fit.prediction.judged(columns.reshape(*t.shape, 4, -1))
 
 
-def _part(residual: Array, runs: Sequence[_Run]) -> float:
+def _estimate_part(residual: Array, runs: Sequence[_Run]) -> float:
     """The part q of the scatter, from the mean of q² over all that the residual leaves possible."""
     powers, squares = [], []
     for run in runs:

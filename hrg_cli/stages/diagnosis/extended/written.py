@@ -124,7 +124,7 @@ def write_faithfully(
         one = tried(text)
         if way == along:
             one = _moved_nearer(one, lambda change: tried(written(change, along)))
-        best = _nearer(best, one)
+        best = _choose_nearer(best, one)
         if best[1] is not None and best[1].ratio < NEAR:
             break
     return best
@@ -140,13 +140,13 @@ def _moved_nearer(one: Candidate, tried: Callable[[Array], Candidate]) -> Candid
             break
         change = change + held.change
         other = tried(change)
-        if _nearer(one, other) is one:
+        if _choose_nearer(one, other) is one:
             break
         one = other
     return one
 
 
-def _nearer(one: Candidate, other: Candidate) -> Candidate:
+def _choose_nearer(one: Candidate, other: Candidate) -> Candidate:
     """Of two files the one that misses less; the first where the other cannot be simulated."""
     if one[1] is None or other[1] is None:
         return other if one[1] is None else one

@@ -65,7 +65,7 @@ def _figures(fit: ExtendedFit) -> dict[str, float]:
 def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[str, Any]:
     effect, fit = one.variant.effect, sized.fit
     active = fit.values(effect.name)
-    score = _beside_the_others(one, fit, sized.factor)
+    score = _test_beside_others(one, fit, sized.factor)
     stds = {name: std for name, (_, std) in (one.sizes or {}).items()}
     sentences = [effect.next_experiment] + [
         by_name[r].effect.next_experiment for r in one.rivals if r in by_name
@@ -104,7 +104,7 @@ def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[st
     }
 
 
-def _beside_the_others(one: Found, fit: ExtendedFit, inflation: float) -> tuple[float, float]:
+def _test_beside_others(one: Found, fit: ExtendedFit, inflation: float) -> tuple[float, float]:
     """z and p of an effect in the final fit, from its parameters' joint significance."""
     effect = one.variant.effect
     if one.sizes is not None:

@@ -106,7 +106,7 @@ def jumps(wave: Wave) -> list[EnvelopeJump]:
     )
     places = _peaks((size / usual).max(axis=1))
     table = _turned(wave, rows)
-    tried = (_between(time, z, noise, table, first, last, rows) for first, last in places)
+    tried = (_find_jump_between(time, z, noise, table, first, last, rows) for first, last in places)
     found = [jump for jump in tried if jump is not None]
     return found if len(found) <= MOST_A_RUN else []
 
@@ -138,7 +138,7 @@ def _turned(wave: Wave, rows: Array) -> Array:
     )
 
 
-def _between(
+def _find_jump_between(
     time: Array, z: Array, noise: Array, table: Array, first: int, last: int, rows: Array
 ) -> EnvelopeJump | None:
     """The jump between rows `first` and `last` of the good ones; None where it is none or the run

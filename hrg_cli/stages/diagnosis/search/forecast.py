@@ -212,7 +212,7 @@ def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
         held = CoordinatePriors(fit.point.p, np.zeros(len(fit.point.p)), passive=False)
         own = extended_fit.fit(series, point, held)
         prediction, names = own.prediction, kept
-        learned = _of_own(own, fit)
+        learned = _propagate_learned(own, fit)
     else:
         prediction, names = predict(series, fit.point), np.arange(len(series.names))
         with np.errstate(all="ignore"):
@@ -240,7 +240,7 @@ def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
     )
 
 
-def _of_own(own: ExtendedFit, fit: ExtendedFit) -> Array:
+def _propagate_learned(own: ExtendedFit, fit: ExtendedFit) -> Array:
     """What one σ of what was learned moves, over σ, (N, m): of the runs' own starts and frequencies,
     and of all that they share with the training, beside these."""
     point = replace(own.point, active=fit.point.active)

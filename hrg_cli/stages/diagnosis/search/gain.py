@@ -66,7 +66,7 @@ def predict_folds(
     what these hold less information on than a part of all stays where it is."""
     prior = coordinate_rows(fit.freedom, fit.layout)
     if kind == "runs":
-        own = {number: _own(fit, rows) for number, rows in enumerate(folds)}
+        own = {number: _select_own_columns(fit, rows) for number, rows in enumerate(folds)}
         return left_out_folds.predict_folds(
             fit.residual,
             fit.design.shared,
@@ -81,7 +81,7 @@ def predict_folds(
     )
 
 
-def _own(fit: ExtendedFit, rows: Array) -> Array:
+def _select_own_columns(fit: ExtendedFit, rows: Array) -> Array:
     """Columns of a fold's own runs on its rows, (N_f, q); the rows of a fold are those of whole
     runs, in order."""
     blocks = [

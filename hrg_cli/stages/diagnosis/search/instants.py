@@ -59,7 +59,7 @@ def take_strikes(case: Case) -> Case:
     if case.remainder is None or not is_gross(case.search.final):
         return case
     sharp = [effect for effect in EFFECTS if effect.of_one_run]
-    before, case = case, _without(case, sharp)
+    before, case = case, _drop_instants(case, sharp)
     for _ in range(case.inquiry.most):
         found = _clearest(case.search.final, sharp) if is_gross(case.search.final) else None
         if found is None:
@@ -73,7 +73,7 @@ def take_strikes(case: Case) -> Case:
     return replace(case, remainder=search_rest(case.search.final, case.inquiry.noise))
 
 
-def _without(case: Case, sharp: Sequence[Effect]) -> Case:
+def _drop_instants(case: Case, sharp: Sequence[Effect]) -> Case:
     """The case without the causes at an instant that plain least squares found: beside a gross
     misfit their sizes are its own."""
     names = {effect.name for effect in sharp}

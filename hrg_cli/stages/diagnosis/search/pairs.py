@@ -59,7 +59,7 @@ def promising_pairs(fit: ExtendedFit, ranked: Sequence[Scored], slow: float = 1.
     found = []
     for i, k in itertools.combinations(range(len(seen)), 2):
         W, a = products[own[i], own[k]], along[own[i]]
-        beside, rank = _beside(products[own[k], own[k]] - W.T @ W, along[own[k]] - W.T @ a)
+        beside, rank = _find_fall(products[own[k], own[k]] - W.T @ W, along[own[k]] - W.T @ a)
         gain = float(a @ a) + beside
         promise = evidence.find_bic_gain(gain / slow, seen[i][0].rank + rank, len(fit.residual))
         both = sorted((seen[i], seen[k]), key=lambda pair: -pair[0].gain)
@@ -67,7 +67,7 @@ def promising_pairs(fit: ExtendedFit, ranked: Sequence[Scored], slow: float = 1.
     return sorted(found, key=lambda pair: -pair.promise)
 
 
-def _beside(power: Array, along: Array) -> tuple[float, int]:
+def _find_fall(power: Array, along: Array) -> tuple[float, int]:
     """The fall of χ² by directions of a Gram matrix (n, n), and their number."""
     size, turned = np.linalg.eigh(power)
     kept = size > ONE_CAUSE
@@ -80,7 +80,7 @@ def fit_pair(fit: ExtendedFit, pair: Pair) -> tuple[ExtendedFit, tuple[Scored, S
     (_, first), (_, second) = pair.both
     trial: ExtendedFit | None = fit
     for one in (first, second):
-        trial = _with(trial, one) if trial is not None else None
+        trial = _fit_with(trial, one) if trial is not None else None
     if trial is None:
         return None
     scored = []
@@ -92,7 +92,7 @@ def fit_pair(fit: ExtendedFit, pair: Pair) -> tuple[ExtendedFit, tuple[Scored, S
     return trial, (scored[0], scored[1])
 
 
-def _with(fit: ExtendedFit, variant: Variant) -> ExtendedFit | None:
+def _fit_with(fit: ExtendedFit, variant: Variant) -> ExtendedFit | None:
     """The fit with one cause more, None where it fails."""
     scored = [pair for pair in score_effects(fit, [variant]) if pair[0].visible]
     trials = refit(fit, scored)

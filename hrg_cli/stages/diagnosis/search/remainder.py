@@ -117,12 +117,12 @@ def judge_terms(
         ledger.enter(columns, widths)
         order += numbers
     names = [f"{pairs[k][0].name} × {pairs[k][1].formula}" for k in order]
-    made = [partial(_alone, fit, pairs[k]) for k in order]
+    made = [partial(_build_term, fit, pairs[k]) for k in order]
     found = dict(zip(order, ledger.scores(names, made), strict=True))
     return [Term(place, covariate, found[k]) for k, (place, covariate) in enumerate(pairs)]
 
 
-def _alone(fit: ExtendedFit, pair: tuple[Place, Covariate]) -> Array:
+def _build_term(fit: ExtendedFit, pair: tuple[Place, Covariate]) -> Array:
     """The columns of one term."""
     ((_, columns, _),) = columns_of(fit, [pair])
     return columns
@@ -150,7 +150,7 @@ def columns_of(
         place = pairs[numbers[0]][0]
         at_rows = seen if place.readout else motion
         vectors = _vectors(place, at_rows)
-        for some in _few(numbers, vectors.shape[-1]):
+        for some in _batch_terms(numbers, vectors.shape[-1]):
             parts = values(some, at_rows, series)
             g = np.concatenate(parts, axis=-1)
             if place.readout:
@@ -172,7 +172,7 @@ def _vectors(place: Place, u: Array) -> Array:
     return np.stack([to_reals(m) for m in place.columns(u)], -1)
 
 
-def _few(numbers: list[int], columns: int) -> Iterator[list[int]]:
+def _batch_terms(numbers: list[int], columns: int) -> Iterator[list[int]]:
     """As many at a time as stay in the processor's cache together."""
     count = max(1, FEW // columns)
     for first in range(0, len(numbers), count):

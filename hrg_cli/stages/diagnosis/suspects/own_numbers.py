@@ -23,7 +23,7 @@ OWN = (COORDINATES.index(SCALE_FACTOR), COORDINATES.index(DAMPING))
 def largest_gain(fit: ExtendedFit) -> float:
     """The largest fall of χ² that one such number of one run promises."""
     shared, _ = base_sensitivities(fit.flow)
-    together = np.concatenate([shared[..., OWN], _of_a_constant_rate(fit.flow)], axis=-1)
+    together = np.concatenate([shared[..., OWN], _predict_constant_rate(fit.flow)], axis=-1)
     columns = flatten_rows(fit.series, together)
     runs = fit.rows[:, 0]
     alone = [
@@ -34,7 +34,7 @@ def largest_gain(fit: ExtendedFit) -> float:
     return max((one.gain for one in found if one.visible), default=0.0)
 
 
-def _of_a_constant_rate(flow: Propagation) -> Array:
+def _predict_constant_rate(flow: Propagation) -> Array:
     """What one rad/s more does, over σ, (R, n, 4, 1): u' gains K (u₂, −u₁)."""
     K = flow.prediction.point.p[COORDINATES.index(SCALE_FACTOR)]
 

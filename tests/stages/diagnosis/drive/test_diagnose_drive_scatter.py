@@ -258,6 +258,6 @@ def test_a_row_of_two_windows_leaves_none_out():
     rows = [windows[11 * k + np.arange(10)] for k in range(4)]
     pairs = [windows[11 * k + 9 : 11 * k + 11].mean() for k in range(4)]
     at = np.concatenate([np.append(row[:9], pair) for row, pair in zip(rows, pairs, strict=True)])
-    assert tone_search._among(windows, at).all()
+    assert tone_search._find_consecutive(windows, at).all()
     lost = np.delete(at, slice(13, 15))
-    assert not tone_search._among(windows, lost).all()
+    assert not tone_search._find_consecutive(windows, lost).all()
