@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..least_squares import fit_columns
 from .wave_frame import find_directions, to_reals
 
 Array = np.ndarray
@@ -104,7 +105,7 @@ class WanderLikelihood:
         """With the polynomials fitted at the stated σ."""
         t = time_s - time_s[0]
         fixed = np.polynomial.legendre.legvander(2 * t / float(t[-1]) - 1, SMOOTH)
-        fitted = np.linalg.lstsq(fixed / std[:, None], values / std, rcond=None)[0]
+        fitted = fit_columns(fixed / std[:, None], values / std)
         return cls(t, values, std, fixed, values - fixed @ fitted)
 
     @property
