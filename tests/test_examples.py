@@ -39,9 +39,9 @@ HELD = (
     *(
         f"physics.{name}"
         for name in (
-            *("coefficients", "compilation", "control", "drift", "electrodes", "electronics"),
-            *("ellipse", "environment", "fast_engine", "noise", "plant", "readout", "resonator"),
-            *("signals", "slow_engine", "slow_motion"),
+            *("board_reading", "coefficients", "compilation", "control", "drift", "electrodes"),
+            *("electronics", "ellipse", "environment", "fast_engine", "loop_forces", "noise"),
+            *("plant", "readout", "resonator", "signals", "slow_engine", "slow_motion"),
         )
     ),
     *(
