@@ -58,14 +58,16 @@ HELD = (
         f"fitting.envelopes.{name}"
         for name in (
             *("base_freedom", "channel_noise", "coordinates", "equations", "matrices"),
-            *("normal_equations", "rate_estimate", "resonator_spread", "trapezium"),
+            *("noise_propagation", "normal_equations", "rate_estimate", "resonator_spread"),
+            "trapezium",
         )
     ),
     *(
         f"fitting.causes.{name}"
-        for name in ("damping_bound", "left_out_folds", "motion_budget", "wave_frame")
+        for name in ("damping_bound", "left_out_folds", "motion_budget", "scales", "wave_frame")
     ),
     "fitting.tables.allan",
+    "fitting.tables.increment_noise",
 )
 """Modules that are told whole: every public function has its sections and an example."""
 

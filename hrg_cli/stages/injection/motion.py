@@ -113,6 +113,7 @@ def _change_after(
         np.concatenate([[u], _predict_motion(rest, replace(point, start=(carry @ u)[None]))])
         for u in (changed, plain)
     ]
+    # both motions go on from the instant by the same model, so T holds the jump and what it grows to
     late = _divide_motions(np.concatenate([[instant], rest.time_s[0]]), *ends)
 
     def at(times: Array) -> Array:
