@@ -105,7 +105,7 @@ def round_to_step(value: float, step: float, limit: float) -> float:
     return value
 
 
-def passed(amplitude: float, limit: float) -> float:
+def find_passed_part(amplitude: float, limit: float) -> float:
     """Part of a sine's fundamental that clipping at ± limit lets through.
 
     (2/π)(arcsin x + x√(1 − x²)), x = limit/amplitude: the describing function of a saturation, the first
@@ -129,10 +129,10 @@ def passed(amplitude: float, limit: float) -> float:
     says too:
 
     >>> import numpy as np
-    >>> from hrg_cli.physics.board_reading import passed
+    >>> from hrg_cli.physics.board_reading import find_passed_part
     >>> phase = 2 * np.pi * np.arange(10_000) / 10_000
     >>> whole = 2 * np.mean(np.clip(np.sin(phase), -0.5, 0.5) * np.sin(phase))
-    >>> round(passed(1.0, 0.5), 5), round(float(whole), 5)
+    >>> round(find_passed_part(1.0, 0.5), 5), round(float(whole), 5)
     (0.609, 0.609)
     """
     if limit <= 0 or amplitude <= limit:
@@ -141,7 +141,7 @@ def passed(amplitude: float, limit: float) -> float:
     return 2 / math.pi * (math.asin(x) + x * math.sqrt(1 - x * x))
 
 
-def look(
+def take_reading(
     i: int,
     x: float,
     y: float,
@@ -181,7 +181,7 @@ def look(
     A window of eight steps, and a command that acts four steps after it:
 
     >>> import numpy as np
-    >>> from hrg_cli.physics.board_reading import look, turn_oscillator
+    >>> from hrg_cli.physics.board_reading import take_reading, turn_oscillator
     >>> from hrg_cli.physics.electronics import RING_LENGTH, Electronics, board
     >>> from hrg_cli.physics.loop_values import LOOP_OFF, Gains
     >>> from hrg_cli.physics.plant import Control
@@ -191,7 +191,7 @@ def look(
     >>> gains = Gains(1.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0)
     >>> for i in range(8):
     ...     x = 0.9 * np.cos(2 * np.pi * i / 8)
-    ...     look(i, x, 0.0, h, True, LOOP_OFF, gains, made.settings, made.state, made.waiting)
+    ...     take_reading(i, x, 0.0, h, True, LOOP_OFF, gains, made.settings, made.state, made.waiting)
     ...     turn_oscillator(made.state)
     >>> step, main = made.waiting[0, :2]
     >>> int(made.state[RING_LENGTH]), int(step), round(float(main), 9)

@@ -18,7 +18,7 @@ from hrg_cli.fitting.causes import (
 )
 from hrg_cli.fitting.causes.fit_point import Point
 from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
-from hrg_cli.fitting.causes.sensitivities import base_sensitivities, linearise_flow
+from hrg_cli.fitting.causes.sensitivities import find_base_sensitivities, linearise_flow
 from hrg_cli.fitting.causes.walks import Walk
 from hrg_cli.fitting.causes.wave_frame import to_reals
 
@@ -101,7 +101,7 @@ def test_sensitivities_are_differences_of_whole_predictions():
     flow = linearise_flow(slow_prediction.predict(series, point))
     for effect, values in point.active:
         steps = {p.name: 1e-3 * abs(values[p.name]) for p in effect.fitted()}
-        own = whitened_rows.sensitivity(flow, effect, values, steps)
+        own = whitened_rows.find_sensitivity(flow, effect, values, steps)
         for k, (name, size) in enumerate(steps.items()):
             seen = []
             for sign in (1, -1):
@@ -130,7 +130,7 @@ def test_sensitivities_of_the_coordinates_are_differences_too():
     point = replace(
         point, active=tuple(pair for pair in point.active if pair[0].name != "thermal_damping")
     )
-    shared, _ = base_sensitivities(linearise_flow(slow_prediction.predict(series, point)))
+    shared, _ = find_base_sensitivities(linearise_flow(slow_prediction.predict(series, point)))
     for k in range(7):
         size = 1e-4
         p = np.eye(7)[k] * size
@@ -153,7 +153,9 @@ def test_an_effect_that_only_rounds_is_not_seen():
     )
     flow = linearise_flow(slow_prediction.predict(still, replace(point, active=())))
     effect = find("quadrature_drive_phase_error")
-    assert not whitened_rows.sensitivity(flow, effect, effect.values(), {"phase_rad": 1e-5}).any()
+    assert not whitened_rows.find_sensitivity(
+        flow, effect, effect.values(), {"phase_rad": 1e-5}
+    ).any()
 
 
 def test_a_design_beside_what_is_unsettled_over_several_runs_is_differences_too():

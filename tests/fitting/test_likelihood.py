@@ -311,7 +311,7 @@ def test_modes_that_decay_unequally_need_no_course_taken_off(monkeypatch):
     monkeypatch.setattr(
         phase_course, "straighten_phases", lambda *_: pytest.fail("a course was taken off")
     )
-    assert phase_course.bends(runs, 0.0) is not None
+    assert phase_course.find_bends(runs, 0.0) is not None
     fit = fit_base_model(runs, Known(scale_factor=0.55))
     assert fit.chi2 / fit.dof < 1.2
     std = np.sqrt(np.diag(fit.covariance_z()))

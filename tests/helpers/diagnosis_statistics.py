@@ -104,7 +104,7 @@ def sized(effect, fit, z, random):
             low, high = (middle, high) if size < z else (low, middle)
         return {"inverse_level": low}
     steps = scales.steps_of(effect, fit.series)
-    S = whitened_rows.sensitivity(fit.flow, effect, values, steps)
+    S = whitened_rows.find_sensitivity(fit.flow, effect, values, steps)
     free, whole = beside(S), np.linalg.norm(S, axis=0)
     size = np.linalg.norm(free, axis=0)
     if (

@@ -62,7 +62,7 @@ def test_a_size_is_what_an_ideal_detector_measures():
         fit = hidden.base_fit(one.measured(size, seed), None, {})
         step = scales.steps_of(one.effect, fit.series)
         direction = hidden._project_base(
-            whitened_rows.sensitivity(fit.flow, one.effect, one.neutral, step), fit
+            whitened_rows.find_sensitivity(fit.flow, one.effect, one.neutral, step), fit
         )[:, 0]
         found.append(
             np.sign(next(iter(one.direction.values())))

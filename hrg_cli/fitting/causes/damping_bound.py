@@ -13,7 +13,7 @@ CONE = ("damping", "damping_cos", "damping_sin")
 """Coordinates whose cone ν ≥ |νδμ| a passive resonator stays in."""
 
 
-def passive_damping(p: Array) -> Array:
+def restrict_damping(p: Array) -> Array:
     """Coordinates whose damping is the nearest one that is nowhere negative: ν ≥ |νδμ|.
 
     A resonator without a supply loses energy in whatever direction it vibrates. Its damping along the
@@ -32,9 +32,9 @@ def passive_damping(p: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.damping_bound import passive_damping
+    >>> from hrg_cli.fitting.causes.damping_bound import restrict_damping
     >>> p = np.array([1.0, 3.0, 0.0, 0.0, 0.0, 1.0, 1.0])
-    >>> passive_damping(p)[:3].tolist()
+    >>> restrict_damping(p)[:3].tolist()
     [2.0, 2.0, 0.0]
     """
     out, split = p.copy(), float(np.hypot(*p[DAMPING_SPLIT]))
@@ -48,7 +48,7 @@ def passive_damping(p: Array) -> Array:
     return out
 
 
-def wall_ahead(point: Point, layout: FitColumns, step: Array) -> tuple[Array, float] | None:
+def find_wall(point: Point, layout: FitColumns, step: Array) -> tuple[Array, float] | None:
     """The damping's bound that a step would cross.
 
     The cone ν = |νδμ| is replaced by its tangent at the direction of the split behind the step: a linear
@@ -75,13 +75,13 @@ def wall_ahead(point: Point, layout: FitColumns, step: Array) -> tuple[Array, fl
 
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.damping_bound import CONE, wall_ahead
+    >>> from hrg_cli.fitting.causes.damping_bound import CONE, find_wall
     >>> point = SimpleNamespace(p=np.array([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0]))
     >>> layout = SimpleNamespace(coordinates=(0, 1, 2), count=3, coordinate=CONE.index)
-    >>> wall, distance = wall_ahead(point, layout, np.array([0.0, 3.0, 0.0]))
+    >>> wall, distance = find_wall(point, layout, np.array([0.0, 3.0, 0.0]))
     >>> (wall + 0).tolist(), distance
     ([1.0, -1.0, 0.0], -1.0)
-    >>> wall_ahead(point, layout, np.array([0.0, 0.5, 0.0])) is None
+    >>> find_wall(point, layout, np.array([0.0, 0.5, 0.0])) is None
     True
     """
     p = point.p.copy()

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import HrgError, name_some
 from .coordinate_priors import CoordinatePriors, prior_residual, prior_rows
-from .damping_bound import passive_damping, wall_ahead
+from .damping_bound import find_wall, restrict_damping
 from .designs import Design, Factored, factor_design
 from .fit_point import Point
 from .layout import FREQUENCY, FitColumns
@@ -91,7 +91,7 @@ def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePri
         prior_residual(freedom, prediction.point, series),
     )
     step, covariance = factored.solve(residual, *priors)
-    wall = wall_ahead(prediction.point, layout, step) if freedom.passive else None
+    wall = find_wall(prediction.point, layout, step) if freedom.passive else None
     lost = 0.0
     if wall is not None:
         # along the wall only; the covariance stays that without it, as the bound is no measurement
@@ -163,4 +163,4 @@ def move_point(point: Point, layout: FitColumns, step: Array, passive: bool = Tr
         active.append(
             (effect, {name: value + float(change.get(name, 0.0)) for name, value in values.items()})
         )
-    return Point(passive_damping(p) if passive else p, start, offset, tuple(active))
+    return Point(restrict_damping(p) if passive else p, start, offset, tuple(active))

@@ -14,7 +14,7 @@ from ...effects.effect import Effect
 from ..envelopes import channel_noise
 from ..envelopes.coordinates import COORDINATES, COUNT
 from .coordinate_priors import CoordinatePriors
-from .damping_bound import passive_damping
+from .damping_bound import restrict_damping
 from .descent import DivergedError, cost_of, descend, linearise, no_motion
 from .designs import Basis, Design, Factored
 from .fit_point import Point
@@ -24,7 +24,7 @@ from .motion_budget import spend_motion
 from .sensitivities import Propagation, Wanted, linearise_flow
 from .slow_prediction import Near, Prediction, predict
 from .wave_frame import find_directions, to_complex, to_reals
-from .whitened_rows import layout_of, sensitivities
+from .whitened_rows import find_sensitivities, layout_of
 
 __all__ = ["DivergedError", "ExtendedFit", "along_wave", "fit", "on_rows", "unsettled_part"]
 
@@ -104,7 +104,7 @@ class ExtendedFit:
             for effect, values, steps in wanted
         ]
         new = {key: one for key, one in zip(keys, wanted, strict=True) if key not in self._known}
-        self._known.update(zip(new, sensitivities(self.flow, list(new.values())), strict=True))
+        self._known.update(zip(new, find_sensitivities(self.flow, list(new.values())), strict=True))
         return [self._known[key] for key in keys]
 
     def coordinate(self, name: str) -> float:
@@ -201,7 +201,7 @@ def fit(
     motion at the start.
     """
     layout = layout_of(series, point, freedom)
-    p = passive_damping(point.p) if freedom.passive else point.p
+    p = restrict_damping(point.p) if freedom.passive else point.p
     point = replace(point, p=np.where(freedom.std == 0, freedom.mean, p))
     # as a part of χ²: four reals a row, so that χ² is about as large as their number
     settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))

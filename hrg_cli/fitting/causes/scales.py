@@ -51,7 +51,7 @@ def seconds_in(units: str) -> int:
     return power
 
 
-def typical(parameter: Parameter, amplitude: float, frequency_hz: float) -> float:
+def find_typical_size(parameter: Parameter, amplitude: float, frequency_hz: float) -> float:
     """Typical size of a parameter for data of this amplitude and frequency.
 
     The catalogue states it for a shell of 5 kHz at unit amplitude. A parameter in s⁻ᵏ scales with the
@@ -75,10 +75,10 @@ def typical(parameter: Parameter, amplitude: float, frequency_hz: float) -> floa
     --------
     A rate in s⁻¹ is ten times smaller for a resonator that is ten times slower:
 
-    >>> from hrg_cli.fitting.causes.scales import typical
+    >>> from hrg_cli.fitting.causes.scales import find_typical_size
     >>> from types import SimpleNamespace
     >>> rate = SimpleNamespace(units="s-1", typical=1e-3, amplitude_power=0)
-    >>> round(typical(rate, 1.0, 500.0), 9)
+    >>> round(find_typical_size(rate, 1.0, 500.0), 9)
     0.0001
     """
     in_time = (frequency_hz / CATALOGUE_HZ) ** -seconds_in(parameter.units)
@@ -140,12 +140,12 @@ def steps_of(effect: Effect, series: MeasuredRuns) -> dict[str, float]:
     """
     amplitude = amplitude_of(series)
     return {
-        p.name: SMALL_PART * typical(p, amplitude, series.reference_frequency_hz)
+        p.name: SMALL_PART * find_typical_size(p, amplitude, series.reference_frequency_hz)
         for p in effect.fitted()
     }
 
 
-def strength(
+def measure_strength(
     effect: Effect, values: Mapping[str, float], u: Array, state: SlowState
 ) -> tuple[float, float]:
     """How strongly an effect acts on the motion, and on what is seen of it.
@@ -177,13 +177,13 @@ def strength(
     >>> from types import SimpleNamespace
     >>> import numpy as np
     >>> from hrg_cli.effects.effect import no_term, same_state
-    >>> from hrg_cli.fitting.causes.scales import strength
+    >>> from hrg_cli.fitting.causes.scales import measure_strength
     >>> too_strong = SimpleNamespace(
     ...     slow=no_term,
     ...     slow_readout=lambda values, u, state: (1 + values["part"]) * u,
     ...     slow_environment=same_state,
     ... )
-    >>> motion, seen = strength(too_strong, {"part": 0.01}, np.ones((5, 2), complex), None)
+    >>> motion, seen = measure_strength(too_strong, {"part": 0.01}, np.ones((5, 2), complex), None)
     >>> motion, round(seen, 9)
     (0.0, 0.01)
     """

@@ -16,10 +16,10 @@ from .measured_runs import MeasuredRuns
 from .slow_equation import (
     RungeKuttaStage,
     apply_generators,
-    generators,
+    build_generators,
+    find_steady_generators,
     predict_jumps,
     second_order_force,
-    steady_generators,
 )
 from .slow_prediction import Near, Prediction, accumulate_steps
 from .wave_frame import real_matrix, to_complex, to_reals
@@ -120,8 +120,8 @@ def linearise_flow(prediction: Prediction) -> Propagation:
     series, point, u = prediction.series, prediction.point, prediction.motion
     centre = series.middle()
     h = series.step_s[..., None, None]
-    L, M = generators(series, point), generators(centre, point)
-    steady = steady_generators(series, L)[:, None]
+    L, M = build_generators(series, point), build_generators(centre, point)
+    steady = find_steady_generators(series, L)[:, None]
     L, M = L - steady, M - steady
     rows, halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
     slope_rows = apply_generators(L, u) + rows.beside(u)
@@ -192,7 +192,7 @@ def _more_order(p: Array) -> Array:
     return np.asarray(p + np.eye(COUNT)[COUNT - 1] * ORDER_STEP)
 
 
-def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
+def find_base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     """Over σ: of the shared coordinates (R, n, 4, 7), and of each run's own start state and
     frequency (R, n, 4, 5)."""
     prediction = flow.prediction

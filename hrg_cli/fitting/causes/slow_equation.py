@@ -63,7 +63,7 @@ class RungeKuttaStage:
         self.holds = bool(np.any(np.isfinite(series.held_amplitude)))
         self.L = np.empty((*series.time_s.shape, 0))
         if self.holds:
-            self.L = generators(series, point) - mean_turns(series)[:, None]
+            self.L = build_generators(series, point) - mean_turns(series)[:, None]
         self.plain = _plain(series, point)
         self.frame_turn = series.frame_turn
         self.held, self.held_slope = series.held_amplitude, series.held_slope
@@ -232,7 +232,7 @@ def lead_of_force(frequency_hz: float) -> complex:
     return 1j / (4 * np.pi * frequency_hz)
 
 
-def generators(series: MeasuredRuns, point: Point) -> Array:
+def build_generators(series: MeasuredRuns, point: Point) -> Array:
     """The generator L + [L, A] (R, n, 2, 2) of what moves, with the runs' frequency offsets.
 
     At a constant rate the displacement u = (1 + A)v, A = jL₂/2ω, follows u' = Lu: v follows
@@ -251,7 +251,7 @@ def mean_turns(series: MeasuredRuns) -> Array:
     return 1j * series.turn_rad_s[:, None, None] * np.eye(2)
 
 
-def steady_generators(series: MeasuredRuns, L: Array) -> Array:
+def find_steady_generators(series: MeasuredRuns, L: Array) -> Array:
     """The part (R, 2, 2) of every run's generators L (R, n, 2, 2) that its steps take exactly: the
     mean of a free run's, of a driven run the mean turn alone.
 
@@ -277,7 +277,7 @@ def _plain(series: MeasuredRuns, point: Point) -> Array:
     return coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
 
 
-def jump_times(series: MeasuredRuns, point: Point) -> list[float]:
+def find_jump_times(series: MeasuredRuns, point: Point) -> list[float]:
     """Instants at which effects of a point make the motion jump."""
     state = state_of(series, point)
     return [
@@ -301,7 +301,7 @@ def predict_jumps(
     instant, change = effect.slow_jump(values, state_of(series, point))
     t, h = series.time_s, series.step_s
     share = np.diff(part_after(t, instant), axis=1) * (h > 0)
-    L = generators(series, point)[:, 1:]
+    L = build_generators(series, point)[:, 1:]
     near = np.where(share != 0, t[:, 1:] - instant, 0.0)
     return share[..., None] * apply_generators(
         exponential(L, near), np.broadcast_to(change, (*share.shape, 2))

@@ -22,9 +22,9 @@ from .measured_runs import MeasuredRuns
 from .slow_equation import (
     RungeKuttaStage,
     apply_generators,
-    generators,
+    build_generators,
+    find_steady_generators,
     predict_jumps,
-    steady_generators,
 )
 from .wave_frame import real_matrix, to_complex, to_reals
 
@@ -113,8 +113,11 @@ class Rule:
     def __init__(self, series: MeasuredRuns, point: Point) -> None:
         centre = series.middle()
         self.rows, self.halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
-        L, steady = generators(series, point), steady_generators(series, generators(series, point))
-        self.L, self.M = L - steady[:, None], generators(centre, point) - steady[:, None]
+        L, steady = (
+            build_generators(series, point),
+            find_steady_generators(series, build_generators(series, point)),
+        )
+        self.L, self.M = L - steady[:, None], build_generators(centre, point) - steady[:, None]
         self.h, self.E = series.step_s[..., None], exponential(steady[:, None], series.step_s / 2)
         self.jumps = sum(
             (

@@ -116,7 +116,7 @@ def _advice(runs: Sequence[EnvelopeRun], known: Known) -> str:
 
 
 def _fit_free_runs(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
-    courses = phase_course.bends(runs, _rough_scale_factor(runs, known))
+    courses = phase_course.find_bends(runs, _rough_scale_factor(runs, known))
     # normal modes that decay unequally hand the wave over, which bends its phase too: that is the
     # model's own, and taken off as a course it would be missed
     plain = None if courses is None else _fit_at_once(runs, known, blocks)

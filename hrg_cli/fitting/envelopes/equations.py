@@ -83,7 +83,7 @@ def differentiate(values: Array, time_s: Array) -> Array:
     return np.gradient(values, time_s, axis=0)
 
 
-def beside_gap(time_s: Array) -> Array:
+def find_gap_rows(time_s: Array) -> Array:
     """Which rows have no central difference: those beside a gap, the first and the last.
 
     Parameters
@@ -99,15 +99,15 @@ def beside_gap(time_s: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.equations import beside_gap
-    >>> np.flatnonzero(beside_gap(np.array([0.0, 1.0, 2.0, 9.0, 10.0, 11.0]))).tolist()
+    >>> from hrg_cli.fitting.envelopes.equations import find_gap_rows
+    >>> np.flatnonzero(find_gap_rows(np.array([0.0, 1.0, 2.0, 9.0, 10.0, 11.0]))).tolist()
     [0, 2, 3, 5]
     """
     wide = np.diff(time_s) > WIDE_STEP * np.median(np.diff(time_s))
     return np.concatenate([[True], wide]) | np.concatenate([wide, [True]])
 
 
-def table_rate(run: EnvelopeRun) -> Array:
+def find_table_rate(run: EnvelopeRun) -> Array:
     """The table's rate on the rows, by central differences of its angle.
 
     Parameters
@@ -124,9 +124,9 @@ def table_rate(run: EnvelopeRun) -> Array:
     --------
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.equations import table_rate
+    >>> from hrg_cli.fitting.envelopes.equations import find_table_rate
     >>> t = np.array([0.0, 1.0, 2.0])
-    >>> table_rate(SimpleNamespace(time_s=t, turn_rad=0.5 * t)).tolist()
+    >>> find_table_rate(SimpleNamespace(time_s=t, turn_rad=0.5 * t)).tolist()
     [0.5, 0.5, 0.5]
     """
     return differentiate(run.turn_rad, run.time_s)
@@ -172,8 +172,8 @@ def ellipse_of(run: EnvelopeRun) -> Ellipse:
         differentiate(a, t),
         differentiate(b, t),
         differentiate(angle, t),
-        table_rate(run),
-        ~beside_gap(t),
+        find_table_rate(run),
+        ~find_gap_rows(t),
     )
 
 

@@ -20,7 +20,7 @@ STEP = 0.1
 """Size of the trial moves, in standard deviations."""
 
 
-def moves(
+def move_rows(
     run: EnvelopeRun, misfit: Callable[[EnvelopeRun], Array], first: Array, reach: int
 ) -> Iterator[tuple[Array, Array]]:
     """What one standard deviation of a component of the envelope does to the misfits.
@@ -50,7 +50,7 @@ def moves(
 
     >>> from dataclasses import dataclass
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.noise_propagation import moves
+    >>> from hrg_cli.fitting.envelopes.noise_propagation import move_rows
     >>> @dataclass
     ... class Run:
     ...     envelope: np.ndarray
@@ -59,7 +59,7 @@ def moves(
     ...         return len(self.envelope)
     >>> run = Run(np.zeros((4, 2), complex), 0.1)
     >>> differences = lambda run: np.diff(run.envelope[:, 0].real)
-    >>> (change, row), *_ = moves(run, differences, np.arange(3), 2)
+    >>> (change, row), *_ = move_rows(run, differences, np.arange(3), 2)
     >>> change.round(9).tolist(), row.tolist()
     ([-0.1, 0.1, -0.1], [0, 2, 2])
     """
@@ -127,7 +127,7 @@ def propagate_noise(
     ([[0.02]], [0.02, 0.02, 0.02])
     """
     total, variance = np.zeros((len(influence),) * 2), np.zeros(len(first))
-    for change, row in moves(run, misfit, first, reach):
+    for change, row in move_rows(run, misfit, first, reach):
         parts = np.stack([np.bincount(row, g * change, len(run)) for g in influence])
         total += parts @ parts.T
         variance += change**2

@@ -20,7 +20,7 @@ from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
 from .likelihood import triangularise
 from .rate_estimate import RateEstimate, cardinal
-from .rate_start import mean_offset
+from .rate_start import estimate_mean_offset
 from .resonator_spread import vector_covariance
 from .response import Response, State, batch, respond, stack_reals
 from .trapezium import integrate
@@ -77,7 +77,7 @@ def fit_rate(
     for _ in range(AVERAGINGS):
         turn = integrate(cardinal(whole.time_s, grid).T @ rate, whole.time_s)
         run = replace(whole, turn_rad=turn)
-        offset = mean_offset(run, known.p)
+        offset = estimate_mean_offset(run, known.p)
         count = min(
             rows.count_rows(known.p, [run], max(ROWS, ROWS_OF_A_NODE * len(grid))), rows.MOST_ROWS
         )

@@ -19,7 +19,7 @@ from ...records import Resonator, Wave
 from .envelope_runs import EnvelopeRun, from_wave
 from .rate_estimate import MOST_NODES, RateEstimate, cardinal
 from .rate_fit import Reference, fit_rate, reference
-from .rate_start import plain_rate, stokes_start
+from .rate_start import estimate_plain_rate, estimate_stokes_start
 
 Array = np.ndarray
 ROWS_A_NODE, ROWS_A_FINER_NODE = 4, 2
@@ -151,8 +151,8 @@ def _fit_from_stokes(run: EnvelopeRun, nodes: int, known: Reference) -> RateEsti
     return fit_rate(
         run,
         grid,
-        stokes_start(run, grid, known.p),
-        plain_rate(run, grid, known.scale_factor),
+        estimate_stokes_start(run, grid, known.p),
+        estimate_plain_rate(run, grid, known.scale_factor),
         known,
     )
 
@@ -161,9 +161,9 @@ def _find_best_fit(run: EnvelopeRun, nodes: int, known: Reference) -> RateEstima
     """The best fit from the Stokes start, and where that is poor, from a constant and from the
     plain rate."""
     grid = np.linspace(run.time_s[0], run.time_s[-1], nodes)
-    plain = plain_rate(run, grid, known.scale_factor)
+    plain = estimate_plain_rate(run, grid, known.scale_factor)
     best: RateEstimate | None = None
-    for rate in (stokes_start(run, grid, known.p), np.full(nodes, plain.mean()), plain):
+    for rate in (estimate_stokes_start(run, grid, known.p), np.full(nodes, plain.mean()), plain):
         found = fit_rate(run, grid, rate, plain, known)
         if best is None or found.chi2_per_dof < best.chi2_per_dof:
             best = found
@@ -181,5 +181,5 @@ def _refine_grid(
     return (
         grid,
         found.rate_rad_s @ cardinal(grid, found.time_s),
-        plain_rate(run, grid, known.scale_factor),
+        estimate_plain_rate(run, grid, known.scale_factor),
     )

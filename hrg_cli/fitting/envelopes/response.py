@@ -101,7 +101,7 @@ def batch(runs: Sequence[EnvelopeRun]) -> Batch:
         turn_rad=np.stack([pad(r.turn_rad) - r.turn_rad[0] for r in runs]),
         envelope=np.stack([pad(r.envelope) for r in runs]),
         weight=np.stack([np.concatenate([1 / r.std, np.zeros(longest - len(r))]) for r in runs]),
-        whitening=channel_noise.side_by_side([r.whitening for r in runs]),
+        whitening=channel_noise.stack_matrices([r.whitening for r in runs]),
     )
 
 

@@ -76,7 +76,7 @@ def build_pairs(tau_s: Array, frequency_hz: tuple[float, ...]) -> Array:
     return np.stack([np.cos(phase), np.sin(phase)], -1).reshape(len(tau_s), 2 * len(frequency_hz))
 
 
-def rotations(time_s: Array, frequency_hz: Array) -> Array:
+def build_rotations(time_s: Array, frequency_hz: Array) -> Array:
     """e^{2πjft} (frequencies, times) on an even grid of frequencies, by doubling: one product a
     value instead of a sine and a cosine."""
     out = np.empty((len(frequency_hz), len(time_s)), complex)

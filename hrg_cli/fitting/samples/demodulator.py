@@ -13,7 +13,7 @@ from ...records import FLAG_CLIPPED, Recording
 from .basis import WindowBasis, build_columns, window_basis
 from .frequency import list_bands, list_nuisances
 from .gaps import Gaps
-from .scatter import scattered_variance, settle_by_scatter
+from .scatter import estimate_scattered_variance, settle_by_scatter
 from .signal_rows import Rows, Variances, empty_rows, write_signals
 from .spectrum import Colour, colour
 from .still_envelopes import MotionWithin, Still
@@ -300,7 +300,7 @@ class Demodulator:
         pooled = pooled_variance(fits.residual2[k, keep], freedom, known)
         if known is not None:
             own = (fits.variance if len(fits.variance) == 1 else fits.variance[keep]).mean(1)
-            seen = scattered_variance(still.envelope[k, keep], own * still.noisier**2)
+            seen = estimate_scattered_variance(still.envelope[k, keep], own * still.noisier**2)
             pooled = settle_by_scatter(pooled, known / np.maximum(freedom, 1), freedom, seen)
         return np.asarray(np.maximum(pooled, self.least_variance(k))[:, None])
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .basis import build_columns, rotations
+from .basis import build_columns, build_rotations
 from .spectrum import chi_square_excess
 
 Array = np.ndarray
@@ -59,7 +59,7 @@ def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
     power = np.empty(len(frequency_hz))
     rows = max(1, (1 << 15) // n)
     for start in range(0, len(frequency_hz), rows):
-        turn = rotations(centred, frequency_hz[start : start + rows])
+        turn = build_rotations(centred, frequency_hz[start : start + rows])
         total, square = turn.sum(1), np.einsum("kn,kn->k", turn, turn)
         right = turn @ y.T
         cc = (n + square.real) / 2 - total.real**2 / n

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .basis import WindowBasis, build_columns, build_pairs, rotations
+from .basis import WindowBasis, build_columns, build_pairs, build_rotations
 
 Array = np.ndarray
 
@@ -123,7 +123,9 @@ class AveragedSpectrum:
             norm = 2 * step / (window**2).sum()
         else:
             step = float(np.median(np.diff(time_s)))
-            spectrum = (residual * window) @ rotations(time_s - time_s[0], self.frequency_hz).T
+            spectrum = (residual * window) @ build_rotations(
+                time_s - time_s[0], self.frequency_hz
+            ).T
             norm = 2 * step / (window**2).sum()
         self.density += (np.abs(spectrum) ** 2 * norm).T
         self.parts.append(spectrum * np.sqrt(norm))

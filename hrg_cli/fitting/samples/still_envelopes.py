@@ -23,7 +23,7 @@ from .envelope_motion import (
     take_off_pull,
 )
 from .neighbours import from_neighbours
-from .scatter import scattered_variance
+from .scatter import estimate_scattered_variance
 from .windows import Fits
 
 Array = np.ndarray
@@ -136,7 +136,7 @@ class MotionWithin:
             if not len(noise2):
                 continue
             # the residual of few samples is their motion's: the scatter from window to window is not
-            seen = scattered_variance(u[k], fits.variance.mean(1)) * variance
+            seen = estimate_scattered_variance(u[k], fits.variance.mean(1)) * variance
             if pull2[k] > 0.01 * np.nanmin([np.median(noise2), seen]):
                 return True
         return False

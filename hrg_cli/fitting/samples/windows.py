@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .basis import Pull, WindowBasis
-from .neighbours import median_of_neighbours
+from .neighbours import find_local_median
 
 Array = np.ndarray
 
@@ -141,7 +141,7 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     limit = _far_above(freedom) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts)
     if known is not None:
         # what a jump makes of a few rows' share is not in the median of those beside them
-        usual = median_of_neighbours(np.where(np.isfinite(known), known, 0.0), BESIDE)
+        usual = find_local_median(np.where(np.isfinite(known), known, 0.0), BESIDE)
         limit = limit + MOVED * usual
     excess = finite & (sums > limit)
     total = np.add.reduceat(np.where(excess, 0.0, sums), starts) / np.maximum(

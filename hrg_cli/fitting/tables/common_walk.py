@@ -73,7 +73,7 @@ def coarsen(
     )
 
 
-def common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
+def estimate_common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
     """Angle random walk q common to all runs, rad²/s of mθ, by restricted likelihood at the runs'
     white noise.
 

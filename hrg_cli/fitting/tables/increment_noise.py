@@ -23,7 +23,7 @@ class AngleNoise:
     walk: float
 
 
-def noise_shape(path: AnglePath) -> Array:
+def find_noise_shape(path: AnglePath) -> Array:
     """Relative white variance of the blocks, mean one.
 
     The level is always estimated from the residuals; the windows' stated variances tell only how it is
@@ -43,8 +43,8 @@ def noise_shape(path: AnglePath) -> Array:
     --------
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increment_noise import noise_shape
-    >>> noise_shape(SimpleNamespace(angle_variance=np.array([1e-12, 3e-12]))).round(9).tolist()
+    >>> from hrg_cli.fitting.tables.increment_noise import find_noise_shape
+    >>> find_noise_shape(SimpleNamespace(angle_variance=np.array([1e-12, 3e-12]))).round(9).tolist()
     [0.5, 1.5]
     """
     mean = float(np.mean(path.angle_variance))
@@ -55,7 +55,7 @@ def noise_shape(path: AnglePath) -> Array:
     )
 
 
-def covariance_bands(path: AnglePath, noise: AngleNoise) -> Array:
+def build_covariance_bands(path: AnglePath, noise: AngleNoise) -> Array:
     """Covariance of the increments between the angles of neighbouring blocks.
 
     It is tridiagonal. Neighbouring increments share a block, whose angle noise enters them with opposite
@@ -80,15 +80,15 @@ def covariance_bands(path: AnglePath, noise: AngleNoise) -> Array:
 
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise, covariance_bands
+    >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise, build_covariance_bands
     >>> class Path(SimpleNamespace):
     ...     def __len__(self):
     ...         return 3
     >>> path = Path(angle_variance=np.ones(4), width_s=np.ones(4), interval_s=np.ones(3))
-    >>> covariance_bands(path, AngleNoise(0.25, 0.0)).tolist()
+    >>> build_covariance_bands(path, AngleNoise(0.25, 0.0)).tolist()
     [[0.5, 0.5, 0.5], [-0.25, -0.25, 0.0]]
     """
-    white, width = noise.white * noise_shape(path), path.width_s
+    white, width = noise.white * find_noise_shape(path), path.width_s
     bands = np.zeros((2, len(path)))
     bands[0] = (
         white[1:]
@@ -224,7 +224,7 @@ def estimate_noise(path: AnglePath, residual: Array, lost_degrees: float = 0.0) 
 
     def look(log_ratio: float) -> tuple[float, float]:
         """(whitened square, log determinant) with white noise one and q·Δt in this ratio to it."""
-        bands = covariance_bands(path, AngleNoise(1.0, np.exp(log_ratio) / time))
+        bands = build_covariance_bands(path, AngleNoise(1.0, np.exp(log_ratio) / time))
         white, log_determinant = whiten(bands, residual)
         return max(float(white @ white), 1e-300), log_determinant
 

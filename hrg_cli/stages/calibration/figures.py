@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.increment_noise import covariance_bands
+from ...fitting.tables.increment_noise import build_covariance_bands
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import piece_of, solve
@@ -123,7 +123,7 @@ def _cells_of_run(
     kind = limits.kind(path.rate_rad_s)
     keys, place = np.unique(_cell_of_increments(fitted, path, kind), return_inverse=True)
     time = np.bincount(place, path.interval_s)
-    bands = covariance_bands(path, fitted.noises[r])
+    bands = build_covariance_bands(path, fitted.noises[r])
     together = place[1:] == place[:-1]
     # neighbours in one cell share the noise of the angle between them
     variance = np.bincount(place, bands[0]) + np.bincount(

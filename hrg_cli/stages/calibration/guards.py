@@ -19,10 +19,10 @@ from functools import partial
 import numpy as np
 
 from ...fitting.checks import Check, check_goodness, check_holds, check_whiteness, list_failures
-from ...fitting.tables.increment_noise import covariance_bands, whiten
+from ...fitting.tables.increment_noise import build_covariance_bands, whiten
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import TableSolution, chi_square, solve
+from ...fitting.tables.normal_pieces import TableSolution, compute_chi_square, solve
 from ...fitting.tables.table_design import predict_turn
 from ...fitting.tables.table_layout import Model, TableLayout
 from .late_log import LATE
@@ -109,7 +109,7 @@ def name_causes(
             )
             for name in failed
         }
-        worst = min(gains, key=lambda name: chi_square(A, b, 0.0, gains[name].coefficients))
+        worst = min(gains, key=lambda name: compute_chi_square(A, b, 0.0, gains[name].coefficients))
         said.append(failed[worst].sentence)
         matrix = np.concatenate([matrix, all_causes[worst]], axis=1)
         checks = test_left_out(
@@ -295,7 +295,7 @@ def _whiteness(fitted: Fitted, tried: Sequence[VariantSolution]) -> list[list[Ch
         rest = turn[:, None] - predict_turn(
             path, fitted.layout, coefficients, fitted.solution.coefficients
         )
-        white.append(whiten(covariance_bands(path, noise), rest)[0])
+        white.append(whiten(build_covariance_bands(path, noise), rest)[0])
         angle.append(np.mod(_angle_without_noise(fitted, path), np.pi / path.mode_number))
         place.append(fitted.layout.abscissa(path))
         rate.append(path.rate_rad_s)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...fitting import checks
 from ...fitting.envelopes import one_mode, two_modes
-from ...fitting.envelopes.decay_stretch import decay_stretch
+from ...fitting.envelopes.decay_stretch import find_decay_stretch
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.one_mode import OneMode
 from ...fitting.envelopes.two_modes import Modes
@@ -54,9 +54,9 @@ class Seen:
 def find_modes(run: EnvelopeRun, thin: EnvelopeRun, u: Array) -> Seen:
     """The decay's rows and its modes: two where they are apart and leave less than one whose decay
     and frequency follow its amplitude; one where no phase tells them apart."""
-    from_one = decay_stretch(thin, u[:, 0], lambda rows: one_mode.misfit(thin, u[:, 0], rows))
+    from_one = find_decay_stretch(thin, u[:, 0], lambda rows: one_mode.misfit(thin, u[:, 0], rows))
     from_two = (
-        decay_stretch(thin, u[:, 0], lambda rows: _misfit_of_two(thin, u, rows))
+        find_decay_stretch(thin, u[:, 0], lambda rows: _misfit_of_two(thin, u, rows))
         if run.phase_known
         else from_one
     )

@@ -107,7 +107,7 @@ def _change_after(
     before."""
     first = int(np.searchsorted(series.time_s[0], instant))
     rest = series.later(first)
-    L = slow_equation.generators(series, point)[0, first]
+    L = slow_equation.build_generators(series, point)[0, first]
     carry = exponential(L, rest.time_s[0, 0] - instant)
     ends = [
         np.concatenate([[u], _predict_motion(rest, replace(point, start=(carry @ u)[None]))])

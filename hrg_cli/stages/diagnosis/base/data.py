@@ -200,7 +200,7 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Measured
         reference_frequency_hz=reference_hz,
         mode_number=int(waves[0].mode_number),
         has_temperature=any(_has(w.temperature_degc) for w in waves),
-        whitening=channel_noise.side_by_side([r.whitening for r in runs]),
+        whitening=channel_noise.stack_matrices([r.whitening for r in runs]),
     )
 
 

@@ -28,7 +28,7 @@ from ....effects.effect import frame
 from ....fitting.causes import extended_fit, whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.sensitivities import Propagation, base_sensitivities, linearise_flow
+from ....fitting.causes.sensitivities import Propagation, find_base_sensitivities, linearise_flow
 from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.walks import Walk
 from ....fitting.causes.wave_frame import to_complex, to_reals
@@ -119,7 +119,7 @@ def all_driven(series: MeasuredRuns) -> bool:
 def _project_scale_factor(fit: ExtendedFit, doings: Array) -> Array:
     """Columns (N, k) less what another scale factor does: driven runs alone show the one that their
     loops make of it."""
-    shared = whitened_rows.flatten_own(fit.series, base_sensitivities(fit.flow)[0])
+    shared = whitened_rows.flatten_own(fit.series, find_base_sensitivities(fit.flow)[0])
     column = shared[:, SCALE_FACTOR]
     size = float(column @ column)
     return doings - np.outer(column, column @ doings / size) if size > 0 else doings

@@ -29,7 +29,7 @@ from ....effects.effect import frame
 from ....fitting.causes import designs, whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit, on_rows
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.sensitivities import Propagation, base_sensitivities
+from ....fitting.causes.sensitivities import Propagation, find_base_sensitivities
 from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.envelopes.coordinates import BASIS
 from ..thresholds import WORTH
@@ -116,7 +116,7 @@ def allow_steps(fit: ExtendedFit, beat_rad_s: float) -> ExtendedFit:
 def _find_remainder(fit: ExtendedFit, besides: Array | None = None) -> list[_Left]:
     """Of every driven run, beside what the base model of its own could leave, and changes of what is
     seen (R, n, 4, k)."""
-    series, shared = fit.series, base_sensitivities(fit.flow)[0]
+    series, shared = fit.series, find_base_sensitivities(fit.flow)[0]
     if besides is not None:
         shared = np.concatenate([shared, besides], axis=-1)
     shared = whitened_rows.flatten_rows(series, shared)

@@ -27,7 +27,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.slow_equation import (
     RungeKuttaStage,
     apply_generators,
-    generators,
+    build_generators,
     mean_turns,
 )
 from ....fitting.causes.wave_frame import to_reals
@@ -86,8 +86,8 @@ def _doings(fit: ExtendedFit) -> Array:
     """Of the direction's answer, and of q = 1 and q = j 1/s of the sizes', (R, n, 4, 5)."""
     flow, series, point = fit.flow, fit.series, fit.point
     turn = mean_turns(series)[:, None]
-    at_rows = _forces(flow.rows, generators(series, point) - turn, fit.prediction.motion)
-    between = _forces(flow.halves, generators(flow.centre, point) - turn, flow.middle)
+    at_rows = _forces(flow.rows, build_generators(series, point) - turn, fit.prediction.motion)
+    between = _forces(flow.halves, build_generators(flow.centre, point) - turn, flow.middle)
     return flow.seen(flow.carried(at_rows, between))
 
 

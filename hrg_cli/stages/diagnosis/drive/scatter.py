@@ -29,7 +29,7 @@ from ....fitting.causes import designs, extended_fit, whitened_rows
 from ....fitting.causes.designs import Basis, Softened
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.sensitivities import base_sensitivities
+from ....fitting.causes.sensitivities import find_base_sensitivities
 from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.walks import LogPieces, Walk, WalkPart
 from ....fitting.causes.wave_frame import find_directions, to_reals
@@ -261,7 +261,7 @@ def _runs(fit: ExtendedFit, scatter: Scatter, pieces: LogPieces) -> list[_Run]:
     nothing = np.zeros((*series.weight.shape, 4, kicks.shape[-1]))
     moved = fit.flow.seen(fit.flow.carried(nothing, nothing[:, 1:], in_steps=kicks))
     doings = whitened_rows.flatten_rows(series, moved)
-    shared = whitened_rows.flatten_rows(series, base_sensitivities(fit.flow)[0])
+    shared = whitened_rows.flatten_rows(series, find_base_sensitivities(fit.flow)[0])
     slow = whitened_rows.flatten_rows(series, _slow(fit))
     out = []
     for k, (rows, _, own) in enumerate(fit.design.own):

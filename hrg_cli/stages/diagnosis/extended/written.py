@@ -18,7 +18,7 @@ import numpy as np
 from ....effects.effect import Effect
 from ....errors import HrgError
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.slow_equation import jump_times
+from ....fitting.causes.slow_equation import find_jump_times
 from ....fitting.causes.wave_frame import to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....fitting.envelopes.coordinates import SCALE_FACTOR
@@ -291,7 +291,7 @@ def _jumping(fit: ExtendedFit, k: int) -> Array:
     sides."""
     t = fit.series.time_s[k]
     near = np.zeros(len(t), bool)
-    for instant in jump_times(fit.series, fit.point):
+    for instant in find_jump_times(fit.series, fit.point):
         row_s = float(np.median(np.diff(t[fit.series.weight[k] > 0])))
         near |= np.abs(t - instant) < NEXT_ROWS * row_s
     return near

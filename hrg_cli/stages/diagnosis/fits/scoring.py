@@ -89,7 +89,7 @@ def is_small(effect: Effect, values: Mapping[str, float], fit: ExtendedFit) -> b
         if pure and not p.sets_in and abs(values[p.name] - p.neutral) > MOST_TYPICAL * p.typical:
             return False
     u = fit.prediction.motion
-    motion, seen = scales.strength(effect, values, u, fit.flow.rows.lit(u))
+    motion, seen = scales.measure_strength(effect, values, u, fit.flow.rows.lit(u))
     return motion <= SMALL_IN_MOTION and seen <= SMALL_IN_READOUT
 
 

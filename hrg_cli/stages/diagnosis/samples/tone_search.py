@@ -126,7 +126,7 @@ def strongest(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
     std = np.array([float(np.median(s)) / np.sqrt(len(s)) for _, _, s in data])
     gain = float(np.sum(np.abs(vector) ** 2 / std[:, None] ** 2))
     whitening = fit.series.whitening
-    vector = channel_noise.whiten(channel_noise.inverse(whitening), vector[:, None])[:, 0]
+    vector = channel_noise.whiten(channel_noise.invert(whitening), vector[:, None])[:, 0]
     std = std[:, None] * channel_noise.spread(whitening)
     return Tone(best + fit.series.reference_frequency_hz, vector, std, gain, _stands(data, best))
 

@@ -222,7 +222,7 @@ def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
     weight = series.weight[run, row]
     whitening = None if series.whitening is None else series.whitening[run]
     learned = channel_noise.whiten_reals(
-        channel_noise.inverse(whitening), learned.reshape(len(run), 1, 4, -1)
+        channel_noise.invert(whitening), learned.reshape(len(run), 1, 4, -1)
     )[:, 0]
     learned = learned / weight[:, None, None]
     measured, said = series.envelope[run, row], prediction.seen[run, row]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ....fitting.causes import evidence
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.sensitivities import Propagation, base_sensitivities
+from ....fitting.causes.sensitivities import Propagation, find_base_sensitivities
 from ....fitting.causes.wave_frame import to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....fitting.envelopes.coordinates import COORDINATES
@@ -22,7 +22,7 @@ OWN = (COORDINATES.index(SCALE_FACTOR), COORDINATES.index(DAMPING))
 
 def largest_gain(fit: ExtendedFit) -> float:
     """The largest fall of χ² that one such number of one run promises."""
-    shared, _ = base_sensitivities(fit.flow)
+    shared, _ = find_base_sensitivities(fit.flow)
     together = np.concatenate([shared[..., OWN], _predict_constant_rate(fit.flow)], axis=-1)
     columns = flatten_rows(fit.series, together)
     runs = fit.rows[:, 0]

@@ -17,7 +17,7 @@ from hrg_cli.fitting.causes.designs import Softened
 from hrg_cli.fitting.causes.extended_fit import unsettled_part
 from hrg_cli.fitting.causes.fit_point import Point
 from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
-from hrg_cli.fitting.causes.sensitivities import base_sensitivities
+from hrg_cli.fitting.causes.sensitivities import find_base_sensitivities
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.fitting.samples.course import average_over_windows, integrate_means, means_of_values
 from hrg_cli.physics.resonator import exponential
@@ -138,7 +138,7 @@ def test_a_written_start_is_moved_as_the_fit_judges_beside_a_scattered_log():
     seen, commands = loops(1, 3e-4, seed=3)
     fit = drive_scatter.allowed_for(fitted(measured(seen[0], commands[0], VALUES, 5)))
     assert fit.series.scatter is not None
-    own = base_sensitivities(fit.flow)[1]
+    own = find_base_sensitivities(fit.flow)[1]
     off = 1e-4 * np.random.default_rng(6).normal(size=(RUNS, own.shape[-1]))
     compared = np.ones((RUNS, ROWS), bool)
     compared[:, :7] = False
