@@ -9,7 +9,7 @@ import time
 import numpy as np
 
 from hrg_cli.fitting.envelopes import envelope_runs
-from hrg_cli.fitting.envelopes.base_fit import base_fit
+from hrg_cli.fitting.envelopes.base_fit import fit_base_model
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.resonator import Mechanics, exponential, generator
 from hrg_cli.records import Wave
@@ -63,7 +63,7 @@ def timed(waves: list[Wave]) -> tuple[float, float, dict]:
     base, whole, out = [], [], summary(diagnose(waves))
     for _ in range(ROUNDS):
         for work, times in (
-            (lambda: base_fit([envelope_runs.from_wave(w) for w in waves]), base),
+            (lambda: fit_base_model([envelope_runs.from_wave(w) for w in waves]), base),
             (lambda: diagnose(waves), whole),
         ):
             started = time.process_time()

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
-from hrg_cli.fitting.envelopes.base_fit import base_fit
+from hrg_cli.fitting.envelopes.base_fit import fit_base_model
 from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.resonator import Mechanics, exponential, generator
@@ -113,8 +113,8 @@ def seconds(task: Callable[[], Any], repeats: int) -> tuple[float, Any]:
 def main() -> None:
     """Print the ratio and the growth."""
     runs = [make_run(i, 500) for i in range(8)]
-    base_fit(runs, blocks=500)
-    ours, fit = seconds(lambda: base_fit(runs, blocks=500), 5)
+    fit_base_model(runs, blocks=500)
+    ours, fit = seconds(lambda: fit_base_model(runs, blocks=500), 5)
     theirs, x = seconds(lambda: by_hand(runs), 1)
     std = np.sqrt(np.diag(fit.covariance_z()))[:6]
     apart = np.max(np.abs(fit.z[:6] - x) / std)
@@ -138,7 +138,7 @@ def main() -> None:
         for size in sizes:
             made, blocks = make(size)
             times.append(
-                seconds(lambda made=made, blocks=blocks: base_fit(made, blocks=blocks), 3)[0]
+                seconds(lambda made=made, blocks=blocks: fit_base_model(made, blocks=blocks), 3)[0]
             )
         growth = np.polyfit(np.log(sizes), np.log(times), 1)[0]
         steps = ", ".join(f"{s}: {t * 1e3:.0f} ms" for s, t in zip(sizes, times, strict=True))

@@ -134,7 +134,7 @@ def resolve_settings(
         name: import_log if name == "import" else STAGES[name].function() for name in stages
     }
     return {
-        name: settings.checked(function, tables.get(name, {}))
+        name: settings.check_settings(function, tables.get(name, {}))
         for name, function in functions.items()
     }
 
@@ -242,7 +242,7 @@ class _Line:
         )
 
 
-def _to_wave(task: tuple[Work, Input]) -> list[Step]:
+def _make_wave(task: tuple[Work, Input]) -> list[Step]:
     work, one = task
     return list(recording_to_wave(work, one.path, one.name, one.logs))
 
@@ -250,11 +250,11 @@ def _to_wave(task: tuple[Work, Input]) -> list[Step]:
 def _shared(tasks: Sequence[tuple[Work, Input]], jobs: int) -> Iterator[list[Step]]:
     """Every recording's steps, in the recordings' order. HrgError: a process was killed."""
     if min(jobs, len(tasks)) < 2:
-        yield from map(_to_wave, tasks)
+        yield from map(_make_wave, tasks)
         return
     with local_processes(min(jobs, len(tasks))) as executor:
         try:
-            yield from executor.map(_to_wave, tasks)
+            yield from executor.map(_make_wave, tasks)
         except BrokenExecutor as error:
             raise HrgError(
                 "a process of --jobs was killed; it needs more memory than there is, use fewer"

@@ -19,15 +19,15 @@ RATES = {
 FREQUENCIES = {"Hz": 1.0, "mHz": 1e-3, "uHz": 1e-6, "µHz": 1e-6, "kHz": 1e3}
 
 
-def _times(units: dict[str, float], factor: float) -> dict[str, float]:
+def _scale_units(units: dict[str, float], factor: float) -> dict[str, float]:
     return {spelling: factor * value for spelling, value in units.items()}
 
 
 QUANTITIES: dict[str, dict[str, float]] = {
-    "a rate": RATES | _times(FREQUENCIES, TURN),
-    "half the difference of two frequencies": RATES | _times(FREQUENCIES, TURN / 2),
+    "a rate": RATES | _scale_units(FREQUENCIES, TURN),
+    "half the difference of two frequencies": RATES | _scale_units(FREQUENCIES, TURN / 2),
     "an angle": {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "µrad": 1e-6, "deg": DEGREE, "°": DEGREE, "arcsec": DEGREE / 3600},
-    "a frequency": FREQUENCIES | _times(RATES, 1 / TURN),
+    "a frequency": FREQUENCIES | _scale_units(RATES, 1 / TURN),
     "a time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0},
     "a decay rate": {"1/s": 1.0, "1/min": 1 / 60, "1/h": 1 / 3600} | RATES,
     "an angle random walk": {

@@ -44,7 +44,7 @@ def rehearse_file(
         )
     record = store.read(path, kind)
     stage = STAGE_OF[kind]
-    own = settings.checked(pipeline.STAGES[stage].function(), settings_of(path, stage))
+    own = settings.check_settings(pipeline.STAGES[stage].function(), settings_of(path, stage))
     inputs = [attach_measured(wave, beside) for wave in inputs_of(path, beside)]
 
     def share(works: Sequence[Work]) -> list[Rehearsed | None]:
@@ -114,7 +114,7 @@ def identified_of(path: Path, record: Record, beside: Sequence[Path]) -> list[Id
                 Identified(
                     store.read(file, Resonator),
                     [attach_measured(wave, beside) for wave in inputs_of(file, beside)],
-                    settings.checked(
+                    settings.check_settings(
                         pipeline.STAGES["identify"].function(), settings_of(file, "identify")
                     ),
                 )

@@ -124,12 +124,12 @@ LARGEST_INTEGER = 2**63
 """TOML's integers have 64 bits."""
 
 
-def leaves(tree: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+def list_leaves(tree: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """Every value of nested tables and lists with its dotted key; a list's places count from 0."""
     if isinstance(tree, Mapping | list):
         pairs = tree.items() if isinstance(tree, Mapping) else enumerate(tree)
         for name, value in pairs:
-            yield from leaves(value, f"{key}.{name}" if key else str(name))
+            yield from list_leaves(value, f"{key}.{name}" if key else str(name))
     else:
         yield key, tree
 
@@ -137,7 +137,7 @@ def leaves(tree: Any, key: str = "") -> Iterator[tuple[str, Any]]:
 def _need_usual_numbers(tree: Any, where: str, key: str = "") -> None:
     """HrgError (as a sentence) where a whole number is beyond TOML's range, or a text holds a zero
     byte."""
-    for place, value in leaves(tree, key):
+    for place, value in list_leaves(tree, key):
         if isinstance(value, int) and not -LARGEST_INTEGER <= value < LARGEST_INTEGER:
             raise HrgError(
                 f"{where}: {place[:80]} is a whole number of more than 64 bits; write a smaller one,"
@@ -248,10 +248,10 @@ def resolve(
         key, value = parse_assignment(text)
         assign(given, key.removeprefix(f"{name}."), value)
     given |= {key: value for key, value in (flags or {}).items() if value is not None}
-    return checked(stage, from_file | given, usage=True)
+    return check_settings(stage, from_file | given, usage=True)
 
 
-def checked(
+def check_settings(
     stage: Callable[..., Any],
     values: Mapping[str, Any],
     where: str = "settings",

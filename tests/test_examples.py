@@ -39,9 +39,9 @@ HELD = (
     *(
         f"physics.{name}"
         for name in (
-            *("coefficients", "compilation", "control", "drift", "electrodes", "electronics"),
-            *("ellipse", "environment", "fast_engine", "noise", "plant", "readout", "resonator"),
-            *("signals", "slow_engine", "slow_motion"),
+            *("board_reading", "coefficients", "compilation", "control", "drift", "electrodes"),
+            *("electronics", "ellipse", "environment", "fast_engine", "loop_forces", "noise"),
+            *("plant", "readout", "resonator", "signals", "slow_engine", "slow_motion"),
         )
     ),
     *(
@@ -57,10 +57,17 @@ HELD = (
     *(
         f"fitting.envelopes.{name}"
         for name in (
-            *("base_freedom", "channel_noise", "coordinates", "matrices", "normal_equations"),
-            *("rate_estimate", "resonator_spread", "trapezium"),
+            *("base_freedom", "channel_noise", "coordinates", "equations", "matrices"),
+            *("noise_propagation", "normal_equations", "rate_estimate", "resonator_spread"),
+            "trapezium",
         )
     ),
+    *(
+        f"fitting.causes.{name}"
+        for name in ("damping_bound", "left_out_folds", "motion_budget", "scales", "wave_frame")
+    ),
+    "fitting.tables.allan",
+    "fitting.tables.increment_noise",
 )
 """Modules that are told whole: every public function has its sections and an example."""
 

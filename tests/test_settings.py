@@ -99,7 +99,7 @@ def test_what_has_no_end_is_no_settings_file(what, tmp_path, monkeypatch):
 def test_a_sentence_names_some_wrong_keys_and_counts_the_others():
     values = {f"unknown{k}": k for k in range(settings.MOST_TOLD + 5)}
     with pytest.raises(HrgError, match=rf"unknown{settings.MOST_TOLD - 1}; and 5 more$"):
-        settings.checked(smooth, values)
+        settings.check_settings(smooth, values)
 
 
 @pytest.mark.parametrize(

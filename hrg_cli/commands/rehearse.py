@@ -130,7 +130,7 @@ def and_rehearse(
 ) -> pipeline.Outcome:
     """What `--rehearse N` of a command adds to its outcome: the verdict in the file's status and in
     the JSON."""
-    values = settings.checked(
+    values = settings.check_settings(
         rehearse, {"times": times} | ({} if run.seed is None else {"seed": run.seed}), usage=True
     )
     with console.progress_bar("rehearse", run.quiet or run.json) as progress:

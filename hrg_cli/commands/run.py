@@ -116,7 +116,7 @@ def run_files(
     steps = _follow_chain(paths, folder, tables, wanted, run, gyro, rehearsals)
     _need_result(steps, folder if made_folder else None)
     made = _files_made(steps, folder)
-    found, rows = _answer(made, wanted)
+    found, rows = _judge_results(made, wanted)
     pageless = without_pages()
     if not pageless:
         recorded = [one.path for one in inputs if one.path.suffix == ".h5" and one.path.exists()]
@@ -238,7 +238,7 @@ def tables_of(
         )
     if run.show_config:
         whole = {
-            name: settings.checked(stage.function(), tables.get(name, {}))
+            name: settings.check_settings(stage.function(), tables.get(name, {}))
             for name, stage in STAGES.items()
         }
         rehearsals = rehearsals_of(tables)
@@ -260,7 +260,7 @@ def rehearsals_of(tables: Mapping[str, Any]) -> dict[str, Any] | None:
         )
     from ..stages.rehearse import rehearse
 
-    return settings.checked(rehearse, tables["rehearse"])
+    return settings.check_settings(rehearse, tables["rehearse"])
 
 
 def reasons_of(steps: Sequence[Step]) -> list[str]:
@@ -306,7 +306,7 @@ def _plan(lines: list[str], started: float) -> Shown:
     )
 
 
-def _answer(made: Sequence[Path], limits: dict[str, Any]) -> tuple[Answer | None, list[Row]]:
+def _judge_results(made: Sequence[Path], limits: dict[str, Any]) -> tuple[Answer | None, list[Row]]:
     results = [
         path for path in made if path.name in ("resonator.h5", "diagnosis.h5", "calibration.h5")
     ]

@@ -88,7 +88,7 @@ def simulate_files(
         for name, path in zip(names, outputs)
     ]
     with store.whole_or_none(outputs):
-        reports = _all(tasks, run.jobs, progress)
+        reports = _simulate_all(tasks, run.jobs, progress)
     statuses = [report["status"] for report in reports]
     return {
         "kind": "recording",
@@ -115,18 +115,23 @@ def _need_room(runs: Sequence[SimulationFile], file: Path, folder: Path) -> None
         )
 
 
-def _all(tasks: Sequence[Task], jobs: int, progress: pipeline.Progress) -> list[dict[str, Any]]:
+def _simulate_all(
+    tasks: Sequence[Task], jobs: int, progress: pipeline.Progress
+) -> list[dict[str, Any]]:
     if len(tasks) == 1:
-        return [_one(tasks[0], progress)]
+        return [_simulate_one(tasks[0], progress)]
     if tasks[0].values["model"] == "fast":  # the processes leave it to this one
         warn_of_plain_python()
     reports = run_tasks(
-        _one, tasks, partial(local_processes, jobs), lambda count: progress(count / len(tasks))
+        _simulate_one,
+        tasks,
+        partial(local_processes, jobs),
+        lambda count: progress(count / len(tasks)),
     )
-    return [_known(report, task) for report, task in zip(reports, tasks, strict=True)]
+    return [_require_report(report, task) for report, task in zip(reports, tasks, strict=True)]
 
 
-def _known(report: dict[str, Any] | None, task: Task) -> dict[str, Any]:
+def _require_report(report: dict[str, Any] | None, task: Task) -> dict[str, Any]:
     if report is None:
         raise HrgError(
             f"{task.output}: the process that simulated it was killed, probably for want of memory;"
@@ -148,7 +153,7 @@ class Task:
     typed: str
 
 
-def _one(task: Task, progress: pipeline.Progress | None = None) -> dict[str, Any]:
+def _simulate_one(task: Task, progress: pipeline.Progress | None = None) -> dict[str, Any]:
     extra = load_effects(task.effects_from) if task.effects_from is not None else ()
     stream = simulate(task.config, extra, **task.values)
     chosen = next(

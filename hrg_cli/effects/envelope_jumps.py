@@ -71,7 +71,7 @@ def jumps(runs: Runs) -> list[Jump]:
     return [
         jump
         for k, jump in enumerate(found)
-        if not any(_same(jump, other, runs) for other in found[:k])
+        if not any(_is_same_jump(jump, other, runs) for other in found[:k])
     ]
 
 
@@ -82,7 +82,8 @@ def strikes(runs: Runs) -> list[Jump]:
     alone = [
         jump
         for jump in found
-        if jump.chi2 > sum(o.chi2 for o in found if o.run != jump.run and _at_once(o, jump, runs))
+        if jump.chi2
+        > sum(o.chi2 for o in found if o.run != jump.run and _is_simultaneous(o, jump, runs))
     ]
     return alone[:MOST]
 
@@ -163,12 +164,12 @@ def _instant(t: Array, u: Array, k: int, change: Array) -> float:
     return float(t[k] + (0.5 - part) * (t[k + 1] - t[k - 1]) / 2)
 
 
-def _same(jump: Jump, clearer: Jump, runs: Runs) -> bool:
+def _is_same_jump(jump: Jump, clearer: Jump, runs: Runs) -> bool:
     """Whether two jumps are one, seen over two lengths."""
-    return jump.run == clearer.run and _at_once(jump, clearer, runs)
+    return jump.run == clearer.run and _is_simultaneous(jump, clearer, runs)
 
 
-def _at_once(jump: Jump, clearer: Jump, runs: Runs) -> bool:
+def _is_simultaneous(jump: Jump, clearer: Jump, runs: Runs) -> bool:
     """Whether two jumps come at one time of their runs, as near as the rows tell."""
     t = runs.time_s[jump.run]
     near_s = 2 * FEWEST * float(np.median(np.diff(t[: len(t) // 2])))

@@ -46,7 +46,7 @@ class Check:
         }
 
 
-def at_most(name: str, value: float, limit: float, sentence: str = "") -> Check:
+def check_at_most(name: str, value: float, limit: float, sentence: str = "") -> Check:
     """A figure that must not exceed its limit; NaN fails.
 
     Parameters
@@ -67,14 +67,14 @@ def at_most(name: str, value: float, limit: float, sentence: str = "") -> Check:
 
     Examples
     --------
-    >>> from hrg_cli.fitting.checks import at_most
-    >>> at_most("residual", 1.2, 1.0).passed, at_most("residual", float("nan"), 1.0).passed
+    >>> from hrg_cli.fitting.checks import check_at_most
+    >>> check_at_most("residual", 1.2, 1.0).passed, check_at_most("residual", float("nan"), 1.0).passed
     (False, False)
     """
     return Check(name, float(value), float(limit), bool(value <= limit), sentence)
 
 
-def at_least(name: str, value: float, limit: float, sentence: str = "") -> Check:
+def check_at_least(name: str, value: float, limit: float, sentence: str = "") -> Check:
     """A figure that must reach its limit; NaN fails.
 
     Parameters
@@ -95,14 +95,14 @@ def at_least(name: str, value: float, limit: float, sentence: str = "") -> Check
 
     Examples
     --------
-    >>> from hrg_cli.fitting.checks import at_least
-    >>> at_least("turns", 3, 1).passed
+    >>> from hrg_cli.fitting.checks import check_at_least
+    >>> check_at_least("turns", 3, 1).passed
     True
     """
     return Check(name, float(value), float(limit), bool(value >= limit), sentence)
 
 
-def holds(name: str, condition: bool, sentence: str = "") -> Check:
+def check_holds(name: str, condition: bool, sentence: str = "") -> Check:
     """A yes or no as a check: value 1 for yes, limit 1.
 
     Parameters
@@ -122,7 +122,7 @@ def holds(name: str, condition: bool, sentence: str = "") -> Check:
     return Check(name, float(bool(condition)), 1.0, bool(condition), sentence)
 
 
-def failures(checks: Iterable[Check]) -> list[str]:
+def list_failures(checks: Iterable[Check]) -> list[str]:
     """Sentences of the checks that failed.
 
     Parameters
@@ -137,8 +137,8 @@ def failures(checks: Iterable[Check]) -> list[str]:
 
     Examples
     --------
-    >>> from hrg_cli.fitting.checks import at_most, failures
-    >>> failures([at_most("residual", 1.2, 1.0), at_most("drift", 0.0, 1.0)])
+    >>> from hrg_cli.fitting.checks import check_at_most, list_failures
+    >>> list_failures([check_at_most("residual", 1.2, 1.0), check_at_most("drift", 0.0, 1.0)])
     ['residual = 1.2 is beyond 1']
     """
     return [
@@ -166,7 +166,7 @@ def largest_chi2_per_dof(dof: int) -> float:
     return float(chdtri(dof, CHANCE) / dof + NOISE_KNOWN)
 
 
-def goodness(chi2: float, dof: int, sentence: str = "", name: str = "chi2_per_dof") -> Check:
+def check_goodness(chi2: float, dof: int, sentence: str = "", name: str = "chi2_per_dof") -> Check:
     """χ² per degree of freedom at the *stated* noise, against what a right model leaves.
 
     Parameters
@@ -185,10 +185,10 @@ def goodness(chi2: float, dof: int, sentence: str = "", name: str = "chi2_per_do
     Check
         Passed or not.
     """
-    return at_most(name, chi2 / max(dof, 1), largest_chi2_per_dof(max(dof, 1)), sentence)
+    return check_at_most(name, chi2 / max(dof, 1), largest_chi2_per_dof(max(dof, 1)), sentence)
 
 
-def whiteness(
+def check_whiteness(
     residuals: Sequence[Array],
     sentence: str = "",
     name: str = "whiteness",
@@ -223,9 +223,9 @@ def whiteness(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.checks import whiteness
+    >>> from hrg_cli.fitting.checks import check_whiteness
     >>> white = np.random.default_rng(1).standard_normal(4000)
-    >>> whiteness([white]).passed, whiteness([np.cumsum(white)]).passed
+    >>> check_whiteness([white]).passed, check_whiteness([np.cumsum(white)]).passed
     (True, False)
     """
     from scipy.special import chdtrc
@@ -259,7 +259,9 @@ def whiteness(
         chances.append(float(chdtrc(count, power / variance / (1 + allowed))))
         length *= 2
     chance = min(1.0, len(chances) * min(chances)) if chances else 1.0
-    return at_most(name, -float(np.log10(max(chance, 1e-300))), -float(np.log10(CHANCE)), sentence)
+    return check_at_most(
+        name, -float(np.log10(max(chance, 1e-300))), -float(np.log10(CHANCE)), sentence
+    )
 
 
 def slow_part(residuals: Sequence[Array]) -> float:
@@ -300,7 +302,7 @@ def slow_part(residuals: Sequence[Array]) -> float:
     return worst
 
 
-def covariance_is_one(covariance: Array, sentence: str = "", name: str = "covariance") -> Check:
+def check_covariance(covariance: Array, sentence: str = "", name: str = "covariance") -> Check:
     """Largest |correlation| of a covariance, against 1; NaN, infinity and a negative variance fail.
 
     Parameters
@@ -323,7 +325,7 @@ def covariance_is_one(covariance: Array, sentence: str = "", name: str = "covari
         return Check(name, float("nan"), LARGEST_CORRELATION, False, sentence)
     std = np.sqrt(np.where(variance > 0, variance, 1.0))
     correlation = np.abs(matrix / np.outer(std, std) * (1 - np.eye(len(matrix))))
-    return at_most(name, float(correlation.max(initial=0.0)), LARGEST_CORRELATION, sentence)
+    return check_at_most(name, float(correlation.max(initial=0.0)), LARGEST_CORRELATION, sentence)
 
 
 def check_statistics(
@@ -352,9 +354,9 @@ def check_statistics(
     list of Check
         One or two.
     """
-    checks = [goodness(chi2, dof, sentence)]
+    checks = [check_goodness(chi2, dof, sentence)]
     if len(residuals):
-        checks.append(whiteness(residuals, coloured, allowed=NOISE_KNOWN, stated=1.0))
+        checks.append(check_whiteness(residuals, coloured, allowed=NOISE_KNOWN, stated=1.0))
     return checks
 
 
@@ -376,10 +378,10 @@ def check_fit(covariance: Array, converged: bool, reason: str = "") -> list[Chec
         Two.
     """
     return [
-        holds(
+        check_holds(
             "converged", converged, reason or "the fit did not settle; look at the runs' residuals"
         ),
-        covariance_is_one(
+        check_covariance(
             covariance,
             "the covariance of the answer is none (a correlation beyond 1, or not finite): nothing"
             " it says of its errors holds",

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods
-from ..records.clock import moved
+from ..records.clock import shift_time
 from .envelope_rows import EnvelopeRows
 from .envelope_windows import WindowPlan, mean_turn, window_means
 from .taken import GAP_STEPS, Taken
@@ -44,7 +44,7 @@ def stream_windows(
                 yield held
             shift = taken.first_s or 0.0
             held = _windows(blank, plan, source, full[0] - shift, *full[1:])
-            held = held.replace(start_time=moved(blank.start_time, shift))
+            held = held.replace(start_time=shift_time(blank.start_time, shift))
             held.flags[: max(0, -(-(plan.settling - begun) // plan.rows))] |= FLAG_SETTLING
             begun += len(full[0])
         if taken.to_s is not None and times[-1] >= taken.to_s:

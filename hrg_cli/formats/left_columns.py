@@ -30,9 +30,9 @@ def _reason(channel: Channel, taken: Mapping[str, int]) -> str:
     for role, fits in (("rate", is_rate), ("temperature", is_temperature), ("time", is_time)):
         if fits(channel.units):
             other = "another column is" if role in taken else "its title does not say"
-            return f"{other} the {role}; --{role} {_called(channel)} takes this one"
+            return f"{other} the {role}; --{role} {_quote_name(channel)} takes this one"
     return "not asked for, and its title is no known one"
 
 
-def _called(channel: Channel) -> str:
+def _quote_name(channel: Channel) -> str:
     return f"'{channel.name}'" if " " in channel.name else channel.name

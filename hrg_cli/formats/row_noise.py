@@ -103,7 +103,7 @@ def row_noise(looks: Sequence[Array]) -> RowNoise:
         rows *= 2
     tried = [one for one in tried if np.isfinite(one[0])]
     if not tried:
-        return _of_few(looks)
+        return _estimate_from_few(looks)
     level = [one for one in tried if one[0] < LEVEL + 2 * one[3]]
     chosen = level[0] if level else min(tried, key=lambda one: one[0])
     for one in level:
@@ -126,10 +126,10 @@ def _noisy_parts(variance: Array) -> int:
     return max(1, int(np.count_nonzero(variance > 1e-12 * np.max(variance))))
 
 
-def _of_few(looks: Sequence[Array]) -> RowNoise:
+def _estimate_from_few(looks: Sequence[Array]) -> RowNoise:
     """Of rows too few for a spectrum: the variance of all residuals where these show no
     correlation and are no larger than the differences', else that of the differences."""
-    steps, white = _by_differences(looks), _white(looks)
+    steps, white = _estimate_by_differences(looks), _white(looks)
     rows = sum(look.shape[1] for look in looks)
     unsure = STRAIGHT_CHANCE / np.sqrt(rows * _noisy_parts(steps))
     if white is None or not white.sum() < (STRAIGHT + unsure) * steps.sum():
@@ -137,14 +137,18 @@ def _of_few(looks: Sequence[Array]) -> RowNoise:
     return RowNoise(white, white, False)
 
 
-def _by_differences(looks: Sequence[Array]) -> Array:
+def _estimate_by_differences(looks: Sequence[Array]) -> Array:
     """Variance (channel, 2) of a few rows by their third differences, as if independent: 20 times
     the variance. The median of the square of one normal part is 0.455 of its mean, of the two of
     I and Q together ln 2; they are taken together but where one of them is an amplitude's, which
     has no other."""
     thirds = np.concatenate(
         [
-            np.diff(_along(look * np.exp(-1j * _turn(look) * np.arange(look.shape[1]))), 3, axis=1)
+            np.diff(
+                _turn_to_phase(look * np.exp(-1j * _turn(look) * np.arange(look.shape[1]))),
+                3,
+                axis=1,
+            )
             for look in looks
         ],
         axis=1,
@@ -159,7 +163,7 @@ def _by_differences(looks: Sequence[Array]) -> Array:
     return np.maximum(np.where(alone[:, None], apart, both[:, None]), 1e-300)
 
 
-def _along(u: Array) -> Array:
+def _turn_to_phase(u: Array) -> Array:
     """Envelopes (channel, n) in the phase of the stronger channel's mean."""
     mean = np.nanmean(np.where(np.isfinite(u), u, np.nan), axis=1)
     strong = mean[np.argmax(np.abs(mean))]
@@ -211,7 +215,7 @@ def _levels(looks: Sequence[Array], rows: int) -> tuple[Array, Array, Array, int
         nothing = np.full((looks[0].shape[0], 2), np.nan)
         return nothing, nothing, nothing, 0
     # the median of medians of exponential variables of mean 1, of odd numbers exactly, is ln 2
-    middle = _without_lines(np.median(power, axis=0) / np.log(2))
+    middle = _drop_lines(np.median(power, axis=0) / np.log(2))
     low, high = np.median(middle[..., LOW], -1), np.median(middle[..., HIGH], -1)
     middle[..., : LOW.start] = low[..., None]
     return low, high, middle.mean(-1), len(power)
@@ -270,7 +274,7 @@ def _residuals(look: Array, rows: int, every: int, basis: Array) -> Iterator[Arr
             )
 
 
-def _without_lines(power: Array) -> Array:
+def _drop_lines(power: Array) -> Array:
     """Running median over `LINE` bins, so that a beat or a tone is no noise."""
     padded = np.pad(power, [(0, 0)] * (power.ndim - 1) + [(LINE // 2, LINE // 2)], mode="reflect")
     return np.median(np.lib.stride_tricks.sliding_window_view(padded, LINE, axis=-1), axis=-1)

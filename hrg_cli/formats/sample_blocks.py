@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import Recording
-from ..records.clock import moved
+from ..records.clock import shift_time
 from .log import Array, Log
 from .log_columns import Roles
 from .opened_log import OpenedLog, state_of
@@ -40,7 +40,9 @@ def stream_blocks(
             auxiliary = slow.block(
                 path, timing, times, slow_columns, first, following is None, shift
             )
-            block = blank.replace(c=c, s=s, start_time=moved(blank.start_time, shift), **auxiliary)
+            block = blank.replace(
+                c=c, s=s, start_time=shift_time(blank.start_time, shift), **auxiliary
+            )
             if timing.sample_rate_hz is None:
                 block = block.replace(time_s=times)
             yield block if following is not None else _close(block, opened, taken)

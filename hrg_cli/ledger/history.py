@@ -12,7 +12,7 @@ from .charts import Chart, chart
 from .entry import KINDS, Entry
 from .judging import Bounds, Held, bounds_of, hold_limits, share_of_limit, tables_of
 from .overview import gauge_of, list_gyros, no_such
-from .series import AXIS, independent, series, usual
+from .series import AXIS, list_usual_figures, select_independent, series
 from .trend import Move, Trend, days_to_limit, move, trend
 
 
@@ -106,7 +106,7 @@ def history(
     for name in names:
         if not any(name in e.figures for e in own):
             raise no_such(name, "figure", {n for e in own for n in e.figures})
-    counting = independent(own)
+    counting = select_independent(own)
     kinds = [kind for kind in KINDS if any(e.kind == kind for e in own)]
     tables = tables_of(limits, kinds) if limits else {}
     figures: list[FigureHistory] = []
@@ -116,13 +116,13 @@ def history(
         table = tables.get(kind, {})
         every = [e for e in own if e.kind == kind]
         bounds = bounds_of(every, table) if table else {}
-        told = names or list(dict.fromkeys([*bounds, *usual(of_kind)]))
+        told = names or list(dict.fromkeys([*bounds, *list_usual_figures(of_kind)]))
         figures += [
             _figure(of_kind, kind, name, bounds.get(name, (None, None)))
             for name in told
             if any(name in e.figures for e in of_kind)
         ]
-        whole = independent([e for e in entries if e.kind == kind])
+        whole = select_independent([e for e in entries if e.kind == kind])
         gauges = {
             name: gauge_of(list_gyros(whole, kind, name, limit, None, by, guard_sigma))
             for name, limit in bounds.items()

@@ -21,7 +21,7 @@ from .gauge import GaugeStudy, gauge_study
 from .golden import Golden, golden_unit
 from .guard import Risks, risks
 from .judging import Bounds, GaugeOf, Held, bounds_of, hold_limits, tables_of
-from .series import AXIS, FigureSeries, independent, newest, series, usual
+from .series import AXIS, FigureSeries, list_usual_figures, newest, select_independent, series
 from .trend import move
 
 Array = np.ndarray
@@ -140,7 +140,7 @@ def overview(
     UsageError: a figure or golden unit that is not there. HrgError: limits that are for none of the
     kinds.
     """
-    counting = independent(entries)
+    counting = select_independent(entries)
     kinds = [kind for kind in KINDS if any(e.kind == kind for e in entries)]
     tables = tables_of(limits, kinds) if limits else {}
     if golden is not None and not any(e.gyro_id == golden for e in entries):
@@ -157,7 +157,7 @@ def overview(
         table = tables.get(kind, {})
         bounds = bounds_of(every, table) if table else {}
         told = [n for n in names if any(n in e.figures for e in of_kind)]
-        told = told or ([] if names else list(bounds) if limits else usual(of_kind))
+        told = told or ([] if names else list(bounds) if limits else list_usual_figures(of_kind))
         found = [
             list_gyros(of_kind, kind, name, bounds.get(name, (None, None)), golden, by, guard_sigma)
             for name in told
@@ -274,6 +274,6 @@ def _standings(
 
 def _most_moved(entries: Sequence[Entry]) -> tuple[str, float | None]:
     """The figure that moved most since the measurement before, in σ."""
-    moves = [(name, move(series(entries[-2:], name))) for name in usual(entries[-2:])]
+    moves = [(name, move(series(entries[-2:], name))) for name in list_usual_figures(entries[-2:])]
     known = [(name, m.sigma) for name, m in moves if m is not None and m.sigma is not None]
     return max(known, key=lambda pair: abs(pair[1]), default=("", None))

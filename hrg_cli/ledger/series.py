@@ -52,7 +52,7 @@ class FigureSeries:
         return (self.times - self.times[0]) / DAY_S if len(self) else self.times
 
 
-def independent(entries: Sequence[Entry]) -> list[Entry]:
+def select_independent(entries: Sequence[Entry]) -> list[Entry]:
     """The results that count, in the order of time: those not refused, and of several made from the
     same recorded samples the one made last.
 
@@ -112,7 +112,7 @@ def with_std(entries: Iterable[Entry]) -> list[str]:
     return list(dict.fromkeys(n for e in entries for n, figure in e.figures.items() if figure.std))
 
 
-def usual(entries: Iterable[Entry]) -> list[str]:
+def list_usual_figures(entries: Iterable[Entry]) -> list[str]:
     """The figures that are told where none are named: those with a σ, without a diagnosis's second
     telling of the resonator and of what it gained."""
     return [

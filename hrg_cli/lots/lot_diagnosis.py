@@ -52,7 +52,7 @@ def lot_diagnosis(
         },
         "populations": {
             **{one.name: _population(one) for one in populations(ordered)},
-            **_of_causes(scores),
+            **_pool_causes(scores),
         },
     }
 
@@ -195,7 +195,7 @@ def _units(name: str) -> str:
     return unit_of(name) if not name.endswith("_1_s") else "s-1"
 
 
-def _of_causes(scores: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:
+def _pool_causes(scores: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:
     """The population of every cause's size, by "effect.parameter"."""
     estimates = estimates_of(scores)
     if not estimates.names:

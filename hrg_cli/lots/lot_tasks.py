@@ -69,7 +69,7 @@ def tasks_of(
         said = own or Told(str(lot.table("import", file.name).get("gyro_id", "")), "", {})
         gyro = named or said.gyro_id or file.parent.name
         told[file] = Told(gyro, said.day, said.groups)
-        by[str(file)] = BY_LOT if named else _by_itself(said)
+        by[str(file)] = BY_LOT if named else _tell_origin(said)
         name = safe_name(file.stem)
         if (gyro, name) in used:
             name = f"{name}-{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
@@ -89,7 +89,7 @@ def tasks_of(
     return LotTasks(tasks, by, lost, _origins(lot, told))
 
 
-def _by_itself(said: Told) -> str:
+def _tell_origin(said: Told) -> str:
     return "its gyro_id can still be read" if said.gyro_id else "by its folder's name"
 
 

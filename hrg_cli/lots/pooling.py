@@ -54,7 +54,7 @@ def pool(x: Array, std: Array, exact: float = MODEL_EXACT) -> Pooled:
     used &= ~find_outliers(x, std, used)
     count = used.sum(axis=0)
     x, variance = np.where(used, x, 0.0), np.where(used, std, 1.0) ** 2
-    t2, w, mean = _between(x, variance, used)
+    t2, w, mean = _estimate_between(x, variance, used)
     with np.errstate(all="ignore"):
         total = w.sum(axis=0)
         t2_std = np.sqrt(2 / np.sum(w**2, axis=0))
@@ -82,7 +82,7 @@ def pool(x: Array, std: Array, exact: float = MODEL_EXACT) -> Pooled:
     )
 
 
-def _between(x: Array, variance: Array, used: Array) -> tuple[Array, Array, Array]:
+def _estimate_between(x: Array, variance: Array, used: Array) -> tuple[Array, Array, Array]:
     """τ² (M,), weights (n, M) and means (M,): Newton's steps from τ² = 0, where the sum falls and is
     convex, so that they never overshoot."""
     t2 = np.zeros(x.shape[1])

@@ -100,7 +100,9 @@ def shifts(
     found: list[Shift] = []
     price: Array | None = None
     while len(found) < MOST:
-        tables = [_against(value, std, group, rest) for group, rest in zip(groups, others)]
+        tables = [
+            _compare_with_others(value, std, group, rest) for group, rest in zip(groups, others)
+        ]
         known = [np.isfinite(z) for _, _, z, _ in tables]
         price = tests(known, groups) if price is None else price
         best: tuple[float, int, int] | None = None
@@ -132,7 +134,7 @@ def shifts(
     return tuple(sorted(found, key=lambda one: -abs(one.z))), tested
 
 
-def _against(
+def _compare_with_others(
     value: Array, std: Array, group: Group, others: Sequence[int]
 ) -> tuple[Array, Array, Array, Pooled]:
     """Difference, its σ, signed equivalent |z| (M,), and the group's own values."""

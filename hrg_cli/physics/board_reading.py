@@ -46,14 +46,58 @@ Array = np.ndarray
 
 
 def turn_oscillator(state: Array) -> None:
-    """One step of the oscillator."""
+    """One step of the board's oscillator.
+
+    Parameters
+    ----------
+    state
+        (STATE,): `Board.state`, in which it turns by the angle of STEP_COS and STEP_SIN.
+
+    Examples
+    --------
+    A quarter of a period in three steps of 30°:
+
+    >>> import math
+    >>> import numpy as np
+    >>> from hrg_cli.physics.board_reading import turn_oscillator
+    >>> from hrg_cli.physics.electronics import OSCILLATOR_COS, OSCILLATOR_SIN, STATE
+    >>> from hrg_cli.physics.electronics import STEP_COS, STEP_SIN
+    >>> state = np.zeros(STATE)
+    >>> state[OSCILLATOR_COS] = 1.0
+    >>> state[STEP_COS], state[STEP_SIN] = math.cos(math.pi / 6), math.sin(math.pi / 6)
+    >>> for _ in range(3):
+    ...     turn_oscillator(state)
+    >>> round(float(state[OSCILLATOR_SIN]), 9)
+    1.0
+    """
     c, s = state[OSCILLATOR_COS], state[OSCILLATOR_SIN]
     state[OSCILLATOR_COS] = c * state[STEP_COS] - s * state[STEP_SIN]
     state[OSCILLATOR_SIN] = s * state[STEP_COS] + c * state[STEP_SIN]
 
 
 def round_to_step(value: float, step: float, limit: float) -> float:
-    """A converter: nearest step, clipped at ± limit; 0 leaves either out."""
+    """A converter: the nearest step, clipped at ± limit.
+
+    Parameters
+    ----------
+    value
+        What goes in.
+    step
+        Its step; 0: infinitely fine.
+    limit
+        Where it saturates; 0: nowhere.
+
+    Returns
+    -------
+    float
+        What comes out, in the same unit.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.board_reading import round_to_step
+    >>> round_to_step(0.37, 0.25, 1.0), round_to_step(7.0, 0.25, 1.0), round_to_step(0.37, 0.0, 0.0)
+    (0.25, 1.0, 0.37)
+    """
     if step > 0:
         value = step * math.floor(value / step + 0.5)
     if limit > 0:
@@ -61,16 +105,43 @@ def round_to_step(value: float, step: float, limit: float) -> float:
     return value
 
 
-def passed(amplitude: float, limit: float) -> float:
-    """Part of a sine's fundamental that clipping at ± limit lets through: (2/π)(arcsin x + x√(1 −
-    x²)), x = limit/amplitude."""
+def find_passed_part(amplitude: float, limit: float) -> float:
+    """Part of a sine's fundamental that clipping at ± limit lets through.
+
+    (2/π)(arcsin x + x√(1 − x²)), x = limit/amplitude: the describing function of a saturation, the first
+    Fourier coefficient of the clipped sine.
+
+    Parameters
+    ----------
+    amplitude
+        Of the sine.
+    limit
+        Where it is clipped; 0: nowhere.
+
+    Returns
+    -------
+    float
+        1 below the limit.
+
+    Examples
+    --------
+    A sine clipped at half its height keeps more than half of its fundamental, as Fourier's integral
+    says too:
+
+    >>> import numpy as np
+    >>> from hrg_cli.physics.board_reading import find_passed_part
+    >>> phase = 2 * np.pi * np.arange(10_000) / 10_000
+    >>> whole = 2 * np.mean(np.clip(np.sin(phase), -0.5, 0.5) * np.sin(phase))
+    >>> round(find_passed_part(1.0, 0.5), 5), round(float(whole), 5)
+    (0.609, 0.609)
+    """
     if limit <= 0 or amplitude <= limit:
         return 1.0
     x = limit / amplitude
     return 2 / math.pi * (math.asin(x) + x * math.sqrt(1 - x * x))
 
 
-def look(
+def take_reading(
     i: int,
     x: float,
     y: float,
@@ -84,8 +155,47 @@ def look(
 ) -> None:
     """One reading of the board at step i; at a window's end the loops put a new command on its way.
 
-    x, y: displacements with their noise; on: whether the drive acts, without which no integral goes
-    on.
+    Parameters
+    ----------
+    i
+        Number of the step.
+    x, y
+        Displacements with their noise.
+    h
+        The step [s].
+    on
+        Whether the drive acts, without which no integral goes on.
+    quadrature_loop
+        LOOP_OFF, LOOP_FORCE or LOOP_SPRING.
+    gains
+        Set point and gains.
+    settings
+        Lengths of the window and the delay, loops and converters.
+    state
+        (STATE,): goes on by a step.
+    waiting
+        (r, COMMAND): commands on their way; one more at a window's end.
+
+    Examples
+    --------
+    A window of eight steps, and a command that acts four steps after it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.physics.board_reading import take_reading, turn_oscillator
+    >>> from hrg_cli.physics.electronics import RING_LENGTH, Electronics, board
+    >>> from hrg_cli.physics.loop_values import LOOP_OFF, Gains
+    >>> from hrg_cli.physics.plant import Control
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> e, h = Electronics(periods_per_update=1, delay_periods=0.5), 1 / 8000
+    >>> made = board(e, Control(forced=True), Mechanics(1000.0, 0.5), h, 0.0, 0.0, False)
+    >>> gains = Gains(1.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0)
+    >>> for i in range(8):
+    ...     x = 0.9 * np.cos(2 * np.pi * i / 8)
+    ...     take_reading(i, x, 0.0, h, True, LOOP_OFF, gains, made.settings, made.state, made.waiting)
+    ...     turn_oscillator(made.state)
+    >>> step, main = made.waiting[0, :2]
+    >>> int(made.state[RING_LENGTH]), int(step), round(float(main), 9)
+    (1, 12, 0.2)
     """
     take_commands(i, h, settings.omega_rad_s, state, waiting)
     if state[DRIVING] == 1:
@@ -121,8 +231,37 @@ def look(
 
 
 def take_commands(i: int, h: float, omega: float, state: Array, waiting: Array) -> None:
-    """Every command whose delay is over by step i takes the place of the one that acts; the
-    oscillator goes on at its frequency."""
+    """Let every command whose delay is over take the place of the one that acts.
+
+    The oscillator goes on at the command's frequency, its rounding so far taken off.
+
+    Parameters
+    ----------
+    i
+        Number of the step.
+    h
+        The step [s].
+    omega
+        The oscillator's nominal frequency [rad/s].
+    state
+        (STATE,): the command that acts.
+    waiting
+        (r, COMMAND): those on their way.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.board_reading import take_commands
+    >>> from hrg_cli.physics.electronics import COMMAND, MAIN, OSCILLATOR_COS, RING_LENGTH, STATE
+    >>> state, waiting = np.zeros(STATE), np.zeros((2, COMMAND))
+    >>> state[OSCILLATOR_COS], state[RING_LENGTH], waiting[0, :2] = 1.0, 1, (20, 0.3)
+    >>> acting = []
+    >>> for i in (19, 20):
+    ...     take_commands(i, 1e-4, 1000.0, state, waiting)
+    ...     acting.append(float(state[MAIN]))
+    >>> acting
+    [0.0, 0.3]
+    """
     while state[RING_LENGTH] > 0 and waiting[int(state[RING_FIRST]), 0] <= i:
         at = int(state[RING_FIRST])
         for k in range(1, COMMAND):
@@ -138,7 +277,28 @@ def take_commands(i: int, h: float, omega: float, state: Array, waiting: Array) 
 
 
 def read(x: float, y: float, settings: BoardSettings, state: Array) -> None:
-    """Both displacements through the converter, into the sums of the window's least squares."""
+    """Both displacements through the converter, into the sums of the window's least squares.
+
+    Parameters
+    ----------
+    x, y
+        Displacements.
+    settings
+        Step and limit of the converter.
+    state
+        (STATE,): oscillator and sums.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.board_reading import read
+    >>> from hrg_cli.physics.electronics import OSCILLATOR_COS, STATE, SUM_X_COS, BoardSettings
+    >>> state = np.zeros(STATE)
+    >>> state[OSCILLATOR_COS] = 1.0
+    >>> read(0.37, 0.0, BoardSettings(adc_step=0.25), state)
+    >>> float(state[SUM_X_COS])
+    0.25
+    """
     x = round_to_step(x, settings.adc_step, settings.adc_limit)
     y = round_to_step(y, settings.adc_step, settings.adc_limit)
     c, s = state[OSCILLATOR_COS], state[OSCILLATOR_SIN]
@@ -153,8 +313,36 @@ def read(x: float, y: float, settings: BoardSettings, state: Array) -> None:
 
 
 def demodulate_window(settings: BoardSettings, state: Array) -> None:
-    """The window's envelopes against the oscillator by least squares, into the low pass; the sums
-    begin anew, and a board that multiplexes drives next."""
+    """The window's envelopes against the oscillator by least squares, into the low pass.
+
+    The sums begin anew, and a board that multiplexes drives next.
+
+    Parameters
+    ----------
+    settings
+        The low pass, and how long the board drives.
+    state
+        (STATE,): sums and filtered envelopes.
+
+    Examples
+    --------
+    Least squares need no whole period: five of eight steps show the envelope 0.8 + 0.1j, which is
+    0.8 cos ωt − 0.1 sin ωt.
+
+    >>> import math
+    >>> import numpy as np
+    >>> from hrg_cli.physics.board_reading import demodulate_window, read
+    >>> from hrg_cli.physics.electronics import OSCILLATOR_COS, OSCILLATOR_SIN, STATE, X_COS, X_SIN
+    >>> from hrg_cli.physics.electronics import BoardSettings
+    >>> state = np.zeros(STATE)
+    >>> for i in range(5):
+    ...     c, s = math.cos(math.pi * i / 4), math.sin(math.pi * i / 4)
+    ...     state[OSCILLATOR_COS], state[OSCILLATOR_SIN] = c, s
+    ...     read(0.8 * c - 0.1 * s, 0.0, BoardSettings(), state)
+    >>> demodulate_window(BoardSettings(filter_share=0.5), state)
+    >>> state[[X_COS, X_SIN]].round(9).tolist()
+    [0.8, 0.1]
+    """
     cc, cs, ss = state[SUM_COS2], state[SUM_COS_SIN], state[SUM_SIN2]
     # A window of whole periods has cs = 0 at the nominal frequency only; the oscillator follows the
     # wave away from it.
@@ -175,7 +363,37 @@ def demodulate_window(settings: BoardSettings, state: Array) -> None:
 
 
 def follow_axis(electrical_rad: float, state: Array) -> float:
-    """e_A by its angle, on the side where it was; the phase of the wave against the oscillator."""
+    """e_A by its angle, on the side where it was.
+
+    (mθ, φ) and (mθ + π, φ + π) are one wave; the loops need the one that goes on.
+
+    Parameters
+    ----------
+    electrical_rad
+        mθ, up to π.
+    state
+        (STATE,): e_A as last seen, which is replaced, and the envelopes.
+
+    Returns
+    -------
+    float
+        Phase of the wave against the oscillator [rad].
+
+    Examples
+    --------
+    A wave at 90° that goes on to 91° is seen at −89°:
+
+    >>> import math
+    >>> import numpy as np
+    >>> from hrg_cli.physics.board_reading import follow_axis
+    >>> from hrg_cli.physics.electronics import AXIS_COS, AXIS_SIN, STATE, Y_COS
+    >>> state = np.zeros(STATE)
+    >>> state[AXIS_SIN], state[Y_COS] = 1.0, 1.0
+    >>> phase = follow_axis(math.radians(-89.0), state)
+    >>> seen = math.degrees(math.atan2(state[AXIS_SIN], state[AXIS_COS]))
+    >>> round(seen, 9), abs(phase) < 1e-9
+    (91.0, True)
+    """
     cos, sin = math.cos(electrical_rad), math.sin(electrical_rad)
     if cos * state[AXIS_COS] + sin * state[AXIS_SIN] < 0:
         cos, sin = -cos, -sin
@@ -194,8 +412,47 @@ def regulate_on_board(
     settings: BoardSettings,
     state: Array,
 ) -> tuple[float, float, float]:
-    """a_ΦA, a_ΦB and the spring's rate σ of proportional and integral loops, once a window; the
-    integrals go on while the drive is on."""
+    """a_ΦA, a_ΦB and the spring's rate σ of proportional and integral loops, once a window.
+
+    The integrals go on while the drive is on.
+
+    Parameters
+    ----------
+    a_A, a_B
+        The wave as the board sees it.
+    on
+        Whether the drive acts.
+    quadrature_loop
+        LOOP_OFF, LOOP_FORCE or LOOP_SPRING.
+    gains
+        Set point and gains.
+    settings
+        From one command to the next, and what the spring's loop takes for r.
+    state
+        (STATE,): the integrals.
+
+    Returns
+    -------
+    tuple of float
+        a_ΦA and a_ΦB, amplitudes a second, and σ, rad/s.
+
+    Examples
+    --------
+    A spring by the product of the channels acts on r·(a_A/set amplitude)². A wave of half the amplitude
+    is corrected by a quarter:
+
+    >>> import numpy as np
+    >>> from hrg_cli.physics.board_reading import regulate_on_board
+    >>> from hrg_cli.physics.electronics import STATE, BoardSettings
+    >>> from hrg_cli.physics.loop_values import LOOP_SPRING, Gains
+    >>> gains = Gains(1.0, 0.0, 0.0, 0.0, 4.0, 0.0, 1.0, 0.0, 1.0, 0.0)
+    >>> for product in (False, True):
+    ...     settings = BoardSettings(phase_product=product)
+    ...     found = regulate_on_board(0.5, 0.05, True, LOOP_SPRING, gains, settings, np.zeros(STATE))
+    ...     print(round(float(found[2]), 9))
+    0.4
+    0.1
+    """
     error = gains.amplitude - a_A
     main = gains.feed_forward + gains.amplitude_gain_1_s * error + state[AMPLITUDE_INTEGRAL]
     quadrature, spring, signal = 0.0, 0.0, 0.0

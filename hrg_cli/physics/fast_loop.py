@@ -12,13 +12,13 @@ import numpy as np
 
 from .board_reading import (
     demodulate_window,
+    find_passed_part,
     follow_axis,
-    look,
-    passed,
     read,
     regulate_on_board,
     round_to_step,
     take_commands,
+    take_reading,
     turn_oscillator,
 )
 from .compilation import bound, compile_all
@@ -195,7 +195,7 @@ def advance(
                 gap += 1
             on = not (gap < len(off) and t >= off[gap, 0])
             if board.kind == LOOPS_ON_BOARD:
-                look(
+                take_reading(
                     first + i,
                     x + noise_x,
                     y + noise_y,
@@ -244,8 +244,8 @@ def advance(
                 push = round_to_step(push, settings.drive_step, settings.drive_limit)
                 # The clipped sine's fundamental is what the envelope feels, and what is taken off
                 # the momentum.
-                hx *= passed(abs(hx), settings.drive_limit)
-                hy *= passed(abs(hy), settings.drive_limit)
+                hx *= find_passed_part(abs(hx), settings.drive_limit)
+                hy *= find_passed_part(abs(hy), settings.drive_limit)
             ax -= 2 * omega * pull
             ay -= 2 * omega * push
         gx, gy = hx, hy
@@ -295,8 +295,8 @@ def advance(
 
 
 PARTS = (
-    *(round_to_step, passed, turn_oscillator, stokes_of),
-    *(take_commands, read, demodulate_window, follow_axis, regulate_on_board, look),
+    *(round_to_step, find_passed_part, turn_oscillator, stokes_of),
+    *(take_commands, read, demodulate_window, follow_axis, regulate_on_board, take_reading),
     *(_disturbed, _find_knot, _interpolate, _velocity),
     *(regulate, command_ideally, command_of_board, see_envelopes),
     *(make_force, pull_of_spring, reach_mode),

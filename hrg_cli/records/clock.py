@@ -46,7 +46,7 @@ def from_first_sample(recording: Recording) -> tuple[Recording, float]:
     ), first
 
 
-def moved(start_time: str, by_s: float) -> str:
+def shift_time(start_time: str, by_s: float) -> str:
     """An ISO 8601 time so many seconds later; as it is where it cannot be read."""
     if not by_s:
         return start_time
@@ -67,7 +67,7 @@ def _first_moment(start_time: str, first_s: float) -> str:
     since_1970 = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
     if abs(since_1970 - first_s) <= SAME_DAY_S:
         return start_time
-    return moved(start_time, first_s)
+    return shift_time(start_time, first_s)
 
 
 def _moment(text: str) -> datetime:

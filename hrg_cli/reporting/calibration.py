@@ -54,7 +54,7 @@ def variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any
                 number(row["scale_factor_rms_ppm"]),
                 number(row["held_out_chi2_per_row"]),
                 row["coefficients"],
-                "fits" if row["passed"] else _in_short(row["why_not"][0]),
+                "fits" if row["passed"] else _shorten_reason(row["why_not"][0]),
             )
         )
     return (
@@ -85,7 +85,7 @@ def show_bought(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[
     return ("factor", "buys drift, °/h", "scale factor, ppm", "σ", "needs"), rows
 
 
-def _in_short(reason: str) -> str:
+def _shorten_reason(reason: str) -> str:
     """What a reason finds, without why and what to do; the JSON has all of it."""
     return re.split(r"[,;:(]", reason, maxsplit=1)[0].strip()
 

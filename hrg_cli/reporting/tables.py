@@ -63,12 +63,12 @@ def table(
     }
     return ("figure", "value"), [
         *figures_in_words.told(own),
-        *_beside(report),
+        *_list_differences(report),
         *(_trade(key, value) for key, value in (report.get("trade") or {}).items() if value),
     ]
 
 
-def _beside(report: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _list_differences(report: Mapping[str, Any]) -> list[tuple[str, str]]:
     """How far the tables' rate is from the reference model's."""
     return [
         (f"tables less model, {key.split('_')[1]}", figures_in_words.said(key, value))

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.checks import failures
+from ..fitting.checks import list_failures
 from ..fitting.tables.joint import Fitted
 from ..records import Calibration, Resonator, Wave, doubts_about, name_record
 from .calibration.accuracy_stages import LadderSettings
@@ -233,7 +233,7 @@ def _with_between(record: Calibration) -> Calibration:
     its standard deviations hold it."""
     between, details = check_between(record), json.loads(record.details)
     details["checks"] += [check.table() for check in between]
-    told = list(dict.fromkeys(failures(between)))
+    told = list(dict.fromkeys(list_failures(between)))
     return record.replace(details=json.dumps(details)).judged(told, "valid")
 
 

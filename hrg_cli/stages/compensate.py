@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.checks import failures
+from ..fitting.checks import list_failures
 from ..fitting.tables.increments import AnglePath, path_of
 from ..records import Calibration, Compensated, Wave
 from .calibration.table import (
@@ -171,7 +171,7 @@ def _compensate_pieces(
             details=json.dumps(sums.figures()),
         )
         judged = _judge_rates(record, calibration, sums, run.name)
-        yield judged.judged(failures([sums.against.check()]))
+        yield judged.judged(list_failures([sums.against.check()]))
     if not np.isfinite(sums.slowest_rad_s):
         raise HrgError(f"{run.name}: has no good windows; see its flags, and demodulate again")
 

@@ -23,7 +23,7 @@ from ..fitting import checks
 from ..fitting.causes import extended_fit, motion_budget
 from ..fitting.causes.extended_fit import ExtendedFit
 from ..fitting.causes.fit_point import Active
-from ..fitting.causes.slow_equation import jump_times
+from ..fitting.causes.slow_equation import find_jump_times
 from ..fitting.checks import Check
 from ..fitting.envelopes import envelope_runs
 from ..records import Diagnosis, Resonator, Wave
@@ -50,7 +50,7 @@ from .diagnosis.samples.tones import confirm_tones, take_out_tones, without_tone
 from .diagnosis.samples.waveform import causes, near_tones, unnamed
 from .diagnosis.search.explain import explain, reweighted
 from .diagnosis.search.forecast import forecast
-from .diagnosis.search.gain import held_out
+from .diagnosis.search.gain import predict_held_out
 from .diagnosis.search.orientation import orient_runs, settle_signs
 from .diagnosis.search.search_case import Case
 from .diagnosis.suspects import (
@@ -151,10 +151,10 @@ def diagnose(
         most_effects,
         partial(fit_base, scale_factor=scale_factor, blocks=blocks, free_phase=free_phase),
     )
-    return replace(usable, refusals=()).judged(_of_usable(asked))
+    return replace(usable, refusals=()).judged(_diagnose_usable(asked))
 
 
-def _of_usable(asked: Asked) -> Diagnosis:
+def _diagnose_usable(asked: Asked) -> Diagnosis:
     """The diagnosis of runs that can be used, or the refusal of runs that are not what they say."""
     unfit = [
         Suspicion(w.run_id, "its wave is refused", why_refused(w), ESTIMATE_AGAIN)
@@ -252,7 +252,7 @@ def _judge(
     samples = _seen_in_samples(asked.waves, case, cut, tones)
     model, written = _written(asked, case, cut, pieces, samples)
     closing = closing_checks(case, sized, written, samples.shown, samples.unnamed_hz, samples.odd)
-    failed = checks.failures(closing)
+    failed = checks.list_failures(closing)
     if failed and (folded := folded_beside(pieces, samples.named)):
         failed = [folded, *failed]
     mistake = suspect_quiet_run(
@@ -268,7 +268,7 @@ def _report_result(
     case, samples, written = result.case, result.samples, result.written
     ahead = forecast(case, asked.waves[0].units)
     untouched = _untouched(case, cut) if cut.steps or result.tones else case.search.base
-    gain = held_out(untouched, case.search.final, cut.own, cut.origin)
+    gain = predict_held_out(untouched, case.search.final, cut.own, cut.origin)
     report = report_of(verdict, case, result.sized, gain, asked.resonator, untouched)
     mistakes = [] if result.mistake is None else [result.mistake.table()]
     return report | {
@@ -378,7 +378,7 @@ def _untouched(case: Case, cut: Cut) -> ExtendedFit:
 
 def _instants(fit: ExtendedFit, cut: Cut) -> list[tuple[int, float]]:
     """(wave, time) of every instant at which samples were lost or a cause of the fit strikes."""
-    strikes = jump_times(fit.series, fit.point)
+    strikes = find_jump_times(fit.series, fit.point)
     strikes += [values[INSTANT] for effect, values in fit.point.active if effect.of_one_run]
     return [
         *((step.run, step.time_s) for step in cut.steps),

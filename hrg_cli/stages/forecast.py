@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.checks import Check, at_most, covariance_is_one, failures
+from ..fitting.checks import Check, check_at_most, check_covariance, list_failures
 from ..fitting.envelopes.resonator_spread import (
     from_vector,
     mechanics_of,
@@ -161,15 +161,15 @@ def forecast(
     run = Conditions(drive, quadrature_gain_1_s, wave_angle_rad, rate_rad_s, duration_s)
     table, error = follow_wave(gyros, mechanics, run)
     checks = (
-        at_most(
+        check_at_most(
             "small_split", ratio, SMALL_SPLIT,
             f"δω/λ = {ratio:.3g}: seed A's (9) and D_max ask for δω ≪ λ; map and table are exact, bound and sin 8θ term are not",
         ),
-        at_most("integration", error, INTEGRATION, f"halving the Adams step still moves the forecast by {error:.2g} of itself"),
-        covariance_is_one(covariance, "the resonator's covariance is none; identify it again"),
+        check_at_most("integration", error, INTEGRATION, f"halving the Adams step still moves the forecast by {error:.2g} of itself"),
+        check_covariance(covariance, "the resonator's covariance is none; identify it again"),
     )  # fmt: skip
     reasons = [
-        *failures(checks),
+        *list_failures(checks),
         *(f"the resonator is {resonator.status}: {why}" for why in resonator.status_reasons[:1]),
     ]
     reasons += _ends(table, run)

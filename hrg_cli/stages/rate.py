@@ -18,7 +18,7 @@ from ..fitting.envelopes.rate_driven import rate_driven
 from ..fitting.envelopes.rate_estimate import MOST_NODES, RateEstimate
 from ..fitting.envelopes.rate_fit import HOPELESS, SETTLED
 from ..fitting.envelopes.rate_from_model import TOO_COARSE, rate_from_model
-from ..fitting.samples.rate_log import left_out, stretches
+from ..fitting.samples.rate_log import describe_left_out, find_stretches
 from ..records import Calibration, Compensated, Resonator, Wave, doubts_about, name_record
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 from .rate_by_tables import TableRate, rate_by_tables
@@ -116,7 +116,7 @@ def rate(
     (5, 1.0)
     """
     name = f"run {wave.run_id or '?'}"
-    wave = _in_memory(wave)
+    wave = _read_whole(wave)
     _need_resonator_of(wave, resonator, name)
     if wave.mode == "forced":
         errors = (main_phase_error_rad, quadrature_phase_error_rad, loop_delay_s or 0.0)
@@ -149,8 +149,8 @@ def rate(
     result = _record_of(wave, found, beside, [*impossible, *doubtful], notes)
     # what the tables inherit is told by `rate_by_tables` beside their rate
     return (
-        result.judged(checks.failures(impossible), "refused")
-        .judged(checks.failures(doubtful), "suspect")
+        result.judged(checks.list_failures(impossible), "refused")
+        .judged(checks.list_failures(doubtful), "suspect")
         .judged(doubts_about((name_record(one), one) for one in (wave, resonator)), "suspect")
     )
 
@@ -164,9 +164,9 @@ def _record_of(
 ) -> Compensated:
     """The estimate as a record, with what it leaves of the logged rate and what the tables say."""
     # The log may begin late, end early or have gaps: only what it covers is compared.
-    stretch = stretches(wave)
+    stretch = find_stretches(wave)
     before, after = (
-        _less(values, wave, stretch, found.time_s)
+        _subtract_log(values, wave, stretch, found.time_s)
         for values in (found.plain_rate_rad_s, found.rate_rad_s)
     )
     angle, angle_std = found.turned()
@@ -188,7 +188,7 @@ def _record_of(
         mode_number=wave.mode_number,
         details=json.dumps(figures),
     )
-    outside = left_out(wave, stretch > 0)
+    outside = describe_left_out(wave, stretch > 0)
     told = [f"{outside} of the comparison with it"] if outside else []
     noted = result.judged([*told, *notes], "valid")
     return noted if beside is None else noted.judged(beside.reasons, beside.status)
@@ -215,7 +215,7 @@ def _check_tables(
     sentence = (
         f"the tables' mean rate is {apart:.3g} ± {own:.1g} rad/s off the reference model's: {why}"
     )
-    return [checks.at_most("agrees_with_tables", abs(apart) / float(own), APART, sentence)]
+    return [checks.check_at_most("agrees_with_tables", abs(apart) / float(own), APART, sentence)]
 
 
 def _damping_of(resonator: Resonator) -> float:
@@ -268,7 +268,7 @@ def closing_checks(found: RateEstimate, foretold: float = 0.0) -> tuple[list[Che
             found.converged or found.adequate,
             f"the rate did not settle on {count} nodes; give other nodes",
         ),
-        checks.at_most("rate_is_found", found.chi2_per_dof, HOPELESS, poor),
+        checks.check_at_most("rate_is_found", found.chi2_per_dof, HOPELESS, poor),
     ]
     noise = checks.check_statistics(
         found.chi2_per_dof * found.dof,
@@ -288,13 +288,13 @@ def _check_nodes(found: RateEstimate, foretold: float) -> list[Check]:
     """Whether rows and nodes are close enough for the rate that was found."""
     count, more = len(found.time_s), _more_nodes(found)
     return [
-        checks.at_most(
+        checks.check_at_most(
             "row_truncation",
             found.truncation,
             2 * SETTLED,
             f"averaging along the rate found still moves it by {found.truncation:.2g} σ",
         ),
-        checks.at_most(
+        checks.check_at_most(
             "nodes_follow",
             found.finer_z,
             TOO_COARSE,
@@ -302,7 +302,7 @@ def _check_nodes(found: RateEstimate, foretold: float) -> list[Check]:
             f" {found.finer_z:.2g} of its standard deviations more than by chance, so the errors"
             f" hold at smooth places only; {more}",
         ),
-        checks.at_most(
+        checks.check_at_most(
             "nodes_are_dense",
             foretold,
             DOUBTFUL,
@@ -328,7 +328,7 @@ def summary(record: Compensated) -> dict[str, Any]:
     return dict(json.loads(record.details))
 
 
-def _in_memory(wave: Wave) -> Wave:
+def _read_whole(wave: Wave) -> Wave:
     """The wave with every column read: one run-down fits into memory, and the fit needs all of it
     at once."""
     columns = {f.name: getattr(wave, f.name) for f in dataclasses.fields(wave)}
@@ -341,7 +341,7 @@ def _in_memory(wave: Wave) -> Wave:
     )
 
 
-def _less(estimate: Array, wave: Wave, stretch: Array, time_s: Array) -> Array | None:
+def _subtract_log(estimate: Array, wave: Wave, stretch: Array, time_s: Array) -> Array | None:
     """The estimate less the logged rate, NaN where the log does not reach (`stretch`: the windows'
     stretch of it, 0 outside); None without a log."""
     if wave.rate_rad_s is None or not stretch.any():

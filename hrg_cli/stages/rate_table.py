@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.tables.dwells import covariance_of, lay_nodes, least_count
+from ..fitting.tables.dwells import covariance_of, find_least_count, lay_nodes
 from ..fourier import coefficients_at
 from ..records import Calibration
 from .calibration.dwell_curve import Dwells, figures_of, fit_without_spikes, rows_of
@@ -120,7 +120,7 @@ def rate_table(
     dwells = Dwells(y, omega, degc, nodes, interpolation, turning)
     curve = fit_without_spikes(dwells, largest_power, spike_sigma)
     X = curve.X[curve.keep]
-    covariance = covariance_of(X, y[curve.keep] - X @ curve.coefficients, least_count(y))
+    covariance = covariance_of(X, y[curve.keep] - X @ curve.coefficients, find_least_count(y))
 
     record = Calibration(
         **_tables(curve.coefficients, covariance, nodes, turning),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..fitting.samples.course import Course, course, through_means
+from ..fitting.samples.course import Course, build_course, build_from_means
 from ..records import Wave
 
 Array = np.ndarray
@@ -57,7 +57,7 @@ def rate_course(
     if straight:
         times, values = points(at, rate)
     else:
-        times, (values,) = chords([course(at, rate)], length_s)
+        times, (values,) = chords([build_course(at, rate)], length_s)
     return {"rate": {"kind": "points", "time_s": times, "rate_rad_s": values}}
 
 
@@ -74,7 +74,7 @@ def drive_log(wave: Wave, length_s: float) -> dict[str, Any] | None:
     columns = {name: np.asarray(getattr(wave, name), float) for name in names}
     known = np.all([np.isfinite(values) for values in columns.values()], axis=0)
     t = np.asarray(wave.time_s, float)[known]
-    logs = [through_means(t, column[known], wave.window_s) for column in columns.values()]
+    logs = [build_from_means(t, column[known], wave.window_s) for column in columns.values()]
     times, values = chords(logs, length_s)
     return {"time_s": times} | dict(zip(columns, values, strict=True))
 
@@ -138,7 +138,7 @@ def points(t: Array, values: Array, share: float = COURSE) -> tuple[list[float],
     return [float(v) for v in t[kept]], [float(v) for v in values[kept]]
 
 
-def loops(wave: Wave, damping_rate_1_s: float) -> dict[str, Any]:
+def describe_loops(wave: Wave, damping_rate_1_s: float) -> dict[str, Any]:
     """Set amplitude and gains of the amplitude and the quadrature loop, as far as the logged
     commands show them.
 

@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 
 from ..effects.effect import OF_EVERY_RUN, RUN
 from ..errors import HrgError
-from ..settings import leaves, validate
+from ..settings import list_leaves, validate
 from .simulation.bench_tables import EnvironmentTable, RecordingTable
 from .simulation.device_tables import Device, SpringTable, Start
 from .simulation.electronics_tables import ControlTable, ElectronicsTable, NoiseTable, ReadoutTable
@@ -95,7 +95,7 @@ SMALLEST, LARGEST = 1e-30, 1e30
 def _need_sizes(config: Mapping[str, Any], where: str) -> None:
     """HrgError where a number is beyond what can be simulated; not finite ones are left to the
     tables."""
-    for key, value in leaves(config):
+    for key, value in list_leaves(config):
         size = abs(value) if isinstance(value, int | float) else 0
         if size and math.isfinite(size) and not SMALLEST <= size <= LARGEST:
             raise HrgError(

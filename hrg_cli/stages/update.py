@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import HrgError
-from ..fitting.checks import CHANCE, at_most, failures
+from ..fitting.checks import CHANCE, check_at_most, list_failures
 from ..fitting.least_squares import invert_information
 from ..records import Calibration, Resonator
 from .calibration.moved_tables import GROUPS, TableState
@@ -94,10 +94,10 @@ def update(
     (True, 0.556)
     """
     _guard(calibration, resonator, reference)
-    x = _where(calibration, resonator)
+    x = _find_place(calibration, resonator)
     new, new_covariance = coefficients_of(resonator, partly=True)
     state = TableState.of(calibration, x)
-    then, then_covariance, told_by = _then(calibration, reference, state)
+    then, then_covariance, told_by = _recall_coefficients(calibration, reference, state)
     known = np.isfinite(then) & np.isfinite(new)
     if not known.any():
         raise HrgError(
@@ -120,7 +120,9 @@ def update(
     record = state.tables(calibration)
     details = json.loads(record.details)
     details["update"] = {
-        "moved": _rows(new, new_covariance, then, then_covariance, _made(held, moved, reference)),
+        "moved": _rows(
+            new, new_covariance, then, then_covariance, _judge_coefficients(held, moved, reference)
+        ),
         "chi2": chi2,
         "p_value": chance,
         "changed": chance < CHANCE,
@@ -196,7 +198,7 @@ def _guard(calibration: Calibration, resonator: Resonator, reference: Resonator 
             )
 
 
-def _where(calibration: Calibration, resonator: Resonator) -> float:
+def _find_place(calibration: Calibration, resonator: Resonator) -> float:
     """The resonator's temperature or frequency, inside the tables' range."""
     x = place_of(resonator, calibration.axis)
     name, unit, margin = (
@@ -222,7 +224,7 @@ def _where(calibration: Calibration, resonator: Resonator) -> float:
     return float(x)
 
 
-def _then(
+def _recall_coefficients(
     calibration: Calibration, reference: Resonator | None, state: TableState
 ) -> tuple[Array, Array, str]:
     """The five coefficients when the tables were made, their covariance, and what says so; NaN
@@ -255,7 +257,7 @@ def _chance(change: Array, spread: Array, places: Array | slice) -> float:
     return float(distribution.sf(_chi2(change, spread, places), len(change[places])))
 
 
-def _made(held: Array, moved: Array, reference: Resonator | None) -> list[str]:
+def _judge_coefficients(held: Array, moved: Array, reference: Resonator | None) -> list[str]:
     """What becomes of each of the five coefficients of the tables."""
     stood = "combined" if reference is None else "kept"
     gone = "replaced" if reference is None else "shifted"
@@ -309,7 +311,7 @@ def _cannot_tell(covariance: Array, then: Array, known: Array) -> list[str]:
             float(np.linalg.norm(then[places])),
         )
         checks.append(
-            at_most(
+            check_at_most(
                 name,
                 std / size if size > 0 else np.inf,
                 LEAST_TOLD,
@@ -318,4 +320,4 @@ def _cannot_tell(covariance: Array, then: Array, known: Array) -> list[str]:
                 " windows at other wave angles",
             )
         )
-    return failures(checks)
+    return list_failures(checks)

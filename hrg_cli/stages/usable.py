@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import HrgError
 from ..fitting.envelopes.envelope_runs import MIN_ROWS
 from ..fitting.envelopes.wild_rows import flag_wild_rows
-from ..fitting.samples.rate_log import left_out, stretches, within_log
+from ..fitting.samples.rate_log import describe_left_out, find_stretches, restrict_to_log
 from ..records import Wave, doubts_about, name_record
 from ..records.record import Record
 
@@ -54,7 +54,7 @@ class Usable:
         except HrgError as error:
             if not self.refusals:
                 raise
-            raise HrgError(f"{_first(self.refusals)}; {error}") from error
+            raise HrgError(f"{_tell_first(self.refusals)}; {error}") from error
 
 
 def flag_wild(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str, ...]]:
@@ -83,13 +83,13 @@ def with_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
     """
     waves, notes, doubts = [], list(usable.notes), list(usable.doubts)
     for wave in usable.waves:
-        stretch = np.ones(len(wave), np.int32) if wave.run_id in given else stretches(wave)
+        stretch = np.ones(len(wave), np.int32) if wave.run_id in given else find_stretches(wave)
         if stretch.all():
             waves.append(wave)
             continue
         own = stretches_taken(wave, stretch)
-        waves += [within_log(wave, stretch == number) for number in own]
-        sentence = left_out(wave, np.isin(stretch, own))
+        waves += [restrict_to_log(wave, stretch == number) for number in own]
+        sentence = describe_left_out(wave, np.isin(stretch, own))
         if short := np.count_nonzero(~np.isin(stretch, [0, *own])):
             sentence += f", {short} of them in stretches of it that are too short for runs"
         if len(own) > 1:
@@ -97,7 +97,7 @@ def with_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
         (notes if own else doubts).append(sentence)
     if usable.waves and not waves:
         raise HrgError(
-            f"{_first(doubts)}; no run is left: log the rate over the whole run, or give the rate"
+            f"{_tell_first(doubts)}; no run is left: log the rate over the whole run, or give the rate"
             " with rate_rad_s"
         )
     return replace(usable, waves=waves, notes=tuple(notes), doubts=tuple(doubts))
@@ -129,7 +129,7 @@ def why_refused(wave: Wave) -> str:
     return why if len(why) <= WHY else f"{why[:WHY]}…"
 
 
-def _first(sentences: Sequence[str]) -> str:
+def _tell_first(sentences: Sequence[str]) -> str:
     """Some of the sentences, and how many more there are."""
     more = len(sentences) - TOLD
     return "; ".join(sentences[:TOLD]) + (f"; and {more} more such runs" if more > 0 else "")

@@ -116,10 +116,10 @@ def values_problem(
         return None
     if spec.dtype in ("u1", "i2", "i4", "i8"):
         limits = np.iinfo(spec.dtype)
-        outside = _first((values < limits.min) | (values > limits.max))
+        outside = _find_first((values < limits.min) | (values > limits.max))
         if outside is not None:
             return (
-                f"holds {_at(values, outside, first_row)}, a number from {limits.min} to"
+                f"holds {_tell_value(values, outside, first_row)}, a number from {limits.min} to"
                 f" {limits.max} was expected"
             )
     # Whole numbers are finite; asking them costs a pass over millions of samples.
@@ -138,15 +138,15 @@ def values_problem(
             ),
             (None if valid.at_most is None else values > valid.at_most, f"at most {valid.at_most}"),
         ):
-            place = None if outside_ is None else _first(outside_)
+            place = None if outside_ is None else _find_first(outside_)
             if place is not None:
-                return f"holds {_at(values, place, first_row)}, {words} was expected"
+                return f"holds {_tell_value(values, place, first_row)}, {words} was expected"
     if valid.rising and len(values) > 1:
-        place = _first(np.diff(np.asarray(values), axis=0) <= 0)
+        place = _find_first(np.diff(np.asarray(values), axis=0) <= 0)
         if place is not None:
             after = (place[0] + 1, *place[1:])
             return (
-                f"holds {_at(values, after, first_row)} after {values[place]:.9g}; the values must"
+                f"holds {_tell_value(values, after, first_row)} after {values[place]:.9g}; the values must"
                 " increase from row to row"
             )
     return None
@@ -156,22 +156,22 @@ def _not_finite(
     values: Array, valid: Valid, first_row: int, excused: Callable[[], Array] | None
 ) -> str | None:
     if not valid.infinite:
-        place = _first(np.isinf(values))
+        place = _find_first(np.isinf(values))
         if place is not None:
-            return f"holds {_at(values, place, first_row)}, a finite number was expected"
+            return f"holds {_tell_value(values, place, first_row)}, a finite number was expected"
     missing = np.isnan(values)
     if valid.missing == "flagged" and excused is not None and missing.any():
         rows = np.asarray(excused(), bool)
         missing = missing & ~rows.reshape(-1, *[1] * (missing.ndim - 1))
-    place = None if valid.missing == "anywhere" else _first(missing)
+    place = None if valid.missing == "anywhere" else _find_first(missing)
     if place is None:
         return None
-    return f"holds {_at(values, place, first_row)}, a finite number was expected" + (
+    return f"holds {_tell_value(values, place, first_row)}, a finite number was expected" + (
         " where no flag is set" if valid.missing == "flagged" else ""
     )
 
 
-def _first(wrong: Array) -> tuple[int, ...] | None:
+def _find_first(wrong: Array) -> tuple[int, ...] | None:
     """The place of the first True, or None."""
     wrong = np.asarray(wrong)
     if not wrong.any():
@@ -179,7 +179,7 @@ def _first(wrong: Array) -> tuple[int, ...] | None:
     return tuple(int(i) for i in np.unravel_index(int(np.argmax(wrong)), wrong.shape))
 
 
-def _at(values: Array, place: tuple[int, ...], first_row: int) -> str:
+def _tell_value(values: Array, place: tuple[int, ...], first_row: int) -> str:
     row = place[0] + first_row if place else 0
     return f"{values[place]:.9g} in row {row + 1}" if place else f"{values:.9g}"
 
@@ -211,7 +211,7 @@ def attribute_problem(value: Any, spec: Column) -> str | None:
         return None
     if spec.dtype == "str":
         if valid.one_of and value not in valid.one_of:
-            return f"is {str(value)[:60]!r}, {_either(valid.one_of)} was expected"
+            return f"is {str(value)[:60]!r}, {_join_choices(valid.one_of)} was expected"
         return _json_problem(value, valid.json) if valid.json else None
     value = float(value)  # whole numbers, too: one of 1e300 fits no type of numpy's
     if np.isnan(value):
@@ -228,7 +228,7 @@ def attribute_problem(value: Any, spec: Column) -> str | None:
     return None
 
 
-def _either(words: tuple[str, ...]) -> str:
+def _join_choices(words: tuple[str, ...]) -> str:
     return " or ".join(f'"{word}"' for word in words)
 
 

@@ -21,7 +21,7 @@ from ..errors import UsageError
 from ..fitting.causes import extended_fit, fit_point, scales, whitened_rows
 from ..fitting.causes.extended_fit import ExtendedFit
 from ..fitting.causes.fit_point import state_of
-from ..fitting.causes.wave_frame import real
+from ..fitting.causes.wave_frame import to_reals
 from ..records import Wave, collect
 from ..stages.demodulate import demodulate
 from ..stages.diagnosis.base.base_priors import freedom_of
@@ -85,8 +85,8 @@ class Hiding:
 
 def _size_beside_model(change: Array, fit: ExtendedFit) -> float:
     """Size in σ of a change of the envelopes that the base model cannot take up."""
-    rows = whitened_rows.flatten_rows(fit.series, real(fit.series.over_noise(change)))
-    return float(np.linalg.norm(_beside(rows, fit)))
+    rows = whitened_rows.flatten_rows(fit.series, to_reals(fit.series.over_noise(change)))
+    return float(np.linalg.norm(_project_base(rows, fit)))
 
 
 def hide(name: str, random: np.random.Generator, noise: float) -> Hiding:
@@ -140,7 +140,7 @@ def direction_of(
     """A random direction of the parameters, its length one σ; parameters that these runs do not
     show stay neutral."""
     steps = scales.steps_of(effect, fit.series)
-    S = whitened_rows.sensitivity(fit.flow, effect, neutral, steps)
+    S = whitened_rows.find_sensitivity(fit.flow, effect, neutral, steps)
     free = information(fit, S)
     whole, size = np.sum(S**2, axis=0), np.maximum(np.diag(free), 0.0)
     shown = size > FAINT**2 * whole
@@ -172,7 +172,9 @@ def setting_in(
         changed = effect.slow_readout(
             {**neutral, parameter.name: middle}, u, state_of(fit.series, fit.point)
         )
-        column = whitened_rows.flatten_rows(fit.series, real(fit.series.over_noise(changed - u)))
+        column = whitened_rows.flatten_rows(
+            fit.series, to_reals(fit.series.over_noise(changed - u))
+        )
         low, high = (
             (middle, high) if information(fit, column[:, None])[0, 0] < size**2 else (low, middle)
         )
@@ -182,11 +184,11 @@ def setting_in(
 def beside_base(fit: ExtendedFit, columns: Array) -> Array:
     """Fisher information (K, K) of columns over σ (N, K) beside the base model, as free as the runs
     leave it."""
-    free = _beside(columns, fit)
+    free = _project_base(columns, fit)
     return free.T @ free
 
 
-def _beside(columns: Array, fit: ExtendedFit) -> Array:
+def _project_base(columns: Array, fit: ExtendedFit) -> Array:
     """Columns over σ without what the base model can do, projected twice against rounding."""
     return fit.basis.off(fit.basis.off(columns))
 

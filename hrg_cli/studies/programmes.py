@@ -96,7 +96,7 @@ def answers_of(task: tuple[int, bool]) -> list[Answer]:
     try:
         if not told:
             record = identify(drawn.waves, fit_rate=True, scale_factor=drawn.scale_factor)
-            return [{**mark, "method": UNKNOWN_RATE, **_of_record(record, drawn, before)}]
+            return [{**mark, "method": UNKNOWN_RATE, **_judge_record(record, drawn, before)}]
         record = identify(
             drawn.waves,
             method="all",
@@ -106,7 +106,7 @@ def answers_of(task: tuple[int, bool]) -> list[Answer]:
     except HrgError as error:
         refused = {"said": "refused", "errors": {}, "over_bound": {}, "why": str(error)}
         return [{**mark, "method": "likelihood" if told else UNKNOWN_RATE, **refused}]
-    rows = [{**mark, "method": "likelihood", **_of_record(record, drawn, before)}]
+    rows = [{**mark, "method": "likelihood", **_judge_record(record, drawn, before)}]
     for row in json.loads(record.details).get("methods", []):
         if row["method"] != "likelihood":
             said = "doubted" if before or row["warnings"] else "quiet"
@@ -125,7 +125,7 @@ def answers_of(task: tuple[int, bool]) -> list[Answer]:
     return rows
 
 
-def _of_record(record: Resonator, drawn: DrawnProgramme, before: list[str]) -> dict[str, Any]:
+def _judge_record(record: Resonator, drawn: DrawnProgramme, before: list[str]) -> dict[str, Any]:
     """The likelihood's answer: what it says, its errors, its standard deviations over the bound;
     before: what was said of its waves."""
     cells = {name: (value, std) for name, (value, std, _) in record.parameters().items()}

@@ -103,7 +103,7 @@ def need_thinkable(effect: Effect, values: dict[str, float], size: float, fit: E
     """HrgError: the size is beyond what such a cause can have."""
     amplitude, frequency = scales.amplitude_of(fit.series), fit.series.reference_frequency_hz
     for p in effect.fitted():
-        typical = scales.typical(p, amplitude, frequency)
+        typical = scales.find_typical_size(p, amplitude, frequency)
         if not effect.whole_samples and abs(values[p.name] - p.neutral) > LARGEST * typical:
             found = (
                 f"{p.name} = {values[p.name]:.3g} {p.units}, more than {LARGEST:g} times the"

@@ -85,7 +85,7 @@ def draw(seed: int, raw: bool = False) -> DrawnProgramme:
     starts = [(random.uniform(0, math.pi / gyro.mode_number), _ratio(random)) for _ in courses]
     noise = draw_between(random, 1e-6, 1e-2)
     known = gyro.scale_factor if random.random() < 0.25 else None
-    make = _from_samples if raw else _from_envelopes
+    make = _simulate_samples if raw else _simulate_envelopes
     waves = make(gyro, courses, starts, earth, seconds, noise, random)
     return DrawnProgramme(gyro, waves, earth, told, known)
 
@@ -154,7 +154,7 @@ def _fastest(gyro: Mechanics, courses: list[DrawnCourse], seconds: float) -> flo
     return turning + gyro.frequency_split_rad_s + gyro.damping_rate_1_s
 
 
-def _from_envelopes(
+def _simulate_envelopes(
     gyro: Mechanics,
     courses: list[DrawnCourse],
     starts: list[tuple[float, float]],
@@ -260,7 +260,7 @@ def _wave(
     )
 
 
-def _from_samples(
+def _simulate_samples(
     gyro: Mechanics,
     courses: list[DrawnCourse],
     starts: list[tuple[float, float]],

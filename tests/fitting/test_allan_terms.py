@@ -4,7 +4,7 @@ there."""
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.samples.envelope_motion import curvatures, gain_at_middle
+from hrg_cli.fitting.samples.envelope_motion import estimate_curvatures, gain_at_middle
 from hrg_cli.fitting.tables.allan import allan_deviation
 from hrg_cli.fitting.tables.allan_terms import (
     LONGEST,
@@ -156,7 +156,7 @@ def walking_angles(seed, walk, count, per_block, fine=16, bend_off=True):
     window = INTERVAL / per_block
     mean = angle.reshape(-1, fine).mean(axis=1)
     if bend_off:
-        bend, _ = curvatures(mean[None, :, None].astype(complex), 0.0, window)
+        bend, _ = estimate_curvatures(mean[None, :, None].astype(complex), 0.0, window)
         mean = mean - bend[0, :, 0].real * window**2 / 24
     return mean.reshape(-1, per_block).mean(axis=1)
 
@@ -188,7 +188,7 @@ def test_gain_at_middle_is_that_of_the_bend_taken_off():
     window, k = 0.7, np.arange(400)
     for turns in (0.03, 0.17, 0.31, 0.5):
         tone = np.cos(2 * np.pi * turns * k + 0.3).astype(complex)
-        bend, _ = curvatures(tone[None, :, None], 0.0, window)
+        bend, _ = estimate_curvatures(tone[None, :, None], 0.0, window)
         taken = tone - bend[0, :, 0] * window**2 / 24
         middle = slice(20, -20)
         gain = (taken[middle] @ tone[middle]) / (tone[middle] @ tone[middle])

@@ -4,7 +4,7 @@ against direct fits."""
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.samples.basis import columns, window_basis
+from hrg_cli.fitting.samples.basis import build_columns, window_basis
 
 
 @pytest.mark.parametrize("moving", [False, True])
@@ -40,7 +40,7 @@ def test_the_pull_of_slope_and_curvature_is_what_a_fit_of_a_moving_envelope_show
     motion = rng.normal(size=len(bands)) + 1j * rng.normal(size=len(bands))
     envelope = motion[:, None] * (tau if power == 1 else tau**2 / 2)
     y = (envelope * np.exp(2j * np.pi * np.outer(bands, tau))).real.sum(0)
-    solution, left, *_ = np.linalg.lstsq(columns(tau, bands, nuisance), y, rcond=None)
+    solution, left, *_ = np.linalg.lstsq(build_columns(tau, bands, nuisance), y, rcond=None)
     direct = solution[0 : 2 * len(bands) : 2] - 1j * solution[1 : 2 * len(bands) : 2]
     pull = basis.slope if power == 1 else basis.curvature
     np.testing.assert_allclose(

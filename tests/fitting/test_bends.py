@@ -5,7 +5,7 @@ import pytest
 from forced_runs import Truth, forced_run
 
 from hrg_cli.fitting.tables import bends
-from hrg_cli.fitting.tables.increment_noise import AngleNoise, covariance_bands, whiten
+from hrg_cli.fitting.tables.increment_noise import AngleNoise, build_covariance_bands, whiten
 from hrg_cli.fitting.tables.increments import path_of
 from hrg_cli.fitting.tables.joint import fit
 from hrg_cli.fitting.tables.table_design import predict_turn
@@ -36,7 +36,7 @@ def left(fitted, coefficients):
         float(
             np.sum(
                 whiten(
-                    covariance_bands(p, AngleNoise(n.white, n.walk)),
+                    build_covariance_bands(p, AngleNoise(n.white, n.walk)),
                     (t - predict_turn(p, fitted.layout, coefficients, coefficients))[:, None],
                 )[0]
                 ** 2
@@ -47,9 +47,9 @@ def left(fitted, coefficients):
 
 
 def test_only_tables_that_follow_their_own_values_bend():
-    assert bends.bends(layout("monotone"))
-    assert not bends.bends(layout("linear"))
-    assert not bends.bends(TableLayout(NODES[:2], "temperature", 2, 2, 2, "monotone"))
+    assert bends.has_bends(layout("monotone"))
+    assert not bends.has_bends(layout("linear"))
+    assert not bends.has_bends(TableLayout(NODES[:2], "temperature", 2, 2, 2, "monotone"))
 
 
 def test_no_step_in_any_direction_lowers_what_the_fit_leaves(paths):

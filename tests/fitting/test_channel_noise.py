@@ -67,7 +67,7 @@ def test_reals_are_whitened_as_envelopes_are_and_back():
         channel_noise.whiten_reals(W, reals)[..., 0],
         np.concatenate([white.real, white.imag], axis=-1),
     )
-    np.testing.assert_allclose(channel_noise.whiten(channel_noise.inverse(W), white), u)
+    np.testing.assert_allclose(channel_noise.whiten(channel_noise.invert(W), white), u)
 
 
 def averaged(noise, segments=40, width=256):

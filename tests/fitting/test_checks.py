@@ -25,7 +25,9 @@ def test_white_residuals_fail_no_more_often_than_stated(often):
     random = np.random.default_rng(1)
     failed = share(
         [
-            checks.whiteness([random.standard_normal((300, 2)), random.standard_normal(700)]).passed
+            checks.check_whiteness(
+                [random.standard_normal((300, 2)), random.standard_normal(700)]
+            ).passed
             for _ in range(DRAWS)
         ]
     )
@@ -35,7 +37,7 @@ def test_white_residuals_fail_no_more_often_than_stated(often):
 
 def test_slow_residuals_are_not_white():
     slow = np.repeat(np.random.default_rng(2).standard_normal(100), 8)
-    assert not checks.whiteness([slow]).passed
+    assert not checks.check_whiteness([slow]).passed
     # sums of 8 equal values have 8 times the power of white ones
     assert checks.slow_part([slow]) == pytest.approx(8, rel=0.35)
     assert checks.slow_part([np.random.default_rng(3).standard_normal(40_000)]) < 1.5
@@ -45,25 +47,27 @@ def test_slow_residuals_are_not_white():
 def test_the_largest_chi_square_is_its_quantile_and_what_the_noise_is_known_to(dof):
     limit = checks.largest_chi2_per_dof(dof) - checks.NOISE_KNOWN
     assert chi2_law.sf(limit * dof, dof) == pytest.approx(checks.CHANCE, rel=1e-6)
-    assert checks.goodness(limit * dof, dof).passed
-    assert not checks.goodness(1.01 * (limit + checks.NOISE_KNOWN) * dof, dof).passed
+    assert checks.check_goodness(limit * dof, dof).passed
+    assert not checks.check_goodness(1.01 * (limit + checks.NOISE_KNOWN) * dof, dof).passed
 
 
 def test_what_is_not_a_number_fails():
     nan = float("nan")
     for check in (
-        checks.at_most("x", nan, 1.0),
-        checks.at_least("x", nan, 1.0),
-        checks.goodness(nan, 10),
-        checks.whiteness([np.array([nan, 1.0])]),
-        checks.covariance_is_one(np.array([[nan]])),
-        checks.covariance_is_one(np.diag([1.0, -1.0])),
-        checks.covariance_is_one(np.array([[1.0, 1.1], [1.1, 1.0]])),
+        checks.check_at_most("x", nan, 1.0),
+        checks.check_at_least("x", nan, 1.0),
+        checks.check_goodness(nan, 10),
+        checks.check_whiteness([np.array([nan, 1.0])]),
+        checks.check_covariance(np.array([[nan]])),
+        checks.check_covariance(np.diag([1.0, -1.0])),
+        checks.check_covariance(np.array([[1.0, 1.1], [1.1, 1.0]])),
     ):
         assert not check.passed, check
-    assert checks.at_most("x", 1.0, 1.0).passed and checks.at_least("x", 1.0, 1.0).passed
+    assert (
+        checks.check_at_most("x", 1.0, 1.0).passed and checks.check_at_least("x", 1.0, 1.0).passed
+    )
 
 
 def test_the_largest_correlation_is_told():
     cov = np.array([[4.0, 1.0, 0.0], [1.0, 1.0, -0.8], [0.0, -0.8, 1.0]])
-    assert checks.covariance_is_one(cov).value == pytest.approx(0.8)
+    assert checks.check_covariance(cov).value == pytest.approx(0.8)

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from hrg_cli.fitting.samples.course import (
-    course,
-    impulse,
-    mean_of,
+    average_over_windows,
+    build_course,
+    build_from_means,
+    integrate_means,
     means_of_values,
-    through_means,
 )
 
 Q = np.linspace(0.0, 3.0, 4001)
@@ -28,7 +28,7 @@ def rows(seed: int = 1) -> np.ndarray:
 def test_a_smooth_course_is_followed_far_better_than_by_lines(f) -> None:
     t = rows()
     assert (
-        np.abs(course(t, f(t)).at(Q) - f(Q)).max()
+        np.abs(build_course(t, f(t)).at(Q) - f(Q)).max()
         < 0.1 * np.abs(np.interp(Q, t, f(t)) - f(Q)).max()
     )
 
@@ -36,7 +36,7 @@ def test_a_smooth_course_is_followed_far_better_than_by_lines(f) -> None:
 def test_the_integral_is_that_of_the_cubic() -> None:
     t = rows()
     whole = t + t**2 / 2 - t**3 / 3 + t**4 / 12
-    assert course(t, 1 + t - t**2 + t**3 / 3).integral() == pytest.approx(
+    assert build_course(t, 1 + t - t**2 + t**3 / 3).integral() == pytest.approx(
         whole - whole[0], abs=1e-11
     )
 
@@ -47,12 +47,12 @@ def test_the_integral_through_six_rows_keeps_the_size_of_a_quick_swing(turn: flo
     191x⁶/60480; at steps the lines stay."""
     t = np.arange(400) * turn
     both = np.stack([np.sin(t), np.cos(t), np.ones_like(t)], 1)
-    off = course(t, np.cos(t + 0.3)).integral() - np.sin(t + 0.3)
+    off = build_course(t, np.cos(t + 0.3)).integral() - np.sin(t + 0.3)
     lost = float(np.hypot(*np.linalg.lstsq(both, off, rcond=None)[0][:2]))
     assert lost < 1.2 * 191 * turn**6 / 60480
     steps = np.where(np.sin(t / 5 + 1) > 0, 1.0, -1.0)
     lines = np.concatenate([[0.0], np.cumsum((steps[1:] + steps[:-1]) / 2 * turn)])
-    assert np.allclose(course(t, steps).integral(), lines, atol=1e-12 * t[-1])
+    assert np.allclose(build_course(t, steps).integral(), lines, atol=1e-12 * t[-1])
 
 
 def test_a_cubic_is_met_between_uneven_rows_exactly() -> None:
@@ -62,13 +62,13 @@ def test_a_cubic_is_met_between_uneven_rows_exactly() -> None:
         return 1 + x - x**2 + x**3 / 3
 
     inside = np.linspace(t[0], t[-1], 300)
-    assert course(t, cubic(t)).at(inside) == pytest.approx(cubic(inside), abs=1e-11)
+    assert build_course(t, cubic(t)).at(inside) == pytest.approx(cubic(inside), abs=1e-11)
 
 
 def test_jumps_and_converter_steps_stay_lines() -> None:
     t = rows()
     for values in (np.where(t > 1.234, 2.0, -1.0), np.round(20 + 3 * t)):
-        assert course(t, values).at(t[0] + (t[-1] - t[0]) * Q / 3) == pytest.approx(
+        assert build_course(t, values).at(t[0] + (t[-1] - t[0]) * Q / 3) == pytest.approx(
             np.interp(t[0] + (t[-1] - t[0]) * Q / 3, t, values)
         )
 
@@ -79,24 +79,24 @@ def test_a_ramp_between_rests_has_no_overshoot(knees) -> None:
     t = np.unique(np.concatenate([np.arange(0, 5, 0.043), knees]))
     rate = np.interp(t, knees, (0, 4.6))
     at = np.linspace(0, 5, 5000)
-    assert np.allclose(course(t, rate).at(at), np.interp(at, t, rate), atol=1e-12)
+    assert np.allclose(build_course(t, rate).at(at), np.interp(at, t, rate), atol=1e-12)
 
 
 def test_noise_is_not_made_worse() -> None:
     t, rng = rows(), np.random.default_rng(2)
     noise = rng.standard_normal(len(t))
-    assert np.std(course(t, noise).at(Q)) < 1.1 * np.std(np.interp(Q, t, noise))
+    assert np.std(build_course(t, noise).at(Q)) < 1.1 * np.std(np.interp(Q, t, noise))
 
 
 def test_few_rows_and_the_ends() -> None:
-    assert course(np.array([1.0]), np.array([5.0])).at(Q) == pytest.approx(5.0)
-    assert course(np.array([1.0, 2.0]), np.array([5.0, 6.0])).at(
+    assert build_course(np.array([1.0]), np.array([5.0])).at(Q) == pytest.approx(5.0)
+    assert build_course(np.array([1.0, 2.0]), np.array([5.0, 6.0])).at(
         np.array([0.0, 1.5, 3.0])
     ) == pytest.approx([5.0, 5.5, 6.0])
     t = np.arange(3.0)
-    assert course(t, 2 * t).at(np.array([-0.5, 2.5, 30.0])) == pytest.approx([-1.0, 5.0, 6.0])
+    assert build_course(t, 2 * t).at(np.array([-0.5, 2.5, 30.0])) == pytest.approx([-1.0, 5.0, 6.0])
     t = np.arange(10.0)
-    assert course(t, 2 * t).at(np.array([-5.0, -0.5, 9.5, 30.0])) == pytest.approx(
+    assert build_course(t, 2 * t).at(np.array([-5.0, -0.5, 9.5, 30.0])) == pytest.approx(
         [-2.0, -1.0, 19.0, 20.0]
     )
 
@@ -105,13 +105,13 @@ def test_a_log_of_means_keeps_every_row_however_rough() -> None:
     step, random = 0.01, np.random.default_rng(8)
     t = (np.arange(300) + 0.5) * step
     means = 1 + random.normal(size=300)
-    log = impulse(t, means)
-    three = mean_of(log, t[1:-1:3], 3 * step)
+    log = integrate_means(t, means)
+    three = average_over_windows(log, t[1:-1:3], 3 * step)
     np.testing.assert_allclose(
         three, means[: 3 * len(three)].reshape(-1, 3).mean(axis=1), atol=1e-12
     )
     # values between the rows, as a log of single values would have them, miss their own scatter
-    assert np.std(course(t, means).at(t[1:-1:3]) - three) > 0.5
+    assert np.std(build_course(t, means).at(t[1:-1:3]) - three) > 0.5
 
 
 def test_a_command_goes_on_where_its_log_has_ended() -> None:
@@ -120,9 +120,9 @@ def test_a_command_goes_on_where_its_log_has_ended() -> None:
     t = 0.5 + np.arange(40) * 0.1
     means = 3.0 + 0.01 * t
     windows = np.array([0.2, 0.4, 4.4, 4.65])
-    got = mean_of(impulse(t, means), windows, 0.4)
+    got = average_over_windows(integrate_means(t, means), windows, 0.4)
     np.testing.assert_allclose(got, 3.0 + 0.01 * windows, atol=4e-3)
-    alone = mean_of(impulse(t[:1], means[:1]), windows, 0.4)
+    alone = average_over_windows(integrate_means(t[:1], means[:1]), windows, 0.4)
     np.testing.assert_allclose(alone, means[0], rtol=1e-12)
 
 
@@ -158,7 +158,9 @@ def test_means_of_a_smooth_quantity_are_its_integral() -> None:
     means = (np.cos(9 * (t - step / 2)) - np.cos(9 * (t + step / 2))) / (9 * step)
     windows = np.linspace(0.2, 2.8, 37)
     exact = (np.cos(9 * (windows - 0.0137)) - np.cos(9 * (windows + 0.0137))) / (9 * 0.0274)
-    np.testing.assert_allclose(mean_of(impulse(t, means), windows, 0.0274), exact, atol=1e-5)
-    through = through_means(t, means, step)
+    np.testing.assert_allclose(
+        average_over_windows(integrate_means(t, means), windows, 0.0274), exact, atol=1e-5
+    )
+    through = build_from_means(t, means, step)
     inside = slice(4, -4)
     np.testing.assert_allclose(through.value[inside], np.sin(9 * t)[inside], atol=2e-6)

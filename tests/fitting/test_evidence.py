@@ -43,7 +43,7 @@ def test_many_scores_at_once_are_those_of_the_singular_values():
         np.column_stack([one, one + 1e-9 * J[:, :1], np.zeros(len(r))])
     )  # two columns that are one, and nothing
     candidates.append(np.full((len(r), 1), np.nan))
-    found = evidence.scores([str(k) for k in range(len(candidates))], r, candidates, Q)
+    found = evidence.score_candidates([str(k) for k in range(len(candidates))], r, candidates, Q)
     for S, score in zip(candidates[:5], found[:5], strict=True):
         full = np.column_stack([S / np.linalg.norm(S, axis=0), J])
         assert score.rank == S.shape[1]
@@ -121,7 +121,7 @@ def test_blocks_beside_what_is_unknown_over_all_of_them_are_solved_as_the_whole(
     """A direction over several runs that nobody knows: the steps are those of J less its part along
     it, which no longer stands in blocks."""
     J, blocks, random = in_runs(5)
-    unknown = designs.orthonormal(random.standard_normal((len(J), 2)))
+    unknown = designs.orthonormalise(random.standard_normal((len(J), 2)))
     design = designs.Design.of(J, blocks)
     shared = design.shared - unknown @ (unknown.T @ design.shared)
     design = replace(design, shared=shared, unknown=designs.Basis((), unknown))
@@ -173,7 +173,10 @@ def test_tests_that_look_at_the_same_count_as_one():
         weighted = [S * np.sqrt(power)[:, None] for S in spaces]
         count = evidence.count_independent(weighted)
         assert 1 <= count <= alike
-        p = [evidence.correct_for_tries(float(evidence.significance(g, 1)[1]), count) for g in z2]
+        p = [
+            evidence.correct_for_tries(float(evidence.find_significance(g, 1)[1]), count)
+            for g in z2
+        ]
         assert 0.035 < np.mean(np.array(p) < 0.05) < 0.065, (alike, spread, count)
     one = spaces[0]
     assert evidence.count_independent([one, one, -one]) == pytest.approx(1.0, abs=1e-4)
@@ -281,13 +284,13 @@ def test_the_price_is_that_of_every_parameter():
             # ∫ exp(−χ²/2) N(b; 0, 1) db over exp(−r²/2), exactly
             M = X.T @ X + np.eye(m)
             twice_ln_odds = (X.T @ r) @ np.linalg.solve(M, X.T @ r) - np.linalg.slogdet(M)[1]
-            grown.append(evidence.criterion(gain, m, rows) - twice_ln_odds)
+            grown.append(evidence.find_bic_gain(gain, m, rows) - twice_ln_odds)
         assert grown[1] == pytest.approx(grown[0], abs=1.0)  # a forgotten ln N would be 6.9
 
 
 def test_a_useless_column_does_not_pay_its_price():
     paid = [
-        evidence.criterion(*(lambda s: (s.gain, s.rank))(evidence.score("s", r, S, Q)), 400) > 0
+        evidence.find_bic_gain(*(lambda s: (s.gain, s.rank))(evidence.score("s", r, S, Q)), 400) > 0
         for _, Q, S, r in map(problem, range(300, 600))
     ]
     assert np.mean(paid) < 0.05  # χ²₁ > ln 400 by chance: 1.4 %

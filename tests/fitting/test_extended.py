@@ -18,9 +18,9 @@ from hrg_cli.fitting.causes import (
 )
 from hrg_cli.fitting.causes.fit_point import Point
 from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
-from hrg_cli.fitting.causes.sensitivities import base_sensitivities, propagation
+from hrg_cli.fitting.causes.sensitivities import find_base_sensitivities, linearise_flow
 from hrg_cli.fitting.causes.walks import Walk
-from hrg_cli.fitting.causes.wave_frame import real
+from hrg_cli.fitting.causes.wave_frame import to_reals
 
 STRONG = {
     "cubic_stiffness": {"pull_rad_s": 3.0},
@@ -63,7 +63,7 @@ def test_all_steps_at_once_are_the_steps_row_by_row():
     near = slow_prediction.predict(
         series, replace(point, p=point.p * 1.02, start=point.start * 0.98)
     )
-    again = slow_prediction.predict(series, point, propagation(near).near).motion
+    again = slow_prediction.predict(series, point, linearise_flow(near).near).motion
     np.testing.assert_allclose(again, marched, atol=1e-11)
 
 
@@ -98,10 +98,10 @@ def test_compiled_march_takes_the_same_steps(what, monkeypatch):
 
 def test_sensitivities_are_differences_of_whole_predictions():
     series, point = programme()
-    flow = propagation(slow_prediction.predict(series, point))
+    flow = linearise_flow(slow_prediction.predict(series, point))
     for effect, values in point.active:
         steps = {p.name: 1e-3 * abs(values[p.name]) for p in effect.fitted()}
-        own = whitened_rows.sensitivity(flow, effect, values, steps)
+        own = whitened_rows.find_sensitivity(flow, effect, values, steps)
         for k, (name, size) in enumerate(steps.items()):
             seen = []
             for sign in (1, -1):
@@ -114,7 +114,9 @@ def test_sensitivities_are_differences_of_whole_predictions():
                     ),
                 )
                 seen.append(
-                    whitened_rows.flatten_rows(series, real(there.seen * series.weight[..., None]))
+                    whitened_rows.flatten_rows(
+                        series, to_reals(there.seen * series.weight[..., None])
+                    )
                 )
             difference = (seen[0] - seen[1]) / (2 * size)
             assert np.linalg.norm(own[:, k] - difference) < 2e-3 * np.linalg.norm(difference), (
@@ -128,7 +130,7 @@ def test_sensitivities_of_the_coordinates_are_differences_too():
     point = replace(
         point, active=tuple(pair for pair in point.active if pair[0].name != "thermal_damping")
     )
-    shared, _ = base_sensitivities(propagation(slow_prediction.predict(series, point)))
+    shared, _ = find_base_sensitivities(linearise_flow(slow_prediction.predict(series, point)))
     for k in range(7):
         size = 1e-4
         p = np.eye(7)[k] * size
@@ -136,7 +138,7 @@ def test_sensitivities_of_the_coordinates_are_differences_too():
             slow_prediction.predict(series, replace(point, p=point.p + sign * p)).seen
             for sign in (1, -1)
         )
-        difference = real((up - down) * series.weight[..., None]) / (2 * size)
+        difference = to_reals((up - down) * series.weight[..., None]) / (2 * size)
         assert (
             np.linalg.norm(shared[..., k] - difference) < 1e-3 * np.linalg.norm(difference) + 1e-6
         )
@@ -149,9 +151,11 @@ def test_an_effect_that_only_rounds_is_not_seen():
         quadrature_drive=0 * series.quadrature_drive,
         quadrature_impulse=0 * series.quadrature_impulse,
     )
-    flow = propagation(slow_prediction.predict(still, replace(point, active=())))
+    flow = linearise_flow(slow_prediction.predict(still, replace(point, active=())))
     effect = find("quadrature_drive_phase_error")
-    assert not whitened_rows.sensitivity(flow, effect, effect.values(), {"phase_rad": 1e-5}).any()
+    assert not whitened_rows.find_sensitivity(
+        flow, effect, effect.values(), {"phase_rad": 1e-5}
+    ).any()
 
 
 def test_a_design_beside_what_is_unsettled_over_several_runs_is_differences_too():
@@ -159,15 +163,15 @@ def test_a_design_beside_what_is_unsettled_over_several_runs_is_differences_too(
     off: blocks of one run each would mix the runs' own columns."""
     series, point = programme()
     count = 4 * int(np.count_nonzero(series.weight))
-    free = designs.orthonormal(np.random.default_rng(1).standard_normal((count, 1)))
+    free = designs.orthonormalise(np.random.default_rng(1).standard_normal((count, 1)))
     series = replace(series, unsettled=designs.Basis((), free))
     freedom = coordinate_priors.CoordinatePriors(np.zeros(7), np.full(7, np.inf))
     layout = whitened_rows.layout_of(series, point, freedom)
-    design = whitened_rows.design_of(propagation(slow_prediction.predict(series, point)), layout)
+    design = whitened_rows.design_of(linearise_flow(slow_prediction.predict(series, point)), layout)
 
     def judged(step):
         there = slow_prediction.predict(series, descent.move_point(point, layout, step, False))
-        return whitened_rows.flatten_rows(series, real(there.seen) * series.weight[..., None])
+        return whitened_rows.flatten_rows(series, to_reals(there.seen) * series.weight[..., None])
 
     whole = design.whole()
     for k in (*range(layout.run(0).start, layout.run(1).stop), layout.coordinates[2]):

@@ -10,7 +10,7 @@ from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables import increments
 from hrg_cli.fitting.tables.increment_noise import (
     AngleNoise,
-    covariance_bands,
+    build_covariance_bands,
     estimate_noise,
     whiten,
 )
@@ -39,7 +39,7 @@ def test_covariance_of_increments_is_that_of_simulated_noise():
         path = path_of(noisy(seed, white, walk), harmonics=1, per_block=25)
         d = path.turn
         products += [np.mean(d * d), np.mean(d[1:] * d[:-1]), np.mean(d[2:] * d[:-2])]
-    bands = covariance_bands(path, AngleNoise(white**2 / 25, walk))
+    bands = build_covariance_bands(path, AngleNoise(white**2 / 25, walk))
     assert products[0] / 40 == pytest.approx(bands[0].mean(), rel=0.06)
     assert products[1] / 40 == pytest.approx(bands[1, :-1].mean(), rel=0.2)
     assert abs(products[2] / 40) < 0.03 * bands[0].mean()
@@ -47,7 +47,7 @@ def test_covariance_of_increments_is_that_of_simulated_noise():
 
 def test_whitening_whitens():
     path = path_of(noisy(0, 1e-5, 1e-9), harmonics=1, per_block=30)
-    bands = covariance_bands(path, AngleNoise(1e-10, 1e-9))
+    bands = build_covariance_bands(path, AngleNoise(1e-10, 1e-9))
     V = np.diag(bands[0]) + np.diag(bands[1, :-1], 1) + np.diag(bands[1, :-1], -1)
     white, determinant = whiten(bands, np.eye(len(path)))
     assert white @ V @ white.T == pytest.approx(np.eye(len(path)), abs=1e-8)

@@ -4,7 +4,7 @@ is none."""
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.samples.least_count import least_count
+from hrg_cli.fitting.samples.least_count import find_least_count
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
@@ -23,27 +23,27 @@ def wave(amplitude: float, noise: float, seed: int = 0) -> np.ndarray:
 @pytest.mark.parametrize("offset", [0.0, 0.31])
 def test_step_of_rounded_floats(step, offset):
     values = step * (np.rint(wave(300, 0.4)) + offset)
-    assert least_count([values]) == pytest.approx(step, rel=1e-6)
+    assert find_least_count([values]) == pytest.approx(step, rel=1e-6)
 
 
 def test_step_of_values_printed_with_few_digits():
     """A 16-bit converter of ±1 V whose log has six decimals: the values lie off the lattice by
     their rounding."""
     values = np.round(2.0**-15 * np.rint(wave(20_000, 2)), 6)
-    assert least_count([values]) == pytest.approx(2.0**-15, rel=1e-3)
+    assert find_least_count([values]) == pytest.approx(2.0**-15, rel=1e-3)
 
 
 def test_integers_in_a_wider_word_keep_the_converters_step():
     codes = 256 * np.rint(wave(2000, 1)).astype("i4")
-    assert least_count([codes[:9000], codes[9000:]]) == 256
-    assert least_count([codes[:9000] // 256]) == 1
+    assert find_least_count([codes[:9000], codes[9000:]]) == 256
+    assert find_least_count([codes[:9000] // 256]) == 1
 
 
 @pytest.mark.parametrize("dtype", ["f8", "f4"])
 def test_a_continuum_has_none(dtype):
     for seed in range(20):
-        assert least_count([wave(1.0, 1e-3, seed).astype(dtype)]) == 0.0
-    assert least_count([np.zeros(100)]) == 0.0 and least_count([]) == 0.0
+        assert find_least_count([wave(1.0, 1e-3, seed).astype(dtype)]) == 0.0
+    assert find_least_count([np.zeros(100)]) == 0.0 and find_least_count([]) == 0.0
 
 
 def test_it_travels_to_the_wave_and_says_whether_rounding_is_the_noise():

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from synthetic_waves import GYRO, programme, run_down
 
 from hrg_cli.fitting.envelopes import coordinates, envelope_runs, phase_course, propagator
-from hrg_cli.fitting.envelopes.base_fit import base_fit, start_from_propagator
+from hrg_cli.fitting.envelopes.base_fit import fit_base_model, start_from_propagator
 from hrg_cli.fitting.envelopes.base_freedom import Known
 from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
 from hrg_cli.fitting.envelopes.matrices import chain
@@ -225,7 +225,7 @@ def test_gaps_and_flagged_windows_change_nothing_but_the_errors():
         broken = wave.main_amplitude.copy()
         broken[flags > 0] = np.nan
         holed.append(wave.replace(flags=flags, main_amplitude=broken))
-    whole, cut = base_fit(runs_of(waves)), base_fit(runs_of(holed))
+    whole, cut = fit_base_model(runs_of(waves)), fit_base_model(runs_of(holed))
     std = np.sqrt(np.diag(cut.covariance_z()))
     assert cut.converged and cut.chi2 / cut.dof == pytest.approx(1, abs=0.1)
     assert np.all(np.abs(cut.z - whole.z) < 4 * std)
@@ -233,7 +233,7 @@ def test_gaps_and_flagged_windows_change_nothing_but_the_errors():
 
 @pytest.mark.parametrize("second_order", [0.0, 1.0])
 def test_second_order_nuisance_serves_both_kinds_of_data(second_order):
-    fit = base_fit(runs_of(programme(std=5e-5, second_order=second_order)))
+    fit = fit_base_model(runs_of(programme(std=5e-5, second_order=second_order)))
     true = coordinates.from_mechanics(GYRO)
     std = np.sqrt(np.diag(fit.covariance_z()))
     assert np.all(np.abs(fit.p - np.append(true[:6], second_order))[:6] < 4.5 * std[:6])
@@ -241,7 +241,7 @@ def test_second_order_nuisance_serves_both_kinds_of_data(second_order):
 
 
 def test_known_axes_leave_the_sizes_free():
-    fit = base_fit(
+    fit = fit_base_model(
         runs_of(programme(std=1e-3)), Known(damping_axis_rad=0.35, stiffness_axis_rad=0.9)
     )
     values, _ = coordinates.to_parameters(fit.p, 2)
@@ -261,7 +261,7 @@ def test_frequency_drift_is_followed():
     for wave in programme(std=1e-4):
         x = wave.time_s / 4
         waves.append(wave.replace(phase_rad=wave.phase_rad + 3 * x**2 - 1.5 * x**3))
-    fit = base_fit(runs_of(waves))
+    fit = fit_base_model(runs_of(waves))
     assert fit.response.state.phase.shape[1] >= 3 and fit.chi2 / fit.dof < 1.1
     std = np.sqrt(np.diag(fit.covariance_z()))
     assert np.all(np.abs(fit.p - coordinates.from_mechanics(GYRO))[:6] < 4.5 * std[:6])
@@ -295,7 +295,7 @@ def test_runs_that_beat_some_hundred_times_are_followed(turns):
     """A first guess that knows no split averaged the beats away, or took 2 rad of it for none: a run
     of 550 rad could not be fitted."""
     run, split = beating(turns)
-    fit = base_fit([run], Known(scale_factor=0.55))
+    fit = fit_base_model([run], Known(scale_factor=0.55))
     assert 0.9 < fit.chi2 / fit.dof < 1.1
     std = np.sqrt(np.diag(fit.covariance_z()))
     assert abs(fit.p[0] - 1 / run.duration_s) < 4.5 * std[0]
@@ -311,8 +311,8 @@ def test_modes_that_decay_unequally_need_no_course_taken_off(monkeypatch):
     monkeypatch.setattr(
         phase_course, "straighten_phases", lambda *_: pytest.fail("a course was taken off")
     )
-    assert phase_course.bends(runs, 0.0) is not None
-    fit = base_fit(runs, Known(scale_factor=0.55))
+    assert phase_course.find_bends(runs, 0.0) is not None
+    fit = fit_base_model(runs, Known(scale_factor=0.55))
     assert fit.chi2 / fit.dof < 1.2
     std = np.sqrt(np.diag(fit.covariance_z()))
     want = coordinates.from_mechanics(gyro)

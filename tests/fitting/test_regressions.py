@@ -16,7 +16,7 @@ from hrg_cli.fitting.envelopes import (
     two_modes,
     working_mode,
 )
-from hrg_cli.fitting.envelopes.base_fit import base_fit, start_from_propagator
+from hrg_cli.fitting.envelopes.base_fit import fit_base_model, start_from_propagator
 from hrg_cli.fitting.envelopes.base_freedom import Known, freedom
 from hrg_cli.physics import ellipse, resonator
 from hrg_cli.physics.resonator import Mechanics
@@ -85,7 +85,7 @@ def test_groups_without_a_row_are_refused():
 def test_increments_and_stokes_come_near_the_bound(noisy):
     """Integrated along the run they lose little against the likelihood."""
     runs, space = noisy
-    bound = np.sqrt(np.diag(base_fit(runs, blocks=300).covariance_z()))[:6]
+    bound = np.sqrt(np.diag(fit_base_model(runs, blocks=300).covariance_z()))[:6]
     for method in ("increments", "stokes"):
         assert np.all(
             np.sqrt(np.diag(regressions.solve(runs, space, method).covariance))[:6] < 2 * bound

@@ -10,11 +10,11 @@ from diagnosis_programme import programme, waves
 from hrg_cli.effects import find
 from hrg_cli.effects.effect import RUN
 from hrg_cli.fitting.causes import extended_fit, fit_point, scales, whitened_rows
-from hrg_cli.fitting.causes.wave_frame import real
+from hrg_cli.fitting.causes.wave_frame import to_reals
 from hrg_cli.stages.diagnosis.base.base_priors import freedom_of
 from hrg_cli.stages.diagnosis.base.data import prepare
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
-from hrg_cli.stages.diagnosis.search.gain import held_out
+from hrg_cli.stages.diagnosis.search.gain import predict_held_out
 
 FORCED = {
     "drive_feedthrough",
@@ -96,12 +96,14 @@ def sized(effect, fit, z, random):
         low, high = 1 / top, 3 / top
         for _ in range(50):
             middle = (low + high) / 2
-            change = real((effect.slow_readout({"inverse_level": middle}, u, None) - u) * weight)
+            change = to_reals(
+                (effect.slow_readout({"inverse_level": middle}, u, None) - u) * weight
+            )
             size = np.linalg.norm(beside(whitened_rows.flatten_rows(fit.series, change)))
             low, high = (middle, high) if size < z else (low, middle)
         return {"inverse_level": low}
     steps = scales.steps_of(effect, fit.series)
-    S = whitened_rows.sensitivity(fit.flow, effect, values, steps)
+    S = whitened_rows.find_sensitivity(fit.flow, effect, values, steps)
     free, whole = beside(S), np.linalg.norm(S, axis=0)
     size = np.linalg.norm(free, axis=0)
     if (
@@ -195,14 +197,14 @@ def true_gain(runs, effects):
                 )
             point = fit_point.add_effect(point, effect, effect.values(values))
         point = extended_fit.fit(base.series, point, base.freedom).point
-    gain = held_out(base, extended_fit.fit(base.series, point, base.freedom)).errors
+    gain = predict_held_out(base, extended_fit.fit(base.series, point, base.freedom)).errors
     return float(gain.before.mean() / gain.after.mean())
 
 
 def gain_without(runs, clean):
     """Fall of the held-out mean squared error where the effect is taken out by truth: the same
     noise without it."""
-    gain = held_out(base_of(runs), base_of(clean)).errors
+    gain = predict_held_out(base_of(runs), base_of(clean)).errors
     return float(gain.before.mean() / gain.after.mean())
 
 

@@ -11,7 +11,7 @@ from hrg_cli import store
 from hrg_cli.ledger import database
 from hrg_cli.ledger.history import history
 from hrg_cli.ledger.overview import overview
-from hrg_cli.ledger.series import independent
+from hrg_cli.ledger.series import select_independent
 from hrg_cli.records import Wave
 from hrg_cli.reporting.quantities import round_with_std
 
@@ -176,7 +176,7 @@ def test_samples_processed_again_are_one_measurement():
         entry("SN-1", 10.0, 0.102, samples=("w@5.0:9.0",)),
         entry("SN-1", 11.0, 0.300, samples=("v",), status="refused"),
     ]
-    kept = independent(twice)
+    kept = select_independent(twice)
     assert [e.figures[SPLIT].value for e in kept] == [0.200, 0.101, 0.102]
     told = overview(twice)
     assert (told.entries, told.refused, told.reprocessed) == (5, 1, 1)
@@ -186,9 +186,9 @@ def test_samples_processed_again_are_one_measurement():
 def test_time_of_measurement_orders_where_it_is_known():
     late = entry("SN-1", 0.0, 0.1, measured="2026-02-02T00:00:00Z")
     early = entry("SN-1", 1.0, 0.2, measured="2026-02-01T00:00:00Z")
-    assert independent([late, early]) == [early, late]
+    assert select_independent([late, early]) == [early, late]
     unknown = entry("SN-1", 2.0, 0.3)
-    assert independent([late, early, unknown]) == [late, early, unknown]
+    assert select_independent([late, early, unknown]) == [late, early, unknown]
 
 
 def test_time_of_measurement_is_read_from_the_waves_beside(hrg, tmp_path):

@@ -373,7 +373,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("else values < valid.at_least", "else values < valid.at_least - 10"),
             ("else values > valid.at_most", "else values > 10 * valid.at_most"),
             ("np.diff(np.asarray(values), axis=0) <= 0", "np.diff(np.asarray(values), axis=0) < 0"),
-            ("place = _first(np.isinf(values))", "place = None"),
+            ("place = _find_first(np.isinf(values))", "place = None"),
             ("missing = missing & ~rows.reshape", "missing = missing & rows.reshape"),
             ("if np.isinf(value) and not valid.infinite:", "if False:"),
             ("if valid.above is not None and not value > valid.above:", "if False:"),
@@ -567,7 +567,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("if isinstance(value, int) and not -LARGEST_INTEGER <= value < LARGEST_INTEGER:", "if False:"),
             ("if count > MOST_KEYS:", "if False:"),
             ("found[:MOST_TOLD]]", "found]"),
-            ("return checked(stage, from_file | given, usage=True)", "return checked(stage, given | from_file, usage=True)"),
+            ("return check_settings(stage, from_file | given, usage=True)", "return check_settings(stage, given | from_file, usage=True)"),
             ("kind = UsageError if usage else HrgError", "kind = HrgError"),
             ("extra=\"forbid\", frozen=True", "frozen=True"),
         ),
@@ -673,7 +673,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         "tests/lots/test_batch.py tests/lots/test_identity.py",
         (
             ("task.foreign or is_readable(Path(task.source))", "True"),
-            ("BY_LOT if named else _by_itself(said)", "_by_itself(said)"),
+            ("BY_LOT if named else _tell_origin(said)", "_tell_origin(said)"),
         ),
     ),
     "fitting/samples/stretches.py": (
@@ -733,7 +733,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         (
             ("and known[unit] != 1.0 and not is_relative(name)", "and False"),
             ("return known[unit] / size", "return known[unit]"),
-            ("_times(FREQUENCIES, TURN / 2)", "_times(FREQUENCIES, TURN)"),
+            ("_scale_units(FREQUENCIES, TURN / 2)", "_scale_units(FREQUENCIES, TURN)"),
         ),
     ),
     "comparing.py": (

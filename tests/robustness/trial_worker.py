@@ -53,13 +53,13 @@ def run_chain(path: Path) -> None:
                 "demodulate",
                 [path],
                 periods,
-                settings.checked(pipeline.STAGES["demodulate"].function(), {}),
+                settings.check_settings(pipeline.STAGES["demodulate"].function(), {}),
             )
             pipeline.run_stage(
                 "estimate",
                 [periods],
                 wave,
-                settings.checked(pipeline.STAGES["estimate"].function(), {}),
+                settings.check_settings(pipeline.STAGES["estimate"].function(), {}),
             )
         finally:
             for left in Path(folder).iterdir():

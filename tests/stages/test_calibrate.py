@@ -94,7 +94,7 @@ def test_without_noise_the_tables_are_the_truth():
 def test_held_out_drift_is_near_what_the_true_coefficients_leave(monkeypatch):
     """The truth's own residual, in the same cells, is the yardstick."""
     caught = {}
-    original = chosen.cells
+    original = chosen.gather_cells
 
     def spy(fitted, whole, held, folds):
         layout = fitted.layout
@@ -109,7 +109,7 @@ def test_held_out_drift_is_near_what_the_true_coefficients_leave(monkeypatch):
         )[1]
         return original(fitted, whole, held, folds)
 
-    monkeypatch.setattr(chosen, "cells", spy)
+    monkeypatch.setattr(chosen, "gather_cells", spy)
     ratios = []
     for seed in range(4):
         truth = Truth(seed)

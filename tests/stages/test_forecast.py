@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.envelopes.resonator_spread import (
-    deviation,
+    find_deviation,
     from_vector,
     mechanics_of,
     spread_points,
@@ -120,7 +120,7 @@ def test_deviations_are_those_of_draws_also_where_the_split_is_lost_in_noise():
         g = mechanics_of(record)
         x, covariance = vector_of(g), vector_covariance(record)
         angle = np.linspace(0.1, 1.4, 7)
-        std = deviation(
+        std = find_deviation(
             drift.drift_quasi_static(from_vector(spread_points(x, covariance), g), angle)
         )
         draws = from_vector(rng.multivariate_normal(x, covariance, 20000), g)

@@ -246,14 +246,14 @@ def test_windows_that_blur_the_wave_are_noticed(rate):
 
 def test_what_memory_does_not_hold_is_refused_with_a_sentence():
     run = envelope_runs.from_wave(run_down(0.1, 1.0, seconds=100.0))
-    assert rows.rows_needed(coordinates.from_mechanics(GYRO), [run], 300) == pytest.approx(
+    assert rows.count_rows(coordinates.from_mechanics(GYRO), [run], 300) == pytest.approx(
         (0.55 + 0.31 + 0.122) * 100 / 0.25, rel=0.02
     )
     fast = envelope_runs.turn_table(run, 1e4)
     with pytest.raises(
         HrgError, match=r"rad in each of the .* rows that memory has, 1 rad at most"
     ):
-        rows.rows_needed(coordinates.from_mechanics(GYRO), [fast] * 40, 300)
+        rows.count_rows(coordinates.from_mechanics(GYRO), [fast] * 40, 300)
 
 
 def test_the_scale_of_the_noise_is_no_truth():
@@ -275,9 +275,9 @@ def test_the_derivative_of_the_exponential_is_exact_however_far_it_turns():
     p, dt = rng.standard_normal(7), np.array([1e-6, 0.01, 0.5, 7.0, 60.0])
     p[6] = 0.0
     rate = np.full(len(dt), 3.0)
-    _, L = matrices.traceless(coordinates.entries(p, rate, np.ones(1)))
+    _, L = matrices.split_trace(coordinates.entries(p, rate, np.ones(1)))
     whole, even, third, slope = matrices.exponential_slopes(L, dt)
-    for got, want in zip(whole, matrices.exponential(L, dt), strict=True):
+    for got, want in zip(whole, matrices.exponentiate(L, dt), strict=True):
         assert np.allclose(got, want, rtol=1e-10)
     step = 1e-6
     for E, trace in (
@@ -286,7 +286,7 @@ def test_the_derivative_of_the_exponential_is_exact_however_far_it_turns():
         ((0, 1, -1, 0), L[2] - L[1]),
     ):
         moved = [
-            matrices.exponential(tuple(m + s * step * e for m, e in zip(L, E, strict=True)), dt)
+            matrices.exponentiate(tuple(m + s * step * e for m, e in zip(L, E, strict=True)), dt)
             for s in (1, -1)
         ]
         for i in range(4):

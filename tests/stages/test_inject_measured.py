@@ -143,9 +143,9 @@ def test_every_effect_goes_in_or_is_refused_in_words(measured, effect):
         float(np.median(plain.main_amplitude[plain.good()])),
         plain.reference_frequency_hz,
     )
-    from hrg_cli.fitting.causes.scales import typical
+    from hrg_cli.fitting.causes.scales import find_typical_size
 
-    given = {p.name: p.neutral + typical(p, size, frequency) for p in effect.fitted()}
+    given = {p.name: p.neutral + find_typical_size(p, size, frequency) for p in effect.fitted()}
     given |= {"time_s": 300.0} if any(p.name == "time_s" for p in effect.parameters) else {}
     given |= {"lost_s": 1.0} if effect.whole_samples else {}
     try:

@@ -66,7 +66,7 @@ def inputs():
 
 
 def own(**changes):
-    return settings.checked(identify, changes)
+    return settings.check_settings(identify, changes)
 
 
 def carried_by_nothing(runs, response, count):
@@ -118,7 +118,7 @@ def test_a_split_lost_in_noise_is_judged_by_its_components():
 def test_rows_too_few_for_the_turning_wave_become_suspect(inputs, monkeypatch):
     """The case it exists for: rows of a fixed number, however far the wave turns in one, give σ
     that do not cover the bias."""
-    monkeypatch.setattr(rows, "rows_needed", lambda p, runs, least: 6)
+    monkeypatch.setattr(rows, "count_rows", lambda p, runs, least: 6)
     monkeypatch.setattr(rows, "average_along", carried_by_nothing)
     result = identify([m.wave for m in inputs])
     told = rehearse(result, inputs, own(), times=4)
@@ -290,7 +290,7 @@ def test_a_run_hands_the_verdict_of_its_rehearsals_on(folder, hrg, monkeypatch):
     recordings.mkdir()
     for run in ("up", "down"):
         (folder / f"r-{run}.h5").rename(recordings / f"{run}.h5")
-    monkeypatch.setattr(rows, "rows_needed", lambda p, runs, least: 6)
+    monkeypatch.setattr(rows, "count_rows", lambda p, runs, least: 6)
     monkeypatch.setattr(rows, "average_along", carried_by_nothing)
     asked = ("run", recordings, "-o", folder / "out", "--set", "demodulate.periods_per_window=2")
     done = hrg(*asked, "--rehearse", "4", "--json")
@@ -396,7 +396,7 @@ def test_a_diagnosis_is_rehearsed_with_its_extended_model_for_truth(inputs):
     ]
     result = diagnose([m.wave for m in made])
     assert [e["name"] for e in json.loads(result.report)["effects"]] == ["gain_mismatch"]
-    told = rehearse(result, made, settings.checked(diagnose, {}), times=2)
+    told = rehearse(result, made, settings.check_settings(diagnose, {}), times=2)
     table = told.table()
     assert {"gain_mismatch gain", "scale_factor"} <= {f["name"] for f in table["figures"]}
     assert table["causes"][0] == {"name": "gain_mismatch", "held": True, "named": 2, "times": 2}
@@ -453,15 +453,15 @@ def test_tables_are_rehearsed_with_themselves_for_truth():
     ]
     asked = {"harmonics": 1, "scale_factor_harmonics": 1, "bootstrap": 0, "model": "table"}
     result = calibrate([m.wave for m in made], **asked)
-    told = rehearse(result, made, settings.checked(calibrate, asked), times=4)
+    told = rehearse(result, made, settings.check_settings(calibrate, asked), times=4)
     assert told.status == "valid" and len(told.figures) == 6, told.reasons
     assert 0.5 < np.sqrt(np.mean([f.error_over_std_rms**2 for f in told.figures])) < 1.6
     # the same over frequency, which no thermometer tells
     by_frequency = asked | {"axis": "frequency"}
     result = calibrate([m.wave for m in made], **by_frequency)
-    told = rehearse(result, made, settings.checked(calibrate, by_frequency), times=4)
+    told = rehearse(result, made, settings.check_settings(calibrate, by_frequency), times=4)
     assert len(told.figures) == 6 and not told.failed, told.reasons
     assert 0.4 < np.sqrt(np.mean([f.error_over_std_rms**2 for f in told.figures])) < 1.6
     physical = result.replace(model="physical")
     with pytest.raises(HrgError, match="resonator files"):
-        rehearse(physical, made, settings.checked(calibrate, by_frequency), times=4)
+        rehearse(physical, made, settings.check_settings(calibrate, by_frequency), times=4)

@@ -86,7 +86,7 @@ def programme():
         free = measured(config_of(temperature), 10 + number)
         resonator = identify([m.wave for m in free])
         assert resonator.status == "valid", resonator.status_reasons
-        identified.append(Identified(resonator, free, settings.checked(identify, {})))
+        identified.append(Identified(resonator, free, settings.check_settings(identify, {})))
     forced = measured(config_of(BETWEEN, CONTROL), 3)
     tables = calibrate([m.wave for m in forced], [i.resonator for i in identified], **ASKED)
     assert tables.model == "physical"
@@ -96,7 +96,9 @@ def programme():
 def test_right_tables_of_resonator_files_stay_as_they_are(programme):
     forced, identified, tables = programme
     assert len(tables.status_reasons) == 1 and "one node" in tables.status_reasons[0]
-    told = rehearse(tables, forced, settings.checked(calibrate, ASKED), None, identified, times=3)
+    told = rehearse(
+        tables, forced, settings.check_settings(calibrate, ASKED), None, identified, times=3
+    )
     assert told.status == "valid" and told.failed == 0, told.reasons
     names = {f.name for f in told.figures}
     assert names == {
@@ -113,7 +115,9 @@ def test_tables_that_trust_their_resonator_files_too_much_become_suspect(program
     monkeypatch.setattr(resonators, "coefficients_of", lambda r: (true(r)[0], true(r)[1] / 25))
     forced, identified, _ = programme
     bold = calibrate([m.wave for m in forced], [i.resonator for i in identified], **ASKED)
-    told = rehearse(bold, forced, settings.checked(calibrate, ASKED), None, identified, times=3)
+    told = rehearse(
+        bold, forced, settings.check_settings(calibrate, ASKED), None, identified, times=3
+    )
     assert told.status == "suspect", told.figures
 
 
@@ -121,7 +125,7 @@ def test_the_twin_drifts_as_the_resonators_say(programme):
     """Forced runs of the twin show the drift of the same device: their tables, fitted to them
     alone, are those of the resonator files."""
     forced, identified, tables = programme
-    twin = make_twin(tables, forced, settings.checked(calibrate, ASKED), None, identified)
+    twin = make_twin(tables, forced, settings.check_settings(calibrate, ASKED), None, identified)
     waves = [make_wave(twin, number, 5) for number in range(len(forced))]
     alone = calibrate(waves, model="parametric", bootstrap=0)
     for k in (1, 2):
@@ -133,4 +137,4 @@ def test_the_twin_drifts_as_the_resonators_say(programme):
 def test_without_its_resonator_files_it_is_refused_with_a_sentence(programme):
     forced, _, tables = programme
     with pytest.raises(HrgError, match="name the resonator files"):
-        rehearse(tables, forced, settings.checked(calibrate, ASKED), times=2)
+        rehearse(tables, forced, settings.check_settings(calibrate, ASKED), times=2)

@@ -89,7 +89,7 @@ def test_a_diagnosis_without_its_model_is_none(hrg, tmp_path, monkeypatch):
 
 
 def test_of_several_runs_all_are_written_or_none(hrg, tmp_path, monkeypatch):
-    simulated = simulate_command._one
+    simulated = simulate_command._simulate_one
 
     def fail_at_the_third(task, progress=None):
         if task.values["run"] == "3":
@@ -98,7 +98,7 @@ def test_of_several_runs_all_are_written_or_none(hrg, tmp_path, monkeypatch):
 
     (tmp_path / "gyro.toml").write_text(GYRO.format(duration_s=0.1) + RUNS)
     words = ("simulate", tmp_path / "gyro.toml", "-o", tmp_path / "run.h5")
-    monkeypatch.setattr(simulate_command, "_one", fail_at_the_third)
+    monkeypatch.setattr(simulate_command, "_simulate_one", fail_at_the_third)
     assert hrg(*words).status == 1
     assert [path.name for path in tmp_path.iterdir()] == ["gyro.toml"]
     monkeypatch.undo()

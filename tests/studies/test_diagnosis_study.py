@@ -61,8 +61,8 @@ def test_a_size_is_what_an_ideal_detector_measures():
     for seed in range(8):
         fit = hidden.base_fit(one.measured(size, seed), None, {})
         step = scales.steps_of(one.effect, fit.series)
-        direction = hidden._beside(
-            whitened_rows.sensitivity(fit.flow, one.effect, one.neutral, step), fit
+        direction = hidden._project_base(
+            whitened_rows.find_sensitivity(fit.flow, one.effect, one.neutral, step), fit
         )[:, 0]
         found.append(
             np.sign(next(iter(one.direction.values())))

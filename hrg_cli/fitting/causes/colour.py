@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .wave_frame import directions, real
+from ..least_squares import fit_columns
+from .wave_frame import find_directions, to_reals
 
 Array = np.ndarray
 COMPONENTS = ("amplitude", "phase", "angle", "ellipticity")
@@ -58,7 +59,7 @@ class ColouredNoise:
 def components(x: Array, along: Array) -> Array:
     """Reals (R, n, 4, K) turned into the wave's frame: along it, its phase, across it (angle), and
     its quadrature."""
-    return real(directions(along)) @ x
+    return to_reals(find_directions(along)) @ x
 
 
 def wander(t: Array, q: float, tau: float) -> Array:
@@ -104,7 +105,7 @@ class WanderLikelihood:
         """With the polynomials fitted at the stated σ."""
         t = time_s - time_s[0]
         fixed = np.polynomial.legendre.legvander(2 * t / float(t[-1]) - 1, SMOOTH)
-        fitted = np.linalg.lstsq(fixed / std[:, None], values / std, rcond=None)[0]
+        fitted = fit_columns(fixed / std[:, None], values / std)
         return cls(t, values, std, fixed, values - fixed @ fitted)
 
     @property

@@ -13,8 +13,30 @@ CONE = ("damping", "damping_cos", "damping_sin")
 """Coordinates whose cone ν ≥ |νδμ| a passive resonator stays in."""
 
 
-def passive_damping(p: Array) -> Array:
-    """Coordinates whose damping is the nearest one that is nowhere negative: ν ≥ |νδμ|."""
+def restrict_damping(p: Array) -> Array:
+    """Coordinates whose damping is the nearest one that is nowhere negative: ν ≥ |νδμ|.
+
+    A resonator without a supply loses energy in whatever direction it vibrates. Its damping along the
+    direction of least loss is ν − |νδμ|.
+
+    Parameters
+    ----------
+    p
+        (7,), as `envelopes.coordinates` orders them.
+
+    Returns
+    -------
+    ndarray
+        (7,): p itself where it is inside the cone, else the foot of the perpendicular on it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.damping_bound import restrict_damping
+    >>> p = np.array([1.0, 3.0, 0.0, 0.0, 0.0, 1.0, 1.0])
+    >>> restrict_damping(p)[:3].tolist()
+    [2.0, 2.0, 0.0]
+    """
     out, split = p.copy(), float(np.hypot(*p[DAMPING_SPLIT]))
     mean = float(p[DAMPING])
     if mean >= split:
@@ -26,11 +48,41 @@ def passive_damping(p: Array) -> Array:
     return out
 
 
-def wall_ahead(point: Point, layout: FitColumns, step: Array) -> tuple[Array, float] | None:
-    """The damping's bound that a step would cross, as wall·step = distance; None where the step
-    stays inside.
+def find_wall(point: Point, layout: FitColumns, step: Array) -> tuple[Array, float] | None:
+    """The damping's bound that a step would cross.
 
-    Of the cone ν = |νδμ| the tangent at the direction of the split behind the step.
+    The cone ν = |νδμ| is replaced by its tangent at the direction of the split behind the step: a linear
+    condition, as one step of a linear fit can hold it.
+
+    Parameters
+    ----------
+    point
+        Where the step begins.
+    layout
+        Which column is which coordinate.
+    step
+        (columns,): the step.
+
+    Returns
+    -------
+    tuple or None
+        Wall (columns,) and distance, the bound being wall·step = distance; None where the step stays
+        inside.
+
+    Examples
+    --------
+    A step to a split of three times the damping meets the wall ν − νδμ = 0, which is 1 away:
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.damping_bound import CONE, find_wall
+    >>> point = SimpleNamespace(p=np.array([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0]))
+    >>> layout = SimpleNamespace(coordinates=(0, 1, 2), count=3, coordinate=CONE.index)
+    >>> wall, distance = find_wall(point, layout, np.array([0.0, 3.0, 0.0]))
+    >>> (wall + 0).tolist(), distance
+    ([1.0, -1.0, 0.0], -1.0)
+    >>> find_wall(point, layout, np.array([0.0, 0.5, 0.0])) is None
+    True
     """
     p = point.p.copy()
     p[list(layout.coordinates)] += step[: len(layout.coordinates)]

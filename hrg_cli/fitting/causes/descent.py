@@ -9,15 +9,15 @@ import numpy as np
 
 from ...errors import HrgError, name_some
 from .coordinate_priors import CoordinatePriors, prior_residual, prior_rows
-from .damping_bound import passive_damping, wall_ahead
+from .damping_bound import find_wall, restrict_damping
 from .designs import Design, Factored, factor_design
 from .fit_point import Point
 from .layout import FREQUENCY, FitColumns
 from .measured_runs import MeasuredRuns
 from .motion_budget import spend_motion
-from .sensitivities import Propagation, propagation
+from .sensitivities import Propagation, linearise_flow
 from .slow_prediction import Prediction, predict
-from .wave_frame import imaginary
+from .wave_frame import to_complex
 from .whitened_rows import design_of, flatten_rows
 
 Array = np.ndarray
@@ -74,7 +74,7 @@ class LinearModel:
 def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePriors) -> LinearModel:
     """The model about a prediction. DivergedError: its slopes are no numbers."""
     series = prediction.series
-    flow = propagation(prediction)
+    flow = linearise_flow(prediction)
     design = design_of(flow, layout)
     residual = flatten_rows(series, prediction.residual())
     try:
@@ -91,13 +91,13 @@ def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePri
         prior_residual(freedom, prediction.point, series),
     )
     step, covariance = factored.solve(residual, *priors)
-    wall = wall_ahead(prediction.point, layout, step) if freedom.passive else None
+    wall = find_wall(prediction.point, layout, step) if freedom.passive else None
     lost = 0.0
     if wall is not None:
         # along the wall only; the covariance stays that without it, as the bound is no measurement
         free = step
         step, _ = factored.solve(residual, *priors, *wall)
-        lost = _fall(design, residual, free) - _fall(design, residual, step)
+        lost = _predict_fall(design, residual, free) - _predict_fall(design, residual, step)
     return LinearModel(flow, design, residual, layout, factored, priors, step, covariance, lost)
 
 
@@ -138,7 +138,7 @@ def descend(
     return trial, now, False
 
 
-def _fall(design: Design, residual: Array, step: Array) -> float:
+def _predict_fall(design: Design, residual: Array, step: Array) -> float:
     """By how much a step lowers χ² in the linear model."""
     change = design.times(step)  # |r|² − |r − Js|²
     return float(2 * residual @ change - change @ change)
@@ -151,7 +151,7 @@ def move_point(point: Point, layout: FitColumns, step: Array, passive: bool = Tr
     p[list(layout.coordinates)] += step[: len(layout.coordinates)]
     for number in range(layout.runs):
         own = step[layout.run(number)]
-        start[number] += imaginary(own[:FREQUENCY])
+        start[number] += to_complex(own[:FREQUENCY])
         offset[number] += own[FREQUENCY]
     active = []
     for effect, values in point.active:
@@ -163,4 +163,4 @@ def move_point(point: Point, layout: FitColumns, step: Array, passive: bool = Tr
         active.append(
             (effect, {name: value + float(change.get(name, 0.0)) for name, value in values.items()})
         )
-    return Point(passive_damping(p) if passive else p, start, offset, tuple(active))
+    return Point(restrict_damping(p) if passive else p, start, offset, tuple(active))

@@ -271,7 +271,7 @@ def _split(J: Array, tolerance: float) -> tuple[Array, Array]:
     return U[:, keep], s[keep, None] * Vt[keep]
 
 
-def orthonormal(J: Array, tolerance: float = 1e-10) -> Array:
+def orthonormalise(J: Array, tolerance: float = 1e-10) -> Array:
     """Orthonormal basis (N, rank) of the columns of J, each scaled to unit length first."""
     size = np.linalg.norm(J, axis=0)
     return _split(J[:, size > 0] / size[size > 0], tolerance)[0]

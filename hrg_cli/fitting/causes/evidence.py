@@ -63,10 +63,10 @@ class Score:
 
 def score(name: str, residual: Array, sensitivity: Array, basis: Basis) -> Score:
     """Score of one candidate's sensitivities (N, m) beside the basis."""
-    return scores([name], residual, [sensitivity], basis)[0]
+    return score_candidates([name], residual, [sensitivity], basis)[0]
 
 
-def scores(
+def score_candidates(
     names: Sequence[str], residual: Array, sensitivities: Sequence[Array], basis: Basis
 ) -> list[Score]:
     """Scores of many candidates by their columns (N, m)."""
@@ -200,7 +200,7 @@ def _shown_directions(P: Array) -> tuple[Array, Array, Array]:
     return s, V, np.where(keep[:, None, :], V / np.where(keep, s, 1.0)[:, None, :], 0.0)
 
 
-def significance(gain: float, rank: int) -> tuple[float, float]:
+def find_significance(gain: float, rank: int) -> tuple[float, float]:
     """(equivalent |z| of one normal variable, p) of a fall of χ² by `gain` with `rank`
     parameters."""
     z, p = _significance(np.array(gain), np.array(rank))
@@ -243,7 +243,7 @@ def correct_for_tries(p_value: float, tried: float) -> float:
     return float(-np.expm1(tried * np.log1p(-min(p_value, 1 - 1e-16))))
 
 
-def criterion(gain: float, rank: int, rows: int) -> float:
+def find_bic_gain(gain: float, rank: int, rows: int) -> float:
     """ΔBIC: fall of χ² less the price ln N a parameter; positive means worth having."""
     return gain - rank * float(np.log(rows))
 

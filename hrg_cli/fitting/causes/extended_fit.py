@@ -14,17 +14,17 @@ from ...effects.effect import Effect
 from ..envelopes import channel_noise
 from ..envelopes.coordinates import COORDINATES, COUNT
 from .coordinate_priors import CoordinatePriors
-from .damping_bound import passive_damping
+from .damping_bound import restrict_damping
 from .descent import DivergedError, cost_of, descend, linearise, no_motion
 from .designs import Basis, Design, Factored
 from .fit_point import Point
 from .layout import FitColumns
 from .measured_runs import MeasuredRuns
 from .motion_budget import spend_motion
-from .sensitivities import Propagation, Wanted, propagation
+from .sensitivities import Propagation, Wanted, linearise_flow
 from .slow_prediction import Near, Prediction, predict
-from .wave_frame import directions, imaginary, real
-from .whitened_rows import layout_of, sensitivities
+from .wave_frame import find_directions, to_complex, to_reals
+from .whitened_rows import find_sensitivities, layout_of
 
 __all__ = ["DivergedError", "ExtendedFit", "along_wave", "fit", "on_rows", "unsettled_part"]
 
@@ -106,7 +106,7 @@ class ExtendedFit:
             for effect, values, steps in wanted
         ]
         new = {key: one for key, one in zip(keys, wanted, strict=True) if key not in self._known}
-        self._known.update(zip(new, sensitivities(self.flow, list(new.values())), strict=True))
+        self._known.update(zip(new, find_sensitivities(self.flow, list(new.values())), strict=True))
         return [self._known[key] for key in keys]
 
     def coordinate(self, name: str) -> float:
@@ -177,13 +177,13 @@ def unsettled_part(fit: ExtendedFit) -> Array:
     if series.scatter is not None:
         noise = series.scatter.back(noise)
     beside = fit.prediction.residual() - on_rows(fit, noise)
-    return series.in_units(imaginary(beside))
+    return series.in_units(to_complex(beside))
 
 
 def along_wave(fit: ExtendedFit, values: Array) -> Array:
     """The same along the directions of the wave as its noise weighs it: amplitude, phase, angle,
     ellipticity."""
-    own = real(directions(channel_noise.whiten(fit.series.whitening, fit.prediction.seen)))
+    own = to_reals(find_directions(channel_noise.whiten(fit.series.whitening, fit.prediction.seen)))
     return np.asarray(np.einsum("rnki,rni...->rnk...", own, on_rows(fit, values)))
 
 
@@ -203,7 +203,7 @@ def fit(
     motion at the start.
     """
     layout = layout_of(series, point, freedom)
-    p = passive_damping(point.p) if freedom.passive else point.p
+    p = restrict_damping(point.p) if freedom.passive else point.p
     point = replace(point, p=np.where(freedom.std == 0, freedom.mean, p))
     # as a part of χ²: four reals a row, so that χ² is about as large as their number
     settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
@@ -249,4 +249,4 @@ def _measured_motion(series: MeasuredRuns, point: Point) -> Near | None:
     """Near which driven runs move: as they were measured. None for free ones, which need no guess."""
     if not series.forced.any():
         return None
-    return propagation(Prediction(series, point, series.envelope, series.envelope)).near
+    return linearise_flow(Prediction(series, point, series.envelope, series.envelope)).near

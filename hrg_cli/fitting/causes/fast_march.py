@@ -54,7 +54,7 @@ class RuleSteps(NamedTuple):
     jumps: Array
 
 
-def _along(
+def _turn_drive(
     c: complex, s: complex, v0: complex, v1: complex, of: Instants, r: int, k: int
 ) -> tuple[complex, complex]:
     """The drive along the axes of envelopes (c, s) that move as (v0, v1) do."""
@@ -89,9 +89,9 @@ def _slope(
     c: complex, s: complex, of: Instants, r: int, k: int, shared: Constants
 ) -> tuple[complex, complex]:
     """dv/dt = Lv + (1 + second) f."""
-    f0, f1 = _along(c, s, c, s, of, r, k)
+    f0, f1 = _turn_drive(c, s, c, s, of, r, k)
     if shared.lead != 0:
-        f0, f1 = _along(c + shared.lead * f0, s + shared.lead * f1, c, s, of, r, k)
+        f0, f1 = _turn_drive(c + shared.lead * f0, s + shared.lead * f1, c, s, of, r, k)
     second = shared.second
     return (
         of.L[r, k, 0, 0] * c + of.L[r, k, 0, 1] * s + f0 + second[0, 0] * f0 + second[0, 1] * f1,
@@ -138,4 +138,6 @@ def compiled() -> Callable[[Instants, Instants, RuleSteps, Constants, Array], No
         return _march_of(njit)["march"]
 
 
-_march_of = functools.partial(compile_all, functions=(_along, _slope, _carry, march), opened=())
+_march_of = functools.partial(
+    compile_all, functions=(_turn_drive, _slope, _carry, march), opened=()
+)

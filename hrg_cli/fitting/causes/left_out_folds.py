@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..least_squares import solve
-from .designs import orthonormal
+from .designs import orthonormalise
 
 Array = np.ndarray
 
@@ -45,14 +45,44 @@ def predict_folds(
     prior: Array | None = None,
     least_information: float = 0.0,
 ) -> Array:
-    """Residual (N,) of every fold when the shared columns are fitted on the other folds, linearised
-    at the optimum.
+    """What every fold shows beside a fit to the other folds, linearised at the optimum of all.
 
-    residual (N,) at the joint optimum; shared (N, k); own[f] (N_f, q) columns that belong to fold f
-    alone (fitted on it in both cases); folds: index arrays. The joint optimum is moved to the
-    optimum without the fold by one exact linear step. least_information: part of all information on
-    a combination of numbers that the other folds must hold; one of which they hold less stays where
-    it is.
+    The joint optimum is moved to the optimum without the fold by one exact linear step. No fold is
+    judged by a model that has seen it.
+
+    Parameters
+    ----------
+    residual
+        (N,), at the joint optimum, over σ.
+    shared
+        (N, k): columns of what is fitted on the other folds.
+    own
+        Fold -> (N_f, q): columns that belong to it alone, and are fitted on it in both cases.
+    folds
+        The rows of each, as places.
+    prior
+        (h, k): rows that pull the shared numbers, over their σ; None for none.
+    least_information
+        Part of all information on a combination of numbers that the other folds must hold; one of
+        which they hold less stays where it is.
+
+    Returns
+    -------
+    ndarray
+        (N,): what is left of every row, over σ.
+
+    Examples
+    --------
+    Two folds of a mean. Each is predicted by the other, which misses it by their difference:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.left_out_folds import predict_folds
+    >>> readings = np.array([0.0, 0.0, 1.0, 1.0])
+    >>> folds = [np.array([0, 1]), np.array([2, 3])]
+    >>> none = {0: np.zeros((2, 0)), 1: np.zeros((2, 0))}
+    >>> left = predict_folds(readings - 0.5, np.ones((4, 1)), none, folds)
+    >>> left.round(9).tolist()
+    [-1.0, -1.0, 1.0, 1.0]
     """
     out = residual.copy()
     bases = _bases(own, folds)
@@ -136,7 +166,7 @@ def _least(equations: Array, size: Array, least_information: float) -> tuple[flo
 def _bases(own: Mapping[int, Array], folds: Sequence[Array]) -> list[Array]:
     """Orthonormal columns of what belongs to each fold alone."""
     return [
-        orthonormal(own[f]) if own[f].shape[1] else np.zeros((len(rows), 0))
+        orthonormalise(own[f]) if own[f].shape[1] else np.zeros((len(rows), 0))
         for f, rows in enumerate(folds)
     ]
 

@@ -124,7 +124,7 @@ class MeasuredRuns:
         """Envelopes (R, n, 2) in the signals' unit from the same over their noise; 0 where a row has
         no weight."""
         weight = np.where(self.weight > 0, self.weight, np.inf)[..., None]
-        return channel_noise.whiten(channel_noise.inverse(self.whitening), over_noise / weight)
+        return channel_noise.whiten(channel_noise.invert(self.whitening), over_noise / weight)
 
     @property
     def numbers(self) -> Array:

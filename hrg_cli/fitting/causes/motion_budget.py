@@ -18,10 +18,36 @@ _left: ContextVar[list[int] | None] = ContextVar("motions left", default=None)
 
 @contextmanager
 def limit_motions(motions: int) -> Iterator[None]:
-    """Fits within may compute so many motions together: the work of a search that leads nowhere
-    ends, at the same place on every machine.
+    """Fits within may compute so many motions together.
 
-    WorkSpentError: from the fit that asks for one more.
+    The work of a search that leads nowhere ends, at the same place on every machine: a limit in seconds
+    would end it elsewhere on a slower one.
+
+    Parameters
+    ----------
+    motions
+        How many.
+
+    Returns
+    -------
+    context manager
+        Within it `spend_motion` counts.
+
+    Raises
+    ------
+    WorkSpentError
+        From the fit that asks for one more.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.causes.motion_budget import WorkSpentError, limit_motions, spend_motion
+    >>> with limit_motions(2):
+    ...     for number in range(3):
+    ...         try:
+    ...             spend_motion()
+    ...         except WorkSpentError as error:
+    ...             print(number, error)
+    2 the search for causes was stopped after 2 fitted motions
     """
     token = _left.set([motions, motions])
     try:
@@ -31,7 +57,19 @@ def limit_motions(motions: int) -> Iterator[None]:
 
 
 def spend_motion() -> None:
-    """One more motion. WorkSpentError: it is one too many."""
+    """Count one more motion; outside `limit_motions` nothing is counted.
+
+    Raises
+    ------
+    WorkSpentError
+        It is one too many.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.causes.motion_budget import limit_motions, spend_motion
+    >>> with limit_motions(1):
+    ...     spend_motion()
+    """
     left = _left.get()
     if left is None:
         return

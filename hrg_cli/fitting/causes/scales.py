@@ -24,7 +24,24 @@ SMALL_PART = 1e-2
 
 
 def seconds_in(units: str) -> int:
-    """Power of the second in a unit such as "rad s-1", "s-2", "s K-1" or "Hz"."""
+    """Power of the second in a unit.
+
+    Parameters
+    ----------
+    units
+        Such as "rad s-1", "s-2", "s K-1" or "Hz".
+
+    Returns
+    -------
+    int
+        0 where there is none.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.causes.scales import seconds_in
+    >>> [seconds_in(units) for units in ("rad s-1", "s-2", "s K-1", "Hz", "1")]
+    [-1, -2, 1, -1, 0]
+    """
     power = 0
     for factor in units.split():
         if factor == "Hz":
@@ -34,36 +51,141 @@ def seconds_in(units: str) -> int:
     return power
 
 
-def typical(parameter: Parameter, amplitude: float, frequency_hz: float) -> float:
-    """Typical size of a parameter for data of this amplitude and frequency."""
+def find_typical_size(parameter: Parameter, amplitude: float, frequency_hz: float) -> float:
+    """Typical size of a parameter for data of this amplitude and frequency.
+
+    The catalogue states it for a shell of 5 kHz at unit amplitude. A parameter in s⁻ᵏ scales with the
+    oscillation's frequency to the k-th power, one in amplitudeᵏ with the data's amplitude.
+
+    Parameters
+    ----------
+    parameter
+        Of an effect.
+    amplitude
+        Of the data, in their unit.
+    frequency_hz
+        Of the oscillation.
+
+    Returns
+    -------
+    float
+        In the parameter's unit.
+
+    Examples
+    --------
+    A rate in s⁻¹ is ten times smaller for a resonator that is ten times slower:
+
+    >>> from hrg_cli.fitting.causes.scales import find_typical_size
+    >>> from types import SimpleNamespace
+    >>> rate = SimpleNamespace(units="s-1", typical=1e-3, amplitude_power=0)
+    >>> round(find_typical_size(rate, 1.0, 500.0), 9)
+    0.0001
+    """
     in_time = (frequency_hz / CATALOGUE_HZ) ** -seconds_in(parameter.units)
     return parameter.typical * amplitude**parameter.amplitude_power * in_time
 
 
 def amplitude_of(series: MeasuredRuns) -> float:
-    """Root mean square amplitude of the data."""
+    """Root mean square amplitude of the data.
+
+    Parameters
+    ----------
+    series
+        The runs; rows without weight do not count.
+
+    Returns
+    -------
+    float
+        In the data's unit.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.scales import amplitude_of
+    >>> u = np.array([[[3.0, 4.0], [30.0, 40.0]]])
+    >>> amplitude_of(SimpleNamespace(envelope=u, weight=np.array([[1.0, 0.0]])))
+    5.0
+    """
     power = np.sum(np.abs(series.envelope) ** 2, axis=-1)
     return float(np.sqrt(power[series.weight > 0].mean()))
 
 
 def steps_of(effect: Effect, series: MeasuredRuns) -> dict[str, float]:
-    """Difference steps of an effect's fitted parameters for these data."""
+    """Difference steps of an effect's fitted parameters for these data.
+
+    Parameters
+    ----------
+    effect
+        Of the catalogue.
+    series
+        The runs, with their reference frequency.
+
+    Returns
+    -------
+    dict
+        Parameter -> step: `SMALL_PART` of its typical size.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.scales import steps_of
+    >>> rate = SimpleNamespace(name="rate", units="s-1", typical=1e-3, amplitude_power=0)
+    >>> data = SimpleNamespace(
+    ...     envelope=np.ones((1, 1, 2)), weight=np.ones((1, 1)), reference_frequency_hz=5000.0
+    ... )
+    >>> {n: round(s, 9) for n, s in steps_of(SimpleNamespace(fitted=lambda: [rate]), data).items()}
+    {'rate': 1e-05}
+    """
     amplitude = amplitude_of(series)
     return {
-        p.name: SMALL_PART * typical(p, amplitude, series.reference_frequency_hz)
+        p.name: SMALL_PART * find_typical_size(p, amplitude, series.reference_frequency_hz)
         for p in effect.fitted()
     }
 
 
-def strength(
+def measure_strength(
     effect: Effect, values: Mapping[str, float], u: Array, state: SlowState
 ) -> tuple[float, float]:
-    """How strongly an effect acts: (|du/dt| it adds over ω|u|, |change of what is seen| over |u|),
-    root mean squares along the runs.
+    """How strongly an effect acts on the motion, and on what is seen of it.
 
-    Pure numbers, so that "small beside the oscillation" means the same in every unit. What an
-    effect does to the environment counts by the turn it makes of the motion (rate) and by the part
-    of the logged range it moves the temperature.
+    Pure numbers, so that "small beside the oscillation" means the same in every unit. What an effect
+    does to the environment counts by the turn it makes of the motion (rate) and by the part of the
+    logged range it moves the temperature.
+
+    Parameters
+    ----------
+    effect
+        Of the catalogue.
+    values
+        Its parameters.
+    u
+        (..., 2): envelopes along the runs.
+    state
+        The environment there.
+
+    Returns
+    -------
+    tuple of float
+        |du/dt| that it adds over ω|u|, and |change of what is seen| over |u|, root mean squares.
+
+    Examples
+    --------
+    A read-out one per cent too strong does nothing to the motion:
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.effects.effect import no_term, same_state
+    >>> from hrg_cli.fitting.causes.scales import measure_strength
+    >>> too_strong = SimpleNamespace(
+    ...     slow=no_term,
+    ...     slow_readout=lambda values, u, state: (1 + values["part"]) * u,
+    ...     slow_environment=same_state,
+    ... )
+    >>> motion, seen = measure_strength(too_strong, {"part": 0.01}, np.ones((5, 2), complex), None)
+    >>> motion, round(seen, 9)
+    (0.0, 0.01)
     """
     size = float(np.sqrt(np.mean(np.abs(u) ** 2)))
     if not size > 0:

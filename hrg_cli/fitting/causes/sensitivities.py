@@ -15,14 +15,14 @@ from ..envelopes.coordinates import COUNT, SECOND_ORDER
 from .measured_runs import MeasuredRuns
 from .slow_equation import (
     RungeKuttaStage,
-    generators,
-    jump,
+    apply_generators,
+    build_generators,
+    find_steady_generators,
+    predict_jumps,
     second_order_force,
-    steady_generators,
-    times,
 )
 from .slow_prediction import Near, Prediction, accumulate_steps
-from .wave_frame import imaginary, real, real_matrix
+from .wave_frame import real_matrix, to_complex, to_reals
 
 Array = np.ndarray
 ORDER_STEP = 1e-2
@@ -43,8 +43,8 @@ def slope(function: object, u: Array) -> Array:
     size = 1e-4 * np.maximum(np.sqrt(np.sum(np.abs(u) ** 2, -1, keepdims=True)), 1e-300)
     columns = []
     for unit in np.eye(4):
-        step = size * imaginary(unit)
-        columns.append(real((function(u + step) - function(u - step)) / (2 * size)))  # type: ignore[operator]
+        step = size * to_complex(unit)
+        columns.append(to_reals((function(u + step) - function(u - step)) / (2 * size)))  # type: ignore[operator]
     return np.stack(columns, axis=-1)
 
 
@@ -115,21 +115,23 @@ class Propagation:
         return self.prediction.judged(self.viewed(change))
 
 
-def propagation(prediction: Prediction) -> Propagation:
+def linearise_flow(prediction: Prediction) -> Propagation:
     """The linearised flow along a prediction."""
     series, point, u = prediction.series, prediction.point, prediction.motion
     centre = series.middle()
     h = series.step_s[..., None, None]
-    L, M = generators(series, point), generators(centre, point)
-    steady = steady_generators(series, L)[:, None]
+    L, M = build_generators(series, point), build_generators(centre, point)
+    steady = find_steady_generators(series, L)[:, None]
     L, M = L - steady, M - steady
     rows, halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
-    slope_rows = times(L, u) + rows.beside(u)
+    slope_rows = apply_generators(L, u) + rows.beside(u)
     hh, half = series.step_s[..., None], series.step_s / 2
     # cubic Hermite interpolation of the midpoint, in the frame that moves with the steady part
     ahead, back = exponential(steady, half), exponential(steady, -half)
-    middle = (times(back, u[:, 1:]) + times(ahead, u[:, :-1])) / 2 + hh / 8 * (
-        times(ahead, slope_rows[:, :-1]) - times(back, slope_rows[:, 1:])
+    middle = (
+        apply_generators(back, u[:, 1:]) + apply_generators(ahead, u[:, :-1])
+    ) / 2 + hh / 8 * (
+        apply_generators(ahead, slope_rows[:, :-1]) - apply_generators(back, slope_rows[:, 1:])
     )
     A, B = real_matrix(L), real_matrix(M)
     view = None
@@ -162,13 +164,17 @@ def _base_sources(
     plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
     full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
     turning = series.rate_rad_s[..., None] * np.stack([u[..., 1], -u[..., 0]], -1)
-    columns = [times(b, u) for b in coordinates.BASIS] + [turning, times(full - plain, u), 1j * u]
+    columns = [apply_generators(b, u) for b in coordinates.BASIS] + [
+        turning,
+        apply_generators(full - plain, u),
+        1j * u,
+    ]
     if flow.prediction.series.forced.any():
         # the force's second order goes with the same coordinates
         drive = stage.lit(u).drive
         for k in SPLIT:
             second = second_order_force(np.eye(COUNT)[k], hz)
-            columns[k] = columns[k] + point.p[SECOND_ORDER] * times(second, drive)
+            columns[k] = columns[k] + point.p[SECOND_ORDER] * apply_generators(second, drive)
         change = stage.ordered(_more_order(point.p), hz).beside(u) - stage.beside(u)
         columns[COUNT - 1] = columns[COUNT - 1] + change / ORDER_STEP
     held = np.isfinite(series.held_amplitude)
@@ -178,7 +184,7 @@ def _base_sources(
         for c in columns:
             along = held * np.real(np.sum(c * e_A, axis=-1) * np.conj(turn)) * turn
             c -= along[..., None] * e_A
-    return np.stack([real(c) for c in columns], axis=-1)
+    return np.stack([to_reals(c) for c in columns], axis=-1)
 
 
 def _more_order(p: Array) -> Array:
@@ -186,7 +192,7 @@ def _more_order(p: Array) -> Array:
     return np.asarray(p + np.eye(COUNT)[COUNT - 1] * ORDER_STEP)
 
 
-def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
+def find_base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     """Over σ: of the shared coordinates (R, n, 4, 7), and of each run's own start state and
     frequency (R, n, 4, 5)."""
     prediction = flow.prediction
@@ -199,7 +205,7 @@ def base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     carried = flow.viewed(flow.carried(np.pad(rows, pad), np.pad(mids, pad), start))
     if series.forced.any():
         more = flow.rows.ordered(_more_order(prediction.point.p), series.reference_frequency_hz)
-        carried[..., COUNT - 1] += real(more.seen(u) - flow.rows.seen(u)) / ORDER_STEP
+        carried[..., COUNT - 1] += to_reals(more.seen(u) - flow.rows.seen(u)) / ORDER_STEP
     carried = prediction.judged(carried)
     own = np.concatenate([carried[..., COUNT + 1 :], carried[..., COUNT : COUNT + 1]], axis=-1)
     return carried[..., :COUNT], own
@@ -259,7 +265,7 @@ class _Seen:
         jumps = None
         if effect.slow_jump is not None:
             series, point = self.flow.prediction.series, self.flow.prediction.point
-            jumps = _differences(lambda p: jump(series, point, effect, p), pairs, self.u)
+            jumps = _differences(lambda p: predict_jumps(series, point, effect, p), pairs, self.u)
         return _Terms(rows, middles, direct, jumps)
 
     def _through_the_environment(self, effect: Effect, pairs: Sequence[_Pair]) -> _Terms:
@@ -292,7 +298,7 @@ def _differences(
             low, before = term(down), down
         change = term(up) - low
         largest = max(largest, float(np.max(np.abs(change))))
-        columns.append(real(change) / span)
+        columns.append(to_reals(change) / span)
     return (
         np.stack(columns, axis=-1)
         if not largest <= ROUNDING * float(np.max(np.abs(beside)))
@@ -314,10 +320,10 @@ def effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Ar
     ]
     out = [np.zeros((*flow.prediction.series.weight.shape, 4, count)) for count in counts]
     if moving:
-        rows = [_given(terms[k].at_rows, out[k]) for k in moving]
-        middles = [_given(terms[k].at_middle, out[k][:, 1:]) for k in moving]
+        rows = [_fill_missing(terms[k].at_rows, out[k]) for k in moving]
+        middles = [_fill_missing(terms[k].at_middle, out[k][:, 1:]) for k in moving]
         jumps = (
-            [_given(terms[k].in_steps, out[k][:, 1:]) for k in moving]
+            [_fill_missing(terms[k].in_steps, out[k][:, 1:]) for k in moving]
             if any(t.in_steps is not None for t in terms)
             else None
         )
@@ -341,5 +347,5 @@ def effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Ar
     ]
 
 
-def _given(terms: Array | None, nothing: Array) -> Array:
+def _fill_missing(terms: Array | None, nothing: Array) -> Array:
     return nothing if terms is None else terms

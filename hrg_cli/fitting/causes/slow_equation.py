@@ -63,7 +63,7 @@ class RungeKuttaStage:
         self.holds = bool(np.any(np.isfinite(series.held_amplitude)))
         self.L = np.empty((*series.time_s.shape, 0))
         if self.holds:
-            self.L = generators(series, point) - mean_turns(series)[:, None]
+            self.L = build_generators(series, point) - mean_turns(series)[:, None]
         self.plain = _plain(series, point)
         self.frame_turn = series.frame_turn
         self.held, self.held_slope = series.held_amplitude, series.held_slope
@@ -125,7 +125,7 @@ class RungeKuttaStage:
         main = self.main
         if self.holds:
             # the amplitude's own equation solved for the force, and a slow pull to where it was measured
-            loss = np.real(np.sum(times(self.L, v) * e_A, axis=-1) * np.conj(turn))
+            loss = np.real(np.sum(apply_generators(self.L, v) * e_A, axis=-1) * np.conj(turn))
             main = np.where(
                 np.isfinite(self.held),
                 self.held_slope - loss + self.follow_1_s * (self.held - a_A),
@@ -148,7 +148,7 @@ class RungeKuttaStage:
         """The envelopes u = v + jf/2ω + jL₂v/2ω that demodulation shows of the displacement, before
         the read-outs."""
         u = v + self.lead * self.drive(v) if self.driven else v
-        return u if self.beside_motion is None else u + times(self.beside_motion, v)
+        return u if self.beside_motion is None else u + apply_generators(self.beside_motion, v)
 
     def lit(self, u: Array) -> SlowState:
         """What the effects look at beside the envelopes u, with the drive these call for."""
@@ -174,7 +174,11 @@ class RungeKuttaStage:
     def beside(self, v: Array) -> Array:
         """dv/dt beside L v."""
         state = self.lit(v)
-        total = state.drive + times(self.second, state.drive) if self.driven else np.zeros_like(v)
+        total = (
+            state.drive + apply_generators(self.second, state.drive)
+            if self.driven
+            else np.zeros_like(v)
+        )
         for effect, values in self.active:
             if effect.slow is not no_term:
                 total += effect.slow(values, self.acted_on(effect, v, state), state)
@@ -190,7 +194,7 @@ class RungeKuttaStage:
         damping that changes by Δν leaves out ΔνKΩ/ω of quadrature a second.
         """
         if effect.acts_on == "velocity":
-            return v - self.lead * (2 * times(self.plain, v) + state.drive)
+            return v - self.lead * (2 * apply_generators(self.plain, v) + state.drive)
         by_loops = self.driven and effect.family == "control"
         return v + self.lead * state.drive if by_loops else v
 
@@ -228,7 +232,7 @@ def lead_of_force(frequency_hz: float) -> complex:
     return 1j / (4 * np.pi * frequency_hz)
 
 
-def generators(series: MeasuredRuns, point: Point) -> Array:
+def build_generators(series: MeasuredRuns, point: Point) -> Array:
     """The generator L + [L, A] (R, n, 2, 2) of what moves, with the runs' frequency offsets.
 
     At a constant rate the displacement u = (1 + A)v, A = jL₂/2ω, follows u' = Lu: v follows
@@ -247,7 +251,7 @@ def mean_turns(series: MeasuredRuns) -> Array:
     return 1j * series.turn_rad_s[:, None, None] * np.eye(2)
 
 
-def steady_generators(series: MeasuredRuns, L: Array) -> Array:
+def find_steady_generators(series: MeasuredRuns, L: Array) -> Array:
     """The part (R, 2, 2) of every run's generators L (R, n, 2, 2) that its steps take exactly: the
     mean of a free run's, of a driven run the mean turn alone.
 
@@ -273,7 +277,7 @@ def _plain(series: MeasuredRuns, point: Point) -> Array:
     return coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
 
 
-def jump_times(series: MeasuredRuns, point: Point) -> list[float]:
+def find_jump_times(series: MeasuredRuns, point: Point) -> list[float]:
     """Instants at which effects of a point make the motion jump."""
     state = state_of(series, point)
     return [
@@ -283,7 +287,9 @@ def jump_times(series: MeasuredRuns, point: Point) -> list[float]:
     ]
 
 
-def jump(series: MeasuredRuns, point: Point, effect: Effect, values: Mapping[str, float]) -> Array:
+def predict_jumps(
+    series: MeasuredRuns, point: Point, effect: Effect, values: Mapping[str, float]
+) -> Array:
     """What an effect adds to the envelopes within each step by a jump at an instant, as the row
     after it sees it, (R, n − 1, 2).
 
@@ -295,14 +301,14 @@ def jump(series: MeasuredRuns, point: Point, effect: Effect, values: Mapping[str
     instant, change = effect.slow_jump(values, state_of(series, point))
     t, h = series.time_s, series.step_s
     share = np.diff(part_after(t, instant), axis=1) * (h > 0)
-    L = generators(series, point)[:, 1:]
+    L = build_generators(series, point)[:, 1:]
     near = np.where(share != 0, t[:, 1:] - instant, 0.0)
-    return share[..., None] * times(
+    return share[..., None] * apply_generators(
         exponential(L, near), np.broadcast_to(change, (*share.shape, 2))
     )
 
 
-def times(L: Array, u: Array) -> Array:
+def apply_generators(L: Array, u: Array) -> Array:
     """L u over (..., 2, 2) and (..., 2)."""
     c, s = u[..., 0], u[..., 1]
     first = L[..., 0, 0] * c + L[..., 0, 1] * s

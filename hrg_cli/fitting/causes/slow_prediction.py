@@ -19,8 +19,14 @@ from . import fast_march
 from .fast_march import RuleSteps
 from .fit_point import Point
 from .measured_runs import MeasuredRuns
-from .slow_equation import RungeKuttaStage, generators, jump, steady_generators, times
-from .wave_frame import imaginary, real, real_matrix
+from .slow_equation import (
+    RungeKuttaStage,
+    apply_generators,
+    build_generators,
+    find_steady_generators,
+    predict_jumps,
+)
+from .wave_frame import real_matrix, to_complex, to_reals
 
 Array = np.ndarray
 CLEAR = 10.0
@@ -60,9 +66,9 @@ class Prediction:
         if series.free_phase:
             seen, said = (channel_noise.whiten(series.whitening, u) for u in (measured, foretold))
             turn = np.exp(-1j * np.angle(np.sum(seen * np.conj(said), axis=-1)))
-            return real(series.over_noise(measured * turn[..., None] - foretold))
+            return to_reals(series.over_noise(measured * turn[..., None] - foretold))
         psi = self.phase_error()[..., None]
-        return real(
+        return to_reals(
             series.over_noise(measured * np.exp(-1j * psi) - foretold + 1j * psi * foretold)
         )
 
@@ -72,7 +78,7 @@ class Prediction:
         change = self.series.reals_over_noise(change)
         if not self.series.free_phase:
             return change
-        turned = real(1j * channel_noise.whiten(self.series.whitening, self.seen))
+        turned = to_reals(1j * channel_noise.whiten(self.series.whitening, self.seen))
         size = np.sum(turned**2, axis=-1, keepdims=True)
         unit = turned / np.sqrt(np.where(size > 0, size, 1.0))
         left = change - unit[..., None] * np.einsum("rni,rnik->rnk", unit, change)[:, :, None, :]
@@ -107,11 +113,18 @@ class Rule:
     def __init__(self, series: MeasuredRuns, point: Point) -> None:
         centre = series.middle()
         self.rows, self.halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
-        L, steady = generators(series, point), steady_generators(series, generators(series, point))
-        self.L, self.M = L - steady[:, None], generators(centre, point) - steady[:, None]
+        L, steady = (
+            build_generators(series, point),
+            find_steady_generators(series, build_generators(series, point)),
+        )
+        self.L, self.M = L - steady[:, None], build_generators(centre, point) - steady[:, None]
         self.h, self.E = series.step_s[..., None], exponential(steady[:, None], series.step_s / 2)
         self.jumps = sum(
-            (jump(series, point, *pair) for pair in point.active if pair[0].slow_jump is not None),
+            (
+                predict_jumps(series, point, *pair)
+                for pair in point.active
+                if pair[0].slow_jump is not None
+            ),
             np.zeros_like(self.h),
         )
         if series.walk is not None:
@@ -131,13 +144,20 @@ class Rule:
         h, E = self.h[:, k], self.E[:, k]
 
         def slope(L: Array, stage: int, v: Array) -> Array:
-            return times(L, v) if stages is None else times(L, v) + stages[stage].beside(v)
+            return (
+                apply_generators(L, v)
+                if stages is None
+                else apply_generators(L, v) + stages[stage].beside(v)
+            )
 
         k1 = slope(self.L[:, before], 0, u)
-        k2 = slope(self.M[:, k], 1, times(E, u + h / 2 * k1))
-        k3 = slope(self.M[:, k], 1, times(E, u) + h / 2 * k2)
-        k4 = slope(self.L[:, after], 2, times(E, times(E, u) + h * k3))
-        smooth = times(E, times(E, u + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
+        k2 = slope(self.M[:, k], 1, apply_generators(E, u + h / 2 * k1))
+        k3 = slope(self.M[:, k], 1, apply_generators(E, u) + h / 2 * k2)
+        k4 = slope(self.L[:, after], 2, apply_generators(E, apply_generators(E, u) + h * k3))
+        smooth = (
+            apply_generators(E, apply_generators(E, u + h / 6 * k1) + h / 3 * (k2 + k3))
+            + h / 6 * k4
+        )
         return smooth if stages is None else smooth + self.jumps[:, k]
 
     def linear(self) -> Array:
@@ -156,7 +176,7 @@ class Rule:
         last, zero = np.inf, np.zeros((len(u), 4, 1))
         for _ in range(MOST_SWEEPS):
             missed = self.step(u[:, :-1], ALL, stages) - u[:, 1:]
-            change = imaginary(accumulate_steps(step, zero, real(missed)[..., None])[..., 0])
+            change = to_complex(accumulate_steps(step, zero, to_reals(missed)[..., None])[..., 0])
             u = u + change
             size = float(np.max(np.abs(change))) / float(np.max(np.abs(u)))
             if not size < max(last, DRIFTING):
@@ -211,7 +231,7 @@ def predict(series: MeasuredRuns, point: Point, near: Near | None = None) -> Pre
         u = np.empty((*series.time_s.shape, 2), complex)
         u[:, 0] = point.start
         for k in range(u.shape[1] - 1):
-            u[:, k + 1] = times(propagators[:, k], u[:, k])
+            u[:, k + 1] = apply_generators(propagators[:, k], u[:, k])
         if rule.rows.idle:
             return Prediction(series, point, u, rule.rows.seen(u))
         step = real_matrix(propagators)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .designs import Softened
-from .wave_frame import imaginary
+from .wave_frame import to_complex
 
 Array = np.ndarray
 
@@ -50,7 +50,7 @@ class LogPieces:
         """Jumps (n − 1, 2) of one run's steps by values (c · pieces,) of its pieces."""
         rows = value.reshape(-1, self.count)[:, self.piece] * self.share
         return np.asarray(
-            imaginary(np.einsum("kic,ck->ki", self.jumps[run], rows[:, 1:] + rows[:, :-1]))
+            to_complex(np.einsum("kic,ck->ki", self.jumps[run], rows[:, 1:] + rows[:, :-1]))
         )
 
 

@@ -8,25 +8,106 @@ import numpy as np
 Array = np.ndarray
 
 
-def real(u: Array) -> Array:
-    """(..., 2) complex as (..., 4) reals: Re C, Re S, Im C, Im S."""
+def to_reals(u: Array) -> Array:
+    """Complex envelopes as reals: Re C, Re S, Im C, Im S.
+
+    Parameters
+    ----------
+    u
+        (..., 2), complex.
+
+    Returns
+    -------
+    ndarray
+        (..., 4).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.wave_frame import to_reals
+    >>> to_reals(np.array([1 + 2j, 3 + 4j])).tolist()
+    [1.0, 3.0, 2.0, 4.0]
+    """
     return np.concatenate([u.real, u.imag], axis=-1)
 
 
-def imaginary(x: Array) -> Array:
-    """Inverse of `real`."""
+def to_complex(x: Array) -> Array:
+    """Complex envelopes of reals: the inverse of `to_reals`.
+
+    Parameters
+    ----------
+    x
+        (..., 4): Re C, Re S, Im C, Im S.
+
+    Returns
+    -------
+    ndarray
+        (..., 2), complex.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.wave_frame import to_complex
+    >>> to_complex(np.array([1.0, 3.0, 2.0, 4.0])).tolist()
+    [(1+2j), (3+4j)]
+    """
     return x[..., :2] + 1j * x[..., 2:]
 
 
 def real_matrix(L: Array) -> Array:
-    """Complex (..., 2, 2) as the real (..., 4, 4) that acts on `real` vectors."""
+    """The real matrix that does to `to_reals` vectors what a complex one does to envelopes.
+
+    Parameters
+    ----------
+    L
+        (..., 2, 2), complex.
+
+    Returns
+    -------
+    ndarray
+        (..., 4, 4).
+
+    Examples
+    --------
+    A turn of the phase by 90° is a turn in the plane of Re and Im:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.wave_frame import real_matrix, to_reals
+    >>> u = np.array([1.0 + 0j, 2.0])
+    >>> (real_matrix(1j * np.eye(2)) @ to_reals(u)).tolist() == to_reals(1j * u).tolist()
+    True
+    """
     top = np.concatenate([L.real, -L.imag], axis=-1)
     return np.concatenate([top, np.concatenate([L.imag, L.real], axis=-1)], axis=-2)
 
 
-def directions(u: Array) -> Array:
-    """Unit changes (..., 4, 2) of envelopes u (..., 2): in relative amplitude, phase, angle (across
-    the wave) and ellipticity."""
+def find_directions(u: Array) -> Array:
+    """Unit changes of envelopes along which two waves can differ.
+
+    For a line u = a e^{jφ}(cos mθ, sin mθ) they are u/a, ju/a, w and jw with w = e^{−jφ}(−sin mθ, cos mθ):
+    relative amplitude, phase, and across the wave angle and ellipticity. The last two are these where φ
+    is 0; elsewhere they span the same plane, turned by 2φ in it.
+
+    Parameters
+    ----------
+    u
+        (..., 2), complex envelopes.
+
+    Returns
+    -------
+    ndarray
+        (..., 4, 2), complex, of length one.
+
+    Examples
+    --------
+    A small turn of a line adds what lies across it; a change of its phase adds a quarter period:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.wave_frame import find_directions
+    >>> _, phase, angle, _ = find_directions(np.array([2.0 + 0j, 0.0]))
+    >>> phase.tolist(), (angle + 0).real.tolist()
+    ([1j, 0j], [0.0, 1.0])
+    """
     size = np.sqrt(np.sum(np.abs(u) ** 2, axis=-1, keepdims=True))
     along = u / np.where(size > 0, size, 1.0)
     across = np.stack([-np.conj(along[..., 1]), np.conj(along[..., 0])], axis=-1)

@@ -15,7 +15,7 @@ from .fit_point import Point
 from .layout import FitColumns
 from .measured_runs import MeasuredRuns
 from .scales import steps_of
-from .sensitivities import Propagation, Wanted, base_sensitivities, effect_sensitivities
+from .sensitivities import Propagation, Wanted, effect_sensitivities, find_base_sensitivities
 
 Array = np.ndarray
 
@@ -43,14 +43,14 @@ def whiten_rows(series: MeasuredRuns, values: Array) -> Array:
     return rows if series.scatter is None else series.scatter.off(rows)
 
 
-def sensitivity(
+def find_sensitivity(
     flow: Propagation, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]
 ) -> Array:
     """An effect's sensitivities over σ, (N, K)."""
-    return sensitivities(flow, [(effect, values, steps)])[0]
+    return find_sensitivities(flow, [(effect, values, steps)])[0]
 
 
-def sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Array]:
+def find_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Array]:
     """Of many effects, (N, K) each."""
     return [
         flatten_rows(flow.prediction.series, columns)
@@ -71,7 +71,7 @@ def layout_of(series: MeasuredRuns, point: Point, freedom: CoordinatePriors) -> 
 def design_of(flow: Propagation, layout: FitColumns) -> Design:
     """Whitened design of coordinates, runs and active effects."""
     series, point = flow.prediction.series, flow.prediction.point
-    of_all, of_each = base_sensitivities(flow)
+    of_all, of_each = find_base_sensitivities(flow)
     shared, own = flatten_own(series, of_all), flatten_own(series, of_each)
     wanted = [
         (e, v, _fitted_steps(e, v, series)) for e, v in point.active if layout.parameters(e.name)

@@ -38,7 +38,7 @@ from .coordinates import (
 )
 from .envelope_runs import EnvelopeRun
 from .inference import widen_axes
-from .method_ranges import USES_AXES, out_of_range, warnings
+from .method_ranges import USES_AXES, list_warnings, out_of_range
 from .normal_equations import Normal, add_normals, normal, take_means_off
 from .regressions import CORRECTIONS, SETTLED, WIDE_STEP, Noiseless, Regression
 
@@ -338,7 +338,7 @@ def solve(
     return Regression(
         p,
         np.nan_to_num(covariance),
-        warnings(runs, METHOD, False),
+        list_warnings(runs, METHOD, False),
         run_chi2=found.chi2,
         run_rows=found.freedom,
         unsettled=change,

@@ -68,7 +68,9 @@ def start_from_propagator(
     return p, offsets, covariance, space
 
 
-def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: int = 300) -> Fit:
+def fit_base_model(
+    runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: int = 300
+) -> Fit:
     """The likelihood's optimum over free runs; averaged envelopes, phase orders as the data demand.
 
     HrgError: no run, mixed mode numbers, or nothing that can be fitted.
@@ -76,7 +78,7 @@ def base_fit(runs: Sequence[EnvelopeRun], known: Known | None = None, blocks: in
     check_runs(runs)
     try:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            best = _base_fit(runs, known or Known(), blocks)
+            best = _fit_free_runs(runs, known or Known(), blocks)
     except np.linalg.LinAlgError:
         best = None
     if best is None or has_run_away(best):
@@ -102,7 +104,7 @@ def _advice(runs: Sequence[EnvelopeRun], known: Known) -> str:
         if known.scale_factor is not None
         else nominal_scale_factor(runs[0].mode_number)
     )
-    turning = [rows.speed(r, np.eye(COUNT)[5] * factor) * r.window_s for r in runs]
+    turning = [rows.estimate_speed(r, np.eye(COUNT)[5] * factor) * r.window_s for r in runs]
     worst = int(np.argmax(turning))
     if turning[worst] < WRAPPED_RAD:
         return "look at the envelopes"
@@ -113,8 +115,8 @@ def _advice(runs: Sequence[EnvelopeRun], known: Known) -> str:
     )
 
 
-def _base_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
-    courses = phase_course.bends(runs, _rough_scale_factor(runs, known))
+def _fit_free_runs(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
+    courses = phase_course.find_bends(runs, _rough_scale_factor(runs, known))
     # normal modes that decay unequally hand the wave over, which bends its phase too: that is the
     # model's own, and taken off as a course it would be missed
     plain = None if courses is None else _fit_at_once(runs, known, blocks)
@@ -161,7 +163,7 @@ def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | 
     best: Fit | None = None
     for p, offsets in _starts(runs, known):
         for held_first in (False, True):
-            result = _from_start(runs, known, blocks, p, offsets, held_first)
+            result = _fit_from_start(runs, known, blocks, p, offsets, held_first)
             if result is None or has_run_away(result):
                 continue
             if best is None or result.chi2 / result.dof < best.chi2 / best.dof:
@@ -174,7 +176,7 @@ def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | 
 def _fit_at_once(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
     """From the propagator's start; None where that does not lead to the noise."""
     p, offsets, _, _ = start_from_propagator(runs, known)
-    result = _from_start(runs, known, blocks, p, offsets, held_first=False)
+    result = _fit_from_start(runs, known, blocks, p, offsets, held_first=False)
     return result if result is not None and _is_noise(result) else None
 
 
@@ -217,7 +219,7 @@ def settle_averages(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fi
     """
     last = np.inf
     for _ in range(AVERAGINGS):
-        blocks = rows.rows_needed(result.p, runs, blocks)
+        blocks = rows.count_rows(result.p, runs, blocks)
         if not np.all(np.isfinite(result.p)):
             return result
         before, result = result, _averaged_again(runs, result, blocks)
@@ -272,7 +274,7 @@ def second_order(result: Fit) -> float | None:
     return 1.0 if misfit or abs(result.p[SECOND_ORDER] - 0.5) > SECOND_ORDER_REACH else None
 
 
-def _from_start(
+def _fit_from_start(
     runs: Sequence[EnvelopeRun],
     known: Known,
     blocks: int,
@@ -290,7 +292,7 @@ def _from_start(
     space = freedom(known, p, runs[0].mode_number, max(r.duration_s for r in runs))
     p = p.copy()
     p[SECOND_ORDER] = 1.0
-    data = batch(propagator.thin_rows(runs, p, offsets, rows.rows_needed(p, runs, blocks)))
+    data = batch(propagator.thin_rows(runs, p, offsets, rows.count_rows(p, runs, blocks)))
     z = np.linalg.pinv(space.directions) @ (p - space.origin)
     start, phase = data.envelope[:, 0], (offsets * data.span_s)[:, None]
     try:

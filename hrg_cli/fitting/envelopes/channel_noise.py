@@ -90,7 +90,7 @@ def _unless_spoilt(ratio: float, stated: Array, u: Array) -> float:
     return seen if abs(np.log(seen / ratio)) > CONTRADICTED / np.sqrt(len(u)) else ratio
 
 
-def side_by_side(matrices: Sequence[Array | None]) -> Array | None:
+def stack_matrices(matrices: Sequence[Array | None]) -> Array | None:
     """The matrices of several runs, the unit matrix for a run without.
 
     Parameters
@@ -106,8 +106,8 @@ def side_by_side(matrices: Sequence[Array | None]) -> Array | None:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.channel_noise import side_by_side
-    >>> side_by_side([None, np.diag([2.0, 1.0])])[:, 0, 0].tolist()
+    >>> from hrg_cli.fitting.envelopes.channel_noise import stack_matrices
+    >>> stack_matrices([None, np.diag([2.0, 1.0])])[:, 0, 0].tolist()
     [1.0, 2.0]
     """
     if all(one is None for one in matrices):
@@ -172,7 +172,7 @@ def whiten_reals(matrices: Array | None, x: Array) -> Array:
     return np.asarray((of_c * parts[..., :1, :] + of_s * parts[..., 1:, :]).reshape(x.shape))
 
 
-def inverse(matrices: Array | None) -> Array | None:
+def invert(matrices: Array | None) -> Array | None:
     """What undoes the matrices of several runs.
 
     Parameters
@@ -188,8 +188,8 @@ def inverse(matrices: Array | None) -> Array | None:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.channel_noise import inverse
-    >>> inverse(np.diag([2.0, 1.0])[None]).tolist()
+    >>> from hrg_cli.fitting.envelopes.channel_noise import invert
+    >>> invert(np.diag([2.0, 1.0])[None]).tolist()
     [[[0.5, 0.0], [0.0, 1.0]]]
     """
     return None if matrices is None else np.asarray(np.linalg.inv(matrices))

@@ -17,9 +17,9 @@ import numpy as np
 
 from ...errors import HrgError
 from ...records import Wave
-from ..samples.rate_log import within_log
+from ..samples.rate_log import restrict_to_log
 from . import rows
-from .base_fit import base_fit
+from .base_fit import fit_base_model
 from .base_freedom import Known
 from .envelope_runs import (
     MIN_ROWS,
@@ -58,7 +58,7 @@ def read_runs(
     if sum(len(w) for w in waves) <= IN_MEMORY:
         return [turn_table(from_wave(w.rows(0, len(w)), rate_rad_s), earth_rad_s) for w in waves]
     if rate_rad_s is None:
-        waves = [within_log(w) for w in waves]
+        waves = [restrict_to_log(w) for w in waves]
 
     def pieces(wave: Wave) -> Iterator[EnvelopeRun]:
         return (turn_from(p, earth_rad_s, float(wave.time_s[0])) for p in _pieces(wave, rate_rad_s))
@@ -78,8 +78,8 @@ def read_runs(
     ]
     if max(float(np.ptp(r.turn_rad)) for r in sample) == 0 and all(_one_signal(r) for r in sample):
         return sample  # one channel: modes are judged from single windows
-    found = base_fit(sample, known, blocks)
-    count = max(rows.rows_needed(found.p, sample, blocks), CONDENSED // len(waves))
+    found = fit_base_model(sample, known, blocks)
+    count = max(rows.count_rows(found.p, sample, blocks), CONDENSED // len(waves))
     out = sample
     for _ in range(PASSES):
         carries = rows.motions(sample, found.response)
@@ -87,7 +87,7 @@ def read_runs(
             _average_pieces(pieces(w), s, count, *c)
             for w, s, c in zip(waves, sample, carries, strict=True)
         ]
-        better = base_fit(out, known, blocks)
+        better = fit_base_model(out, known, blocks)
         if _error_of_averaging(found, better, out) < HARMLESS:
             return out
         found = better
@@ -203,7 +203,7 @@ def _error_of_averaging(along: Fit, better: Fit, runs: Sequence[EnvelopeRun]) ->
     worst = 0.0
     for run in runs:
         step = float(np.median(np.diff(run.time_s)))
-        rate = rows.speed(run, np.concatenate([apart, [0.0]]))
+        rate = rows.estimate_speed(run, np.concatenate([apart, [0.0]]))
         worst = max(
             worst, (rate * step) ** 2 / 24 * float(np.abs(run.envelope).max() / run.std.min())
         )

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...physics.resonator import Mechanics
-from .matrices import Matrix, product
+from .matrices import Matrix, multiply
 
 Array = np.ndarray
 COORDINATES = (
@@ -118,7 +118,7 @@ def entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:
     L = first
     for _ in range(3):
         sum_ = (L[0] + twice[0], L[1] + twice[1], L[2] + twice[2], L[3] + twice[3])
-        change = product(sum_, L)
+        change = multiply(sum_, L)
         L = (
             first[0] - factor * change[0],
             first[1] - factor * change[1],

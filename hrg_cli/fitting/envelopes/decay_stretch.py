@@ -29,7 +29,7 @@ Predict = Callable[[slice], tuple[Array, Array]]
 foretold (n,), on every row."""
 
 
-def decay_stretch(run: EnvelopeRun, z: Array, misfit: Predict) -> slice:
+def find_decay_stretch(run: EnvelopeRun, z: Array, misfit: Predict) -> slice:
     """Rows of the record that are one decay; the whole record where nothing is strange at its
     ends."""
     count = len(run)

@@ -12,8 +12,8 @@ import numpy as np
 from ...errors import HrgError
 from ...physics import ellipse
 from ...records import Wave
-from ..samples.course import course
-from ..samples.rate_log import within_log
+from ..samples.course import build_course
+from ..samples.rate_log import restrict_to_log
 from . import channel_noise
 from .matrices import Matrix, apply
 
@@ -92,7 +92,7 @@ def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
     """
     name = wave.run_id or "the run"
     if rate_rad_s is None:
-        wave = within_log(wave)
+        wave = restrict_to_log(wave)
     time = np.asarray(wave.time_s, float)
     run = good_rows(
         wave,
@@ -170,7 +170,7 @@ def integrate_rate(time_s: Array, rate_rad_s: Array | None) -> Array:
         return np.zeros(len(time_s))
     finite = np.isfinite(rate_rad_s)
     rate = np.interp(time_s, time_s[finite], np.asarray(rate_rad_s, float)[finite])
-    return course(time_s, rate).integral()
+    return build_course(time_s, rate).integral()
 
 
 def pooled_std(std: Array, u: Array) -> Array:
@@ -230,7 +230,7 @@ def average_rows(
         return np.add.reduceat(values * weight, starts) / total
 
     time = mean(run.time_s)
-    turn = course(run.time_s, run.turn_rad).at(time)
+    turn = build_course(run.time_s, run.turn_rad).at(time)
     late = time[which] - run.time_s
     propagator = carry(late, turn[which] - run.turn_rad)
     c, s = run.envelope[:, 0], run.envelope[:, 1]

@@ -57,25 +57,110 @@ class Ellipse:
     good: Array
 
 
-def derivative(values: Array, time_s: Array) -> Array:
-    """Central differences on uneven times."""
+def differentiate(values: Array, time_s: Array) -> Array:
+    """Central differences on uneven times.
+
+    Parameters
+    ----------
+    values
+        (n, …).
+    time_s
+        (n,), increasing [s].
+
+    Returns
+    -------
+    ndarray
+        (n, …): exact of a parabola inside, one-sided at both ends.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.equations import differentiate
+    >>> t = np.array([0.0, 1.0, 3.0, 4.0])
+    >>> differentiate(t**2, t)[1:-1].round(9).tolist()
+    [2.0, 6.0]
+    """
     return np.gradient(values, time_s, axis=0)
 
 
-def beside_gap(time_s: Array) -> Array:
-    """True on rows next to a step over three times the median, and on the first and last: no
-    central difference there."""
+def find_gap_rows(time_s: Array) -> Array:
+    """Which rows have no central difference: those beside a gap, the first and the last.
+
+    Parameters
+    ----------
+    time_s
+        (n,), increasing [s].
+
+    Returns
+    -------
+    ndarray
+        (n,), True on rows next to a step over `WIDE_STEP` times the median.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.equations import find_gap_rows
+    >>> np.flatnonzero(find_gap_rows(np.array([0.0, 1.0, 2.0, 9.0, 10.0, 11.0]))).tolist()
+    [0, 2, 3, 5]
+    """
     wide = np.diff(time_s) > WIDE_STEP * np.median(np.diff(time_s))
     return np.concatenate([[True], wide]) | np.concatenate([wide, [True]])
 
 
-def table_rate(run: EnvelopeRun) -> Array:
-    """Rate on the rows, rad/s."""
-    return derivative(run.turn_rad, run.time_s)
+def find_table_rate(run: EnvelopeRun) -> Array:
+    """The table's rate on the rows, by central differences of its angle.
+
+    Parameters
+    ----------
+    run
+        With the angle turned since its beginning.
+
+    Returns
+    -------
+    ndarray
+        (n,) [rad/s].
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.equations import find_table_rate
+    >>> t = np.array([0.0, 1.0, 2.0])
+    >>> find_table_rate(SimpleNamespace(time_s=t, turn_rad=0.5 * t)).tolist()
+    [0.5, 0.5, 0.5]
+    """
+    return differentiate(run.turn_rad, run.time_s)
 
 
 def ellipse_of(run: EnvelopeRun) -> Ellipse:
-    """The wave in moving axes, continuous in sign and angle."""
+    """The wave in moving axes, continuous in sign and angle.
+
+    (mθ, φ) and (mθ + π, φ + π) are one wave: without a choice that goes on from row to row the
+    derivatives would jump.
+
+    Parameters
+    ----------
+    run
+        Its envelopes, times and turn.
+
+    Returns
+    -------
+    Ellipse
+        a_A, a_B, mθ and their derivatives on the rows.
+
+    Examples
+    --------
+    A line that decays at ν = 0.1 s⁻¹: ȧ/a is −ν.
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.equations import ellipse_of
+    >>> t = np.linspace(0.0, 1.0, 101)
+    >>> u = np.exp(-0.1 * t)[:, None] * np.array([np.cos(0.3), np.sin(0.3)]).astype(complex)
+    >>> found = ellipse_of(SimpleNamespace(envelope=u, time_s=t, turn_rad=0 * t))
+    >>> round(float((found.a_dot / found.a)[50]), 5), round(float(found.angle[50]), 9)
+    (-0.1, 0.3)
+    """
     a, b, angle, phase = ellipse.wave(run.envelope, 1)
     angle, phase = ellipse.unwrap(angle, phase, 1)
     t = run.time_s
@@ -84,11 +169,11 @@ def ellipse_of(run: EnvelopeRun) -> Ellipse:
         a,
         b,
         angle,
-        derivative(a, t),
-        derivative(b, t),
-        derivative(angle, t),
-        table_rate(run),
-        ~beside_gap(t),
+        differentiate(a, t),
+        differentiate(b, t),
+        differentiate(angle, t),
+        find_table_rate(run),
+        ~find_gap_rows(t),
     )
 
 
@@ -100,8 +185,42 @@ def make_equations(
     scale: Array | float = 1.0,
     offset: Array | None = None,
 ) -> Equations:
-    """Σ columns·p + δ·offset = target of the rows to keep, weighted by step/σ over `scale`: what the
-    noise of a central difference makes of them."""
+    """The equations Σ columns·p + δ·offset = target of the rows to keep, with their weights.
+
+    A central difference of noise σ has the standard deviation σ/(√2·step). The weight is step/σ: the
+    factor that all rows share is left out.
+
+    Parameters
+    ----------
+    run
+        Its times and standard deviations.
+    columns
+        The seven columns, each (n,) or a number.
+    target
+        (n,).
+    keep
+        (n,), True on the rows that are taken.
+    scale
+        What the standard deviation is multiplied by, (n,) or a number.
+    offset
+        (n,): the column of the run's own frequency δ; None where it is not needed.
+
+    Returns
+    -------
+    Equations
+        One row for every row kept.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.equations import make_equations
+    >>> run = SimpleNamespace(time_s=np.arange(4.0), std=0.1)
+    >>> keep = np.array([False, True, True, False])
+    >>> made = make_equations(run, [np.ones(4)], np.arange(4.0), keep)
+    >>> made.target.tolist(), made.weight.tolist(), made.first.tolist()
+    ([1.0, 2.0], [10.0, 10.0], [0, 1])
+    """
     # A central difference of noise σ has the standard deviation σ/(√2·step): its weight is step/σ
     # but for a factor that all share.
     step = float(np.median(np.diff(run.time_s)))
@@ -112,7 +231,31 @@ def make_equations(
 
 
 def join_equations(parts: Sequence[Equations]) -> Equations:
-    """Equations of one run, one kind after another."""
+    """Equations of one run, one kind after another.
+
+    Parameters
+    ----------
+    parts
+        Those of each kind.
+
+    Returns
+    -------
+    Equations
+        All rows.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.equations import join_equations, make_equations
+    >>> run = SimpleNamespace(time_s=np.arange(3.0), std=0.1)
+    >>> angle, amplitude = (
+    ...     make_equations(run, [np.ones(3)], target * np.ones(3), np.ones(3, bool))
+    ...     for target in (1.0, 2.0)
+    ... )
+    >>> join_equations([angle, amplitude]).target.tolist()
+    [1.0, 1.0, 1.0, 2.0, 2.0, 2.0]
+    """
     columns, target, offset, weight, first = (
         np.concatenate([getattr(p, name) for p in parts])
         for name in ("columns", "target", "offset", "weight", "first")
@@ -123,14 +266,43 @@ def join_equations(parts: Sequence[Equations]) -> Equations:
 def integrate_equations(
     run: EnvelopeRun, equations: Sequence[tuple[list[Array], Array, Array]]
 ) -> Equations:
-    """Increments of quantities from row to row against ∫columns dt, trapezium rule with its end
-    correction; standard deviations a row."""
+    """Increments of quantities from row to row against ∫columns dt.
+
+    The trapezium rule with its end correction, h/2·(f₀ + f₁) − h²/12·(f₁' − f₀'), which is right to h⁴
+    (Euler and Maclaurin).
+
+    Parameters
+    ----------
+    run
+        Its times.
+    equations
+        (columns, quantity (n,), standard deviation a row) of each kind; the columns are those of the
+        quantity's derivative.
+
+    Returns
+    -------
+    Equations
+        n − 1 rows a kind.
+
+    Examples
+    --------
+    The integral of t² from 0 to 1 in one step is 1/3; the trapezium alone says 1/2. At the ends the
+    derivatives are one-sided, so take a step inside:
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.equations import integrate_equations
+    >>> t = np.arange(6.0)
+    >>> made = integrate_equations(SimpleNamespace(time_s=t), [([t**2], t**3 / 3, 0.1)])
+    >>> np.allclose(made.columns[2, 0], (3**3 - 2**3) / 3), np.allclose(made.target[2], 19 / 3)
+    (True, True)
+    """
     t = run.time_s
     step = np.diff(t)[:, None]
     pieces, targets = [], []
     for columns, quantity, _ in equations:
         full = np.stack([np.broadcast_to(c, quantity.shape) for c in columns], axis=-1)
-        slope = derivative(full, t)
+        slope = differentiate(full, t)
         # Trapezium with its end correction, −h²/12 [f']: right to h⁴ (Euler and Maclaurin).
         pieces.append((full[1:] + full[:-1]) / 2 * step - np.diff(slope, axis=0) * step**2 / 12)
         targets.append(np.diff(quantity))

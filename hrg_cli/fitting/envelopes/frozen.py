@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...records import Wave
-from ..samples.least_count import least_count
+from ..samples.least_count import find_least_count
 from ..samples.stretches import Stretches
 from .envelope_runs import envelopes_of
 
@@ -204,7 +204,7 @@ def _columns(seen: _Seen) -> Iterator[Frozen]:
 def _step(values: Array) -> float:
     """The lattice on which all values lie, else their rounding; steps of an even motion are as
     equal as a lattice's and are told from one by what is left beside whole steps."""
-    rounding, step = float(np.spacing(np.abs(values).max())), least_count([values])
+    rounding, step = float(np.spacing(np.abs(values).max())), find_least_count([values])
     if step <= rounding:
         return rounding
     steps = np.diff(values) / step

@@ -10,8 +10,8 @@ import numpy as np
 from ..least_squares import invert_information, invert_scaled
 from . import coordinates
 from .coordinates import DAMPING, FREQUENCY_SPLIT, SCALE_FACTOR
-from .likelihood import Fit, triangle
-from .response import real
+from .likelihood import Fit, triangularise
+from .response import stack_reals
 
 Array = np.ndarray
 FLAT_FRACTION = 0.3
@@ -44,7 +44,7 @@ class Flat:
     std: float
 
 
-def inflation(fit: Fit) -> tuple[float, float]:
+def estimate_variance_inflation(fit: Fit) -> tuple[float, float]:
     """(variance factor over the nominal noise, its part due to colour): residuals summed over ever
     longer blocks, as white noise would be 1.
 
@@ -111,7 +111,7 @@ def flat_directions(fit: Fit, factor: float) -> tuple[float, list[Flat]]:
     root = fit.data_root[:, order]
     if nuisance:
         kept = fit.root[:, order]  # a nuisance keeps its prior
-        root = triangle(kept)[nuisance:, nuisance:]
+        root = triangularise(kept)[nuisance:, nuisance:]
     norms = np.linalg.norm(root, axis=0)
     unit = np.asarray(root / np.where(norms > 0, norms, 1.0))
     size = np.linalg.svd(unit, compute_uv=False)
@@ -249,8 +249,8 @@ def widen_by_held(fit: Fit, coordinate: int, std: float) -> Array:
     total[:k, :k] = _prior_information(fit)
     for run, record in enumerate(response.batch.runs):
         n = len(record)
-        Q, _ = np.linalg.qr(real(own[:, run, :n]))
-        design = real(np.concatenate([shared, held])[:, run, :n])
+        Q, _ = np.linalg.qr(stack_reals(own[:, run, :n]))
+        design = stack_reals(np.concatenate([shared, held])[:, run, :n])
         design = design - Q @ (Q.T @ design)
         total += design.T @ design
     # dz/dh = −I_zz⁻¹·I_zh of the joint information: z follows the held coordinate h
@@ -273,8 +273,8 @@ def _run_information(fit: Fit) -> list[tuple[Array, Array]]:
     parts = []
     for run, record in enumerate(response.batch.runs):
         n = len(record)
-        Q, _ = np.linalg.qr(real(own[:, run, :n]))
-        design = real(shared[:, run, :n])
+        Q, _ = np.linalg.qr(stack_reals(own[:, run, :n]))
+        design = stack_reals(shared[:, run, :n])
         design = design - Q @ (Q.T @ design)
         r = residual[run, :n].ravel()
         parts.append((design.T @ design, design.T @ np.concatenate([r.real, r.imag])))
@@ -307,14 +307,14 @@ def run_frequencies(fit: Fit, factor: float) -> Frequencies:
     variance, through = np.zeros(len(frequency)), np.zeros((len(frequency), len(covariance)))
     for run, record in enumerate(response.batch.runs):
         n = len(record)
-        Q, R = np.linalg.qr(real(own[:, run, :n]))
+        Q, R = np.linalg.qr(stack_reals(own[:, run, :n]))
         # own: the start envelope's four reals, then the phase's orders, each in radians at the run's
         # end: their sum over 2π·span is what the mean frequency lies above the reference
         pick = np.concatenate([np.zeros(4), np.ones(len(own) - 4)]) / (2 * np.pi * span[run])
         # the run's own unknowns at a given z: R⁻¹Qᵀ(residual − design·z)
         back = pick @ np.linalg.pinv(R)
         variance[run] = factor * back @ back
-        through[run] = -back @ (Q.T @ real(shared[:, run, :n]))
+        through[run] = -back @ (Q.T @ stack_reals(shared[:, run, :n]))
     x = np.linspace(0.0, 1.0, 65)
     orders = np.arange(1, response.state.phase.shape[1] + 1)
     # d/dt of Σ c_k x^k, x = t/span, k = 1, 2, …

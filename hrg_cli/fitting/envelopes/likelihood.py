@@ -11,7 +11,7 @@ import numpy as np
 from ..least_squares import StepTaken, descend, fit_columns, invert_scaled
 from . import coordinates
 from .coordinates import COUNT
-from .response import Batch, Response, State, batch, real, respond
+from .response import Batch, Response, State, batch, respond
 
 __all__ = [
     "Batch",
@@ -21,8 +21,7 @@ __all__ = [
     "eliminate_nuisances",
     "fit",
     "free_coordinates",
-    "real",
-    "triangle",
+    "triangularise",
 ]
 
 Array = np.ndarray
@@ -86,7 +85,7 @@ class Fit:
         return inverse_root @ inverse_root.T
 
 
-def triangle(matrix: Array) -> Array:
+def triangularise(matrix: Array) -> Array:
     """The triangular factors R of matrix = QR, (..., k, k)."""
     return np.asarray(np.linalg.qr(matrix, mode="r"))
 
@@ -114,7 +113,7 @@ def eliminate_nuisances(response: Response, freedom: Freedom) -> SharedRows:
         [own[:k], shared, own[k:], (response.batch.envelope - response.model)[None]]
     )
     columns = response.batch.over_noise(columns)
-    R = triangle(np.moveaxis(columns.reshape(*columns.shape[:2], -1).view(float), 0, 2))
+    R = triangularise(np.moveaxis(columns.reshape(*columns.shape[:2], -1).view(float), 0, 2))
     rows = R[:, k : k + s]
     return SharedRows(
         design=rows[..., k : k + s].reshape(-1, s),
@@ -222,8 +221,8 @@ def fit(
         freedom=freedom,
         response=response,
         z=found.point.z,
-        root=triangle(np.concatenate([rows.design, objective.prior_rows])),
-        data_root=triangle(rows.design),
+        root=triangularise(np.concatenate([rows.design, objective.prior_rows])),
+        data_root=triangularise(rows.design),
         chi2=response.chi2,
         dof=dof,
         converged=found.converged,

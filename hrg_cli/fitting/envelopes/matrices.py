@@ -14,7 +14,7 @@ SLOPE_SERIES = 0.05
 """|x| below which the derivative of sinh(x)/x is taken from its series."""
 
 
-def product(a: Matrix, b: Matrix) -> Matrix:
+def multiply(a: Matrix, b: Matrix) -> Matrix:
     """Products of matrices.
 
     Parameters
@@ -29,8 +29,8 @@ def product(a: Matrix, b: Matrix) -> Matrix:
 
     Examples
     --------
-    >>> from hrg_cli.fitting.envelopes.matrices import product
-    >>> product((1.0, 2.0, 0.0, 1.0), (1.0, 0.0, 3.0, 1.0))
+    >>> from hrg_cli.fitting.envelopes.matrices import multiply
+    >>> multiply((1.0, 2.0, 0.0, 1.0), (1.0, 0.0, 3.0, 1.0))
     (7.0, 2.0, 3.0, 1.0)
     """
     return (
@@ -90,7 +90,7 @@ def columns(m: Matrix, part: slice) -> Matrix:
     return m[0][:, part], m[1][:, part], m[2][:, part], m[3][:, part]
 
 
-def inverse(m: Matrix) -> Matrix:
+def invert_unimodular(m: Matrix) -> Matrix:
     """Inverses of matrices of determinant 1, as the exponentials of traceless ones are.
 
     Parameters
@@ -105,8 +105,8 @@ def inverse(m: Matrix) -> Matrix:
 
     Examples
     --------
-    >>> from hrg_cli.fitting.envelopes.matrices import inverse, product
-    >>> product(inverse((1.0, 2.0, 0.0, 1.0)), (1.0, 2.0, 0.0, 1.0))
+    >>> from hrg_cli.fitting.envelopes.matrices import invert_unimodular, multiply
+    >>> multiply(invert_unimodular((1.0, 2.0, 0.0, 1.0)), (1.0, 2.0, 0.0, 1.0))
     (1.0, 0.0, 0.0, 1.0)
     """
     return m[3], -m[1], -m[2], m[0]
@@ -139,7 +139,7 @@ def reflect_and_pull(m: Matrix, v: Vector) -> tuple[Vector, Vector, Vector]:
     return (dx + by, -cx - ay), (dy - bx, ax - cy), (dy + bx, -cy - ax)
 
 
-def traceless(m: Matrix) -> tuple[Array, Matrix]:
+def split_trace(m: Matrix) -> tuple[Array, Matrix]:
     """Half the trace of matrices, and what is left of them without it.
 
     Parameters
@@ -154,8 +154,8 @@ def traceless(m: Matrix) -> tuple[Array, Matrix]:
 
     Examples
     --------
-    >>> from hrg_cli.fitting.envelopes.matrices import traceless
-    >>> traceless((3.0, 2.0, 0.0, 1.0))
+    >>> from hrg_cli.fitting.envelopes.matrices import split_trace
+    >>> split_trace((3.0, 2.0, 0.0, 1.0))
     (2.0, (1.0, 2.0, 0.0, -1.0))
     """
     mean = (m[0] + m[3]) / 2
@@ -163,7 +163,7 @@ def traceless(m: Matrix) -> tuple[Array, Matrix]:
     return mean, (half, m[1], m[2], -half)
 
 
-def exponential(m: Matrix, time_s: Array) -> Matrix:
+def exponentiate(m: Matrix, time_s: Array) -> Matrix:
     """exp(m·t) = cosh(dt) I + t·sinhc(dt) m of traceless m, d² = −det m, through equal eigenvalues too.
 
     Parameters
@@ -181,8 +181,8 @@ def exponential(m: Matrix, time_s: Array) -> Matrix:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.matrices import exponential
-    >>> turned = exponential((np.zeros(1), np.ones(1), -np.ones(1), np.zeros(1)), np.array([np.pi]))
+    >>> from hrg_cli.fitting.envelopes.matrices import exponentiate
+    >>> turned = exponentiate((np.zeros(1), np.ones(1), -np.ones(1), np.zeros(1)), np.array([np.pi]))
     >>> [float(part[0].real.round(9)) for part in turned]
     [-1.0, 0.0, -0.0, -1.0]
     """
@@ -221,10 +221,10 @@ def exponential_slopes(m: Matrix, time_s: Array) -> tuple[Matrix, Array, Array, 
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.matrices import exponential, exponential_slopes
+    >>> from hrg_cli.fitting.envelopes.matrices import exponentiate, exponential_slopes
     >>> m, t = (np.array([0.3]), np.array([1.0]), np.array([0.5]), np.array([-0.3])), np.array([1.0])
     >>> whole, f, g, s = exponential_slopes(m, t)
-    >>> bool(np.allclose(whole, exponential(m, t)))
+    >>> bool(np.allclose(whole, exponentiate(m, t)))
     True
     """
     d2 = m[0] ** 2 + m[1] * m[2] + 0j
@@ -273,13 +273,15 @@ def chain(steps: Matrix) -> Matrix:
         part[:, :, :whole] = values[:, : whole * size].reshape(runs, whole, size).transpose(2, 0, 1)
         part[:rest, :, whole:] = values[:, whole * size :].T[:, :, None]
     for i in range(1, size):
-        inner[:, i] = product(tuple(inner[:, i]), tuple(inner[:, i - 1]))
+        inner[:, i] = multiply(tuple(inner[:, i]), tuple(inner[:, i - 1]))
     before = np.empty((4, runs, blocks), complex)
     before[:, :, 0] = np.array([1, 0, 0, 1])[:, None]
     for i in range(1, blocks):
-        before[:, :, i] = product(tuple(inner[:, -1, :, i - 1]), tuple(before[:, :, i - 1]))
+        before[:, :, i] = multiply(tuple(inner[:, -1, :, i - 1]), tuple(before[:, :, i - 1]))
     out = []
-    for part, first in zip(product(tuple(inner), tuple(before)), (1.0, 0.0, 0.0, 1.0), strict=True):
+    for part, first in zip(
+        multiply(tuple(inner), tuple(before)), (1.0, 0.0, 0.0, 1.0), strict=True
+    ):
         flat = part.transpose(1, 2, 0).reshape(runs, -1)[:, :count]
         out.append(np.concatenate([np.full((runs, 1), first, complex), flat], axis=1))
     return out[0], out[1], out[2], out[3]

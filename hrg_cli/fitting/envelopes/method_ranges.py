@@ -63,7 +63,7 @@ def out_of_range(runs: Sequence[EnvelopeRun], method: str) -> str:
     return ""
 
 
-def warnings(runs: Sequence[EnvelopeRun], method: str, eliminate_rate: bool) -> list[str]:
+def list_warnings(runs: Sequence[EnvelopeRun], method: str, eliminate_rate: bool) -> list[str]:
     """Sentences about known biases of a method on these runs."""
     out = []
     r = roundness(runs)

@@ -28,7 +28,7 @@ WRAPS_RAD = 3.0
 Course = np.polynomial.Polynomial
 
 
-def bends(runs: Sequence[EnvelopeRun], scale_factor: float) -> list[Course] | None:
+def find_bends(runs: Sequence[EnvelopeRun], scale_factor: float) -> list[Course] | None:
     """Each run's phase [rad] over the time from its first row [s], less its straight line and what
     the table's turning does to it; None where no run's phase bends so far.
 

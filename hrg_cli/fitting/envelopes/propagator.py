@@ -97,9 +97,9 @@ def guess_roughly(runs: Sequence[EnvelopeRun]) -> tuple[Array, Array]:
 def plain_exponential(p: Array, dt: Array, turn: Array, offset_rad_s: Array | float) -> Matrix:
     """exp of the plain generator over times (n,) and table turns (n,), with a frequency offset."""
     rate = np.divide(turn, dt, out=np.zeros(len(dt)), where=dt != 0)
-    mean, L = matrices.traceless(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
+    mean, L = matrices.split_trace(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
     factor = np.exp((mean + 1j * offset_rad_s) * dt)
-    m = matrices.exponential(L, dt)
+    m = matrices.exponentiate(L, dt)
     return m[0] * factor, m[1] * factor, m[2] * factor, m[3] * factor
 
 
@@ -151,7 +151,7 @@ def _predict(data: Pairs, p: Array, offsets: Array) -> tuple[Array, Array]:
     """e^{jδh} exp(Lh) u(t) of every pair (n, 2), and its derivatives by the first six coordinates
     over σ (6, n, 2)."""
     dt, rate = data.dt, data.turn / data.dt
-    mean, L = matrices.traceless(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
+    mean, L = matrices.split_trace(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
     factor = np.exp((mean + 1j * offsets[data.run]) * dt)
     before = data.before[:, 0] * factor, data.before[:, 1] * factor
     whole, even, third, slope = matrices.exponential_slopes(L, dt)
@@ -246,7 +246,7 @@ def identify(
                 p, offsets, covariance = kept  # the last step made it worse
                 break
             kept, misfit = (p, offsets, covariance), here
-            moved = _over_a_lag(next_p - p, data)
+            moved = _measure_over_lag(next_p - p, data)
             if moved > LARGEST_STEP:
                 break
             p, offsets, covariance = next_p, next_offsets, next_covariance
@@ -288,7 +288,7 @@ def growing_lags(runs: Sequence[EnvelopeRun]) -> list[float]:
     return [lag for lag in np.geomspace(shortest, longest, count) if lag <= 0.9 * span]
 
 
-def _over_a_lag(change: Array, data: Pairs) -> float:
+def _measure_over_lag(change: Array, data: Pairs) -> float:
     """By how much a change of the coordinates turns or shrinks the wave over a lag, rad: K is a
     number of its own and counts by what the table turns."""
     return float(

@@ -154,8 +154,8 @@ def _fit_nodes(
     covariance = (operator @ operator.T)[1:, 1:] * max(1.0, chi2 / dof)
     covariance = (
         covariance
-        + _of_ratio(run, g, operator[1:] / std, groups)
-        + _of_resonator(run, resonator, g, operator, mean, std, errors)
+        + _propagate_ratio_noise(run, g, operator[1:] / std, groups)
+        + _propagate_resonator(run, resonator, g, operator, mean, std, errors)
     )
     plain = (operator @ (mean(run.turned)[:, 0] / std))[1:]
     return RateEstimate(grid, x[1:], covariance, plain, chi2 / dof, dof)
@@ -165,7 +165,7 @@ def _drift(g: Mechanics, run: _Run, errors: tuple[float, float]) -> Array:
     return law.drift(g, run.angle, run.ratio, run.quadrature * errors[1], run.main * errors[0])
 
 
-def _of_ratio(run: _Run, g: Mechanics, rows: Array, groups: Array) -> Array:
+def _propagate_ratio_noise(run: _Run, g: Mechanics, rows: Array, groups: Array) -> Array:
     """Covariance of the nodes by the noise of r in D: −2δω cos ζ·r summed up, so a row's noise
     moves all that follow."""
     zeta = 2 * g.mode_number * (run.angle - g.stiffness_axis_rad)
@@ -179,7 +179,7 @@ def _of_ratio(run: _Run, g: Mechanics, rows: Array, groups: Array) -> Array:
     return np.asarray(moved_by @ moved_by.T)
 
 
-def _of_resonator(run, resonator, g, operator, mean, std, errors):  # type: ignore[no-untyped-def]
+def _propagate_resonator(run, resonator, g, operator, mean, std, errors):  # type: ignore[no-untyped-def]
     """Covariance of the nodes by the resonator's: the fit with the resonator moved along each of
     its uncertain directions."""
     gyros = from_vector(spread_points(vector_of(g), vector_covariance(resonator)), g)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..checks import goodness
+from ..checks import check_goodness
 
 Array = np.ndarray
 MOST_NODES = 640
@@ -39,7 +39,7 @@ class RateEstimate:
     @property
     def adequate(self) -> bool:
         """Whether χ² agrees with the noise the windows state."""
-        return goodness(self.chi2_per_dof * self.dof, self.dof).passed
+        return check_goodness(self.chi2_per_dof * self.dof, self.dof).passed
 
     @property
     def rate_rad_s_std(self) -> Array:

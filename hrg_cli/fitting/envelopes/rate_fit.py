@@ -18,11 +18,11 @@ from ..least_squares import StepTaken, descend, solve
 from . import coordinates, rows
 from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
-from .likelihood import triangle
+from .likelihood import triangularise
 from .rate_estimate import RateEstimate, cardinal
-from .rate_start import mean_offset
+from .rate_start import estimate_mean_offset
 from .resonator_spread import vector_covariance
-from .response import Response, State, batch, real, respond
+from .response import Response, State, batch, respond, stack_reals
 from .trapezium import integrate
 
 Array = np.ndarray
@@ -77,9 +77,9 @@ def fit_rate(
     for _ in range(AVERAGINGS):
         turn = integrate(cardinal(whole.time_s, grid).T @ rate, whole.time_s)
         run = replace(whole, turn_rad=turn)
-        offset = mean_offset(run, known.p)
+        offset = estimate_mean_offset(run, known.p)
         count = min(
-            rows.rows_needed(known.p, [run], max(ROWS, ROWS_OF_A_NODE * len(grid))), rows.MOST_ROWS
+            rows.count_rows(known.p, [run], max(ROWS, ROWS_OF_A_NODE * len(grid))), rows.MOST_ROWS
         )
         start = respond(
             batch([run.rows(slice(None, None, max(1, len(run) - 1)))]),
@@ -166,7 +166,7 @@ class _Problem:
         shared[SCALE_FACTOR] = np.tensordot(x[self.rates], turned, 1)
         of_resonator = np.tensordot(self.known.spread.T, shared, 1)
         columns = np.concatenate([response.run_sensitivities(), factor * turned, of_resonator])
-        design = real(response.batch.over_noise(columns)[:, 0])
+        design = stack_reals(response.batch.over_noise(columns)[:, 0])
         residual = response.residual()[0].ravel()
         if not (np.isfinite(design).all() and np.isfinite(residual).all()):
             return None
@@ -228,7 +228,7 @@ def _solve_with_covariance(design: Array, target: Array) -> tuple[Array, Array]:
     The rows are many and the unknowns few: both come from the small triangle R of [design, target],
     whose last column holds Qᵀ·target.
     """
-    R = triangle(np.column_stack([design, target]))
+    R = triangularise(np.column_stack([design, target]))
     return solve(R[:-1, :-1], R[:-1, -1], 1e-12)
 
 

@@ -19,7 +19,7 @@ from ...records import Resonator, Wave
 from .envelope_runs import EnvelopeRun, from_wave
 from .rate_estimate import MOST_NODES, RateEstimate, cardinal
 from .rate_fit import Reference, fit_rate, reference
-from .rate_start import plain_rate, stokes_start
+from .rate_start import estimate_plain_rate, estimate_stokes_start
 
 Array = np.ndarray
 ROWS_A_NODE, ROWS_A_FINER_NODE = 4, 2
@@ -108,23 +108,23 @@ def _most_checked(run: EnvelopeRun) -> int:
 def _check_nodes(run: EnvelopeRun, count: int, known: Reference) -> RateEstimate:
     """The best fit on so many nodes, with what twice as many gain, as far as the windows carry
     them."""
-    found, finer = _best(run, count, known), 2 * count - 1
+    found, finer = _find_best_fit(run, count, known), 2 * count - 1
     if finer > _most_checked(run):
         return found
-    return _asked(found, fit_rate(run, *_again(run, found, finer, known), known))
+    return _note_finer_gain(found, fit_rate(run, *_refine_grid(run, found, finer, known), known))
 
 
 def _grow_nodes(run: EnvelopeRun, count: int, most: int, known: Reference) -> RateEstimate:
     """The fit on as many nodes as the data ask for, doubled from `count` to `most`."""
-    found = _first(run, count, known)
+    found = _fit_from_stokes(run, count, known)
     while (finer_count := 2 * len(found.time_s) - 1) <= _most_checked(run):
         # what too few nodes found is no start for more
         finer = (
-            fit_rate(run, *_again(run, found, finer_count, known), known)
+            fit_rate(run, *_refine_grid(run, found, finer_count, known), known)
             if found.adequate
-            else _first(run, finer_count, known)
+            else _fit_from_stokes(run, finer_count, known)
         )
-        found = _asked(found, finer)
+        found = _note_finer_gain(found, finer)
         enough = found.finer_z < TOO_COARSE and (
             found.adequate or finer.chi2_per_dof > NO_BETTER * found.chi2_per_dof
         )
@@ -133,10 +133,10 @@ def _grow_nodes(run: EnvelopeRun, count: int, most: int, known: Reference) -> Ra
         found = finer
     if found.adequate:
         return found
-    return min(found, _best(run, len(found.time_s), known), key=lambda e: e.chi2_per_dof)
+    return min(found, _find_best_fit(run, len(found.time_s), known), key=lambda e: e.chi2_per_dof)
 
 
-def _asked(found: RateEstimate, finer: RateEstimate) -> RateEstimate:
+def _note_finer_gain(found: RateEstimate, finer: RateEstimate) -> RateEstimate:
     """The estimate, with what twice as many nodes gain."""
     fall = (found.chi2_per_dof * found.dof - finer.chi2_per_dof * finer.dof) / max(
         1.0, finer.chi2_per_dof
@@ -145,25 +145,25 @@ def _asked(found: RateEstimate, finer: RateEstimate) -> RateEstimate:
     return replace(found, finer_z=float((fall - extra) / np.sqrt(2 * extra)))
 
 
-def _first(run: EnvelopeRun, nodes: int, known: Reference) -> RateEstimate:
+def _fit_from_stokes(run: EnvelopeRun, nodes: int, known: Reference) -> RateEstimate:
     """The fit from the Stokes start."""
     grid = np.linspace(run.time_s[0], run.time_s[-1], nodes)
     return fit_rate(
         run,
         grid,
-        stokes_start(run, grid, known.p),
-        plain_rate(run, grid, known.scale_factor),
+        estimate_stokes_start(run, grid, known.p),
+        estimate_plain_rate(run, grid, known.scale_factor),
         known,
     )
 
 
-def _best(run: EnvelopeRun, nodes: int, known: Reference) -> RateEstimate:
+def _find_best_fit(run: EnvelopeRun, nodes: int, known: Reference) -> RateEstimate:
     """The best fit from the Stokes start, and where that is poor, from a constant and from the
     plain rate."""
     grid = np.linspace(run.time_s[0], run.time_s[-1], nodes)
-    plain = plain_rate(run, grid, known.scale_factor)
+    plain = estimate_plain_rate(run, grid, known.scale_factor)
     best: RateEstimate | None = None
-    for rate in (stokes_start(run, grid, known.p), np.full(nodes, plain.mean()), plain):
+    for rate in (estimate_stokes_start(run, grid, known.p), np.full(nodes, plain.mean()), plain):
         found = fit_rate(run, grid, rate, plain, known)
         if best is None or found.chi2_per_dof < best.chi2_per_dof:
             best = found
@@ -173,7 +173,7 @@ def _best(run: EnvelopeRun, nodes: int, known: Reference) -> RateEstimate:
     return best
 
 
-def _again(
+def _refine_grid(
     run: EnvelopeRun, found: RateEstimate, nodes: int, known: Reference
 ) -> tuple[Array, Array, Array]:
     """A finer grid, the rate found on it, and the plain rate on it."""
@@ -181,5 +181,5 @@ def _again(
     return (
         grid,
         found.rate_rad_s @ cardinal(grid, found.time_s),
-        plain_rate(run, grid, known.scale_factor),
+        estimate_plain_rate(run, grid, known.scale_factor),
     )

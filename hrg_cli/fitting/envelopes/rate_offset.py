@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..least_squares import invert_information
-from .base_fit import base_fit
+from .base_fit import fit_base_model
 from .base_freedom import Known
 from .coordinates import SCALE_FACTOR
 from .envelope_runs import EnvelopeRun, turn_table
 from .likelihood import Fit
-from .response import real
+from .response import stack_reals
 
 Array = np.ndarray
 STEPS = 12
@@ -56,7 +56,7 @@ def rate_offset(
     # are bounded instead.
     value, before = start_rad_s, np.inf
     for _ in range(STEPS):
-        fit = base_fit([turn_table(r, value) for r in runs], known, blocks)
+        fit = fit_base_model([turn_table(r, value) for r in runs], known, blocks)
         step, std, beside, distinct = _step(fit)
         if not np.isfinite(step) or distinct < DISTINCT:
             break
@@ -106,8 +106,8 @@ def _normal_equations(fit: Fit) -> tuple[Array, Array, float]:
     for run, record in enumerate(data.runs):
         n = len(record)
         # frequency and first values of each run are projected off (Frisch and Waugh 1933)
-        Q, _ = np.linalg.qr(real(own[:, run, :n]))
-        design = real(columns[:, run, :n])
+        Q, _ = np.linalg.qr(stack_reals(own[:, run, :n]))
+        design = stack_reals(columns[:, run, :n])
         alone += float(design[:, k] @ design[:, k])
         design = design - Q @ (Q.T @ design)
         r = residual[run, :n].ravel()

@@ -20,14 +20,14 @@ START_ROWS = 8000
 """Rows from which the start is taken at most."""
 
 
-def plain_rate(run: EnvelopeRun, grid: Array, scale_factor: float) -> Array:
+def estimate_plain_rate(run: EnvelopeRun, grid: Array, scale_factor: float) -> Array:
     """−m·(dθ/dt)/K on the grid, the angle smoothed over a quarter of a node's distance."""
     angle, _ = ellipse.unwrap(*ellipse.wave(run.envelope, 1)[2:], 1)
     turned = -_smooth(angle, max(1, len(run) // (4 * len(grid)))) / scale_factor
     return np.asarray(np.gradient(np.interp(grid, run.time_s, turned), grid))
 
 
-def stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
+def estimate_stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
     """Rate on the nodes by linear least squares on S₁ and S₂ of the run, the rest of the resonator
     known; valid through circles."""
     run = run.rows(slice(None, None, -(-len(run) // START_ROWS)))
@@ -62,7 +62,7 @@ def _smooth(values: Array, width: int) -> Array:
     return np.convolve(padded, np.ones(width) / width, "valid")
 
 
-def mean_offset(run: EnvelopeRun, p: Array) -> float:
+def estimate_mean_offset(run: EnvelopeRun, p: Array) -> float:
     """Mean angular frequency above the reference of a run whose turning is known, rad/s: what its
     phase runs ahead of the model."""
     run = run.rows(slice(None, None, -(-len(run) // START_ROWS)))

@@ -21,7 +21,7 @@ from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun
 from .equations import WIDE_STEP, Equations
 from .likelihood import Freedom
-from .method_ranges import out_of_range, warnings
+from .method_ranges import list_warnings, out_of_range
 from .seed_a_methods import EXACT, METHODS
 
 Array = np.ndarray
@@ -179,7 +179,7 @@ def solve(
     return Regression(
         p,
         covariance,
-        warnings(runs, method, eliminate_rate),
+        list_warnings(runs, method, eliminate_rate),
         run_chi2=chi2,
         run_rows=rows,
         unsettled=change,
@@ -264,7 +264,7 @@ def _spread(
                 len(influence), -1
             )
         misfit = _misfit(e, known, solution.p, method, eliminate_rate)
-        covariance, variance = noise_propagation.covariance(
+        covariance, variance = noise_propagation.propagate_noise(
             run, misfit, e.first, e.reach, influence
         )
         total += covariance

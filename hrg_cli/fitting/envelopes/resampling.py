@@ -11,7 +11,7 @@ from ...physics.resonator import OF_GENERATOR
 from ..least_squares import measure_columns
 from . import coordinates
 from .likelihood import Fit, Freedom, fit
-from .response import real
+from .response import stack_reals
 
 Array = np.ndarray
 PAIRS = {
@@ -44,11 +44,11 @@ def bootstrap(best: Fit, draws: int, seed: int) -> Array:
     for run, record in enumerate(response.batch.runs):
         n = len(record)
         design = np.concatenate([own[:, run, :n], shared[:, run, :n]])
-        scale = measure_columns(real(design))
+        scale = measure_columns(stack_reals(design))
         pieces = np.array_split(np.arange(n), min(BLOCKS_A_RUN, n))
         matrices, vectors = [], []
         for piece in pieces:
-            block = real(design[:, piece]) / scale
+            block = stack_reals(design[:, piece]) / scale
             r = residual[run, piece].ravel()
             matrices.append(block.T @ block)
             vectors.append(block.T @ np.concatenate([r.real, r.imag]))
@@ -143,13 +143,13 @@ def _hold_coordinate(freedom: Freedom, index: int, value: float) -> Freedom:
     """The space in which one coordinate has a value."""
     origin = freedom.origin.copy()
     origin[index] = value
-    return replace(_without(freedom, [index]), origin=origin)
+    return replace(_drop_directions(freedom, [index]), origin=origin)
 
 
 def _hold_pair(freedom: Freedom, pair: slice, axis: float, size: float | None) -> Freedom:
     """The space in which a pair of coordinates lies on the ray along an axis, or, with a size, on
     the tangent at that size of the circle about zero."""
-    space = _without(freedom, [pair.start, pair.start + 1])
+    space = _drop_directions(freedom, [pair.start, pair.start + 1])
     radial = np.array([np.cos(axis), np.sin(axis)])
     origin, along = freedom.origin.copy(), np.zeros((coordinates.COUNT, 1))
     if size is None:
@@ -166,7 +166,7 @@ def _hold_pair(freedom: Freedom, pair: slice, axis: float, size: float | None) -
     )
 
 
-def _without(freedom: Freedom, places: Sequence[int]) -> Freedom:
+def _drop_directions(freedom: Freedom, places: Sequence[int]) -> Freedom:
     """The space without the directions that move some coordinates; priors go with their
     directions."""
     moving = np.any(freedom.directions[list(places)], axis=0)

@@ -296,7 +296,7 @@ def spread_points(x: Array, covariance: Array) -> Array:
     return np.concatenate([x[None], x + step, x - step])
 
 
-def deviation(values: Array) -> Array:
+def find_deviation(values: Array) -> Array:
     """Standard deviation of f from its values at the vectors of `spread_points` (Nørgaard 2000).
 
     Parameters
@@ -314,8 +314,8 @@ def deviation(values: Array) -> Array:
     x² at x = 0 with σ = 1 has the standard deviation √2:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.resonator_spread import deviation, spread_points
-    >>> round(float(deviation(spread_points(np.zeros(1), np.eye(1)) ** 2)[0]) ** 2, 9)
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import find_deviation, spread_points
+    >>> round(float(find_deviation(spread_points(np.zeros(1), np.eye(1)) ** 2)[0]) ** 2, 9)
     2.0
     """
     half = (len(values) - 1) // 2

@@ -18,7 +18,7 @@ import numpy as np
 from . import channel_noise, coordinates, matrices
 from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
-from .matrices import Matrix, Vector, apply, product
+from .matrices import Matrix, Vector, apply, multiply
 
 Array = np.ndarray
 STEADY_RAD = 1e-9
@@ -101,7 +101,7 @@ def batch(runs: Sequence[EnvelopeRun]) -> Batch:
         turn_rad=np.stack([pad(r.turn_rad) - r.turn_rad[0] for r in runs]),
         envelope=np.stack([pad(r.envelope) for r in runs]),
         weight=np.stack([np.concatenate([1 / r.std, np.zeros(longest - len(r))]) for r in runs]),
-        whitening=channel_noise.side_by_side([r.whitening for r in runs]),
+        whitening=channel_noise.stack_matrices([r.whitening for r in runs]),
     )
 
 
@@ -184,10 +184,12 @@ class Response:
         np.multiply(out[1:3], -1j, out=out[3:5])  # a frequency split is −j times a damping split
         ends = []
         for part in (slice(None, -1), slice(1, None)):
-            back, (x, y) = matrices.inverse(matrices.columns(self.phi, part)), self.flow
+            back, (x, y) = matrices.invert_unimodular(matrices.columns(self.phi, part)), self.flow
             ends.append(apply(back, apply(self.second, (x[:, part], y[:, part]))))
         out[6] = self._carried(
-            ends[0], apply(matrices.inverse(self.middle), apply(self.second, flow)), ends[1]
+            ends[0],
+            apply(matrices.invert_unimodular(self.middle), apply(self.second, flow)),
+            ends[1],
         )
         return out
 
@@ -233,12 +235,14 @@ def respond(data: Batch, state: State) -> Response:
     rate = data.step_rate if steady is None else steady[:, None]
     plain = coordinates.entries(np.append(state.p[:6], 0.0), rate, omega[:, None])
     full = coordinates.entries(np.append(state.p[:6], 1.0), rate, omega[:, None])
-    second = _each(lambda a, b: a - b, full, plain)
-    mean, L = matrices.traceless(_each(lambda a, b: a + state.p[SECOND_ORDER] * b, plain, second))
+    second = _apply_to_entries(lambda a, b: a - b, full, plain)
+    mean, L = matrices.split_trace(
+        _apply_to_entries(lambda a, b: a + state.p[SECOND_ORDER] * b, plain, second)
+    )
     if steady is not None:
-        phi, growth = matrices.exponential(L, data.time_s), mean * data.time_s
+        phi, growth = matrices.exponentiate(L, data.time_s), mean * data.time_s
         centre = (data.time_s[:, 1:] + data.time_s[:, :-1]) / 2
-        middle = matrices.exponential(L, centre)
+        middle = matrices.exponentiate(L, centre)
     else:
         # The rate changes within a step: the second term of Magnus' series is h³/12 [L', L], here
         # c·[J, L] added to L, with L' = K·dΩ/dt·J the generator's slope over the step h.
@@ -249,9 +253,9 @@ def respond(data: Batch, state: State) -> Response:
             L[2] - 2 * c * L[0],
             L[3] - c * (L[1] + L[2]),
         )
-        half = matrices.exponential(L, data.step_s / 2)
-        phi = matrices.chain(product(half, half))
-        middle = product(half, matrices.columns(phi, slice(None, -1)))
+        half = matrices.exponentiate(L, data.step_s / 2)
+        phi = matrices.chain(multiply(half, half))
+        middle = multiply(half, matrices.columns(phi, slice(None, -1)))
         growth = np.concatenate(
             [np.zeros((len(data.runs), 1)), np.cumsum(mean * data.step_s, axis=1)], axis=1
         )
@@ -265,12 +269,12 @@ def respond(data: Batch, state: State) -> Response:
     return Response(data, state, model, turn, phi, middle, flow, second)
 
 
-def _each(rule: Callable[[Array, Array], Array], a: Matrix, b: Matrix) -> Matrix:
+def _apply_to_entries(rule: Callable[[Array, Array], Array], a: Matrix, b: Matrix) -> Matrix:
     """A rule entry by entry."""
     return rule(a[0], b[0]), rule(a[1], b[1]), rule(a[2], b[2]), rule(a[3], b[3])
 
 
-def real(columns: Array) -> Array:
+def stack_reals(columns: Array) -> Array:
     """Complex columns (k, n, 2) over their noise as real design matrix (4n, k)."""
     flat = columns.reshape(len(columns), -1)
     return np.concatenate([flat.real, flat.imag], axis=1).T

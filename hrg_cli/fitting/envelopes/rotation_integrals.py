@@ -207,7 +207,7 @@ def one_run(
         return None
     solved, n = _solve_integrals(data, model, start), len(data)
     left = data.misfit(data.wave, solved.p) - solved.left_out
-    covariance, variance = noise_propagation.covariance(
+    covariance, variance = noise_propagation.propagate_noise(
         run,
         lambda moved: data.misfit(ellipse_of(moved), solved.p),
         np.tile(np.arange(n) - 1, 3),

@@ -31,7 +31,7 @@ FAST = 0.99
 """Quantile of |Ω| that counts as a run's rate: single spikes of a log do not."""
 
 
-def speed(run: EnvelopeRun, p: Array) -> float:
+def estimate_speed(run: EnvelopeRun, p: Array) -> float:
     """How fast the wave moves, rad/s: turning, beat and decay together, at the run's fastest."""
     step = np.diff(run.time_s)
     turning = float(np.quantile(np.abs(np.diff(run.turn_rad)) / step, FAST)) if len(step) else 0.0
@@ -39,13 +39,13 @@ def speed(run: EnvelopeRun, p: Array) -> float:
     return float(abs(p[coordinates.SCALE_FACTOR]) * turning + abs(p[coordinates.DAMPING]) + splits)
 
 
-def rows_needed(p: Array, runs: Sequence[EnvelopeRun], least: int) -> int:
+def count_rows(p: Array, runs: Sequence[EnvelopeRun], least: int) -> int:
     """Rows a run, at least `least`, so that none spans more than a quarter radian of motion; fewer
     windows than that are not averaged.
 
     HrgError: memory allows only rows so long that the fit could not follow the wave.
     """
-    motion = [speed(r, p) * (r.duration_s + r.window_s) for r in runs]
+    motion = [estimate_speed(r, p) * (r.duration_s + r.window_s) for r in runs]
     wanted = max(
         (min(m / MOTION_RAD, len(r)) for m, r in zip(motion, runs, strict=True)), default=0.0
     )
@@ -94,8 +94,8 @@ def motions(
 def _carry(p: Array, omega: float) -> Carry:
     def carry(dt: Array, turn: Array) -> Matrix:
         rate = np.divide(turn, dt, out=np.zeros(len(dt)), where=dt != 0)
-        mean, L = matrices.traceless(coordinates.entries(p, rate, np.array([omega])))
-        growth, m = np.exp(mean * dt), matrices.exponential(L, dt)
+        mean, L = matrices.split_trace(coordinates.entries(p, rate, np.array([omega])))
+        growth, m = np.exp(mean * dt), matrices.exponentiate(L, dt)
         return m[0] * growth, m[1] * growth, m[2] * growth, m[3] * growth
 
     return carry

@@ -18,13 +18,13 @@ from ...physics import ellipse
 from .envelope_runs import EnvelopeRun
 from .equations import (
     Equations,
-    beside_gap,
-    derivative,
+    differentiate,
     ellipse_of,
+    find_gap_rows,
+    find_table_rate,
     integrate_equations,
     join_equations,
     make_equations,
-    table_rate,
 )
 
 Array = np.ndarray
@@ -108,9 +108,9 @@ def fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
 
     `eliminate_rate`: the published KΩ := −mθ̇.
     """
-    u, dot = run.envelope, derivative(run.envelope, run.time_s)
-    keep = ~beside_gap(run.time_s)
-    rate = table_rate(run)
+    u, dot = run.envelope, differentiate(run.envelope, run.time_s)
+    keep = ~find_gap_rows(run.time_s)
+    rate = find_table_rate(run)
     known = np.zeros_like(rate)
     if eliminate_rate:
         known, rate = -ellipse_of(run).angle_dot, np.zeros_like(rate)
@@ -171,7 +171,7 @@ class _Products:
         """The products, the noise's own power `noise2` taken off the squares."""
         cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
         c2, s2 = (np.abs(run.envelope[:, k]) ** 2 - noise2 for k in (0, 1))
-        rate = table_rate(run)
+        rate = find_table_rate(run)
         known = -ellipse_of(run).angle_dot if eliminate_rate else np.zeros_like(rate)
         if eliminate_rate:
             rate = np.zeros_like(rate)
@@ -179,7 +179,7 @@ class _Products:
         return cls(run, cross.real, cross.imag, c2, s2, rate, known, size)
 
     def _rows(self, columns: list[Array], target: Array) -> Equations:
-        return make_equations(self.run, columns, target, ~beside_gap(self.run.time_s), self.size)
+        return make_equations(self.run, columns, target, ~find_gap_rows(self.run.time_s), self.size)
 
     def amplitudes(self) -> list[Equations]:
         """½d(a_C²)/dt and ½d(a_S²)/dt."""
@@ -194,11 +194,11 @@ class _Products:
         return [
             self._rows(
                 [-c2, -c2, -x, zero, y, self.rate * x, zero],
-                derivative(c2, t) / 2 - self.known * x,
+                differentiate(c2, t) / 2 - self.known * x,
             ),
             self._rows(
                 [-s2, s2, -x, zero, -y, -self.rate * x, zero],
-                derivative(s2, t) / 2 + self.known * x,
+                differentiate(s2, t) / 2 + self.known * x,
             ),
         ]
 
@@ -209,9 +209,9 @@ class _Products:
         return [
             self._rows(
                 [-2 * x, zero, -total, -2 * y, zero, self.rate * difference, zero],
-                derivative(x, t) - self.known * difference,
+                differentiate(x, t) - self.known * difference,
             ),
-            self._rows([-2 * y, zero, zero, 2 * x, difference, zero, zero], derivative(y, t)),
+            self._rows([-2 * y, zero, zero, 2 * x, difference, zero, zero], differentiate(y, t)),
         ]
 
     def phase_difference(self, grouped: bool) -> tuple[_Products, Equations]:
@@ -223,7 +223,7 @@ class _Products:
         x, y, t, zero = self.x, self.y, self.run.time_s, np.zeros_like(self.x)
         product = np.sqrt(np.maximum(x**2 + y**2, 1e-300))
         sin, cos = y / product, x / product
-        left = cos * derivative(y, t) - sin * derivative(x, t)
+        left = cos * differentiate(y, t) - sin * differentiate(x, t)
         used = self
         if grouped:
             size = np.where(np.minimum(np.abs(sin), np.abs(cos)) < GROUP, self.size, np.inf)
@@ -280,7 +280,7 @@ def stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     """
     s0, s1, s2, s3 = np.moveaxis(ellipse.stokes(run.envelope), -1, 0)
     s0 = s0 - 4 * run.std**2
-    rate, zero = table_rate(run), np.zeros_like(s0)
+    rate, zero = find_table_rate(run), np.zeros_like(s0)
     std = 2 * run.std * np.sqrt(np.maximum(s0, 4 * run.std**2))
     return integrate_equations(
         run,

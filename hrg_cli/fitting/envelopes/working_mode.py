@@ -21,7 +21,7 @@ import numpy as np
 from ...physics import ellipse
 from ..least_squares import solve
 from .envelope_runs import EnvelopeRun
-from .equations import derivative
+from .equations import differentiate
 
 Array = np.ndarray
 BLOCK_ROWS = 8
@@ -99,7 +99,7 @@ def _phase_rows(run: EnvelopeRun, count: int, number: int) -> tuple[Array, Array
 
 def _increments(columns: Array, quantity: Array, run: EnvelopeRun) -> tuple[Array, Array]:
     step = np.diff(run.time_s)[:, None]
-    slope = derivative(columns, run.time_s)
+    slope = differentiate(columns, run.time_s)
     pieces = (columns[1:] + columns[:-1]) / 2 * step - np.diff(slope, axis=0) * step**2 / 12
     area = np.concatenate([np.zeros((1, columns.shape[1])), np.cumsum(pieces, axis=0)])
     picked = np.arange(0, len(quantity), BLOCK_ROWS)
@@ -134,7 +134,7 @@ def stiffness_axes(
         a, b, angle, phase = ellipse.wave(run.envelope, 1)
         angle, _ = ellipse.unwrap(angle, phase, 1)
         ratio = b / a
-        speed = derivative(angle, run.time_s)
+        speed = differentiate(angle, run.time_s)
         step = np.median(np.abs(speed)) * np.median(np.diff(run.time_s))
         width = max(3, min(len(ratio) // 40, int(STRAIGHT / 2 / max(step, 1e-12))))
         half = width // 2

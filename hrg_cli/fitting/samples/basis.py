@@ -54,7 +54,7 @@ class WindowBasis:
         return self.orthonormal.shape[0] - self.orthonormal.shape[1]
 
 
-def columns(
+def build_columns(
     tau_s: Array,
     frequency_hz: tuple[float, ...],
     nuisance_hz: tuple[float, ...] = (),
@@ -63,20 +63,20 @@ def columns(
 ) -> Array:
     """Basis (n, k) at times from the centre: the wanted pairs, a constant, nuisance pairs, and with
     `moving` (τ/scale)·the wanted pairs."""
-    wanted = pairs(tau_s, frequency_hz)
-    parts = [wanted, np.ones((len(tau_s), 1)), pairs(tau_s, nuisance_hz)]
+    wanted = build_pairs(tau_s, frequency_hz)
+    parts = [wanted, np.ones((len(tau_s), 1)), build_pairs(tau_s, nuisance_hz)]
     if moving:
         parts.append(tau_s[:, None] / scale_s * wanted)
     return np.concatenate(parts, -1)
 
 
-def pairs(tau_s: Array, frequency_hz: tuple[float, ...]) -> Array:
+def build_pairs(tau_s: Array, frequency_hz: tuple[float, ...]) -> Array:
     """cos, sin of each frequency in turn, (n, 2F)."""
     phase = 2 * np.pi * np.multiply.outer(tau_s, np.asarray(frequency_hz, float))
     return np.stack([np.cos(phase), np.sin(phase)], -1).reshape(len(tau_s), 2 * len(frequency_hz))
 
 
-def rotations(time_s: Array, frequency_hz: Array) -> Array:
+def build_rotations(time_s: Array, frequency_hz: Array) -> Array:
     """e^{2πjft} (frequencies, times) on an even grid of frequencies, by doubling: one product a
     value instead of a sine and a cosine."""
     out = np.empty((len(frequency_hz), len(time_s)), complex)
@@ -110,7 +110,7 @@ def window_basis(
     """The basis of a window of evenly spaced samples about its centre; None where it is singular or
     has more columns than samples."""
     tau = (np.arange(samples) - (samples - 1) / 2) / sample_rate_hz
-    matrix = columns(tau, frequency_hz, nuisance_hz, moving, samples / sample_rate_hz / 2)
+    matrix = build_columns(tau, frequency_hz, nuisance_hz, moving, samples / sample_rate_hz / 2)
     norm = np.sqrt((matrix**2).sum(0))
     if samples < matrix.shape[1] or norm.min() < 1e-9:
         return None

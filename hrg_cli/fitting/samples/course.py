@@ -120,7 +120,7 @@ class Impulse:
         return np.asarray(self.course.at(inside) + held * beyond)
 
 
-def impulse(time_s: Array, mean: Array) -> Impulse:
+def integrate_means(time_s: Array, mean: Array) -> Impulse:
     """∫ of a quantity whose rows (n,) are means about their times, at the borders between them.
 
     A row counts from half way to the row before to half way to the next one. So the course keeps
@@ -132,7 +132,7 @@ def impulse(time_s: Array, mean: Array) -> Impulse:
         t, y = t + np.array([-0.5, 0.5]), np.repeat(y, 2)
     middle = (t[1:] + t[:-1]) / 2
     border = np.concatenate([[2 * t[0] - middle[0]], middle, [2 * t[-1] - middle[-1]]])
-    through = course(border, np.concatenate([[0.0], np.cumsum(y * np.diff(border))]))
+    through = build_course(border, np.concatenate([[0.0], np.cumsum(y * np.diff(border))]))
     return Impulse(through, float(y[0]), float(y[-1]))
 
 
@@ -147,7 +147,7 @@ def means_of_values(time_s: Array, value: Array) -> Array:
     t, y = np.asarray(time_s, float), np.asarray(value, float)
     if len(t) < FEWEST:
         return y
-    shown = course(t, y).alpha != 0
+    shown = build_course(t, y).alpha != 0
     before, behind = np.diff(t)[:-1], np.diff(t)[1:]
     left, right = np.diff(y)[:-1] / before, np.diff(y)[1:] / behind
     # slope and second derivative at the row of the parabola through it and its neighbours
@@ -159,19 +159,19 @@ def means_of_values(time_s: Array, value: Array) -> Array:
     return y + np.concatenate([[0.0], off * first + bend, [0.0]])
 
 
-def mean_of(impulse: Impulse, time_s: Array, width_s: Array | float) -> Array:
+def average_over_windows(impulse: Impulse, time_s: Array, width_s: Array | float) -> Array:
     """Means (n,) of a quantity over windows about times, from its integral."""
     half = np.asarray(width_s) / 2
     return np.asarray((impulse.at(time_s + half) - impulse.at(time_s - half)) / width_s)
 
 
-def through_means(time_s: Array, mean: Array, width_s: float) -> Course:
+def build_from_means(time_s: Array, mean: Array, width_s: float) -> Course:
     """The course whose means over windows about its rows are these (n,)."""
-    found = course(time_s, mean)
+    found = build_course(time_s, mean)
     for _ in range(SHARPENINGS):
         t, half = found.time_s, width_s / 2
         area = found.area_to(t + half) - found.area_to(t - half)
-        found = course(time_s, found.value + mean - area / width_s)
+        found = build_course(time_s, found.value + mean - area / width_s)
     return found
 
 
@@ -187,7 +187,7 @@ def _is_smooth(second: Array, k: Array) -> Array:
     return np.abs(around[2] - around[1]) < SMOOTH * np.max(np.abs(around), axis=0)
 
 
-def course(time_s: Array, value: Array) -> Course:
+def build_course(time_s: Array, value: Array) -> Course:
     """The course through a log's rows: times increasing, values finite."""
     t, y = np.asarray(time_s, float), np.asarray(value, float)
     n = max(0, len(t) - 1)

@@ -10,15 +10,15 @@ import numpy as np
 
 from ...errors import HrgError
 from ...records import FLAG_CLIPPED, Recording
-from .basis import WindowBasis, columns, window_basis
-from .frequency import bands, nuisances
+from .basis import WindowBasis, build_columns, window_basis
+from .frequency import list_bands, list_nuisances
 from .gaps import Gaps
-from .scatter import scattered_variance, settle_by_scatter
+from .scatter import estimate_scattered_variance, settle_by_scatter
 from .signal_rows import Rows, Variances, empty_rows, write_signals
 from .spectrum import Colour, colour
 from .still_envelopes import MotionWithin, Still
 from .survey import Survey
-from .windows import Fits, energy, pooled_variance
+from .windows import Fits, pooled_variance, sum_energy
 
 Array = np.ndarray
 
@@ -60,8 +60,8 @@ class Demodulator:
         carrier = self.survey.carrier_hz
         self.reference_hz = self.survey.reference_hz
         self.sign = np.array([1.0]) if carrier is None else np.array([-1.0, 1.0])
-        self.reference = np.array(bands(self.reference_hz, carrier))
-        self.nuisance = nuisances(carrier)
+        self.reference = np.array(list_bands(self.reference_hz, carrier))
+        self.nuisance = list_nuisances(carrier)
         self.moving = (
             self.periods_asked >= MOVING_PERIODS if self.moving_asked is None else self.moving_asked
         )
@@ -113,7 +113,9 @@ class Demodulator:
 
     def columns(self) -> int:
         """Unknowns of a window."""
-        return columns(np.zeros(1), tuple(self.reference), self.nuisance, self.moving).shape[1]
+        return build_columns(np.zeros(1), tuple(self.reference), self.nuisance, self.moving).shape[
+            1
+        ]
 
     def spent(self) -> int:
         """Degrees of freedom of a window that its residual does not have."""
@@ -164,7 +166,7 @@ class Demodulator:
 
     def local_bands(self, local_hz: float) -> tuple[float, ...]:
         """Frequencies of the signals where the oscillation is at `local_hz`."""
-        return bands(local_hz, self.survey.carrier_hz)
+        return list_bands(local_hz, self.survey.carrier_hz)
 
     def follow(self, u: Array, time_s: float) -> None:
         """Learn from a chunk's envelopes u (channel, rows, F) by how much the frequency differs
@@ -175,7 +177,7 @@ class Demodulator:
         cross = np.einsum("kra,kra->a", u[:, :-1].conj(), u[:, 1:])
         total = complex(np.where(self.sign < 0, cross.conj(), cross).sum())
         # Below 0.9 noise or a beat turns the envelope, not its frequency.
-        if np.isfinite(total) and abs(total) > 0.9 * energy(u):
+        if np.isfinite(total) and abs(total) > 0.9 * sum_energy(u):
             seen = self.reference_hz + float(np.angle(total)) / (2 * np.pi * self.window_s)
             self._ahead_hz = seen - self.survey.frequency_hz(time_s)
 
@@ -298,7 +300,7 @@ class Demodulator:
         pooled = pooled_variance(fits.residual2[k, keep], freedom, known)
         if known is not None:
             own = (fits.variance if len(fits.variance) == 1 else fits.variance[keep]).mean(1)
-            seen = scattered_variance(still.envelope[k, keep], own * still.noisier**2)
+            seen = estimate_scattered_variance(still.envelope[k, keep], own * still.noisier**2)
             pooled = settle_by_scatter(pooled, known / np.maximum(freedom, 1), freedom, seen)
         return np.asarray(np.maximum(pooled, self.least_variance(k))[:, None])
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from .basis import Pull
-from .windows import energy
+from .windows import sum_energy
 
 Array = np.ndarray
 
@@ -22,7 +22,7 @@ CURVED = 1 / 3 + 7 / 240
 window to the next order, in T²."""
 
 
-def slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Array | None:
+def estimate_slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Array | None:
     """Slope of the envelopes u (channel, rows, F) in the local frame, from rows ± `NEIGHBOURS`;
     None with fewer than three rows.
 
@@ -81,10 +81,10 @@ def better_slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) 
     """Slopes of envelopes without the first ones' pull: fine ones, plain ones where rows are few;
     None where they are too few for any."""
     fine = fine_slopes(u, local_less_reference_rad_s, window_s)
-    return slopes(u, local_less_reference_rad_s, window_s) if fine is None else fine
+    return estimate_slopes(u, local_less_reference_rad_s, window_s) if fine is None else fine
 
 
-def curvatures(
+def estimate_curvatures(
     u: Array, local_less_reference_rad_s: Array, window_s: float
 ) -> tuple[Array, Array] | None:
     """Curvature of the envelopes in the local frame from rows ± `BEND`, and how far it may be wrong
@@ -132,7 +132,7 @@ def curvatures(
 
 def gain_at_middle(turns: Array | float) -> Array:
     """What taking the bend off makes of a motion that turns so often a window: 1 + (s/24)(1 + 0.36 s),
-    s = (2/h)² sin² πhx, beside the sinc x of the mean itself (see `curvatures`).
+    s = (2/h)² sin² πhx, beside the sinc x of the mean itself (see `estimate_curvatures`).
 
     Of a slow motion it undoes the mean; what moves quickly, noise above all, it makes larger.
     """
@@ -141,7 +141,7 @@ def gain_at_middle(turns: Array | float) -> Array:
 
 
 def bend_power(u: Array, local_less_reference_rad_s: Array, window_s: float, every: int) -> Array:
-    """Mean square of the curvature's second difference D (channel,), see `curvatures`, at one row
+    """Mean square of the curvature's second difference D (channel,), see `estimate_curvatures`, at one row
     of `every`: enough to judge by."""
     h = min(BEND, (u.shape[1] - 1) // 2)
     if h < 1:
@@ -211,7 +211,7 @@ def motion_counts(residual2: Array, motion: Array, by: Pull, part: float = 1e-3)
         total = float(residual2[k].sum())
         if not np.isfinite(total):
             total = float(np.nansum(residual2[k]))
-        if energy(motion[k]) * mean > part * total:
+        if sum_energy(motion[k]) * mean > part * total:
             return True
     return False
 

@@ -10,7 +10,7 @@ import numpy as np
 from ...records import FLAG_CLIPPED, FLAG_NOT_FINITE
 from .basis import WindowBasis, window_basis
 from .demodulator import Demodulator
-from .envelope_motion import NEIGHBOURS, curvatures, motion_counts, slopes
+from .envelope_motion import NEIGHBOURS, estimate_curvatures, estimate_slopes, motion_counts
 from .looks import Look
 from .signal_rows import Rows
 from .windows import Fits, fit_even, pool_rows
@@ -174,9 +174,12 @@ def _motion_counts(
             envelope, left = fit_even(y, basis)
             u = (envelope * turn)[None]
             if run.moving:
-                motion, pull = (curvatures(u, still, run.window_s) or (None,))[0], basis.curvature
+                motion, pull = (
+                    (estimate_curvatures(u, still, run.window_s) or (None,))[0],
+                    basis.curvature,
+                )
             else:
-                motion, pull = slopes(u, still, run.window_s), basis.slope
+                motion, pull = estimate_slopes(u, still, run.window_s), basis.slope
             if motion is not None and motion_counts(left[None], motion, pull, SLOPING):
                 return True
     return False

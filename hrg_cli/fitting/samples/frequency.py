@@ -1,7 +1,7 @@
 """Find an oscillation's frequency in both channels at once: the spectrum's peak, refined by the
 phase slope of short fits.
 
-With a carrier ω_c the oscillation is the pair of side bands ω_c ∓ ω: `bands` gives the frequencies
+With a carrier ω_c the oscillation is the pair of side bands ω_c ∓ ω: `list_bands` gives the frequencies
 to fit for an oscillation at f.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .basis import columns, rotations
+from .basis import build_columns, build_rotations
 from .spectrum import chi_square_excess
 
 Array = np.ndarray
@@ -19,7 +19,7 @@ PADDING = 2
 bin."""
 
 
-def bands(frequency_hz: float, carrier_hz: float | None) -> tuple[float, ...]:
+def list_bands(frequency_hz: float, carrier_hz: float | None) -> tuple[float, ...]:
     """Frequencies of the signals: f itself, or the difference and sum with a carrier."""
     return (
         (frequency_hz,)
@@ -28,7 +28,7 @@ def bands(frequency_hz: float, carrier_hz: float | None) -> tuple[float, ...]:
     )
 
 
-def nuisances(carrier_hz: float | None) -> tuple[float, ...]:
+def list_nuisances(carrier_hz: float | None) -> tuple[float, ...]:
     """Frequencies fitted beside the signals: the carrier's own leakage."""
     return () if carrier_hz is None else (carrier_hz,)
 
@@ -59,7 +59,7 @@ def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
     power = np.empty(len(frequency_hz))
     rows = max(1, (1 << 15) // n)
     for start in range(0, len(frequency_hz), rows):
-        turn = rotations(centred, frequency_hz[start : start + rows])
+        turn = build_rotations(centred, frequency_hz[start : start + rows])
         total, square = turn.sum(1), np.einsum("kn,kn->k", turn, turn)
         right = turn @ y.T
         cc = (n + square.real) / 2 - total.real**2 / n
@@ -134,7 +134,7 @@ def refine(
     """
     n = y.shape[-1]
     duration = float(time_s[-1] - time_s[0]) * n / max(1, n - 1)
-    f = bands(frequency_hz, carrier_hz)
+    f = list_bands(frequency_hz, carrier_hz)
     # Two periods at least, so that cos, sin and a constant are apart; and no more than 64 sub-
     # windows, each a fit.
     samples = max(int(np.ceil(2 * n / (frequency_hz * duration))), 4 * len(f) + 4, n // 64)
@@ -157,7 +157,7 @@ def refine(
     for _ in range(rounds):
         # even sub-windows are alike about their middles: one basis serves all
         u = _sub_envelopes(
-            t, centre, y, bands(frequency_hz, carrier_hz), nuisances(carrier_hz), even
+            t, centre, y, list_bands(frequency_hz, carrier_hz), list_nuisances(carrier_hz), even
         )
         cross = (u[:, lag:] * u[:, : count - lag].conj()).sum((0, 1))
         # The lower side band turns against the oscillation.
@@ -175,7 +175,9 @@ def _sub_envelopes(
     """Envelopes (channels, windows, tones) of y (channels, windows, n) against e^{jωt}, fitted at the
     times t (windows, n) about their centres (windows,); one basis for all where they are alike."""
     some = slice(0, 1) if alike else slice(None)
-    basis = [columns(row - mid, f, beside) for row, mid in zip(t[some], centre[some], strict=True)]
+    basis = [
+        build_columns(row - mid, f, beside) for row, mid in zip(t[some], centre[some], strict=True)
+    ]
     inverse = np.linalg.pinv(np.stack(basis))[:, : 2 * len(f)]
     fit = np.einsum("wan,cwn->cwa", np.broadcast_to(inverse, (len(centre), *inverse.shape[1:])), y)
     return np.asarray(

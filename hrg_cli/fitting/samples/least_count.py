@@ -33,7 +33,7 @@ def count_values(values: Array) -> tuple[Array, Array]:
     return ordered[first], np.diff(np.append(first, len(ordered)))
 
 
-def least_count(parts: Iterable[Array]) -> float:
+def find_least_count(parts: Iterable[Array]) -> float:
     """Smallest step on which all values of the arrays lie, in their own unit; 0 where there is
     none.
 

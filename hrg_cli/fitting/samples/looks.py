@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import HrgError
 from ...records import Recording
 from ...records.recording import ONE_CHANNEL
-from .least_count import count_values, least_count
+from .least_count import count_values, find_least_count
 
 Array = np.ndarray
 
@@ -146,7 +146,7 @@ def find_least_counts(recording: Recording, looks: Sequence[Look]) -> tuple[floa
         return recording.least_count, recording.least_count
     scales = (recording.c_scale_factor, recording.s_scale_factor)
     some = looks[:: max(1, len(looks) // STEP_LOOKS)]
-    c, s = (abs(scales[k]) * least_count(look.raw[k] for look in some) for k in range(2))
+    c, s = (abs(scales[k]) * find_least_count(look.raw[k] for look in some) for k in range(2))
     return c, s
 
 

@@ -19,7 +19,7 @@ MOST_BRIDGED = 4
 """Windows without a number in a row that are bridged."""
 
 
-def median_of_neighbours(values: Array, reach: int) -> Array:
+def find_local_median(values: Array, reach: int) -> Array:
     """Median (n,) of the rows ± `reach` about each, mirrored at the ends."""
     padded = np.pad(values, reach, mode="reflect")
     rows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)

@@ -19,7 +19,7 @@ BRIDGED = 5
 ROWS_AT_ONCE = 1 << 16
 
 
-def stretches(wave: Wave) -> Array:
+def find_stretches(wave: Wave) -> Array:
     """The stretch (n,) of its rate log that each window is in, from 1; 0 where the log does not
     cover it. All windows are in one where no log was kept."""
     if wave.rate_rad_s is None:
@@ -37,11 +37,11 @@ def stretches(wave: Wave) -> Array:
 def covered(wave: Wave) -> Array:
     """Windows (n,) bool in the longest stretch of a run's rate log; all of them where none was
     kept."""
-    stretch = stretches(wave)
+    stretch = find_stretches(wave)
     return (stretch == np.argmax(np.bincount(stretch, minlength=2)[1:]) + 1) & (stretch > 0)
 
 
-def within_log(wave: Wave, inside: Array | None = None) -> Wave:
+def restrict_to_log(wave: Wave, inside: Array | None = None) -> Wave:
     """The wave with the windows outside one stretch of its rate log flagged as not finite, and
     their rates unknown; of a file nothing but rates and flags is read. inside (n,): the stretch,
     by default the longest."""
@@ -55,7 +55,7 @@ def within_log(wave: Wave, inside: Array | None = None) -> Wave:
     )
 
 
-def left_out(wave: Wave, inside: Array) -> str:
+def describe_left_out(wave: Wave, inside: Array) -> str:
     """What to say of the windows that a run's rate log does not cover (`inside`: those it does);
     empty where there is none."""
     outside = int(np.count_nonzero(~inside))

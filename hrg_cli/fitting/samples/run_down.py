@@ -87,7 +87,7 @@ def _judge(course: _Course) -> RunDown | None:
         return None
     first, last = _strike(course), n
     if course.wave[first:].max() > CLEAR * np.median(course.floor):
-        last = _gone(course, first)
+        last = _find_end(course, first)
         last = min(last, _disturbed(course, first, last))
     notes = []
     if first > 0:
@@ -126,7 +126,7 @@ def _strike(course: _Course) -> int:
     return 0
 
 
-def _gone(course: _Course, first: int) -> int:
+def _find_end(course: _Course, first: int) -> int:
     """The window from which on the wave no longer stands out of the noise beside it."""
     there = course.wave > GONE * course.floor
     last = int(np.flatnonzero(there)[-1]) + 1 if there.any() else len(there)

@@ -24,7 +24,7 @@ five none of what the windows' own bends do from row to row. Their variance over
 1 + 16 + 36 + 16 + 1."""
 
 
-def scattered_variance(envelope: Array, own: Array) -> float:
+def estimate_scattered_variance(envelope: Array, own: Array) -> float:
     """Variance a sample that the differences of envelopes (windows, tones) show, whose coefficients
     have `own` (windows or 1,) of it; NaN where there are too few.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .basis import WindowBasis, columns, pairs, rotations
+from .basis import WindowBasis, build_columns, build_pairs, build_rotations
 
 Array = np.ndarray
 
@@ -39,7 +39,10 @@ def look_residual(
     n, span = len(time_s), max(float(time_s[-1] - time_s[0]), 1e-300)
     pairs_of = 2 * len(frequency_hz)
     order = min(MOTIONS[0][0], max(0, (n - 6) // (2 * pairs_of)))
-    residual, reach = _less_oscillation(time_s, y, frequency_hz, nuisance_hz, order), order / span
+    residual, reach = (
+        _subtract_oscillation(time_s, y, frequency_hz, nuisance_hz, order),
+        order / span,
+    )
     taken = pairs_of * (order + 1)
     # a motion is tried only with at least eight samples for each of its columns
     for order, pieces in MOTIONS[1:]:
@@ -48,7 +51,8 @@ def look_residual(
             break
         parts = zip(np.array_split(time_s, pieces), np.array_split(y, pieces, axis=-1), strict=True)
         freer = np.concatenate(
-            [_less_oscillation(t, part, frequency_hz, nuisance_hz, order) for t, part in parts], -1
+            [_subtract_oscillation(t, part, frequency_hz, nuisance_hz, order) for t, part in parts],
+            -1,
         )
         if (
             (residual**2).sum(-1) > (1 + MOTION_GAIN * (takes - taken) / n) * (freer**2).sum(-1)
@@ -69,7 +73,7 @@ def _stands_out(residual: Array, turns: float, y: Array) -> bool:
     return bool(near.size and (near.max(-1) > MOTION_PEAK * np.median(power, axis=-1)).any())
 
 
-def _less_oscillation(
+def _subtract_oscillation(
     time_s: Array,
     y: Array,
     frequency_hz: tuple[float, ...],
@@ -84,8 +88,8 @@ def _less_oscillation(
     moving = np.polynomial.legendre.legvander(tau / max(float(np.abs(tau).max()), 1e-300), order)[
         :, 1:
     ]
-    wanted = (moving[:, :, None] * pairs(tau, frequency_hz)[:, None, :]).reshape(len(tau), -1)
-    basis = np.concatenate([columns(tau, frequency_hz, nuisance_hz), wanted], -1)
+    wanted = (moving[:, :, None] * build_pairs(tau, frequency_hz)[:, None, :]).reshape(len(tau), -1)
+    basis = np.concatenate([build_columns(tau, frequency_hz, nuisance_hz), wanted], -1)
     gram = basis.T @ basis
     # the ridge keeps two frequencies that the look cannot tell apart solvable; the second solution
     # takes off what the ridge left of the first
@@ -119,7 +123,9 @@ class AveragedSpectrum:
             norm = 2 * step / (window**2).sum()
         else:
             step = float(np.median(np.diff(time_s)))
-            spectrum = (residual * window) @ rotations(time_s - time_s[0], self.frequency_hz).T
+            spectrum = (residual * window) @ build_rotations(
+                time_s - time_s[0], self.frequency_hz
+            ).T
             norm = 2 * step / (window**2).sum()
         self.density += (np.abs(spectrum) ** 2 * norm).T
         self.parts.append(spectrum * np.sqrt(norm))

@@ -15,15 +15,15 @@ import numpy as np
 from .envelope_motion import (
     bend_power,
     better_slopes,
-    curvatures,
+    estimate_curvatures,
+    estimate_slopes,
     motion_counts,
     motion_residual,
     pull_noise,
-    slopes,
     take_off_pull,
 )
 from .neighbours import from_neighbours
-from .scatter import scattered_variance
+from .scatter import estimate_scattered_variance
 from .windows import Fits
 
 Array = np.ndarray
@@ -72,7 +72,10 @@ class MotionWithin:
         judged = self._keep_judged(smooth, times)
         if self.takes_bends_off or self._bends(judged, offset, fits):
             bends = from_neighbours(
-                lambda rows: curvatures(rows, offset, self.window_s), judged, offset, self.window_s
+                lambda rows: estimate_curvatures(rows, offset, self.window_s),
+                judged,
+                offset,
+                self.window_s,
             )
             bend, doubt = bends or (None, None)
         noisier = pull_noise(
@@ -94,7 +97,7 @@ class MotionWithin:
     ) -> tuple[Array, Array | None]:
         """The envelopes without the pull of their slopes, and the part of the squared residual that
         these explain where they count; as they are where the fit holds the slopes."""
-        slope = None if self.moving else self._seen_beside(slopes, u, offset)
+        slope = None if self.moving else self._seen_beside(estimate_slopes, u, offset)
         if slope is None:
             return u, None
         known = None
@@ -133,7 +136,7 @@ class MotionWithin:
             if not len(noise2):
                 continue
             # the residual of few samples is their motion's: the scatter from window to window is not
-            seen = scattered_variance(u[k], fits.variance.mean(1)) * variance
+            seen = estimate_scattered_variance(u[k], fits.variance.mean(1)) * variance
             if pull2[k] > 0.01 * np.nanmin([np.median(noise2), seen]):
                 return True
         return False

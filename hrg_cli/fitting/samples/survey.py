@@ -113,7 +113,7 @@ class FrequencyCourse:
         # A micro-hertz: a number that a person can write down and that two machines agree on.
         reference = float(np.round(np.median(self.track[1]), 6))
         away = rest.blind_hz
-        at = finding.bands(reference, self.carrier_hz)
+        at = finding.list_bands(reference, self.carrier_hz)
         skip = tuple((f - away, f + away) for f in (*at, 0.0))
         line_hz, line_amplitude, line_ratio = rest.lines(skip)
         return Survey(
@@ -241,8 +241,8 @@ def _average_residual(
     blind = 4 / (width * step_s)
     middles = [look.time_s.mean() for look in looks]
     for look, local in zip(looks, np.interp(middles, *track), strict=True):
-        f = finding.bands(float(local), carrier_hz)
-        residual, reach = look_residual(look.time_s, look.y, f, finding.nuisances(carrier_hz))
+        f = finding.list_bands(float(local), carrier_hz)
+        residual, reach = look_residual(look.time_s, look.y, f, finding.list_nuisances(carrier_hz))
         blind = max(blind, reach)
         noise2.append((residual**2).mean(-1))
         strength.append(look.y.var(-1) - noise2[-1])

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import HrgError
 from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Recording
-from .basis import Pull, columns, pairs, pull, window_basis
+from .basis import Pull, build_columns, build_pairs, pull, window_basis
 from .demodulator import Demodulator
 from .envelope_motion import NEIGHBOURS
 from .gaps import Gaps
@@ -140,9 +140,9 @@ def fit_uneven(
     """
     channels, tones = len(y), 2 * len(frequency_hz)
     tau = time_s - centre_s[window]
-    basis = columns(tau, frequency_hz, nuisance_hz, moving, width_s / 2)
+    basis = build_columns(tau, frequency_hz, nuisance_hz, moving, width_s / 2)
     k = basis.shape[1]
-    wanted = pairs(tau, frequency_hz)
+    wanted = build_pairs(tau, frequency_hz)
     right = np.concatenate([y.T, tau[:, None] * wanted, tau[:, None] ** 2 / 2 * wanted], 1)
     sums = _Sums.of(basis, right, y, window, len(centre_s))
     # beyond a condition of 1e6 the samples of a window do not separate its unknowns

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .basis import Pull, WindowBasis
-from .neighbours import median_of_neighbours
+from .neighbours import find_local_median
 
 Array = np.ndarray
 
@@ -98,7 +98,7 @@ def _squares(y: Array) -> Array:
     )
 
 
-def energy(u: Array) -> float:
+def sum_energy(u: Array) -> float:
     """Σ|u|² of complex values, in this thread: a BLAS shares so short a sum among threads that then
     wait for each other."""
     parts = np.ascontiguousarray(u).view(float).ravel()
@@ -130,7 +130,7 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
         if not (np.maximum.reduceat(most, starts) > _far_above(freedom) * level).any():
             if known is not None:
                 share = np.add.reduceat(known, starts) / (counts * freedom)
-                level = _less_motion(level, share)
+                level = _subtract_motion(level, share)
             return np.repeat(level, counts)
     freedom = np.broadcast_to(np.asarray(freedom, float), residual2.shape)
     finite = np.isfinite(residual2)
@@ -141,7 +141,7 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     limit = _far_above(freedom) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts)
     if known is not None:
         # what a jump makes of a few rows' share is not in the median of those beside them
-        usual = median_of_neighbours(np.where(np.isfinite(known), known, 0.0), BESIDE)
+        usual = find_local_median(np.where(np.isfinite(known), known, 0.0), BESIDE)
         limit = limit + MOVED * usual
     excess = finite & (sums > limit)
     total = np.add.reduceat(np.where(excess, 0.0, sums), starts) / np.maximum(
@@ -152,7 +152,7 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
         share = np.add.reduceat(share, starts) / np.maximum(
             np.add.reduceat(np.where(excess, 0.0, weight), starts), 1
         )
-        total = _less_motion(total, share)
+        total = _subtract_motion(total, share)
     spread = np.repeat(total, counts)
     return np.where(finite, np.where(excess, sums / np.maximum(freedom, 1), spread), np.nan)
 
@@ -176,7 +176,7 @@ def _far_above(freedom: Array) -> Array:
     return 4 * freedom + 40
 
 
-def _less_motion(level: Array, share: Array) -> Array:
+def _subtract_motion(level: Array, share: Array) -> Array:
     """Variances of pools without the motion's share, which is known to `KNOWN` of itself."""
     return np.asarray(np.maximum(level - share, KNOWN * np.minimum(share, level)))
 

@@ -107,7 +107,7 @@ def allan_terms(
     kept, squares, stds = _drop_unseen(problem, covariance)
 
     limits = _limits(problem, kept, squares)
-    least = _least(problem, covariance, kept, squares, limits)
+    least = _find_least_squares(problem, covariance, kept, squares, limits)
     model = design @ squares
     chi2 = float(np.sum((_root(covariance) @ (variance - model)) ** 2))
     found = {k: _unseen(limit * unit[k]) for k, limit in limits.items()}
@@ -172,7 +172,7 @@ def _limits(problem: _Problem, kept: Sequence[int], squares: Array) -> dict[int,
     return limits
 
 
-def _least(
+def _find_least_squares(
     problem: _Problem,
     covariance: Array,
     kept: Sequence[int],

@@ -21,7 +21,7 @@ SMALL_FALL = 0.01
 """Fall of χ² that a step still promises at which it is settled: a tenth of a standard deviation."""
 
 
-def bends(layout: TableLayout) -> bool:
+def has_bends(layout: TableLayout) -> bool:
     """Whether the weights of the nodes depend on the coefficients."""
     return layout.interpolation == "monotone" and len(layout.nodes) > 2
 

@@ -14,7 +14,7 @@ import numpy as np
 from .increment_noise import AngleNoise, whiten
 from .increments import AnglePath
 from .normal_pieces import LEAST_SEEN
-from .table_design import design, stretches
+from .table_design import build_design, split_stretches
 from .table_layout import Model, TableLayout
 
 Array = np.ndarray
@@ -54,8 +54,8 @@ def coarsen(
     many = max(1, (len(path) + 1) // COARSE_BLOCKS)
     count = (len(path) + 1) // many
     means, angle = np.zeros((count, model.free + 1)), np.zeros(model.free + 1)
-    for rows in stretches(len(path)):
-        X = design(path, layout, previous, rows)
+    for rows in split_stretches(len(path)):
+        X = build_design(path, layout, previous, rows)
         rest = turn[rows] - (0.0 if model.start is None else X @ model.start)
         summed = angle + np.cumsum(np.column_stack([X @ model.matrix, rest]), axis=0)
         angle = summed[-1].copy()
@@ -73,7 +73,7 @@ def coarsen(
     )
 
 
-def common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
+def estimate_common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
     """Angle random walk q common to all runs, rad²/s of mθ, by restricted likelihood at the runs'
     white noise.
 

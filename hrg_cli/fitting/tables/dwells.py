@@ -56,7 +56,7 @@ def lay_nodes(
     return min(able, key=lambda pair: held_out_rms(y, pair[1]))[0]
 
 
-def least_count(y: Array) -> float:
+def find_least_count(y: Array) -> float:
     """The step on whose multiples all values lie: the resolution of what measured them; 0 where
     there is none to be seen."""
     steps = np.diff(np.unique(y))

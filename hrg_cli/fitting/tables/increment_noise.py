@@ -23,9 +23,30 @@ class AngleNoise:
     walk: float
 
 
-def noise_shape(path: AnglePath) -> Array:
-    """Relative white variance of the blocks, mean one; the level is always estimated from the
-    residuals."""
+def find_noise_shape(path: AnglePath) -> Array:
+    """Relative white variance of the blocks, mean one.
+
+    The level is always estimated from the residuals; the windows' stated variances tell only how it is
+    spread over the run.
+
+    Parameters
+    ----------
+    path
+        With the angle's stated variance a block.
+
+    Returns
+    -------
+    ndarray
+        (blocks,); ones where nothing is stated.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increment_noise import find_noise_shape
+    >>> find_noise_shape(SimpleNamespace(angle_variance=np.array([1e-12, 3e-12]))).round(9).tolist()
+    [0.5, 1.5]
+    """
     mean = float(np.mean(path.angle_variance))
     return (
         path.angle_variance / mean
@@ -34,9 +55,40 @@ def noise_shape(path: AnglePath) -> Array:
     )
 
 
-def covariance_bands(path: AnglePath, noise: AngleNoise) -> Array:
-    """Lower band form (2, n) of the increments' tridiagonal covariance."""
-    white, width = noise.white * noise_shape(path), path.width_s
+def build_covariance_bands(path: AnglePath, noise: AngleNoise) -> Array:
+    """Covariance of the increments between the angles of neighbouring blocks.
+
+    It is tridiagonal. Neighbouring increments share a block, whose angle noise enters them with opposite
+    signs; a walk averaged over a block of width w moves q·w/6 from each increment into their covariance.
+
+    Parameters
+    ----------
+    path
+        n + 1 blocks.
+    noise
+        White angle noise and walk.
+
+    Returns
+    -------
+    ndarray
+        (2, n) [rad² of mθ]: the diagonal, and below it the covariance with the next increment.
+
+    Examples
+    --------
+    White angles alone: a difference has twice their variance, and shares half of it with each
+    neighbour.
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise, build_covariance_bands
+    >>> class Path(SimpleNamespace):
+    ...     def __len__(self):
+    ...         return 3
+    >>> path = Path(angle_variance=np.ones(4), width_s=np.ones(4), interval_s=np.ones(3))
+    >>> build_covariance_bands(path, AngleNoise(0.25, 0.0)).tolist()
+    [[0.5, 0.5, 0.5], [-0.25, -0.25, 0.0]]
+    """
+    white, width = noise.white * find_noise_shape(path), path.width_s
     bands = np.zeros((2, len(path)))
     bands[0] = (
         white[1:]
@@ -57,8 +109,35 @@ NOT_POSITIVE = (
 
 
 def whiten(bands: Array, columns: Array) -> tuple[Array, float]:
-    """(L⁻¹·columns, log det V) for the covariance V = L Lᵀ given by its lower bands; rows of the
-    result are independent, variance one."""
+    """Columns whose rows are independent and of variance one, and the logarithm of the determinant.
+
+    With V = L Lᵀ they are L⁻¹·columns and log det V: all that a likelihood of normal errors needs.
+
+    Parameters
+    ----------
+    bands
+        (2, n): lower bands of the covariance V.
+    columns
+        (n,) or (n, k).
+
+    Returns
+    -------
+    tuple
+        Columns of the same shape, and log det V.
+
+    Raises
+    ------
+    HrgError
+        V is not positive: times or widths of the windows do not fit together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increment_noise import whiten
+    >>> white, log_determinant = whiten(np.array([[4.0, 4.0], [0.0, 0.0]]), np.array([2.0, 6.0]))
+    >>> white.tolist(), round(float(log_determinant / np.log(2)), 9)
+    ([1.0, 3.0], 4.0)
+    """
     from scipy.linalg.lapack import dpbtrf, dtbtrs
 
     factor, failed = dpbtrf(bands, lower=1)
@@ -98,19 +177,54 @@ NEEDED_GAIN = 6.0
 
 
 def estimate_noise(path: AnglePath, residual: Array, lost_degrees: float = 0.0) -> AngleNoise:
-    """White angle noise and angle random walk of a run by maximum likelihood from residual
-    increments (n,).
+    """White angle noise and angle random walk of a run by maximum likelihood from residual increments.
 
-    One parameter (their ratio) is searched; the level follows from the whitened residual. White
-    noise that a walk hides is what the windows state, unless the residual denies it.
-    `lost_degrees`: degrees of freedom the fit took from this run.
+    One parameter (their ratio) is searched; the level follows from the whitened residual. White noise
+    that a walk hides is what the windows state, unless the residual denies it. A walk that gains less
+    than `NEEDED_GAIN` of −2 ln L is none.
+
+    Parameters
+    ----------
+    path
+        n + 1 blocks.
+    residual
+        (n,): what a fit leaves of the increments [rad of mθ].
+    lost_degrees
+        Degrees of freedom that the fit took from this run.
+
+    Returns
+    -------
+    AngleNoise
+        Both.
+
+    Examples
+    --------
+    A walk of 1e-4 rad²/s under white noise as large is found to a few per cent of a thousand steps:
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increment_noise import estimate_noise
+    >>> rng, n = np.random.default_rng(0), 1000
+    >>> class Path(SimpleNamespace):
+    ...     def __len__(self):
+    ...         return n
+    >>> path = Path(
+    ...     angle_variance=np.full(n + 1, 1e-4 / 4),
+    ...     width_s=np.zeros(n + 1),
+    ...     interval_s=np.ones(n),
+    ...     mode_number=2,
+    ... )
+    >>> walk = np.cumsum(1e-2 * rng.standard_normal(n + 1))
+    >>> found = estimate_noise(path, np.diff(walk + 1e-2 * rng.standard_normal(n + 1)))
+    >>> bool(abs(found.walk / 1e-4 - 1) < 0.25), bool(abs(found.white / 1e-4 - 1) < 0.25)
+    (True, True)
     """
     time = float(np.median(path.interval_s))
     degrees = max(len(residual) - lost_degrees, 1.0)
 
     def look(log_ratio: float) -> tuple[float, float]:
         """(whitened square, log determinant) with white noise one and q·Δt in this ratio to it."""
-        bands = covariance_bands(path, AngleNoise(1.0, np.exp(log_ratio) / time))
+        bands = build_covariance_bands(path, AngleNoise(1.0, np.exp(log_ratio) / time))
         white, log_determinant = whiten(bands, residual)
         return max(float(white @ white), 1e-300), log_determinant
 

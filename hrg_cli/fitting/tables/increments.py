@@ -23,8 +23,8 @@ import numpy as np
 from ...errors import HrgError
 from ...fourier import harmonic_basis
 from ...records import Wave
-from ..samples.course import course
-from ..samples.rate_log import covered, left_out, within_log
+from ..samples.course import build_course
+from ..samples.rate_log import covered, describe_left_out, restrict_to_log
 
 Array = np.ndarray
 LARGEST_PHASE_STEP = 0.6
@@ -154,7 +154,7 @@ def path_of(
     """
     rows = len(wave)
     if need_rate and rate_rad_s is None:
-        wave = _within_rate_log(wave)
+        wave = _restrict_to_rate_log(wave)
     if wave.rate_rad_s is None and rate_rad_s is None:
         rate_rad_s = 0.0
     per_block = per_block or _rows_per_block(wave, rows, harmonics, rate_rad_s)
@@ -193,7 +193,7 @@ def path_of(
     )
 
 
-def _within_rate_log(wave: Wave) -> Wave:
+def _restrict_to_rate_log(wave: Wave) -> Wave:
     """The wave where its rate was logged. HrgError: nowhere."""
     if wave.rate_rad_s is None:
         raise HrgError(
@@ -202,9 +202,9 @@ def _within_rate_log(wave: Wave) -> Wave:
         )
     inside = covered(wave)
     if not inside.any():
-        told = left_out(wave, inside)
+        told = describe_left_out(wave, inside)
         raise HrgError(f"{told}; log the table's rate or give it with rate_rad_s")
-    return within_log(wave, inside)
+    return restrict_to_log(wave, inside)
 
 
 def _read_blocks(
@@ -227,7 +227,7 @@ def _read_blocks(
                 f"run {wave.run_id or '?'}: time_s stands or goes back at"
                 f" {time[1 + int(np.argmax(standing))]:g} s; times must increase"
             )
-        integral = course(time, _rate(log, constant_rate) + earth_rate).integral()
+        integral = build_course(time, _rate(log, constant_rate) + earth_rate).integral()
         before = integral[start - first - 1] if start else 0.0
         integral = turned + integral[start - first : stop - first] - before
         turned = float(integral[-1])

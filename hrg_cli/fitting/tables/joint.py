@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .bends import bends, settle_bends
-from .common_walk import coarsen, common_walk
+from .bends import has_bends, settle_bends
+from .common_walk import coarsen, estimate_common_walk
 from .increment_noise import AngleNoise, estimate_noise
 from .increments import AnglePath
-from .normal_pieces import Pieces, TableSolution, accumulate, chi_square, solve
+from .normal_pieces import Pieces, TableSolution, accumulate, compute_chi_square, solve
 from .table_design import predict_turn
 from .table_layout import Model, TableLayout
 
@@ -60,7 +60,7 @@ def _solve(
     (None: weights of their own are not needed)."""
     pieces = accumulate(paths, noises, layout, turns, previous)
     solution = solve(*pieces.sum()[:2], model)
-    if not bends(layout):
+    if not has_bends(layout):
         return pieces, solution, previous
     own = settle_bends(paths, noises, layout, turns, model, solution.coefficients)
     pieces = accumulate(paths, noises, layout, turns, own)
@@ -115,10 +115,14 @@ def fit(
             # there is none
             noises = [AngleNoise(n.white, 0.0) for n in noises]
             continue
-        walk = common_walk(coarse, float(np.median([p.time_s[-1] - p.time_s[0] for p in paths])))
+        walk = estimate_common_walk(
+            coarse, float(np.median([p.time_s[-1] - p.time_s[0] for p in paths]))
+        )
         weights = [AngleNoise(n.white, max(n.walk, walk)) for n in noises]
         settled = sweep > 0 and _walks_settled(used, weights)
         noises = weights
     A, b, square, rows = pieces.sum()
-    chi2 = chi_square(A, b, square, solution.coefficients) / max(rows - solution.degrees, 1.0)
+    chi2 = compute_chi_square(A, b, square, solution.coefficients) / max(
+        rows - solution.degrees, 1.0
+    )
     return Fitted(list(paths), turns, noises, layout, pieces, solution, float(chi2), jumps)

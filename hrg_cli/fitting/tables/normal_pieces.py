@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .increment_noise import AngleNoise, Whitener, covariance_bands
+from .increment_noise import AngleNoise, Whitener, build_covariance_bands
 from .increments import AnglePath
-from .table_design import design, stretches
+from .table_design import build_design, split_stretches
 from .table_layout import Model, TableLayout
 
 Array = np.ndarray
@@ -70,10 +70,10 @@ def accumulate(
     )
     for r, (path, noise, turn) in enumerate(zip(paths, noises, turns)):
         piece = piece_of(len(path))
-        whitener = Whitener(covariance_bands(path, noise))
-        for rows in stretches(len(path)):
+        whitener = Whitener(build_covariance_bands(path, noise))
+        for rows in split_stretches(len(path)):
             white = whitener.next(
-                np.column_stack([design(path, layout, previous, rows), turn[rows]])
+                np.column_stack([build_design(path, layout, previous, rows), turn[rows]])
             )
             for s in np.unique(piece[rows]):
                 own = white[piece[rows] == s]
@@ -118,12 +118,14 @@ def solve(
     )
 
 
-def chi_square(information: Array, vector: Array, square: float, coefficients: Array) -> float:
+def compute_chi_square(
+    information: Array, vector: Array, square: float, coefficients: Array
+) -> float:
     """Σ of whitened residuals squared for given coefficients."""
     return float(square - 2 * vector @ coefficients + coefficients @ information @ coefficients)
 
 
-def held_out_chi_square(
+def compute_held_out_chi_square(
     pieces: Pieces, folds: Array, model: Model, penalty: Array | None = None
 ) -> float:
     """Σ over folds of the whitened residuals squared, each fold predicted from the others."""
@@ -131,5 +133,7 @@ def held_out_chi_square(
     total = 0.0
     for f in range(int(folds.max()) + 1):
         A_f, b_f, square, _ = pieces.sum(folds == f)
-        total += chi_square(A_f, b_f, square, solve(A - A_f, b - b_f, model, penalty).coefficients)
+        total += compute_chi_square(
+            A_f, b_f, square, solve(A - A_f, b - b_f, model, penalty).coefficients
+        )
     return total

@@ -14,7 +14,7 @@ ROWS_AT_ONCE = 1 << 12
 """Increments of a run whose design is held at once."""
 
 
-def design(run: AnglePath, layout: TableLayout, previous: Array | None, rows: slice) -> Array:
+def build_design(run: AnglePath, layout: TableLayout, previous: Array | None, rows: slice) -> Array:
     """Columns (n, size) of m·Δθ for the increments `rows` of a run. `previous` coefficients
     linearise the monotone interpolation."""
     path = run.part(rows)
@@ -46,7 +46,7 @@ def design(run: AnglePath, layout: TableLayout, previous: Array | None, rows: sl
     return columns
 
 
-def stretches(length: int) -> list[slice]:
+def split_stretches(length: int) -> list[slice]:
     """Increments a run is worked through at once, so that memory holds one stretch of the
     design."""
     return [
@@ -59,5 +59,8 @@ def predict_turn(
 ) -> Array:
     """m·Δθ (n, …) of given coefficients (size, …), a stretch at a time."""
     return np.concatenate(
-        [design(path, layout, previous, rows) @ coefficients for rows in stretches(len(path))]
+        [
+            build_design(path, layout, previous, rows) @ coefficients
+            for rows in split_stretches(len(path))
+        ]
     )

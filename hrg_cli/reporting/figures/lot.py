@@ -75,7 +75,7 @@ def _say_limits(limits: str, value: Array, low: float | None, high: float | None
 
 def _name_outliers(ax: Any, outliers: list[tuple[Row, float, float]], middle: float) -> None:
     """Each outlier's name on the side where there is room: towards the median."""
-    for row, x, y in _apart(outliers):
+    for row, x, y in _choose_apart(outliers):
         left = x < middle
         ax.annotate(
             plain(row["gyro_id"])[:24],
@@ -152,7 +152,7 @@ def distribution(rows: Sequence[Row], name: str, limits: Limits = (None, None)) 
     return Plot(name.replace("_", "-"), f"Distribution of {title}", words, figure)
 
 
-def _apart(points: Sequence[tuple[Row, float, float]]) -> list[tuple[Row, float, float]]:
+def _choose_apart(points: Sequence[tuple[Row, float, float]]) -> list[tuple[Row, float, float]]:
     """A few points whose names do not lie over one another."""
     kept: list[tuple[Row, float, float]] = []
     for point in points:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...fitting.least_squares import fit_columns
 from ...records import Array, Recording
 from ..text import number
 from .drawing import (
@@ -239,7 +240,7 @@ def _without_lines(signal: Array, rate: float, lines: int) -> Array:
             for power in (np.ones_like(tau), tau, tau**2, tau**3)
         ]
         basis = np.stack(parts, 1)
-        residual = signal - (basis @ np.linalg.lstsq(basis, signal.T, rcond=None)[0]).T
+        residual = signal - (basis @ fit_columns(basis, signal.T)).T
     return residual
 
 

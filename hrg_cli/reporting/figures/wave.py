@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...fitting.least_squares import fit_columns
 from ...records import Array, Recording, Wave
 from ...units import DEGREE_PER_HOUR
 from ..text import number
@@ -205,7 +206,7 @@ def without_constants(rates: Rates) -> tuple[Array, str]:
     if turning and rates.rate_rad_s is not None:
         columns.append(rates.rate_rad_s)
     basis = np.stack(columns, 1)
-    solution = np.linalg.lstsq(basis, y, rcond=None)[0]
+    solution = fit_columns(basis, y)
     said = (
         f"mean {number(solution[0] / DEGREE_PER_HOUR)} °/h"
         if not turning

@@ -94,7 +94,7 @@ def interpolation_doubt(
             solution.covariance[np.ix_(columns, columns)] * chi2,
             harmonic_basis(angles, limit, layout.mode_number),
         )
-        out[name] = _from_orders(nodes, kind) if by_orders else _from_left_out(nodes, kind)
+        out[name] = _judge_orders(nodes, kind) if by_orders else _judge_left_out(nodes, kind)
     return out
 
 
@@ -105,7 +105,7 @@ def _only_at_nodes(fitted: Fitted) -> bool:
     return float(np.mean(bump(x, layout.nodes) > BETWEEN)) < PASSED
 
 
-def _from_left_out(nodes: _Nodes, kind: str) -> float:
+def _judge_left_out(nodes: _Nodes, kind: str) -> float:
     """From predicting each inner node from the others.
 
     Leaving a node out doubles the spacing; what noise explains of the misses is taken off, the rest
@@ -122,7 +122,7 @@ def _from_left_out(nodes: _Nodes, kind: str) -> float:
     return shrink * float(np.sqrt(max(excess, 0.0) / (count - 2)))
 
 
-def _from_orders(nodes: _Nodes, kind: str) -> float:
+def _judge_orders(nodes: _Nodes, kind: str) -> float:
     """From what the interpolation misses of every order, seen and unseen."""
     count, (low, high) = len(nodes.places), (nodes.places[0], nodes.places[-1])
     within = np.linspace(-1, 1, FINE)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.increment_noise import covariance_bands, whiten
+from ...fitting.tables.increment_noise import build_covariance_bands, whiten
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import TableSolution
 from ...fitting.tables.table_design import predict_turn
@@ -64,7 +64,7 @@ def _odd_harmonic(
     residual = fitted.turns[r] - predict_turn(
         path, layout, solution.coefficients, solution.coefficients
     )
-    bands = covariance_bands(path, fitted.noises[r])
+    bands = build_covariance_bands(path, fitted.noises[r])
     white, _ = whiten(bands, np.column_stack([columns, residual]))
     X = white[:, :-1]
     found, _, rank, _ = np.linalg.lstsq(X, white[:, -1], rcond=None)

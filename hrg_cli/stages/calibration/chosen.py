@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import chi_square
+from ...fitting.tables.normal_pieces import compute_chi_square
 from ...fitting.tables.table_layout import Model
 from ...records import Calibration, Wave
 from .accuracy_stages import list_first_stages
 from .between_nodes import interpolation_doubt
 from .choice import TriedVariant, solve_again
-from .figures import cells, figure_rows, predictions
+from .figures import figure_rows, gather_cells, predictions
 from .folds import choose_smoothness
 from .noise_guards import say_noise
 from .record import record_of
@@ -104,7 +104,7 @@ class Chosen:
         """χ² per degree of freedom at the noise found."""
         solution = self.answer.tried.solution
         A, b, square, rows = self.fitted.pieces.sum()
-        chi2 = chi_square(A, b, square, solution.coefficients)
+        chi2 = compute_chi_square(A, b, square, solution.coefficients)
         return float(chi2 / max(rows - solution.degrees, 1.0))
 
     @property
@@ -120,7 +120,9 @@ class Chosen:
         whole, held = predictions(self.fitted, stages[:2], self.folds)
         whole = np.concatenate([whole, tried.solution.coefficients[:, None]], axis=1)
         own = np.stack([s.coefficients for s in tried.held], axis=1)[:, None]
-        used, unseen = cells(self.fitted, whole, np.concatenate([held, own], axis=1), self.folds)
+        used, unseen = gather_cells(
+            self.fitted, whole, np.concatenate([held, own], axis=1), self.folds
+        )
         names = [stage.name for stage in stages]
         return figure_rows(names, used, unseen, self.scale_factor, draws, seed)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...fitting.tables.joint import Fitted
 from .choice import TriedVariant
-from .figures import cells, figure_rows
+from .figures import figure_rows, gather_cells
 
 Array = np.ndarray
 
@@ -33,7 +33,11 @@ def compare_variants(
         [np.stack([s.coefficients for s in a.tried.held], axis=1) for a in tried], axis=1
     )
     rows = figure_rows(
-        [a.name for a in tried], *cells(fitted, whole, held, folds), scale_factor, draws, seed
+        [a.name for a in tried],
+        *gather_cells(fitted, whole, held, folds),
+        scale_factor,
+        draws,
+        seed,
     )
     ratio = float(np.sqrt(np.mean(np.concatenate([p.ratio for p in fitted.paths]) ** 2)))
     count = fitted.pieces.sum()[3]

@@ -16,9 +16,9 @@ from ...fitting.least_squares import fit_columns
 from ...fitting.tables.dwells import (
     choose_powers,
     design,
+    find_least_count,
     find_spikes,
     held_out_rms,
-    least_count,
 )
 
 Array = np.ndarray
@@ -98,7 +98,7 @@ def _column(table: Mapping[str, Any], name: str) -> Array:
 
 def fit_without_spikes(dwells: Dwells, largest_power: int, spike_sigma: float) -> Curve:
     """The curve with powers chosen on rows left out, spikes left out until their choice repeats."""
-    keep, step = np.ones(len(dwells.output), bool), least_count(dwells.output)
+    keep, step = np.ones(len(dwells.output), bool), find_least_count(dwells.output)
     for _ in range(MOST_ROUNDS):
         curve = _fit(dwells, keep, largest_power)
         spikes = find_spikes(curve.X, curve.residual, keep, spike_sigma, step)
@@ -133,7 +133,7 @@ def figures_of(dwells: Dwells, curve: Curve, scale: float) -> dict[str, Any]:
         "rows": len(y),
         "rejected": int((~keep).sum()),
         "residual_rms_rad_s": {
-            "before": _rms(_of_a_line(y[keep], omega[keep], dwells.turning)),
+            "before": _rms(_fit_line(y[keep], omega[keep], dwells.turning)),
             "after": _rms(curve.residual[keep]),
             "held_out": held_out_rms(y[keep], curve.X[keep]),
         },
@@ -152,7 +152,7 @@ def figures_of(dwells: Dwells, curve: Curve, scale: float) -> dict[str, Any]:
     return out
 
 
-def _of_a_line(y: Array, omega: Array, turning: bool) -> Array:
+def _fit_line(y: Array, omega: Array, turning: bool) -> Array:
     """What one scale factor and one bias leave of the rows; a bias alone where nothing turned."""
     ones = np.ones(len(y))
     plain = np.stack([ones, omega], axis=1) if turning else ones[:, None]

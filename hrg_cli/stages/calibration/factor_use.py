@@ -10,11 +10,11 @@ from typing import Any, Literal
 import numpy as np
 
 from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import chi_square, held_out_chi_square, solve
+from ...fitting.tables.normal_pieces import compute_chi_square, compute_held_out_chi_square, solve
 from ...fitting.tables.table_layout import Model
 from .accuracy_stages import LadderSettings, list_first_stages
 from .column_spaces import find_correlated, leave_out, measure_independence, take_along_nodes
-from .figures import cells, figure_rows, predictions
+from .figures import figure_rows, gather_cells, predictions
 from .joint_runs import BESIDE
 from .named_elements import name_loop_elements, name_readout_elements
 from .prices import need
@@ -52,7 +52,7 @@ def analyse_factors(
         *(Model(name, leave_out(final.matrix, columns)) for name, (columns, _) in groups.items()),
     ]
     whole, held = predictions(joint, models, folds)
-    used, unseen = cells(joint, whole, held, folds, runs)
+    used, unseen = gather_cells(joint, whole, held, folds, runs)
     # the first row is the whole model's; each other one lacks a group, and the difference is what
     # that group buys
     rows = figure_rows(
@@ -89,15 +89,15 @@ def _weigh_group(joint: Fitted, final: Model, without: Model, folds: Array) -> d
     """How many coefficients a group has, by how much χ² rises without them as a normal deviate, and
     by how much on data not used."""
     A, b, c, _ = joint.pieces.sum()
-    lost = chi_square(A, b, c, solve(A, b, without).coefficients) - chi_square(
+    lost = compute_chi_square(A, b, c, solve(A, b, without).coefficients) - compute_chi_square(
         A, b, c, solve(A, b, final).coefficients
     )
     freedom = final.free - without.free
     return {
         "coefficients": freedom,
         "z": _normal_deviate(lost / max(joint.chi2_per_dof, 1.0), freedom),
-        "held_out_chi2_gain": held_out_chi_square(joint.pieces, folds, without)
-        - held_out_chi_square(joint.pieces, folds, final),
+        "held_out_chi2_gain": compute_held_out_chi_square(joint.pieces, folds, without)
+        - compute_held_out_chi_square(joint.pieces, folds, final),
     }
 
 

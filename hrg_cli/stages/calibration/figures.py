@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.increment_noise import covariance_bands
+from ...fitting.tables.increment_noise import build_covariance_bands
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import piece_of, solve
-from ...fitting.tables.table_design import design, stretches
+from ...fitting.tables.table_design import build_design, split_stretches
 from ...fitting.tables.table_layout import Model
 from ...fourier import node_weights
 
@@ -97,8 +97,8 @@ def _residuals(
     path = fitted.paths[r]
     used = np.repeat(fitted.turns[r][:, None], whole.shape[1], axis=1)
     unseen, piece = used.copy(), piece_of(len(path))
-    for rows in stretches(len(path)):
-        X = design(path, fitted.layout, fitted.solution.coefficients, rows)
+    for rows in split_stretches(len(path)):
+        X = build_design(path, fitted.layout, fitted.solution.coefficients, rows)
         used[rows] -= X @ whole
         for s in np.unique(piece[rows]):
             own = np.flatnonzero(piece[rows] == s)
@@ -123,7 +123,7 @@ def _cells_of_run(
     kind = limits.kind(path.rate_rad_s)
     keys, place = np.unique(_cell_of_increments(fitted, path, kind), return_inverse=True)
     time = np.bincount(place, path.interval_s)
-    bands = covariance_bands(path, fitted.noises[r])
+    bands = build_covariance_bands(path, fitted.noises[r])
     together = place[1:] == place[:-1]
     # neighbours in one cell share the noise of the angle between them
     variance = np.bincount(place, bands[0]) + np.bincount(
@@ -146,7 +146,7 @@ def _cells_of_run(
     )
 
 
-def cells(
+def gather_cells(
     fitted: Fitted, whole: Array, held: Array, folds: Array, runs: int | None = None
 ) -> tuple[Cells, Cells]:
     """Cells of the residuals of the given coefficients: (used data, held-out data); of the first

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import PIECES, held_out_chi_square
+from ...fitting.tables.normal_pieces import PIECES, compute_held_out_chi_square
 from ...fitting.tables.table_layout import Model, TableLayout, roughness
 from .programme import examine
 from .variants import variant
@@ -71,12 +71,14 @@ def choose_limits(
             variant(family, layout, k, layout.scale_harmonics)
             for k in range(layout.drift_harmonics + 1)
         ]
-        scores["drift"] = [held_out_chi_square(fitted.pieces, folds, model) for model in candidates]
+        scores["drift"] = [
+            compute_held_out_chi_square(fitted.pieces, folds, model) for model in candidates
+        ]
         drift = int(np.argmin(scores["drift"]))
     if scale is None:
         candidates = [variant(family, layout, drift, k) for k in range(layout.scale_harmonics + 1)]
         scores["scale_factor"] = [
-            held_out_chi_square(fitted.pieces, folds, model) for model in candidates
+            compute_held_out_chi_square(fitted.pieces, folds, model) for model in candidates
         ]
         scale = int(np.argmin(scores["scale_factor"]))
     return drift, scale, {key: [s - min(row) for s in row] for key, row in scores.items()}
@@ -93,7 +95,7 @@ def choose_smoothness(fitted: Fitted, model: Model) -> tuple[Array, float]:
         scale[places] = np.sqrt(np.mean(information[places]))
     penalty = roughness(layout) * np.outer(scale, scale)
     scores = [
-        held_out_chi_square(fitted.pieces, time_folds(fitted), model, weight * penalty)
+        compute_held_out_chi_square(fitted.pieces, time_folds(fitted), model, weight * penalty)
         for weight in SMOOTHNESS
     ]
     best = SMOOTHNESS[int(np.argmin(scores))]

@@ -18,11 +18,11 @@ from functools import partial
 
 import numpy as np
 
-from ...fitting.checks import Check, failures, goodness, holds, whiteness
-from ...fitting.tables.increment_noise import covariance_bands, whiten
+from ...fitting.checks import Check, check_goodness, check_holds, check_whiteness, list_failures
+from ...fitting.tables.increment_noise import build_covariance_bands, whiten
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import TableSolution, chi_square, solve
+from ...fitting.tables.normal_pieces import TableSolution, compute_chi_square, solve
 from ...fitting.tables.table_design import predict_turn
 from ...fitting.tables.table_layout import Model, TableLayout
 from .late_log import LATE
@@ -82,10 +82,10 @@ def judge_variants(
         # a cause that is named is said; what else failed for its sake stands in the checks
         words = (
             name_causes(fitted.layout, A, b, t, beside[:-1])
-            or failures([beside[-1]])
-            or failures(general)
+            or list_failures([beside[-1]])
+            or list_failures(general)
         )
-        out.append((beside + general + always, words + failures(always)))
+        out.append((beside + general + always, words + list_failures(always)))
     return out
 
 
@@ -109,7 +109,7 @@ def name_causes(
             )
             for name in failed
         }
-        worst = min(gains, key=lambda name: chi_square(A, b, 0.0, gains[name].coefficients))
+        worst = min(gains, key=lambda name: compute_chi_square(A, b, 0.0, gains[name].coefficients))
         said.append(failed[worst].sentence)
         matrix = np.concatenate([matrix, all_causes[worst]], axis=1)
         checks = test_left_out(
@@ -178,14 +178,14 @@ def test_left_out(layout: TableLayout, A: Array, b: Array, tried: VariantSolutio
     for name, columns, words in causes(layout):
         chi2, rank = score(A, u, columns, covariance, sign)
         if rank:
-            checks.append(goodness(chi2, rank, words(float(np.sqrt(chi2 / rank))), name))
+            checks.append(check_goodness(chi2, rank, words(float(np.sqrt(chi2 / rank))), name))
     chi2, rank = score(A, u, np.eye(layout.size), covariance, sign)
     sentence = (
         f"model {tried.model.name} leaves more than the noise: χ² = {chi2:.4g} of what the runs"
         f" hold beside it, {rank} were expected; try --model auto, or run with --ladder to see what"
         " each part buys"
     )
-    return [*checks, goodness(chi2, max(rank, 1), sentence, "lack_of_fit")]
+    return [*checks, check_goodness(chi2, max(rank, 1), sentence, "lack_of_fit")]
 
 
 def causes(layout: TableLayout) -> list[tuple[str, Array, Callable[[float], str]]]:
@@ -247,7 +247,7 @@ def check_folds(fitted: Fitted, folds: Array, tried: VariantSolution) -> Check:
             f" {tried.model.name} states (fold {f + 1} of {len(tried.held)}): the runs do not"
             " repeat, or the model is not theirs; look at stability in `hrg info`"
         )
-        check = goodness(chi2, max(rank, 1), sentence, "held_out")
+        check = check_goodness(chi2, max(rank, 1), sentence, "held_out")
         if check.value / check.limit > worst.value / worst.limit:
             worst = check
     return worst
@@ -262,7 +262,7 @@ def _spread(layout: TableLayout, tried: VariantSolution) -> Check:
         "the drift comes out without any standard deviation: nothing of it was measured; do not use"
         " it as known exactly"
     )
-    return holds("drift_has_an_error", bool(std.max(initial=0.0) > 0), sentence)
+    return check_holds("drift_has_an_error", bool(std.max(initial=0.0) > 0), sentence)
 
 
 def _settled(A: Array, b: Array, tried: VariantSolution) -> Array:
@@ -295,7 +295,7 @@ def _whiteness(fitted: Fitted, tried: Sequence[VariantSolution]) -> list[list[Ch
         rest = turn[:, None] - predict_turn(
             path, fitted.layout, coefficients, fitted.solution.coefficients
         )
-        white.append(whiten(covariance_bands(path, noise), rest)[0])
+        white.append(whiten(build_covariance_bands(path, noise), rest)[0])
         angle.append(np.mod(_angle_without_noise(fitted, path), np.pi / path.mode_number))
         place.append(fitted.layout.abscissa(path))
         rate.append(path.rate_rad_s)
@@ -317,7 +317,7 @@ def _whiteness(fitted: Fitted, tried: Sequence[VariantSolution]) -> list[list[Ch
         }
         out.append(
             [
-                whiteness(
+                check_whiteness(
                     list(residuals),
                     f"what model {t.model.name} leaves is no noise: over {name} it goes slowly,"
                     " where noise would not; a cause is missing: run diagnose on free runs, or"

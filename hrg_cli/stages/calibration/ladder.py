@@ -14,7 +14,7 @@ from ...fitting.tables.table_layout import Model
 from .accuracy_stages import LadderSettings, list_first_stages
 from .column_spaces import measure_independence
 from .factor_use import analyse_factors
-from .figures import cells, figure_rows, predictions
+from .figures import figure_rows, gather_cells, predictions
 from .folds import choose_folds, time_folds
 from .joint_runs import LEAST_INDEPENDENCE, LOOP_FACTORS, fit_jointly
 
@@ -49,7 +49,7 @@ def climb(
     whole, held = predictions(forced, models, folds, penalty)
     rows = figure_rows(
         [m.name for m in models],
-        *cells(forced, whole, held, folds),
+        *gather_cells(forced, whole, held, folds),
         settings.scale_factor,
         settings.draws,
         settings.seed,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fitting.checks import Check, at_most
+from ...fitting.checks import Check, check_at_most
 from ...fitting.tables.allan_terms import allan_terms
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.table_design import predict_turn
@@ -29,7 +29,9 @@ def noise_known(fitted: Fitted) -> Check:
         " errors hold that, but what makes it is not known: look at the residual of demodulate,"
         " and run diagnose on free runs"
     )
-    return at_most("noise_over_stated", 0.0 if ratio is None else ratio, LARGEST_NOISE, sentence)
+    return check_at_most(
+        "noise_over_stated", 0.0 if ratio is None else ratio, LARGEST_NOISE, sentence
+    )
 
 
 def noise_ratio(fitted: Fitted) -> float | None:

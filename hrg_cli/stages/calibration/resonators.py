@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.checks import Check, goodness
+from ...fitting.checks import Check, check_goodness
 from ...fitting.envelopes.resonator_spread import slope_covariance
 from ...fitting.tables.table_layout import TableLayout
 from ...fourier import node_weights
@@ -377,7 +377,7 @@ def _pool(found: Sequence[tuple[Array, Array]], at: str) -> tuple[Array, Array, 
     )
     if freedom == 0:
         return mean, total, None
-    return mean, total, goodness(excess, freedom, sentence, "resonators_agree")
+    return mean, total, check_goodness(excess, freedom, sentence, "resonators_agree")
 
 
 def _rank(matrix: Array) -> int:

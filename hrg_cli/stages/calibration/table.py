@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.checks import Check, at_most
+from ...fitting.checks import Check, check_at_most
 from ...fitting.tables.increments import AnglePath
 from ...fourier import harmonic_basis, node_weights
 from ...records import Calibration
@@ -138,7 +138,7 @@ def check_between(calibration: Calibration) -> list[Check]:
     between = [float(doubt.get(key, 0.0)) for key in TABLES]
     sentence = _say_between(calibration, between, stds)
     return [
-        at_most(f"{key}_between_nodes", midway / max(std, 1e-300), TOLD, sentence)
+        check_at_most(f"{key}_between_nodes", midway / max(std, 1e-300), TOLD, sentence)
         for key, midway, std in zip(("drift", "scale_factor"), between, stds, strict=True)
     ]
 

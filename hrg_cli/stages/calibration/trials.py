@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.checks import failures
+from ...fitting.checks import list_failures
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted, fit
 from ...fitting.tables.table_layout import TableLayout
@@ -82,7 +82,7 @@ def take_coefficients(
         if model == "physical":
             raise
         return None, str(error)
-    disagree = failures(found.checks)
+    disagree = list_failures(found.checks)
     if disagree and model == "physical":
         raise HrgError(disagree[0])
     return (None, disagree[0]) if disagree else (found, None)

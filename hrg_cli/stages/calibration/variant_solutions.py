@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import TableSolution, chi_square, solve
+from ...fitting.tables.normal_pieces import TableSolution, compute_chi_square, solve
 from ...fitting.tables.shrinkage import (
     FEWER_SWEEPS,
     SWEEPS,
@@ -137,7 +137,7 @@ def solve_foreign(
 def held_out(fitted: Fitted, folds: Array, tried: VariantSolution) -> float:
     """Σ over folds of the whitened residuals squared, each fold predicted without itself."""
     return sum(
-        chi_square(*fitted.pieces.sum(folds == f)[:3], solution.coefficients)
+        compute_chi_square(*fitted.pieces.sum(folds == f)[:3], solution.coefficients)
         for f, solution in enumerate(tried.held)
     )
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.checks import CHANCE, Check, at_most
+from ...fitting.checks import CHANCE, Check, check_at_most
 
 Array = np.ndarray
 CLEARLY = 4.0
@@ -65,7 +65,7 @@ class AngleAgainstLog:
         """Whether the angle stays within what is stated of it."""
         # of n normal numbers one is beyond x with a chance below n e^(−x²/2)
         limit = float(np.sqrt(2 * np.log(max(self.rows, 1) / CHANCE)))
-        return at_most(
+        return check_at_most(
             "angle_follows_the_log",
             self.furthest,
             limit,

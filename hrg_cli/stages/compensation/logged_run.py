@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...fitting.samples.rate_log import left_out, stretches
+from ...fitting.samples.rate_log import describe_left_out, find_stretches
 from ...fitting.tables.increments import ROWS_AT_ONCE
 from ...records import Wave
 
@@ -25,7 +25,7 @@ class LoggedRun:
     @classmethod
     def of(cls, wave: Wave) -> LoggedRun:
         """The run with its rate log read."""
-        return cls(wave, stretches(wave))
+        return cls(wave, find_stretches(wave))
 
     @property
     def name(self) -> str:
@@ -39,7 +39,7 @@ class LoggedRun:
 
     def doubts(self) -> list[str]:
         """What to say of the windows that the log does not cover."""
-        outside = left_out(self.wave, self.stretch > 0)
+        outside = describe_left_out(self.wave, self.stretch > 0)
         return [f"{outside} of its figures"] if outside else []
 
     def pieces(self, windows: int) -> Iterator[tuple[Wave, Array]]:
@@ -58,7 +58,7 @@ class LoggedRun:
             kept = _good_blocks(piece, windows)
             if len(kept) < 2:
                 continue
-            yield piece, _of_blocks(self.stretch[begin:stop], windows)[kept]
+            yield piece, _find_block_stretches(self.stretch[begin:stop], windows)[kept]
             begin += int(kept[-1]) * windows
 
     def known_rates(self, of_log: Array) -> Array:
@@ -74,7 +74,7 @@ def _good_blocks(piece: Wave, windows: int) -> Array:
     return np.flatnonzero(count >= max(1.0, windows / 2))
 
 
-def _of_blocks(stretch: Array, windows: int) -> Array:
+def _find_block_stretches(stretch: Array, windows: int) -> Array:
     """The stretch of the rate log that a block of windows is in, 0 where it is not wholly in
     one."""
     starts = np.arange(0, len(stretch), windows)

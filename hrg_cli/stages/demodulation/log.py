@@ -12,11 +12,11 @@ from ...errors import HrgError
 from ...fitting.samples.course import (
     Course,
     Impulse,
-    course,
-    impulse,
-    mean_of,
+    average_over_windows,
+    build_course,
+    build_from_means,
+    integrate_means,
     means_of_values,
-    through_means,
 )
 from ...records import Array, Recording
 
@@ -54,9 +54,9 @@ class WindowLog:
             values = getattr(recording, key)
             if values is not None:
                 self.courses[key] = (
-                    impulse(self.time_s, means_of_values(self.time_s, values))
+                    integrate_means(self.time_s, means_of_values(self.time_s, values))
                     if key in COMMANDS
-                    else course(self.time_s, values)
+                    else build_course(self.time_s, values)
                 )
 
     def read_at(self, times: Array, window_s: float) -> dict[str, Any]:
@@ -79,7 +79,7 @@ class WindowLog:
     def _read(self, name: str, series: Course | Impulse, times: Array, window_s: float) -> Array:
         """One quantity of the log at the centres of evenly spaced windows."""
         if isinstance(series, Impulse):
-            return mean_of(series, times, window_s)
+            return average_over_windows(series, times, window_s)
         if name != RATE or self.step_s >= FINER * window_s:
             return series.at(times)
         more = window_s * np.arange(1, BESIDE + 1)
@@ -93,5 +93,5 @@ class WindowLog:
             within = wider[known]
             borders = np.append(within, within[-1] + window_s) - half
             means = np.diff(series.area_to(borders)) / window_s
-            value[known] = through_means(within, means, window_s).value
+            value[known] = build_from_means(within, means, window_s).value
         return value[BESIDE:-BESIDE]

@@ -9,7 +9,7 @@ from itertools import islice
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.envelopes.resonator_spread import deviation, from_vector, vector_of
+from ...fitting.envelopes.resonator_spread import find_deviation, from_vector, vector_of
 from ...physics import drift as law
 from ...physics.resonator import Mechanics
 
@@ -73,11 +73,11 @@ def follow_wave(
     coarse, _ = _follow(alone, angles, run, times[-1:], STEP_ANGLE)
     off = float(np.max(np.abs(coarse[0, 0, 0] - followed[-1, 0, 0])[told])) * m / K / 15
 
-    spread, nominal = np.stack([deviation(e) for e in error]), error[:, 0]
+    spread, nominal = np.stack([find_deviation(e) for e in error]), error[:, 0]
     table = {
         "time_s": times,
         "wave_angle_rad": followed[:, 0, 0, 0],
-        "wave_angle_rad_std": np.stack([deviation(a[:, 0]) for a in followed[:, 0]]),
+        "wave_angle_rad_std": np.stack([find_deviation(a[:, 0]) for a in followed[:, 0]]),
         "tangent_law_rad": (
             law.tangent_law(mechanics, run.wave_angle_rad, times)
             if rate == 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fitting.envelopes.resonator_spread import deviation
+from ...fitting.envelopes.resonator_spread import find_deviation
 from ...physics import drift as law
 from ...physics.resonator import Mechanics
 
@@ -22,7 +22,7 @@ def map_drift(gyros: Mechanics, drive: str, gain: float) -> dict[str, Array]:
     return {
         "wave_angle_rad": angle,
         "drift_rad_s": total[0],
-        "drift_rad_s_std": deviation(total),
+        "drift_rad_s_std": find_deviation(total),
         "damping_part_rad_s": damping[0],
         "split_part_rad_s": (total - damping)[0],
         "quadrature_ratio": np.asarray(r)[0],
@@ -52,7 +52,7 @@ def _largest_drift(
     near = np.linspace(-1, 1, 2 * NODES + 1) * _spacing(gyros)
     drift, _ = _drift_at(gyros, drawn["wave_angle_rad"][worst] + near, drive, gain)
     peak = int(np.argmax(np.abs(drift[0])))
-    return {"value": float(abs(drift[0, peak])), "std": float(deviation(drift)[peak])}
+    return {"value": float(abs(drift[0, peak])), "std": float(find_deviation(drift)[peak])}
 
 
 def name_figures(
@@ -75,7 +75,7 @@ def name_figures(
             -turning * np.square(gyros.frequency_split_rad_s) / (nu**2 + turning**2)
         )
     out = {
-        name: {"value": float(v[0, 0]), "std": float(deviation(v)[0])}
+        name: {"value": float(v[0, 0]), "std": float(find_deviation(v)[0])}
         for name, v in figures.items()
     }
     out["drift_largest_rad_s"] = _largest_drift(gyros, drawn, drive, gain)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...fitting.envelopes.resonator_spread import deviation, from_vector, spread_points
+from ...fitting.envelopes.resonator_spread import find_deviation, from_vector, spread_points
 from ...physics.drift import drift_bound
 from ...physics.resonator import Mechanics
 
@@ -60,8 +60,8 @@ def trim_of(
     left, spread = float(np.hypot(*trimmed[3:5])), float(np.sqrt(np.trace(covariance[3:5, 3:5])))
     after = from_vector(np.array([*x[:3], np.hypot(left, spread), 0.0, x[5]]), mechanics)
     trim = Trim(
-        float(np.hypot(*done)), float(deviation(sizes)), float(np.mod(np.arctan2(done[1], done[0]) / m2, 2 * np.pi / m2)),
-        float(min(deviation(angles / m2), 2 * np.pi / m2 / np.sqrt(12))), float(done[0]), float(done[1]),
+        float(np.hypot(*done)), float(find_deviation(sizes)), float(np.mod(np.arctan2(done[1], done[0]) / m2, 2 * np.pi / m2)),
+        float(min(find_deviation(angles / m2), 2 * np.pi / m2 / np.sqrt(12))), float(done[0]), float(done[1]),
         float(-np.hypot(*done) / (2 * np.pi)), left, spread,
         float(drift_bound(mechanics, drive, gain_1_s)), float(drift_bound(after, drive, gain_1_s)[0]),
     )  # fmt: skip

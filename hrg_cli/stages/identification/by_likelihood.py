@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.envelopes.base_fit import base_fit
+from ...fitting.envelopes.base_fit import fit_base_model
 from ...fitting.envelopes.base_freedom import Known
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from .modes import free_modes, one_channel
@@ -25,7 +25,10 @@ def identify_by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: in
         return modes
     try:
         verdict = judge_fit(
-            base_fit(runs, known, blocks), runs, known, lambda held: base_fit(runs, held, blocks)
+            fit_base_model(runs, known, blocks),
+            runs,
+            known,
+            lambda held: fit_base_model(runs, held, blocks),
         )
     except HrgError:
         modes = free_modes(runs, np.inf)
@@ -38,5 +41,5 @@ def identify_by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: in
             or verdict.values["damping_split_1_s"] > verdict.values["damping_rate_1_s"]
         )
         modes = free_modes(runs, verdict.chi2_per_dof, impossible)
-        contradictions(verdict, runs, lambda rest: base_fit(rest, known, blocks))
+        contradictions(verdict, runs, lambda rest: fit_base_model(rest, known, blocks))
     return verdict if modes is None else modes

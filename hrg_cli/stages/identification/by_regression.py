@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import HrgError
 from ...fitting import checks
-from ...fitting.envelopes.base_fit import base_fit
+from ...fitting.envelopes.base_fit import fit_base_model
 from ...fitting.envelopes.base_freedom import Known
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
@@ -31,7 +31,7 @@ def identify_by_regression(
 ) -> Verdict:
     """One of seed A's methods, judged by its own misfit, by its distance from the likelihood on the
     same rows, and by physics."""
-    best = base_fit(runs, known, blocks)
+    best = fit_base_model(runs, known, blocks)
     ready = prepare_rows(runs, known, best)
     answer = solve_method(method, ready, best, eliminate_rate)
     if answer.refused:
@@ -103,19 +103,19 @@ def _check_answer(
     truncation = max(answer.unsettled, likelihood.fit.truncation)
     apart = _measure_distance(answer, likelihood.fit)
     return [
-        checks.goodness(
+        checks.check_goodness(
             chi2,
             dof,
             f"χ²/dof = {chi2 / max(1, dof):.3g}: {method} leaves more than the noise of its own"
             " rows; the errors are inflated",
         ),
-        checks.at_most(
+        checks.check_at_most(
             "row_truncation",
             truncation,
             closing.SETTLED,
             f"the length of the rows still moves {method} by {truncation:.2g} σ",
         ),
-        checks.at_most(
+        checks.check_at_most(
             "distance_from_likelihood",
             apart,
             closing.AGREES,

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ...fitting.checks import Check, at_least, at_most, failures, holds
+from ...fitting.checks import Check, check_at_least, check_at_most, check_holds, list_failures
 from ...fitting.envelopes import rows
 from ...fitting.envelopes.coordinates import DAMPING, SCALE_FACTOR
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
@@ -38,8 +38,8 @@ def close_verdict(
     suspect."""
     impossible, doubtful = list(impossible), list(doubtful)
     verdict.checks += [*impossible, *doubtful]
-    verdict.refused += failures(impossible)
-    verdict.suspect += failures(doubtful)
+    verdict.refused += list_failures(impossible)
+    verdict.suspect += list_failures(doubtful)
     return verdict
 
 
@@ -51,7 +51,7 @@ def check_bounds(verdict: Verdict) -> tuple[list[Check], list[Check]]:
     if "damping_rate_1_s" in value:
         nu, error = value["damping_rate_1_s"], std["damping_rate_1_s"]
         refusing.append(
-            at_least(
+            check_at_least(
                 "damping_is_positive",
                 nu,
                 -SURE * error,
@@ -62,7 +62,7 @@ def check_bounds(verdict: Verdict) -> tuple[list[Check], list[Check]]:
         if "damping_split_1_s" in value:
             split = value["damping_split_1_s"]
             doubting.append(
-                at_most(
+                check_at_most(
                     "split_within_damping",
                     split - 2 * std["damping_split_1_s"],
                     abs(nu),
@@ -73,7 +73,7 @@ def check_bounds(verdict: Verdict) -> tuple[list[Check], list[Check]]:
     if std.get("scale_factor", 0.0) > 0 and "scale_factor" in value:
         factor, error = value["scale_factor"], std["scale_factor"]
         doubting.append(
-            holds(
+            check_holds(
                 "scale_factor_is_plausible",
                 -SURE * error <= factor <= 1 + SURE * error,
                 f"scale_factor = {factor:.4g} ± {error:.1g} is none of a shell, ring or pendulum (0"
@@ -112,11 +112,11 @@ def blur(fit: Fit, runs: Sequence[EnvelopeRun]) -> Check:
     most = max(scale_factors_alike(fit, runs), key=abs)
     p = fit.p.copy()
     p[DAMPING], p[SCALE_FACTOR] = 0.0, most
-    moving = [rows.speed(r, p) * r.window_s for r in runs]
+    moving = [rows.estimate_speed(r, p) * r.window_s for r in runs]
     worst = int(np.argmax(moving))
     run, moved = runs[worst], moving[worst]
     shorter = run.window_s * BLURRED_RAD / max(moved, 1e-300) / 4
-    return at_most(
+    return check_at_most(
         "motion_within_a_window",
         moved,
         BLURRED_RAD,

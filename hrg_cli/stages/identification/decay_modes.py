@@ -8,7 +8,7 @@ import numpy as np
 
 from ...fitting import checks
 from ...fitting.envelopes import one_mode, two_modes
-from ...fitting.envelopes.decay_stretch import decay_stretch
+from ...fitting.envelopes.decay_stretch import find_decay_stretch
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.one_mode import OneMode
 from ...fitting.envelopes.two_modes import Modes
@@ -54,9 +54,9 @@ class Seen:
 def find_modes(run: EnvelopeRun, thin: EnvelopeRun, u: Array) -> Seen:
     """The decay's rows and its modes: two where they are apart and leave less than one whose decay
     and frequency follow its amplitude; one where no phase tells them apart."""
-    from_one = decay_stretch(thin, u[:, 0], lambda rows: one_mode.misfit(thin, u[:, 0], rows))
+    from_one = find_decay_stretch(thin, u[:, 0], lambda rows: one_mode.misfit(thin, u[:, 0], rows))
     from_two = (
-        decay_stretch(thin, u[:, 0], lambda rows: _misfit_of_two(thin, u, rows))
+        find_decay_stretch(thin, u[:, 0], lambda rows: _misfit_of_two(thin, u, rows))
         if run.phase_known
         else from_one
     )
@@ -75,7 +75,7 @@ def _fit_modes(thin: EnvelopeRun, u: Array, stretch: tuple[int, int], run: Envel
     if not run.phase_known:
         return Seen(part, thin, spacing, one, None)
     two, single = two_modes.identify(part, signal, 2), two_modes.identify(part, signal, 1)
-    adequate = checks.goodness(one.chi2, one.dof).passed
+    adequate = checks.check_goodness(one.chi2, one.dof).passed
     if (
         two_modes.are_resolved(two, single)
         and not adequate

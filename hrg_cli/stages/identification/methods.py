@@ -72,7 +72,7 @@ def _solve_on_rows(
         return Regression(
             ready.p,
             space.directions @ ready.covariance @ space.directions.T,
-            method_ranges.warnings(ready.rows, method, False),
+            method_ranges.list_warnings(ready.rows, method, False),
         )
     start = np.append(best.p[:6], 0.0)
     if method == "rotation-integrals":

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...fitting import checks
 from ...fitting.envelopes import envelope_runs, inference, rate_offset
-from ...fitting.envelopes.base_fit import base_fit
+from ...fitting.envelopes.base_fit import fit_base_model
 from ...fitting.envelopes.base_freedom import Known, nominal_scale_factor
 from ...fitting.envelopes.coordinates import DAMPING, SCALE_FACTOR
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
@@ -39,13 +39,13 @@ def identify_with_unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks
     if not told and not _rates_differ(runs):
         known = dataclasses.replace(known, scale_factor=nominal_scale_factor(mode))
     found = rate_offset.rate_offset(runs, known, blocks, _start(runs, known, blocks))
-    noise = inference.inflation(found.fit)[0]
+    noise = inference.estimate_variance_inflation(found.fit)[0]
     turned = [envelope_runs.turn_table(r, found.value) for r in runs]
     verdict = judge_parameters(found.fit, turned, known, noise * found.beside)
 
     std = found.std * float(np.sqrt(verdict.details["variance_factor"]))
     held = known.scale_factor is not None
-    _close(verdict, found, _is_unclear(found, std, held))
+    _add_closing_checks(verdict, found, _is_unclear(found, std, held))
     logged = max(float(np.ptp(r.turn_rad)) for r in runs) > 0
     verdict.details["rate_rad_s"] = {
         "value": found.value,
@@ -65,7 +65,7 @@ def _start(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> float:
         return 0.0
     mode = runs[0].mode_number
     turning = [dataclasses.replace(r, turn_rad=r.time_s - r.time_s[0]) for r in runs]
-    fit = base_fit(turning, dataclasses.replace(known, scale_factor=None), blocks)
+    fit = fit_base_model(turning, dataclasses.replace(known, scale_factor=None), blocks)
     nominal = nominal_scale_factor(mode)
     return float(fit.p[SCALE_FACTOR]) / (
         nominal if known.scale_factor is None else known.scale_factor
@@ -80,7 +80,7 @@ def _is_unclear(found: rate_offset.RateOffset, std: float, held: bool) -> bool:
     return bool(not std < UNCLEAR * seen or (held and is_one_rate(found.fit)))
 
 
-def _close(verdict: Verdict, found: rate_offset.RateOffset, unclear: bool) -> None:
+def _add_closing_checks(verdict: Verdict, found: rate_offset.RateOffset, unclear: bool) -> None:
     """The closing checks of the rate into the verdict."""
     span = 2 * max(
         float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0]))
@@ -89,12 +89,12 @@ def _close(verdict: Verdict, found: rate_offset.RateOffset, unclear: bool) -> No
     closing.close_verdict(
         verdict,
         [
-            checks.holds(
+            checks.check_holds(
                 "rate_offset_converged",
                 found.converged,
                 "the unknown rate did not settle; give the rate, or runs at several angles",
             ),
-            checks.holds(
+            checks.check_holds(
                 "rate_is_distinct",
                 not unclear,
                 f"an unknown rate is ill-conditioned (condition number {verdict.condition:.3g}), like a"

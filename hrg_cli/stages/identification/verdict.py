@@ -94,7 +94,7 @@ def is_one_rate(fit: Fit) -> bool:
     spans = [
         float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0])) * 2 for r in data.runs
     ]
-    factor, _ = inference.inflation(fit)
+    factor, _ = inference.estimate_variance_inflation(fit)
     return not differ and max(spans) < 2 * np.pi and factor > 2
 
 
@@ -104,7 +104,7 @@ def judge_parameters(
     """Parameters, errors and sentences of one fit; `beside` (k, k): covariance of z by what stands
     beside it."""
     mode = runs[0].mode_number
-    factor, colour = inference.inflation(fit)
+    factor, colour = inference.estimate_variance_inflation(fit)
     between = np.zeros((len(fit.freedom.names),) * 2) if beside is None else beside
     # runs that disagree by more than their noise: what one run says moves the mean of all, and
     # that spread is added to what noise alone would leave
@@ -136,7 +136,9 @@ def judge_parameters(
         fit=fit,
     )
     verdict.details = pooled.details() | _details_of(fit, known, mode, factor, colour)
-    verdict.details |= state_splits(verdict.values, verdict.std, fit.p, _of_coordinates(fit, of_z))
+    verdict.details |= state_splits(
+        verdict.values, verdict.std, fit.p, _expand_covariance(fit, of_z)
+    )
     _check_fit(verdict, fit, runs, colour)
     verdict.suspect.extend(verdict.flat)
     verdict.suspect.extend(_disagreements(verdict, fit, runs))
@@ -169,7 +171,7 @@ def _details_of(fit: Fit, known: Known, mode: int, factor: float, colour: float)
     }
 
 
-def _of_coordinates(fit: Fit, z: Array) -> Array:
+def _expand_covariance(fit: Fit, z: Array) -> Array:
     """Covariance (7, 7) of the coordinates by that of z (k, k)."""
     return np.asarray(fit.freedom.directions @ z @ fit.freedom.directions.T)
 
@@ -204,7 +206,7 @@ def _check_fit(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: 
             " same power; the errors are inflated by that"
         ),
     )
-    truncated = checks.at_most(
+    truncated = checks.check_at_most(
         "row_truncation",
         fit.truncation,
         closing.SETTLED,
@@ -285,7 +287,7 @@ def _flat_in(fit: Fit, name: str) -> bool:
     if name not in fit.freedom.names:
         return False
     i = fit.freedom.names.index(name)
-    factor, _ = inference.inflation(fit)
+    factor, _ = inference.estimate_variance_inflation(fit)
     std = float(np.sqrt(fit.covariance_z()[i, i] * factor))
     return std > inference.FLAT_FRACTION * float(inference.natural_scales(fit)[i])
 

@@ -107,12 +107,13 @@ def _change_after(
     before."""
     first = int(np.searchsorted(series.time_s[0], instant))
     rest = series.later(first)
-    L = slow_equation.generators(series, point)[0, first]
+    L = slow_equation.build_generators(series, point)[0, first]
     carry = exponential(L, rest.time_s[0, 0] - instant)
     ends = [
         np.concatenate([[u], _predict_motion(rest, replace(point, start=(carry @ u)[None]))])
         for u in (changed, plain)
     ]
+    # both motions go on from the instant by the same model, so T holds the jump and what it grows to
     late = _divide_motions(np.concatenate([[instant], rest.time_s[0]]), *ends)
 
     def at(times: Array) -> Array:

@@ -76,8 +76,10 @@ class Injection:
     def _apply_effects(self, t: Array, y: Array, oscillation: Oscillation) -> Array:
         """Samples (2, n) about their mean position with the effects in them."""
         q = oscillation.at(t)
+        # the motion first: what a read-out does, it does to the motion as it then is
         if self.change is not None:
             moved = np.einsum("nij,nj->ni", self.change(t), q)
+            # only the difference is added, so the recording keeps its noise and its harmonics
             y, q = y + np.real(moved - q).T, moved
         drive = self._drive(t, q)
         logs = [
@@ -127,6 +129,7 @@ class Injection:
             dtype = channel.dtype
             if dtype.kind in "iu":
                 limits = np.iinfo(dtype)
+                # a converter saturates; without the clip integers would wrap to the other sign
                 raw = np.rint(raw)
                 clipped += int(np.count_nonzero((raw < limits.min) | (raw > limits.max)))
                 raw = np.clip(raw, limits.min, limits.max)

@@ -19,7 +19,7 @@ from ...fitting.causes import designs, extended_fit, scales, whitened_rows
 from ...fitting.causes.coordinate_priors import CoordinatePriors
 from ...fitting.causes.fit_point import Point
 from ...fitting.causes.layout import OWN
-from ...fitting.causes.sensitivities import base_sensitivities, propagation
+from ...fitting.causes.sensitivities import find_base_sensitivities, linearise_flow
 from ...fitting.causes.slow_prediction import predict
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
 from ...fitting.least_squares import invert_information
@@ -147,8 +147,8 @@ def information(
         if measured:
             flow = extended_fit.fit(series, truth, CoordinatePriors(truth.p, np.zeros(COUNT))).flow
         else:
-            flow = propagation(predict(series, replace(truth, offset_rad_s=np.zeros(1))))
-        shared, own = base_sensitivities(flow)
+            flow = linearise_flow(predict(series, replace(truth, offset_rad_s=np.zeros(1))))
+        shared, own = find_base_sensitivities(flow)
         own_columns = whitened_rows.flatten_rows(series, own)
         columns = [whitened_rows.flatten_rows(series, shared)]
         for cause in layout.causes:
@@ -158,12 +158,12 @@ def information(
                 | dict(layout.acting.get(cause.name, {}))
             )
             columns.append(
-                whitened_rows.sensitivity(flow, cause, values, scales.steps_of(cause, series))
+                whitened_rows.find_sensitivity(flow, cause, values, scales.steps_of(cause, series))
             )
         # A cause may have no slope at some rows (no log of what it follows): these tell nothing of it.
         A = np.nan_to_num(np.concatenate(columns, axis=1))
         # Start and frequency are every run's own: what they can imitate is no information.
-        basis = designs.orthonormal(own_columns[:, :OWN])
+        basis = designs.orthonormalise(own_columns[:, :OWN])
         A = A - basis @ (basis.T @ A)
         out.append(A.T @ A)
     return out

@@ -28,13 +28,15 @@ def separation(M: Array, question: Question, layout: InformationColumns) -> floa
     A lag does nothing that a gradient could not do, but not the other way round: either is named
     where a gradient would stand out.
     """
-    one = _beside(M, question.cause, question.size, question.rival, layout)
+    one = _find_cause_std(M, question.cause, question.size, question.rival, layout)
     if question.rival_size is None:
         return one
-    return max(one, _beside(M, question.rival, question.rival_size, question.cause, layout))
+    return max(one, _find_cause_std(M, question.rival, question.rival_size, question.cause, layout))
 
 
-def _beside(M: Array, cause: str, size: Array, rival: str, layout: InformationColumns) -> float:
+def _find_cause_std(
+    M: Array, cause: str, size: Array, rival: str, layout: InformationColumns
+) -> float:
     """σ of a cause of that size with the base model, and the rival, free."""
     free = layout.free(cause, rival) + ([] if rival == BASE else layout.columns(rival))
     S = left_over(M, layout.columns(cause), free)

@@ -59,7 +59,7 @@ def repeat_stage(twin: Twin, seed: int) -> Record:
         for number, one in enumerate(twin.resonators, start=1)
     ]
     given = {"resonator": beside} if beside else {}
-    record: Record = stage(waves, **given, **checking.checked(stage, twin.settings))
+    record: Record = stage(waves, **given, **checking.check_settings(stage, twin.settings))
     return record
 
 
@@ -70,6 +70,6 @@ def make_wave(twin: Twin, number: int, seed: int) -> Wave:
     model: Literal["fast", "slow"] = "slow" if any(e.slow is not no_term for e in extra) else "fast"
     config["effects"] = {**config.get("effects", {}), **{effect.name: {} for effect in extra}}
     recording = collect(simulate(config, extra, model=model, run=run.name, seed=seed))
-    periods = collect(demodulate(recording, **checking.checked(demodulate, run.demodulate)))
-    wave = collect(estimate(periods, **checking.checked(estimate, run.estimate)))
+    periods = collect(demodulate(recording, **checking.check_settings(demodulate, run.demodulate)))
+    wave = collect(estimate(periods, **checking.check_settings(estimate, run.estimate)))
     return wave.replace(**run.carried, **dict.fromkeys(run.missing))

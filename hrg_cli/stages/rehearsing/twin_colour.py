@@ -17,9 +17,9 @@ from ...effects.effect import Effect, Values
 from ...errors import HrgError
 from ...fitting.causes import colour
 from ...fitting.causes.colour import ColouredNoise
-from ...fitting.causes.wave_frame import real
+from ...fitting.causes.wave_frame import to_reals
 from ...fitting.envelopes import channel_noise, condensed, free_windows
-from ...fitting.envelopes.base_fit import base_fit
+from ...fitting.envelopes.base_fit import fit_base_model
 from ...fitting.envelopes.base_freedom import Known
 from ...physics.plant import Readout, Samples
 from ...records import Calibration, Diagnosis, Wave
@@ -55,13 +55,13 @@ def of_free_runs(waves: Sequence[Wave], settings: Mapping[str, Any], earth_rad_s
         if settings.get("window", "auto") == "auto":
             waves = [part for wave in waves for part in free_windows.cut_free_windows(wave)]
         runs = condensed.read_runs(waves, settings.get("rate_rad_s"), earth_rad_s, known, blocks)
-        fit = base_fit(runs, known, blocks)
+        fit = fit_base_model(runs, known, blocks)
     except HrgError:
         return ()
     data, response = fit.response.batch, fit.response
     # in the wave's own phase, e^{2jφ} ∝ u·u: only there does the angle stand across the wave
     back = np.exp(-0.5j * np.angle(np.sum(data.envelope**2, axis=-1, keepdims=True)))
-    residual = real(response.residual() * back)
+    residual = to_reals(response.residual() * back)
     seen = channel_noise.whiten(data.whitening, data.envelope) * back
     found = colour.noises(data.time_s, data.weight, seen, residual)
     return tuple(n if n.wander_1_s > 0 else WHITE for n in found)

@@ -15,7 +15,7 @@ from ...fitting.envelopes import free_windows
 from ...physics import ellipse
 from ...physics.resonator import Mechanics, exponential, generator
 from ...records import Wave
-from ..run_tables import loops, rate_course, sample_noise, temperature_course
+from ..run_tables import describe_loops, rate_course, sample_noise, temperature_course
 from . import twin_mode
 from .twin_colour import Colour
 
@@ -234,7 +234,7 @@ def _read_loops(wave: Wave, begin_s: float, damping_rate_1_s: float) -> dict[str
     driven = wave.drive_main is not None and np.nanmax(np.abs(wave.drive_main), initial=0.0) > 0
     if wave.mode == "free" and not driven:
         return None
-    found: dict[str, Any] = {"mode": "forced"} | loops(wave, damping_rate_1_s)
+    found: dict[str, Any] = {"mode": "forced"} | describe_loops(wave, damping_rate_1_s)
     if driven:
         try:
             free = free_windows.cut_free_windows(wave)

@@ -16,7 +16,7 @@ from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.envelopes import channel_noise, envelope_runs, propagator
 from ....fitting.envelopes.coordinates import DAMPING, DAMPING_SPLIT, FREQUENCY_SPLIT, SCALE_FACTOR
 from ....fitting.envelopes.envelope_runs import EnvelopeRun
-from ....fitting.samples.course import Impulse, course, impulse, mean_of
+from ....fitting.samples.course import Impulse, average_over_windows, build_course, integrate_means
 from ....physics import ellipse
 from ....records import Wave
 from .base_priors import held_scale_factor
@@ -200,7 +200,7 @@ def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> Measured
         reference_frequency_hz=reference_hz,
         mode_number=int(waves[0].mode_number),
         has_temperature=any(_has(w.temperature_degc) for w in waves),
-        whitening=channel_noise.side_by_side([r.whitening for r in runs]),
+        whitening=channel_noise.stack_matrices([r.whitening for r in runs]),
     )
 
 
@@ -232,7 +232,7 @@ def _rate_of(wave: Wave, t: Array) -> Array:
     """The logged rate at times t; 0 where none is logged."""
     if not _has(wave.rate_rad_s):
         return np.zeros(len(t))
-    return course(*_finite(wave.time_s, wave.rate_rad_s)).at(t)
+    return build_course(*_finite(wave.time_s, wave.rate_rad_s)).at(t)
 
 
 def _temperature_of(run: EnvelopeRun, wave: Wave) -> dict[str, Array]:
@@ -274,7 +274,7 @@ def _finite(x: Array, y: Array | None) -> tuple[Array, Array]:
 def command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
     """A logged drive command over rows about times t; zero where there is none."""
     logged = _logged(wave, name, forced)
-    return np.zeros(len(t)) if logged is None else mean_of(logged, t, np.gradient(t))
+    return np.zeros(len(t)) if logged is None else average_over_windows(logged, t, np.gradient(t))
 
 
 def impulse_of(wave: Wave, name: str, t: Array, forced: Array) -> Array:
@@ -290,7 +290,7 @@ def temperature_impulse_of(wave: Wave, t: Array, smooth: Array | None) -> Array:
     if smooth is not None or not _has(wave.temperature_degc):
         course = np.zeros(len(t)) if smooth is None else smooth
         return np.concatenate([[0.0], np.cumsum(np.diff(t) * (course[1:] + course[:-1]) / 2)])
-    logged = impulse(*_finite(wave.time_s, wave.temperature_degc))
+    logged = integrate_means(*_finite(wave.time_s, wave.temperature_degc))
     half = np.sqrt(np.maximum(np.gradient(t) ** 2 - wave.window_s**2, 0.0)) / 2
     return (logged.at(t - half) + 4 * logged.at(t) + logged.at(t + half)) / 6
 
@@ -300,7 +300,7 @@ def _logged(wave: Wave, name: str, forced: Array) -> Impulse | None:
     values = getattr(wave, name)
     if not forced.any() or not _has(values):
         return None
-    return impulse(*_finite(wave.time_s, values))
+    return integrate_means(*_finite(wave.time_s, values))
 
 
 def _amplitude(u: Array) -> Array:

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....effects.effect import frame
-from ....fitting.causes.slow_equation import times
-from ....fitting.causes.wave_frame import real
+from ....fitting.causes.slow_equation import apply_generators
+from ....fitting.causes.wave_frame import to_reals
 from ....fitting.envelopes import coordinates, propagator, rows
 from ....fitting.envelopes.base_fit import start_from_propagator
 from ....fitting.envelopes.base_freedom import Known, freedom
@@ -86,7 +86,7 @@ def _is_of_noise(p: Array, free: Sequence[EnvelopeRun]) -> bool:
     growth_1_s = splitting - float(p[DAMPING])
     return any(
         growth_1_s * run.duration_s > MOST_GROWTH
-        or rows.speed(run, p) * float(np.median(np.diff(run.time_s))) > MOST_A_WINDOW
+        or rows.estimate_speed(run, p) * float(np.median(np.diff(run.time_s))) > MOST_A_WINDOW
         for run in free
     )
 
@@ -137,7 +137,7 @@ def _logged(wave: Wave, name: str) -> Array:
     return np.full(len(wave.time_s), np.nan) if values is None else np.asarray(values, float)
 
 
-def _at(t: Array, wave: Wave, values: Array) -> Array:
+def _interpolate_column(t: Array, wave: Wave, values: Array) -> Array:
     """A column of the wave at other times; 0 where there is none."""
     known = np.isfinite(values)
     if not known.any():
@@ -152,17 +152,17 @@ def _integrated(run: EnvelopeRun, wave: Wave, offset: float) -> tuple[Array, Arr
     back = np.exp(-1j * offset * t)[:, None]
     u = run.envelope * back
     main, quadrature, phase = (
-        _at(t, wave, _logged(wave, name))
+        _interpolate_column(t, wave, _logged(wave, name))
         for name in ("drive_main", "drive_quadrature", "phase_rad")
     )
     turn, e_A, e_B, _ = frame(run.envelope, phase)
     force = back * turn[:, None] * (main[:, None] * e_A - 1j * quadrature[:, None] * e_B)
     rate = np.gradient(run.turn_rad, t)[:, None]
     turning = rate * np.stack([u[:, 1], -u[:, 0]], axis=-1)
-    made = [*(times(B, u) for B in coordinates.BASIS), turning, 1j * u]
+    made = [*(apply_generators(B, u) for B in coordinates.BASIS), turning, 1j * u]
     weight = 1 / run.std[:, None]
-    columns = [(real(_integral(t, one)) * weight).ravel() for one in made]
-    target = (real(u - _integral(t, force)) * weight).ravel()
+    columns = [(to_reals(_integral(t, one)) * weight).ravel() for one in made]
+    target = (to_reals(u - _integral(t, force)) * weight).ravel()
     return np.stack(columns[:-1], axis=-1), columns[-1], target
 
 

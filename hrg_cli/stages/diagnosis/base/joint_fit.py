@@ -73,10 +73,10 @@ def fit_base(
     # take part of a lateness up
     late = fit_lateness(first)
     if not is_gross(late) and is_thinkable(late):
-        return _beside_log(fit_rate_steps(late))
+        return _fit_beside_log(fit_rate_steps(late))
     # a gross misfit would be laid on the log's time, but not on what the log's own scatter and the
     # loops' own gains may do
-    beside = _beside_log(first)
+    beside = _fit_beside_log(first)
     return fit_rate_steps(first) if is_gross(beside) else beside
 
 
@@ -87,26 +87,28 @@ def settle_log(fit: ExtendedFit) -> ExtendedFit:
     if not has_log(fit.series):
         return fit
     if fit.series.scatter is None:
-        beside = _beside_log(fit if is_gross(fit) else fit_lateness(fit))
+        beside = _fit_beside_log(fit if is_gross(fit) else fit_lateness(fit))
         return fit if is_gross(beside) else follow_walk(beside)
-    return fit if is_gross(fit) else _beside_steps(fit, _along_walk)
+    return fit if is_gross(fit) else _fit_beside_steps(fit, _fit_along_walk)
 
 
-def _beside_log(fit: ExtendedFit) -> ExtendedFit:
+def _fit_beside_log(fit: ExtendedFit) -> ExtendedFit:
     """The fit beside what the log's rows, the frame that its commands are turned to, and the ripple
     that loops answer may have done: white in every run, or the same in all of one instrument; and
     beside the steps of held commands."""
     if not has_log(fit.series):
         return fit
-    return _beside_steps(fit, lambda fit: _along_walk(allow_starts(allowed_for(fit))))
+    return _fit_beside_steps(fit, lambda fit: _fit_along_walk(allow_starts(allowed_for(fit))))
 
 
-def _along_walk(fit: ExtendedFit) -> ExtendedFit:
+def _fit_along_walk(fit: ExtendedFit) -> ExtendedFit:
     """The fit beside what is the same in all runs, along the likely walk where it is not gross."""
-    return _beside_frames(fit if is_gross(fit) else follow_walk(fit))
+    return _fit_beside_frames(fit if is_gross(fit) else follow_walk(fit))
 
 
-def _beside_steps(fit: ExtendedFit, settled: Callable[[ExtendedFit], ExtendedFit]) -> ExtendedFit:
+def _fit_beside_steps(
+    fit: ExtendedFit, settled: Callable[[ExtendedFit], ExtendedFit]
+) -> ExtendedFit:
     """The settled fit; where that leaves more than noise, the same beside the steps of commands that
     are held in time with the oscillation, if these leave nothing but noise."""
     beside = settled(fit)
@@ -120,10 +122,10 @@ def _beside_steps(fit: ExtendedFit, settled: Callable[[ExtendedFit], ExtendedFit
 
 
 def _is_noise(fit: ExtendedFit) -> bool:
-    return checks.goodness(fit.chi2, fit.dof).passed
+    return checks.check_goodness(fit.chi2, fit.dof).passed
 
 
-def _beside_frames(fit: ExtendedFit) -> ExtendedFit:
+def _fit_beside_frames(fit: ExtendedFit) -> ExtendedFit:
     """The fit beside what is the same in all runs of one instrument, in the frame that the waves make
     likely beside the causes there are: what these have done would be laid on it."""
     for _ in range(FRAMES_AGAIN):

@@ -17,7 +17,7 @@ from ....fitting.causes import designs, extended_fit, whitened_rows
 from ....fitting.causes.designs import Basis
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.wave_frame import real
+from ....fitting.causes.wave_frame import to_reals
 from ....fitting.envelopes.coordinates import SCALE_FACTOR
 
 Array = np.ndarray
@@ -123,7 +123,7 @@ def _doings(fit: ExtendedFit, places: list[tuple[int, int, int]]) -> Basis:
         own.append(
             (
                 rows,
-                designs.orthonormal(
+                designs.orthonormalise(
                     whitened_rows.flatten_rows(series, fit.flow.seen(np.stack(kicks, axis=-1)))[
                         rows
                     ],
@@ -144,6 +144,6 @@ def _kicks(fit: ExtendedFit, k: int, first: int, last: int) -> list[Array]:
     for change in (fit.point.p[SCALE_FACTOR] * turned, v, 1j * v, 1j * turned):
         impulse = np.zeros((*flow.middle.shape[:2], 4, 1))
         # one unit over all of them; Simpson's rule of the flow weighs the middle by 4h/6
-        impulse[k, rows, :, 0] = real(change * 6 / (4 * h * len(h)))
+        impulse[k, rows, :, 0] = to_reals(change * 6 / (4 * h * len(h)))
         out.append(flow.carried(np.zeros((*series.weight.shape, 4, 1)), impulse)[..., 0])
     return out

@@ -69,15 +69,15 @@ def closing_checks(
     search, level = case.search, case.inquiry.noise.white
     final = search.final
     return [
-        checks.holds(
+        checks.check_holds(
             "nothing_left_over",
             case.remainder is None,
             "the residual still follows something that the catalogue does not hold",
         ),
-        checks.holds(
+        checks.check_holds(
             "catalogued_form", case.form is None, "a cause has another form than the catalogue's"
         ),
-        checks.holds(
+        checks.check_holds(
             "lines_named",
             not lines_hz,
             "a line that nothing named makes was taken out of the waves, at "
@@ -90,7 +90,7 @@ def closing_checks(
         *_causes(search, sized, waveform),
         *_frequencies(case.frequencies),
         *_physics(final),
-        checks.holds(
+        checks.check_holds(
             "converged",
             final.converged and _is_base_settled(search),
             "a fit stopped before it had settled",
@@ -108,19 +108,19 @@ def _is_base_settled(search: Search) -> bool:
 def _noise(fit: ExtendedFit, level: float, odd: str) -> Iterator[Check]:
     """Whether what is left is the noise that the windows state, and every window's alike; `level`:
     σ between neighbouring windows over the stated one, which the fit is weighed by."""
-    yield checks.goodness(
+    yield checks.check_goodness(
         fit.chi2 * level**2,
         fit.dof,
         "the final model leaves more than the noise that the windows state",
         "chi2_per_dof",
     )
-    yield checks.at_most(
+    yield checks.check_at_most(
         "noise_level",
         level,
         NOISE_LEVEL,
         f"the noise between the windows is {level:.3g} times what they state",
     )
-    yield checks.holds(
+    yield checks.check_holds(
         "windows_alike", not odd, odd or "every window's noise is like its neighbours'"
     )
 
@@ -147,7 +147,7 @@ def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
         runs = [
             own[k][good[k]][np.argsort(along[k][good[k]], kind="stable")] for k in range(len(own))
         ]
-        yield checks.whiteness(
+        yield checks.check_whiteness(
             runs,
             f"what is left is not white in the order of {name.replace('_', ' ')}",
             f"white_in_{name}",
@@ -172,7 +172,7 @@ def _strikes(fit: ExtendedFit, slow: float) -> Iterator[Check]:
     ]
     for name, place, allowed, cause in found:
         if place is not None:
-            yield checks.at_most(
+            yield checks.check_at_most(
                 name,
                 -float(np.log10(max(place.chance, 1e-300))),
                 -float(np.log10(allowed)),
@@ -193,7 +193,7 @@ def _runs(fit: ExtendedFit) -> Iterator[Check]:
     ]
     worst = int(np.argmax(ratios))
     run = fit.series.names[int(fit.rows[folds[worst][0], 0])]
-    yield checks.at_most(
+    yield checks.check_at_most(
         "runs_predicted", ratios[worst], RUN_PREDICTED, f"run {run} is not predicted by the others"
     )
 
@@ -227,7 +227,7 @@ def beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
     if walk < TOLD:
         return
     beside = sigma / float(np.hypot(1.0, walk))
-    yield checks.at_least(
+    yield checks.check_at_least(
         f"{name}_stands_beside_drive_log",
         beside,
         OWN_SIGMA,
@@ -248,19 +248,19 @@ def _causes(search: Search, sized: Sized, waveform: Sequence[dict[str, object]])
             if one.sizes is None
             else float(np.sqrt(max(one.delta_bic, 0.0)))
         )
-        yield checks.at_least(
+        yield checks.check_at_least(
             f"{name}_stands_off_zero",
             sigma,
             OWN_SIGMA,
             f"{name} is no more than {sigma:.2g} of its σ off zero",
         )
         yield from beside_drive_log(name, sigma, walk)
-        yield checks.holds(
+        yield checks.check_holds(
             f"{name}_is_possible",
             is_possible(one.variant.effect, fit),
             f"{name} came out larger than such a cause can be, or of a sign that it cannot have",
         )
-        yield checks.at_most(
+        yield checks.check_at_most(
             f"{name}_is_told_apart",
             float(len(one.rivals)),
             float(MOST_RIVALS),
@@ -273,7 +273,7 @@ def _causes(search: Search, sized: Sized, waveform: Sequence[dict[str, object]])
             np.isfinite(p["value"]) and np.isfinite(p["std"]) and p["std"] > 0
             for p in parameters.values()
         )
-        yield checks.holds(
+        yield checks.check_holds(
             f"{entry['name']}_is_measured",
             known,
             f"{entry['name']} has a figure without a standard deviation",
@@ -286,7 +286,7 @@ def _frequencies(said: Mapping[str, Any]) -> Iterator[Check]:
     if said.get("sigma") is None:
         return
     exact = float(said["scatter_hz"]) < SAME_FREQUENCY * float(np.mean(said["hz"]))
-    yield checks.at_most(
+    yield checks.check_at_most(
         "run_frequencies",
         0.0 if exact else float(said["sigma"]),
         FREQUENCIES,
@@ -297,7 +297,7 @@ def _frequencies(said: Mapping[str, Any]) -> Iterator[Check]:
 def _physics(fit: ExtendedFit) -> Iterator[Check]:
     """Base parameters that a resonator can have."""
     level = max(fit.chi2 / fit.dof, 1.0)
-    yield checks.at_most(
+    yield checks.check_at_most(
         "passive",
         fit.bound_cost / level,
         BOUND_COST,
@@ -313,21 +313,21 @@ def _physics(fit: ExtendedFit) -> Iterator[Check]:
             f"the scale factor came out as {value:.4g}: the rate log has another unit or sign, or"
             " the channels are swapped"
         )
-        yield checks.at_least("scale_factor_above", sure[0], low, text)
-        yield checks.at_most("scale_factor_below", sure[1], high, text)
+        yield checks.check_at_least("scale_factor_above", sure[0], low, text)
+        yield checks.check_at_most("scale_factor_below", sure[1], high, text)
     finite = bool(
         np.all(np.isfinite(fit.point.p))
         and np.all(np.isfinite(fit.residual))
         and np.all(np.isfinite(fit.covariance))
     )
-    yield checks.holds("finite", finite, "a number of the model is not finite")
-    yield checks.covariance_is_one(fit.covariance, "the covariance of the fit is none")
+    yield checks.check_holds("finite", finite, "a number of the model is not finite")
+    yield checks.check_covariance(fit.covariance, "the covariance of the fit is none")
 
 
 def _written(written: Written | None) -> Iterator[Check]:
     """The file that was written against the fit."""
     if written is None:
-        yield checks.holds(
+        yield checks.check_holds(
             "written_model", False, "the extended model could not be simulated from its own file"
         )
         return
@@ -335,4 +335,4 @@ def _written(written: Written | None) -> Iterator[Check]:
         "the extended model simulated from its file misses the measurement by"
         f" {written.rms_over_noise:.3g} σ rms, the fit by {written.fitted_rms_over_noise:.3g}"
     )
-    yield checks.at_most("written_model", written.ratio, WRITTEN, text)
+    yield checks.check_at_most("written_model", written.ratio, WRITTEN, text)

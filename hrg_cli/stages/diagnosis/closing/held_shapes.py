@@ -33,17 +33,19 @@ def one_sigma_off(fit: ExtendedFit, inflation: float) -> dict[str, ExtendedFit]:
 
 
 def _moved(fit: ExtendedFit, name: str, power: float, inflation: float) -> ExtendedFit | None:
-    below, above = (_at(fit, name, power + step) for step in (-1.0, 1.0))
+    below, above = (_refit_with_power(fit, name, power + step) for step in (-1.0, 1.0))
     if below is None or above is None:
         return above or below
     less, more = (below.chi2 - fit.chi2) / inflation, (above.chi2 - fit.chi2) / inflation
     # χ²″/2 of the parabola, and the prior of one
     curvature = max((less + more) / 2, 0.0) + 1.0
     best = (less - more) / 4 / curvature
-    return _at(fit, name, power + float(np.copysign(np.hypot(best, curvature**-0.5), best)))
+    return _refit_with_power(
+        fit, name, power + float(np.copysign(np.hypot(best, curvature**-0.5), best))
+    )
 
 
-def _at(fit: ExtendedFit, name: str, power: float) -> ExtendedFit | None:
+def _refit_with_power(fit: ExtendedFit, name: str, power: float) -> ExtendedFit | None:
     """The model refitted with another power of a cause."""
     effect, values = next(pair for pair in fit.point.active if pair[0].name == name)
     # begun at the same strength at the runs' own amplitude, whatever that is in its unit

@@ -13,7 +13,7 @@ from typing import Any
 from ....fitting.causes import colour
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes import channel_noise
-from ..search.remainder import adequacy
+from ..search.remainder import judge_adequacy
 from ..thresholds import INADEQUATE
 
 HOUR = 3600.0
@@ -25,7 +25,7 @@ def wander(fit: ExtendedFit) -> list[dict[str, Any]]:
 
     Empty where the residual is white as far as its smooth part can tell.
     """
-    if adequacy(fit)[1] > INADEQUATE:
+    if judge_adequacy(fit)[1] > INADEQUATE:
         return []
     series = fit.series
     seen = channel_noise.whiten(series.whitening, series.envelope)

@@ -28,10 +28,10 @@ from ....effects.effect import frame
 from ....fitting.causes import extended_fit, whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.sensitivities import Propagation, base_sensitivities, propagation
+from ....fitting.causes.sensitivities import Propagation, find_base_sensitivities, linearise_flow
 from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.walks import Walk
-from ....fitting.causes.wave_frame import imaginary, real
+from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.envelopes.coordinates import SCALE_FACTOR
 from .scatter import row_length_s, turn_forces
 
@@ -75,7 +75,7 @@ class FrameAnswers:
     def spread(self, fit: ExtendedFit) -> Array:
         """What one standard deviation of each does, over σ (N, 2k); driven runs alone show that
         scale factor which their loops make of it."""
-        return _beside_scale_factor(fit, self.doings) if all_driven(fit.series) else self.doings
+        return _project_scale_factor(fit, self.doings) if all_driven(fit.series) else self.doings
 
     def turn(self, size: Array) -> Array:
         """Turn of the frame by answers of these sizes (2k,), rad (R, n, 2)."""
@@ -103,10 +103,10 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     if np.abs(turn - before).max() < SETTLED_RAD:
         return fit
     series = replace(series, frame_turn=turn)
-    flow = propagation(predict(series, fit.point, fit.flow.near))
+    flow = linearise_flow(predict(series, fit.point, fit.flow.near))
     carried = carry_turns(flow, series, answers.angle, answers.phase)
     walk = Walk.none(flow.prediction.motion) if series.walk is None else series.walk
-    turned = imaginary(flow.viewed(carried) @ size)
+    turned = to_complex(flow.viewed(carried) @ size)
     series = replace(series, walk=replace(walk, turned=turned))
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
@@ -116,10 +116,10 @@ def all_driven(series: MeasuredRuns) -> bool:
     return bool(np.all(np.any(series.forced > 0, axis=1)))
 
 
-def _beside_scale_factor(fit: ExtendedFit, doings: Array) -> Array:
+def _project_scale_factor(fit: ExtendedFit, doings: Array) -> Array:
     """Columns (N, k) less what another scale factor does: driven runs alone show the one that their
     loops make of it."""
-    shared = whitened_rows.flatten_own(fit.series, base_sensitivities(fit.flow)[0])
+    shared = whitened_rows.flatten_own(fit.series, find_base_sensitivities(fit.flow)[0])
     column = shared[:, SCALE_FACTOR]
     size = float(column @ column)
     return doings - np.outer(column, column @ doings / size) if size > 0 else doings
@@ -133,7 +133,7 @@ def carry_turns(flow: Propagation, series: MeasuredRuns, angle: Array, phase: Ar
     at_rows, at_middle = (
         np.concatenate(
             [
-                real(force)[..., None] * answer[..., None, :]
+                to_reals(force)[..., None] * answer[..., None, :]
                 for force, answer in zip(turn_forces(runs, motion), beside, strict=True)
             ],
             axis=-1,

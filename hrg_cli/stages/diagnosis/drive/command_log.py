@@ -18,8 +18,8 @@ from ....fitting.causes import extended_fit, whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.causes.slow_equation import RungeKuttaStage
-from ....fitting.causes.wave_frame import real
-from ....fitting.samples.course import impulse, mean_of
+from ....fitting.causes.wave_frame import to_reals
+from ....fitting.samples.course import average_over_windows, integrate_means
 from ....records import Wave
 from ..fits.refits import HOPELESS
 from ..thresholds import GROSS
@@ -72,7 +72,7 @@ def is_thinkable(fit: ExtendedFit) -> bool:
     """Whether the commands' lateness is one that a log may have, or all that is wrong with the runs:
     others are a misfit laid on the log's time."""
     late, usual = abs(fit.series.drive_late_s), REACH * row_length_s(fit.series)
-    return late <= THINKABLE * usual or checks.goodness(fit.chi2, fit.dof).passed
+    return late <= THINKABLE * usual or checks.check_goodness(fit.chi2, fit.dof).passed
 
 
 def _is_beside_the_point(fit: ExtendedFit, column: Array) -> bool:
@@ -131,9 +131,9 @@ def _change(fit: ExtendedFit, other: MeasuredRuns) -> Array:
     flow, point = fit.flow, fit.point
     motion, rows = fit.prediction.motion, RungeKuttaStage(other, point)
     halves = RungeKuttaStage(other.middle(), point)
-    at_rows = real(rows.beside(motion) - flow.rows.beside(motion))[..., None]
-    at_middle = real(halves.beside(flow.middle) - flow.halves.beside(flow.middle))[..., None]
-    direct = real(rows.seen(motion) - flow.rows.seen(motion))[..., None]
+    at_rows = to_reals(rows.beside(motion) - flow.rows.beside(motion))[..., None]
+    at_middle = to_reals(halves.beside(flow.middle) - flow.halves.beside(flow.middle))[..., None]
+    direct = to_reals(rows.seen(motion) - flow.rows.seen(motion))[..., None]
     carried = flow.viewed(flow.carried(at_rows, at_middle))
     return fit.prediction.judged(carried + direct)[..., 0]
 
@@ -187,8 +187,8 @@ def shift_commands(wave: Wave, late_s: float) -> Wave:
         if values is None or late_s == 0:
             return values
         known = np.isfinite(values)
-        log = impulse(t[known], np.asarray(values, float)[known])
-        return np.where(known, mean_of(log, t - late_s, wave.window_s), np.nan)
+        log = integrate_means(t[known], np.asarray(values, float)[known])
+        return np.where(known, average_over_windows(log, t - late_s, wave.window_s), np.nan)
 
     t = np.asarray(wave.time_s, float)
     return wave.replace(drive_main=at(wave.drive_main), drive_quadrature=at(wave.drive_quadrature))

@@ -29,8 +29,8 @@ from ....effects.effect import frame
 from ....fitting.causes import designs, whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit, on_rows
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.sensitivities import Propagation, base_sensitivities
-from ....fitting.causes.wave_frame import imaginary, real
+from ....fitting.causes.sensitivities import Propagation, find_base_sensitivities
+from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.envelopes.coordinates import BASIS
 from ..thresholds import WORTH
 from .command_frame import slope_of
@@ -81,7 +81,7 @@ class _Left:
 def likely_beats(fit: ExtendedFit) -> list[float]:
     """The beat D of the commands' steps with the oscillation that is likely in what is left of driven
     runs, rad/s, and none where that is likely too; empty where neither is."""
-    left = _left(fit, _of_linear_maps(fit.flow))
+    left = _find_remainder(fit, _span_linear_maps(fit.flow))
     if not left:
         return []
     lengths = [np.ptp(t[w > 0]) for t, w in zip(fit.series.time_s, fit.series.weight, strict=True)]
@@ -100,7 +100,7 @@ def likely_beats(fit: ExtendedFit) -> list[float]:
             best, _ = _likeliest(fit, left, best + step * np.linspace(-1, 1, 2 * FINER + 1))
             step /= FINER
         out.append(best)
-    if 0.0 not in out and _likeliest(fit, _left(fit), np.zeros(1))[1] > price:
+    if 0.0 not in out and _likeliest(fit, _find_remainder(fit), np.zeros(1))[1] > price:
         out.append(0.0)
     return out
 
@@ -113,17 +113,17 @@ def allow_steps(fit: ExtendedFit, beat_rad_s: float) -> ExtendedFit:
     return soften_runs(replace(fit, flow=flow), _moved(fit, np.array([beat_rad_s])))
 
 
-def _left(fit: ExtendedFit, besides: Array | None = None) -> list[_Left]:
+def _find_remainder(fit: ExtendedFit, besides: Array | None = None) -> list[_Left]:
     """Of every driven run, beside what the base model of its own could leave, and changes of what is
     seen (R, n, 4, k)."""
-    series, shared = fit.series, base_sensitivities(fit.flow)[0]
+    series, shared = fit.series, find_base_sensitivities(fit.flow)[0]
     if besides is not None:
         shared = np.concatenate([shared, besides], axis=-1)
     shared = whitened_rows.flatten_rows(series, shared)
     driven, out = np.any(series.forced > 0, axis=1), []
     for k, (rows, _, own) in enumerate(fit.design.own):
         if driven[k]:
-            Q = designs.orthonormal(np.concatenate([own, shared[rows]], axis=1), INDEPENDENT)
+            Q = designs.orthonormalise(np.concatenate([own, shared[rows]], axis=1), INDEPENDENT)
             rest = fit.residual[rows]
             out.append(_Left(rows, Q, rest - Q @ (Q.T @ rest)))
     return out
@@ -140,12 +140,12 @@ def _likeliest(fit: ExtendedFit, left: Sequence[_Left], beats: Array) -> tuple[f
     return float(beats[best]), found[best]
 
 
-def _of_linear_maps(flow: Propagation) -> Array:
+def _span_linear_maps(flow: Propagation) -> Array:
     """What any linear map of the wave, of what is seen of it, and of the forces does, over σ
     (R, n, 4, 24)."""
 
     def mapped(u: Array) -> list[Array]:
-        return [real(np.einsum("ij,rnj->rni", one, u)) for one in LINEAR]
+        return [to_reals(np.einsum("ij,rnj->rni", one, u)) for one in LINEAR]
 
     prediction = flow.prediction
     at_rows, at_middle = (
@@ -200,7 +200,7 @@ def _means(series: MeasuredRuns, v: Array, change: Array, turned: Array) -> Arra
 
     over = 1 / (4 * np.pi * series.reference_frequency_hz)
     held = 1j * over * np.conj(change)
-    return np.stack([real(vector(one)) for one in (held, 1j * held, over * turned)], axis=-1)
+    return np.stack([to_reals(vector(one)) for one in (held, 1j * held, over * turned)], axis=-1)
 
 
 def _swings(time_s: Array, beats: Array) -> Array:
@@ -216,7 +216,7 @@ def _spectrum(fit: ExtendedFit, left: Sequence[_Left], beats: Array) -> Array:
     for run in left:
         rest[run.rows] = run.rest
     turn, _, e_B, _ = frame(fit.prediction.motion, series.phase_rad)
-    beside = np.conj(turn) * np.sum(e_B * imaginary(on_rows(fit, rest)), axis=-1)
+    beside = np.conj(turn) * np.sum(e_B * to_complex(on_rows(fit, rest)), axis=-1)
     power = np.zeros(len(beats))
     for t, z, weight in zip(series.time_s, beside, series.weight, strict=True):
         good = weight > 0

@@ -24,8 +24,13 @@ import numpy as np
 from ....effects.effect import frame
 from ....fitting.causes import whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.slow_equation import RungeKuttaStage, generators, mean_turns, times
-from ....fitting.causes.wave_frame import real
+from ....fitting.causes.slow_equation import (
+    RungeKuttaStage,
+    apply_generators,
+    build_generators,
+    mean_turns,
+)
+from ....fitting.causes.wave_frame import to_reals
 from ..fits.scoring import is_gross
 from .loop_gain import bound_gains
 
@@ -81,14 +86,14 @@ def _doings(fit: ExtendedFit) -> Array:
     """Of the direction's answer, and of q = 1 and q = j 1/s of the sizes', (R, n, 4, 5)."""
     flow, series, point = fit.flow, fit.series, fit.point
     turn = mean_turns(series)[:, None]
-    at_rows = _forces(flow.rows, generators(series, point) - turn, fit.prediction.motion)
-    between = _forces(flow.halves, generators(flow.centre, point) - turn, flow.middle)
+    at_rows = _forces(flow.rows, build_generators(series, point) - turn, fit.prediction.motion)
+    between = _forces(flow.halves, build_generators(flow.centre, point) - turn, flow.middle)
     return flow.seen(flow.carried(at_rows, between))
 
 
 def _forces(stage: RungeKuttaStage, L: Array, v: Array) -> Array:
     """The five forces on the envelopes v, as reals (R, n, 4, 5)."""
-    G = times(L, v) + stage.beside(v)
+    G = apply_generators(L, v) + stage.beside(v)
     turn, e_A, e_B, _ = frame(v, stage.state.phase_rad)
     seen = [np.conj(turn) * np.sum(axis * w, axis=-1) for w in (v, G) for axis in (e_A, e_B)]
     a, b, G_A, G_B = seen[0].real, -seen[1].imag, seen[2], seen[3]
@@ -118,4 +123,4 @@ def _forces(stage: RungeKuttaStage, L: Array, v: Array) -> Array:
     )
     answers = turn[..., None] * answers
     forces = answers[0][..., None, :] * e_A[..., None] + answers[1][..., None, :] * e_B[..., None]
-    return np.moveaxis(real(np.moveaxis(forces, -1, -2)), -1, -2)
+    return np.moveaxis(to_reals(np.moveaxis(forces, -1, -2)), -1, -2)

@@ -29,10 +29,10 @@ from ....fitting.causes import designs, extended_fit, whitened_rows
 from ....fitting.causes.designs import Basis, Softened
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.sensitivities import base_sensitivities
+from ....fitting.causes.sensitivities import find_base_sensitivities
 from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.walks import LogPieces, Walk, WalkPart
-from ....fitting.causes.wave_frame import directions, real
+from ....fitting.causes.wave_frame import find_directions, to_reals
 
 Array = np.ndarray
 SLOW = 4
@@ -141,14 +141,14 @@ def allowed_for(fit: ExtendedFit) -> ExtendedFit:
     if not has_log(fit.series):
         return fit
     for scatter, forces in (
-        (Scatter.of(fit.series), _of_commands),
-        (Scatter.of_frame(fit.series), _of_frame),
+        (Scatter.of(fit.series), _predict_command_forces),
+        (Scatter.of_frame(fit.series), _predict_frame_forces),
     ):
         if np.any(scatter.counts(fit.series)):
             pieces = _pieces(fit, scatter.size, forces(fit))
             runs = _runs(fit, scatter, pieces)
-            part = _part(fit.residual, runs)
-            told = part if forces is _of_commands else fit.series.scatter_part
+            part = _estimate_part(fit.residual, runs)
+            told = part if forces is _predict_command_forces else fit.series.scatter_part
             fit = _soften(fit, runs, replace(pieces, jumps=part * pieces.jumps), part, told)
     return fit
 
@@ -165,13 +165,15 @@ def follow_walk(fit: ExtendedFit) -> ExtendedFit:
         return fit
     jumps = walk.likely(fit.residual, series.scatter)
     nothing = np.zeros_like(walk.seen)
-    of_log = predict(_along(series, walk, np.zeros_like(jumps), nothing), fit.point, fit.flow.near)
-    walked = predict(_along(series, walk, jumps, nothing), fit.point, fit.flow.near)
-    series = _along(series, walk, jumps, walked.seen - of_log.seen)
+    of_log = predict(
+        _soften_walk(series, walk, np.zeros_like(jumps), nothing), fit.point, fit.flow.near
+    )
+    walked = predict(_soften_walk(series, walk, jumps, nothing), fit.point, fit.flow.near)
+    series = _soften_walk(series, walk, jumps, walked.seen - of_log.seen)
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
-def _along(series: MeasuredRuns, walk: Walk, jumps: Array, seen: Array) -> MeasuredRuns:
+def _soften_walk(series: MeasuredRuns, walk: Walk, jumps: Array, seen: Array) -> MeasuredRuns:
     """The runs with another walk."""
     return replace(series, walk=replace(walk, jumps=jumps, seen=seen))
 
@@ -259,7 +261,7 @@ def _runs(fit: ExtendedFit, scatter: Scatter, pieces: LogPieces) -> list[_Run]:
     nothing = np.zeros((*series.weight.shape, 4, kicks.shape[-1]))
     moved = fit.flow.seen(fit.flow.carried(nothing, nothing[:, 1:], in_steps=kicks))
     doings = whitened_rows.flatten_rows(series, moved)
-    shared = whitened_rows.flatten_rows(series, base_sensitivities(fit.flow)[0])
+    shared = whitened_rows.flatten_rows(series, find_base_sensitivities(fit.flow)[0])
     slow = whitened_rows.flatten_rows(series, _slow(fit))
     out = []
     for k, (rows, _, own) in enumerate(fit.design.own):
@@ -269,13 +271,13 @@ def _runs(fit: ExtendedFit, scatter: Scatter, pieces: LogPieces) -> list[_Run]:
     return out
 
 
-def _of_commands(fit: ExtendedFit) -> tuple[Array, Array]:
+def _predict_command_forces(fit: ExtendedFit) -> tuple[Array, Array]:
     """Forces (R, n − 1, 2) in the steps' middles of one unit of either command, in phasors."""
     turn, e_A, e_B, _ = frame(fit.flow.middle, fit.flow.centre.phase_rad)
     return turn[..., None] * e_A, -1j * turn[..., None] * e_B
 
 
-def _of_frame(fit: ExtendedFit) -> tuple[Array, Array]:
+def _predict_frame_forces(fit: ExtendedFit) -> tuple[Array, Array]:
     """The same of one radian by which the commands' angle, and their phase, stand beside the
     wave's."""
     return turn_forces(fit.flow.centre, fit.flow.middle)
@@ -297,7 +299,7 @@ def _pieces(fit: ExtendedFit, size: Array, forces: tuple[Array, Array]) -> LogPi
     """The log's pieces, and the jumps by one σ of scatter in the row before a step or behind it."""
     series, rows = fit.series, fit.series.time_s.shape[1]
     jumps = [
-        real(unit) * (series.step_s * size[:, n, None] / 2)[..., None]
+        to_reals(unit) * (series.step_s * size[:, n, None] / 2)[..., None]
         for n, unit in enumerate(forces)
     ]
     return LogPieces(np.stack(jumps, axis=-1), np.arange(rows) * min(PIECES, rows) // rows)
@@ -309,16 +311,16 @@ def _slow(fit: ExtendedFit) -> Array:
     waves = np.cos(
         np.pi * np.arange(SLOW) * ((t - t[:, :1]) / np.ptp(t, axis=1)[:, None])[..., None]
     )
-    along = np.moveaxis(real(directions(fit.prediction.seen)), -2, -1)
+    along = np.moveaxis(to_reals(find_directions(fit.prediction.seen)), -2, -1)
     columns = along[..., None] * waves[..., None, None, :]
     return fit.prediction.judged(columns.reshape(*t.shape, 4, -1))
 
 
-def _part(residual: Array, runs: Sequence[_Run]) -> float:
+def _estimate_part(residual: Array, runs: Sequence[_Run]) -> float:
     """The part q of the scatter, from the mean of q² over all that the residual leaves possible."""
     powers, squares = [], []
     for run in runs:
-        beside = designs.orthonormal(run.beside, INDEPENDENT)
+        beside = designs.orthonormalise(run.beside, INDEPENDENT)
         Q, power, _ = _directions(run.doings - beside @ (beside.T @ run.doings))
         powers.append(power)
         squares.append((Q.T @ residual[run.rows]) ** 2)
@@ -348,5 +350,5 @@ def _whitened(known: Basis | None, soft: Softened) -> Basis | None:
     for rows, Q in known.own:
         whole = np.zeros((known.shape[0], Q.shape[1]))
         whole[rows] = Q
-        own.append((rows, designs.orthonormal(soft.off(whole)[rows], INDEPENDENT)))
+        own.append((rows, designs.orthonormalise(soft.off(whole)[rows], INDEPENDENT)))
     return Basis(tuple(own), soft.off(known.shared), known.variance)

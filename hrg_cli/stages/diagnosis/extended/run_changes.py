@@ -15,9 +15,9 @@ import numpy as np
 from ....fitting import least_squares
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.layout import FREQUENCY, OWN
-from ....fitting.causes.sensitivities import base_sensitivities
-from ....fitting.causes.slow_equation import generators
-from ....fitting.causes.wave_frame import imaginary, real, real_matrix
+from ....fitting.causes.sensitivities import find_base_sensitivities
+from ....fitting.causes.slow_equation import build_generators
+from ....fitting.causes.wave_frame import real_matrix, to_complex, to_reals
 from ....fitting.causes.whitened_rows import flatten_own
 from ....physics.resonator import exponential
 
@@ -32,7 +32,7 @@ def find_change(
 
     origin: the run of which each of the fit's runs is a piece; a run's change stands at its first.
     """
-    own = base_sensitivities(fit.flow)[1] * compared[..., None, None]
+    own = find_base_sensitivities(fit.flow)[1] * compared[..., None, None]
     columns, wanted = flatten_own(fit.series, own), flatten_own(fit.series, difference)
     rows = [block for block, _, _ in fit.design.own]
     change = np.zeros((len(origin), OWN))
@@ -51,7 +51,7 @@ def find_change(
 def _carried(fit: ExtendedFit, first: int, pieces: Sequence[int]) -> dict[int, Array]:
     """For each piece the change (5, 5) of its own start and frequency by that of the run's."""
     series, motion = fit.series, fit.prediction.motion
-    L = generators(series, fit.point)
+    L = build_generators(series, fit.point)
     start = np.eye(4)
     out = {}
     for k in range(first, max(pieces) + 1):
@@ -65,7 +65,7 @@ def _carried(fit: ExtendedFit, first: int, pieces: Sequence[int]) -> dict[int, A
         matrix = np.eye(OWN)
         matrix[:FREQUENCY, :FREQUENCY] = start
         since_s = float(series.time_s[k, 0] - series.time_s[first, 0])
-        matrix[:FREQUENCY, FREQUENCY] = since_s * real(1j * motion[k, 0])
+        matrix[:FREQUENCY, FREQUENCY] = since_s * to_reals(1j * motion[k, 0])
         out[k] = matrix
     return out
 
@@ -73,7 +73,7 @@ def _carried(fit: ExtendedFit, first: int, pieces: Sequence[int]) -> dict[int, A
 def _turned_onto(carried: Array, before: Array, after: Array) -> Array:
     """The carried changes (4, 4) turned by the phase that brings the carried motion onto the piece's:
     the clock of the recording stood still where samples were lost."""
-    arrived = imaginary(carried @ real(before))
+    arrived = to_complex(carried @ to_reals(before))
     turn = np.vdot(arrived, after)
     phase = turn / abs(turn) if abs(turn) > 0 else 1.0
     return np.asarray(real_matrix(phase * np.eye(2)) @ carried)

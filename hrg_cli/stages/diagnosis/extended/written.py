@@ -18,8 +18,8 @@ import numpy as np
 from ....effects.effect import Effect
 from ....errors import HrgError
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.slow_equation import jump_times
-from ....fitting.causes.wave_frame import real
+from ....fitting.causes.slow_equation import find_jump_times
+from ....fitting.causes.wave_frame import to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....fitting.envelopes.coordinates import SCALE_FACTOR
 from ....fitting.envelopes.envelope_runs import envelopes_of
@@ -124,7 +124,7 @@ def write_faithfully(
         one = tried(text)
         if way == along:
             one = _moved_nearer(one, lambda change: tried(written(change, along)))
-        best = _nearer(best, one)
+        best = _choose_nearer(best, one)
         if best[1] is not None and best[1].ratio < NEAR:
             break
     return best
@@ -140,13 +140,13 @@ def _moved_nearer(one: Candidate, tried: Callable[[Array], Candidate]) -> Candid
             break
         change = change + held.change
         other = tried(change)
-        if _nearer(one, other) is one:
+        if _choose_nearer(one, other) is one:
             break
         one = other
     return one
 
 
-def _nearer(one: Candidate, other: Candidate) -> Candidate:
+def _choose_nearer(one: Candidate, other: Candidate) -> Candidate:
     """Of two files the one that misses less; the first where the other cannot be simulated."""
     if one[1] is None or other[1] is None:
         return other if one[1] is None else one
@@ -196,7 +196,7 @@ def hold_written(
         compared[k] = inside
         missed[k, inside] = measured - course.at(series.time_s[k][inside])
         fitted[k, inside] = measured - fit.prediction.by_log[k][inside]
-    missed, fitted = (real(series.over_noise(one)) for one in (missed, fitted))
+    missed, fitted = (to_reals(series.over_noise(one)) for one in (missed, fitted))
     # what nobody knows of the runs (the way through a step of the rate) counts neither for the fit
     # nor for the file
     figures = [
@@ -299,7 +299,7 @@ def _jumping(fit: ExtendedFit, k: int) -> Array:
     sides."""
     t = fit.series.time_s[k]
     near = np.zeros(len(t), bool)
-    for instant in jump_times(fit.series, fit.point):
+    for instant in find_jump_times(fit.series, fit.point):
         row_s = float(np.median(np.diff(t[fit.series.weight[k] > 0])))
         near |= np.abs(t - instant) < NEXT_ROWS * row_s
     return near

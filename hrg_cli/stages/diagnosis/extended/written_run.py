@@ -14,12 +14,12 @@ from ....fitting.causes.fit_point import Point, state_of
 from ....fitting.causes.layout import FREQUENCY
 from ....fitting.causes.slow_equation import RungeKuttaStage
 from ....fitting.causes.slow_prediction import motion_of
-from ....fitting.causes.wave_frame import imaginary
+from ....fitting.causes.wave_frame import to_complex
 from ....fitting.envelopes.coordinates import DAMPING
-from ....fitting.samples.course import course
+from ....fitting.samples.course import build_course
 from ....physics import ellipse
 from ....records import Wave
-from ...run_tables import drive_log, loops, points, rate_course, sample_noise
+from ...run_tables import describe_loops, drive_log, points, rate_course, sample_noise
 from ..base.data import command, impulse_of
 from ..drive.command_log import shift_commands
 
@@ -68,7 +68,7 @@ def run_table(
     a_A, a_B, angle, phase = (
         float(v)
         for v in ellipse.wave(
-            _start(fit, k, wave, way.straight, -lost_s) * clock + imaginary(change[:FREQUENCY]),
+            _start(fit, k, wave, way.straight, -lost_s) * clock + to_complex(change[:FREQUENCY]),
             series.mode_number,
         )
     )
@@ -83,7 +83,9 @@ def run_table(
         log = drive_log(wave, length) if way.replayed else None
         run["control"] = {"mode": "forced"}
         if log is None:
-            run["control"] |= loops(_moving(fit, own, wave), max(float(fit.point.p[DAMPING]), 0.0))
+            run["control"] |= describe_loops(
+                _moving(fit, own, wave), max(float(fit.point.p[DAMPING]), 0.0)
+            )
         else:
             both = {"quadrature_loop": "finite"} if "drive_quadrature" in log else {}
             run["control"] |= both | {"log": log}
@@ -122,7 +124,7 @@ def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -
             np.asarray(wave.time_s, float)[known],
             np.asarray(wave.rate_rad_s, float)[known],
         )
-        rate = np.interp(times, at, logged) if straight else course(at, logged).at(times)
+        rate = np.interp(times, at, logged) if straight else build_course(at, logged).at(times)
     columns: dict[str, Any] = {
         name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD
     }

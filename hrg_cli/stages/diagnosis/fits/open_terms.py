@@ -166,18 +166,22 @@ def _of_temperatures(series: MeasuredRuns) -> Iterator[Covariate]:
         return
     mean, scale = warmth
     yield Covariate(
-        "temperature", "(T − T₀)/ΔT", lambda u, s: _one(u, (s.temperature_degc - mean) / scale)
+        "temperature",
+        "(T − T₀)/ΔT",
+        lambda u, s: _spread_over_runs(u, (s.temperature_degc - mean) / scale),
     )
     yield Covariate(
         "temperature",
         "((T − T₀)/ΔT)²",
-        lambda u, s: _one(u, ((s.temperature_degc - mean) / scale) ** 2),
+        lambda u, s: _spread_over_runs(u, ((s.temperature_degc - mean) / scale) ** 2),
     )
     steep = series.temperature_rate_degc_s[series.weight > 0]
     top = float(np.abs(steep).max())
     if np.ptp(steep) > 1e-6 * top and top * _span(series) > LEAST_KELVIN:
         yield Covariate(
-            "temperature rate", "Ṫ/Ṫ₀", lambda u, s: _one(u, s.temperature_rate_degc_s / top)
+            "temperature rate",
+            "Ṫ/Ṫ₀",
+            lambda u, s: _spread_over_runs(u, s.temperature_rate_degc_s / top),
         )
 
 
@@ -187,10 +191,16 @@ def _of_rates(series: MeasuredRuns, a0: float) -> Iterator[Covariate]:
     fastest = float(np.abs(series.rate_rad_s[good]).max())
     if fastest == 0:
         return
-    yield Covariate("rate", "Ω/Ω₀", lambda u, s: _one(u, s.rate_rad_s / fastest))
-    yield Covariate("rate", "|Ω|/Ω₀", lambda u, s: _one(u, np.abs(s.rate_rad_s) / fastest))
-    yield Covariate("rate", "(Ω/Ω₀)²", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 2))
-    yield Covariate("rate", "(Ω/Ω₀)³", lambda u, s: _one(u, (s.rate_rad_s / fastest) ** 3))
+    yield Covariate("rate", "Ω/Ω₀", lambda u, s: _spread_over_runs(u, s.rate_rad_s / fastest))
+    yield Covariate(
+        "rate", "|Ω|/Ω₀", lambda u, s: _spread_over_runs(u, np.abs(s.rate_rad_s) / fastest)
+    )
+    yield Covariate(
+        "rate", "(Ω/Ω₀)²", lambda u, s: _spread_over_runs(u, (s.rate_rad_s / fastest) ** 2)
+    )
+    yield Covariate(
+        "rate", "(Ω/Ω₀)³", lambda u, s: _spread_over_runs(u, (s.rate_rad_s / fastest) ** 3)
+    )
     yield _scale_factor("time", "t/T", lambda u, s: s.time_s / span, fastest)
     yield _scale_factor("amplitude", "(a/a₀)²", lambda u, s: (_amplitude(u) / a0) ** 2, fastest)
     warmth = _warmth(series)
@@ -228,13 +238,13 @@ def _scale_factor(
     return Covariate(
         f"rate and {name}",
         f"Ω/Ω₀ × {formula}",
-        lambda u, s: _one(u, follows(u, s) * s.rate_rad_s / fastest),
+        lambda u, s: _spread_over_runs(u, follows(u, s) * s.rate_rad_s / fastest),
         places=("turning",),
     )
 
 
 def _of_time(power: float, span: float) -> Function:
-    return lambda u, s: _one(u, np.maximum(s.time_s / span, 0.0) ** power)
+    return lambda u, s: _spread_over_runs(u, np.maximum(s.time_s / span, 0.0) ** power)
 
 
 def _of_amplitude(power: int, unit: float) -> Function:
@@ -252,7 +262,7 @@ def _of_wave(harmonic: int, unit: float | None = None) -> Function:
     return lambda u, s: _pair(harmonic * _angle(u)) * (_amplitude(u) / unit) ** 2
 
 
-def _one(u: Array, values: Array) -> Array:
+def _spread_over_runs(u: Array, values: Array) -> Array:
     return np.broadcast_to(values, u.shape[:-1])[None]
 
 
@@ -279,7 +289,7 @@ def step_at(series: MeasuredRuns, share: float) -> Covariate:
     return Covariate(
         "time",
         f"step at t = {instant:.5g} s",
-        lambda u, s: _one(u, np.clip((s.time_s - instant) / width + 0.5, 0, 1)),
+        lambda u, s: _spread_over_runs(u, np.clip((s.time_s - instant) / width + 0.5, 0, 1)),
         shape=OpenShape(step_at, share, 1 / (STEPS + 1)),
     )
 
@@ -290,7 +300,7 @@ def decay_of(series: MeasuredRuns, log_share: float) -> Covariate:
     return Covariate(
         "time",
         f"e^(−t/{tau:.4g} s)",
-        lambda u, s: _one(u, np.exp(-s.time_s / tau)),
+        lambda u, s: _spread_over_runs(u, np.exp(-s.time_s / tau)),
         shape=OpenShape(decay_of, log_share, float(np.log(2))),
     )
 

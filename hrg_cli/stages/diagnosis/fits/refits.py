@@ -112,7 +112,7 @@ def hold_unseen(variant: Variant, fit: ExtendedFit) -> Variant:
     )
 
 
-def bic(fit: ExtendedFit) -> float:
+def compute_bic(fit: ExtendedFit) -> float:
     """χ² + rank·ln N, what the choice of their instants costs causes that happen at one, less what
     causes save whose parameters are not all needed."""
     chosen = sum(
@@ -160,7 +160,7 @@ def refit(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[Tria
 
 def _refitted(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
     most = QUICK_STEPS if len(close) > SHORTLIST else extended_fit.MOST_STEPS
-    trials: list[Trial] = [(bic(one[0]), *one) for one in adopt_hopeful(fit, close, most)]
+    trials: list[Trial] = [(compute_bic(one[0]), *one) for one in adopt_hopeful(fit, close, most)]
     trials.sort(key=lambda t: t[0])
     whole: list[Trial] = []
     for place, (level, trial, score, variant) in enumerate(trials):
@@ -168,7 +168,7 @@ def _refitted(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[
             break
         if not trial.converged:
             trial = extended_fit.fit(trial.series, trial.point, trial.freedom, near=trial.flow.near)
-            level = bic(trial)
+            level = compute_bic(trial)
         effect, _ = trial.point.active[-1]
         if trial.converged and is_possible(effect, trial) and _may_stand(effect, fit, trial):
             whole.append((level, trial, score, variant))

@@ -33,7 +33,7 @@ def price_of_place(effect: Effect, fit: ExtendedFit) -> float:
 def worth(score: Score, variant: Variant, fit: ExtendedFit, slow: float = 1.0) -> float:
     """ΔBIC that a candidate's score promises beside a fit; slow: variance of the noise over the
     stated one."""
-    gained = evidence.criterion(score.gain / slow, score.rank, len(fit.residual))
+    gained = evidence.find_bic_gain(score.gain / slow, score.rank, len(fit.residual))
     return gained - price_of_place(variant.effect, fit)
 
 
@@ -48,7 +48,7 @@ def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple
     ]
     columns = fit.sensitivities([variant.wanted for variant in open_ones])
     best: dict[str, tuple[Score, Variant]] = {}
-    found = evidence.scores(
+    found = evidence.score_candidates(
         [variant.effect.name for variant in open_ones], fit.residual, columns, fit.basis
     )
     for score, variant in zip(found, open_ones, strict=True):
@@ -89,7 +89,7 @@ def is_small(effect: Effect, values: Mapping[str, float], fit: ExtendedFit) -> b
         if pure and not p.sets_in and abs(values[p.name] - p.neutral) > MOST_TYPICAL * p.typical:
             return False
     u = fit.prediction.motion
-    motion, seen = scales.strength(effect, values, u, fit.flow.rows.lit(u))
+    motion, seen = scales.measure_strength(effect, values, u, fit.flow.rows.lit(u))
     return motion <= SMALL_IN_MOTION and seen <= SMALL_IN_READOUT
 
 

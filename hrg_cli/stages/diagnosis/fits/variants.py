@@ -41,7 +41,7 @@ def variants(effects: Sequence[Effect], fit: ExtendedFit) -> list[Variant]:
     series = fit.series
     warm = series.temperature_degc[series.weight > 0]
     middle = float(np.round(warm.mean(), 3)) if series.has_temperature else 25.0
-    there = _there(series)
+    there = _list_available(series)
     out = []
     for effect in effects:
         values = effect.values()
@@ -62,7 +62,7 @@ def variants(effects: Sequence[Effect], fit: ExtendedFit) -> list[Variant]:
     return out
 
 
-def _there(series: MeasuredRuns) -> set[str]:
+def _list_available(series: MeasuredRuns) -> set[str]:
     """What these runs hold of what effects need."""
     good = series.weight > 0
     there = set()

@@ -52,12 +52,12 @@ def values(
         }
         if name == "scale_factor" and _is_assumed(fit):
             row |= {"std": max(abs(float(value)), float(std)), "assumed": True}
-        if place and (sum_with := _in_sum(slopes[place - 1], shown[place - 1], of_forcers)):
+        if place and (sum_with := _list_movers(slopes[place - 1], shown[place - 1], of_forcers)):
             row["sum_with"] = sum_with
         if name in given:
             believed, believed_std, _ = given[name]
             period = np.pi / fit.series.mode_number if name.endswith("axis_rad") else np.inf
-            row |= _beside_belief(float(value), float(std), believed, believed_std, period)
+            row |= _compare_with_belief(float(value), float(std), believed, believed_std, period)
         out.append(row)
     return out
 
@@ -94,7 +94,7 @@ def _frequency_std(sized: Sized) -> float:
     return float(max(by_errors, by_spread) / (2 * np.pi) * np.sqrt(sized.factor))
 
 
-def _beside_belief(
+def _compare_with_belief(
     value: float, std: float, believed: float, believed_std: float, period: float
 ) -> dict[str, Any]:
     """What a row says of the value that the user believes: how many σ of both it is off; `period`:
@@ -112,7 +112,7 @@ def _wrap(difference: Any, period: float) -> Any:
     return (difference + period / 2) % period - period / 2
 
 
-def _in_sum(slopes: Array, shown: float, of_forcers: Mapping[str, Array]) -> list[str]:
+def _list_movers(slopes: Array, shown: float, of_forcers: Mapping[str, Array]) -> list[str]:
     """Causes that may move a parameter, of these slopes against the coordinates (7,), by more than
     what these runs show it to."""
     return [name for name, moves in of_forcers.items() if np.linalg.norm(slopes @ moves) > shown]

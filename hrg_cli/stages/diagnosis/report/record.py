@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.wave_frame import real
+from ....fitting.causes.wave_frame import to_reals
 from ....physics import ellipse
 from ....records import Diagnosis, Wave
 from ..drive.scatter import sentence
@@ -39,9 +39,9 @@ def record_of(
         main_amplitude=a_A,
         temperature_degc=series.temperature_degc[good] if series.has_temperature else None,
         rate_rad_s=series.rate_rad_s[good],
-        measured=real(measured),
-        simulated_before=real(search.base.prediction.by_log[good]),
-        simulated_after=real(search.final.prediction.by_log[good]),
+        measured=to_reals(measured),
+        simulated_before=to_reals(search.base.prediction.by_log[good]),
+        simulated_after=to_reals(search.final.prediction.by_log[good]),
         residual_before=before,
         residual_after=after,
         series=json.dumps(["C0 real", "S0 real", "C0 imaginary", "S0 imaginary"]),

@@ -12,7 +12,7 @@ from ....records import Diagnosis, Resonator, Wave
 from ..closing.sized import Sized
 from ..fits.scoring import score_effects
 from ..fits.variants import variants
-from ..search.gain import held_out
+from ..search.gain import predict_held_out
 from ..search.inquiry import Inquiry
 from ..search.search_case import Case
 from ..search.selection import Search
@@ -32,7 +32,7 @@ def refuse(
     """The diagnosis of runs of which some are not what they say: these are named, and no physics is
     blamed."""
     sentences = [one.sentence for one in suspicions]
-    closing = checks.holds("runs_are_what_they_say", False, "; ".join(sentences))
+    closing = checks.check_holds("runs_are_what_they_say", False, "; ".join(sentences))
     record = _unexplained(waves, base, searched, resonator, closing, suspicions)
     return record.judged(sentences, "refused")
 
@@ -50,7 +50,7 @@ def stop_search(
         " cause settles beside it: look for jumps and damaged rows in the waves, and diagnose the"
         " runs one by one"
     )
-    closing = checks.holds("search_finished", False, sentence)
+    closing = checks.check_holds("search_finished", False, sentence)
     record = _unexplained(waves, base, searched, resonator, closing, ())
     return record.judged([f'the verdict is "unexplained": {sentence}'])
 
@@ -69,7 +69,7 @@ def _unexplained(
     search = Search(base, base, (), scores, scores)
     case = Case(Inquiry(tuple(candidates), 0), search)
     origin = list(range(len(waves)))
-    gain = held_out(base, base, origin, origin)
+    gain = predict_held_out(base, base, origin, origin)
     report = report_of("unexplained", case, Sized.of(case), gain, resonator, base)
     report |= {
         "lines": [],

@@ -10,7 +10,7 @@ import numpy as np
 
 from ....fitting.causes import evidence
 from ....fitting.causes.extended_fit import ExtendedFit, on_rows
-from ....fitting.causes.wave_frame import imaginary, real
+from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....records import Resonator
 from ..closing.forcers import moves_of_forcers
@@ -58,14 +58,14 @@ def report(
 def _figures(fit: ExtendedFit) -> dict[str, float]:
     """χ² a degree of freedom and the residual's rms in the signals' unit."""
     left = flatten_rows(fit.series, fit.prediction.residual())
-    plain = real(fit.series.in_units(imaginary(on_rows(fit, left))))[tuple(fit.rows.T)]
+    plain = to_reals(fit.series.in_units(to_complex(on_rows(fit, left))))[tuple(fit.rows.T)]
     return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": float(np.sqrt(np.mean(plain**2)))}
 
 
 def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[str, Any]:
     effect, fit = one.variant.effect, sized.fit
     active = fit.values(effect.name)
-    score = _beside_the_others(one, fit, sized.factor)
+    score = _test_beside_others(one, fit, sized.factor)
     stds = {name: std for name, (_, std) in (one.sizes or {}).items()}
     sentences = [effect.next_experiment] + [
         by_name[r].effect.next_experiment for r in one.rivals if r in by_name
@@ -104,14 +104,14 @@ def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[st
     }
 
 
-def _beside_the_others(one: Found, fit: ExtendedFit, inflation: float) -> tuple[float, float]:
+def _test_beside_others(one: Found, fit: ExtendedFit, inflation: float) -> tuple[float, float]:
     """z and p of an effect in the final fit, from its parameters' joint significance."""
     effect = one.variant.effect
     if one.sizes is not None:
-        return evidence.significance(one.delta_bic, max(1, one.score.rank))
+        return evidence.find_significance(one.delta_bic, max(1, one.score.rank))
     off, wald = fit.away(effect)
     bound = one.delta_bic + len(off) * float(np.log(len(fit.residual)))
-    z, p = evidence.significance(min(wald / inflation, bound), max(1, one.score.rank))
+    z, p = evidence.find_significance(min(wald / inflation, bound), max(1, one.score.rank))
     sign = np.sign(off[0]) if len(off) == 1 else 1.0
     return float(z * (sign or 1.0)), p
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.wave_frame import real
+from ....fitting.causes.wave_frame import to_reals
 from ....fitting.envelopes.coordinates import to_parameters
 from ....physics import ellipse
 from ....units import DEGREE_PER_HOUR
@@ -126,9 +126,9 @@ def shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
     """
     good = fit.series.weight > 0
     run = np.broadcast_to(np.arange(len(fit.series.names))[:, None], good.shape)[good]
-    time_s, whole = fit.series.time_s[good], real(fit.prediction.by_log[good])
+    time_s, whole = fit.series.time_s[good], to_reals(fit.prediction.by_log[good])
     names = [effect.name for effect, _ in fit.point.active]
-    rows = {tuple(names): real(base.prediction.by_log[good])} if names else {}
+    rows = {tuple(names): to_reals(base.prediction.by_log[good])} if names else {}
     settled = {names[0]: rows[(names[0],)]} if len(names) == 1 else {}
     free, way_back = fit, None
     if np.isfinite(fit.freedom.offset_std):
@@ -138,7 +138,7 @@ def shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
         refitted = leave_out(free, *left_out, base=way_back)
         if refitted is None:
             continue
-        rows[left_out] = real(refitted.prediction.by_log[good])
+        rows[left_out] = to_reals(refitted.prediction.by_log[good])
         if len(left_out) == 1 and refitted.converged:
             settled[left_out[0]] = rows[left_out]
     found = {

@@ -56,7 +56,7 @@ def test_candidates(case: Case) -> list[dict[str, Any]]:
 def _significance(score: Score, noise: NoiseLevel) -> float:
     if not score.visible:
         return 0.0
-    return float(evidence.significance(score.gain / noise.slow, score.rank)[0])
+    return float(evidence.find_significance(score.gain / noise.slow, score.rank)[0])
 
 
 def _limit(score: Score, noise: NoiseLevel, variant: Variant) -> tuple[float | None, str]:

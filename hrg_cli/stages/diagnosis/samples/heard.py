@@ -42,11 +42,14 @@ def find_unheard(fit: ExtendedFit, waves: Sequence[Wave]) -> list[str]:
     return [
         effect.name
         for effect, values in fit.point.active
-        if effect.makes_harmonics and is_excluded(effect, _least(effect, values, fit), waves)
+        if effect.makes_harmonics
+        and is_excluded(effect, _find_least_values(effect, values, fit), waves)
     ]
 
 
-def _least(effect: Effect, values: Mapping[str, float], fit: ExtendedFit) -> dict[str, float]:
+def _find_least_values(
+    effect: Effect, values: Mapping[str, float], fit: ExtendedFit
+) -> dict[str, float]:
     """The values nearest to neutral that are within `SURE` σ of the fitted ones."""
     out = dict(values)
     neutral = {p.name: p.neutral for p in effect.parameters}

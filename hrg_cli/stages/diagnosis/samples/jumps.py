@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from ....fitting.envelopes.envelope_runs import envelopes_of, integrate_rate
-from ....fitting.samples.neighbours import median_of_neighbours
+from ....fitting.samples.neighbours import find_local_median
 from ....records import Array, Wave
 
 JUMP_SIGMA = 8.0
@@ -95,7 +95,7 @@ def jumps(wave: Wave) -> list[EnvelopeJump]:
     noise = np.asarray(wave.signal_std, float)[rows]
     z = circular(u)
     step = np.diff(time)
-    running = partial(median_of_neighbours, reach=NEIGHBOURS)
+    running = partial(find_local_median, reach=NEIGHBOURS)
     rate = np.stack([running(np.angle(p[1:] * np.conj(p[:-1])) / step) for p in z.T], axis=-1)
     change = z[1:] * np.exp(-1j * rate * step[:, None]) - z[:-1]
     change -= np.stack([running(c.real) + 1j * running(c.imag) for c in change.T], axis=-1)
@@ -106,7 +106,7 @@ def jumps(wave: Wave) -> list[EnvelopeJump]:
     )
     places = _peaks((size / usual).max(axis=1))
     table = _turned(wave, rows)
-    tried = (_between(time, z, noise, table, first, last, rows) for first, last in places)
+    tried = (_find_jump_between(time, z, noise, table, first, last, rows) for first, last in places)
     found = [jump for jump in tried if jump is not None]
     return found if len(found) <= MOST_A_RUN else []
 
@@ -138,7 +138,7 @@ def _turned(wave: Wave, rows: Array) -> Array:
     )
 
 
-def _between(
+def _find_jump_between(
     time: Array, z: Array, noise: Array, table: Array, first: int, last: int, rows: Array
 ) -> EnvelopeJump | None:
     """The jump between rows `first` and `last` of the good ones; None where it is none or the run

@@ -15,7 +15,7 @@ import numpy as np
 
 from ....effects.effect import Effect
 from ....fitting.envelopes.envelope_runs import envelopes_of
-from ....fitting.samples.neighbours import median_of_neighbours
+from ....fitting.samples.neighbours import find_local_median
 from ....records import Array, Wave
 
 NEIGHBOURS = 12
@@ -45,7 +45,7 @@ def odd_windows(waves: Sequence[Wave]) -> list[OddWindow]:
         if len(rows) < 2 * NEIGHBOURS + 1:
             continue
         std = np.asarray(wave.signal_std, float)[rows]
-        usual = median_of_neighbours(std, NEIGHBOURS)
+        usual = find_local_median(std, NEIGHBOURS)
         odd = (std > ODD * usual) & ~_kinked(wave, rows, usual)
         found += [
             OddWindow(number, int(rows[k]), float(wave.time_s[rows[k]]), float(std[k] / usual[k]))

@@ -54,7 +54,7 @@ def residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]:
     for k, wave in enumerate(waves):
         rows = fit.series.weight[k] > 0
         at = fit.series.time_s[k][rows]
-        good = wave.good() & _among(np.asarray(wave.time_s, float), at)
+        good = wave.good() & _find_consecutive(np.asarray(wave.time_s, float), at)
         t = np.asarray(wave.time_s, float)[good]
         measured = envelopes_of(wave, good)
         measured = (
@@ -71,7 +71,7 @@ def residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]:
     return out
 
 
-def _among(time_s: Array, rows_s: Array) -> Array:
+def _find_consecutive(time_s: Array, rows_s: Array) -> Array:
     """Which windows (n,) stand among rows that follow one another, and not where rows between two
     were left out."""
     apart = np.diff(rows_s)
@@ -126,7 +126,7 @@ def strongest(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
     std = np.array([float(np.median(s)) / np.sqrt(len(s)) for _, _, s in data])
     gain = float(np.sum(np.abs(vector) ** 2 / std[:, None] ** 2))
     whitening = fit.series.whitening
-    vector = channel_noise.whiten(channel_noise.inverse(whitening), vector[:, None])[:, 0]
+    vector = channel_noise.whiten(channel_noise.invert(whitening), vector[:, None])[:, 0]
     std = std[:, None] * channel_noise.spread(whitening)
     return Tone(best + fit.series.reference_frequency_hz, vector, std, gain, _stands(data, best))
 
@@ -177,7 +177,7 @@ def _stand_out(spectrum: ResidualSpectrum, data: Sequence[Residual], fit: Extend
         & (spectrum.by_chance() < 1e-6 / len(power))
     )
     if is_gross(fit):
-        wanted &= power > ISOLATED * _beside(power, longest * spectrum.frequency_hz[1])
+        wanted &= power > ISOLATED * _find_largest_beside(power, longest * spectrum.frequency_hz[1])
     return np.asarray(wanted)
 
 
@@ -195,7 +195,7 @@ def _refined(frequency_hz: float, data: Sequence[Residual]) -> float:
     return frequency_hz
 
 
-def _beside(power: Array, cells: float) -> Array:
+def _find_largest_beside(power: Array, cells: float) -> Array:
     """The largest power (n,) near every bin of a whole spectrum, but for the bin's own lobe;
     `cells`: length of a bin in cells of the longest run."""
     near, far = int(np.ceil(LOBE / cells)), int(BESIDE / cells)

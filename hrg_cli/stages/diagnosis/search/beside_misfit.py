@@ -27,7 +27,7 @@ import numpy as np
 
 from ....fitting.causes import evidence
 from ....fitting.causes.extended_fit import ExtendedFit, along_wave
-from ..fits.refits import bic, hold_unseen, leave_out, refit
+from ..fits.refits import compute_bic, hold_unseen, leave_out, refit
 from ..fits.scoring import number_of_places, score_effects
 from ..fits.variants import Variant
 from ..thresholds import BESIDE_MISFIT, INADEQUATE, MOST_RIVALS, WORTH
@@ -131,7 +131,7 @@ def _simpler(case: Case, one: JudgedCause) -> Case | None:
     ]
     for level, fit, score, variant in refit(one.without, pairs):
         others = {one.cause.variant.effect.name, *one.cause.rivals} - {score.name}
-        worth = bic(one.without) - level
+        worth = compute_bic(one.without) - level
         found = Found(
             hold_unseen(variant, fit), score, one.cause.tried, worth, tuple(sorted(others))
         )
@@ -147,7 +147,7 @@ def _rivals(final: ExtendedFit, one: JudgedCause, candidates: Sequence[Variant])
     """Other causes that take as much of the misfit away as this one, to the odds of `WORTH`."""
     if one.power <= 1.0:
         return []
-    name, limit = one.cause.variant.effect.name, bic(final) + WORTH * one.power
+    name, limit = one.cause.variant.effect.name, compute_bic(final) + WORTH * one.power
     close = [
         pair
         for pair in score_effects(one.without, candidates)

@@ -102,7 +102,7 @@ def _adopt_pattern(
         for o in ranked
         if o is not best and o.allowed and o.left_over(best.wander) < level + RIVAL
     ]
-    worth = evidence.criterion(best.gain, known.response.shape[1], len(fit.residual))
+    worth = evidence.find_bic_gain(best.gain, known.response.shape[1], len(fit.residual))
     return again, Found(
         best.variant, replace(score, p_value=best.p_value), len(ranked), worth, tuple(rivals)
     )

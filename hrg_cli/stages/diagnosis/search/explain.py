@@ -19,7 +19,7 @@ from .form import take_better_form
 from .inquiry import Inquiry, NoiseLevel
 from .instants import take_strikes
 from .open_rivals import give_way_to_open_terms
-from .remainder import Remainder, adequacy, search_rest
+from .remainder import Remainder, judge_adequacy, search_rest
 from .search_case import Case
 from .selection import select
 
@@ -69,7 +69,7 @@ def _searched(base: ExtendedFit, inquiry: Inquiry) -> Case:
     for _ in range(2):
         search = select(base, inquiry)
         case = Case(inquiry, search, search_rest(search.final, inquiry.noise))
-        slow, p = adequacy(case.remainder.fit if case.remainder else search.final)
+        slow, p = judge_adequacy(case.remainder.fit if case.remainder else search.final)
         if p > INADEQUATE or slow < NEVER_LESS * inquiry.noise.slow:
             break
         inquiry = replace(inquiry, noise=replace(inquiry.noise, slow=slow))

@@ -24,9 +24,9 @@ from ....fitting.causes.coordinate_priors import CoordinatePriors
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import Point
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.sensitivities import propagation
+from ....fitting.causes.sensitivities import linearise_flow
 from ....fitting.causes.slow_prediction import predict
-from ....fitting.causes.wave_frame import real
+from ....fitting.causes.wave_frame import to_reals
 from ....fitting.causes.whitened_rows import design_of, layout_of
 from ....fitting.envelopes import channel_noise
 from ....physics import ellipse
@@ -212,27 +212,27 @@ def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
         held = CoordinatePriors(fit.point.p, np.zeros(len(fit.point.p)), passive=False)
         own = extended_fit.fit(series, point, held)
         prediction, names = own.prediction, kept
-        learned = _of_own(own, fit)
+        learned = _propagate_learned(own, fit)
     else:
         prediction, names = predict(series, fit.point), np.arange(len(series.names))
         with np.errstate(all="ignore"):
-            learned = design_of(propagation(prediction), fit.layout).whole() @ _root(fit.covariance)
+            design = design_of(linearise_flow(prediction), fit.layout)
+            learned = design.whole() @ _root(fit.covariance)
     run, row = np.argwhere(series.weight > 0).T
     weight = series.weight[run, row]
     whitening = None if series.whitening is None else series.whitening[run]
     learned = channel_noise.whiten_reals(
-        channel_noise.inverse(whitening), learned.reshape(len(run), 1, 4, -1)
+        channel_noise.invert(whitening), learned.reshape(len(run), 1, 4, -1)
     )[:, 0]
     learned = learned / weight[:, None, None]
     measured, said = series.envelope[run, row], prediction.seen[run, row]
-    misfit = max(
-        1.0, fit.chi2 / fit.dof
-    )  # a model that misses its own training by more than the noise is trusted that much less
+    # a model that misses its own training by more than the noise is trusted that much less
+    misfit = max(1.0, fit.chi2 / fit.dof)
     parts = _parts(measured, said)
     return Errors(
         names[run],
         series.time_s[run, row],
-        real(measured - said),
+        to_reals(measured - said),
         parts,
         np.sqrt(misfit) * learned,
         weight,
@@ -240,13 +240,13 @@ def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
     )
 
 
-def _of_own(own: ExtendedFit, fit: ExtendedFit) -> Array:
+def _propagate_learned(own: ExtendedFit, fit: ExtendedFit) -> Array:
     """What one σ of what was learned moves, over σ, (N, m): of the runs' own starts and frequencies,
     and of all that they share with the training, beside these."""
     point = replace(own.point, active=fit.point.active)
     layout = layout_of(own.series, point, fit.freedom)
     with np.errstate(all="ignore"):
-        design = design_of(propagation(replace(own.prediction, point=point)), layout)
+        design = design_of(linearise_flow(replace(own.prediction, point=point)), layout)
         of_runs = own.design.whole() @ _root(own.covariance)
     places = fit.layout.shared
     of_all = own.basis.off(design.shared) @ _root(fit.covariance[np.ix_(places, places)])

@@ -20,7 +20,7 @@ from ....fitting.causes import damping_bound, extended_fit, scales
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import DAMPING, DAMPING_SPLIT
-from ..fits.refits import adopt, bic, hold_unseen
+from ..fits.refits import adopt, compute_bic, hold_unseen
 from ..fits.scoring import is_possible, score_effects
 from ..fits.variants import Variant
 from ..thresholds import WORTH
@@ -86,7 +86,7 @@ def take_better_form(case: Case) -> Case:
         fit, others = _take_beside(better.fit, inquiry)
         # what a missing cause would do must not be taken for a forbidden damping: a model that
         # physics allows has to be beaten
-        if not _forbidden(search.final, noise) and bic(fit) > bic(search.final):
+        if not _forbidden(search.final, noise) and compute_bic(fit) > compute_bic(search.final):
             return case
         amplitude = scales.amplitude_of(old.series)
         final = to_catalogue(fit, better.shape, amplitude)
@@ -129,7 +129,7 @@ def _choose_form(old: ExtendedFit, noise: NoiseLevel) -> BetterForm | None:
     allowed = _allowed(old, noise)
     if not allowed:
         return None
-    shape, fit = min(allowed, key=lambda pair: bic(pair[1]))
+    shape, fit = min(allowed, key=lambda pair: compute_bic(pair[1]))
     tried = tuple(TriedForm(other, trial.chi2) for other, trial in allowed)
     return BetterForm(shape, fit, forbidden, tried)
 
@@ -179,7 +179,7 @@ def _serves(search: Search, place: Found, noise: NoiseLevel) -> bool:
     if free is None:
         return False
     freed, _ = prune_causes(free, others, noise, {})
-    return bic(freed) > bic(search.final)
+    return compute_bic(freed) > compute_bic(search.final)
 
 
 def _forbidden(fit: ExtendedFit, noise: NoiseLevel) -> bool:
@@ -205,8 +205,8 @@ def _allowed(old: ExtendedFit, noise: NoiseLevel) -> list[tuple[DampingShape, Ex
         fit = fit_shape(old, shape)
         if fit is not None and not (shape.linear and _forbidden(fit, noise)):
             fits.append((shape, fit))
-    level = min((bic(fit) for _, fit in fits), default=0.0)
-    return [(shape, fit) for shape, fit in fits if bic(fit) < level + WORTH * noise.slow]
+    level = min((compute_bic(fit) for _, fit in fits), default=0.0)
+    return [(shape, fit) for shape, fit in fits if compute_bic(fit) < level + WORTH * noise.slow]
 
 
 def _take_beside(fit: ExtendedFit, inquiry: Inquiry) -> tuple[ExtendedFit, list[Found]]:
@@ -222,11 +222,11 @@ def _take_beside(fit: ExtendedFit, inquiry: Inquiry) -> tuple[ExtendedFit, list[
         trials = _try_quickly(fit, ranked[:SHORTLIST], noise)
         if not trials:
             break
-        level = min(bic(trial) for trial, _, _ in trials)
-        near = [one for one in trials if bic(one[0]) < level + WORTH * noise.slow]
+        level = min(compute_bic(trial) for trial, _, _ in trials)
+        near = [one for one in trials if compute_bic(one[0]) < level + WORTH * noise.slow]
         best, score, variant = min(near, key=lambda one: (one[1].rank, one[0].chi2))
         rivals = tuple(other.effect.name for trial, _, other in near if trial is not best)
-        gain = (bic(fit) - bic(best)) / noise.slow
+        gain = (compute_bic(fit) - compute_bic(best)) / noise.slow
         found.append(Found(hold_unseen(variant, best), score, len(ranked), gain, rivals))
         fit = extended_fit.fit(best.series, best.point, best.freedom)
     return fit, found
@@ -240,7 +240,7 @@ def _try_quickly(
     for score, variant in ranked:
         with contextlib.suppress(extended_fit.DivergedError):
             trial = adopt(fit, score, variant, QUICK)
-            worth_it = bic(fit) - bic(trial) > WORTH * noise.slow
+            worth_it = compute_bic(fit) - compute_bic(trial) > WORTH * noise.slow
             if worth_it and is_possible(variant.effect, trial):
                 trials.append((trial, score, variant))
     return trials

@@ -14,7 +14,7 @@ from ....fitting.causes import left_out_folds
 from ....fitting.causes.coordinate_priors import coordinate_rows
 from ....fitting.causes.extended_fit import ExtendedFit, on_rows
 from ....fitting.causes.left_out_folds import HeldOut
-from ....fitting.causes.wave_frame import imaginary
+from ....fitting.causes.wave_frame import to_complex
 from ....units import DEGREE_PER_HOUR
 from ..fits.scoring import is_gross
 
@@ -78,13 +78,13 @@ def _columns(
     """(Columns that folds share, those of each fold alone, the prior's rows on the shared ones)."""
     prior = coordinate_rows(fit.freedom, fit.layout)
     if kind == "runs":
-        own = {number: _own(fit, rows) for number, rows in enumerate(folds)}
+        own = {number: _select_own_columns(fit, rows) for number, rows in enumerate(folds)}
         return fit.design.shared, own, prior[:, fit.design.places]
     own = {number: np.zeros((len(rows), 0)) for number, rows in enumerate(folds)}
     return fit.design.whole(), own, prior
 
 
-def _own(fit: ExtendedFit, rows: Array) -> Array:
+def _select_own_columns(fit: ExtendedFit, rows: Array) -> Array:
     """Columns of a fold's own runs on its rows, (N_f, q); the rows of a fold are those of whole
     runs, in order."""
     blocks = [
@@ -100,7 +100,7 @@ def _own(fit: ExtendedFit, rows: Array) -> Array:
     return out
 
 
-def held_out(
+def predict_held_out(
     before: ExtendedFit,
     after: ExtendedFit,
     origin_before: Sequence[int] | None = None,
@@ -179,7 +179,7 @@ def _quantities(
     """rms and its standard deviation over the folds of: drift error mθ̇ (°/h), error of the angle
     mθ and of the amplitude (ppm)."""
     series, u = fit.series, fit.prediction.seen
-    difference = series.in_units(imaginary(on_rows(fit, left)))
+    difference = series.in_units(to_complex(on_rows(fit, left)))
     turn, e_A, e_B, a_A = frame(u, series.phase_rad)
     angle = np.real(np.sum(difference * e_B, axis=-1) * np.conj(turn)) / a_A
     amplitude = np.real(np.sum(difference * e_A, axis=-1) * np.conj(turn)) / a_A

@@ -59,7 +59,7 @@ def take_strikes(case: Case) -> Case:
     if case.remainder is None or not is_gross(case.search.final):
         return case
     sharp = [effect for effect in EFFECTS if effect.of_one_run]
-    before, case = case, _without(case, sharp)
+    before, case = case, _drop_instants(case, sharp)
     for _ in range(case.inquiry.most):
         found = _clearest(case.search.final, sharp) if is_gross(case.search.final) else None
         if found is None:
@@ -73,7 +73,7 @@ def take_strikes(case: Case) -> Case:
     return replace(case, remainder=search_rest(case.search.final, case.inquiry.noise))
 
 
-def _without(case: Case, sharp: Sequence[Effect]) -> Case:
+def _drop_instants(case: Case, sharp: Sequence[Effect]) -> Case:
     """The case without the causes at an instant that plain least squares found: beside a gross
     misfit their sizes are its own."""
     names = {effect.name for effect in sharp}
@@ -190,7 +190,9 @@ def _strike(variant: Variant, S: Array, model: Array, residual: Spectrum) -> Str
     unsure = max(float(np.sum(share**2 / numbers)), 1e-12)
     std = np.sqrt(np.maximum(np.diag(information), 0.0))
     chance = float(fdtrc(rank, 1 / unsure, gain / rank))
-    return Strike(variant, gain, rank, chance, size, std, evidence.criterion(gain, rank, len(r)))
+    return Strike(
+        variant, gain, rank, chance, size, std, evidence.find_bic_gain(gain, rank, len(r))
+    )
 
 
 def misfit(left: Array, before: Array, cell: Array, rank: int) -> tuple[Array, Array]:
@@ -213,5 +215,5 @@ def misfit(left: Array, before: Array, cell: Array, rank: int) -> tuple[Array, A
 def _model(fit: ExtendedFit) -> Array:
     """Coefficients (N, k) of an orthonormal basis of the model's own columns."""
     J = fit.design.whole()
-    basis = designs.orthonormal(J[:, np.linalg.norm(J, axis=0) > 0], designs.CLEAR_RANK)
+    basis = designs.orthonormalise(J[:, np.linalg.norm(J, axis=0) > 0], designs.CLEAR_RANK)
     return Spectrum.of(basis, fit).coefficients

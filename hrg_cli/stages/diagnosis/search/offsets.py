@@ -29,7 +29,7 @@ class Offsets:
         of that size."""
         C = np.linalg.cholesky(self.covariance + wander**2 * np.eye(len(self.value)))
         columns = self.means if extra is None else np.concatenate([self.means, extra], axis=1)
-        basis = designs.orthonormal(np.linalg.solve(C, columns), 1e-6)
+        basis = designs.orthonormalise(np.linalg.solve(C, columns), 1e-6)
         y = np.linalg.solve(C, self.value)
         left = y - basis @ (basis.T @ y)
         return float(left @ left), basis
@@ -41,7 +41,7 @@ class Offsets:
     def information(self, response: Array) -> Array:
         """Of the offsets on what moves them by `response` (R, m), the means free: (m, m)."""
         C = np.linalg.cholesky(self.covariance)
-        basis = designs.orthonormal(np.linalg.solve(C, self.means), 1e-6)
+        basis = designs.orthonormalise(np.linalg.solve(C, self.means), 1e-6)
         seen = np.linalg.solve(C, response)
         seen = seen - basis @ (basis.T @ seen)
         return seen.T @ seen
@@ -86,4 +86,4 @@ def scatter(offsets: Offsets) -> tuple[float, float]:
     """(equivalent z, p) of the offsets' scatter about their means against their own noise."""
     chi2, basis = offsets.misfit(0.0)
     dof = len(offsets.value) - basis.shape[1]
-    return evidence.significance(chi2, dof) if dof > 0 else (0.0, 1.0)
+    return evidence.find_significance(chi2, dof) if dof > 0 else (0.0, 1.0)

@@ -12,7 +12,7 @@ import numpy as np
 from ....fitting.causes import evidence, extended_fit
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
-from ..fits.refits import adopt, bic, loosen
+from ..fits.refits import adopt, compute_bic, loosen
 from ..fits.scoring import score_effects
 from ..thresholds import BOUND_COST, CLEARLY, SAME, SIGNIFICANT, WORTH
 from .remainder import OPEN_TERMS, Remainder, describe
@@ -44,8 +44,8 @@ class Rival:
         if case.remainder is None or self.beyond is None:
             return False
         one = self.described.terms[0].score
-        worth = evidence.criterion(one.gain, one.rank, len(self.fit.residual))
-        more = bic(self.fit) - bic(self.beyond) - worth
+        worth = evidence.find_bic_gain(one.gain, one.rank, len(self.fit.residual))
+        more = compute_bic(self.fit) - compute_bic(self.beyond) - worth
         return more < -CLEARLY * case.inquiry.noise.slow
 
 
@@ -61,7 +61,7 @@ def give_way_to_open_terms(case: Case) -> Case:
     best: Rival | None = None
     start = case.search.base
     for count, following in enumerate(case.search.found):
-        beyond = _taken(start, following)
+        beyond = _take_cause(start, following)
         if beyond is not None and case.remainder is not None and takes_nearly_all(start, beyond):
             start = beyond
             continue
@@ -71,7 +71,7 @@ def give_way_to_open_terms(case: Case) -> Case:
             # nothing is given up for a description that leaves clearly more over
             near = rival.criterion < full + clearly
             # beside open terms too a cause must earn its place
-            if _outdoes(rival, case, full, near and mimic) and (
+            if _is_better(rival, case, full, near and mimic) and (
                 best is None or rival.criterion < best.criterion - clearly
             ):
                 best = rival
@@ -87,7 +87,7 @@ def give_way_to_open_terms(case: Case) -> Case:
     return replace(case, search=search, remainder=best.described)
 
 
-def _taken(start: ExtendedFit, following: Found) -> ExtendedFit | None:
+def _take_cause(start: ExtendedFit, following: Found) -> ExtendedFit | None:
     """The fit with the next cause; None where it has no motion."""
     with contextlib.suppress(extended_fit.DivergedError):
         return loosen(adopt(start, following.score, following.variant))
@@ -106,7 +106,7 @@ def _rival(case: Case, start: ExtendedFit, count: int, beyond: ExtendedFit | Non
     return Rival(count, start, described, ranked, beyond)
 
 
-def _outdoes(rival: Rival, case: Case, full: float, mimics: bool) -> bool:
+def _is_better(rival: Rival, case: Case, full: float, mimics: bool) -> bool:
     """Whether open terms are the better description.
 
     A damping at its bound says that the catalogue's form is not the right one; what the catalogue
@@ -126,7 +126,7 @@ def _outdoes(rival: Rival, case: Case, full: float, mimics: bool) -> bool:
 def _criterion(fit: ExtendedFit, beside: Remainder | None) -> float:
     """χ² + rank·ln N of a fit with open terms beside it."""
     if beside is None:
-        return bic(fit)
+        return compute_bic(fit)
     rank = fit.basis.shape[1] + beside.rank
     return beside.chi2 + rank * float(np.log(len(fit.residual)))
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ....fitting.causes import evidence, extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
-from ..fits.refits import bic, leave_out
+from ..fits.refits import compute_bic, leave_out
 from ..fits.scoring import score_effects, worth
 from ..fits.variants import Variant
 from ..thresholds import WORTH
@@ -39,7 +39,7 @@ def orient_runs(
     best, signs = -np.inf, np.ones(runs)
     for columns in base.sensitivities([variant.wanted for variant in coherent]):
         turned = _turn_signs(columns, base, runs)
-        promised = evidence.criterion(turned.gain, columns.shape[1], len(base.residual)) - price
+        promised = evidence.find_bic_gain(turned.gain, columns.shape[1], len(base.residual)) - price
         # by what it promises with its price, so that of two coherent vectors the one with fewer
         # parameters gives the signs
         if turned.gain - turned.untouched > CLEARLY + price and promised > best:
@@ -66,9 +66,10 @@ def settle_signs(
     if turned is None:
         return case, start
     (better, from_here), (other, _) = sorted(
-        ((case, start), (explained(turned), turned)), key=lambda pair: bic(pair[0].search.final)
+        ((case, start), (explained(turned), turned)),
+        key=lambda pair: compute_bic(pair[0].search.final),
     )
-    if bic(other.search.final) - bic(better.search.final) < WORTH:
+    if compute_bic(other.search.final) - compute_bic(better.search.final) < WORTH:
         better = _with_rivals_of(better, other)
     return better, from_here
 

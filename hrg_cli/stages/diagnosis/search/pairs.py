@@ -16,7 +16,7 @@ import numpy as np
 from ....fitting.causes import evidence
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
-from ..fits.refits import bic, leave_out, refit
+from ..fits.refits import compute_bic, leave_out, refit
 from ..fits.scoring import is_gross, score_effects
 from ..fits.variants import Variant
 from ..thresholds import WORTH
@@ -59,15 +59,15 @@ def promising_pairs(fit: ExtendedFit, ranked: Sequence[Scored], slow: float = 1.
     found = []
     for i, k in itertools.combinations(range(len(seen)), 2):
         W, a = products[own[i], own[k]], along[own[i]]
-        beside, rank = _beside(products[own[k], own[k]] - W.T @ W, along[own[k]] - W.T @ a)
+        beside, rank = _find_fall(products[own[k], own[k]] - W.T @ W, along[own[k]] - W.T @ a)
         gain = float(a @ a) + beside
-        promise = evidence.criterion(gain / slow, seen[i][0].rank + rank, len(fit.residual))
+        promise = evidence.find_bic_gain(gain / slow, seen[i][0].rank + rank, len(fit.residual))
         both = sorted((seen[i], seen[k]), key=lambda pair: -pair[0].gain)
         found.append(Pair(promise, (both[0], both[1])))
     return sorted(found, key=lambda pair: -pair.promise)
 
 
-def _beside(power: Array, along: Array) -> tuple[float, int]:
+def _find_fall(power: Array, along: Array) -> tuple[float, int]:
     """The fall of χ² by directions of a Gram matrix (n, n), and their number."""
     size, turned = np.linalg.eigh(power)
     kept = size > ONE_CAUSE
@@ -80,7 +80,7 @@ def fit_pair(fit: ExtendedFit, pair: Pair) -> tuple[ExtendedFit, tuple[Scored, S
     (_, first), (_, second) = pair.both
     trial: ExtendedFit | None = fit
     for one in (first, second):
-        trial = _with(trial, one) if trial is not None else None
+        trial = _fit_with(trial, one) if trial is not None else None
     if trial is None:
         return None
     scored = []
@@ -92,7 +92,7 @@ def fit_pair(fit: ExtendedFit, pair: Pair) -> tuple[ExtendedFit, tuple[Scored, S
     return trial, (scored[0], scored[1])
 
 
-def _with(fit: ExtendedFit, variant: Variant) -> ExtendedFit | None:
+def _fit_with(fit: ExtendedFit, variant: Variant) -> ExtendedFit | None:
     """The fit with one cause more, None where it fails."""
     scored = [pair for pair in score_effects(fit, [variant]) if pair[0].visible]
     trials = refit(fit, scored)
@@ -107,14 +107,14 @@ def find_better_pair(
     without = leave_out(fit, *names)
     if without is None or is_gross(without):
         return None
-    needed = (bic(without) - bic(fit)) / slow
-    best, level = None, bic(fit) - WORTH * slow
+    needed = (compute_bic(without) - compute_bic(fit)) / slow
+    best, level = None, compute_bic(fit) - WORTH * slow
     pairs = promising_pairs(without, score_effects(without, candidates), slow)
     for pair in itertools.islice((one for one in pairs if not one.is_of(names)), TRIED):
         # a linear model keeps what is promised and no more; the pairs behind this one promise less
         if pair.promise <= needed:
             break
         trial = fit_pair(without, pair)
-        if trial is not None and bic(trial[0]) < level:
-            best, level = trial, bic(trial[0])
+        if trial is not None and compute_bic(trial[0]) < level:
+            best, level = trial, compute_bic(trial[0])
     return best

@@ -18,10 +18,10 @@ from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.causes.sensitivities import spread
-from ....fitting.causes.wave_frame import directions, real
+from ....fitting.causes.wave_frame import find_directions, to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ..fits.open_terms import PLACES, Covariate, OpenShape, Place, covariates, effect_of
-from ..fits.refits import bic, leave_out
+from ..fits.refits import compute_bic, leave_out
 from ..thresholds import INADEQUATE, NEVER_LESS, SIGNIFICANT, WORTH
 from .inquiry import STATED, NoiseLevel
 
@@ -63,7 +63,7 @@ class Term:
 
     def worth(self, rows: int, noise: NoiseLevel = STATED) -> float:
         """ΔBIC."""
-        return evidence.criterion(self.score.gain / noise.slow, self.score.rank, rows)
+        return evidence.find_bic_gain(self.score.gain / noise.slow, self.score.rank, rows)
 
 
 def terms(fit: ExtendedFit) -> list[Term]:
@@ -117,12 +117,12 @@ def judge_terms(
         ledger.enter(columns, widths)
         order += numbers
     names = [f"{pairs[k][0].name} × {pairs[k][1].formula}" for k in order]
-    made = [partial(_alone, fit, pairs[k]) for k in order]
+    made = [partial(_build_term, fit, pairs[k]) for k in order]
     found = dict(zip(order, ledger.scores(names, made), strict=True))
     return [Term(place, covariate, found[k]) for k, (place, covariate) in enumerate(pairs)]
 
 
-def _alone(fit: ExtendedFit, pair: tuple[Place, Covariate]) -> Array:
+def _build_term(fit: ExtendedFit, pair: tuple[Place, Covariate]) -> Array:
     """The columns of one term."""
     ((_, columns, _),) = columns_of(fit, [pair])
     return columns
@@ -150,7 +150,7 @@ def columns_of(
         place = pairs[numbers[0]][0]
         at_rows = seen if place.readout else motion
         vectors = _vectors(place, at_rows)
-        for some in _few(numbers, vectors.shape[-1]):
+        for some in _batch_terms(numbers, vectors.shape[-1]):
             parts = values(some, at_rows, series)
             g = np.concatenate(parts, axis=-1)
             if place.readout:
@@ -169,10 +169,10 @@ def columns_of(
 
 def _vectors(place: Place, u: Array) -> Array:
     """M u of a place as reals, (…, 4, columns)."""
-    return np.stack([real(m) for m in place.columns(u)], -1)
+    return np.stack([to_reals(m) for m in place.columns(u)], -1)
 
 
-def _few(numbers: list[int], columns: int) -> Iterator[list[int]]:
+def _batch_terms(numbers: list[int], columns: int) -> Iterator[list[int]]:
     """As many at a time as stay in the processor's cache together."""
     count = max(1, FEW // columns)
     for first in range(0, len(numbers), count):
@@ -249,7 +249,7 @@ def search_rest(fit: ExtendedFit, noise: NoiseLevel) -> Remainder | None:
     Not adequate: the residual's smooth part is too large, or one open term of all those tried finds
     what is too quick for that part.
     """
-    level, p = adequacy(fit)
+    level, p = judge_adequacy(fit)
     if level < NEVER_LESS * noise.slow and noise.slow > 1:
         return None
     if p > INADEQUATE:
@@ -271,7 +271,7 @@ def describe(fit: ExtendedFit, noise: NoiseLevel, most: int, significant: float)
         # the spectrum's other cells were looked at too
         tried = len(ranked) + (CELLS - PEAKS) * len(PLACES)
         best = best_of(fit, ranked)
-        _, p = evidence.significance(best.score.gain / noise.slow, best.score.rank)
+        _, p = evidence.find_significance(best.score.gain / noise.slow, best.score.rank)
         if evidence.correct_for_tries(p, tried) > significant or best.worth(rows, noise) < WORTH:
             break
         again = add_term(fit, best, name := f"open term {len(chosen)}")
@@ -327,7 +327,7 @@ def exchange_terms(
         reduced = leave_out(fit, name)
         if reduced is None:
             continue
-        lost = (bic(reduced) - bic(fit)) / noise.slow
+        lost = (compute_bic(reduced) - compute_bic(fit)) / noise.slow
         new = best_of(reduced, terms(reduced))
         better = new.worth(rows, noise)
         place = [one for one, _ in chosen].index(name)
@@ -336,7 +336,7 @@ def exchange_terms(
         # what the term itself earned must be beaten by the odds: the new one was chosen among all
         elif better > lost + WORTH:
             again = add_term(reduced, new, name)
-            if again is not None and bic(again) < bic(fit) - WORTH * noise.slow:
+            if again is not None and compute_bic(again) < compute_bic(fit) - WORTH * noise.slow:
                 fit, chosen = again, [*chosen[:place], (name, new), *chosen[place + 1 :]]
     return fit, chosen
 
@@ -345,7 +345,7 @@ def smooth_columns(fit: ExtendedFit) -> list[tuple[slice, Array]]:
     """Slow cosines in time of all four components of the wave, run by run: what a deterministic
     misfit would look like, (N_r, m) each."""
     series = fit.series
-    frame = np.swapaxes(real(directions(fit.flow.prediction.seen)), -1, -2)
+    frame = np.swapaxes(to_reals(find_directions(fit.flow.prediction.seen)), -1, -2)
     good = series.weight > 0
     last, first = np.max(series.time_s, axis=1, where=good, initial=-np.inf), series.time_s[:, 0]
     x = (series.time_s - first[:, None]) / (last - first)[:, None]
@@ -357,7 +357,7 @@ def smooth_columns(fit: ExtendedFit) -> list[tuple[slice, Array]]:
     ]
 
 
-def adequacy(fit: ExtendedFit) -> tuple[float, float]:
+def judge_adequacy(fit: ExtendedFit) -> tuple[float, float]:
     """(χ² a degree of freedom of the residual's smooth part, its p): 1 and not small when nothing
     is left but white noise."""
     from scipy.special import chdtrc

@@ -16,7 +16,7 @@ from ..fits.refits import (
     HOPELESS,
     Trial,
     adopt_hopeful,
-    bic,
+    compute_bic,
     free_second_order,
     hold_unseen,
     leave_out,
@@ -143,7 +143,7 @@ def best_step(
     if tried == 0 or not _is_significant(fit, *ranked[0], noise, tried):
         return None
     close, trials = _refit_near_best(fit, ranked, noise)
-    gain = (bic(fit) - trials[0][0]) / noise.slow if trials else -np.inf
+    gain = (compute_bic(fit) - trials[0][0]) / noise.slow if trials else -np.inf
     if not gain >= WORTH:
         names = {score.name for score, _ in close}
         others = [pair for pair in ranked if pair[0].name not in names]
@@ -164,7 +164,7 @@ def _is_significant(
     """Whether a cause is more than the best of so many is by chance, and worth its price."""
     if not score.visible:
         return False
-    _, p = evidence.significance(score.gain / noise.slow, score.rank)
+    _, p = evidence.find_significance(score.gain / noise.slow, score.rank)
     tries = tried * number_of_places(variant.effect, fit)
     if evidence.correct_for_tries(p, tries) > SIGNIFICANT:
         return False
@@ -232,16 +232,16 @@ def exchange_causes(
             continue
         without[name] = reduced
         trials = _refit_in_place(fit, reduced, old, candidates, noise)
-        if trials and trials[0].level < bic(fit):
+        if trials and trials[0].level < compute_bic(fit):
             # the one that leaves is now a rival of the one that takes its place; the fits without
             # one of the others were made beside it
-            left = InPlace(bic(fit), fit, old)
+            left = InPlace(compute_bic(fit), fit, old)
             best, *trials = trials
             fit, one, level = best.fit, best.cause, best.level
             trials.append(left)
             without.clear()
         else:
-            one, level = old, bic(fit)
+            one, level = old, compute_bic(fit)
         limit = level + WORTH * noise.slow
         near = [t.cause.variant.effect.name for t in trials if t.level < limit]
         named = [rival for rival in one.rivals if rival != one.variant.effect.name]
@@ -284,7 +284,7 @@ def _refit_in_place(
     for trial, score, variant in adopt_hopeful(reduced, hopeful, extended_fit.MOST_STEPS):
         if is_possible(variant.effect, trial):
             cause = Found(hold_unseen(variant, trial), score, old.tried, old.delta_bic, ())
-            trials.append(InPlace(bic(trial), trial, cause))
+            trials.append(InPlace(compute_bic(trial), trial, cause))
     return sorted(trials, key=lambda one: one.level)
 
 
@@ -345,11 +345,13 @@ def _loss_without(
     possible = is_possible(one.variant.effect, fit)
     if possible and name not in without and stand_in.is_beyond_question(fit, name):
         wald = fit.away(one.variant.effect)[1]
-        return evidence.criterion(wald / noise.slow, *_size(fit, name)), fit
+        return evidence.find_bic_gain(wald / noise.slow, *_size(fit, name)), fit
     reduced = without[name] if name in without else leave_out(fit, name)
     if reduced is None:
         return np.inf, fit
-    return ((bic(reduced) - bic(fit)) / noise.slow if possible else -np.inf), reduced
+    return (
+        (compute_bic(reduced) - compute_bic(fit)) / noise.slow if possible else -np.inf
+    ), reduced
 
 
 def _size(fit: ExtendedFit, name: str) -> tuple[int, int]:

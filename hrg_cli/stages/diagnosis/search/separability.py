@@ -92,7 +92,7 @@ def _find_doubles(
         seen = np.linalg.norm(S, axis=0) * np.array(list(variant.steps.values())) > NOTHING
         base = variant.effect.same_as_base or _hidden_behind(fit, S[:, seen])
         if base and np.any(S):  # what does nothing in these runs is no double of anything
-            doubles[score.name] = Double(base, designs.orthonormal(S[:, seen], 1e-6))
+            doubles[score.name] = Double(base, designs.orthonormalise(S[:, seen], 1e-6))
     return doubles
 
 

@@ -66,7 +66,7 @@ def fit_shape(fit: ExtendedFit, shape: DampingShape) -> ExtendedFit | None:
             slope / shape.power,
             shape.power,
         )
-    effect = _at(amplitude, fitted=not shape.supplied)
+    effect = _set_level(amplitude, fitted=not shape.supplied)
     point = fit_point.add_effect(
         replace(fit.point, p=p), effect, {"level_1_s": level, "power": power}
     )
@@ -137,7 +137,7 @@ def _stands(fit: ExtendedFit, amplitude: float) -> tuple[float, float]:
     ), power
 
 
-def _at(amplitude: float, fitted: bool) -> Effect:
+def _set_level(amplitude: float, fitted: bool) -> Effect:
     """The catalogue's effect with its level at the data's amplitude, which the power hardly
     moves."""
 

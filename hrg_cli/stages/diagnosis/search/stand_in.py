@@ -40,7 +40,7 @@ def has_none(fit: ExtendedFit, name: str, candidates: Sequence[Variant]) -> bool
         return False
     size, _ = fit.away(fit.effect(name))
     columns = np.arange(fit.layout.count)[fit.layout.effect(name)]
-    beside = _beside(fit.design, columns)
+    beside = _orthonormalise_without(fit.design, columns)
     own = fit.design.shared[:, np.isin(fit.design.places, columns)]
     done = beside.off(own @ size)
     active = {one.name for one, _ in fit.point.active}
@@ -48,14 +48,14 @@ def has_none(fit: ExtendedFit, name: str, candidates: Sequence[Variant]) -> bool
         one.wanted for one in candidates if one.effect.name not in active and not one.anywhere
     ]
     for sensitivity in fit.sensitivities(others):
-        Q = designs.orthonormal(beside.off(sensitivity))
+        Q = designs.orthonormalise(beside.off(sensitivity))
         left = done - Q @ (Q.T @ done)
         if float(left @ left) < HOPELESS * fit.chi2:
             return False
     return True
 
 
-def _beside(design: Design, columns: np.ndarray) -> Basis:
+def _orthonormalise_without(design: Design, columns: np.ndarray) -> Basis:
     """Orthonormal basis of a design without some of its shared columns."""
     kept = ~np.isin(design.places, columns)
     rest = np.flatnonzero(~np.isin(np.arange(design.shape[1]), columns))

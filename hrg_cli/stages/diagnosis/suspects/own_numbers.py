@@ -9,8 +9,8 @@ import numpy as np
 
 from ....fitting.causes import evidence
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.sensitivities import Propagation, base_sensitivities
-from ....fitting.causes.wave_frame import real
+from ....fitting.causes.sensitivities import Propagation, find_base_sensitivities
+from ....fitting.causes.wave_frame import to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....fitting.envelopes.coordinates import COORDINATES
 from ....records import Array
@@ -22,23 +22,23 @@ OWN = (COORDINATES.index(SCALE_FACTOR), COORDINATES.index(DAMPING))
 
 def largest_gain(fit: ExtendedFit) -> float:
     """The largest fall of χ² that one such number of one run promises."""
-    shared, _ = base_sensitivities(fit.flow)
-    together = np.concatenate([shared[..., OWN], _of_a_constant_rate(fit.flow)], axis=-1)
+    shared, _ = find_base_sensitivities(fit.flow)
+    together = np.concatenate([shared[..., OWN], _predict_constant_rate(fit.flow)], axis=-1)
     columns = flatten_rows(fit.series, together)
     runs = fit.rows[:, 0]
     alone = [
         np.where(runs == k, column, 0.0)[:, None] for k in np.unique(runs) for column in columns.T
     ]
     names = [str(number) for number in range(len(alone))]
-    found = evidence.scores(names, fit.residual, alone, fit.basis)
+    found = evidence.score_candidates(names, fit.residual, alone, fit.basis)
     return max((one.gain for one in found if one.visible), default=0.0)
 
 
-def _of_a_constant_rate(flow: Propagation) -> Array:
+def _predict_constant_rate(flow: Propagation) -> Array:
     """What one rad/s more does, over σ, (R, n, 4, 1): u' gains K (u₂, −u₁)."""
     K = flow.prediction.point.p[COORDINATES.index(SCALE_FACTOR)]
 
     def turning(u: Array) -> Array:
-        return real(K * np.stack([u[..., 1], -u[..., 0]], axis=-1))[..., None]
+        return to_reals(K * np.stack([u[..., 1], -u[..., 0]], axis=-1))[..., None]
 
     return flow.seen(flow.carried(turning(flow.prediction.motion), turning(flow.middle)))

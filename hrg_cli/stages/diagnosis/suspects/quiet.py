@@ -175,4 +175,4 @@ def _find_every_mistake(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
 
 
 def _is_noise(fit: ExtendedFit) -> bool:
-    return checks.goodness(fit.chi2, fit.dof).passed
+    return checks.check_goodness(fit.chi2, fit.dof).passed

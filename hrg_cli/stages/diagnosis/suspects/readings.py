@@ -72,7 +72,7 @@ def _misfit_of_row(wave: Wave, others: ExtendedFit) -> float:
     return float(misfits([wave], others)[0]) / max(1, len(wave))
 
 
-def _own(wave: Wave, others: ExtendedFit, coordinate: str) -> tuple[float, float] | None:
+def _estimate_own(wave: Wave, others: ExtendedFit, coordinate: str) -> tuple[float, float] | None:
     """A coordinate as this run alone shows it beside the others' values, and its σ; None where the
     fit finds no end."""
     with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
@@ -182,8 +182,8 @@ def _of_the_rates_size(wave: Wave, others: ExtendedFit, common: float) -> Iterat
             (change.scale_rate(wave, factor),),
             1,
             f"{logged:.6g} rad/s is logged, its wave turns as at {factor * logged:.6g}: with"
-            f" the log multiplied by {_beside_one(factor)}",
-            f"multiply this run's rate log by {_beside_one(factor)}, or find its unit",
+            f" the log multiplied by {_round_factor(factor)}",
+            f"multiply this run's rate log by {_round_factor(factor)}, or find its unit",
         )
 
 
@@ -196,7 +196,7 @@ def _factor_of_log(wave: Wave, others: ExtendedFit, common: float) -> float | No
     """
     logged, shown = mean_rate(wave), _shown_rate(wave, common)
     near = shown / logged if abs(logged) > 0.1 * abs(shown) > 0 else 1.0
-    seen = _own(change.scale_rate(wave, near), others, SCALE_FACTOR)
+    seen = _estimate_own(change.scale_rate(wave, near), others, SCALE_FACTOR)
     factor = 0.0 if seen is None else near * seen[0] / common
     return factor if np.isfinite(factor) and factor != 0 else None
 
@@ -204,7 +204,7 @@ def _factor_of_log(wave: Wave, others: ExtendedFit, common: float) -> float | No
 def _of_a_constant_rate(wave: Wave, others: ExtendedFit, common: float) -> Iterator[Reading]:
     """A constant rate in the place of no log, or of one that changes with time."""
     shown = _shown_rate(wave, common)
-    seen = _own(change.hold_rate(wave, shown), others, SCALE_FACTOR) if shown else None
+    seen = _estimate_own(change.hold_rate(wave, shown), others, SCALE_FACTOR) if shown else None
     if seen is None or not abs(seen[0]) > ROTATION * seen[1]:
         return
     rate = shown * seen[0] / common
@@ -239,7 +239,7 @@ def of_a_late_log(log: str, undone: Wave, late_s: float) -> Reading:
     )
 
 
-def _beside_one(factor: float) -> str:
+def _round_factor(factor: float) -> str:
     """A factor to four digits of it, or to three of what it is beside one."""
     apart = abs(factor - 1)
     digits = 4 if apart == 0 else max(4, min(12, 3 - int(np.floor(np.log10(apart)))))
@@ -307,7 +307,7 @@ def least(
 def own_damping(wave: Wave, others: ExtendedFit) -> tuple[float, float] | None:
     """The damping rate that this run alone shows beside the others' splits and scale factor, and
     its σ."""
-    return _own(wave, others, DAMPING)
+    return _estimate_own(wave, others, DAMPING)
 
 
 def of_the_damping(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:

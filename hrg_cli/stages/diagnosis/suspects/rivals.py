@@ -35,7 +35,7 @@ TRIED = 3
 def fit_catalogue(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> float:
     """Least χ² a degree of freedom that a few causes reach with a scale factor that a resonator
     has; it ends where that is `enough`."""
-    return _left(nearest(base, candidates, enough))
+    return _find_misfit(nearest(base, candidates, enough))
 
 
 def nearest(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> ExtendedFit:
@@ -53,14 +53,14 @@ def nearest(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> 
         likely = [one for one, _, _ in fits if usual_scale_factor(one)]
         if not likely:
             break
-        fit = min(likely, key=_left)
-        best = min(best, fit, key=_left)
-        if _left(best) < enough:
+        fit = min(likely, key=_find_misfit)
+        best = min(best, fit, key=_find_misfit)
+        if _find_misfit(best) < enough:
             break
     return best
 
 
-def _left(fit: ExtendedFit) -> float:
+def _find_misfit(fit: ExtendedFit) -> float:
     return fit.chi2 / fit.dof
 
 

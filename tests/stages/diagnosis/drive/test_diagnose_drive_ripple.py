@@ -10,7 +10,7 @@ from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
 from hrg_cli.fitting.causes.fit_point import Point
 from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.envelopes import coordinates
-from hrg_cli.fitting.samples.course import impulse, mean_of
+from hrg_cli.fitting.samples.course import average_over_windows, integrate_means
 from hrg_cli.physics.ellipse import wave
 from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
 from hrg_cli.stages.diagnosis.drive.ripple import Ripple
@@ -68,8 +68,8 @@ def measured(seen, log, seed):
     length, h = PERIODS / HZ, 1 / HZ / STEPS
     t = (np.arange(ROWS) + 0.5) * length
     times = (np.arange(log.shape[1]) + 0.5) * h
-    courses = [impulse(times, one) for one in log]
-    mean = np.stack([mean_of(one, t, length) for one in courses])
+    courses = [integrate_means(times, one) for one in log]
+    mean = np.stack([average_over_windows(one, t, length) for one in courses])
     area = np.stack([one.at(t) for one in courses])
     random = np.random.default_rng(seed)
     noise = random.normal(size=seen.shape) + 1j * random.normal(size=seen.shape)

@@ -17,9 +17,9 @@ from hrg_cli.fitting.causes.designs import Softened
 from hrg_cli.fitting.causes.extended_fit import unsettled_part
 from hrg_cli.fitting.causes.fit_point import Point
 from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
-from hrg_cli.fitting.causes.sensitivities import base_sensitivities
+from hrg_cli.fitting.causes.sensitivities import find_base_sensitivities
 from hrg_cli.fitting.envelopes import coordinates
-from hrg_cli.fitting.samples.course import impulse, mean_of, means_of_values
+from hrg_cli.fitting.samples.course import average_over_windows, integrate_means, means_of_values
 from hrg_cli.physics.resonator import exponential
 from hrg_cli.stages.diagnosis.closing import closing_checks as closing
 from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
@@ -76,8 +76,8 @@ def measured(seen, commands, logged, seed):
     for run in range(RUNS):
         for n in range(2):
             values = means_of_values(log_time, commands[run][:, logged, n].ravel())
-            course = impulse(log_time, values)
-            mean[n, run], area[n, run] = mean_of(course, t, ROW_S), course.at(t)
+            course = integrate_means(log_time, values)
+            mean[n, run], area[n, run] = average_over_windows(course, t, ROW_S), course.at(t)
     random = np.random.default_rng(seed)
     envelope = seen + NOISE * (random.normal(size=seen.shape) + 1j * random.normal(size=seen.shape))
     one = np.ones((RUNS, ROWS))
@@ -138,7 +138,7 @@ def test_a_written_start_is_moved_as_the_fit_judges_beside_a_scattered_log():
     seen, commands = loops(1, 3e-4, seed=3)
     fit = drive_scatter.allowed_for(fitted(measured(seen[0], commands[0], VALUES, 5)))
     assert fit.series.scatter is not None
-    own = base_sensitivities(fit.flow)[1]
+    own = find_base_sensitivities(fit.flow)[1]
     off = 1e-4 * np.random.default_rng(6).normal(size=(RUNS, own.shape[-1]))
     compared = np.ones((RUNS, ROWS), bool)
     compared[:, :7] = False
@@ -258,6 +258,6 @@ def test_a_row_of_two_windows_leaves_none_out():
     rows = [windows[11 * k + np.arange(10)] for k in range(4)]
     pairs = [windows[11 * k + 9 : 11 * k + 11].mean() for k in range(4)]
     at = np.concatenate([np.append(row[:9], pair) for row, pair in zip(rows, pairs, strict=True)])
-    assert tone_search._among(windows, at).all()
+    assert tone_search._find_consecutive(windows, at).all()
     lost = np.delete(at, slice(13, 15))
-    assert not tone_search._among(windows, lost).all()
+    assert not tone_search._find_consecutive(windows, lost).all()

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from wrong_runs import estimated, recordings, table_of
 
-from hrg_cli.fitting.samples.course import course
+from hrg_cli.fitting.samples.course import build_course
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose, summary
@@ -110,7 +110,7 @@ def test_a_rate_that_bends_between_few_windows_is_given_back_at_low_noise(period
 
 def test_lines_through_a_curve_keep_its_integral():
     t = np.linspace(0.004, 0.996, 80)
-    log = course(t, np.sin(9 * t))
+    log = build_course(t, np.sin(9 * t))
     corner, (value,) = chords([log], 1.0)
     corner, value = np.array(corner), np.array(value)
     assert corner[0] == 0.0 and corner[-1] == 1.0
@@ -129,7 +129,7 @@ def test_lines_through_noise_and_jumps_are_the_rows_themselves():
     random = np.random.default_rng(3)
     t = np.linspace(0.0, 1.0, 50)
     y = random.standard_normal(50)
-    corner, (value,) = chords([course(t, y)], 1.0)
+    corner, (value,) = chords([build_course(t, y)], 1.0)
     np.testing.assert_allclose(np.interp(t, corner, value), y, atol=0.3)
 
 

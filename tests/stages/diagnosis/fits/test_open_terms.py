@@ -35,7 +35,7 @@ def test_a_terms_columns_are_the_sensitivities_of_the_effect_it_becomes(fit):
             ((_, columns, _),) = columns_of(fit, [(place, some[name])])
             effect = effect_of(place, some[name], "open")
             steps = scales.steps_of(effect, fit.series)
-            own = whitened_rows.sensitivity(fit.flow, effect, effect.values(), steps)
+            own = whitened_rows.find_sensitivity(fit.flow, effect, effect.values(), steps)
             assert np.allclose(columns, own, rtol=0, atol=1e-3 * np.abs(columns).max()), (
                 place.name,
                 name,

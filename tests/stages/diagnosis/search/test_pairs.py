@@ -7,7 +7,7 @@ import pytest
 from diagnosis_programme import programme, verdict
 
 from hrg_cli.fitting.causes.designs import Design, factor_design
-from hrg_cli.fitting.causes.evidence import scores
+from hrg_cli.fitting.causes.evidence import score_candidates
 from hrg_cli.stages.diagnosis.search.pairs import promising_pairs
 
 ROWS, KNOWN = 200, 4
@@ -27,7 +27,7 @@ def test_a_pair_promises_what_a_fit_of_both_takes_of_the_residual():
     random = np.random.default_rng(1)
     shared, basis, columns, residual = causes_of(random, (1, 2, 3, 1))
     names = ["a", "b", "c", "d"]
-    found = scores(names, residual, columns, basis)
+    found = score_candidates(names, residual, columns, basis)
     at_no_instant = SimpleNamespace(effect=SimpleNamespace(of_one_run=False))
     pairs = promising_pairs(
         SimpleNamespace(residual=residual), [(one, at_no_instant) for one in found]
