@@ -20,6 +20,7 @@ from ..gyro import gyro_of, inputs_of, run_gyro
 from ..holding import hold
 from ..limits import Row, check_tables
 from ..pipeline import STAGES
+from ..records.doubts import is_inherited
 from ..reporting import answer_text, console
 from ..reporting.answer import Answer, answer
 from ..reporting.check_pages import why_not
@@ -270,10 +271,8 @@ def reasons_of(steps: Sequence[Step]) -> list[str]:
     named: dict[str, list[str]] = {}
     for step in steps:
         for reason in step.reasons:
-            inherited = reason.split(" is ", 1)[0] in doubted or reason.endswith(
-                "more inputs are suspect or refused"
-            )
-            if not inherited and step.output not in named.setdefault(reason, []):
+            known = is_inherited(reason, doubted)
+            if not known and step.output not in named.setdefault(reason, []):
                 named[reason].append(step.output)
     return [
         f"{outputs[0]}{f' and {len(outputs) - 1} more' if len(outputs) > 1 else ''}: {reason}"

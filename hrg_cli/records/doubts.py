@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 
 from .record import Record
 
+IS, MORE = " is ", " more inputs are suspect or refused"
+"""What follows a record's name in a doubt about it, and the number of those that are not named."""
 NAMED = 6
 """Doubtful records that are named one by one; the rest are counted."""
 
@@ -60,10 +62,37 @@ def doubts_about(records: Iterable[tuple[str, Record]]) -> list[str]:
     """
     doubted = [(name, record) for name, record in records if record.status != "valid"]
     sentences = [
-        f"{name} is {record.status}:"
+        f"{name}{IS}{record.status}:"
         f" {record.status_reasons[-1] if record.status_reasons else 'no reason is given'}"
         for name, record in doubted[:NAMED]
     ]
     if len(doubted) > NAMED:
-        sentences.append(f"{len(doubted) - NAMED} more inputs are suspect or refused")
+        sentences.append(f"{len(doubted) - NAMED}{MORE}")
     return sentences
+
+
+def is_inherited(sentence: str, doubted: Container[str]) -> bool:
+    """Whether a sentence of `doubts_about` tells of one of these records, or counts those that it
+    does not name.
+
+    Parameters
+    ----------
+    sentence
+        A reason of a result's status.
+    doubted
+        Names of the records whose doubts are told where they stand.
+
+    Returns
+    -------
+    bool
+        True: whoever reads of those records has read this.
+
+    Examples
+    --------
+    >>> from hrg_cli.records.doubts import is_inherited
+    >>> is_inherited("left.h5 is suspect: the screws were loose", {"left.h5"})
+    True
+    >>> is_inherited("the rate is not known", {"left.h5"})
+    False
+    """
+    return sentence.split(IS, 1)[0] in doubted or sentence.endswith(MORE)
