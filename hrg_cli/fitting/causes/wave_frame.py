@@ -84,9 +84,9 @@ def real_matrix(L: Array) -> Array:
 def find_directions(u: Array) -> Array:
     """Unit changes of envelopes along which two waves can differ.
 
-    For a line u = a e^{jφ}(cos mθ, sin mθ) they are u/a, ju/a, w and jw with w = e^{−jφ}(−sin mθ, cos mθ):
-    relative amplitude, phase, and across the wave angle and ellipticity. The last two are these where φ
-    is 0; elsewhere they span the same plane, turned by 2φ in it.
+    For a line u = a e^{jφ}(cos mθ, sin mθ) they are u/a, ju/a, w and jw with w = e^{jφ}(−sin mθ, cos mθ):
+    relative amplitude, phase, wave angle and ellipticity. Of an ellipse the last two are across it,
+    w = J ū e^{2jφ}, with φ from uᵀu = (a_A² − a_B²) e^{2jφ}; a circle has no φ, and e^{2jφ} is 1.
 
     Parameters
     ----------
@@ -100,15 +100,20 @@ def find_directions(u: Array) -> Array:
 
     Examples
     --------
-    A small turn of a line adds what lies across it; a change of its phase adds a quarter period:
+    A small turn of a line is along the third, at any phase of the oscillation:
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.causes.wave_frame import find_directions
-    >>> _, phase, angle, _ = find_directions(np.array([2.0 + 0j, 0.0]))
-    >>> phase.tolist(), (angle + 0).real.tolist()
-    ([1j, 0j], [0.0, 1.0])
+    >>> def line(angle):
+    ...     return 2 * np.exp(0.7j) * np.array([np.cos(angle), np.sin(angle)])
+    >>> turn = (line(0.3001) - line(0.2999)) / 4e-4
+    >>> np.abs((find_directions(line(0.3)) @ turn.conj()).real).round(6).tolist()
+    [0.0, 0.0, 1.0, 0.0]
     """
     size = np.sqrt(np.sum(np.abs(u) ** 2, axis=-1, keepdims=True))
     along = u / np.where(size > 0, size, 1.0)
-    across = np.stack([-np.conj(along[..., 1]), np.conj(along[..., 0])], axis=-1)
+    square = np.sum(u**2, axis=-1, keepdims=True)
+    flat = np.abs(square)
+    turn = np.where(flat > 0, square, 1.0) / np.where(flat > 0, flat, 1.0)
+    across = turn * np.stack([-np.conj(along[..., 1]), np.conj(along[..., 0])], axis=-1)
     return np.stack([along, 1j * along, across, 1j * across], axis=-2)
