@@ -185,7 +185,7 @@ def shown_by_florence(periods, scale):
 def test_a_recorded_pendulum_shows_its_frequency_that_follows_the_amplitude_and_little_else():
     """The curvature of the amplitude's logarithm, with no model at all, shows a damping that falls
     from 2.5e-4 to 2.1e-4 1/s over the recording: that may be named beside it."""
-    first, *beside = shown_by_florence(10.0, 1.0)
+    beside = shown_by_florence(10.0, 1.0)[1:]
     assert {cause["name"] for cause in beside} <= {"damping_drift", "nonlinear_damping"}
     for cause in beside:
         if cause["name"] == "damping_drift":
