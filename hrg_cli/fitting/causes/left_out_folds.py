@@ -88,9 +88,7 @@ def predict_folds(
     bases = _bases(own, folds)
     parts, pull, size = _condense(residual, shared, bases, folds, prior)
     for number, (fold, basis) in enumerate(zip(folds, bases, strict=True)):
-        others = [parts[k] for k in range(len(folds)) if k != number]
-        equations = np.concatenate(others + pull) if others else np.zeros((0, shared.shape[1] + 1))
-        step = _step(equations[:, :-1], equations[:, -1], size, least_information)
+        step = _step(_leave_out(parts, pull, number), size, least_information)
         left = residual[fold] - shared[fold] @ step
         out[fold] = left - basis @ (basis.T @ left)
     return out
@@ -144,8 +142,7 @@ def score_folds(
     least, known = _least(np.concatenate(parts + pull), size, least_information)
     total = 0.0
     for number in range(len(parts)):
-        others = [part for k, part in enumerate(parts) if k != number]
-        without, left = _least(np.concatenate(others + pull), size, least_information)
+        without, left = _least(_leave_out(parts, pull, number), size, least_information)
         total += least - without + known - left
     return total
 
@@ -153,14 +150,24 @@ def score_folds(
 def _least(equations: Array, size: Array, least_information: float) -> tuple[float, float]:
     """(Smallest χ², ln of the determinant of the information) of equations (n, k + 1); size (k,): of
     the columns in all folds."""
-    U, s, _ = np.linalg.svd(equations[:, :-1] / size, full_matrices=False)
-    target, keep = equations[:, -1], s**2 >= least_information
-    chi2 = float(target @ target - np.sum((U[:, keep].T @ target) ** 2))
-    none = max(len(size) - len(s), 0)
-    information = np.concatenate(
-        [np.maximum(s**2, least_information), np.full(none, least_information)]
-    )
-    return chi2, float(np.sum(np.log(information)))
+    along, power, _ = _seen(equations, size, least_information)
+    least = np.full(len(size) - len(power), least_information)
+    chi2 = float(equations[:, -1] @ equations[:, -1] - along @ along)
+    return chi2, float(np.sum(np.log(np.concatenate([power, least]))))
+
+
+def _seen(equations: Array, size: Array, least_information: float) -> tuple[Array, Array, Array]:
+    """(Right side, information, combinations of numbers over `size`) of equations (n, k + 1) along
+    the combinations that they hold enough information on."""
+    U, s, Vt = np.linalg.svd(equations[:, :-1] / size, full_matrices=False)
+    keep = s**2 >= least_information
+    return U[:, keep].T @ equations[:, -1], s[keep] ** 2, Vt[keep]
+
+
+def _leave_out(parts: Sequence[Array], pull: Sequence[Array], number: int) -> Array:
+    """Equations (n, k + 1) of all folds but one, and of the prior."""
+    none = np.zeros((0, parts[number].shape[1]))
+    return np.concatenate([none, *parts[:number], *parts[number + 1 :], *pull])
 
 
 def _bases(own: Mapping[int, Array], folds: Sequence[Array]) -> list[Array]:
@@ -191,12 +198,12 @@ def _condense(
     return parts, pull, size
 
 
-def _step(columns: Array, residual: Array, size: Array, least_information: float) -> Array:
-    """Least-squares step (k,) by some folds alone; size (k,): of the columns in all folds."""
-    if not len(columns):
-        return np.zeros(columns.shape[1])
+def _step(equations: Array, size: Array, least_information: float) -> Array:
+    """Least-squares step (k,) by some folds alone, equations (n, k + 1); size (k,): of the columns
+    in all folds."""
+    if not len(equations):
+        return np.zeros(len(size))
     if not least_information:
-        return solve(columns, residual)[0]
-    U, s, Vt = np.linalg.svd(columns / size, full_matrices=False)
-    keep = s**2 >= least_information
-    return np.asarray(Vt[keep].T @ (U[:, keep].T @ residual / s[keep]) / size)
+        return solve(equations[:, :-1], equations[:, -1])[0]
+    along, power, combinations = _seen(equations, size, least_information)
+    return np.asarray(combinations.T @ (along / np.sqrt(power)) / size)

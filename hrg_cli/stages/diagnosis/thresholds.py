@@ -57,6 +57,9 @@ FREQUENCIES = 4.9
 SAME_FREQUENCY = 1e-9
 """Part of the frequency by which runs may always differ: that of a second of time stamps in whole
 nanoseconds. Models and simulated samples agree to 1e-12."""
+LEAST_INFORMATION = 1e-4
+"""Part of all information on a combination of numbers that the other folds, runs or stretches of
+time, must hold to predict it at all."""
 UNSETTLED_BASE = 0.02
 """Part of what the causes take of χ² that the base fit, which they replace, may promise to fall yet:
 a model far from its data may turn about its optimum for long."""

@@ -21,13 +21,14 @@ from ..drive.scatter import TOLD, Scatter
 from ..extended.written import Written
 from ..fits.places import another_start, beside_strike
 from ..fits.scoring import is_possible
-from ..search.gain import LEAST_INFORMATION, folds_of, predict_folds
+from ..search.gain import folds_of, predict_folds
 from ..search.search_case import Case
 from ..search.selection import Search
 from ..thresholds import (
     BOUND_COST,
     FREQUENCIES,
     INADEQUATE,
+    LEAST_INFORMATION,
     MOST_RIVALS,
     NOISE_LEVEL,
     OWN_SIGMA,

@@ -247,9 +247,14 @@ def _periods_per_window(fit: ExtendedFit) -> float:
         return QUICK_PERIODS
     if not any(effect.makes_harmonics for effect, _ in fit.point.active):
         return PERIODS
-    rows = [t[seen > 0] for t, seen in zip(fit.series.time_s, fit.series.weight, strict=True)]
-    step_s = min(float(np.median(np.diff(t))) for t in rows if len(t) > 1)
-    return float(np.clip(np.round(step_s * hz), PERIODS, np.floor(most)))
+    several = np.flatnonzero(np.sum(fit.series.weight > 0, axis=1) > 1)
+    shortest_s = min(_row_s(fit, k) for k in several.tolist())
+    return float(np.clip(np.round(shortest_s * hz), PERIODS, np.floor(most)))
+
+
+def _row_s(fit: ExtendedFit, k: int) -> float:
+    """Time between a run's rows."""
+    return float(np.median(np.diff(fit.series.time_s[k][fit.series.weight[k] > 0])))
 
 
 def _estimated(recording: Any, periods: float) -> Wave:
@@ -300,6 +305,5 @@ def _jumping(fit: ExtendedFit, k: int) -> Array:
     t = fit.series.time_s[k]
     near = np.zeros(len(t), bool)
     for instant in find_jump_times(fit.series, fit.point):
-        row_s = float(np.median(np.diff(t[fit.series.weight[k] > 0])))
-        near |= np.abs(t - instant) < NEXT_ROWS * row_s
+        near |= np.abs(t - instant) < NEXT_ROWS * _row_s(fit, k)
     return near

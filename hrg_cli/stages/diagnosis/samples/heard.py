@@ -15,6 +15,7 @@ import numpy as np
 from ....effects.effect import Effect
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.envelope_runs import envelopes_of
+from ....fitting.samples.looks import LOOKS
 from ....physics.plant import Readout, Samples
 from ....records import Array, Wave
 from .lines import WANDER, WIDTH_CELLS, cell_hz, frequency_of
@@ -24,8 +25,6 @@ ORDERS = (3, 5, 7)
 INSIDE = 0.9
 """Part of the spectrum's width up to which a multiple is heard: beyond it the sampling folds it, and
 a filter may have taken it away."""
-LOOKS = 16
-"""Stretches of a run that make up its spectrum."""
 SURE = 3.0
 """σ by which a cause may be smaller than it came out."""
 EXCEEDS = 2.0
@@ -69,8 +68,8 @@ def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wav
         density, cell = np.asarray(wave.spectrum_density, float), cell_hz([wave])
         noise = float(np.sqrt(density.sum(axis=0).mean() * cell))
         good = wave.good()
-        power = harmonics(effect, values, np.abs(envelopes_of(wave, good)), noise)
-        made = least_in_looks(power, np.asarray(wave.time_s)[good], 1 / cell)
+        courses = harmonics(effect, values, np.abs(envelopes_of(wave, good)), noise)
+        made = least_in_looks(courses, np.asarray(wave.time_s)[good], 1 / cell)
         for order, power in zip(ORDERS, made, strict=True):
             width = WIDTH_CELLS * cell + WANDER * order * frequency
             near = np.abs(grid - order * frequency) < width + cell

@@ -17,15 +17,13 @@ from ....fitting.causes.left_out_folds import HeldOut
 from ....fitting.causes.wave_frame import to_complex
 from ....units import DEGREE_PER_HOUR
 from ..fits.scoring import is_gross
+from ..thresholds import LEAST_INFORMATION
 
 Array = np.ndarray
 FEWEST_RUNS = 4
 TIME_BLOCKS = 5
 PIECES = 4
 """Pieces of a run, over each of which the angle's error is taken as a drift."""
-LEAST_INFORMATION = 1e-4
-"""Part of all information on a combination of numbers that the other folds must hold to predict it
-at all."""
 PPM = 1e6
 
 
@@ -154,12 +152,11 @@ def predicts_better(before: ExtendedFit, after: ExtendedFit) -> bool:
     their plain squares count.
     """
     score = _square if is_gross(before) else _score
-    kinds = (FEWEST_RUNS, len(before.series.names) + 1)
-    for fewest in kinds:
-        kind, folds = folds_of(before, fewest_runs=fewest)
-        if score(after, kind, folds) < score(before, kind, folds):
-            return True
-    return False
+    # few runs are held out by time both ways: once is enough
+    ways = dict(
+        folds_of(before, fewest_runs=n) for n in (FEWEST_RUNS, len(before.series.names) + 1)
+    )
+    return any(score(after, *way) < score(before, *way) for way in ways.items())
 
 
 def _square(fit: ExtendedFit, kind: str, folds: list[Array]) -> float:
