@@ -71,8 +71,8 @@ class _Bending:
             for path, turn in zip(self.paths, self.turns)
         ]
         pieces = accumulate(self.paths, self.noises, self.layout, rest, coefficients)
-        information, vector, square, _ = pieces.sum()
-        return _Bent(coefficients, information, vector, float(square))
+        information, vector, _ = pieces.sum()
+        return _Bent(coefficients, information, vector, float(pieces.square.sum()))
 
     def linearise(self, point: _Bent) -> tuple[Array, float]:
         """The step in the model's space and the fall of χ² that it promises."""

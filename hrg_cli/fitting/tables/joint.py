@@ -16,7 +16,7 @@ from .bends import has_bends, settle_bends
 from .common_walk import coarsen, estimate_common_walk
 from .increment_noise import AngleNoise, estimate_noise
 from .increments import AnglePath
-from .normal_pieces import Pieces, TableSolution, accumulate, compute_chi_square, solve
+from .normal_pieces import Pieces, TableSolution, accumulate, solve
 from .table_design import predict_turn
 from .table_layout import Model, TableLayout
 
@@ -55,15 +55,16 @@ def _solve(
     turns: list[Array],
     model: Model,
     previous: Array | None,
+    about: Array | None,
 ) -> tuple[Pieces, TableSolution, Array | None]:
     """The runs' whitened pieces, the model's coefficients, and those whose weights the pieces have
     (None: weights of their own are not needed)."""
-    pieces = accumulate(paths, noises, layout, turns, previous)
+    pieces = accumulate(paths, noises, layout, turns, previous, about)
     solution = solve(*pieces.sum()[:2], model)
     if not has_bends(layout):
         return pieces, solution, previous
     own = settle_bends(paths, noises, layout, turns, model, solution.coefficients)
-    pieces = accumulate(paths, noises, layout, turns, own)
+    pieces = accumulate(paths, noises, layout, turns, own, own)
     return pieces, replace(solve(*pieces.sum()[:2], model), coefficients=own), own
 
 
@@ -90,11 +91,12 @@ def fit(
         else list(start.noises)
     )
     previous: Array | None = None if start is None else start.solution.coefficients
+    about: Array | None = None  # of this layout, which an earlier fit's need not be
     jumps = 0 if start is None else start.jumps
     settled = False
     for sweep in range(MOST_SWEEPS + 1):
-        pieces, solution, linearised = _solve(paths, noises, layout, turns, model, previous)
-        previous = solution.coefficients
+        pieces, solution, linearised = _solve(paths, noises, layout, turns, model, previous, about)
+        previous = about = solution.coefficients
         if settled or sweep == MOST_SWEEPS:
             break
         coarse, used = [], list(noises)
@@ -121,8 +123,6 @@ def fit(
         weights = [AngleNoise(n.white, max(n.walk, walk)) for n in noises]
         settled = sweep > 0 and _walks_settled(used, weights)
         noises = weights
-    A, b, square, rows = pieces.sum()
-    chi2 = compute_chi_square(A, b, square, solution.coefficients) / max(
-        rows - solution.degrees, 1.0
-    )
-    return Fitted(list(paths), turns, noises, layout, pieces, solution, float(chi2), jumps)
+    chi2 = pieces.compute_chi_square(solution.coefficients)
+    chi2_per_dof = chi2 / max(pieces.sum()[2] - solution.degrees, 1.0)
+    return Fitted(list(paths), turns, noises, layout, pieces, solution, chi2_per_dof, jumps)

@@ -27,25 +27,34 @@ LEAST_SEEN = 1e-10
 
 @dataclass
 class Pieces:
-    """Normal equations of R runs × S pieces: information (R, S, P, P), vector (R, S, P), square (R,
-    S), rows (R, S), fold (R, S)."""
+    """Normal equations of R runs × S pieces about coefficients β₀ (P,): information XᵀX (R, S, P, P),
+    and of what they leave, r = y − X β₀, the vector Xᵀr (R, S, P) and square rᵀr (R, S); rows (R, S).
 
+    Turns are whole radians and their noise nanoradians: Σ y² holds no digit of Σ r².
+    """
+
+    about: Array
     information: Array
     vector: Array
     square: Array
     rows: Array
 
-    def sum(self, where: Array | None = None) -> tuple[Array, Array, float, int]:
-        """(A, b, y², n) of the chosen pieces (R, S) bool or weights; all by default."""
-        if where is None:
-            where = np.ones(self.square.shape)
-        w = np.asarray(where, float)
-        return (
-            np.tensordot(w, self.information, axes=2),
-            np.tensordot(w, self.vector, axes=2),
-            float((w * self.square).sum()),
-            int((w * self.rows).sum()),
-        )
+    def sum(self, where: Array | None = None) -> tuple[Array, Array, int]:
+        """(XᵀX, Xᵀy, n) of the chosen pieces (R, S) bool or weights; all by default."""
+        w = self._weights(where)
+        information = np.tensordot(w, self.information, axes=2)
+        vector = np.tensordot(w, self.vector, axes=2) + information @ self.about
+        return information, vector, int((w * self.rows).sum())
+
+    def compute_chi_square(self, coefficients: Array, where: Array | None = None) -> float:
+        """Σ of whitened residuals squared of the chosen pieces, for given coefficients."""
+        w, off = self._weights(where), coefficients - self.about
+        information = np.tensordot(w, self.information, axes=2)
+        vector = np.tensordot(w, self.vector, axes=2)
+        return float((w * self.square).sum() - 2 * vector @ off + off @ information @ off)
+
+    def _weights(self, where: Array | None) -> Array:
+        return np.ones(self.square.shape) if where is None else np.asarray(where, float)
 
 
 def piece_of(length: int) -> Array:
@@ -59,10 +68,14 @@ def accumulate(
     layout: TableLayout,
     turns: Sequence[Array],
     previous: Array | None = None,
+    about: Array | None = None,
 ) -> Pieces:
-    """Whitened normal equations of all runs. turns: m·Δθ of each run."""
+    """Whitened normal equations of all runs. turns: m·Δθ of each run; previous: coefficients whose
+    weights of the nodes count; about: coefficients near the answer (default: none, zero)."""
     shape = (len(paths), PIECES)
+    about = np.zeros(layout.size) if about is None else about
     pieces = Pieces(
+        about,
         np.zeros((*shape, layout.size, layout.size)),
         np.zeros((*shape, layout.size)),
         np.zeros(shape),
@@ -72,16 +85,15 @@ def accumulate(
         piece = piece_of(len(path))
         whitener = Whitener(build_covariance_bands(path, noise))
         for rows in split_stretches(len(path)):
-            white = whitener.next(
-                np.column_stack([build_design(path, layout, previous, rows), turn[rows]])
-            )
+            design = build_design(path, layout, previous, rows)
+            white = whitener.next(np.column_stack([design, turn[rows] - design @ about]))
             for s in np.unique(piece[rows]):
                 own = white[piece[rows] == s]
-                X, y = own[:, :-1], own[:, -1]
+                X, left = own[:, :-1], own[:, -1]
                 pieces.information[r, s] += X.T @ X
-                pieces.vector[r, s] += X.T @ y
-                pieces.square[r, s] += y @ y
-                pieces.rows[r, s] += len(y)
+                pieces.vector[r, s] += X.T @ left
+                pieces.square[r, s] += left @ left
+                pieces.rows[r, s] += len(left)
     return pieces
 
 
@@ -118,22 +130,14 @@ def solve(
     )
 
 
-def compute_chi_square(
-    information: Array, vector: Array, square: float, coefficients: Array
-) -> float:
-    """Σ of whitened residuals squared for given coefficients."""
-    return float(square - 2 * vector @ coefficients + coefficients @ information @ coefficients)
-
-
 def compute_held_out_chi_square(
     pieces: Pieces, folds: Array, model: Model, penalty: Array | None = None
 ) -> float:
     """Σ over folds of the whitened residuals squared, each fold predicted from the others."""
-    A, b, _, _ = pieces.sum()
+    A, b, _ = pieces.sum()
     total = 0.0
     for f in range(int(folds.max()) + 1):
-        A_f, b_f, square, _ = pieces.sum(folds == f)
-        total += compute_chi_square(
-            A_f, b_f, square, solve(A - A_f, b - b_f, model, penalty).coefficients
-        )
+        A_f, b_f, _ = pieces.sum(folds == f)
+        others = solve(A - A_f, b - b_f, model, penalty)
+        total += pieces.compute_chi_square(others.coefficients, folds == f)
     return total

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import compute_chi_square
 from ...fitting.tables.table_layout import Model
 from ...records import Calibration, Wave
 from .accuracy_stages import list_first_stages
@@ -103,9 +102,9 @@ class Chosen:
     def chi2_per_dof(self) -> float:
         """χ² per degree of freedom at the noise found."""
         solution = self.answer.tried.solution
-        A, b, square, rows = self.fitted.pieces.sum()
-        chi2 = compute_chi_square(A, b, square, solution.coefficients)
-        return float(chi2 / max(rows - solution.degrees, 1.0))
+        pieces = self.fitted.pieces
+        chi2 = pieces.compute_chi_square(solution.coefficients)
+        return float(chi2 / max(pieces.sum()[2] - solution.degrees, 1.0))
 
     @property
     def inflation(self) -> float:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import compute_chi_square, compute_held_out_chi_square, solve
+from ...fitting.tables.normal_pieces import compute_held_out_chi_square, solve
 from ...fitting.tables.table_layout import Model
 from .accuracy_stages import LadderSettings, list_first_stages
 from .column_spaces import find_correlated, leave_out, measure_independence, take_along_nodes
@@ -45,7 +45,7 @@ def analyse_factors(
         base = np.concatenate([base, joint.layout.of_factors(BESIDE)], axis=1)
     final = Model("final", np.concatenate([base, joint.layout.of_factors(*factors)], axis=1))
     groups = _group_columns(joint, settings, factors)
-    A, b, _, _ = joint.pieces.sum()
+    A, b, _ = joint.pieces.sum()
     solution = solve(A, b, final)
     models = [
         final,
@@ -88,14 +88,15 @@ def analyse_factors(
 def _weigh_group(joint: Fitted, final: Model, without: Model, folds: Array) -> dict[str, Any]:
     """How many coefficients a group has, by how much χ² rises without them as a normal deviate, and
     by how much on data not used."""
-    A, b, c, _ = joint.pieces.sum()
-    lost = compute_chi_square(A, b, c, solve(A, b, without).coefficients) - compute_chi_square(
-        A, b, c, solve(A, b, final).coefficients
+    A, b, _ = joint.pieces.sum()
+    fewer, all_of_them = (
+        joint.pieces.compute_chi_square(solve(A, b, model).coefficients)
+        for model in (without, final)
     )
     freedom = final.free - without.free
     return {
         "coefficients": freedom,
-        "z": _normal_deviate(lost / max(joint.chi2_per_dof, 1.0), freedom),
+        "z": _normal_deviate((fewer - all_of_them) / max(joint.chi2_per_dof, 1.0), freedom),
         "held_out_chi2_gain": compute_held_out_chi_square(joint.pieces, folds, without)
         - compute_held_out_chi_square(joint.pieces, folds, final),
     }

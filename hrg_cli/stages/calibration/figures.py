@@ -46,7 +46,7 @@ def predictions(
     """Coefficients of each model (size, models) and of each with each fold left out (size, models,
     folds)."""
     count = int(folds.max()) + 1
-    A, b, _, _ = fitted.pieces.sum()
+    A, b, _ = fitted.pieces.sum()
     whole = np.empty((fitted.layout.size, len(models)))
     held = np.empty((fitted.layout.size, len(models), count))
     sums = [fitted.pieces.sum(folds == f)[:2] for f in range(count)]

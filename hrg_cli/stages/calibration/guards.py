@@ -22,7 +22,7 @@ from ...fitting.checks import Check, check_goodness, check_holds, check_whitenes
 from ...fitting.tables.increment_noise import build_covariance_bands, whiten
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import TableSolution, compute_chi_square, solve
+from ...fitting.tables.normal_pieces import TableSolution, solve
 from ...fitting.tables.table_design import predict_turn
 from ...fitting.tables.table_layout import Model, TableLayout
 from .late_log import LATE
@@ -72,7 +72,7 @@ def judge_variants(
     fitted: Fitted, folds: Array, tried: Sequence[VariantSolution]
 ) -> list[tuple[list[Check], list[str]]]:
     """(checks, what failed in words) of each variant at the noise of `fitted`."""
-    A, b, _, _ = fitted.pieces.sum()
+    A, b, _ = fitted.pieces.sum()
     noise = noise_known(fitted)
     out = []
     for t, white in zip(tried, _whiteness(fitted, tried)):
@@ -95,7 +95,13 @@ def name_causes(
     """Sentences of the causes left out: the one that explains most, then those that still fail
     beside it."""
     said: list[str] = []
-    matrix = tried.model.matrix
+    matrix, before = tried.model.matrix, tried.solution.coefficients
+
+    def fall_of(coefficients: Array) -> float:
+        """By how much χ² falls from the variant's: of two large χ² no digit would be left."""
+        step = coefficients - before
+        return float(2 * (b - A @ before) @ step - step @ A @ step)
+
     all_causes = {name: columns for name, columns, _ in causes(layout)}
     while len(said) < MOST_NAMED:
         failed = {check.name: check for check in checks if not check.passed}
@@ -109,7 +115,7 @@ def name_causes(
             )
             for name in failed
         }
-        worst = min(gains, key=lambda name: compute_chi_square(A, b, 0.0, gains[name].coefficients))
+        worst = max(gains, key=lambda name: fall_of(gains[name].coefficients))
         said.append(failed[worst].sentence)
         matrix = np.concatenate([matrix, all_causes[worst]], axis=1)
         checks = test_left_out(
@@ -231,7 +237,7 @@ def check_folds(fitted: Fitted, folds: Array, tried: VariantSolution) -> Check:
     worst = Check("held_out", 0.0, 1.0, True)
     everything = fitted.pieces.sum()[0]
     for f, solution in enumerate(tried.held):
-        A, b, _, rows = fitted.pieces.sum(folds == f)
+        A, b, rows = fitted.pieces.sum(folds == f)
         if rows == 0:
             continue
         chi2, rank = score(
@@ -288,7 +294,7 @@ def _angle_without_noise(fitted: Fitted, path: AnglePath) -> Array:
 def _whiteness(fitted: Fitted, tried: Sequence[VariantSolution]) -> list[list[Check]]:
     """Whiteness of each variant's residual over time, wave angle, temperature (or frequency) and
     rate."""
-    A, b, _, _ = fitted.pieces.sum()
+    A, b, _ = fitted.pieces.sum()
     coefficients = np.stack([_settled(A, b, t) for t in tried], axis=1)
     white, angle, place, rate = [], [], [], []
     for path, turn, noise in zip(fitted.paths, fitted.turns, fitted.noises):

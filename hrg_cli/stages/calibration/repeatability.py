@@ -127,7 +127,7 @@ def _offsets_by_programme(
     matrix = np.concatenate([drift, layout.part("scale", scale_limit, one_node=True)], axis=1)
     names, offsets, covariances, skipped = [], [], [], []
     for name in sorted({str(v) for v in label.ravel()} - {""}):
-        A, b, _, rows = fitted.pieces.sum(label == name)
+        A, b, rows = fitted.pieces.sum(label == name)
         if rows == 0:
             continue
         inverse = _inverse(matrix.T @ A @ matrix)

@@ -109,7 +109,7 @@ def _slope_over_temperature(
 def _independence(fitted: Fitted, grown: Array, extra: Array) -> tuple[Array, float]:
     """What the tables leave of both factors' columns (2,), as parts of their length, and the
     correlation of what is left."""
-    A, _, _, _ = fitted.pieces.sum()
+    A = fitted.pieces.sum()[0]
     whole = extra.T @ A @ extra
     own = np.diag(whole)
     rest = whole - extra.T @ A @ solve_columns(A, grown, A @ extra)
@@ -121,7 +121,7 @@ def _independence(fitted: Fitted, grown: Array, extra: Array) -> tuple[Array, fl
 
 def _size(fitted: Fitted, model: Model, name: str) -> dict[str, Any]:
     """A factor's size with its σ at the noise found."""
-    A, b, _, _ = fitted.pieces.sum()
+    A, b, _ = fitted.pieces.sum()
     solution = solve(A, b, model)
     place = fitted.layout.factor(name).start
     std = float(np.sqrt(solution.covariance[place, place] * fitted.chi2_per_dof))

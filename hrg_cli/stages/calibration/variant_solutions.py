@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import TableSolution, compute_chi_square, solve
+from ...fitting.tables.normal_pieces import TableSolution, solve
 from ...fitting.tables.shrinkage import (
     FEWER_SWEEPS,
     SWEEPS,
@@ -61,10 +61,10 @@ def solve_linear(
     fitted: Fitted, folds: Array, model: Model, penalty: Array | None = None
 ) -> VariantSolution:
     """Least squares on all runs, and without each fold."""
-    A, b, _, _ = fitted.pieces.sum()
+    A, b, _ = fitted.pieces.sum()
     held = []
     for f in range(int(folds.max()) + 1):
-        A_f, b_f, _, _ = fitted.pieces.sum(folds == f)
+        A_f, b_f, _ = fitted.pieces.sum(folds == f)
         held.append(solve(A - A_f, b - b_f, model, penalty))
     return VariantSolution(model, solve(A, b, model, penalty), tuple(held))
 
@@ -74,7 +74,7 @@ def solve_averaged(
 ) -> VariantSolution:
     """The same with the harmonics in doubt averaged over how large each may be."""
     layout = fitted.layout
-    A, b, _, _ = fitted.pieces.sum()
+    A, b, _ = fitted.pieces.sum()
     first = solve(A, b, model)
     in_doubt = doubtful_harmonics(
         layout, wanted.in_doubt, layout.mean_scale_factor(first.coefficients)
@@ -86,7 +86,7 @@ def solve_averaged(
 
     held = []
     for f in range(int(folds.max()) + 1):
-        A_f, b_f, _, _ = fitted.pieces.sum(folds == f)
+        A_f, b_f, _ = fitted.pieces.sum(folds == f)
         held.append(once(A - A_f, b - b_f, FEWER_SWEEPS))
     return VariantSolution(model, once(A, b, SWEEPS), tuple(held))
 
@@ -137,7 +137,7 @@ def solve_foreign(
 def held_out(fitted: Fitted, folds: Array, tried: VariantSolution) -> float:
     """Σ over folds of the whitened residuals squared, each fold predicted without itself."""
     return sum(
-        compute_chi_square(*fitted.pieces.sum(folds == f)[:3], solution.coefficients)
+        fitted.pieces.compute_chi_square(solution.coefficients, folds == f)
         for f, solution in enumerate(tried.held)
     )
 
@@ -157,7 +157,7 @@ def add_doubt(
         return tried
     if not tried.foreign:
         tried = _with_harmonics_in_doubt(fitted, tried, wanted, limits)
-    A, b, _, _ = fitted.pieces.sum()
+    A, b, _ = fitted.pieces.sum()
     beside = Model("", np.concatenate([tried.model.matrix, constant], axis=1), tried.model.start)
     places = np.flatnonzero(constant.any(axis=1))
     covariance = tried.solution.covariance.copy()
@@ -181,7 +181,7 @@ def _with_harmonics_in_doubt(
     left_out = doubtful_harmonics(layout, wanted.in_doubt, scale_factor, beyond)
     if not left_out:
         return tried
-    A, b, _, _ = fitted.pieces.sum()
+    A, b, _ = fitted.pieces.sum()
     places = np.concatenate([harmonic.places.ravel() for harmonic in left_out])
     P = np.eye(layout.size)[:, places]
     both = np.concatenate([model.matrix, P], axis=1)
