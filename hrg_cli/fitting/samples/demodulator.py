@@ -246,8 +246,7 @@ class Demodulator:
         turn = self.turns(float(times[0]), len(times))
         still = self._still(fits, turn, times, local_hz)
         known = 0.0 if still.known_residual2 is None else still.known_residual2
-        free2 = (fits.residual2 - known) / np.maximum(fits.freedom, 1)
-        left2 = np.array([np.nanmedian(one) for one in free2])  # by axis numpy masks few columns
+        left2 = np.nanmedian((fits.residual2 - known) / np.maximum(fits.freedom, 1), axis=1)
         wave2 = np.nanmedian((np.abs(fits.envelope) ** 2).sum((0, 2)) / 2)
         if left2.sum() <= UNHELD_NOISE * noise2.sum():
             return 0.0
