@@ -131,15 +131,15 @@ class MotionWithin:
         )
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[::PROBE]
         variance = float(np.median(fits.variance[::PROBE]))
-        every = PROBE if u.shape[1] >= PROBED * PROBE else 1
+        own, every = fits.variance.mean(1), PROBE if u.shape[1] >= PROBED * PROBE else 1
         for k in range(2):
             noise2 = fits.residual2[k, ::PROBE] / np.maximum(freedom, 1) * variance
             noise2 = noise2[np.isfinite(noise2)]
             if not len(noise2):
                 continue
             # the residual of few samples is their motion's: the scatter from window to window is not
-            seen = estimate_scattered_variance(u[k], fits.variance.mean(1), every) * variance
-            if pull2[k] > 0.01 * np.nanmin([np.median(noise2), seen]):
+            seen = estimate_scattered_variance(u[k], own, every) * variance
+            if pull2[k] > 0.01 * np.fmin(np.median(noise2), seen):
                 return True
         return False
 
