@@ -27,6 +27,8 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 USER_BLOCK = 512
 """Bytes of the smallest user block; larger ones are twice the one before."""
 _in_use: OrderedDict[Handle, None] = OrderedDict()
+_looked_through: set[tuple[int, ...]] = set()
+"""Files whose heaps are sound: a command opens its input several times, and looking is most of each."""
 
 
 class Handle:
@@ -110,13 +112,22 @@ def _open(path: Path) -> h5py.File:
         need_readable(path)
         if path.stat().st_size == 0:
             raise HrgError(f"{path}: is empty; an hrg file (HDF5) was expected")
-        check_heaps(path)
+        _check_heaps_once(path)
     except (OSError, ValueError) as error:
         raise read_error(error, path) from error
     try:
         return h5py.File(path, "r", rdcc_nbytes=CACHE_BYTES)
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         raise _open_error(error, path) from error
+
+
+def _check_heaps_once(path: Path) -> None:
+    """`check_heaps`, of a file that has not changed since it passed left out."""
+    stat = path.stat()
+    stamp = (stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns)
+    if stamp not in _looked_through:
+        check_heaps(path)
+        _looked_through.add(stamp)
 
 
 def need_readable(path: Path) -> None:

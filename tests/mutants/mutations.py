@@ -149,7 +149,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("np.abs(A2 - B2)", "np.abs(A2 + B2)"),
             ("_root(both - mixed)", "_root(both)"),
             ("np.ascontiguousarray(variances.T) / 8", "np.ascontiguousarray(variances.T) / 4"),
-            ("np.cos(2 * psi), np.sin(2 * psi)", "np.cos(psi), np.sin(psi)"),
+            ("cos, sin = _double_angle(psi)", "cos, sin = _double_angle(psi / 2)"),
             ("_root(sin2 * less[0] + cos2", "_root(sin2 * more[0] + cos2"),
         ),
     ),
@@ -161,6 +161,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("phase = phase + np.pi * (carrier_turns + turns)", "phase = phase + np.pi * turns"),
             ("np.round((steps[gaps] - predicted) / period)", "np.round(steps[gaps] / period)"),
             ("intervals > 1.5 * max(", "intervals > 1e9 * max("),
+            ("if length & size:", "if True:"),
             ("electrical + np.pi * turns, phase", "electrical, phase"),
         ),
     ),
@@ -222,7 +223,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "fitting/samples/windows.py": (
         "tests/stages/test_demodulate.py",
         (
-            ("return fit[:, 0::2] - 1j * fit[:, 1::2]", "return fit[:, 0::2] + 1j * fit[:, 1::2]"),
+            ("np.tile([1.0, -1.0]", "np.tile([1.0, 1.0]"),
         ),
     ),
     "fitting/samples/envelope_motion.py": (

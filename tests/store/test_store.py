@@ -371,6 +371,7 @@ def test_a_zeroed_heap_is_refused_before_the_library_sees_it(tmp_path):
     """The library steps through it without end; the test would, too, without the look before."""
     path = tmp_path / "a.h5"
     store.write(path, small(Wave))
+    assert store.kind_of(path) is Wave, "what passed once is looked at again when it changed"
     content = bytearray(path.read_bytes())
     at = content.index(b"GCOL\x01\x00\x00\x00")
     content[at + 16 : at + 64] = bytes(48)

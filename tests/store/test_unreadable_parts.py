@@ -43,6 +43,14 @@ def test_a_column_that_may_be_missing_is_not_missed_where_it_is_damaged(column, 
         store.read(wave, Wave)
 
 
+def test_the_heaps_of_a_file_are_looked_through_once(wave, monkeypatch):
+    looked = []
+    monkeypatch.setattr(handles, "check_heaps", looked.append)
+    for _ in range(3):
+        store.read(wave, Wave)
+    assert looked == [wave]
+
+
 def test_a_file_cut_while_its_heaps_are_looked_at_ends_no_process(wave):
     """A map of it would end the process by SIGBUS."""
     script = """

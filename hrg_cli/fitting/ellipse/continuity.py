@@ -11,8 +11,8 @@ Array = np.ndarray
 CONTEXT_ROWS = 64
 """Rows before and after a gap that tell the slope over it."""
 FEWEST_ROWS = 8
-SEGMENT = 64
-"""Rows that share a running sum."""
+SEGMENT = 128
+"""Rows whose times and values are summed about the same ones."""
 
 
 def continue_angles(
@@ -20,11 +20,9 @@ def continue_angles(
 ) -> tuple[Array, Array, Array]:
     """Continuous (mθ, φ, ψ) of finite rows (n), the first row unchanged."""
     intervals = np.diff(time_s)
-    gaps = (
-        np.flatnonzero(intervals > 1.5 * max(window_s, float(np.median(intervals))))
-        if len(intervals)
-        else np.zeros(0, int)
-    )
+    gaps = np.flatnonzero(intervals > 1.5 * window_s)
+    if len(gaps):  # the median is not worth its sorting where nothing can be a gap
+        gaps = np.flatnonzero(intervals > 1.5 * max(window_s, float(np.median(intervals))))
     # ψ first, then mθ: a half turn of either turns φ by π, so φ is unwrapped last and over 2π.
     carrier = _unwrapped(time_s, carrier_phase, np.pi, gaps)
     phase = phase + np.pi * np.round((carrier - carrier_phase) / np.pi)
@@ -93,8 +91,8 @@ def local_slope(time_s: Array, values: Array, weights: Array, half_width: int) -
     """Slope of a straight line through each row's 2·half_width + 1 neighbours (fewer at the ends),
     weighted; NaN where they are one.
 
-    Running sums start anew every `SEGMENT` rows, about the segment's own time and value, so a long
-    run loses no digits.
+    The sums of every `SEGMENT` rows are about the segment's own time and value, so a long run loses
+    no digits.
     """
     n = len(values)
     h = min(half_width, n - 1)
@@ -126,8 +124,15 @@ def _fill_unused(values: Array, used: Array) -> Array:
 
 
 def _running(terms: Array, length: int) -> Array:
-    """Sums of `length` neighbours along each row of terms (segments, columns)."""
-    total = np.cumsum(terms, axis=1)
-    out = total[:, length - 1 :].copy()
-    out[:, 1:] -= total[:, :-length]
-    return out
+    """Sums of `length` neighbours along each row of terms (segments, columns), by those of 1, 2, 4, …
+    neighbours: each is the sum of two of half its length."""
+    columns = terms.shape[1] - length + 1
+    out, summed, size = np.zeros((len(terms), columns)), 0, 1
+    while True:
+        if length & size:
+            out += terms[:, summed : summed + columns]
+            summed += size
+        if 2 * size > length:
+            return out
+        terms = terms[:, :-size] + terms[:, size:]
+        size *= 2

@@ -13,7 +13,7 @@ Signals of equal σ: direct σ_A = σ_B = σ, σ_θ = σ_φ = σ√(A²+B²)/|A�
 import numpy as np
 
 Array = np.ndarray
-CHUNK_ROWS = 4096
+CHUNK_ROWS = 8192
 """Rows worked on together, so that the intermediate arrays stay in the processor's cache."""
 ANGLE_LIMIT, PHASE_LIMIT, CARRIER_LIMIT = (
     np.pi / np.sqrt(12),
@@ -49,10 +49,10 @@ def standard_deviations(
 
 def _fill(out: Array, x: Array, variances: Array, with_carrier: bool, correlation: float) -> None:
     A, B, theta, phi, psi = np.ascontiguousarray(x.T)
-    cos2 = np.cos(theta) ** 2
+    cosine, sine = _double_angle(theta)
+    cos2 = (1 + cosine) / 2
     sin2, A2, B2 = 1 - cos2, A * A, B * B
-    cos_turn, sin_turn = np.cos(2 * phi), np.sin(2 * phi)
-    sine = np.sin(2 * theta)
+    cos_turn, sin_turn = _double_angle(phi)
     more, less, imaginary = [], [], []
     halves = _halves(variances, psi)
     for M, real, other in halves:
@@ -75,6 +75,13 @@ def _fill(out: Array, x: Array, variances: Array, with_carrier: bool, correlatio
         out[:, 4] = _limited(_root(both - mixed), A2 + B2, CARRIER_LIMIT)
 
 
+def _double_angle(angle: Array) -> tuple[Array, Array]:
+    """cos and sin of twice an angle, both by its tangent, which costs less than either."""
+    tangent = np.tan(angle)
+    square = tangent * tangent
+    return (1 - square) / (1 + square), 2 * tangent / (1 + square)
+
+
 def _root(variance: Array) -> Array:
     """Square root; rounding may leave a variance below zero."""
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
@@ -88,7 +95,7 @@ def _halves(variances: Array, psi: Array) -> tuple[tuple[Array, Array | float, A
     a_c_low, a_c_up, b_c_low, b_c_up, a_s_low, a_s_up, b_s_low, b_s_up = (
         np.ascontiguousarray(variances.T) / 8
     )
-    cos, sin = np.cos(2 * psi), np.sin(2 * psi)
+    cos, sin = _double_angle(psi)
     halves = []
     for a_low, a_up, b_low, b_up in (
         (a_c_low, a_c_up, b_c_low, b_c_up),
@@ -103,5 +110,7 @@ def _limited(spread: Array, size: Array, unknown: float) -> Array:
     """σ = spread/size joined to that of an unknown angle; size 0 counts as unknown, NaN stays
     NaN."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        joined = spread / np.sqrt(size * size + (spread / unknown) ** 2)
-    return np.where(size == 0, unknown, joined)
+        joined = np.asarray(spread / np.sqrt(size * size + (spread / unknown) ** 2))
+    if not size.all():
+        joined[size == 0] = unknown
+    return joined

@@ -9,6 +9,8 @@ some ten times n, ten times the scatter.
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 
 Array = np.ndarray
@@ -24,13 +26,15 @@ five none of what the windows' own bends do from row to row. Their variance over
 1 + 16 + 36 + 16 + 1."""
 
 
-def estimate_scattered_variance(envelope: Array, own: Array) -> float:
-    """Variance a sample that the differences of envelopes (windows, tones) show, whose coefficients
-    have `own` (windows or 1,) of it; NaN where there are too few.
+def estimate_scattered_variance(envelope: Array, own: Array, every: int = 1) -> float:
+    """Variance a sample that the differences of envelopes (windows, tones) show, at one window of
+    `every`, whose coefficients have `own` (windows or 1,) of it; NaN where there are too few.
 
     The median leaves jumps aside (|z|² of a complex normal number has the median ln 2).
     """
-    differences = np.abs(np.diff(envelope, n=ORDER, axis=0)) ** 2
+    count = max(0, len(envelope) - ORDER)
+    terms = ((-1) ** k * comb(ORDER, k) * envelope[k : count + k : every] for k in range(ORDER + 1))
+    differences = np.abs(sum(terms)) ** 2
     differences = differences[np.isfinite(differences)]
     if len(differences) < FEWEST:
         return float("nan")

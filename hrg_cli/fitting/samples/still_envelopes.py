@@ -31,8 +31,9 @@ Array = np.ndarray
 TAKEN_OFF = 3
 """Times the slopes are found anew beside their own pull: of short windows at the ends it is a
 tenth of the wave's motion, and goes down to a fifth each time."""
-PROBE = 16
-"""One row of so many tells whether the curvature within short windows is worth its correction."""
+PROBE, PROBED = 16, 256
+"""One row of so many tells whether the curvature within short windows is worth its correction; of the
+scatter too where so many rows tell it."""
 
 
 @dataclass(frozen=True)
@@ -130,14 +131,15 @@ class MotionWithin:
         )
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[::PROBE]
         variance = float(np.median(fits.variance[::PROBE]))
+        own, every = fits.variance.mean(1), PROBE if u.shape[1] >= PROBED * PROBE else 1
         for k in range(2):
             noise2 = fits.residual2[k, ::PROBE] / np.maximum(freedom, 1) * variance
             noise2 = noise2[np.isfinite(noise2)]
             if not len(noise2):
                 continue
             # the residual of few samples is their motion's: the scatter from window to window is not
-            seen = estimate_scattered_variance(u[k], fits.variance.mean(1)) * variance
-            if pull2[k] > 0.01 * np.nanmin([np.median(noise2), seen]):
+            seen = estimate_scattered_variance(u[k], own, every) * variance
+            if pull2[k] > 0.01 * np.fmin(np.median(noise2), seen):
                 return True
         return False
 

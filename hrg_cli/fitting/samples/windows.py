@@ -23,7 +23,7 @@ BESIDE, MOVED = 8, 4.0
 """Rows on either side that tell the motion's share of one, and how many times that a row's residual may
 be: uneven samples hold it unequally."""
 
-CACHE_SAMPLES = 1 << 15
+CACHE_SAMPLES = 1 << 16
 """Samples turned to floats at once, so that they stay in the processor's cache."""
 
 LOST = 1e-9
@@ -81,20 +81,23 @@ def fit_even(raw: Array, basis: WindowBasis, apart: bool = False) -> tuple[Array
             part, rest = q[start : start + at_once], left[start : start + at_once]
             np.matmul(y, whole, out=part)
             square = _squares(y)
-            np.subtract(square, np.einsum("ij,ij->i", part, part), out=rest)
+            np.subtract(square, _squares(part), out=rest)
             # |y|² − |q|² of a clean recording is a difference of nearly equal numbers: below 1e-9
             # of |y|² it holds seven digits at most, and the noise comes from it.
             if (rest < LOST * square).any():
                 y -= part @ whole.T
                 rest[:] = _squares(y)
-        fit = q[:, :own] @ basis.triangle
-    return fit[:, 0::2] - 1j * fit[:, 1::2], left
+        # p and −q side by side are p − jq as they stand
+        fit = q[:, :own] @ (basis.triangle * np.tile([1.0, -1.0], len(basis.variance) // 2))
+    return fit.view(complex), left
 
 
 def _squares(y: Array) -> Array:
     """Σ y² of every row (rows,)."""
     return np.asarray(
-        np.einsum("ij,ij->i", y, y) if y.shape[1] < 64 else (y[:, None, :] @ y[:, :, None])[:, 0, 0]
+        (y * y) @ np.ones(y.shape[1])
+        if y.shape[1] < 64
+        else (y[:, None, :] @ y[:, :, None])[:, 0, 0]
     )
 
 
