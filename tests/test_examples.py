@@ -64,7 +64,10 @@ HELD = (
     ),
     *(
         f"fitting.causes.{name}"
-        for name in ("damping_bound", "left_out_folds", "motion_budget", "scales", "wave_frame")
+        for name in (
+            *("damping_bound", "left_out_folds", "motion_budget", "scales", "turned_motion"),
+            "wave_frame",
+        )
     ),
     "fitting.tables.allan",
     "fitting.tables.increment_noise",

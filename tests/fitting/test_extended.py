@@ -21,6 +21,7 @@ from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.causes.sensitivities import find_base_sensitivities, linearise_flow
 from hrg_cli.fitting.causes.walks import Walk
 from hrg_cli.fitting.causes.wave_frame import to_reals
+from hrg_cli.fitting.envelopes.coordinates import SCALE_FACTOR
 
 STRONG = {
     "cubic_stiffness": {"pull_rad_s": 3.0},
@@ -65,6 +66,23 @@ def test_all_steps_at_once_are_the_steps_row_by_row():
     )
     again = slow_prediction.predict(series, point, linearise_flow(near).near).motion
     np.testing.assert_allclose(again, marched, atol=1e-11)
+
+
+def test_a_driven_motion_is_found_from_one_that_ran_off_by_a_radian():
+    """Its phase runs off by 1.2 rad over the run, its angle by 0.5: plain sums of the changes would not
+    settle, and the rows be marched one by one."""
+    series, point = programme()
+    driven = replace(
+        series, forced=np.ones_like(series.forced), main_drive=0.3 + 0 * series.main_drive
+    )
+    p = point.p.copy()
+    p[SCALE_FACTOR] += 0.1
+    far = replace(point, p=p, offset_rad_s=point.offset_rad_s + 0.6)
+    near = linearise_flow(slow_prediction.predict(driven, far)).near
+    rule = slow_prediction.Rule(driven, point)
+    found = rule.settle(near, point.start)
+    assert found is not None
+    np.testing.assert_allclose(found, rule.marched(point.start), atol=1e-11)
 
 
 def beside(series, what):

@@ -22,7 +22,8 @@ from .slow_equation import (
     second_order_force,
 )
 from .slow_prediction import Near, Prediction, accumulate_steps
-from .wave_frame import real_matrix, to_complex, to_reals
+from .turned_motion import find_slope
+from .wave_frame import real_matrix, to_reals
 
 Array = np.ndarray
 ORDER_STEP = 1e-2
@@ -35,17 +36,6 @@ is rounding."""
 Wanted = tuple[Effect, Mapping[str, float], Mapping[str, float]]
 """An effect, the values where it stands (neutral for one that is not active), and the difference
 steps of the parameters asked for."""
-
-
-def slope(function: object, u: Array) -> Array:
-    """∂function/∂u as real (..., 4, 4) by central differences."""
-    # at 1e-4 of the wave central differences leave 1e-8 of the slope by curvature, 1e-12 by rounding
-    size = 1e-4 * np.maximum(np.sqrt(np.sum(np.abs(u) ** 2, -1, keepdims=True)), 1e-300)
-    columns = []
-    for unit in np.eye(4):
-        step = size * to_complex(unit)
-        columns.append(to_reals((function(u + step) - function(u - step)) / (2 * size)))  # type: ignore[operator]
-    return np.stack(columns, axis=-1)
 
 
 def spread(vectors: Array, g: Array) -> Array:
@@ -136,8 +126,8 @@ def linearise_flow(prediction: Prediction) -> Propagation:
     A, B = real_matrix(L), real_matrix(M)
     view = None
     if not rows.idle:
-        A, B = A + slope(rows.beside, u), B + slope(halves.beside, middle)
-        view = slope(rows.seen, u)
+        A, B = A + find_slope(rows.beside, u), B + find_slope(halves.beside, middle)
+        view = find_slope(rows.seen, u)
     eye = np.eye(4)
 
     def flow(first: Array, mid: Array, last: Array, h: Array) -> Array:

@@ -26,6 +26,7 @@ from .slow_equation import (
     find_steady_generators,
     predict_jumps,
 )
+from .turned_motion import find_slope, turn_motion
 from .wave_frame import real_matrix, to_complex, to_reals
 
 Array = np.ndarray
@@ -36,6 +37,11 @@ ALL = (slice(None, -1), slice(None), slice(1, None))
 MOST_SWEEPS, DRIFTING, SETTLED = 12, 1e-2, 1e-12
 """Sweeps of a motion over all its steps at once; relative change up to which it may grow from one
 to the next, and where it ends."""
+FARTHEST, BENT = 4.0, 1e-3
+"""Relative change beyond which rows are marched one by one, and from which a driven wave is turned
+instead of added to."""
+SLOPES_COST, MOST_SLOPES = 6, 2
+"""Sweeps that the slopes of all steps take as long as, and how often they are found anew."""
 
 
 @dataclass(frozen=True)
@@ -165,24 +171,32 @@ class Rule:
         units = (np.broadcast_to(unit, (*self.h.shape[:2], 2)) for unit in np.eye(2, dtype=complex))
         return np.stack([self.step(unit, ALL, None) for unit in units], axis=-1)
 
-    def settled(self, guess: Array, step: Array) -> Array | None:
-        """Motion (R, n, 2) that every step of the rule holds, from a guess with its start; None
-        where it is not found.
+    def settle(self, near: Near, start: Array) -> Array | None:
+        """Motion (R, n, 2) from `start` (R, 2) that every step of the rule holds, from one near it;
+        None where it is not found.
 
-        All steps at once: what they miss of the next row is carried on by propagators (R, n − 1, 4,
-        4) near theirs and taken off.
+        All steps at once: what they miss of the next row is carried on by propagators near theirs
+        and taken off. Propagators that gain little are those of another motion, and found anew.
         """
-        u, stages = guess, (self.rows.at(ALL[0]), self.halves, self.rows.at(ALL[2]))
-        last, zero = np.inf, np.zeros((len(u), 4, 1))
+        u, step = near
+        stages = (self.rows.at(ALL[0]), self.halves, self.rows.at(ALL[2]))
+        last, found_anew = np.inf, 0
         for _ in range(MOST_SWEEPS):
             missed = self.step(u[:, :-1], ALL, stages) - u[:, 1:]
-            change = to_complex(accumulate_steps(step, zero, to_reals(missed)[..., None])[..., 0])
-            u = u + change
+            off = to_reals(start - u[:, 0])[..., None]
+            change = to_complex(accumulate_steps(step, off, to_reals(missed)[..., None])[..., 0])
             size = float(np.max(np.abs(change))) / float(np.max(np.abs(u)))
-            if not size < max(last, DRIFTING):
+            if not size < min(max(last, DRIFTING), FARTHEST):
                 return None
+            if self.rows.driven and size > BENT:
+                u, step = turn_motion(u, change, step)
+            else:
+                u = u + change
             if size < SETTLED:
                 return u
+            if found_anew < MOST_SLOPES and _count_sweeps(last, size) > SLOPES_COST:
+                step = find_slope(lambda v: self.step(v, ALL, stages), u[:, :-1])
+                found_anew += 1
             last = size
         return None
 
@@ -206,6 +220,11 @@ class Rule:
             u = motion[:, k + 1] = self.step(u, (k, k, k + 1), (before, self.halves.at(k), after))
             before = after
         return motion
+
+
+def _count_sweeps(last: float, size: float) -> float:
+    """Sweeps that are left at the rate of the last one; none is known to be left after the first."""
+    return float(np.log(SETTLED / size) / np.log(size / last)) if size < last < np.inf else 0.0
 
 
 def accumulate_steps(step: Array, start: Array, source: Array) -> Array:
@@ -234,11 +253,8 @@ def predict(series: MeasuredRuns, point: Point, near: Near | None = None) -> Pre
             u[:, k + 1] = apply_generators(propagators[:, k], u[:, k])
         if rule.rows.idle:
             return Prediction(series, point, u, rule.rows.seen(u))
-        step = real_matrix(propagators)
-    else:
-        u, step = near[0].copy(), near[1]
-        u[:, 0] = point.start
-    found = rule.settled(u, step)
+        near = u, real_matrix(propagators)
+    found = rule.settle(near, point.start)
     motion = rule.marched(point.start) if found is None else found
     return Prediction(series, point, motion, rule.rows.seen(motion))
 
