@@ -29,11 +29,11 @@ from ..fitting.envelopes import envelope_runs
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.base.contradiction import find_strangers
 from .diagnosis.base.joint_fit import Cut, cut_at_losses, fit_base, fit_together
-from .diagnosis.closing.closing_checks import closing_checks, word
+from .diagnosis.closing.closing_checks import choose_word, make_closing_checks
 from .diagnosis.closing.sized import Sized
-from .diagnosis.closing.stability import stability
-from .diagnosis.closing.wander import wander
-from .diagnosis.extended.model import simulation_file
+from .diagnosis.closing.stability import examine_stability
+from .diagnosis.closing.wander import describe_wander
+from .diagnosis.extended.model import compose_simulation_file
 from .diagnosis.extended.written import Written, write_faithfully
 from .diagnosis.fits.scoring import is_gross
 from .diagnosis.fits.variants import Variant, variants
@@ -220,7 +220,7 @@ def _diagnosed(asked: Asked) -> Diagnosis:
         suspected = [mistake.suspicion]
         return refuse(asked.waves, cut.untouched, asked.searched, suspected, asked.resonator)
     causes = bool(case.search.found or result.samples.shown)
-    verdict = word(causes, bool(result.failed))
+    verdict = choose_word(causes, bool(result.failed))
     report = _report_result(verdict, asked, cut, pieces, result)
     report, shares = switched_off(report, case.search.base, case.search.final)
     record = record_of(case.search, asked.waves, verdict, report, result.model)
@@ -251,7 +251,9 @@ def _judge(
     sized = Sized.of(case)
     samples = _seen_in_samples(asked.waves, case, cut, tones)
     model, written = _written(asked, case, cut, pieces, samples)
-    closing = closing_checks(case, sized, written, samples.shown, samples.unnamed_hz, samples.odd)
+    closing = make_closing_checks(
+        case, sized, written, samples.shown, samples.unnamed_hz, samples.odd
+    )
     failed = checks.list_failures(closing)
     if failed and (folded := folded_beside(pieces, samples.named)):
         failed = [folded, *failed]
@@ -275,12 +277,12 @@ def _report_result(
         "effects": samples.shown + [in_form(cause, case.form) for cause in report["effects"]],
         "lines": samples.lines,
         "frequencies": case.frequencies,
-        "wander": wander(case.search.final),
+        "wander": describe_wander(case.search.final),
         "forecast": ahead,
         "checks": [check.table() for check in result.closing],
         "written_model": None if written is None else written.table(),
         "suspect_runs": [],
-        "stability": stability(case, ahead, lambda: asked.fit(pieces, coarser=2)),
+        "stability": examine_stability(case, ahead, lambda: asked.fit(pieces, coarser=2)),
         "scores": scores(case, result.sized),
         "not_separable": [*report["not_separable"], *mistakes],
         "remainder": left_over(report["remainder"], case.form, result.failed),
@@ -362,7 +364,7 @@ def _written(
     """The extended model as a simulation file, and how it does when it is simulated."""
 
     def file(change: Any, way: Any) -> str:
-        return simulation_file(
+        return compose_simulation_file(
             case.search.final, asked.waves, pieces, cut.origin, samples.shown, change, way,
             samples.tone,
         )  # fmt: skip

@@ -46,14 +46,14 @@ ROUNDING = 1e-9
 """Of what stands still: an order by its rounding is none."""
 
 
-def word(causes: bool, is_open: bool) -> str:
+def choose_word(causes: bool, is_open: bool) -> str:
     """The verdict's word from whether causes are named and whether anything stays open."""
     if is_open:
         return "partly explained" if causes else "unexplained"
     return "explained" if causes else "adequate"
 
 
-def closing_checks(
+def make_closing_checks(
     case: Case,
     sized: Sized,
     written: Written | None,
@@ -214,7 +214,7 @@ def _expected(fit: ExtendedFit, fold: Array) -> float:
     return float(np.sqrt(1 + unknown.sum() / len(fold)))
 
 
-def unknown_walk(fit: ExtendedFit) -> float:
+def estimate_unknown_walk(fit: ExtendedFit) -> float:
     """Walk of the wave, over σ, that the scatter of the drive's log may have left out of a run and
     that the fit's own σ do not hold."""
     if fit.series.scatter is not None:
@@ -222,7 +222,7 @@ def unknown_walk(fit: ExtendedFit) -> float:
     return float(np.max(Scatter.of(fit.series).walk))
 
 
-def beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
+def check_beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
     """A cause so many σ off zero beside a walk of the wave, in σ, that the scatter of the drive's
     log may have left out; nothing where that is less than the noise."""
     if walk < TOLD:
@@ -240,7 +240,7 @@ def beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
 def _causes(search: Search, sized: Sized, waveform: Sequence[dict[str, object]]) -> Iterator[Check]:
     """Every named cause on its own: off zero and of a thinkable size."""
     fit = search.final
-    walk = unknown_walk(fit)
+    walk = estimate_unknown_walk(fit)
     for one in search.found:
         name = one.variant.effect.name
         # a strike's sizes are held in the fit; their generalised least squares gave Δχ² as its gain
@@ -255,7 +255,7 @@ def _causes(search: Search, sized: Sized, waveform: Sequence[dict[str, object]])
             OWN_SIGMA,
             f"{name} is no more than {sigma:.2g} of its σ off zero",
         )
-        yield from beside_drive_log(name, sigma, walk)
+        yield from check_beside_drive_log(name, sigma, walk)
         yield checks.check_holds(
             f"{name}_is_possible",
             is_possible(one.variant.effect, fit),

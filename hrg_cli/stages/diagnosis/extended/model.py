@@ -31,7 +31,7 @@ FOR_HARMONICS = 19 - 5**0.5
 scatters with the root of the sampling."""
 
 
-def simulation_file(
+def compose_simulation_file(
     fit: ExtendedFit,
     waves: Sequence[Wave],
     pieces: Sequence[Wave],

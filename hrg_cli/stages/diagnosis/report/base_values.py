@@ -31,8 +31,8 @@ def values(
     them wrong.
 
     of_forcers: by how much causes of the drive that nothing excludes may move the coordinates
-    (`moves_of_forcers`). That is a part of every σ, and a parameter that they may move by more than
-    these runs show it to says so: it is a sum.
+    (`estimate_moves_of_forcers`). That is a part of every σ, and a parameter that they may move by
+    more than these runs show it to says so: it is a sum.
     """
     fit = sized.fit
     numbers, slopes = to_parameters(fit.point.p, fit.series.mode_number)

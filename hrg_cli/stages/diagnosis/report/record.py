@@ -12,7 +12,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.wave_frame import to_reals
 from ....physics import ellipse
 from ....records import Diagnosis, Wave
-from ..drive.scatter import sentence
+from ..drive.scatter import describe_scatter
 from ..search.damping_form import Form
 from ..search.selection import Search
 from .report import describe_in_words
@@ -80,6 +80,6 @@ def doubts(verdict: str, failed: Sequence[str], final: ExtendedFit) -> list[str]
     be why."""
     if verdict in ("adequate", "explained"):
         return []
-    scatter = sentence(final)
+    scatter = describe_scatter(final)
     open_ = [f'the verdict is "{verdict}": {"; ".join(failed[:3])}'] if failed else []
     return open_ + ([scatter] if scatter else [])

@@ -13,8 +13,8 @@ from ....fitting.causes.extended_fit import ExtendedFit, on_rows
 from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....records import Resonator
-from ..closing.forcers import moves_of_forcers
-from ..closing.loop_delay import moves_of_delay
+from ..closing.forcers import estimate_moves_of_forcers
+from ..closing.loop_delay import estimate_moves_of_delay
 from ..closing.sized import Sized
 from ..fits.variants import Variant
 from ..search.gain import Gain, figures
@@ -42,7 +42,11 @@ def report(
         "verdict": verdict,
         "mode_number": search.final.series.mode_number,
         "baseline": _figures(untouched),
-        "values": values(sized, resonator, moves_of_forcers(case) | moves_of_delay(search.final)),
+        "values": values(
+            sized,
+            resonator,
+            estimate_moves_of_forcers(case) | estimate_moves_of_delay(search.final),
+        ),
         "effects": [_effect(one, sized, by_name) for one in search.found],
         "after": _figures(search.final),
         "gain": figures(gain),

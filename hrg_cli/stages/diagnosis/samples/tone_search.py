@@ -16,7 +16,7 @@ from ....fitting.causes.extended_fit import ExtendedFit, unsettled_part
 from ....fitting.envelopes import channel_noise
 from ....fitting.envelopes.envelope_runs import envelopes_of
 from ....records import Wave
-from ..drive.scatter import corner_hz
+from ..drive.scatter import find_corner_hz
 from ..fits.scoring import is_gross
 from .tone import Tone
 
@@ -166,7 +166,7 @@ def _stand_out(spectrum: ResidualSpectrum, data: Sequence[Residual], fit: Extend
     own = np.concatenate([fit.point.offset_rad_s, fit.series.turn_rad_s]) / (2 * np.pi)
     nearest = np.min(np.abs(spectrum.frequency_hz[:, None] - own), axis=1)
     # a wave that walks under its drive has a spectrum of its own about the resonance
-    walk = 1 + (corner_hz(fit) / np.maximum(nearest, 1 / longest)) ** 2
+    walk = 1 + (find_corner_hz(fit) / np.maximum(nearest, 1 / longest)) ** 2
     spectrum = replace(spectrum, level=spectrum.level * walk)
     power, level = spectrum.power, spectrum.level
     mirror = spectrum.mirrored(float(np.mean(fit.point.offset_rad_s)) / (2 * np.pi))
