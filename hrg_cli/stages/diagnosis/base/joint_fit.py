@@ -29,7 +29,7 @@ from ..drive.tracker_start import allow_starts
 from ..fits.refits import loosen
 from ..fits.scoring import is_gross
 from ..samples.lost_samples import PhaseStep
-from ..samples.waveform import phase_steps, split_at
+from ..samples.waveform import find_phase_steps, split_at
 from ..thresholds import WORTH
 from .base_priors import choose_freedom
 from .data import is_averaged_well, prepare
@@ -196,7 +196,7 @@ def cut_at_losses(
 
     HrgError: the base model finds no fit to them together.
     """
-    steps = phase_steps(waves)
+    steps = find_phase_steps(waves)
     pieces, origin = split_at(waves, steps)
     base = fit_together(pieces, fitted)
     if steps:

@@ -19,9 +19,9 @@ from ....fitting.envelopes.base_freedom import nominal_scale_factor
 from ....physics import ellipse
 from ..drive.scatter import TOLD, Scatter
 from ..extended.written import Written
-from ..fits.places import another_start, beside_strike
+from ..fits.places import find_another_start, find_place_beside_strike
 from ..fits.scoring import is_possible
-from ..search.gain import folds_of, predict_folds
+from ..search.gain import choose_left_out_folds, predict_folds
 from ..search.search_case import Case
 from ..search.selection import Search
 from ..thresholds import (
@@ -160,11 +160,11 @@ def _strikes(fit: ExtendedFit, slow: float) -> Iterator[Check]:
     """No run moves on, from one of its rows, as from another start, and what strikes in the model is
     all that struck there."""
     moved = "from {:.4g} s on run {} moves as from another start: what struck it there is not {}"
-    found = [("nothing_strikes", another_start(fit, slow), INADEQUATE, "in the model")]
+    found = [("nothing_strikes", find_another_start(fit, slow), INADEQUATE, "in the model")]
     found += [
         (
             f"{effect.name}_is_what_struck",
-            beside_strike(values, fit, slow),
+            find_place_beside_strike(values, fit, slow),
             SIGNIFICANT,
             f"{effect.name} alone",
         )
@@ -186,7 +186,7 @@ def _runs(fit: ExtendedFit) -> Iterator[Check]:
     they may be."""
     if len(fit.series.names) < 2:
         return
-    kind, folds = folds_of(fit, fewest_runs=2)
+    kind, folds = choose_left_out_folds(fit, fewest_runs=2)
     left = predict_folds(fit, kind, folds, LEAST_INFORMATION)
     level = max(fit.chi2 / fit.dof, 1.0)
     ratios = [

@@ -24,7 +24,7 @@ WRONG = 4.0
 """σ from which a base value counts as wrong."""
 
 
-def values(
+def list_base_values(
     sized: Sized, resonator: Resonator | None, of_forcers: Mapping[str, Array]
 ) -> list[dict[str, Any]]:
     """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes

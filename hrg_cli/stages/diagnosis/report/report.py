@@ -17,12 +17,12 @@ from ..closing.forcers import estimate_moves_of_forcers
 from ..closing.loop_delay import estimate_moves_of_delay
 from ..closing.sized import Sized
 from ..fits.variants import Variant
-from ..search.gain import Gain, figures
+from ..search.gain import Gain, list_gain_figures
 from ..search.remainder import Remainder, Term
 from ..search.search_case import Case
 from ..search.selection import Found, Search
-from ..search.separability import not_separable
-from .base_values import values
+from ..search.separability import list_not_separable
+from .base_values import list_base_values
 from .tested import test_candidates
 
 
@@ -42,16 +42,16 @@ def report(
         "verdict": verdict,
         "mode_number": search.final.series.mode_number,
         "baseline": _figures(untouched),
-        "values": values(
+        "values": list_base_values(
             sized,
             resonator,
             estimate_moves_of_forcers(case) | estimate_moves_of_delay(search.final),
         ),
         "effects": [_effect(one, sized, by_name) for one in search.found],
         "after": _figures(search.final),
-        "gain": figures(gain),
+        "gain": list_gain_figures(gain),
         "tested": test_candidates(case),
-        "not_separable": not_separable(case),
+        "not_separable": list_not_separable(case),
         "noise_factor": case.inquiry.noise.slow,
         "correlations": _correlations(search),
         "remainder": None if case.remainder is None else describe(case.remainder),

@@ -43,7 +43,7 @@ Residual = tuple[Array, Array, Array]
 σ (n,)."""
 
 
-def residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]:
+def collect_residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]:
     """Of every run at the windows' own rate, against the common reference; without the windows that
     the model leaves out."""
     from scipy.interpolate import CubicSpline
@@ -108,10 +108,10 @@ class ResidualSpectrum:
         return np.asarray(chdtrc(4 * self.runs, 4 * self.runs * ratio))
 
 
-def strongest(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
+def find_strongest_tone(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
     """The strongest one-sided tone that stands out of its surroundings by chance once in a million,
     common to the runs in frequency; beside a gross misfit one that stands there alone."""
-    data = residuals(fit, waves)
+    data = collect_residuals(fit, waves)
     spectrum = _spectrum(data)
     if spectrum is None:
         return None

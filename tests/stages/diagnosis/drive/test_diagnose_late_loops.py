@@ -11,7 +11,7 @@ from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 from hrg_cli.stages.diagnosis.closing.loop_delay import NAME, estimate_moves_of_delay
 from hrg_cli.stages.diagnosis.closing.sized import Sized
-from hrg_cli.stages.diagnosis.report.base_values import values
+from hrg_cli.stages.diagnosis.report.base_values import list_base_values
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import simulate
 
@@ -55,7 +55,7 @@ def sigmas(fit, delay_periods):
 
 def told(fit):
     """The scale factor as the report has it."""
-    rows = values(Sized(fit, fit, 1.0), None, estimate_moves_of_delay(fit))
+    rows = list_base_values(Sized(fit, fit, 1.0), None, estimate_moves_of_delay(fit))
     return next(row for row in rows if row["name"] == "scale_factor")
 
 

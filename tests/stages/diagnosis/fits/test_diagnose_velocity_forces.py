@@ -14,7 +14,7 @@ from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.stages.diagnosis.base.base_priors import choose_freedom
 from hrg_cli.stages.diagnosis.base.data import prepare
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
-from hrg_cli.stages.diagnosis.fits.open_terms import covariates
+from hrg_cli.stages.diagnosis.fits.open_terms import list_covariates
 
 GYRO = {
     "device": {
@@ -105,5 +105,5 @@ def test_a_temperature_that_only_rounding_moves_has_no_rate():
         w.replace(temperature_degc=w.temperature_degc + 1e-14 * np.arange(len(w))) for w in waves
     ]
     fit = fit_base(dusty, scale_factor=None, blocks=120, free_phase=False)
-    formulas = {c.formula for c in covariates(fit.series, fit.prediction.motion)}
+    formulas = {c.formula for c in list_covariates(fit.series, fit.prediction.motion)}
     assert "(T − T₀)/ΔT" in formulas and "Ṫ/Ṫ₀" not in formulas

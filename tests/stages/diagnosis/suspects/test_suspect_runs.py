@@ -12,7 +12,7 @@ from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.base.base_priors import choose_freedom
 from hrg_cli.stages.diagnosis.base.data import prepare
 from hrg_cli.stages.diagnosis.base.rate_steps import fit_rate_steps
-from hrg_cli.stages.diagnosis.fits.variants import variants
+from hrg_cli.stages.diagnosis.fits.variants import list_variants
 from hrg_cli.stages.diagnosis.suspects import suspect_runs
 
 SAMPLED = tuple(KINDS)
@@ -30,7 +30,7 @@ def fitted(pieces, quick=False):
 
 def suspicions(waves):
     base = fitted(waves)
-    candidates = variants(
+    candidates = list_variants(
         [effect for effect in EFFECTS if effect.name not in IN_THE_WAVEFORM], base
     )
     return suspect_runs(waves, fitted, base, candidates)
