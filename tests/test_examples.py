@@ -66,8 +66,13 @@ HELD = (
         f"fitting.causes.{name}"
         for name in ("damping_bound", "left_out_folds", "motion_budget", "scales", "wave_frame")
     ),
-    "fitting.tables.allan",
-    "fitting.tables.increment_noise",
+    *(
+        f"fitting.tables.{name}"
+        for name in (
+            *("allan", "allan_terms", "bends", "common_walk", "dwells", "increment_noise"),
+            *("increments", "joint", "normal_pieces", "shrinkage", "table_design", "table_layout"),
+        )
+    ),
 )
 """Modules that are told whole: every public function has its sections and an example."""
 
