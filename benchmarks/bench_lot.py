@@ -16,7 +16,7 @@ import numpy as np
 from recordings import GYRO, RATE_HZ, measured, run_down
 
 from hrg_cli import store
-from hrg_cli.lots.batch import executor_for, run_lot
+from hrg_cli.lots.batch import choose_executor, run_lot
 
 SAMPLES, RUNS = 20_000, 4
 SPREAD_HZ = 2.0
@@ -56,7 +56,7 @@ def inside(lot: Path, folder: Path, jobs: int) -> dict[str, float]:
         seen.append((pages * resource.getpagesize() / 1e6, len(os.listdir("/proc/self/fd"))))
 
     started, before = time.perf_counter(), used(resource.RUSAGE_SELF)
-    report = run_lot(lot, folder, open_executor=executor_for(jobs), progress=look)
+    report = run_lot(lot, folder, open_executor=choose_executor(jobs), progress=look)
     if report["passed"] != report["gyros"]:
         raise SystemExit(f"{report['status_reasons'][:3]}")
     tenth = seen[len(seen) // 10]

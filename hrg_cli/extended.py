@@ -8,7 +8,7 @@ from pathlib import Path
 
 from . import store
 from .records import Diagnosis, Source
-from .stages.diagnosis.extended.extended_resonator import extended_resonator
+from .stages.diagnosis.extended.extended_resonator import build_extended_resonator
 
 
 def extended_paths(output: Path) -> tuple[Path, Path]:
@@ -28,7 +28,7 @@ def write_extended(diagnosis: Diagnosis, output: Path, force: bool) -> list[Path
         with store.atomic_path(model, force) as temporary:
             temporary.write_text(diagnosis.extended_model, encoding="utf-8")
         written.append(model)
-    record = extended_resonator(diagnosis)
+    record = build_extended_resonator(diagnosis)
     if record is not None:
         provenance = replace(
             diagnosis.provenance, sources=(Source(output.name, "diagnosis", store.sha256(output)),)

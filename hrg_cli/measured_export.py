@@ -1,8 +1,8 @@
 """The measured part of a drift model, seed A (11) or (12), for the exports: columns of the CSV,
 formula of the JSON, a C function.
 
-The formulas are those of `stages.calibration.table.measured_drift`, with the 1/(1 − r²) they were
-fitted with.
+The formulas are those of `stages.calibration.table.compute_measured_drift`, with the 1/(1 − r²)
+they were fitted with.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 
 from .records import Calibration
 from .stages.calibration.factors import LEAST_FLATNESS
-from .stages.calibration.table import MeasuredDrift, measured_at
+from .stages.calibration.table import MeasuredDrift, interpolate_measured
 
 Array = np.ndarray
 FINE_NODES = 129
@@ -32,7 +32,7 @@ MEASURED_FORMULA = {
 
 def csv_measured(calibration: Calibration) -> tuple[list[str], list[list[float]]]:
     """(further columns, their values a node); none for a model without a measured part."""
-    part = measured_at(calibration, np.asarray(calibration.node, float))
+    part = interpolate_measured(calibration, np.asarray(calibration.node, float))
     if part is None:
         return [], [[] for _ in calibration.node]
     names, values = _columns(part)
@@ -55,14 +55,14 @@ def c_measured(calibration: Calibration, nodes: Array) -> str:
     """The C function `hrg_measured_drift_rad_s(x, theta, ratio, frequency_hz)`, the same for every
     model; nodes: the header's."""
     fine = np.linspace(nodes[0], nodes[-1], FINE_NODES) if len(nodes) > 1 else nodes
-    part = measured_at(calibration, fine)
+    part = interpolate_measured(calibration, fine)
     if part is None:
         return _NONE
     _, values = _columns(part)
     between = (fine[1:] + fine[:-1]) / 2
     worst = np.zeros(values.shape[1])
     if len(between):
-        truth = measured_at(calibration, between)
+        truth = interpolate_measured(calibration, between)
         assert truth is not None
         worst = np.abs((values[1:] + values[:-1]) / 2 - _columns(truth)[1]).max(axis=0)
     rows = ",\n".join("    {" + ", ".join(f"{v:.17g}" for v in row) + "}" for row in values)

@@ -69,8 +69,13 @@ HELD = (
             "wave_frame",
         )
     ),
-    "fitting.tables.allan",
-    "fitting.tables.increment_noise",
+    *(
+        f"fitting.tables.{name}"
+        for name in (
+            *("allan", "allan_terms", "bends", "common_walk", "dwells", "increment_noise"),
+            *("increments", "joint", "normal_pieces", "shrinkage", "table_design", "table_layout"),
+        )
+    ),
 )
 """Modules that are told whole: every public function has its sections and an example."""
 

@@ -13,7 +13,7 @@ from ..errors import HrgError
 from ..extras import without_pages
 from ..ledger import database
 from ..ledger.lots import enter_lot
-from ..lots.batch import executor_for, run_lot
+from ..lots.batch import choose_executor, run_lot
 from ..lots.lot_settings import PER_GYRO, PER_RECORDING, LotSettings, read_lot
 from ..pipeline import STAGES
 from ..reporting import console
@@ -82,7 +82,7 @@ def batch_file(
         report = run_lot(
             path,
             folder,
-            open_executor=executor_for(run.jobs, dask, scheduler),
+            open_executor=choose_executor(run.jobs, dask, scheduler),
             force=run.force,
             assignments=assignments,
             over=over,

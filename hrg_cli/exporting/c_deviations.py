@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..records import Calibration
-from ..stages.calibration.table import standard_deviations
+from ..stages.calibration.table import compute_standard_deviations
 
 Array = np.ndarray
 PIECES = 16
@@ -20,7 +20,9 @@ def c_deviations(calibration: Calibration) -> str:
     wave angle."""
     places = _places(np.asarray(calibration.node, float))
     angles = np.arange(ANGLES) * np.pi / calibration.mode_number / ANGLES
-    stds = standard_deviations(calibration, np.repeat(places, ANGLES), np.tile(angles, len(places)))
+    stds = compute_standard_deviations(
+        calibration, np.repeat(places, ANGLES), np.tile(angles, len(places))
+    )
     largest = [std.reshape(len(places), ANGLES).max(axis=1) for std in stds]
     rows = ",\n".join(
         "    {" + ", ".join(_literal(v) for v in row) + "}" for row in zip(places, *largest)

@@ -14,7 +14,7 @@ from pydantic import Field
 from ..errors import HrgError
 from ..measured_export import MEASURED_FORMULA, csv_measured
 from ..records import Calibration
-from ..stages.calibration.table import TABLES, interpolation_std, standard_deviations
+from ..stages.calibration.table import TABLES, compute_standard_deviations, read_interpolation_std
 from ..stages.rate_table import is_rate_table
 from .c_header import Exported, make_header
 
@@ -140,13 +140,13 @@ def _midway(calibration: Calibration) -> dict[str, np.ndarray]:
     """Standard deviations (node, angle) of D and K midway to the next node (the last one's: to the node before), by
     column; none where interpolation adds nothing that was estimated."""
     nodes, angles = np.asarray(calibration.node, float), np.asarray(calibration.wave_angle_rad)
-    if len(nodes) < 2 or not interpolation_std(calibration):
+    if len(nodes) < 2 or not read_interpolation_std(calibration):
         return {}
     places, theta = np.meshgrid((nodes[1:] + nodes[:-1]) / 2, angles, indexing="ij")
     return {
         f"{name}_std_midway": std.reshape(places.shape)[[*range(len(nodes) - 1), -1]]
         for name, std in zip(
-            TABLES, standard_deviations(calibration, places.ravel(), theta.ravel())
+            TABLES, compute_standard_deviations(calibration, places.ravel(), theta.ravel())
         )
     }
 
@@ -174,7 +174,7 @@ def _json(calibration: Calibration) -> str:
             else details["measured"] | {"formula": MEASURED_FORMULA[details["measured"]["kind"]]}
         ),
     }
-    doubt = interpolation_std(calibration)
+    doubt = read_interpolation_std(calibration)
     tree["interpolation_std"] = doubt | {"formula": BETWEEN_FORMULA} if doubt else None
     if is_rate_table(calibration):
         tree |= {

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..lots.lot_tasks import safe_name
+from ..lots.lot_tasks import make_safe_name
 from . import database
 from .entering import entry_of
 from .entry import CIRCUMSTANCES
@@ -24,7 +24,7 @@ def enter_lot(
             continue
         given = {name: str(row[name]) for name in CIRCUMSTANCES if row.get(name)}
         given = {"order": str(report.get("lot_id", ""))} | given
-        place = folder / safe_name(row["gyro_id"])
+        place = folder / make_safe_name(row["gyro_id"])
         found = [place / name for name in results if (place / name).is_file()]
         entries += [entry_of(path, row["gyro_id"], given) for path in found]
     new = sum(database.add(ledger, entries))

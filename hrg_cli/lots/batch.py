@@ -23,17 +23,19 @@ from ..executors import OpenExecutor, dask_workers, local_processes, run_tasks
 from ..extras import warn_of_plain_python, without_pages
 from .groups import Origin
 from .gyro_page import PAGE
-from .lot_course import LotCourse, Progress, saying_how_far
-from .lot_diagnosis import lot_diagnosis
-from .lot_folder import MARK, claim, only_writer, write_text
-from .lot_report import measured, plain_paths, report_of
-from .lot_settings import read_lot, recordings_of
-from .lot_table import judged_rows, write_table
-from .lot_tasks import tasks_of
+from .lot_course import LotCourse, Progress, say_how_far
+from .lot_diagnosis import diagnose_lot
+from .lot_folder import MARK, claim, hold_as_only_writer, write_text
+from .lot_report import make_lot_report, plain_paths, read_measured
+from .lot_settings import list_recordings, read_lot
+from .lot_table import judge_rows, write_table
+from .lot_tasks import list_tasks
 from .lot_work import Task, work
 
 
-def executor_for(jobs: int = 1, dask: bool = False, scheduler: str | None = None) -> OpenExecutor:
+def choose_executor(
+    jobs: int = 1, dask: bool = False, scheduler: str | None = None
+) -> OpenExecutor:
     """The executor a command line asks for: local processes, Dask workers started here, or those of
     a running scheduler."""
     if scheduler is not None or dask:
@@ -63,29 +65,29 @@ def run_lot(
     path, folder = Path(path), Path(folder)
     lot = read_lot(path, assignments, over)
     command = _command(path, assignments, over)
-    recordings = recordings_of(lot, path)
+    recordings = list_recordings(lot, path)
     claim(folder, force)
     if "diagnose" in lot.stages:  # simulates what it has written
         warn_of_plain_python()
-    with only_writer(folder):
-        tasks = tasks_of(lot, recordings, folder, command)
+    with hold_as_only_writer(folder):
+        tasks = list_tasks(lot, recordings, folder, command)
         course = LotCourse(lot, tasks, progress)
-        with saying_how_far(folder, course):
+        with say_how_far(folder, course):
             run_tasks(
                 work,
                 list[Task](tasks.recordings),
-                open_executor or executor_for(),
+                open_executor or choose_executor(),
                 then=course.after,
             )
         found = [plain_paths(r, folder, path) for r in course.gyros]
         told = [plain_paths(r, folder, path) for r in course.recordings]
-        rows = judged_rows(lot, told, found)
-        whole = lot_diagnosis(found, measured(rows, found), tasks.origins, lot.common_rate)
+        rows = judge_rows(lot, told, found)
+        whole = diagnose_lot(found, read_measured(rows, found), tasks.origins, lot.common_rate)
         for row in rows:
             origin = tasks.origins.get(row["gyro_id"], Origin({}))
             row |= {**origin.groups, **({"day": origin.day} if origin.day else {})}
         store.remove_stale(folder, below=True)  # of workers that were killed
-        report = report_of(lot, rows, told) | whole
+        report = make_lot_report(lot, rows, told) | whole
         write_table(folder, rows)
         folders = {t.gyro_id: Path(t.folder) for t in tasks.recordings if Path(t.folder).is_dir()}
         pages = {

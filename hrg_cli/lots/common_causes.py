@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from .groups import Group, Origin, groups_of, tests
-from .pooling import Pooled, improbability, pool
+from .groups import Group, Origin, count_tests, list_groups
+from .pooling import Pooled, compute_improbability, pool
 
 Array = np.ndarray
 WORTH = 10.0
@@ -84,7 +84,7 @@ class CommonCauses:
     rate: float
 
 
-def estimates_of(scores: Sequence[Mapping[str, Any] | None]) -> Estimates:
+def gather_estimates(scores: Sequence[Mapping[str, Any] | None]) -> Estimates:
     """The gyros' scores side by side; None: a gyro that was not diagnosed."""
     names = list(dict.fromkeys(name for one in scores if one for name in one["names"]))
     place = {name: k for k, name in enumerate(names)}
@@ -125,18 +125,18 @@ def estimate_beside(estimates: Estimates, cause: int, members: Sequence[int]) ->
     return Estimates(estimates.names, estimates.units, z, per_sigma, alike)
 
 
-def common_causes(
+def find_common_causes(
     scores: Sequence[Mapping[str, Any] | None],
     origins: Sequence[Origin],
     rate: float = 0.01,
 ) -> CommonCauses:
     """What groups of a lot's gyros have in common; `rate`: chance that a clean lot is given
     anything."""
-    first = estimates_of(scores)
-    groups = groups_of(origins)
+    first = gather_estimates(scores)
+    groups = list_groups(origins)
     tables = [_pooled(first, group) for group in groups]
     known = [np.isfinite(table.z) for table in tables]
-    price = tests(known, groups)
+    price = count_tests(known, groups)
     tested = int(np.sum(known))
     taken: list[tuple[int, Group]] = []
     now, explained = first, np.zeros(first.z.shape)
@@ -177,7 +177,9 @@ def _surest(
     """(cause, group) of the largest z² less the price of a smaller group, of those that are sure."""
     best: tuple[float, int, int] | None = None
     for place, (table, group) in enumerate(zip(tables, groups, strict=True)):
-        sure = np.isfinite(table.z) & (improbability(np.nan_to_num(table.z)) * price[place] < rate)
+        sure = np.isfinite(table.z) & (
+            compute_improbability(np.nan_to_num(table.z)) * price[place] < rate
+        )
         for cause in np.flatnonzero(sure):
             if any(cause == c and group.members == g.members for c, g in taken):
                 continue
@@ -232,7 +234,7 @@ def _describe_cause(
         float(table.std[cause]),
         float(table.spread[cause]),
         float(table.z[cause]),
-        min(1.0, float(improbability(table.z[cause])) * price),
+        min(1.0, float(compute_improbability(table.z[cause])) * price),
         int(table.count[cause]),
         tuple(rivals),
         tuple(int(k) for k in rows[in_group & ~table.used[:, cause]]),

@@ -59,7 +59,7 @@ class Group:
         return text + (f" until {self.until}" if self.until else "")
 
 
-def groups_of(origins: Sequence[Origin]) -> list[Group]:
+def list_groups(origins: Sequence[Origin]) -> list[Group]:
     """Every group with enough gyros, none twice; the whole lot first."""
     whole = [Group(tuple(range(len(origins))))]
     for by in GROUPED_BY:
@@ -84,7 +84,7 @@ def groups_of(origins: Sequence[Origin]) -> list[Group]:
     return list(found.values())
 
 
-def tests(known: Sequence[Array], groups: Sequence[Group]) -> Array:
+def count_tests(known: Sequence[Array], groups: Sequence[Group]) -> Array:
     """How many tests a single one's p is multiplied by, a group: those of its kind (limited in time
     or not), times the kinds there are, which share the rate evenly.
 

@@ -53,7 +53,7 @@ def _missed(found: Answer) -> list[str]:
     ]
 
 
-def label(name: str) -> str:
+def label_figure(name: str) -> str:
     """A figure in words."""
     stem = name.removeprefix("values.").removesuffix(".value")
     if stem == "damping_rate_1_s":  # its values and limits are rates

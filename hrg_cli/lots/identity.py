@@ -68,7 +68,7 @@ def is_readable(file: Path) -> bool:
         return False
 
 
-def owner_of(file: Path, readable: Mapping[Path, str]) -> tuple[str, str]:
+def find_owner(file: Path, readable: Mapping[Path, str]) -> tuple[str, str]:
     """(gyro, what tells it) of a recording that cannot be read; two empty texts where nothing does.
 
     readable: the gyro of every recording of the lot that could be read.

@@ -12,7 +12,7 @@ from typing import Any
 from .. import store
 from ..errors import DiskFullError, InterruptedRunError
 from .lot_settings import LotSettings
-from .lot_tasks import LotTasks, gyro_task
+from .lot_tasks import LotTasks, make_gyro_task
 from .lot_work import GyroTask, RecordingTask, Task
 
 Progress = Callable[[float | None], None]
@@ -43,7 +43,7 @@ class LotCourse:
             own = self._of_gyro[task.gyro_id]
             if all((one.gyro_id, one.name) in self._recordings for one in own):
                 done = [self._recordings[one.gyro_id, one.name] for one in own]
-                following = [gyro_task(self._lot, own[0], done)]
+                following = [make_gyro_task(self._lot, own[0], done)]
         self._progress(
             (len(self._recordings) + len(self._gyros))
             / (len(self._tasks.recordings) + len(self._of_gyro))
@@ -70,7 +70,7 @@ class LotCourse:
 
 
 @contextlib.contextmanager
-def saying_how_far(folder: Path, course: LotCourse) -> Iterator[None]:
+def say_how_far(folder: Path, course: LotCourse) -> Iterator[None]:
     """An interrupted lot says how far it came and cleans up after its workers; so does one whose
     disk is full."""
     try:

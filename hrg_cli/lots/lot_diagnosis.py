@@ -13,21 +13,21 @@ from ..effects import EFFECTS
 from ..reporting.answer_words import in_words
 from ..reporting.quantities import LABELS, RATE_OF_DECAY, unit_for
 from ..reporting.text import number, plain
-from .common_causes import CommonCause, common_causes, estimates_of
+from .common_causes import CommonCause, find_common_causes, gather_estimates
 from .groups import Group, Origin
 from .lot_table import NO_ORDER
-from .shifts import Population, Shift, populations, shifts
+from .shifts import Population, Shift, estimate_populations, find_shifts
 
 Gyro = Mapping[str, Any]
 
 
-def lot_diagnosis(
+def diagnose_lot(
     gyros: Sequence[Gyro],
     figures: Sequence[Mapping[str, tuple[float, float]]],
     origins: Mapping[str, Origin],
     rate: float,
 ) -> dict[str, Any]:
-    """`lot_causes`, `lot_tests`, `populations` of a lot's report.
+    """`lot_causes`, `lot_tests`, `estimate_populations` of a lot's report.
 
     gyros: {gyro_id, results: {stage: JSON}}; figures: (value, σ) by name of each; rate: chance that
     a lot whose gyros have nothing in common is told that they have (half of it for causes, half for
@@ -36,9 +36,9 @@ def lot_diagnosis(
     own = [origins.get(gyro["gyro_id"], Origin({})) for gyro in gyros]
     names = [str(gyro["gyro_id"]) for gyro in gyros]
     scores = [_scores(gyro) for gyro in gyros]
-    found = common_causes(scores, own, rate / 2)
+    found = find_common_causes(scores, own, rate / 2)
     ordered = [{k: v for k, v in one.items() if k not in NO_ORDER} for one in figures]
-    moved, tested = shifts(ordered, own, rate / 2)
+    moved, tested = find_shifts(ordered, own, rate / 2)
     return {
         "lot_causes": [
             *(_cause(one, names, gyros, own) for one in found.causes),
@@ -51,7 +51,7 @@ def lot_diagnosis(
             "gyros_diagnosed": sum(one is not None for one in scores),
         },
         "populations": {
-            **{one.name: _population(one) for one in populations(ordered)},
+            **{one.name: _population(one) for one in estimate_populations(ordered)},
             **_pool_causes(scores),
         },
     }
@@ -197,7 +197,7 @@ def _units(name: str) -> str:
 
 def _pool_causes(scores: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:
     """The population of every cause's size, by "effect.parameter"."""
-    estimates = estimates_of(scores)
+    estimates = gather_estimates(scores)
     if not estimates.names:
         return {}
     pairs = zip(estimates.value, estimates.std, strict=True)
@@ -211,5 +211,5 @@ def _pool_causes(scores: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:
     ]
     return {
         one.name: _population(one) | {"units": estimates.units[one.name]}
-        for one in populations(measured)
+        for one in estimate_populations(measured)
     }

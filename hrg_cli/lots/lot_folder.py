@@ -37,7 +37,7 @@ def claim(folder: Path, force: bool) -> None:
 
 
 @contextlib.contextmanager
-def only_writer(folder: Path) -> Iterator[None]:
+def hold_as_only_writer(folder: Path) -> Iterator[None]:
     """No two programs work on one lot at a time."""
     handle = os.open(folder, os.O_RDONLY)
     try:

@@ -29,7 +29,7 @@ def plain_paths(result: Mapping[str, Any], folder: Path, lot_file: Path) -> dict
     return {key: strip(value) for key, value in result.items()}
 
 
-def measured(
+def read_measured(
     rows: Sequence[Mapping[str, Any]], gyros: Sequence[Mapping[str, Any]]
 ) -> list[dict[str, tuple[float, float]]]:
     """(value, σ) of every figure of these gyros, from the table."""
@@ -45,7 +45,7 @@ def measured(
     ]
 
 
-def report_of(
+def make_lot_report(
     lot: LotSettings, rows: list[dict[str, Any]], recordings: list[dict[str, Any]]
 ) -> dict[str, Any]:
     """Refused: a gyro did not pass, or a recording cannot be read; suspect: one has a fault, stands

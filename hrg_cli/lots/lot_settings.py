@@ -207,7 +207,7 @@ def read_lot(
     return lot
 
 
-def recordings_of(lot: LotSettings, path: Path) -> list[tuple[str | None, Path]]:
+def list_recordings(lot: LotSettings, path: Path) -> list[tuple[str | None, Path]]:
     """(gyro or None, file) of every recording that the lot's file names, sorted, none twice.
     HrgError: a name or pattern that no file fits."""
     found: dict[Path, str | None] = {}

@@ -11,9 +11,9 @@ from typing import Any
 
 from .. import store
 from ..reporting.text import number, signed, spreadsheet
-from .gyro_page import label
+from .gyro_page import label_figure
 from .lot_settings import LotSettings
-from .pooling import FEWEST, MAD, far_limit
+from .pooling import FEWEST, MAD, compute_far_limit
 
 ROUNDING = 1e-9
 """Part of a value to which gyros agree that were given it."""
@@ -23,7 +23,7 @@ NO_ORDER = ("damping_axis_rad", "stiffness_axis_rad")
 """Axes lie at random; none of them stands out."""
 
 
-def judged_rows(
+def judge_rows(
     lot: LotSettings, recordings: Sequence[Mapping[str, Any]], gyros: Sequence[Mapping[str, Any]]
 ) -> list[dict[str, Any]]:
     """Rows in the order of the gyros' names; every row has the same keys.
@@ -153,7 +153,7 @@ def _reason(row: Mapping[str, Any]) -> str:
         said.append(f"{row['verdict']}: no known cause")
     said += [*row["failed"], *row["missed"], *row["lost"]]
     said += [
-        f"{label(name)} {signed(row['distances'][name])} robust σ off the lot"
+        f"{label_figure(name)} {signed(row['distances'][name])} robust σ off the lot"
         for name in row["far"]
     ]
     return "; ".join(said)
@@ -171,7 +171,7 @@ def _distances(rows: list[dict[str, Any]], name: str, fixed: float | None, rate:
     ]
     if len(values) < FEWEST:
         return
-    limit = far_limit(len(values), rate) if fixed is None else fixed
+    limit = compute_far_limit(len(values), rate) if fixed is None else fixed
     middle = median(values)
     # gyros whose value is held all agree; rounding is no spread
     spread = max(MAD * median(abs(v - middle) for v in values), ROUNDING * abs(middle))

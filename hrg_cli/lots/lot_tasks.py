@@ -17,7 +17,7 @@ from typing import Any
 from ..errors import HrgError
 from ..formats import partners
 from .groups import Origin
-from .identity import Told, group_keys, is_readable, owner_of, read_gyro_id
+from .identity import Told, find_owner, group_keys, is_readable, read_gyro_id
 from .lot_settings import PER_GYRO, PER_RECORDING, LotSettings
 from .lot_work import GyroTask, RecordingTask
 
@@ -42,7 +42,7 @@ class LotTasks:
         return _unreadable(Path(task.source), result["error"], task.gyro_id, by)
 
 
-def tasks_of(
+def list_tasks(
     lot: LotSettings, recordings: Sequence[tuple[str | None, Path]], folder: Path, command: str
 ) -> LotTasks:
     """The tasks of a lot's recordings, (gyro that the lot's file names or None, file) each."""
@@ -51,7 +51,7 @@ def tasks_of(
     told: dict[Path, Told] = {}
     by: dict[str, str] = {}
     used: set[tuple[str, str]] = set()
-    epoch = epoch_of(lot)
+    epoch = read_epoch(lot)
     second = partners(
         [file for _, file in recordings], lambda file: lot.table("import", file.name).get("s_file")
     )
@@ -70,19 +70,19 @@ def tasks_of(
         gyro = named or said.gyro_id or file.parent.name
         told[file] = Told(gyro, said.day, said.groups)
         by[str(file)] = BY_LOT if named else _tell_origin(said)
-        name = safe_name(file.stem)
+        name = make_safe_name(file.stem)
         if (gyro, name) in used:
             name = f"{name}-{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
         used.add((gyro, name))
         stages = (*(["import"] if foreign else []), *PER_RECORDING)
         values = {stage: lot.values(stage, file.name) for stage in stages}
-        place = str(folder.absolute() / safe_name(gyro))
+        place = str(folder.absolute() / make_safe_name(gyro))
         tasks.append(
             RecordingTask(str(file), place, name, gyro, epoch, values, foreign, lot.lot_id, command)
         )
     known = {file: one.gyro_id for file, one in told.items()}
     lost = [
-        _unreadable(file, error, *((named, BY_LOT) if named else owner_of(file, known)))
+        _unreadable(file, error, *((named, BY_LOT) if named else find_owner(file, known)))
         for named, file, error in unread
     ]
     tasks.sort(key=lambda task: (task.gyro_id, task.folder))
@@ -93,7 +93,7 @@ def _tell_origin(said: Told) -> str:
     return "its gyro_id can still be read" if said.gyro_id else "by its folder's name"
 
 
-def gyro_task(
+def make_gyro_task(
     lot: LotSettings, one: RecordingTask, results: Sequence[Mapping[str, Any]]
 ) -> GyroTask:
     """The task of a gyro: of one of its recordings, and of what came of all."""
@@ -141,7 +141,7 @@ def _origins(lot: LotSettings, told: Mapping[Path, Told]) -> dict[str, Origin]:
     }
 
 
-def epoch_of(lot: LotSettings) -> int | None:
+def read_epoch(lot: LotSettings) -> int | None:
     """The time that all files of the lot bear, s since 1970, where the lot or SOURCE_DATE_EPOCH
     orders one; None: the true one."""
     if lot.created:
@@ -150,7 +150,7 @@ def epoch_of(lot: LotSettings) -> int | None:
     return int(float(fixed)) if fixed else None
 
 
-def safe_name(text: str) -> str:
+def make_safe_name(text: str) -> str:
     """A file name that stays in its folder whatever the text; texts that had to be changed stay
     distinct."""
     plain = re.sub(r"[^A-Za-z0-9_+.-]", "_", text).lstrip(".")[:60]

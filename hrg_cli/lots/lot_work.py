@@ -84,7 +84,7 @@ def work(task: Task) -> dict[str, Any]:
     return work_gyro(task) if isinstance(task, GyroTask) else work_recording(task)
 
 
-def line(task: Task, stage: str, inputs: Sequence[Path], output: Path) -> str:
+def write_history_line(task: Task, stage: str, inputs: Sequence[Path], output: Path) -> str:
     """The line of `history`: the step as a command of its own, and the command that ran it."""
     return (
         f"hrg {stage} {shlex.join(p.name for p in inputs)} -o {shlex.quote(output.name)} (in:"
@@ -112,7 +112,9 @@ def work_recording(task: RecordingTask) -> dict[str, Any]:
                 "gyro_id": task.gyro_id,
                 "lot_id": task.lot_id,
             }
-        work = chain.Work(folder, settings, same_if=[task.epoch], command_line=partial(line, task))
+        work = chain.Work(
+            folder, settings, same_if=[task.epoch], command_line=partial(write_history_line, task)
+        )
         logs = _logs(task) if task.foreign else []
         steps = list(
             chain.recording_to_wave(
@@ -144,7 +146,7 @@ def work_gyro(task: GyroTask) -> dict[str, Any]:
             task.settings,
             task.limits,
             [task.epoch],
-            command_line=partial(line, task),
+            command_line=partial(write_history_line, task),
         )
         for step in chain.waves_to_results(
             work, [Path(p) for p in task.free], [Path(p) for p in task.forced], task.stages

@@ -61,9 +61,9 @@ def pool(x: Array, std: Array, exact: float = MODEL_EXACT) -> Pooled:
         at_most = t2 + ESTIMATED_SIGMA * t2_std
         known = np.where(used, variance, 0.0).sum(axis=0) / count
         dof = (count - 2) * (known + at_most) / at_most
-        typical = medians(np.where(used, std, np.nan))
+        typical = compute_medians(np.where(used, std, np.nan))
         error = np.sqrt(1 / total + (exact * typical) ** 2)
-        z = np.sign(mean) * equivalent(np.abs(mean) / error, dof)
+        z = np.sign(mean) * compute_equivalent_z(np.abs(mean) / error, dof)
         spread = np.sqrt(t2)
         spread_std = np.where(
             t2 > 0, t2_std / np.maximum(2 * spread, np.sqrt(t2_std)), np.sqrt(t2_std)
@@ -113,15 +113,15 @@ def find_outliers(x: Array, std: Array, used: Array) -> Array:
         known, known_std = known[:, enough], known_std[:, enough]
         if not known.shape[1]:
             return out
-        off = np.abs(known - medians(known))
-        robust = MAD * medians(off)
-        between = np.maximum(robust**2 - medians(known_std) ** 2, 0.0)
-        limits = np.array([far_limit(int(n), 0.05) for n in used.sum(axis=0)[enough]])
+        off = np.abs(known - compute_medians(known))
+        robust = MAD * compute_medians(off)
+        between = np.maximum(robust**2 - compute_medians(known_std) ** 2, 0.0)
+        limits = np.array([compute_far_limit(int(n), 0.05) for n in used.sum(axis=0)[enough]])
         out[:, enough] = off / np.sqrt(known_std**2 + between) > limits
     return out
 
 
-def medians(x: Array) -> Array:
+def compute_medians(x: Array) -> Array:
     """Medians (M,) of columns (n, M) without their NaN."""
     if not len(x):
         return np.full(x.shape[1], np.nan)
@@ -131,7 +131,7 @@ def medians(x: Array) -> Array:
 
 
 @lru_cache(maxsize=4096)
-def far_limit(count: int, rate: float) -> float:
+def compute_far_limit(count: int, rate: float) -> float:
     """Robust distance |x − median|/(1.4826 MAD) that one or more of `count` normal values exceed
     with probability `rate`.
 
@@ -145,13 +145,13 @@ def far_limit(count: int, rate: float) -> float:
     return float(-stdtrit(dof, rate / (2 * count)) * count / (count - 0.8))
 
 
-def equivalent(t: Array, dof: Array) -> Array:
+def compute_equivalent_z(t: Array, dof: Array) -> Array:
     """|z| of a normal variable as improbable as Student's |t| (Wallace, Ann. Math. Stat. 30 (1959)
     1121), good to a hundredth at any size."""
     return (8 * dof + 1) / (8 * dof + 3) * np.sqrt(dof * np.log1p(t**2 / dof))
 
 
-def improbability(z: Array | float) -> Array:
+def compute_improbability(z: Array | float) -> Array:
     """Two-sided probability of |z|."""
     from scipy.special import ndtr
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .common_causes import MOST, WORTH
-from .groups import Group, Origin, groups_of, tests
-from .pooling import Pooled, equivalent, improbability, pool
+from .groups import Group, Origin, count_tests, list_groups
+from .pooling import Pooled, compute_equivalent_z, compute_improbability, pool
 
 Array = np.ndarray
 Measured = Mapping[str, tuple[float, float]]
@@ -51,7 +51,7 @@ class Population:
     gyros: int
 
 
-def side_by_side(gyros: Sequence[Measured]) -> tuple[list[str], Array, Array]:
+def stack_gyros(gyros: Sequence[Measured]) -> tuple[list[str], Array, Array]:
     """Names (M), values and σ (n, M); a parameter without σ counts as exact beside the spread."""
     names = list(dict.fromkeys(name for one in gyros for name in one))
     pairs = np.array(
@@ -64,9 +64,9 @@ def side_by_side(gyros: Sequence[Measured]) -> tuple[list[str], Array, Array]:
     return names, value, np.where(np.isfinite(std) & (std > floor), std, floor)
 
 
-def populations(gyros: Sequence[Measured]) -> list[Population]:
+def estimate_populations(gyros: Sequence[Measured]) -> list[Population]:
     """Every parameter's."""
-    names, value, std = side_by_side(gyros)
+    names, value, std = stack_gyros(gyros)
     if not names:
         return []
     whole = pool(value, std, 0.0)
@@ -86,13 +86,13 @@ def populations(gyros: Sequence[Measured]) -> list[Population]:
     ]
 
 
-def shifts(
+def find_shifts(
     gyros: Sequence[Measured], origins: Sequence[Origin], rate: float = 0.01
 ) -> tuple[tuple[Shift, ...], int]:
     """What stands off in which group, surest first, and how many pairs were looked at; `rate`:
     chance that a lot of one population is given anything."""
-    names, value, std = side_by_side(gyros)
-    groups = [g for g in groups_of(origins) if g.depth and len(g.members) < len(gyros)]
+    names, value, std = stack_gyros(gyros)
+    groups = [g for g in list_groups(origins) if g.depth and len(g.members) < len(gyros)]
     if not names or not groups:
         return (), 0
     others = [sorted(set(range(len(gyros))) - set(group.members)) for group in groups]
@@ -104,10 +104,10 @@ def shifts(
             _compare_with_others(value, std, group, rest) for group, rest in zip(groups, others)
         ]
         known = [np.isfinite(z) for _, _, z, _ in tables]
-        price = tests(known, groups) if price is None else price
+        price = count_tests(known, groups) if price is None else price
         best: tuple[float, int, int] | None = None
         for place, (_, _, z, _) in enumerate(tables):
-            sure = known[place] & (improbability(np.nan_to_num(z)) * price[place] < rate)
+            sure = known[place] & (compute_improbability(np.nan_to_num(z)) * price[place] < rate)
             for k in map(int, np.flatnonzero(sure)):
                 worth = float(z[k] ** 2) - WORTH * groups[place].depth
                 if best is None or worth > best[0]:
@@ -125,7 +125,7 @@ def shifts(
                 float(error[k]),
                 float(inside.spread[k]),
                 float(z[k]),
-                min(1.0, float(improbability(z[k])) * float(price[place])),
+                min(1.0, float(compute_improbability(z[k])) * float(price[place])),
                 int(inside.count[k]),
             )
         )
@@ -146,5 +146,5 @@ def _compare_with_others(
         difference = inside.value - outside.value
         error = np.hypot(inside.std, outside.std)
         dof = np.fmin(inside.dof, outside.dof)
-        z = np.sign(difference) * equivalent(np.abs(difference) / error, dof)
+        z = np.sign(difference) * compute_equivalent_z(np.abs(difference) / error, dof)
     return difference, error, z, inside

@@ -14,7 +14,7 @@ from ..effects import EFFECTS
 from ..effects.effect import no_term, same_signal
 from ..errors import HrgError
 from ..records import Calibration, Diagnosis
-from ..stages.calibration.table import measured_part
+from ..stages.calibration.table import read_measured_part
 from ..stages.planning.like_measured import menu_like
 from ..stages.rate_table import is_rate_table
 from .json_text import as_float, child, entries
@@ -39,7 +39,7 @@ def equation(calibration: Calibration | None, causes: Sequence[str]) -> str:
     if calibration is not None and is_rate_table(calibration):
         return "Ω = (output/nominal_scale + D(T) − Σ c_p·Ω^p)/K(T)"
     if calibration is not None:
-        part = measured_part(calibration)
+        part = read_measured_part(calibration)
         if part is None:
             return "m·dθ/dt = −K·Ω + D(T, θ), so Ω = (D − m·dθ/dt)/K"
         return (
@@ -107,7 +107,7 @@ def _rate_by_tables(calibration: Calibration) -> str:
     """C that takes the rate from the exported tables."""
     lines = ['#include "calibration.h"  /* hrg export calibration.h5 -o calibration.h */']
     measured = "0.0"
-    if measured_part(calibration) is not None:
+    if read_measured_part(calibration) is not None:
         measured = "measured"
         lines.append(
             "double measured = hrg_measured_drift_rad_s(x, theta, ratio, frequency_hz);"

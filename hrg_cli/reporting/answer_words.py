@@ -16,7 +16,7 @@ import numpy as np
 
 from ..effects import EFFECTS
 from ..records import Diagnosis
-from ..stages.diagnosis.report.shares import difference, figures
+from ..stages.diagnosis.report.shares import compute_departure_figures, compute_difference
 from .json_text import as_float, child, entries
 from .quantities import quantity
 from .text import number, plain
@@ -86,7 +86,8 @@ def departure_of(record: Diagnosis) -> Departure | None:
         run, time_s = np.asarray(record.run), np.asarray(record.time_s)
         both = (record.simulated_before, record.simulated_after)
         fitted = [
-            figures(difference(record.measured, simulated), run, time_s) for simulated in both
+            compute_departure_figures(compute_difference(record.measured, simulated), run, time_s)
+            for simulated in both
         ]
     found = []
     for key, words, unit, held in QUANTITIES:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..fitting.tables.allan import allan_deviation
 from ..records import Array, Diagnosis
-from ..stages.diagnosis.report.shares import difference, figures
+from ..stages.diagnosis.report.shares import compute_departure_figures, compute_difference
 from ..units import DEGREE_PER_HOUR
 from .answer_words import in_words
 from .json_text import entries, json_list, json_object
@@ -49,8 +49,8 @@ def living_data(record: Diagnosis) -> dict[str, Any] | None:
     shown = np.unique(run)[:RUNS]
     states = {}
     for names, simulated in rows.items():
-        left = difference(record.measured, simulated)
-        of = figures(left, run, time_s)
+        left = compute_difference(record.measured, simulated)
+        of = compute_departure_figures(left, run, time_s)
         tau, deviation = _allan(left.angle, run, time_s)
         states["".join("0" if name in names else "1" for name in causes)] = {
             "runs": [_numbers(_thin(left.angle[run == k]) * 1e3) for k in shown],

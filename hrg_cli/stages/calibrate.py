@@ -15,12 +15,12 @@ from ..fitting.checks import list_failures
 from ..fitting.tables.joint import Fitted
 from ..records import Calibration, Resonator, Wave, doubts_about, name_record
 from .calibration.accuracy_stages import LadderSettings
-from .calibration.checks import noisy_angles, stray_harmonics
+from .calibration.checks import find_noisy_angles, find_stray_harmonics
 from .calibration.chosen import LEAST_REPEATED, Chosen
 from .calibration.folds import choose_folds, choose_limits
 from .calibration.ladder import climb
 from .calibration.preparation import KnownRates, need_one_gyro, prepare
-from .calibration.prices import an_hour_more
+from .calibration.prices import forecast_hour_more
 from .calibration.repeatability import say_unstable
 from .calibration.summary import summary as summary
 from .calibration.table import check_between
@@ -179,7 +179,7 @@ def calibrate(
     chosen = chosen.stable_alone() if stable_only else chosen
     chosen = chosen.smoothed() if interpolation == "smooth" else chosen
     remarks += chosen.not_dropped
-    answer, strays = chosen.answer, stray_harmonics(fitted, fitted.solution)
+    answer, strays = chosen.answer, find_stray_harmonics(fitted, fitted.solution)
     if not refusals:
         remarks += _doubts_of(chosen, strays)
         (refusals if answer.tried.foreign else remarks).extend(answer.failed)
@@ -213,7 +213,7 @@ def _climb_all_stages(chosen: Chosen, whole: FullFit, draws: int, seed: int) -> 
 def _doubts_of(chosen: Chosen, strays: Sequence[Mapping[str, Any]]) -> list[str]:
     """What the answer's residuals and its repeats between programmes speak against."""
     return [
-        *noisy_angles(chosen.fitted, chosen.answer.limits[0]),
+        *find_noisy_angles(chosen.fitted, chosen.answer.limits[0]),
         *(s["sentence"] for s in strays if s["significant"]),
         *say_unstable(chosen.stability, chosen.dropped),
     ]
@@ -223,7 +223,7 @@ def _with_use(record: Calibration, details: dict[str, Any], fitted: Fitted) -> C
     """The record with the figures of merit of its tables, and what an hour more would buy."""
     use = {
         "trade": trade_figures(record, fitted.paths),
-        "hour": an_hour_more(record, fitted.paths),
+        "hour": forecast_hour_more(record, fitted.paths),
     }
     return record.replace(details=json.dumps(details | use))
 

@@ -15,10 +15,10 @@ from ..fitting.checks import list_failures
 from ..fitting.tables.increments import AnglePath, path_of
 from ..records import Calibration, Compensated, Wave
 from .calibration.table import (
-    angle_random_walk_of,
-    corrections_along,
+    compute_corrections,
+    compute_standard_deviations,
     need_range,
-    standard_deviations,
+    read_angle_random_walk,
 )
 from .compensation.angle_spread import AngleSpread
 from .compensation.logged_run import LoggedRun
@@ -179,7 +179,7 @@ def _compensate_pieces(
 def _correct(path: AnglePath, calibration: Calibration, angles: AngleSpread) -> IncrementRates:
     """Of every increment the rate by the tables, Ω = (D − mθ̇)/K, with what it is uncertain by."""
     blocks = path.abscissa(calibration.axis)
-    drift, scale = corrections_along(calibration, path)
+    drift, scale = compute_corrections(calibration, path)
     rate = (drift - path.turn / path.interval_s) / scale
     noise, of_tables = deviations(calibration, path, blocks, rate, scale)
     return IncrementRates(rate, noise, of_tables, angles.along(path, blocks, rate, scale))
@@ -231,11 +231,11 @@ def deviations(
     variance = np.where(path.angle_variance > 0, path.angle_variance, np.nan)
     gain = np.abs(scale)
     angle = path.mode_number * np.sqrt(variance[1:] + variance[:-1]) / gain
-    walk = angle_random_walk_of(calibration) * np.sqrt(
+    walk = read_angle_random_walk(calibration) * np.sqrt(
         path.interval_s - path.middle(path.width_s) / 3
     )
     noise = np.hypot(angle, walk) / path.interval_s
-    drift_std, scale_std = standard_deviations(
+    drift_std, scale_std = compute_standard_deviations(
         calibration, path.middle(blocks), path.middle(path.angle_rad)
     )
     return noise, np.hypot(drift_std, rate * scale_std) / gain

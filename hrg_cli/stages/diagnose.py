@@ -29,26 +29,32 @@ from ..fitting.envelopes import envelope_runs
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.base.contradiction import find_strangers
 from .diagnosis.base.joint_fit import Cut, cut_at_losses, fit_base, fit_together
-from .diagnosis.closing.closing_checks import closing_checks, word
+from .diagnosis.closing.closing_checks import choose_word, make_closing_checks
 from .diagnosis.closing.sized import Sized
-from .diagnosis.closing.stability import stability
-from .diagnosis.closing.wander import wander
-from .diagnosis.extended.model import simulation_file
+from .diagnosis.closing.stability import examine_stability
+from .diagnosis.closing.wander import describe_wander
+from .diagnosis.extended.model import compose_simulation_file
 from .diagnosis.extended.written import Written, write_faithfully
 from .diagnosis.fits.scoring import is_gross
-from .diagnosis.fits.variants import Variant, variants
-from .diagnosis.report.record import doubts, in_form, left_over, record_of, with_shares
+from .diagnosis.fits.variants import Variant, list_variants
+from .diagnosis.report.record import (
+    add_shares,
+    describe_left_over,
+    list_diagnosis_doubts,
+    make_diagnosis_record,
+    take_form,
+)
 from .diagnosis.report.refusal import refuse, stop_search
 from .diagnosis.report.report import report as report_of
-from .diagnosis.report.scores import scores
-from .diagnosis.report.shares import switched_off
+from .diagnosis.report.scores import tabulate_scores
+from .diagnosis.report.shares import report_shares
 from .diagnosis.samples.heard import find_unheard
-from .diagnosis.samples.lines import folded_beside
+from .diagnosis.samples.lines import describe_folded
 from .diagnosis.samples.odd_windows import say_odd_windows as odd_ones
 from .diagnosis.samples.tone import Tone
-from .diagnosis.samples.tones import confirm_tones, take_out_tones, without_tones
-from .diagnosis.samples.waveform import causes, near_tones, unnamed
-from .diagnosis.search.explain import explain, reweighted
+from .diagnosis.samples.tones import confirm_tones, remove_tones, take_out_tones
+from .diagnosis.samples.waveform import find_waveform_causes, list_near_tones, list_unnamed_tones
+from .diagnosis.search.explain import explain, reweight_fit
 from .diagnosis.search.forecast import forecast
 from .diagnosis.search.gain import predict_held_out
 from .diagnosis.search.orientation import orient_runs, settle_signs
@@ -56,11 +62,11 @@ from .diagnosis.search.search_case import Case
 from .diagnosis.suspects import (
     QuietMistake,
     Suspicion,
-    stuck_columns,
+    find_stuck_columns,
     suspect_quiet_run,
     suspect_runs,
 )
-from .diagnosis.suspects.rivals import nearest
+from .diagnosis.suspects.rivals import fit_nearest
 from .diagnosis.thresholds import GROSS
 from .identification.modes import has_dead_channel, thin_run
 from .one_gyro import of_one_gyro
@@ -162,7 +168,7 @@ def _diagnose_usable(asked: Asked) -> Diagnosis:
         if w.status == "refused"
     ]
     # A stuck column is no motion: causes fitted to it would be blamed for it.
-    if stuck := unfit or stuck_columns(asked.waves):
+    if stuck := unfit or find_stuck_columns(asked.waves):
         try:
             base = fit_together(asked.waves, asked.fit)
         except HrgError as error:
@@ -207,7 +213,7 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     """The diagnosis with all the fits that it takes."""
     near = partial(_fit_nearest, asked)
     cut = cut_at_losses(asked.waves, asked.fit, near)
-    candidates = variants(asked.searched, cut.untouched)
+    candidates = list_variants(asked.searched, cut.untouched)
     if suspicions := suspect_runs(asked.waves, asked.fit, cut.untouched, candidates):
         return refuse(asked.waves, cut.untouched, asked.searched, suspicions, asked.resonator)
     if contradiction := find_strangers(cut.base):
@@ -220,11 +226,13 @@ def _diagnosed(asked: Asked) -> Diagnosis:
         suspected = [mistake.suspicion]
         return refuse(asked.waves, cut.untouched, asked.searched, suspected, asked.resonator)
     causes = bool(case.search.found or result.samples.shown)
-    verdict = word(causes, bool(result.failed))
+    verdict = choose_word(causes, bool(result.failed))
     report = _report_result(verdict, asked, cut, pieces, result)
-    report, shares = switched_off(report, case.search.base, case.search.final)
-    record = record_of(case.search, asked.waves, verdict, report, result.model)
-    return with_shares(record, shares).judged(doubts(verdict, result.failed, case.search.final))
+    report, shares = report_shares(report, case.search.base, case.search.final)
+    record = make_diagnosis_record(case.search, asked.waves, verdict, report, result.model)
+    return add_shares(record, shares).judged(
+        list_diagnosis_doubts(verdict, result.failed, case.search.final)
+    )
 
 
 @dataclass(frozen=True)
@@ -251,9 +259,11 @@ def _judge(
     sized = Sized.of(case)
     samples = _seen_in_samples(asked.waves, case, cut, tones)
     model, written = _written(asked, case, cut, pieces, samples)
-    closing = closing_checks(case, sized, written, samples.shown, samples.unnamed_hz, samples.odd)
+    closing = make_closing_checks(
+        case, sized, written, samples.shown, samples.unnamed_hz, samples.odd
+    )
     failed = checks.list_failures(closing)
-    if failed and (folded := folded_beside(pieces, samples.named)):
+    if failed and (folded := describe_folded(pieces, samples.named)):
         failed = [folded, *failed]
     mistake = suspect_quiet_run(
         asked.waves, asked.fit, cut.untouched, case.search.final, failed=bool(failed)
@@ -272,18 +282,18 @@ def _report_result(
     report = report_of(verdict, case, result.sized, gain, asked.resonator, untouched)
     mistakes = [] if result.mistake is None else [result.mistake.table()]
     return report | {
-        "effects": samples.shown + [in_form(cause, case.form) for cause in report["effects"]],
+        "effects": samples.shown + [take_form(cause, case.form) for cause in report["effects"]],
         "lines": samples.lines,
         "frequencies": case.frequencies,
-        "wander": wander(case.search.final),
+        "wander": describe_wander(case.search.final),
         "forecast": ahead,
         "checks": [check.table() for check in result.closing],
         "written_model": None if written is None else written.table(),
         "suspect_runs": [],
-        "stability": stability(case, ahead, lambda: asked.fit(pieces, coarser=2)),
-        "scores": scores(case, result.sized),
+        "stability": examine_stability(case, ahead, lambda: asked.fit(pieces, coarser=2)),
+        "scores": tabulate_scores(case, result.sized),
         "not_separable": [*report["not_separable"], *mistakes],
-        "remainder": left_over(report["remainder"], case.form, result.failed),
+        "remainder": describe_left_over(report["remainder"], case.form, result.failed),
     }
 
 
@@ -293,7 +303,7 @@ def _fit_nearest(asked: Asked, fit: ExtendedFit) -> ExtendedFit:
     if not is_gross(fit):
         return fit
     near: ExtendedFit = fit.remembered(
-        "nearest", lambda: nearest(fit, variants(asked.searched, fit), GROSS)
+        "nearest", lambda: fit_nearest(fit, list_variants(asked.searched, fit), GROSS)
     )
     return near
 
@@ -317,13 +327,13 @@ def _explain_beside_tones(
         if len(standing) == len(tones):
             return case, pieces, tones
         tones = standing
-        pieces = without_tones(cut.pieces, tones)
+        pieces = remove_tones(cut.pieces, tones)
         base = asked.fit(pieces) if any(tone.standing for tone in tones) else cut.base
 
 
 def _explain_heard(asked: Asked, base: ExtendedFit) -> Case:
     """The causes beside the base fit, without those whose waveform the samples do not hold."""
-    candidates: Sequence[Variant] = variants(asked.searched, base)
+    candidates: Sequence[Variant] = list_variants(asked.searched, base)
     start = orient_runs(base, candidates)
 
     def explained(begin: ExtendedFit) -> Case:
@@ -344,14 +354,14 @@ def _seen_in_samples(
     """What the samples show beside the causes of the dynamics."""
     frequency_hz = float(np.mean(case.search.final.frequency_hz))
     found = [one.variant.effect for one in case.search.found]
-    shown, lines = causes(waves, cut.steps, tones, frequency_hz, found)
+    shown, lines = find_waveform_causes(waves, cut.steps, tones, frequency_hz, found)
     named = [*found, *(find(str(entry["name"])) for entry in shown)]
     return InSamples(
         shown,
         named,
         lines,
-        next(iter(near_tones(tones, waves, frequency_hz)), None),
-        [t.frequency_hz for t in unnamed(tones, named)],
+        next(iter(list_near_tones(tones, waves, frequency_hz)), None),
+        [t.frequency_hz for t in list_unnamed_tones(tones, named)],
         odd_ones(waves, _instants(case.search.final, cut), named),
     )
 
@@ -362,7 +372,7 @@ def _written(
     """The extended model as a simulation file, and how it does when it is simulated."""
 
     def file(change: Any, way: Any) -> str:
-        return simulation_file(
+        return compose_simulation_file(
             case.search.final, asked.waves, pieces, cut.origin, samples.shown, change, way,
             samples.tone,
         )  # fmt: skip
@@ -373,7 +383,7 @@ def _written(
 def _untouched(case: Case, cut: Cut) -> ExtendedFit:
     """The base fit of whole runs, at the noise that the case is judged by."""
     white = case.inquiry.noise.white
-    return cut.untouched if white == 1.0 else reweighted(cut.untouched, white)
+    return cut.untouched if white == 1.0 else reweight_fit(cut.untouched, white)
 
 
 def _instants(fit: ExtendedFit, cut: Cut) -> list[tuple[int, float]]:

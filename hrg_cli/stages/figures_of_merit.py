@@ -17,7 +17,7 @@ from ..errors import HrgError
 from ..fitting.least_squares import fit_columns, solve
 from ..fitting.tables.increments import AnglePath, path_of
 from ..records import Calibration, Wave
-from .calibration.table import corrections_along
+from .calibration.table import compute_corrections
 
 Array = np.ndarray
 
@@ -89,7 +89,7 @@ def scale_factor_figures(
         path = wave if isinstance(wave, AnglePath) else path_of(wave, harmonics=4)
         time, stop = path.interval_s, len(path)
         if calibration is not None:
-            drift, scale = corrections_along(calibration, path)
+            drift, scale = compute_corrections(calibration, path)
             turn = (path.turn - drift * time) / scale
         else:
             stop = _whole_periods(path)

@@ -19,7 +19,7 @@ from ..errors import HrgError
 from ..fitting.tables.dwells import covariance_of, find_least_count, lay_nodes
 from ..fourier import coefficients_at
 from ..records import Calibration
-from .calibration.dwell_curve import Dwells, figures_of, fit_without_spikes, rows_of
+from .calibration.dwell_curve import Dwells, fit_without_spikes, list_curve_figures, read_dwell_rows
 
 Array = np.ndarray
 SPIKES_SUSPECT = 0.05
@@ -104,7 +104,7 @@ def rate_table(
     >>> bool(abs(tables.scale_factor[0, 0] - 1) < 1e-3), bool(abs(tables.drift_rad_s[0, 0] + 0.005) < 1e-3)
     (True, True)
     """
-    y, omega, degc = rows_of(
+    y, omega, degc = read_dwell_rows(
         table,
         (output, rate, temperature),
         (temperature_bits, temperature_scale, temperature_offset_degc),
@@ -131,7 +131,7 @@ def rate_table(
         rate_min_rad_s=float(omega.min()),
         rate_max_rad_s=float(omega.max()),
         correction="rate = (output/nominal_scale + D - sum c_p rate^p) / K",
-        details=json.dumps(figures_of(dwells, curve, scale)),
+        details=json.dumps(list_curve_figures(dwells, curve, scale)),
     )
     known = bool(np.isfinite(covariance).all())
     return _remarked(record, curve.keep, spike_sigma, turning).judged(

@@ -25,7 +25,7 @@ from ..fitting.least_squares import invert_information
 from ..records import Calibration, Resonator
 from .calibration.moved_tables import GROUPS, TableState
 from .calibration.programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ
-from .calibration.resonators import NAMES, coefficients_of, place_of
+from .calibration.resonators import NAMES, compute_coefficients, read_place
 
 Array = np.ndarray
 STOOD_STILL = 0.01
@@ -95,7 +95,7 @@ def update(
     """
     _guard(calibration, resonator, reference)
     x = _find_place(calibration, resonator)
-    new, new_covariance = coefficients_of(resonator, partly=True)
+    new, new_covariance = compute_coefficients(resonator, partly=True)
     state = TableState.of(calibration, x)
     then, then_covariance, told_by = _recall_coefficients(calibration, reference, state)
     known = np.isfinite(then) & np.isfinite(new)
@@ -200,7 +200,7 @@ def _guard(calibration: Calibration, resonator: Resonator, reference: Resonator 
 
 def _find_place(calibration: Calibration, resonator: Resonator) -> float:
     """The resonator's temperature or frequency, inside the tables' range."""
-    x = place_of(resonator, calibration.axis)
+    x = read_place(resonator, calibration.axis)
     name, unit, margin = (
         ("temperature", "°C", SINGLE_NODE_MARGIN_DEGC)
         if calibration.axis == "temperature"
@@ -230,7 +230,7 @@ def _recall_coefficients(
     """The five coefficients when the tables were made, their covariance, and what says so; NaN
     where nothing does."""
     if reference is not None:
-        return (*coefficients_of(reference), "the reference resonator")
+        return (*compute_coefficients(reference), "the reference resonator")
     return (
         *state.level(),
         "the physical model's resonator" if calibration.model == "physical" else "the tables",

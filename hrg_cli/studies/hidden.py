@@ -24,7 +24,7 @@ from ..fitting.causes.fit_point import state_of
 from ..fitting.causes.wave_frame import to_reals
 from ..records import Wave, collect
 from ..stages.demodulate import demodulate
-from ..stages.diagnosis.base.base_priors import freedom_of
+from ..stages.diagnosis.base.base_priors import choose_freedom
 from ..stages.diagnosis.base.data import prepare
 from ..stages.diagnosis.base.rate_steps import fit_rate_steps
 from ..stages.estimate import estimate
@@ -204,7 +204,9 @@ def base_fit(
     """The base model's fit at the windows' own rate, with the effects that stand beside the hidden
     one."""
     series, point, _ = prepare(runs, scale_factor, ALL_ROWS)
-    fit = fit_rate_steps(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
+    fit = fit_rate_steps(
+        extended_fit.fit(series, point, choose_freedom(series, point, scale_factor))
+    )
     for name, values in beside.items():
         fit = extended_fit.fit(
             fit.series, fit_point.add_effect(fit.point, find(name), values), fit.freedom

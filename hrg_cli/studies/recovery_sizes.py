@@ -18,7 +18,7 @@ from ..errors import HrgError
 from ..fitting.causes import extended_fit, fit_point, scales
 from ..fitting.causes.extended_fit import ExtendedFit
 from ..records import Recording, Wave
-from ..stages.diagnosis.base.base_priors import freedom_of
+from ..stages.diagnosis.base.base_priors import choose_freedom
 from ..stages.diagnosis.base.data import prepare
 from ..stages.diagnosis.base.rate_steps import fit_rate_steps
 from .hidden import ALL_ROWS, MIDDLE, direction_of, setting_in
@@ -118,7 +118,9 @@ def fit_background(
     """The base model's fit at the windows' own rate, with the causes of the background where it
     finds one."""
     series, point, _ = prepare(waves, scale_factor, ALL_ROWS)
-    fit = fit_rate_steps(extended_fit.fit(series, point, freedom_of(series, point, scale_factor)))
+    fit = fit_rate_steps(
+        extended_fit.fit(series, point, choose_freedom(series, point, scale_factor))
+    )
     names = {effect.name for effect in EFFECTS}
     for entry in background["effects"]:
         if entry["name"] not in names or find(entry["name"]).seen_in == "waveform":

@@ -16,7 +16,7 @@ from hrg_cli.exporting import export
 from hrg_cli.fitting.tables.increments import path_of
 from hrg_cli.records import collect
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.calibration.table import measured_at, measured_drift
+from hrg_cli.stages.calibration.table import compute_measured_drift, interpolate_measured
 from hrg_cli.stages.compensate import compensate
 
 VARIANTS = ("table", "parametric", "quadrature", "phase", "combined", "physical")
@@ -110,7 +110,7 @@ def test_header_of_each_variant_computes_what_compensate_does(calibrations, mode
     )
     rows = np.column_stack([x, angle, speed, ratio, frequency])
     found, errors = compiled(calibration, rows, tmp_path)
-    measured = measured_drift(calibration, path)
+    measured = compute_measured_drift(calibration, path)
     drift, scale = calibration.values_at(x, angle)
     stated = errors["drift_rad_s_interpolation"] + errors["drift_rad_s_rounding"]
     assert len(found) == 1000
@@ -181,7 +181,7 @@ def test_csv_and_json_carry_the_measured_part(calibrations, model):
     calibration = calibrations[model]
     rows = list(csv.DictReader(io.StringIO(export(calibration, ".csv").text)))
     tree = json.loads(export(calibration, ".json").text)
-    part = measured_at(calibration, np.asarray(calibration.node))
+    part = interpolate_measured(calibration, np.asarray(calibration.node))
     if part is None:
         assert (
             model in ("table", "parametric")

@@ -11,7 +11,7 @@ from hrg_cli.effects import find
 from hrg_cli.effects.effect import RUN
 from hrg_cli.fitting.causes import extended_fit, fit_point, scales, whitened_rows
 from hrg_cli.fitting.causes.wave_frame import to_reals
-from hrg_cli.stages.diagnosis.base.base_priors import freedom_of
+from hrg_cli.stages.diagnosis.base.base_priors import choose_freedom
 from hrg_cli.stages.diagnosis.base.data import prepare
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 from hrg_cli.stages.diagnosis.search.gain import predict_held_out
@@ -40,7 +40,7 @@ IN_THE_WAVEFORM = ("dropped_samples", "mains_tone")
 def base_of(runs):
     """The base model's fit."""
     series, point, _ = prepare(runs, None, 120)
-    return extended_fit.fit(series, point, freedom_of(series, point, None))
+    return extended_fit.fit(series, point, choose_freedom(series, point, None))
 
 
 def table_for(name, seed):

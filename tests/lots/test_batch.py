@@ -23,10 +23,10 @@ from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.executors import InlineExecutor, run_tasks
 from hrg_cli.formats.hdf5 import SIGNATURE
-from hrg_cli.lots.batch import executor_for, run_lot
+from hrg_cli.lots.batch import choose_executor, run_lot
 from hrg_cli.lots.lot_settings import LotSettings
-from hrg_cli.lots.lot_table import judged_rows
-from hrg_cli.lots.lot_tasks import safe_name
+from hrg_cli.lots.lot_table import judge_rows
+from hrg_cli.lots.lot_tasks import make_safe_name
 from hrg_cli.records import Resonator
 
 GYROS = 3
@@ -121,15 +121,19 @@ def test_every_gyro_has_its_row(reference):
 
 def test_names_stay_inside_the_folder(reference):
     folder, _ = reference
-    assert {p.name for p in folder.iterdir() if p.is_dir()} == {safe_name("../LAB 0"), "G1", "G2"}
+    assert {p.name for p in folder.iterdir() if p.is_dir()} == {
+        make_safe_name("../LAB 0"),
+        "G1",
+        "G2",
+    }
     assert not list(folder.parent.glob("LAB*")) and not list(folder.rglob("*.tmp"))
     for name in ("..", "/etc/passwd", "", "a/b", "x" * 300, "\n"):
         assert (
-            "/" not in safe_name(name)
-            and safe_name(name) not in ("", ".", "..")
-            and len(safe_name(name)) < 80
+            "/" not in make_safe_name(name)
+            and make_safe_name(name) not in ("", ".", "..")
+            and len(make_safe_name(name)) < 80
         )
-    assert safe_name("a/b") != safe_name("a:b")
+    assert make_safe_name("a/b") != make_safe_name("a:b")
 
 
 def test_provenance_leads_back_to_the_recordings(reference, lot):
@@ -140,7 +144,7 @@ def test_provenance_leads_back_to_the_recordings(reference, lot):
 
 
 def test_two_processes_make_the_same_bytes(reference, lot, tmp_path):
-    run_lot(lot / "lot.toml", tmp_path / "out", open_executor=executor_for(2))
+    run_lot(lot / "lot.toml", tmp_path / "out", open_executor=choose_executor(2))
     assert content(tmp_path / "out") == content(reference[0])
 
 
@@ -192,7 +196,7 @@ def dies_once(task: tuple[str, int]) -> int:
 
 def test_a_killed_process_harms_only_the_task_that_kills_it(tmp_path):
     tasks = [(str(tmp_path / "mark"), n) for n in range(8)]
-    assert run_tasks(dies_once, tasks, executor_for(2)) == [0, 1, 4, 9, 16, None, 36, 49]
+    assert run_tasks(dies_once, tasks, choose_executor(2)) == [0, 1, 4, 9, 16, None, 36, 49]
 
 
 def stamped(task: tuple[str, float]) -> tuple[float, float]:
@@ -211,7 +215,7 @@ def test_what_follows_from_a_task_waits_for_no_other():
         return [("gyro", 0.0)] if task[0] == "quick" else []
 
     tasks = [("slow", 3.0), ("quick", 0.0)]
-    assert run_tasks(stamped, tasks, executor_for(2), then=then) == [told["slow"], told["quick"]]
+    assert run_tasks(stamped, tasks, choose_executor(2), then=then) == [told["slow"], told["quick"]]
     assert told["gyro"][1] < told["slow"][1]
 
 
@@ -228,7 +232,7 @@ def test_what_follows_goes_before_what_waits():
         assert result == task.upper()
         return [task + "1", task + "2"] if len(task) == 1 else []
 
-    assert run_tasks(work, ["a", "b"], executor_for(1), counts.append, then) == ["A", "B"]
+    assert run_tasks(work, ["a", "b"], choose_executor(1), counts.append, then) == ["A", "B"]
     assert order == ["a", "a1", "a2", "b", "b1", "b2"] and counts == [1, 2, 3, 4, 5, 6]
 
 
@@ -240,7 +244,7 @@ def test_what_follows_from_a_killed_task_is_done(tmp_path):
         return [(task[0], task[1] + 10)] if task[1] < 10 else []
 
     tasks = [(str(tmp_path / "mark"), n) for n in (2, 3, 5)]
-    assert run_tasks(dies_once, tasks, executor_for(2), then=then) == [4, 9, None]
+    assert run_tasks(dies_once, tasks, choose_executor(2), then=then) == [4, 9, None]
     assert told == {2: 4, 3: 9, 5: None, 12: 144, 13: 169, 15: 225}
 
 
@@ -363,7 +367,7 @@ def test_a_cluster_that_loses_a_worker_makes_the_same_bytes(reference, lot, tmp_
 
     killer = threading.Thread(target=kill_one)
     killer.start()
-    run_lot(lot / "lot.toml", out, open_executor=executor_for(2, scheduler=address))
+    run_lot(lot / "lot.toml", out, open_executor=choose_executor(2, scheduler=address))
     killer.join()
     assert workers[0].wait(10) == -signal.SIGKILL and workers[1].poll() is None
     assert content(out) == content(reference[0])
@@ -383,11 +387,11 @@ def interrupted(program: str, out: Path) -> None:
 def test_a_cluster_whose_client_is_killed_takes_the_lot_up_again(reference, lot, tmp_path, cluster):
     out = tmp_path / "out"
     program = (
-        f"from hrg_cli.lots.batch import executor_for, run_lot; run_lot({str(lot / 'lot.toml')!r},"
-        f" {str(out)!r}, open_executor=executor_for(2, scheduler={cluster[0]!r}))"
+        f"from hrg_cli.lots.batch import choose_executor, run_lot; run_lot({str(lot / 'lot.toml')!r},"
+        f" {str(out)!r}, open_executor=choose_executor(2, scheduler={cluster[0]!r}))"
     )
     interrupted(program, out)
-    run_lot(lot / "lot.toml", out, open_executor=executor_for(2, scheduler=cluster[0]))
+    run_lot(lot / "lot.toml", out, open_executor=choose_executor(2, scheduler=cluster[0]))
     assert content(out) == content(reference[0])
 
 
@@ -408,16 +412,16 @@ def test_a_scheduler_that_is_not_there_is_named(lot, tmp_path, monkeypatch):
         run_lot(
             lot / "lot.toml",
             tmp_path / "out",
-            open_executor=executor_for(scheduler="tcp://127.0.0.1:9"),
+            open_executor=choose_executor(scheduler="tcp://127.0.0.1:9"),
         )
 
 
 def test_two_programs_do_not_work_on_one_lot(lot, tmp_path):
-    from hrg_cli.lots.lot_folder import only_writer
+    from hrg_cli.lots.lot_folder import hold_as_only_writer
 
     (tmp_path / "out").mkdir()
     with (
-        only_writer(tmp_path / "out"),
+        hold_as_only_writer(tmp_path / "out"),
         pytest.raises(HrgError, match="another program works on this lot"),
     ):
         run_lot(lot / "lot.toml", tmp_path / "out")
@@ -468,13 +472,13 @@ def test_outliers_stand_out_of_the_lot():
         {"gyro_id": f"{i}", "status": "valid", "results": {"identify": result}}
         for i, result in enumerate(identified)
     ]
-    rows = judged_rows(LotSettings(recordings=["x"]), [], gyros)
+    rows = judge_rows(LotSettings(recordings=["x"]), [], gyros)
     assert [row["gyro_id"] for row in rows if row["outliers"]] == ["7"]
     z = np.array([row["frequency_hz_z"] for row in rows])
     spread = 1.4826 * np.median(abs(values - np.median(values)))
     np.testing.assert_allclose(z[7], (values[7] - np.median(values)) / spread)
     assert not any(
-        row["outliers"] for row in judged_rows(LotSettings(recordings=["x"]), [], gyros[:4])
+        row["outliers"] for row in judge_rows(LotSettings(recordings=["x"]), [], gyros[:4])
     )
 
 
@@ -498,7 +502,7 @@ def test_a_diagnosis_own_values_go_before_the_linear_fit():
             "results": results | {"diagnose": {"status": "valid", "values": extended}},
         },
     ]
-    a, b = judged_rows(LotSettings(recordings=["x"]), [], gyros)
+    a, b = judge_rows(LotSettings(recordings=["x"]), [], gyros)
     assert (a["frequency_hz"], a["scale_factor"]) == (5000.0, 0.5)
     assert (b["frequency_hz"], b["frequency_hz_std"], b["scale_factor"]) == (5001.0, 0.01, None)
 
@@ -527,7 +531,7 @@ def test_a_gyro_of_wide_sigma_stands_out_all_the_same():
     values[11] += 17e-4
     gyros = identified(values, 1e-5)
     gyros[11]["results"]["identify"]["parameters"]["scale_factor"]["std"] = 6e-4
-    rows = judged_rows(LotSettings(recordings=["x"]), [], gyros)
+    rows = judge_rows(LotSettings(recordings=["x"]), [], gyros)
     assert [row["gyro_id"] for row in rows if row["outliers"]] == ["11"]
     assert next(row["rank"] for row in rows if row["gyro_id"] == "11") == 1
 
@@ -538,7 +542,7 @@ def test_a_gyro_that_its_own_sigma_holds_within_the_lot_does_not_stand_off():
     values[11] += 13e-4
     gyros = identified(values, 1e-5)
     gyros[11]["results"]["identify"]["parameters"]["scale_factor"]["std"] = 40e-4
-    assert not any(row["outliers"] for row in judged_rows(LotSettings(recordings=["x"]), [], gyros))
+    assert not any(row["outliers"] for row in judge_rows(LotSettings(recordings=["x"]), [], gyros))
 
 
 def test_the_distance_of_a_damping_is_told_of_the_damping():
@@ -549,7 +553,7 @@ def test_the_distance_of_a_damping_is_told_of_the_damping():
     for gyro in gyros:
         result = gyro["results"]["identify"]
         result["parameters"] = {"damping_rate_1_s": result["parameters"].pop("scale_factor")}
-    row = judged_rows(LotSettings(recordings=["x"]), [], gyros)[3]
+    row = judge_rows(LotSettings(recordings=["x"]), [], gyros)[3]
     assert row["reason"].startswith("damping rate ν −")
 
 
@@ -559,14 +563,14 @@ def test_clean_lots_have_outliers_at_the_stated_rate(count):
     rng = np.random.default_rng(count)
     lot = LotSettings(recordings=["x"], outlier_rate=0.05)
     false = sum(
-        any(row["outliers"] for row in judged_rows(lot, [], identified(values, 1e-9)))
+        any(row["outliers"] for row in judge_rows(lot, [], identified(values, 1e-9)))
         for values in rng.standard_normal((300, count))
     )
     assert false <= 15 + 4 * 3.8
 
 
 def outliers_of(values):
-    rows = judged_rows(LotSettings(recordings=["x"]), [], identified(values, 0.0))
+    rows = judge_rows(LotSettings(recordings=["x"]), [], identified(values, 0.0))
     return [row["gyro_id"] for row in rows if row["outliers"]]
 
 

@@ -17,7 +17,7 @@ from lot_recordings import run_down, split_of
 from hrg_cli import store
 from hrg_cli.errors import DiskFullError, HrgError
 from hrg_cli.executors import local_processes, run_tasks
-from hrg_cli.lots.batch import executor_for, run_lot
+from hrg_cli.lots.batch import choose_executor, run_lot
 from hrg_cli.records import Resonator
 
 SOON_S = 20.0
@@ -145,7 +145,7 @@ def full(task: int) -> int:
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_full_disk_ends_the_lot_and_judges_no_gyro(jobs, lot, tmp_path, monkeypatch):
     with pytest.raises(DiskFullError, match="the disk is full"):
-        run_tasks(full, list(range(40)), executor_for(jobs))
+        run_tasks(full, list(range(40)), choose_executor(jobs))
     if jobs == 1:
 
         def no_room(*arguments, **more):
@@ -172,7 +172,7 @@ def test_histories_tell_the_true_time_and_command(lot, tmp_path, monkeypatch):
         run_lot(
             lot / "lot.toml",
             tmp_path / f"{jobs}",
-            open_executor=executor_for(jobs),
+            open_executor=choose_executor(jobs),
             assignments=changed,
         )
     after = store.created_now()
@@ -215,7 +215,7 @@ def test_a_scheduler_without_workers_is_said(lot, tmp_path, monkeypatch):
             run_lot(
                 lot / "lot.toml",
                 tmp_path / "out",
-                open_executor=executor_for(scheduler=cluster.scheduler_address),
+                open_executor=choose_executor(scheduler=cluster.scheduler_address),
             )
         assert time.monotonic() - started < SOON_S
 

@@ -8,7 +8,7 @@ import pytest
 from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.lots.groups import Origin
-from hrg_cli.lots.identity import Told, group_keys, is_readable, owner_of, read_gyro_id
+from hrg_cli.lots.identity import Told, find_owner, group_keys, is_readable, read_gyro_id
 from hrg_cli.lots.lot_settings import LotSettings
 from hrg_cli.records import Recording
 
@@ -36,7 +36,7 @@ def test_a_damaged_dataset_leaves_the_name(tmp_path):
     with h5py.File(path, "a") as file:
         del file["recording/s"]
     assert read_gyro_id(path).gyro_id == "SN-104" and not is_readable(path)
-    assert owner_of(path, {}) == ("SN-104", "its gyro_id can still be read")
+    assert find_owner(path, {}) == ("SN-104", "its gyro_id can still be read")
 
 
 def test_a_file_of_another_kind_is_no_recording(tmp_path):
@@ -67,7 +67,7 @@ def test_a_file_of_another_kind_is_no_recording(tmp_path):
 def test_a_lost_recording_goes_to_the_gyro_it_is_named_with(tmp_path, name, readable, gyro):
     lost = tmp_path / name
     lost.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(3000))
-    found, by = owner_of(lost, {tmp_path / file: g for file, g in readable.items()})
+    found, by = find_owner(lost, {tmp_path / file: g for file, g in readable.items()})
     assert found == gyro and bool(by) == bool(gyro)
 
 
@@ -77,7 +77,9 @@ def test_what_is_no_hdf5_behind_its_name_is_no_log_of_its_folders_name(tmp_path)
     lost.write_bytes(bytes(3000))
     with pytest.raises(HrgError, match="is no HDF5 file"):
         read_gyro_id(lost)
-    assert owner_of(lost, {tmp_path / "left-1.h5": "G1", tmp_path / "right-1.h5": "G2"})[0] == "G1"
+    assert (
+        find_owner(lost, {tmp_path / "left-1.h5": "G1", tmp_path / "right-1.h5": "G2"})[0] == "G1"
+    )
 
 
 def test_a_file_cut_off_still_holds_its_name(tmp_path):
@@ -86,7 +88,7 @@ def test_a_file_cut_off_still_holds_its_name(tmp_path):
     cut.parent.mkdir()
     cut.write_bytes(whole.read_bytes()[:9000])
     known = {whole: "SN-104", tmp_path / "b.h5": "SN-10"}
-    assert owner_of(cut, known)[0] == "SN-104"
+    assert find_owner(cut, known)[0] == "SN-104"
 
 
 def test_the_lots_file_groups_gyros_before_their_recordings_do():

@@ -8,7 +8,7 @@ import pytest
 from diagnosis_programme import programme, waves
 
 from hrg_cli import store
-from hrg_cli.lots.common_causes import common_causes
+from hrg_cli.lots.common_causes import find_common_causes
 from hrg_cli.lots.groups import Origin
 from hrg_cli.records import collect
 from hrg_cli.stages.diagnose import diagnose, summary
@@ -50,7 +50,7 @@ def test_scores_are_the_diagnosis_own_estimates(few):
 
 def test_the_lot_knows_what_no_gyro_does(few):
     assert sum(bool(report["effects"]) for report in few) <= 1  # chance 0.05 a gyro
-    found = common_causes([report["scores"] for report in few], [Origin({}) for _ in few])
+    found = find_common_causes([report["scores"] for report in few], [Origin({}) for _ in few])
     (one,) = found.causes
     assert one.name == "gain_mismatch.gain" and one.group.words() == "all gyros"
     assert abs(one.value - FEW_SIGMA * GAIN_STD) < 4 * one.std
@@ -62,12 +62,12 @@ def test_a_cause_of_a_sigma_and_a_half_in_forty_gyros():
     clean = [diagnosed(5000 + k, 0.0)["scores"] for k in range(40)]
     moved = [diagnosed(5000 + k, 1.5)["scores"] for k in range(40)]
     stations = [Origin({"station": "12"[k % 2]}) for k in range(40)]
-    assert common_causes(clean, stations).causes == ()
-    (whole,) = common_causes(moved, stations).causes
+    assert find_common_causes(clean, stations).causes == ()
+    (whole,) = find_common_causes(moved, stations).causes
     assert whole.name == "gain_mismatch.gain" and whole.group.words() == "all gyros"
     assert abs(whole.value - 1.5 * GAIN_STD) < 4 * whole.std
     mixed = [moved[k] if k % 2 else clean[k] for k in range(40)]
-    (one,) = common_causes(mixed, stations).causes
+    (one,) = find_common_causes(mixed, stations).causes
     assert one.name == "gain_mismatch.gain" and one.group.words() == "all gyros of station 2"
 
 

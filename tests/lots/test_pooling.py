@@ -4,7 +4,14 @@ stands alone makes no common value."""
 import numpy as np
 import pytest
 
-from hrg_cli.lots.pooling import FEWEST, equivalent, far_limit, find_outliers, improbability, pool
+from hrg_cli.lots.pooling import (
+    FEWEST,
+    compute_equivalent_z,
+    compute_far_limit,
+    compute_improbability,
+    find_outliers,
+    pool,
+)
 
 LOTS = 4000
 
@@ -30,7 +37,7 @@ def test_value_and_spread_are_those_of_the_population(gyros, spread):
 def test_the_false_rate_is_the_stated_one(gyros, spread):
     """At p = 0.01 of 4000 lots: 40 ± 6.3 at most; a spread as large as σ costs a factor below 2."""
     x, std = drawn(np.random.default_rng(100 * gyros + int(10 * spread)), gyros, spread)
-    false = np.sum(improbability(pool(x, std).z) < 0.01)
+    false = np.sum(compute_improbability(pool(x, std).z) < 0.01)
     assert false < 1.35 * 40 + 4 * 6.3
 
 
@@ -80,7 +87,7 @@ def test_equivalent_is_as_improbable_as_student():
 
     for dof in (4.0, 10.0, 60.0):
         for size in (1.0, 3.0, 5.0):
-            p = improbability(equivalent(np.array(size), np.array(dof)))
+            p = compute_improbability(compute_equivalent_z(np.array(size), np.array(dof)))
             assert abs(np.log(p / (2 * t.sf(size, dof)))) < 0.12
 
 
@@ -89,5 +96,5 @@ def test_normal_values_exceed_the_far_limit_at_most_at_its_rate(count):
     x = np.random.default_rng(count).standard_normal((count, LOTS))
     off = np.abs(x - np.median(x, axis=0))
     worst = (off / (1.4826 * np.median(off, axis=0))).max(axis=0)
-    rate = np.mean(worst > far_limit(count, 0.05))
+    rate = np.mean(worst > compute_far_limit(count, 0.05))
     assert rate < 0.05 + 4 * 0.0035

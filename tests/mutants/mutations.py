@@ -646,7 +646,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "lots/common_causes.py": (
         "tests/lots/test_common_causes.py",
         (
-            ("price = tests(known, groups)", "price = 0 * tests(known, groups) + 1"),
+            ("price = count_tests(known, groups)", "price = 0 * count_tests(known, groups) + 1"),
             ("- WORTH * group.depth", "+ 0 * group.depth"),
             ("(z[own] - rho * z[own, cause][:, None]) / safe", "z[own] / safe"),
             ("explained[members, cause] += tables[place].value[cause]", "pass"),

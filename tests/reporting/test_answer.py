@@ -22,7 +22,11 @@ from hrg_cli.reporting.methods import CITATIONS, methods
 from hrg_cli.reporting.quantities import label_of, parameter, quantity, readable, round_with_std
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
-from hrg_cli.stages.diagnosis.report.shares import difference, figures, sets_left_out
+from hrg_cli.stages.diagnosis.report.shares import (
+    compute_departure_figures,
+    compute_difference,
+    list_sets_left_out,
+)
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import run_ids, simulate
 from hrg_cli.units import DEGREE_PER_HOUR
@@ -72,7 +76,7 @@ def test_difference_of_two_waves_is_what_was_put_between_them():
     )
     second = ellipse.envelopes(np.exp(-0.1 * t), 0.05, theta, np.full(len(t), 3.0), 2)
     rows = [np.concatenate([u.real, u.imag], axis=1) for u in (first, second)]
-    found = figures(difference(*rows), np.zeros(len(t), int), t)
+    found = compute_departure_figures(compute_difference(*rows), np.zeros(len(t), int), t)
     assert found["drift_deg_h"] == pytest.approx(100, rel=1e-6)
     assert found["amplitude_ppm"] == pytest.approx(300, rel=1e-3)
     assert found["frequency_hz"] == pytest.approx(2e-3, rel=1e-6)
@@ -84,7 +88,10 @@ def test_a_round_wave_has_no_angle():
     )
     rows = np.concatenate([round_.real, round_.imag], axis=1)
     assert (
-        figures(difference(rows, rows), np.zeros(50, int), np.arange(50.0))["drift_deg_h"] is None
+        compute_departure_figures(
+            compute_difference(rows, rows), np.zeros(50, int), np.arange(50.0)
+        )["drift_deg_h"]
+        is None
     )
 
 
@@ -118,8 +125,8 @@ def test_shares_of_the_causes(two_faults):
 
 
 def test_sets_that_are_fitted():
-    assert sets_left_out(["a"]) == [] and len(sets_left_out(["a", "b", "c"])) == 6
-    many = sets_left_out(["a", "b", "c", "d", "e"])
+    assert list_sets_left_out(["a"]) == [] and len(list_sets_left_out(["a", "b", "c"])) == 6
+    many = list_sets_left_out(["a", "b", "c", "d", "e"])
     assert {("a",), ("e",), ("d", "e"), ("b", "c", "d", "e")} <= set(many) and len(many) == len(
         set(many)
     ) == 8

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from hrg_cli.lots.groups import Origin
-from hrg_cli.lots.lot_diagnosis import lot_diagnosis
-from hrg_cli.lots.lot_report import MOST_TOLD, measured, report_of
+from hrg_cli.lots.lot_diagnosis import diagnose_lot
+from hrg_cli.lots.lot_report import MOST_TOLD, make_lot_report, read_measured
 from hrg_cli.lots.lot_settings import LotSettings
-from hrg_cli.lots.lot_table import judged_rows
+from hrg_cli.lots.lot_table import judge_rows
 from hrg_cli.reporting.figures.lot import distribution, pareto
 from hrg_cli.reporting.lot_page import limits_of, lot_page, parameters, sentence
 from hrg_cli.reporting.text import signed
@@ -65,12 +65,12 @@ def lot():
     recordings.append({**lost, "gyro_id": "SN-013", "told_by": "by its file's name"})
     recordings.append({**lost, "gyro_id": "", "told_by": ""})
     settings = LotSettings(recordings=["x"], lot_id="L<7>", limits=LIMITS)
-    rows = judged_rows(settings, recordings, gyros)
-    whole = lot_diagnosis(gyros, measured(rows, gyros), origins, settings.common_rate)
+    rows = judge_rows(settings, recordings, gyros)
+    whole = diagnose_lot(gyros, read_measured(rows, gyros), origins, settings.common_rate)
     for row in rows:
         origin = origins.get(row["gyro_id"], Origin({}))
         row |= {**origin.groups, "day": origin.day}
-    return report_of(settings, rows, recordings) | whole
+    return make_lot_report(settings, rows, recordings) | whole
 
 
 @pytest.fixture(scope="module")
@@ -229,7 +229,7 @@ def test_one_gyro_has_and_two_have(faulty):
     rows = [sound | {"gyro_id": f"G{k}", "cause": "", "runs_failed": 0} for k in range(3)]
     for row in rows[:faulty]:
         row["health"] = "in doubt"
-    told = report_of(LotSettings(recordings=["x"]), rows, [])
+    told = make_lot_report(LotSettings(recordings=["x"]), rows, [])
     said = "has a fault or is in doubt" if faulty == 1 else "have a fault or are in doubt"
     names = ", ".join(f"G{k}" for k in range(faulty))
     assert told["status_reasons"] == [f"{faulty} of 3 gyros {said}: {names}"]
@@ -252,7 +252,7 @@ def test_no_gyro_is_missed_in_words():
         for k in range(MOST_TOLD + 5)
     ]
     stray = rows[0] | {"gyro_id": "", "rank": len(rows)}
-    told = report_of(LotSettings(recordings=["x"]), [*rows, stray], [])
+    told = make_lot_report(LotSettings(recordings=["x"]), [*rows, stray], [])
     assert told["status_reasons"][-1].startswith("5 more gyros did not pass")
     assert told["gyros"] == len(rows)
 

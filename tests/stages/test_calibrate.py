@@ -11,7 +11,7 @@ from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables import table_design
 from hrg_cli.stages.calibrate import calibrate, summary
 from hrg_cli.stages.calibration import chosen
-from hrg_cli.stages.calibration.table import standard_deviations
+from hrg_cli.stages.calibration.table import compute_standard_deviations
 
 FIXED = {"harmonics": 2, "scale_factor_harmonics": 2, "bootstrap": 0}
 
@@ -38,7 +38,7 @@ def normalised_errors(
         draw.uniform(temperatures[0], temperatures[-1], points),
         draw.uniform(0, np.pi, points),
     )
-    found, std = record.values_at(x, theta), standard_deviations(record, x, theta)
+    found, std = record.values_at(x, theta), compute_standard_deviations(record, x, theta)
     return [
         (f - t) / s for f, t, s in zip(found, (truth.drift(x, theta), truth.scale(x, theta)), std)
     ]
@@ -267,7 +267,7 @@ def test_sweeps_over_temperature(interpolation, tmp_path):
     assert record.status == "valid" and len(record.node) == 6
     x, theta = np.linspace(-15, 55, 40), np.linspace(0, 3, 40)
     drift, _ = record.values_at(x, theta)
-    std = standard_deviations(record, x, theta)[0]
+    std = compute_standard_deviations(record, x, theta)[0]
     assert np.sqrt(np.mean(((drift - truth.drift(x, theta)) / std) ** 2)) < 2.5
     store.write(tmp_path / "tables.h5", record)
     np.testing.assert_array_equal(
@@ -373,6 +373,6 @@ def test_doubt_from_interpolation_is_in_the_stated_error(interpolation):
         waves = programme(truth, (-20, 0, 20, 40, 60), (-0.5, 0.5), seed=seed, duration=15)
         record = calibrate(waves, interpolation=interpolation, **FIXED)
         x, theta = np.linspace(-20, 60, 200), np.linspace(0, 40, 200)
-        drift, std = record.values_at(x, theta)[0], standard_deviations(record, x, theta)[0]
+        drift, std = record.values_at(x, theta)[0], compute_standard_deviations(record, x, theta)[0]
         square.append(np.mean(((drift - truth.drift(x, theta)) / std) ** 2))
     assert 0.3 < np.sqrt(np.mean(square)) < 1.2

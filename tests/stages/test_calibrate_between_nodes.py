@@ -8,7 +8,7 @@ import pytest
 from forced_runs import Truth, forced_run, programme
 
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.calibration.table import _say_between, standard_deviations
+from hrg_cli.stages.calibration.table import _say_between, compute_standard_deviations
 
 FIXED = {"harmonics": 2, "scale_factor_harmonics": 2, "model": "table", "bootstrap": 0}
 LOW, HIGH, ORDERS = -20.0, 60.0, 5
@@ -41,7 +41,7 @@ def errors_over_std(record, truth):
     """Of D and K over the whole range, rms."""
     x, theta = np.linspace(LOW, HIGH, 200), np.linspace(0, 40, 200)
     true = truth.drift(x, theta), truth.scale(x, theta)
-    stds = standard_deviations(record, x, theta)
+    stds = compute_standard_deviations(record, x, theta)
     return [
         float(np.sqrt(np.mean(((got - it) / std) ** 2)))
         for got, it, std in zip(record.values_at(x, theta), true, stds, strict=True)
@@ -93,7 +93,7 @@ def test_what_lies_between_the_nodes_is_a_check(nodes, fall, passed):
     def rms(first):
         places = np.repeat(np.arange(first, HIGH + 1e-9, step), len(theta))
         angles = np.tile(theta, len(places) // len(theta))
-        return [np.sqrt(np.mean(s**2)) for s in standard_deviations(record, places, angles)]
+        return [np.sqrt(np.mean(s**2)) for s in compute_standard_deviations(record, places, angles)]
 
     for check, midway, at_nodes in zip(checks.values(), rms(LOW + step / 2), rms(LOW), strict=True):
         # the fit's own part midway differs little from that at the nodes

@@ -13,7 +13,7 @@ from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables.increments import path_of
 from hrg_cli.physics.drift import drift
 from hrg_cli.stages.calibrate import calibrate, summary
-from hrg_cli.stages.calibration.table import measured_drift, standard_deviations
+from hrg_cli.stages.calibration.table import compute_measured_drift, compute_standard_deviations
 
 PLAN = ((0.4, 0.1, 0.05), (-0.4, 0.9, -0.05), (0.4, 0.7, -0.04), (-0.4, 0.3, 0.06))
 
@@ -44,9 +44,9 @@ def errors_of(record, unseen, truth):
     for wave in unseen:
         path = path_of(wave, harmonics=1)
         x, theta = path.middle(path.temperature_degc), path.middle(path.angle_rad)
-        found = record.values_at(x, theta)[0] + measured_drift(record, path)
+        found = record.values_at(x, theta)[0] + compute_measured_drift(record, path)
         true = drift(truth(float(x[0])), theta, path.middle(path.ratio))
-        std = standard_deviations(record, x, theta)[0]
+        std = compute_standard_deviations(record, x, theta)[0]
         z.append((found - true) / std)
         error.append(found - true)
     return np.concatenate(z), float(np.sqrt(np.mean(np.concatenate(error) ** 2)))

@@ -9,7 +9,7 @@ from drawn_gyros import Drawn
 
 from hrg_cli.errors import HrgError
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.calibration.table import standard_deviations
+from hrg_cli.stages.calibration.table import compute_standard_deviations
 
 VARIANTS = ("auto", "table", "parametric", "quadrature", "phase", "combined")
 
@@ -32,7 +32,7 @@ def tried(seed):
         except HrgError:
             continue  # a gyro without a quadrature has no part to be measured
         error = record.values_at(x, theta)[0] - truth
-        z = error / standard_deviations(record, x, theta)[0]
+        z = error / compute_standard_deviations(record, x, theta)[0]
         out[model] = (
             record.status == "valid",
             float(np.sqrt(np.mean(z**2))),
@@ -93,7 +93,7 @@ def test_a_first_harmonic_alone_does_not_deny_the_harmonics_it_leaves_out():
         for node in gyro.temperatures:
             at = np.full_like(theta, node)
             error = record.values_at(at, theta)[0] - gyro.tables(at, theta)[0]
-            z.append(np.mean((error / standard_deviations(record, at, theta)[0]) ** 2))
+            z.append(np.mean((error / compute_standard_deviations(record, at, theta)[0]) ** 2))
         assert np.all(record.drift_harmonics_std[:, 3:5] > 0)
     assert np.sqrt(np.mean(z)) < 1.5
     alone = calibrate(waves, model="parametric", harmonics=1, bootstrap=0)

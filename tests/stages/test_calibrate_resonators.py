@@ -9,8 +9,8 @@ from hrg_cli.errors import HrgError
 from hrg_cli.records import Resonator
 from hrg_cli.stages.calibration.resonators import (
     NAMES,
-    coefficients_of,
-    held_in,
+    compute_coefficients,
+    list_held,
     pool_resonators,
 )
 
@@ -39,8 +39,8 @@ def pooled(*files):
 
 
 def test_a_file_says_what_it_holds():
-    assert held_in(resonator()) == set()
-    assert held_in(holding(resonator(), "scale_factor", 0.55)) == {"scale_factor"}
+    assert list_held(resonator()) == set()
+    assert list_held(holding(resonator(), "scale_factor", 0.55)) == {"scale_factor"}
 
 
 def test_a_scale_factor_held_in_every_file_stays_as_it_was_given():
@@ -55,7 +55,7 @@ def test_a_scale_factor_held_in_every_file_stays_as_it_was_given():
 
 @pytest.mark.parametrize("given", [0.55, 0.70])
 def test_a_held_scale_factor_has_no_say_beside_a_measured_one(given):
-    alone, alone_std = coefficients_of(resonator(seed=1))
+    alone, alone_std = compute_coefficients(resonator(seed=1))
     value, std = pooled(resonator(seed=1), holding(resonator(seed=2), "scale_factor", given))
     assert value[K] == pytest.approx(alone[K], rel=1e-12)
     assert std[K] == pytest.approx(np.sqrt(alone_std[K, K]), rel=1e-9)
@@ -74,14 +74,14 @@ def test_a_held_axis_has_a_say_along_itself_alone(axis):
     wide = np.where(base.name == "damping_axis_rad", 0.3, np.sqrt(np.diag(base.covariance)))
     loose = turned.replace(std=wide, covariance=np.diag(wide**2))
     value, std = pooled(loose, known)
-    _, alone = coefficients_of(loose)
+    _, alone = compute_coefficients(loose)
     across = np.array([np.cos(4 * axis), np.sin(4 * axis)])
     found = pool_resonators((loose, known), "temperature", np.array([20.0]), 20.0, 20.0, "linear")
     block = np.ix_([DC, DS], [DC, DS])
     assert across @ found.covariance[0][block] @ across == pytest.approx(
         across @ alone[block] @ across, rel=1e-6
     )
-    assert value == pytest.approx(coefficients_of(turned)[0], rel=1e-9) and std[K] > 0
+    assert value == pytest.approx(compute_coefficients(turned)[0], rel=1e-9) and std[K] > 0
 
 
 def test_files_of_one_place_that_hold_different_values_are_refused():
@@ -97,7 +97,7 @@ def test_a_scale_factor_measured_at_one_temperature_and_held_at_another_is_refus
     # beside one of its own temperature that measured it, it is
     both = (*files, resonator(40.0, seed=3))
     found = pool_resonators(both, "temperature", np.array([0.0, 40.0]), 0.0, 40.0, "linear")
-    assert found.value[1, K] == pytest.approx(coefficients_of(both[2])[0][K], rel=1e-9)
+    assert found.value[1, K] == pytest.approx(compute_coefficients(both[2])[0][K], rel=1e-9)
 
 
 def test_what_is_held_takes_no_degree_of_freedom():

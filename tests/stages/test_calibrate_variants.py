@@ -12,7 +12,7 @@ from hrg_cli.fitting.tables.increments import path_of
 from hrg_cli.records import Resonator, collect
 from hrg_cli.reporting.calibration import show_bought
 from hrg_cli.stages.calibrate import calibrate, summary
-from hrg_cli.stages.calibration.table import measured_drift
+from hrg_cli.stages.calibration.table import compute_measured_drift
 from hrg_cli.stages.compensate import compensate
 from hrg_cli.stages.compensate import summary as compensated_figures
 
@@ -61,7 +61,7 @@ def test_a_phase_variant_of_an_old_file_is_the_exact_one_to_first_order(free_run
     old = record.replace(details=json.dumps(details))
     for run in free_runs:
         path = path_of(run, harmonics=1)
-        exact, first = measured_drift(record, path), measured_drift(old, path)
+        exact, first = compute_measured_drift(record, path), compute_measured_drift(old, path)
         ratio = np.abs(path.ratio).max()
         assert np.abs(exact).max() > 0 and ratio < 0.5
         assert np.abs(first - exact).max() < ratio * np.abs(exact).max()

@@ -9,7 +9,7 @@ import pytest
 from synthetic_waves import GYRO, programme
 
 from hrg_cli.fitting.envelopes.coordinates import SPLITS
-from hrg_cli.stages.identification.splits import weak_splits
+from hrg_cli.stages.identification.splits import describe_weak_splits
 from hrg_cli.stages.identify import identify
 
 STARTS = ((0.0, 0.8), (0.3, -0.8), (0.6, 0.0))
@@ -47,11 +47,11 @@ def test_a_clear_split_needs_no_word():
     values = {"frequency_split_rad_s": 9.0, "stiffness_axis_rad": 0.3}
     std = {"frequency_split_rad_s": 1.0, "stiffness_axis_rad": 0.03}
     components = {name: {"value": 6.4, "std": 1.0} for name in SPLITS[1][2]}
-    assert weak_splits(values, std, components) == []
-    (said,) = weak_splits({**values, "frequency_split_rad_s": 5.0}, std, components)
+    assert describe_weak_splits(values, std, components) == []
+    (said,) = describe_weak_splits({**values, "frequency_split_rad_s": 5.0}, std, components)
     assert "frequency_split_cos_rad_s = 6.4 ± 1" in said
     held = {**components, SPLITS[1][2][0]: {"value": 6.4, "std": 0.0}}
-    assert weak_splits({**values, "frequency_split_rad_s": 5.0}, std, held) == []
+    assert describe_weak_splits({**values, "frequency_split_rad_s": 5.0}, std, held) == []
 
 
 def test_every_method_states_a_uniform_axis_where_no_split_is_shown():

@@ -111,8 +111,8 @@ def test_right_tables_of_resonator_files_stay_as_they_are(programme):
 def test_tables_that_trust_their_resonator_files_too_much_become_suspect(programme, monkeypatch):
     """Coefficients taken with a fifth of their standard deviations: identified again they scatter
     by five."""
-    true = resonators.coefficients_of
-    monkeypatch.setattr(resonators, "coefficients_of", lambda r: (true(r)[0], true(r)[1] / 25))
+    true = resonators.compute_coefficients
+    monkeypatch.setattr(resonators, "compute_coefficients", lambda r: (true(r)[0], true(r)[1] / 25))
     forced, identified, _ = programme
     bold = calibrate([m.wave for m in forced], [i.resonator for i in identified], **ASKED)
     told = rehearse(

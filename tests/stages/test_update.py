@@ -11,8 +11,8 @@ from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables.increments import path_of
 from hrg_cli.physics.drift import drift
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.calibration.resonators import coefficients_of
-from hrg_cli.stages.calibration.table import measured_drift, standard_deviations
+from hrg_cli.stages.calibration.resonators import compute_coefficients
+from hrg_cli.stages.calibration.table import compute_measured_drift, compute_standard_deviations
 from hrg_cli.stages.update import _chi2, summary, update
 
 PLAN = ((0.4, 0.1, 0.05), (-0.4, 0.9, -0.05), (0.4, 0.7, -0.04), (-0.4, 0.3, 0.06))
@@ -50,10 +50,10 @@ def drift_error(record, device, temperature):
     )
     path = path_of(wave, harmonics=1)
     x, theta = path.middle(path.temperature_degc), path.middle(path.angle_rad)
-    found = record.values_at(x, theta)[0] + measured_drift(record, path)
+    found = record.values_at(x, theta)[0] + compute_measured_drift(record, path)
     error = found - drift(device(temperature), theta, path.middle(path.ratio))
     return float(np.sqrt(np.mean(error**2))), float(
-        np.sqrt(np.mean((error / standard_deviations(record, x, theta)[0]) ** 2))
+        np.sqrt(np.mean((error / compute_standard_deviations(record, x, theta)[0]) ** 2))
     )
 
 
@@ -68,7 +68,7 @@ def test_what_moved_is_put_right_and_told_in_sigma(calibration, by_reference):
         assert summary(record)["changed"] and abs(rows["K_DC_rad_s"]["moved_sigma"]) > 10
         for row in rows.values():  # each with its own deviation, that of the change with both
             assert row["std"] == pytest.approx(np.hypot(row["before_std"], row["now_std"]))
-            variance = np.diag(coefficients_of(new)[1])
+            variance = np.diag(compute_coefficients(new)[1])
             assert np.isclose(variance, row["now_std"] ** 2, rtol=1e-6, atol=0).any()
         before, _ = drift_error(calibration, later, 20.0)
         after, z = drift_error(record, later, 20.0)
@@ -116,7 +116,7 @@ def errors_over_sigma(calibration, device, relative_std, draws=200):
     quadrature, its_std = (np.array(details["measured"][k]) for k in ("coefficients", "std"))
     exact = resonator_of(device(20.0), 20.0, relative_std)
     (now, spread), (then, _) = (
-        coefficients_of(r) for r in (exact, resonator_of(tempered(20.0), 20.0, relative_std))
+        compute_coefficients(r) for r in (exact, resonator_of(tempered(20.0), 20.0, relative_std))
     )
     at_20 = np.concatenate([drift[1, 1:3], scale[1, :1], quadrature[1]])
     truth = np.concatenate([drift[:, 1:3], scale[:, :1], quadrature], axis=1) + now - then

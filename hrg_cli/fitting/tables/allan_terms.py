@@ -76,11 +76,39 @@ class AllanTerms:
 def allan_terms(
     rate: Array, interval_s: float, window_s: float = 0.0, bend_off_s: float = 0.0
 ) -> AllanTerms:
-    """Fit the four terms to the overlapping Allan variance of an evenly sampled rate (n,), at least
-    30 values.
+    """Fit the four terms to the overlapping Allan variance of a rate.
 
-    window_s: width of the even average behind the angles whose differences the rates are;
-    bend_off_s: length of the windows in it that stand for their middle, 0: for their mean.
+    σ²(τ) = 3Q²/τ² + N²/τ + B²·2 ln 2/π + K²τ/3 (IEEE Std 952, annex C), by generalised least
+    squares with the covariance that the terms found give the values at different averaging times.
+
+    Parameters
+    ----------
+    rate
+        (n,) [rad/s], evenly sampled, at least 30 values.
+    interval_s
+        Their spacing.
+    window_s
+        Width of the even average behind the angles whose differences the rates are.
+    bend_off_s
+        Length of the windows in it that stand for their middle, 0: for their mean.
+
+    Returns
+    -------
+    AllanTerms
+        The coefficients in SI units with their intervals, beside the deviations they were fitted
+        to.
+
+    Examples
+    --------
+    White noise of 1 rad/s at 1 Hz is an angle random walk of 1 rad/√s and nothing else.
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.allan_terms import allan_terms
+    >>> found = allan_terms(np.random.default_rng(0).standard_normal(4000), 1.0).coefficients
+    >>> [name for name, one in found.items() if one.seen]
+    ['angle_random_walk']
+    >>> found["angle_random_walk"].low < 1.0 < found["angle_random_walk"].high
+    True
     """
     rate = np.asarray(rate, float)
     time, deviation, relative = allan_deviation(rate, interval_s, POINTS)
@@ -191,9 +219,35 @@ def _find_least_squares(
 
 
 def through_windows(time_s: Array, window_s: float, bend_off_s: float = 0.0) -> Array:
-    """Part (points, 3) of the variance of white, flicker and random-walk rate noise that angles
-    averaged over windows keep: ∫f^−p sin⁴(πfτ)/(πfτ)² sinc²(πfw) g²(fh) df over the same without
-    the box, p = 0, 1, 2; g of windows h that stand for their middle (`gain_at_middle`), else 1."""
+    """Part of the variance of rate noise that angles averaged over windows keep.
+
+    ∫f^−p sin⁴(πfτ)/(πfτ)² sinc²(πfw) g²(fh) df over the same without the box, p = 0, 1, 2 for
+    white, flicker and random-walk rate noise; g of windows h that stand for their middle
+    (`gain_at_middle`), else 1.
+
+    Parameters
+    ----------
+    time_s
+        Averaging times (points,).
+    window_s
+        Width w of the windows, 0: none.
+    bend_off_s
+        Length h of the windows that stand for their middle, 0: for their mean.
+
+    Returns
+    -------
+    ndarray
+        (points, 3), at most 1.
+
+    Examples
+    --------
+    A window that fills the interval takes half of the white noise, next to none of a random walk:
+
+    >>> from hrg_cli.fitting.tables.allan_terms import through_windows
+    >>> white, _, walk = through_windows([1.0], 1.0)[0]
+    >>> round(float(white), 6), bool(white < walk < 1)
+    (0.5, True)
+    """
     if window_s <= 0:
         return np.ones((len(time_s), 3))
     time = np.asarray(time_s, float)

@@ -22,7 +22,28 @@ SMALL_FALL = 0.01
 
 
 def has_bends(layout: TableLayout) -> bool:
-    """Whether the weights of the nodes depend on the coefficients."""
+    """Whether the weights of the nodes depend on the coefficients.
+
+    Between two nodes every interpolation is the same line.
+
+    Parameters
+    ----------
+    layout
+        Nodes and interpolation of the tables.
+
+    Returns
+    -------
+    bool
+        True for a monotone interpolation between three nodes or more.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.bends import has_bends
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> [has_bends(TableLayout(np.arange(n), "temperature", 2, 1, 0, "monotone")) for n in (2, 3)]
+    [False, True]
+    """
     return layout.interpolation == "monotone" and len(layout.nodes) > 2
 
 
@@ -34,11 +55,53 @@ def settle_bends(
     model: Model,
     start: Array,
 ) -> Array:
-    """Coefficients (size,) of least χ² where every node's weights are those of the coefficients
-    themselves, downhill from `start`.
+    """Coefficients of least χ² where every node's weights are those of the coefficients themselves.
 
-    The interpolant has kinks where neighbouring slopes change sign; a descent that ends on one is at
-    its least all the same, though a step of the linear form would promise more.
+    The descent goes downhill from `start`. The interpolant has kinks where neighbouring slopes
+    change sign; a descent that ends on one is at its least all the same, though a step of the
+    linear form would promise more.
+
+    Parameters
+    ----------
+    paths
+        The runs.
+    noises
+        Noise of each.
+    layout
+        Of the tables, with monotone interpolation.
+    turns
+        m·Δθ [rad] of each run, (n,).
+    model
+        What of the layout is free.
+    start
+        Coefficients (size,): drift in rad/s, scale factor without unit.
+
+    Returns
+    -------
+    ndarray
+        (size,), as `start`.
+
+    Examples
+    --------
+    A sweep through three nodes gives back the drifts that turned it, 1, 2 and 4 mrad/s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.bends import settle_bends
+    >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.table_design import predict_turn
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> t, one = np.arange(41.0), np.ones(41)
+    >>> path = AnglePath(
+    ...     "", False, 2, "", t, 0 * t, 0 * t, one, 0 * t, t, one, 0 * t,
+    ...     one, 0 * t, None, None, 41, 1.0,
+    ... )
+    >>> layout = TableLayout(np.array([0.0, 20.0, 40.0]), "temperature", 2, 0, 0, "monotone")
+    >>> true = np.array([1e-3, 0, 2e-3, 0, 4e-3, 0])
+    >>> turn, model = predict_turn(path, layout, true, true), Model("everything", np.eye(6))
+    >>> found = settle_bends([path], [AngleNoise(0, 1e-8)], layout, [turn], model, 0 * true)
+    >>> found[::2].round(6).tolist()
+    [0.001, 0.002, 0.004]
     """
     problem = _Bending(list(paths), list(noises), layout, list(turns), model)
     return descend(problem, problem.at(start), MOST_STEPS).point.coefficients

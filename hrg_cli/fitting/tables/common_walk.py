@@ -50,7 +50,49 @@ def coarsen(
     model: Model,
     previous: Array | None,
 ) -> Coarse:
-    """The run's model columns and turn, averaged to some sixty blocks, a stretch at a time."""
+    """The run's model columns and turn, averaged to some sixty blocks.
+
+    Parameters
+    ----------
+    path
+        The run, worked through a stretch at a time.
+    noise
+        Its noise; the white part falls with the rows a block.
+    turn
+        m·Δθ [rad] (n,).
+    layout
+        Order of the coefficients.
+    model
+        What of them is free.
+    previous
+        Coefficients (size,) whose slopes give a monotone interpolation its weights; None: linear
+        ones.
+
+    Returns
+    -------
+    Coarse
+        Differences between blocks: columns of the model, then the turn.
+
+    Examples
+    --------
+    Blocks of three rows lie 3 s apart: a drift is seen for 3 s, with a third of the white variance.
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.common_walk import coarsen
+    >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> t, one = np.arange(200.0), np.ones(200)
+    >>> path = AnglePath(
+    ...     "", False, 2, "", t, one, 0 * t, one, 0 * t, one, one, 0 * t,
+    ...     one, 0 * t, None, None, 200, 1.0,
+    ... )
+    >>> layout = TableLayout(one[:1], "temperature", 2, 0, 0)
+    >>> model = Model("drift", np.eye(2)[:, :1])
+    >>> coarse = coarsen(path, AngleNoise(0.3, 0.0), np.zeros(199), layout, model, None)
+    >>> coarse.columns[0].round(9).tolist(), round(coarse.white, 9)
+    ([3.0, 0.0], 0.1)
+    """
     many = max(1, (len(path) + 1) // COARSE_BLOCKS)
     count = (len(path) + 1) // many
     means, angle = np.zeros((count, model.free + 1)), np.zeros(model.free + 1)
@@ -74,13 +116,38 @@ def coarsen(
 
 
 def estimate_common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
-    """Angle random walk q common to all runs, rad²/s of mθ, by restricted likelihood at the runs'
-    white noise.
+    """Angle random walk q common to all runs, by restricted likelihood at the runs' white noise.
 
     A slow random walk hides in what the tables absorb, so a run's own residuals understate it:
-    minimised is −2 ln L = Σ ln|V| + χ² + ln|XᵀV⁻¹X|, on blocks averaged to some sixty a run, where
-    a walk that is hard to see acts. X spans the same directions at every q, those that are seen
-    without a walk: one that came or went with q would change the determinant by more than any walk.
+    minimised is −2 ln L = Σ ln|V| + χ² + ln|XᵀV⁻¹X| (Patterson and Thompson 1971), on blocks
+    averaged to some sixty a run, where a walk that is hard to see acts. X spans the same directions
+    at every q, those that are seen without a walk: one that came or went with q would change the
+    determinant by more than any walk.
+
+    Parameters
+    ----------
+    coarse
+        The runs, averaged by `coarsen`.
+    length_s
+        Length of a run, from which sizes are looked through.
+
+    Returns
+    -------
+    float
+        rad²/s of mθ; 0 where no walk is likelier by `NEEDED_GAIN`.
+
+    Examples
+    --------
+    Angles with white noise of 1 rad², and a walk of 1 rad²/s or none:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.common_walk import Coarse, estimate_common_walk
+    >>> draw, one = np.random.default_rng(0).standard_normal, np.ones(2000)
+    >>> white = np.diff(draw(2001))
+    >>> turns = (white, white + draw(2000))
+    >>> runs = [Coarse(np.column_stack([one, turn]), 1.0, one, 0.0) for turn in turns]
+    >>> [bool(abs(estimate_common_walk([run], 100.0) - q) < 0.2) for run, q in zip(runs, (0, 1))]
+    [True, True]
     """
     from scipy.optimize import minimize_scalar
 

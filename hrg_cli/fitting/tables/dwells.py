@@ -30,11 +30,38 @@ ROUNDING = 1e-12
 def lay_nodes(
     y: Array, omega: Array, degc: Array, spacing: float, interpolation: str, turning: bool
 ) -> Array:
-    """Even nodes at most `spacing` apart, as many as the rows can carry: every one seen, and rows
-    left over to tell their scatter.
+    """Even nodes at most `spacing` apart, as many as the rows can carry.
 
-    Where the rows are few for the nodes that the spacing asks for, their number is that which
-    predicts rows left out best.
+    Every node is seen, and rows are left over to tell their scatter. Where the rows are few for the
+    nodes that the spacing asks for, their number is that which predicts rows left out best.
+
+    Parameters
+    ----------
+    y
+        Output (n,).
+    omega
+        Rate (n,) [rad/s].
+    degc
+        Temperature (n,) [°C].
+    spacing
+        Largest distance of two nodes [°C].
+    interpolation
+        Between the nodes: "linear" or "cubic".
+    turning
+        Whether the rate changes, so that the scale factor has nodes too.
+
+    Returns
+    -------
+    ndarray
+        (J,) [°C].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.dwells import lay_nodes
+    >>> degc = np.linspace(0.0, 40.0, 100)
+    >>> lay_nodes(0.1 * degc, 0 * degc, degc, 20.0, "linear", False).tolist()
+    [0.0, 20.0, 40.0]
     """
     low, high = float(degc.min()), float(degc.max())
     if high - low < 1e-6:
@@ -57,8 +84,27 @@ def lay_nodes(
 
 
 def find_least_count(y: Array) -> float:
-    """The step on whose multiples all values lie: the resolution of what measured them; 0 where
-    there is none to be seen."""
+    """The step on whose multiples all values lie: the resolution of what measured them.
+
+    Parameters
+    ----------
+    y
+        Values (n,).
+
+    Returns
+    -------
+    float
+        In their unit; 0 where there is no grid to be seen.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.dwells import find_least_count
+    >>> round(find_least_count(np.array([0.0, 0.25, 0.5, 1.25, 2.5])), 9)
+    0.25
+    >>> find_least_count(np.random.default_rng(0).standard_normal(50))
+    0.0
+    """
     steps = np.diff(np.unique(y))
     if len(steps) < 3:
         return 0.0
@@ -72,11 +118,39 @@ def find_least_count(y: Array) -> float:
 
 
 def find_spikes(X: Array, residual: Array, keep: Array, limit: float, step: float) -> Array:
-    """Rows (n,) further from the fit than `limit` robust standard deviations, each held against its
-    own error.
+    """Rows further from the fit than `limit` robust standard deviations, each held against its own
+    error.
 
-    A row that helps to fix the curve is pulled to it: its residual has the variance s²(1 − h). None
-    is called a spike where too few rows are left over to tell.
+    A row that helps to fix the curve is pulled to it: its residual has the variance s²(1 − h), h
+    its leverage, and s²(1 + h) where it was left out. None is called a spike where too few rows are
+    left over to tell.
+
+    Parameters
+    ----------
+    X
+        Columns (n, p) of the fit.
+    residual
+        (n,).
+    keep
+        (n,) bool: rows that the fit is of.
+    limit
+        Standard deviations, of 1.4826 times the median deviation.
+    step
+        Least count, which rows cannot scatter by less than; 0: none.
+
+    Returns
+    -------
+    ndarray
+        (n,) bool.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.dwells import find_spikes
+    >>> residual = np.random.default_rng(0).standard_normal(50)
+    >>> residual[7] = 30.0
+    >>> np.flatnonzero(find_spikes(np.ones((50, 1)), residual, residual < 99, 6.0, 0.0)).tolist()
+    [7]
     """
     left = int(keep.sum()) - X.shape[1]
     if left < FEWEST_FOR_SPIKES:
@@ -96,8 +170,38 @@ def find_spikes(X: Array, residual: Array, keep: Array, limit: float, step: floa
 def design(
     omega: Array, degc: Array, nodes: Array, interpolation: str, turning: bool, powers: list[int]
 ) -> Array:
-    """Columns (n, ·): −D at the nodes and, where it turns, K·Ω at the nodes and the powers of the
-    rate."""
+    """Columns of the output of dwells: −D + KΩ, and powers of the rate.
+
+    Parameters
+    ----------
+    omega
+        Rate (n,) [rad/s].
+    degc
+        Temperature (n,) [°C].
+    nodes
+        (J,) [°C].
+    interpolation
+        Between the nodes: "linear" or "cubic".
+    turning
+        Whether the scale factor has nodes too.
+    powers
+        Of the rate, beside the first.
+
+    Returns
+    -------
+    ndarray
+        (n, ·): −D at the nodes; where it turns, K·Ω at the nodes and the powers of the rate.
+
+    Examples
+    --------
+    At 5 °C, midway between two nodes, and 2 rad/s, with Ω³:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.dwells import design
+    >>> nodes = np.array([0.0, 10.0])
+    >>> design(np.array([2.0]), np.array([5.0]), nodes, "linear", True, [3]).tolist()
+    [[0.5, 0.5, 1.0, 1.0, 8.0]]
+    """
     weights = node_weights(degc, nodes, interpolation)
     if not turning:
         return weights
@@ -115,8 +219,42 @@ def choose_powers(
     turning: bool,
     largest: int,
 ) -> tuple[list[int], dict[str, float]]:
-    """Powers 2…P with the smallest held-out residual over folds of stretches of the rows; scores by
-    P."""
+    """Powers 2…P of the rate with the smallest held-out residual.
+
+    Parameters
+    ----------
+    y
+        Output (n,).
+    omega
+        Rate (n,) [rad/s].
+    degc
+        Temperature (n,) [°C].
+    nodes
+        (J,) [°C].
+    interpolation
+        Between the nodes: "linear" or "cubic".
+    turning
+        Whether the rate changes; otherwise no powers.
+    largest
+        Largest P tried; fewer than there are rates.
+
+    Returns
+    -------
+    tuple
+        The powers, and the held-out root mean square by P, in the output's unit.
+
+    Examples
+    --------
+    A cubic characteristic is not predicted by the powers up to two:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.dwells import choose_powers
+    >>> omega = np.tile(np.linspace(-2.0, 2.0, 9), 20)
+    >>> y = omega + 0.1 * omega**3 + 1e-3 * np.random.default_rng(0).standard_normal(180)
+    >>> powers, scores = choose_powers(y, omega, 0 * omega, np.array([0.0]), "linear", True, 3)
+    >>> powers, scores["2"] > 10 * scores["3"]
+    ([2, 3], True)
+    """
     if not turning:
         return [], {"1": held_out_rms(y, design(omega, degc, nodes, interpolation, turning, []))}
     scores = {}
@@ -128,7 +266,30 @@ def choose_powers(
 
 
 def held_out_rms(y: Array, X: Array) -> float:
-    """Root mean square of the rows predicted without their fold of stretches."""
+    """Root mean square of the rows predicted without their fold of stretches.
+
+    Parameters
+    ----------
+    y
+        Values (n,).
+    X
+        Columns (n, p).
+
+    Returns
+    -------
+    float
+        In the values' unit.
+
+    Examples
+    --------
+    One spike of 10 in a hundred rows; what predicts it has not seen it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.dwells import held_out_rms
+    >>> y = np.where(np.arange(100) == 50, 10.0, 0.0)
+    >>> bool(held_out_rms(y, np.ones((100, 1))) > y.std())
+    True
+    """
     fold = np.arange(len(y)) * min(STRETCHES, len(y)) // len(y) % FOLDS
     residual = np.empty(len(y))
     for f in range(FOLDS):
@@ -138,12 +299,36 @@ def held_out_rms(y: Array, X: Array) -> float:
 
 
 def covariance_of(X: Array, residual: Array, step: float) -> Array:
-    """s²(XᵀX)⁻¹ times the inflation 1 + 2Σ(1 − k/K)ρ_k that neighbouring rows' correlation asks
-    for, never less than one.
+    """Covariance of the coefficients of correlated rows.
 
-    s² from the rows left over, at least a least count's step²/12, times n/(n − 2) for how little n
-    of them tell it; NaN where the rows lie on the curve to the last digit: what they scatter by is
-    then not known.
+    s²(XᵀX)⁻¹ times the inflation 1 + 2Σ(1 − k/K)ρ_k that the correlation of neighbouring rows asks
+    for, never less than one. s² from the rows left over, at least a least count's step²/12, times
+    n/(n − 2) for how little n of them tell it.
+
+    Parameters
+    ----------
+    X
+        Columns (n, p).
+    residual
+        (n,).
+    step
+        Least count of the values; 0: none.
+
+    Returns
+    -------
+    ndarray
+        (p, p); NaN where the rows lie on the curve to the last digit: what they scatter by is then
+        not known.
+
+    Examples
+    --------
+    The mean of ten thousand white values is known to a hundredth of their scatter:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.dwells import covariance_of
+    >>> white = np.random.default_rng(0).standard_normal(10_000)
+    >>> round(float(covariance_of(np.ones((10_000, 1)), white, 0.0)[0, 0] ** 0.5), 3)
+    0.01
     """
     left = max(len(X) - X.shape[1], 0)
     power = float(residual @ residual)

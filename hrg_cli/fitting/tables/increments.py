@@ -144,13 +144,55 @@ def path_of(
     per_block: int | None = None,
     need_rate: bool = True,
 ) -> AnglePath:
-    """Average a run to blocks. `rate_rad_s` replaces a missing log. Memory does not grow with the
-    run: rows are read piece by piece. Windows that the rate log does not cover are left out, unless
-    `need_rate` is False.
+    """Average a run to blocks.
 
-    per_block: windows a block; by default as many as the run's speed and `harmonics` allow.
-    HrgError: no rate (unless `need_rate` is False: then zeros), fewer than three good windows,
-    times that do not increase.
+    Memory does not grow with the run: rows are read piece by piece. Windows that the rate log does
+    not cover are left out, unless `need_rate` is False.
+
+    Parameters
+    ----------
+    wave
+        The run.
+    harmonics
+        Of 2mθ that the tables have: how far the wave may turn within a block.
+    rate_rad_s
+        A constant rate in the place of the log.
+    earth_rate_rad_s
+        The Earth's rotation about the gyro's axis, added to the rate.
+    per_block
+        Windows a block; by default as many as the run's speed and `harmonics` allow.
+    need_rate
+        Whether a run without a rate is an error; otherwise its rate is zero.
+
+    Returns
+    -------
+    AnglePath
+        b blocks, between which n = b − 1 increments lie.
+
+    Raises
+    ------
+    HrgError
+        No rate, fewer than two good blocks, or times that do not increase.
+
+    Examples
+    --------
+    At 0.1 rad/s a wave with K = 0.3, m = 2 turns by −KΩ/m·Δt between blocks of 4 s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import path_of
+    >>> from hrg_cli.records import Wave
+    >>> t = np.arange(40.0)
+    >>> sized = ["main_amplitude", "quadrature_amplitude"]
+    >>> sized += ["wave_angle_rad", "phase_rad", "carrier_phase_rad"]
+    >>> others = [*sized, *(f"{name}_std" for name in sized)]
+    >>> others += ["residual_rms", "signal_std", "frequency_hz"]
+    >>> wave = Wave(**dict.fromkeys(others, np.ones(40)) | dict(
+    ...     time_s=t, flags=np.zeros(40, "u1"), iterations=np.zeros(40, "i4"), mode="free",
+    ...     window_s=1.0, reference_frequency_hz=5e3, wave_angle_rad=-0.3 * 0.1 / 2 * t,
+    ... ))
+    >>> path = path_of(wave, harmonics=1, rate_rad_s=0.1, per_block=4)
+    >>> len(path), round(float(path.turn[0]), 9), round(float(path.rotation[0]), 9)
+    (9, -0.12, 0.4)
     """
     rows = len(wave)
     if need_rate and rate_rad_s is None:

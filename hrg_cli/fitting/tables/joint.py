@@ -74,13 +74,46 @@ def fit(
     model: Model | None = None,
     start: Fitted | None = None,
 ) -> Fitted:
-    """Joint fit of a model (by default the full layout), alternating coefficients and each run's
-    noise.
+    """Joint fit of a model, alternating coefficients and each run's noise.
 
     White angle noise is each run's own; the angle random walk is the larger of the run's own and
     the one common to all runs. What a fit with other weights leaves shows too large a walk, so the
-    sweeps go on until it settles. start: an earlier fit of the same runs, whose noise begins the
-    sweeps.
+    sweeps go on until it settles.
+
+    Parameters
+    ----------
+    paths
+        The runs.
+    layout
+        Order of the coefficients.
+    model
+        What of them is free; by default all.
+    start
+        An earlier fit of the same runs, whose noise begins the sweeps.
+
+    Returns
+    -------
+    Fitted
+        Coefficients with covariance (drift in rad/s, scale factor without unit), beside what they
+        were found from.
+
+    Examples
+    --------
+    A drift of 1 mrad/s in a run at rest, whose angles scatter by 1 µrad:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> t, one = np.arange(600.0), np.ones(600)
+    >>> angle = (1e-3 * t + 1e-6 * np.random.default_rng(0).standard_normal(600)) / 2
+    >>> path = AnglePath(
+    ...     "", False, 2, "", t, one, angle, one, 0 * t, one, one, 0 * t,
+    ...     one, 0 * t, None, None, 600, 1.0,
+    ... )
+    >>> found = fit([path], TableLayout(one[:1], "temperature", 2, 0, 0)).solution
+    >>> bool(abs(found.coefficients[0] - 1e-3) < 3 * found.covariance[0, 0] ** 0.5 < 1e-7)
+    True
     """
     model = Model("everything", np.eye(layout.size)) if model is None else model
     paths = list(paths) if start is None else list(start.paths)

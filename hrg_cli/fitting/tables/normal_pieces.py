@@ -58,7 +58,24 @@ class Pieces:
 
 
 def piece_of(length: int) -> Array:
-    """Piece of each increment (n,), contiguous in time."""
+    """Piece of each increment, contiguous in time.
+
+    Parameters
+    ----------
+    length
+        Increments of the run.
+
+    Returns
+    -------
+    ndarray
+        (n,): 0 to `PIECES` − 1.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.tables.normal_pieces import piece_of
+    >>> piece_of(10).tolist()
+    [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+    """
     return np.arange(length) * PIECES // max(length, 1)
 
 
@@ -70,8 +87,48 @@ def accumulate(
     previous: Array | None = None,
     about: Array | None = None,
 ) -> Pieces:
-    """Whitened normal equations of all runs. turns: m·Δθ of each run; previous: coefficients whose
-    weights of the nodes count; about: coefficients near the answer (default: none, zero)."""
+    """Whitened normal equations of all runs.
+
+    Parameters
+    ----------
+    paths
+        The runs.
+    noises
+        Noise of each, which whitens its rows.
+    layout
+        Order of the coefficients.
+    turns
+        m·Δθ [rad] of each run, (n,).
+    previous
+        Coefficients (size,) whose slopes give a monotone interpolation its weights; None: linear
+        ones.
+    about
+        Coefficients (size,) near the answer, which keep its χ² precise; None: zero.
+
+    Returns
+    -------
+    Pieces
+        One a run and piece of time.
+
+    Examples
+    --------
+    Four seconds with a walk of 4 rad²/s tell a drift to σ² = q/T = 1 (rad/s)²:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.normal_pieces import accumulate
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> t, one = np.arange(5.0), np.ones(5)
+    >>> path = AnglePath(
+    ...     "", False, 2, "", t, 0 * t, 0 * t, one, 0.1 * t, one, one, 0 * t,
+    ...     one, 0 * t, None, None, 5, 1.0,
+    ... )
+    >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 0, 0)
+    >>> pieces = accumulate([path], [AngleNoise(0.0, 4.0)], layout, [np.zeros(4)])
+    >>> round(float(pieces.sum()[0][0, 0]), 9)
+    1.0
+    """
     shape = (len(paths), PIECES)
     about = np.zeros(layout.size) if about is None else about
     pieces = Pieces(
@@ -109,8 +166,35 @@ class TableSolution:
 def solve(
     information: Array, vector: Array, model: Model, penalty: Array | None = None
 ) -> TableSolution:
-    """Least squares in a model's space; directions the data do not see (scaled eigenvalue <
-    `LEAST_SEEN`) stay at zero."""
+    """Least squares in a model's space.
+
+    Directions that the data do not see (scaled eigenvalue < `LEAST_SEEN`) stay at zero.
+
+    Parameters
+    ----------
+    information, vector
+        Normal equations (size, size) and (size,) with unit noise.
+    model
+        What of the coefficients is free.
+    penalty
+        (size, size), added to the information; none by default.
+
+    Returns
+    -------
+    TableSolution
+        In the full set of coefficients.
+
+    Examples
+    --------
+    Four looks of mean 2 and σ = 1; of the second coefficient nothing is seen:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.normal_pieces import solve
+    >>> from hrg_cli.fitting.tables.table_layout import Model
+    >>> found = solve(np.diag([4.0, 0.0]), np.array([8.0, 0.0]), Model("both", np.eye(2)))
+    >>> found.coefficients.tolist(), float(found.covariance[0, 0]), found.degrees
+    ([2.0, 0.0], 0.25, 1.0)
+    """
     M = model.matrix
     start = np.zeros(len(vector)) if model.start is None else model.start
     A, b = M.T @ information @ M, M.T @ (vector - information @ start)
@@ -133,7 +217,37 @@ def solve(
 def compute_held_out_chi_square(
     pieces: Pieces, folds: Array, model: Model, penalty: Array | None = None
 ) -> float:
-    """Σ over folds of the whitened residuals squared, each fold predicted from the others."""
+    """Sum over folds of the whitened residuals squared, each fold predicted from the others.
+
+    Parameters
+    ----------
+    pieces
+        Of R runs and S pieces of time.
+    folds
+        (R, S): number of the fold that each is in.
+    model
+        What of the coefficients is free.
+    penalty
+        (size, size), as in `solve`.
+
+    Returns
+    -------
+    float
+        χ².
+
+    Examples
+    --------
+    Of the values 1 and 3 each is predicted by the other, 2 off:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.normal_pieces import Pieces, compute_held_out_chi_square
+    >>> from hrg_cli.fitting.tables.table_layout import Model
+    >>> y = np.array([[1.0, 3.0]])
+    >>> ones = np.ones((1, 2), int)
+    >>> pieces = Pieces(np.zeros(1), np.ones((1, 2, 1, 1)), y[..., None], y**2, ones)
+    >>> compute_held_out_chi_square(pieces, np.array([[0, 1]]), Model("mean", np.eye(1)))
+    8.0
+    """
     A, b, _ = pieces.sum()
     total = 0.0
     for f in range(int(folds.max()) + 1):

@@ -60,8 +60,36 @@ def doubtful_harmonics(
     scale_factor: float,
     beyond: Mapping[str, int] | None = None,
 ) -> list[Doubtful]:
-    """Every harmonic k ≥ 1 of the given kinds ("drift", "scale"), or those above `beyond` of each
-    kind alone; scale_factor: K₀."""
+    """Every harmonic k ≥ 1 of the given kinds, each with the odds and the sizes it may have.
+
+    Parameters
+    ----------
+    layout
+        Order of the coefficients.
+    kinds
+        "drift", "scale" or both.
+    scale_factor
+        K₀, of which a read-out's harmonics are parts.
+    beyond
+        By kind: the harmonics above this one alone.
+
+    Returns
+    -------
+    list of Doubtful
+        By kind, lowest first.
+
+    Examples
+    --------
+    One linear defect makes harmonic 1 of the drift; harmonic 2 needs two of them, and is less
+    likely:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.shrinkage import doubtful_harmonics
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 2, 0)
+    >>> [(one.places.tolist(), one.odds) for one in doubtful_harmonics(layout, ["drift"], 0.3)]
+    [([[1, 2]], 1.0), ([[3, 4]], 4.0)]
+    """
     out = []
     for kind in kinds:
         drift = kind == "drift"
@@ -87,11 +115,40 @@ def average_over_doubt(
     seed: int,
     sweeps: int = SWEEPS,
 ) -> TableSolution:
-    """Posterior mean and covariance of the coefficients with the doubtful harmonics' prior scales
+    """Posterior mean and covariance of the coefficients, the doubtful harmonics' prior scales
     integrated out.
 
-    information, vector: normal equations with unit noise; seen (size, p): the model's map, whose
-    other directions stay at zero.
+    Parameters
+    ----------
+    information, vector
+        Normal equations (size, size) and (size,) with unit noise.
+    seen
+        (size, p): the model's map, whose other directions stay at zero.
+    doubtful
+        The harmonics whose size is in doubt.
+    seed
+        Of the draws.
+    sweeps
+        Of the Gibbs sampler, the first `BURN_IN` of them not counted.
+
+    Returns
+    -------
+    TableSolution
+        In the full set of coefficients.
+
+    Examples
+    --------
+    A harmonic of 100 σ stays as it is; one of half a σ is more likely absent:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.shrinkage import average_over_doubt, doubtful_harmonics
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 2, 0)
+    >>> doubtful = doubtful_harmonics(layout, ["drift"], 0.3)
+    >>> measured = np.array([0, 100, 0, 0.5, 0, 0.3])
+    >>> found = average_over_doubt(np.eye(6), measured, np.eye(6), doubtful, seed=0).coefficients
+    >>> bool(found[1] > 99), bool(0 < found[3] < 0.25)
+    (True, True)
     """
     generator = np.random.default_rng(seed)
     active = np.flatnonzero(np.abs(seen).sum(axis=1) > 0)

@@ -15,8 +15,44 @@ ROWS_AT_ONCE = 1 << 12
 
 
 def build_design(run: AnglePath, layout: TableLayout, previous: Array | None, rows: slice) -> Array:
-    """Columns (n, size) of m·Δθ for the increments `rows` of a run. `previous` coefficients
-    linearise the monotone interpolation."""
+    """What each coefficient makes of a run's increments m·Δθ.
+
+    m·Δθ = ∫(D − KΩ) dt, each harmonic averaged over the angle that the wave passes meanwhile.
+
+    Parameters
+    ----------
+    run
+        The whole run: a factor may look at neighbours in time.
+    layout
+        Nodes, harmonics and factors.
+    previous
+        Coefficients (size,) whose slopes give a monotone interpolation its weights; None: linear
+        ones.
+    rows
+        The increments wanted.
+
+    Returns
+    -------
+    ndarray
+        (n, size): s for drift coefficients in rad/s, rad for scale factors, which have no unit.
+
+    Examples
+    --------
+    At 0.1 rad/s a second's increment holds 1 s of the drift and −0.1 rad of the scale factor:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.table_design import build_design
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> t, one = np.arange(5.0), np.ones(5)
+    >>> path = AnglePath(
+    ...     "", False, 2, "", t, 0 * t, 0 * t, one, 0.1 * t, one, one, 0 * t,
+    ...     one, 0 * t, None, None, 5, 1.0,
+    ... )
+    >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 0, 0)
+    >>> build_design(path, layout, None, slice(0, 1)).round(9).tolist()
+    [[1.0, -0.1]]
+    """
     path = run.part(rows)
     x = layout.abscissa(path)
     basis = path.angle_basis(max(layout.drift_harmonics, layout.scale_harmonics))
@@ -47,8 +83,24 @@ def build_design(run: AnglePath, layout: TableLayout, previous: Array | None, ro
 
 
 def split_stretches(length: int) -> list[slice]:
-    """Increments a run is worked through at once, so that memory holds one stretch of the
-    design."""
+    """Increments a run is worked through at once, so that memory holds one stretch of the design.
+
+    Parameters
+    ----------
+    length
+        Increments of the run.
+
+    Returns
+    -------
+    list of slice
+        In order, without gaps.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.tables.table_design import split_stretches
+    >>> split_stretches(5000)
+    [slice(0, 4096, None), slice(4096, 5000, None)]
+    """
     return [
         slice(first, min(first + ROWS_AT_ONCE, length)) for first in range(0, length, ROWS_AT_ONCE)
     ]
@@ -57,7 +109,42 @@ def split_stretches(length: int) -> list[slice]:
 def predict_turn(
     path: AnglePath, layout: TableLayout, coefficients: Array, previous: Array | None = None
 ) -> Array:
-    """m·Δθ (n, …) of given coefficients (size, …), a stretch at a time."""
+    """The increments m·Δθ that given coefficients make.
+
+    Parameters
+    ----------
+    path
+        The run.
+    layout
+        Order of the coefficients.
+    coefficients
+        (size, …): drift in rad/s, scale factor without unit.
+    previous
+        Coefficients (size,) whose slopes give a monotone interpolation its weights; None: linear
+        ones.
+
+    Returns
+    -------
+    ndarray
+        (n, …) [rad].
+
+    Examples
+    --------
+    D − KΩ with a drift of 0.01 rad/s, K = 0.3 and a rate of 0.1 rad/s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.table_design import predict_turn
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> t, one = np.arange(5.0), np.ones(5)
+    >>> path = AnglePath(
+    ...     "", False, 2, "", t, 0 * t, 0 * t, one, 0.1 * t, one, one, 0 * t,
+    ...     one, 0 * t, None, None, 5, 1.0,
+    ... )
+    >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 0, 0)
+    >>> predict_turn(path, layout, np.array([0.01, 0.3])).round(9).tolist()
+    [-0.02, -0.02, -0.02, -0.02]
+    """
     return np.concatenate(
         [
             build_design(path, layout, previous, rows) @ coefficients

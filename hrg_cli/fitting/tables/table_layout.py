@@ -133,8 +133,31 @@ class Model:
 
 
 def roughness(layout: TableLayout) -> Array:
-    """Penalty (size, size) on the curvature of every harmonic along the nodes: ∫(d²/dx²)², scaled
-    by each harmonic's own kind."""
+    """Penalty on the curvature of every harmonic along the nodes.
+
+    Σ h(Δs)²·X³/J over the inner nodes, for each harmonic c(x): Δs the change of its slope at a
+    node, h half the distance of its two neighbours, X the range of the J nodes.
+
+    Parameters
+    ----------
+    layout
+        Of the tables.
+
+    Returns
+    -------
+    ndarray
+        (size, size); zeros for the factors, and for fewer than three nodes.
+
+    Examples
+    --------
+    A straight line costs nothing, a bend at the middle node does:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout, roughness
+    >>> P = roughness(TableLayout(np.array([0.0, 10.0, 20.0]), "temperature", 2, 0, 0))[::2, ::2]
+    >>> [round(float(np.array(c) @ P @ c), 6) for c in ([1, 2, 3], [0, 1, 0])]
+    [0.0, 1066.666667]
+    """
     J = len(layout.nodes)
     penalty = np.zeros((layout.size, layout.size))
     if J < 3:

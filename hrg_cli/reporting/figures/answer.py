@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...records import Diagnosis
-from ...stages.diagnosis.report.shares import difference
+from ...stages.diagnosis.report.shares import compute_difference
 from ..answer_words import QUANTITIES, Cause, Departure
 from ..text import number
 from .drawing import INK, MUTED, SERIES, Plot, binned, dots, labels, note, panels, time_unit
@@ -31,7 +31,7 @@ def before_and_after(
         ("with the causes", record.simulated_after, 0),
     ]
     for words, simulated, colour in pairs if causes else pairs[1:]:
-        left = difference(record.measured, simulated)
+        left = compute_difference(record.measured, simulated)
         values = left.amplitude * 1e6 if amplitude else left.angle * 1e3
         dots(ax, time_s * factor, values, colour, points=500, alpha=0.3, size=1.7)
         for k in np.unique(run):

@@ -31,7 +31,7 @@ UNSEEN_ORDERS = 3
 FINE = 201
 """Places over the nodes' range at which an order is looked at."""
 BETWEEN = 0.5
-"""Of `bump`, from which a row stands between nodes and not at one."""
+"""Of `make_bump`, from which a row stands between nodes and not at one."""
 PASSED = 0.1
 """Part of the rows between nodes from which the runs themselves judge the interpolation."""
 MOST_ORDERS = 6
@@ -58,7 +58,7 @@ class _Nodes:
         return float(np.mean(seen**2 - noise))
 
 
-def bump(x: Array, nodes: Array) -> Array:
+def make_bump(x: Array, nodes: Array) -> Array:
     """0 at the nodes, 1 midway between neighbours: where interpolation is least sure."""
     if len(nodes) < 2:
         return np.zeros(np.size(x))
@@ -67,7 +67,7 @@ def bump(x: Array, nodes: Array) -> Array:
     return np.asarray(4 * np.abs(part * (1 - part)))
 
 
-def interpolation_doubt(
+def estimate_interpolation_doubt(
     fitted: Fitted, solution: TableSolution, chi2: float, drift_limit: int, scale_limit: int
 ) -> dict[str, float]:
     """Standard deviation that interpolation adds midway between nodes, by table; empty where there
@@ -102,7 +102,7 @@ def _only_at_nodes(fitted: Fitted) -> bool:
     """Whether the runs dwell at the nodes, so that none would show how tables bend between them."""
     layout = fitted.layout
     x = np.concatenate([path.middle(path.abscissa(layout.axis)) for path in fitted.paths])
-    return float(np.mean(bump(x, layout.nodes) > BETWEEN)) < PASSED
+    return float(np.mean(make_bump(x, layout.nodes) > BETWEEN)) < PASSED
 
 
 def _judge_left_out(nodes: _Nodes, kind: str) -> float:

@@ -17,7 +17,7 @@ STRAY_PROBABILITY = 1e-6
 LARGEST_DAMPING = 0.02
 
 
-def stray_harmonics(fitted: Fitted, solution: TableSolution) -> list[dict[str, Any]]:
+def find_stray_harmonics(fitted: Fitted, solution: TableSolution) -> list[dict[str, Any]]:
     """Amplitudes of the harmonics mθ and 3mθ in the residual: no linear time-invariant defect makes
     them, an additive signal does.
 
@@ -87,7 +87,7 @@ def _table_of_stray(n: int, amplitude_rad_s: float, probability: float) -> dict[
     }
 
 
-def noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:
+def find_noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:
     """Runs whose angle noise s damps the highest harmonic: a basis taken at the measured angle
     loses exp(−n²s²/2) of nθ."""
     n = 2 * fitted.layout.mode_number * drift_limit

@@ -18,13 +18,13 @@ from .resonators import ResonatorCoefficients
 from .variant_solutions import (
     Wanted,
     add_doubt,
-    held_out,
+    find_widest_limits,
+    score_held_out,
     solve_averaged,
     solve_foreign,
     solve_linear,
-    widest_limits,
 )
-from .variants import NEEDS, VARIANTS, WHOLE_DRIFT, missing, variant
+from .variants import NEEDS, VARIANTS, WHOLE_DRIFT, build_variant, explain_missing
 
 Array = np.ndarray
 AS_WELL = 4.0
@@ -51,7 +51,7 @@ class TriedVariant:
         return all(check.passed for check in self.checks)
 
 
-def answers(
+def solve_variants(
     fitted: Fitted,
     folds: Array,
     names: Sequence[str],
@@ -73,7 +73,9 @@ def answers(
         drift, scale = limits[family][:2]
         if name == "physical":
             drift, scale = 1, 0
-        model = variant(name, layout, drift if name in WHOLE_DRIFT else 1, scale, coefficients)
+        model = build_variant(
+            name, layout, drift if name in WHOLE_DRIFT else 1, scale, coefficients
+        )
         if name == "physical":
             assert coefficients is not None
             tries.append(solve_foreign(layout, model, coefficients, int(folds.max()) + 1))
@@ -83,7 +85,7 @@ def answers(
             tries.append(solve_linear(fitted, folds, model))
         own = (drift if name in WHOLE_DRIFT else 1, scale)
         used.append(own)
-        stored.append(own if name == "physical" else widest_limits(layout, wanted, own))
+        stored.append(own if name == "physical" else find_widest_limits(layout, wanted, own))
 
     # all at one noise, that of the fit with everything free
     checks = judge_variants(fitted, folds, tries)
@@ -95,7 +97,7 @@ def answers(
             s,
             tuple(c),
             tuple(f),
-            held_out(fitted, folds, t),
+            score_held_out(fitted, folds, t),
         )
         for t, u, s, (c, f) in zip(tries, used, stored, checks)
     ]
@@ -118,7 +120,7 @@ def solve_again(
         stored=answer.limits if answer.name in WHOLE_DRIFT else answer.stored,
         checks=tuple(checks),
         failed=tuple(failed),
-        held_out_chi2=held_out(fitted, folds, tried),
+        held_out_chi2=score_held_out(fitted, folds, tried),
     )
 
 
@@ -170,7 +172,7 @@ def list_possible(
     layout: TableLayout, coefficients: ResonatorCoefficients | None, why_not_physical: str | None
 ) -> tuple[list[str], dict[str, str]]:
     """(variants these runs allow, the others with the reason)."""
-    reasons = {name: missing(name, layout, coefficients) for name in VARIANTS}
+    reasons = {name: explain_missing(name, layout, coefficients) for name in VARIANTS}
     if why_not_physical is not None:
         reasons["physical"] = why_not_physical
     return [n for n, r in reasons.items() if r is None], {

@@ -13,16 +13,16 @@ from ...fitting.tables.joint import Fitted
 from ...fitting.tables.table_layout import Model
 from ...records import Calibration, Wave
 from .accuracy_stages import list_first_stages
-from .between_nodes import interpolation_doubt
+from .between_nodes import estimate_interpolation_doubt
 from .choice import TriedVariant, solve_again
-from .figures import figure_rows, gather_cells, predictions
+from .figures import gather_cells, predict_models, tabulate_model_figures
 from .folds import choose_smoothness
 from .noise_guards import say_noise
-from .record import record_of
+from .record import make_calibration_record
 from .repeatability import drop_unstable, repeat_of_harmonics
-from .thermal_memory import thermal_memory
+from .thermal_memory import compare_thermal_memory
 from .variant_solutions import Wanted
-from .variants import measured_details, variant
+from .variants import build_variant, list_measured_details
 
 Array = np.ndarray
 LEAST_REPEATED = 2
@@ -87,7 +87,7 @@ class Chosen:
         elsewhere or harmonics were dropped."""
         if self.answer.tried.foreign or self.dropped:
             return self
-        plain = variant(self.answer.name, self.fitted.layout, *self.answer.limits)
+        plain = build_variant(self.answer.name, self.fitted.layout, *self.answer.limits)
         penalty, smoothness = choose_smoothness(self.fitted, plain)
         answer = solve_again(self.fitted, self.folds, self.answer, plain, self.wanted, penalty)
         return replace(self, answer=answer, penalty=penalty, smoothness=smoothness)
@@ -116,14 +116,14 @@ class Chosen:
         """Figures of the first stages and of the answer, on data used and left out."""
         stages = list_first_stages(self.fitted.layout, *self.answer.limits)
         tried = self.answer.tried
-        whole, held = predictions(self.fitted, stages[:2], self.folds)
+        whole, held = predict_models(self.fitted, stages[:2], self.folds)
         whole = np.concatenate([whole, tried.solution.coefficients[:, None]], axis=1)
         own = np.stack([s.coefficients for s in tried.held], axis=1)[:, None]
         used, unseen = gather_cells(
             self.fitted, whole, np.concatenate([held, own], axis=1), self.folds
         )
         names = [stage.name for stage in stages]
-        return figure_rows(names, used, unseen, self.scale_factor, draws, seed)
+        return tabulate_model_figures(names, used, unseen, self.scale_factor, draws, seed)
 
     def details(self, draws: int, seed: int) -> dict[str, Any]:
         """What the record keeps of the answer itself."""
@@ -142,14 +142,14 @@ class Chosen:
             "stability": self.stability,
             "dropped": list(self.dropped),
             "thermal_memory": (
-                thermal_memory(fitted, model, solution.coefficients)
+                compare_thermal_memory(fitted, model, solution.coefficients)
                 if model.start is None
                 else None
             ),
-            "interpolation_std": interpolation_doubt(
+            "interpolation_std": estimate_interpolation_doubt(
                 fitted, solution, self.inflation, *answer.stored
             ),
-            "measured": measured_details(
+            "measured": list_measured_details(
                 model.name,
                 fitted.layout,
                 solution.coefficients,
@@ -165,7 +165,7 @@ class Chosen:
     ) -> Calibration:
         """The tables as a record, valid between two values of the nodes' quantity."""
         tried = self.answer.tried
-        return record_of(
+        return make_calibration_record(
             waves,
             self.fitted,
             tried.solution,

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...fitting.tables.joint import Fitted
 from .choice import TriedVariant
-from .figures import figure_rows, gather_cells
+from .figures import gather_cells, tabulate_model_figures
 
 Array = np.ndarray
 
@@ -32,7 +32,7 @@ def compare_variants(
     held = np.stack(
         [np.stack([s.coefficients for s in a.tried.held], axis=1) for a in tried], axis=1
     )
-    rows = figure_rows(
+    rows = tabulate_model_figures(
         [a.name for a in tried],
         *gather_cells(fitted, whole, held, folds),
         scale_factor,

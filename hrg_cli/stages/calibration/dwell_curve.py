@@ -61,7 +61,7 @@ class Curve:
     """Rows that stood out, where they were too many to be spikes and all were kept."""
 
 
-def rows_of(
+def read_dwell_rows(
     table: Mapping[str, Any],
     names: tuple[str, str | None, str | None],
     word: tuple[int | None, float, float],
@@ -121,7 +121,7 @@ def _fit(dwells: Dwells, keep: Array, largest_power: int, too_many: int = 0) -> 
     return Curve(powers, scores, X, coefficients, y - X @ coefficients, keep, too_many)
 
 
-def figures_of(dwells: Dwells, curve: Curve, scale: float) -> dict[str, Any]:
+def list_curve_figures(dwells: Dwells, curve: Curve, scale: float) -> dict[str, Any]:
     """What the record keeps: coefficients of the powers, residuals before and after, on rows left
     out, and the figures of a data sheet."""
     y, omega, keep, count = dwells.output, dwells.rate_rad_s, curve.keep, len(dwells.nodes)

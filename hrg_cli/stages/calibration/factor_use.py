@@ -14,7 +14,7 @@ from ...fitting.tables.normal_pieces import compute_held_out_chi_square, solve
 from ...fitting.tables.table_layout import Model
 from .accuracy_stages import LadderSettings, list_first_stages
 from .column_spaces import find_correlated, leave_out, measure_independence, take_along_nodes
-from .figures import figure_rows, gather_cells, predictions
+from .figures import gather_cells, predict_models, tabulate_model_figures
 from .joint_runs import BESIDE
 from .named_elements import name_loop_elements, name_readout_elements
 from .prices import need
@@ -51,11 +51,11 @@ def analyse_factors(
         final,
         *(Model(name, leave_out(final.matrix, columns)) for name, (columns, _) in groups.items()),
     ]
-    whole, held = predictions(joint, models, folds)
+    whole, held = predict_models(joint, models, folds)
     used, unseen = gather_cells(joint, whole, held, folds, runs)
     # the first row is the whole model's; each other one lacks a group, and the difference is what
     # that group buys
-    rows = figure_rows(
+    rows = tabulate_model_figures(
         [m.name for m in models], used, unseen, settings.scale_factor, settings.draws, settings.seed
     )
     covariance = solution.covariance * joint.chi2_per_dof

@@ -15,7 +15,7 @@ from ...fitting.least_squares import fit_columns
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.table_layout import Factor
 from ...fourier import node_weights
-from .late_log import LATE, moves, rate_slope
+from .late_log import LATE, compute_rate_slope, is_rate_moving
 
 Array = np.ndarray
 
@@ -51,15 +51,15 @@ def courses(factor: Factor, nodes: Array, axis: str, interpolation: str) -> Fact
     def columns(path: AnglePath) -> Array:
         own = factor(path)
         return np.asarray(
-            (weights_of(path, nodes, axis, interpolation)[:, :, None] * own[:, None, :]).reshape(
-                len(own), -1
-            )
+            (
+                find_node_weights(path, nodes, axis, interpolation)[:, :, None] * own[:, None, :]
+            ).reshape(len(own), -1)
         )
 
     return columns
 
 
-def weights_of(path: AnglePath, nodes: Array, axis: str, interpolation: str) -> Array:
+def find_node_weights(path: AnglePath, nodes: Array, axis: str, interpolation: str) -> Array:
     """Weights ψ_j (n, J) of the nodes at the increments' temperature or frequency."""
     if len(nodes) == 1:
         return np.ones((len(path), 1))
@@ -81,7 +81,7 @@ def flattening(path: AnglePath) -> Array:
     return np.asarray((-2 * square / (1 + square))[:, None] * path.angle_basis(1)[:, 1:])
 
 
-def reference_hz(paths: Sequence[AnglePath]) -> float:
+def choose_reference_hz(paths: Sequence[AnglePath]) -> float:
     """A frequency near all runs': those of `phase` and `mean_frequency` are taken against it, so
     that their columns differ."""
     return float(np.mean([np.mean(path.frequency_hz) for path in paths]))
@@ -180,7 +180,7 @@ def build(
         }
         if all(np.isfinite(p.frequency_hz).all() for p in paths):
             available |= {
-                "phase": (phase(reference_hz(paths)), 1),
+                "phase": (phase(choose_reference_hz(paths)), 1),
                 "mean_frequency": (courses(mean_frequency, *at_nodes), count),
                 "flattening_course": (courses(flattening, *at_nodes), 2 * count),
             }
@@ -188,8 +188,8 @@ def build(
     means = np.array([float(np.mean(p.rate_rad_s)) for p in paths])
     if fastest > 0 and len(np.unique(np.round(means / fastest, 2))) >= FEWEST_RATES:
         available["rate"] = (rate_powers(fastest), 2)
-    if any(moves(p) for p in paths):
-        available[LATE] = (rate_slope, 1)
+    if any(is_rate_moving(p) for p in paths):
+        available[LATE] = (compute_rate_slope, 1)
     forced = [p for p in paths if p.forced]
     for name, logs, factor, width in (
         ("quadrature_drive", [p.drive_quadrature for p in forced], quadrature_drive, 1),

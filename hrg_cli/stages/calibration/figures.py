@@ -40,7 +40,7 @@ class Cells:
     high: Array
 
 
-def predictions(
+def predict_models(
     fitted: Fitted, models: Sequence[Model], folds: Array, penalty: Array | None = None
 ) -> tuple[Array, Array]:
     """Coefficients of each model (size, models) and of each with each fold left out (size, models,
@@ -190,7 +190,9 @@ class HeldOutFigure:
     floor: float
 
 
-def figure(found: Cells, kind: str, scale_factor: float, draws: int, seed: int) -> HeldOutFigure:
+def compute_figure(
+    found: Cells, kind: str, scale_factor: float, draws: int, seed: int
+) -> HeldOutFigure:
     """`kind` "drift": rad/s over the low-rate cells; "scale": ppm over the high-rate cells."""
     chosen = found.low if kind == "drift" else found.high
     models = found.residual_rad_s.shape[1]
@@ -214,7 +216,7 @@ def figure(found: Cells, kind: str, scale_factor: float, draws: int, seed: int) 
     return HeldOutFigure(np.sqrt(square.mean(axis=0)), low, high, noise)
 
 
-def figure_rows(
+def tabulate_model_figures(
     names: Sequence[str], used: Cells, unseen: Cells, scale_factor: float, draws: int, seed: int
 ) -> list[dict[str, Any]]:
     """One row a model: held-out drift [rad/s] and scale-factor [ppm] figures with intervals, and
@@ -222,7 +224,7 @@ def figure_rows(
     rows: list[dict[str, Any]] = [{"stage": name} for name in names]
     for kind in ("drift", "scale"):
         for key, found in ((kind, unseen), (kind + "_used", used)):
-            f = figure(found, kind, scale_factor, draws, seed)
+            f = compute_figure(found, kind, scale_factor, draws, seed)
             for i, row in enumerate(rows):
                 numbers = (
                     ("value", f.value[i]),

@@ -9,13 +9,13 @@ from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import PIECES, compute_held_out_chi_square
 from ...fitting.tables.table_layout import Model, TableLayout, roughness
 from .programme import examine
-from .variants import variant
+from .variants import build_variant
 
 Array = np.ndarray
 SMOOTHNESS = (1e-6, 1e-4, 1e-2, 1.0, 100.0)
 
 
-def time_folds(fitted: Fitted) -> Array:
+def split_by_time(fitted: Fitted) -> Array:
     """Fold (R, S) of each piece: contiguous stretches of time, the same of every run."""
     return np.tile(np.arange(PIECES), (len(fitted.paths), 1))
 
@@ -52,7 +52,7 @@ def choose_folds(fitted: Fitted, harmonics: int) -> tuple[Array, str]:
     # With two folds each half would be judged by tables of the other half alone.
     if count >= 3 and all(serves(left) for left in range(count)):
         return np.repeat(fold[:, None], PIECES, axis=1), "runs"
-    return time_folds(fitted), "time"
+    return split_by_time(fitted), "time"
 
 
 def choose_limits(
@@ -64,11 +64,11 @@ def choose_limits(
     family: "table", or "combined": with the measured quadrature beside. The scores (above the
     smallest, by harmonics) are kept.
     """
-    layout, folds = fitted.layout, time_folds(fitted)
+    layout, folds = fitted.layout, split_by_time(fitted)
     scores = {"drift": [0.0], "scale_factor": [0.0]}
     if drift is None:
         candidates = [
-            variant(family, layout, k, layout.scale_harmonics)
+            build_variant(family, layout, k, layout.scale_harmonics)
             for k in range(layout.drift_harmonics + 1)
         ]
         scores["drift"] = [
@@ -76,7 +76,9 @@ def choose_limits(
         ]
         drift = int(np.argmin(scores["drift"]))
     if scale is None:
-        candidates = [variant(family, layout, drift, k) for k in range(layout.scale_harmonics + 1)]
+        candidates = [
+            build_variant(family, layout, drift, k) for k in range(layout.scale_harmonics + 1)
+        ]
         scores["scale_factor"] = [
             compute_held_out_chi_square(fitted.pieces, folds, model) for model in candidates
         ]
@@ -95,7 +97,7 @@ def choose_smoothness(fitted: Fitted, model: Model) -> tuple[Array, float]:
         scale[places] = np.sqrt(np.mean(information[places]))
     penalty = roughness(layout) * np.outer(scale, scale)
     scores = [
-        compute_held_out_chi_square(fitted.pieces, time_folds(fitted), model, weight * penalty)
+        compute_held_out_chi_square(fitted.pieces, split_by_time(fitted), model, weight * penalty)
         for weight in SMOOTHNESS
     ]
     best = SMOOTHNESS[int(np.argmin(scores))]

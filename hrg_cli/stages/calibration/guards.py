@@ -26,7 +26,7 @@ from ...fitting.tables.normal_pieces import TableSolution, solve
 from ...fitting.tables.table_design import predict_turn
 from ...fitting.tables.table_layout import Model, TableLayout
 from .late_log import LATE
-from .noise_guards import noise_known
+from .noise_guards import compare_known_noise
 
 Array = np.ndarray
 MOST_NAMED = 3
@@ -73,7 +73,7 @@ def judge_variants(
 ) -> list[tuple[list[Check], list[str]]]:
     """(checks, what failed in words) of each variant at the noise of `fitted`."""
     A, b, _ = fitted.pieces.sum()
-    noise = noise_known(fitted)
+    noise = compare_known_noise(fitted)
     out = []
     for t, white in zip(tried, _whiteness(fitted, tried)):
         beside = test_left_out(fitted.layout, A, b, t)
@@ -97,12 +97,12 @@ def name_causes(
     said: list[str] = []
     matrix, before = tried.model.matrix, tried.solution.coefficients
 
-    def fall_of(coefficients: Array) -> float:
+    def find_fall(coefficients: Array) -> float:
         """By how much χ² falls from the variant's: of two large χ² no digit would be left."""
         step = coefficients - before
         return float(2 * (b - A @ before) @ step - step @ A @ step)
 
-    all_causes = {name: columns for name, columns, _ in causes(layout)}
+    all_causes = {name: columns for name, columns, _ in list_doubtful_causes(layout)}
     while len(said) < MOST_NAMED:
         failed = {check.name: check for check in checks if not check.passed}
         if not failed:
@@ -115,7 +115,7 @@ def name_causes(
             )
             for name in failed
         }
-        worst = max(gains, key=lambda name: fall_of(gains[name].coefficients))
+        worst = max(gains, key=lambda name: find_fall(gains[name].coefficients))
         said.append(failed[worst].sentence)
         matrix = np.concatenate([matrix, all_causes[worst]], axis=1)
         checks = test_left_out(
@@ -162,7 +162,7 @@ def score(
     return float(np.sum((vectors[:, kept].T @ along) ** 2 / values[kept])), int(kept.sum())
 
 
-def unseen_directions(information: Array, model: Model) -> Array:
+def find_unseen_directions(information: Array, model: Model) -> Array:
     """Directions (size, k) of a model that the data of the normal matrix do not tell."""
     M = model.matrix
     B = M.T @ information @ M
@@ -181,7 +181,7 @@ def test_left_out(layout: TableLayout, A: Array, b: Array, tried: VariantSolutio
     u = u if tried.foreign else u - A @ (covariance @ u)
     sign = 1.0 if tried.foreign else -1.0
     checks = []
-    for name, columns, words in causes(layout):
+    for name, columns, words in list_doubtful_causes(layout):
         chi2, rank = score(A, u, columns, covariance, sign)
         if rank:
             checks.append(check_goodness(chi2, rank, words(float(np.sqrt(chi2 / rank))), name))
@@ -194,7 +194,7 @@ def test_left_out(layout: TableLayout, A: Array, b: Array, tried: VariantSolutio
     return [*checks, check_goodness(chi2, max(rank, 1), sentence, "lack_of_fit")]
 
 
-def causes(layout: TableLayout) -> list[tuple[str, Array, Callable[[float], str]]]:
+def list_doubtful_causes(layout: TableLayout) -> list[tuple[str, Array, Callable[[float], str]]]:
     """(name, directions (size, g), sentence of the rms score) of every cause a variant may leave
     out."""
     out: list[tuple[str, Array, Callable[[float], str]]] = []
@@ -246,7 +246,7 @@ def check_folds(fitted: Fitted, folds: Array, tried: VariantSolution) -> Check:
             np.eye(len(b)),
             solution.covariance,
             1.0,
-            unseen_directions(everything - A, tried.model),
+            find_unseen_directions(everything - A, tried.model),
         )
         sentence = (
             f"data left out are predicted {np.sqrt(chi2 / max(rank, 1)):.3g} times worse than model"

@@ -14,8 +14,8 @@ from ...fitting.tables.table_layout import Model
 from .accuracy_stages import LadderSettings, list_first_stages
 from .column_spaces import measure_independence
 from .factor_use import analyse_factors
-from .figures import figure_rows, gather_cells, predictions
-from .folds import choose_folds, time_folds
+from .figures import gather_cells, predict_models, tabulate_model_figures
+from .folds import choose_folds, split_by_time
 from .joint_runs import LEAST_INDEPENDENCE, LOOP_FACTORS, fit_jointly
 
 Array = np.ndarray
@@ -46,8 +46,8 @@ def climb(
     """(rows of all seven stages, the final analysis). `forced` holds the factors quadrature and,
     where logged, the drives."""
     models, accepted, notes = _grow_models(forced, settings)
-    whole, held = predictions(forced, models, folds, penalty)
-    rows = figure_rows(
+    whole, held = predict_models(forced, models, folds, penalty)
+    rows = tabulate_model_figures(
         [m.name for m in models],
         *gather_cells(forced, whole, held, folds),
         settings.scale_factor,
@@ -56,7 +56,7 @@ def climb(
     )
     if free:
         joint, factors = fit_jointly(forced, free, settings)
-        own_folds = time_folds(joint)
+        own_folds = split_by_time(joint)
     else:
         notes[6] = NO_FREE_RUN
         joint, factors, own_folds = forced, accepted, choose_folds(forced, 1)[0]

@@ -51,12 +51,12 @@ class Lateness:
         return {"late_s": self.value_s, "std_s": self.std_s, "taken_off_s": self.taken_s}
 
 
-def rate_slope(path: AnglePath) -> Array:
+def compute_rate_slope(path: AnglePath) -> Array:
     """dΩ_log/dt, rad/s² (n, 1)."""
     return np.gradient(path.rate_rad_s, path.middle(path.time_s))[:, None]
 
 
-def moves(path: AnglePath) -> bool:
+def is_rate_moving(path: AnglePath) -> bool:
     """Whether the logged rate changes within the run, so that the log's time matters."""
     if len(path) < 2 * PARTS:
         return False
@@ -64,7 +64,7 @@ def moves(path: AnglePath) -> bool:
     return bool(np.ptp(means) > MOVES * np.abs(path.rate_rad_s).max())
 
 
-def lateness_of(fitted: Fitted) -> Lateness | None:
+def estimate_lateness(fitted: Fitted) -> Lateness | None:
     """What the fit says of the logs; None where no rate moves, or it cannot say."""
     layout, solution = fitted.layout, fitted.solution
     if LATE not in layout.factors:
@@ -96,7 +96,7 @@ def follow(
 ) -> tuple[Fitted, list[AnglePath], Lateness | None]:
     """The fit, and other runs, with the logs set right, where a lateness is shown; else as they
     are."""
-    late = lateness_of(fitted)
+    late = estimate_lateness(fitted)
     if late is None or abs(late.value_s) <= SHOWN * late.std_s:
         return fitted, list(others), late
     logged, taken = fitted.paths, 0.0
@@ -104,7 +104,7 @@ def follow(
         taken += late.value_s
         # From the logs as they were: a spline of a spline would smooth them at every round.
         fitted = fit([set_right(path, taken) for path in logged], fitted.layout)
-        left = lateness_of(fitted)
+        left = estimate_lateness(fitted)
         if left is None:
             break
         late = left

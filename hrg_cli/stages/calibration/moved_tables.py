@@ -18,7 +18,7 @@ import numpy as np
 
 from ...fourier import harmonic_basis, node_weights
 from ...records import Calibration
-from .record import table_std
+from .record import compute_table_std
 
 Array = np.ndarray
 GROUPS = {
@@ -139,9 +139,9 @@ class TableState:
             scale_factor_harmonics=table[:, first:],
             scale_factor_harmonics_std=std[:, first:],
             drift_rad_s=table[:, :first] @ of_drift.T,
-            drift_rad_s_std=table_std(of_drift, covariance, count, 0),
+            drift_rad_s_std=compute_table_std(of_drift, covariance, count, 0),
             scale_factor=table[:, first:] @ of_scale.T,
-            scale_factor_std=table_std(of_scale, covariance, count, first),
+            scale_factor_std=compute_table_std(of_scale, covariance, count, first),
             covariance=covariance,
             details=json.dumps(details),
         )

@@ -80,7 +80,7 @@ def prepare(
             )
             for wave in usable.waves
         ]
-    forced, free, remarks = of_the_drive(paths)
+    forced, free, remarks = split_by_drive(paths)
     table_nodes, low, high, words = choose_nodes(forced, axis, nodes)
     findings = examine(forced, table_nodes, axis, needed)
     return PreparedRuns(
@@ -94,7 +94,9 @@ def prepare(
     )
 
 
-def of_the_drive(paths: Sequence[AnglePath]) -> tuple[list[AnglePath], list[AnglePath], list[str]]:
+def split_by_drive(
+    paths: Sequence[AnglePath],
+) -> tuple[list[AnglePath], list[AnglePath], list[str]]:
     """Forced runs, free runs, and what to say: where no run is forced, the free ones take their
     place."""
     forced, free = [p for p in paths if p.forced], [p for p in paths if not p.forced]

@@ -32,7 +32,7 @@ def need(kind: str, axis: str) -> str:
     return NEEDS.get(f"nodes of {axis}" if word == "nodes" else word, "no sensor more")
 
 
-def an_hour_more(
+def forecast_hour_more(
     record: Calibration, paths: Sequence[AnglePath], more_s: float = HOUR_S
 ) -> dict[str, float]:
     """The tables' standard deviations (rms over nodes and angles) now and with an hour more of

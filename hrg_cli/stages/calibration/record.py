@@ -19,7 +19,7 @@ Array = np.ndarray
 TABLE_ANGLES = 72
 
 
-def record_of(
+def make_calibration_record(
     waves: Sequence[Wave],
     fitted: Fitted,
     solution: TableSolution,
@@ -48,9 +48,9 @@ def record_of(
         frequency_hz=None if temperature else layout.nodes,
         wave_angle_rad=angles,
         drift_rad_s=drift @ of_drift.T,
-        drift_rad_s_std=table_std(of_drift, covariance, count, 0),
+        drift_rad_s_std=compute_table_std(of_drift, covariance, count, 0),
         scale_factor=scale @ of_scale.T,
-        scale_factor_std=table_std(of_scale, covariance, count, sizes[0]),
+        scale_factor_std=compute_table_std(of_scale, covariance, count, sizes[0]),
         drift_harmonics=drift,
         drift_harmonics_std=std[:, : sizes[0]],
         scale_factor_harmonics=scale,
@@ -83,7 +83,7 @@ def _covariance_of_stored(layout: TableLayout, solution: TableSolution, sizes: l
     return np.asarray(solution.covariance[np.ix_(places, places)])
 
 
-def table_std(basis: Array, covariance: Array, nodes: int, first: int) -> Array:
+def compute_table_std(basis: Array, covariance: Array, nodes: int, first: int) -> Array:
     """Standard deviations (nodes, angles) of a table: basis (angles, h) of its coefficients, which
     stand at `first` of each node's."""
     width = len(covariance) // nodes

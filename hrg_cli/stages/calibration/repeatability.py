@@ -21,7 +21,9 @@ SINGULAR = 1e-7
 """Smallest eigenvalue of a programme's scaled normal matrix from which its offset is held."""
 
 
-def labels(paths: Sequence[AnglePath], programmes: Mapping[str, str] | None) -> tuple[Array, str]:
+def label_programmes(
+    paths: Sequence[AnglePath], programmes: Mapping[str, str] | None
+) -> tuple[Array, str]:
     """Programme (R, S) of each piece, and what told it: names given, else the day of start_time,
     else warming against cooling."""
     if programmes:
@@ -32,7 +34,7 @@ def labels(paths: Sequence[AnglePath], programmes: Mapping[str, str] | None) -> 
         return np.repeat(np.array(days, object)[:, None], PIECES, axis=1), "day"
     out = np.full((len(paths), PIECES), "", object)
     for r, path in enumerate(paths):
-        rate, piece = sweep(path), piece_of(len(path))
+        rate, piece = compute_sweep(path), piece_of(len(path))
         for s in range(PIECES):
             mean = float(np.mean(rate[piece == s])) if (piece == s).any() else 0.0
             out[r, s] = (
@@ -45,7 +47,7 @@ def labels(paths: Sequence[AnglePath], programmes: Mapping[str, str] | None) -> 
     return out, "warming and cooling"
 
 
-def sweep(path: AnglePath) -> Array:
+def compute_sweep(path: AnglePath) -> Array:
     """dT/dt of the increments, °C/s, smoothed over a twentieth of the run; zeros without a
     temperature."""
     if len(path) < 3 or not np.isfinite(path.temperature_degc).all():
@@ -73,7 +75,7 @@ def repeat_of_harmonics(
     harmonic Q = Σ(δ_g − δ̄)ᵀS_g⁻¹(δ_g − δ̄) is χ² with (G − 1) degrees a coefficient if the
     harmonic repeats; the scatter between programmes follows from its excess.
     """
-    label, told_by = labels(fitted.paths, programmes)
+    label, told_by = label_programmes(fitted.paths, programmes)
     layout = fitted.layout
     drift_limit = min(drift_limit, layout.drift_harmonics)
     scale_limit = min(scale_limit, layout.scale_harmonics)
@@ -93,7 +95,7 @@ def repeat_of_harmonics(
         # cosine and sine of a harmonic are judged together: its phase means nothing by itself
         scatter = _scatter(np.array([o[own] for o in offsets]), [c[own, own] for c in covariances])
         amplitude = _amplitude(layout, coefficients, kind, k)
-        name = harmonic_name(layout, kind, k)
+        name = name_harmonic(layout, kind, k)
         # Bonferroni over the harmonics
         repeats = bool(scatter["p_value"] * len(groups) > NOT_REPEATED)
         # an offset that scatters more than the harmonic itself makes predictions worse, not better
@@ -197,7 +199,7 @@ def _scatter(offsets: Array, covariances: Sequence[Array]) -> dict[str, float]:
     return {"p_value": float(chi2.sf(Q, freedom)), "scatter": float(np.sqrt(size * variance))}
 
 
-def harmonic_name(layout: TableLayout, kind: str, k: int) -> str:
+def name_harmonic(layout: TableLayout, kind: str, k: int) -> str:
     """Name of a harmonic: "drift 8θ", "scale factor constant"."""
     return (
         f"{'drift' if kind == 'drift' else 'scale factor'}"

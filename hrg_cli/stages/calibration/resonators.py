@@ -31,7 +31,7 @@ ROUNDING = 1e-12
 """Part of the largest variance below which a direction has none: it is held."""
 
 
-def held_in(resonator: Resonator) -> set[str]:
+def list_held(resonator: Resonator) -> set[str]:
     """Parameters that a resonator's file holds and its runs did not measure: given to `hrg
     identify`, they have no standard deviation.
 
@@ -49,9 +49,9 @@ def held_in(resonator: Resonator) -> set[str]:
     --------
     >>> import numpy as np
     >>> from hrg_cli import Resonator
-    >>> from hrg_cli.stages.calibration.resonators import held_in
+    >>> from hrg_cli.stages.calibration.resonators import list_held
     >>> given = dict(name=np.array(["scale_factor"]), units=np.array(["1"]), value=np.array([0.55]))
-    >>> held_in(Resonator(std=np.zeros(1), covariance=np.zeros((1, 1)), **given))
+    >>> list_held(Resonator(std=np.zeros(1), covariance=np.zeros((1, 1)), **given))
     {'scale_factor'}
     """
     return {
@@ -59,7 +59,7 @@ def held_in(resonator: Resonator) -> set[str]:
     }
 
 
-def coefficients_of(resonator: Resonator, partly: bool = False) -> tuple[Array, Array]:
+def compute_coefficients(resonator: Resonator, partly: bool = False) -> tuple[Array, Array]:
     """The five coefficients of `NAMES` and their covariance, by the Jacobian of the resonator's
     parameters.
 
@@ -87,15 +87,15 @@ def coefficients_of(resonator: Resonator, partly: bool = False) -> tuple[Array, 
     --------
     >>> import numpy as np
     >>> from hrg_cli import Resonator
-    >>> from hrg_cli.stages.calibration.resonators import coefficients_of
+    >>> from hrg_cli.stages.calibration.resonators import compute_coefficients
     >>> k = dict(name=np.array(["scale_factor"]), units=np.array(["1"]), value=np.array([0.55]))
     >>> found = Resonator(std=np.array([1e-3]), covariance=np.array([[1e-6]]), **k)
-    >>> value, covariance = coefficients_of(found, partly=True)
+    >>> value, covariance = compute_coefficients(found, partly=True)
     >>> float(value[2]), float(covariance[2, 2]), bool(np.isnan(value[0]))
     (0.55, 1e-06, True)
     """
     names = [str(n) for n in resonator.name]
-    told = set(names) - held_in(resonator) if partly else set(names)
+    told = set(names) - list_held(resonator) if partly else set(names)
     for name in () if partly else NEEDED:
         if name not in names:
             raise HrgError(
@@ -257,8 +257,8 @@ def pool_resonators(
     )
     for r in resonators:
         _need_usable(r, 2 * margin if axis == "temperature" else np.inf)
-    places = np.array([place_of(r, axis) for r in resonators])
-    found = [coefficients_of(r) for r in resonators]
+    places = np.array([read_place(r, axis) for r in resonators])
+    found = [compute_coefficients(r) for r in resonators]
     wide = np.isfinite([low, high]).all() and len(nodes) > 1
     # a file that names no temperature serves a programme of one temperature, and only alone
     if not np.isfinite(places).all():
@@ -292,7 +292,7 @@ def pool_resonators(
     )
 
 
-def place_of(resonator: Resonator, axis: str) -> float:
+def read_place(resonator: Resonator, axis: str) -> float:
     """Temperature or frequency a resonator was identified at.
 
     Parameters
@@ -311,10 +311,10 @@ def place_of(resonator: Resonator, axis: str) -> float:
     --------
     >>> import numpy as np
     >>> from hrg_cli import Resonator
-    >>> from hrg_cli.stages.calibration.resonators import place_of
+    >>> from hrg_cli.stages.calibration.resonators import read_place
     >>> k = dict(name=np.array(["scale_factor"]), units=np.array(["1"]), value=np.array([0.55]))
     >>> made = Resonator(std=np.zeros(1), covariance=np.zeros((1, 1)), temperature_degc=20.0, **k)
-    >>> place_of(made, "temperature"), place_of(made, "frequency")
+    >>> read_place(made, "temperature"), read_place(made, "frequency")
     (20.0, nan)
     """
     if axis == "temperature":
@@ -339,7 +339,7 @@ def _need_measured_alike(groups: Sequence[Sequence[Resonator]], elsewhere: str) 
     beside the measured one as if it were known without error; or files of one place hold it at
     different values."""
     for name in NEEDED:
-        held = [all(name in held_in(one) for one in group) for group in groups]
+        held = [all(name in list_held(one) for one in group) for group in groups]
         if any(held) and not all(held):
             raise HrgError(
                 f"a resonator file holds {name} at a value that was given, and one of {elsewhere}"

@@ -14,7 +14,7 @@ from ...fitting.checks import Check, check_at_most
 from ...fitting.tables.increments import AnglePath
 from ...fourier import harmonic_basis, node_weights
 from ...records import Calibration
-from .between_nodes import bump
+from .between_nodes import make_bump
 from .factors import ellipticity, flattening, phase_ratio, quadrature
 
 Array = np.ndarray
@@ -46,13 +46,13 @@ def need_range(calibration: Calibration, x: Array, where: str) -> None:
         )
 
 
-def standard_deviations(
+def compute_standard_deviations(
     calibration: Calibration, x: Array, wave_angle_rad: Array
 ) -> tuple[Array, Array]:
     """Standard deviations (n,) of D and K at (x, θ): noise of the fit, and of the interpolation
     between nodes where it was estimated."""
     places = _places(calibration)
-    between = interpolation_along(calibration, x)
+    between = interpolate_doubt(calibration, x)
     out = []
     for rows, own, doubt in zip(
         _rows_of_tables(calibration, x, wave_angle_rad), places, between.T, strict=True
@@ -63,7 +63,7 @@ def standard_deviations(
     return out[0], out[1]
 
 
-def coefficient_rows(
+def build_coefficient_rows(
     calibration: Calibration, x: Array, wave_angle_rad: Array, weight: Array
 ) -> Array:
     """Derivatives (n, P) by all coefficients, in the order of their covariance, of weight[0] D +
@@ -75,11 +75,11 @@ def coefficient_rows(
     return out
 
 
-def interpolation_along(calibration: Calibration, x: Array) -> Array:
+def interpolate_doubt(calibration: Calibration, x: Array) -> Array:
     """Standard deviations (n, 2) that interpolation between nodes adds to D and K at x; 0 where it
     was not estimated."""
-    doubt = interpolation_std(calibration)
-    shape = bump(x, np.asarray(calibration.node, float))
+    doubt = read_interpolation_std(calibration)
+    shape = make_bump(x, np.asarray(calibration.node, float))
     return np.stack([float(doubt.get(key, 0.0)) * shape for key in TABLES], axis=1)
 
 
@@ -108,7 +108,7 @@ def _rows_of_tables(
     return rows(calibration.drift_harmonics), rows(calibration.scale_factor_harmonics)
 
 
-def interpolation_std(calibration: Calibration) -> dict[str, float]:
+def read_interpolation_std(calibration: Calibration) -> dict[str, float]:
     """Standard deviation that interpolation adds to D and K midway between nodes, by table; empty
     where it was not estimated.
 
@@ -127,11 +127,11 @@ def check_between(calibration: Calibration) -> list[Check]:
     K; none where it was not estimated. Both are in every standard deviation: one that fails is a
     programme's, not an error's."""
     nodes = np.asarray(calibration.node, float)
-    doubt = interpolation_std(calibration)
+    doubt = read_interpolation_std(calibration)
     if not doubt:
         return []
     angle = np.linspace(0, np.pi / calibration.mode_number, ANGLES, endpoint=False)
-    at_nodes = standard_deviations(
+    at_nodes = compute_standard_deviations(
         calibration, np.repeat(nodes, ANGLES), np.tile(angle, len(nodes))
     )
     stds = [float(np.sqrt(np.mean(std**2))) for std in at_nodes]
@@ -179,14 +179,14 @@ class MeasuredDrift:
     mean_frequency_hz: Array | None = None
 
 
-def measured_at(calibration: Calibration, x: Array) -> MeasuredDrift | None:
+def interpolate_measured(calibration: Calibration, x: Array) -> MeasuredDrift | None:
     """The measured part's coefficients at temperatures or frequencies x (n,); None for a model
     without one.
 
     Files written before the formulas were exact in r, or with one pair for all nodes, are applied
     as they were fitted.
     """
-    part = measured_part(calibration)
+    part = read_measured_part(calibration)
     if part is None:
         return None
     kind = "linear" if calibration.interpolation in ("linear", "monotone") else "cubic"
@@ -207,7 +207,7 @@ def measured_at(calibration: Calibration, x: Array) -> MeasuredDrift | None:
     )
 
 
-def angle_random_walk_of(calibration: Calibration) -> float:
+def read_angle_random_walk(calibration: Calibration) -> float:
     """Angle random walk of the gyro's rate as its calibration found it, rad/√s; 0 where it says
     none.
 
@@ -226,7 +226,7 @@ def _is_number(value: Any) -> bool:
     )
 
 
-def measured_part(calibration: Calibration) -> dict[str, Any] | None:
+def read_measured_part(calibration: Calibration) -> dict[str, Any] | None:
     """What of the drift is computed in operation, from the calibration's details: {kind,
     coefficients or mean_frequency_hz}; or None.
 
@@ -249,18 +249,18 @@ def measured_part(calibration: Calibration) -> dict[str, Any] | None:
     raise HrgError("the calibration's details are damaged (measured); make the calibration again")
 
 
-def corrections_along(calibration: Calibration, path: AnglePath) -> tuple[Array, Array]:
+def compute_corrections(calibration: Calibration, path: AnglePath) -> tuple[Array, Array]:
     """(D [rad/s], K) (n,) of a run's increments: the tables, and the part that the model measures."""
     x = path.middle(path.abscissa(calibration.axis))
     drift, scale = calibration.values_at(x, path.middle(path.angle_rad), np.diff(path.angle_rad))
-    return drift + measured_drift(calibration, path), scale
+    return drift + compute_measured_drift(calibration, path), scale
 
 
-def measured_drift(calibration: Calibration, path: AnglePath) -> Array:
+def compute_measured_drift(calibration: Calibration, path: AnglePath) -> Array:
     """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in
     operation; zeros otherwise."""
     x = path.middle(path.abscissa(calibration.axis))
-    part = measured_at(calibration, x)
+    part = interpolate_measured(calibration, x)
     if part is None:
         return np.zeros(len(path))
     if part.kind == "quadrature":

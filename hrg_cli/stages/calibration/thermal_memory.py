@@ -18,7 +18,7 @@ from ...fitting.tables.normal_pieces import solve
 from ...fitting.tables.table_layout import Model, TableLayout
 from ...fourier import coefficients_at
 from .column_spaces import solve_columns
-from .repeatability import LEAST_SWEEP_DEGC_S, sweep
+from .repeatability import LEAST_SWEEP_DEGC_S, compute_sweep
 
 Array = np.ndarray
 UNITS = {"lag": "s", "hysteresis": "degC"}
@@ -30,11 +30,13 @@ STEP = 0.05
 """Step of the tables' derivative, as a part of the nodes' range."""
 
 
-def thermal_memory(fitted: Fitted, model: Model, coefficients: Array) -> dict[str, Any] | None:
+def compare_thermal_memory(
+    fitted: Fitted, model: Model, coefficients: Array
+) -> dict[str, Any] | None:
     """Lag of the thermometer τ (D and K at T + τ·dT/dt) against hysteresis w (at T + w·sign dT/dt);
     None without sweeps."""
     layout = fitted.layout
-    speeds = np.concatenate([sweep(p) for p in fitted.paths])
+    speeds = np.concatenate([compute_sweep(p) for p in fitted.paths])
     # lag and hysteresis act on dT/dt: dwells alone show neither
     still = np.abs(speeds).max(initial=0.0) < LEAST_SWEEP_DEGC_S
     if len(layout.nodes) < 2 or layout.axis != "temperature" or still:
@@ -71,11 +73,11 @@ def _with_memory(layout: TableLayout, coefficients: Array) -> TableLayout:
     slope = _slope_over_temperature(layout, coefficients)
 
     def lag(path: AnglePath) -> Array:
-        return (slope(path) * sweep(path))[:, None]
+        return (slope(path) * compute_sweep(path))[:, None]
 
     def hysteresis(path: AnglePath) -> Array:
         # sign dT/dt without a jump: a soak has no branch of its own.
-        return (slope(path) * np.tanh(sweep(path) / LEAST_SWEEP_DEGC_S))[:, None]
+        return (slope(path) * np.tanh(compute_sweep(path) / LEAST_SWEEP_DEGC_S))[:, None]
 
     return replace(
         layout,

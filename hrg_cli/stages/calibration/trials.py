@@ -15,7 +15,7 @@ from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted, fit
 from ...fitting.tables.table_layout import TableLayout
 from ...records import Resonator
-from .choice import TriedVariant, answers, choose_best, explain_choice, list_possible
+from .choice import TriedVariant, choose_best, explain_choice, list_possible, solve_variants
 from .chosen import Chosen
 from .comparison import compare_variants
 from .factors import build
@@ -127,7 +127,7 @@ def try_models(
     coefficients, why_not = resonators
     possible, not_tried = list_possible(whole.layout, coefficients, why_not)
     names = _choose_names(model, possible, not_tried, refused, whole.factors)
-    tried = answers(whole.fitted, folds, names, wanted, coefficients)
+    tried = solve_variants(whole.fitted, folds, names, wanted, coefficients)
     answer = choose_best(tried) if model == "auto" else tried[0]
     return TriedModels(tried, answer, not_tried, coefficients)
 

@@ -20,7 +20,7 @@ from ...fitting.tables.shrinkage import (
 from ...fitting.tables.table_layout import Model, TableLayout
 from .guards import VariantSolution
 from .resonators import ResonatorCoefficients
-from .variants import WHOLE_DRIFT, tie_course, variant
+from .variants import WHOLE_DRIFT, build_variant, tie_course
 
 Array = np.ndarray
 
@@ -49,7 +49,9 @@ class Wanted:
         ]
 
 
-def widest_limits(layout: TableLayout, wanted: Wanted, limits: tuple[int, int]) -> tuple[int, int]:
+def find_widest_limits(
+    layout: TableLayout, wanted: Wanted, limits: tuple[int, int]
+) -> tuple[int, int]:
     """Band limits of the tables that are stored: all harmonics where their number was left open."""
     return (
         layout.drift_harmonics if "drift" in wanted.in_doubt else limits[0],
@@ -79,7 +81,9 @@ def solve_averaged(
     in_doubt = doubtful_harmonics(
         layout, wanted.in_doubt, layout.mean_scale_factor(first.coefficients)
     )
-    to_full, seen = _free_coefficients(layout, model.name, widest_limits(layout, wanted, limits))
+    to_full, seen = _free_coefficients(
+        layout, model.name, find_widest_limits(layout, wanted, limits)
+    )
 
     def once(information: Array, vector: Array, sweeps: int) -> TableSolution:
         return _reduced(information, vector, to_full, seen, in_doubt, wanted.seed, sweeps)
@@ -96,7 +100,7 @@ def _free_coefficients(
 ) -> tuple[Array, Array]:
     """All coefficients from those that are free, and of these the ones that are stored: the tables,
     and of the combined model the measured quadrature's beside them."""
-    seen = variant("table", layout, *stored).matrix[: layout.table_size]
+    seen = build_variant("table", layout, *stored).matrix[: layout.table_size]
     to_full = np.eye(layout.size)[:, : layout.table_size]
     if name != "combined":
         return to_full, seen
@@ -134,7 +138,7 @@ def solve_foreign(
     return VariantSolution(model, solution, (solution,) * folds, foreign=True)
 
 
-def held_out(fitted: Fitted, folds: Array, tried: VariantSolution) -> float:
+def score_held_out(fitted: Fitted, folds: Array, tried: VariantSolution) -> float:
     """Σ over folds of the whitened residuals squared, each fold predicted without itself."""
     return sum(
         fitted.pieces.compute_chi_square(solution.coefficients, folds == f)

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.table_layout import Model, TableLayout
-from .factors import reference_hz
+from .factors import choose_reference_hz
 from .late_log import LATE
 from .resonators import ResonatorCoefficients
 
@@ -40,7 +40,7 @@ WHOLE_DRIFT = ("table", "combined")
 """Variants whose drift is a table of all harmonics; the others hold the first alone."""
 
 
-def missing(
+def explain_missing(
     name: str, layout: TableLayout, coefficients: ResonatorCoefficients | None
 ) -> str | None:
     """Why a variant cannot be tried on these runs; None where it can."""
@@ -54,7 +54,7 @@ def missing(
     return "the runs hold no quadrature (a_B is 0 everywhere)"
 
 
-def variant(
+def build_variant(
     name: str,
     layout: TableLayout,
     drift_limit: int,
@@ -98,7 +98,7 @@ def tie_course(layout: TableLayout, course: str) -> Array:
     return out
 
 
-def measured_details(
+def list_measured_details(
     name: str, layout: TableLayout, coefficients: Array, covariance: Array, paths: list[AnglePath]
 ) -> dict[str, Any] | None:
     """What `compensate` and the exports need to compute the measured part of the drift in
@@ -117,7 +117,7 @@ def measured_details(
         return {
             "kind": "phase",
             "exact": True,
-            "mean_frequency_hz": (reference_hz(paths) + coefficients[place]).tolist(),
+            "mean_frequency_hz": (choose_reference_hz(paths) + coefficients[place]).tolist(),
             "mean_frequency_hz_std": _std(covariance, place).tolist(),
         }
     return None

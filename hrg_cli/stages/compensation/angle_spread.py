@@ -13,7 +13,7 @@ import numpy as np
 
 from ...fitting.tables.increments import AnglePath
 from ...records import Calibration
-from ..calibration.table import angle_random_walk_of, coefficient_rows, interpolation_along
+from ..calibration.table import build_coefficient_rows, interpolate_doubt, read_angle_random_walk
 
 Array = np.ndarray
 ROWS = 2048
@@ -26,7 +26,7 @@ class AngleSpread:
     def __init__(self, calibration: Calibration) -> None:
         self.calibration = calibration
         self.covariance = np.asarray(calibration.covariance, float)
-        self.walk = angle_random_walk_of(calibration) ** 2
+        self.walk = read_angle_random_walk(calibration) ** 2
         self.gained = np.zeros(len(self.covariance))
         self.doubted = np.zeros(2)
         self.begin: tuple[float, float, float] | None = None
@@ -68,8 +68,8 @@ class AngleSpread:
         x, angle = path.middle(blocks)[some], path.middle(path.angle_rad)[some]
         time, rate, scale = path.interval_s[some], rate[some], scale[some]
         weight = np.stack([time / scale, -rate * time / scale])
-        summed = np.cumsum(coefficient_rows(self.calibration, x, angle, weight), axis=0)
-        doubts = np.cumsum(weight.T * interpolation_along(self.calibration, x), axis=0)
+        summed = np.cumsum(build_coefficient_rows(self.calibration, x, angle, weight), axis=0)
+        doubts = np.cumsum(weight.T * interpolate_doubt(self.calibration, x), axis=0)
         middle, between = (
             total + sums - np.diff(sums, axis=0, prepend=0.0) / 2
             for total, sums in ((self.gained, summed), (self.doubted, doubts))

@@ -12,15 +12,15 @@ from ...errors import HrgError
 from ...fitting.envelopes.base_fit import fit_base_model
 from ...fitting.envelopes.base_freedom import Known
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
-from .modes import free_modes, one_channel
+from .modes import identify_free_modes, identify_one_channel
 from .outcome import Verdict
-from .verdict import POOR_FIT, contradictions, judge_fit
+from .verdict import POOR_FIT, judge_fit, refuse_contradictions
 
 
 def identify_by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verdict:
     """All runs together by maximum likelihood, judged; two modes without axes where the record
     shows no more."""
-    modes = one_channel(runs)
+    modes = identify_one_channel(runs)
     if modes is not None:
         return modes
     try:
@@ -31,7 +31,7 @@ def identify_by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: in
             lambda held: fit_base_model(runs, held, blocks),
         )
     except HrgError:
-        modes = free_modes(runs, np.inf)
+        modes = identify_free_modes(runs, np.inf)
         if modes is None:
             raise
         return modes
@@ -40,6 +40,6 @@ def identify_by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: in
             bool(verdict.refused)
             or verdict.values["damping_split_1_s"] > verdict.values["damping_rate_1_s"]
         )
-        modes = free_modes(runs, verdict.chi2_per_dof, impossible)
-        contradictions(verdict, runs, lambda rest: fit_base_model(rest, known, blocks))
+        modes = identify_free_modes(runs, verdict.chi2_per_dof, impossible)
+        refuse_contradictions(verdict, runs, lambda rest: fit_base_model(rest, known, blocks))
     return verdict if modes is None else modes

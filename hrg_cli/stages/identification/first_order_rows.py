@@ -21,7 +21,7 @@ from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit, Freedom, fit
 from ...fitting.envelopes.response import State, batch, respond
 from . import closing
-from .verdict import second_order_std
+from .verdict import read_second_order_std
 
 Array = np.ndarray
 
@@ -85,7 +85,7 @@ def prepare_rows(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepar
     if known.scale_factor is None and max(float(np.ptp(r.turn_rad)) for r in runs) == 0:
         known = dataclasses.replace(known, scale_factor=nominal_scale_factor(runs[0].mode_number))
     ready = _take_off_second_order(runs, known, best, float(best.p[SECOND_ORDER]))
-    std = second_order_std(best)
+    std = read_second_order_std(best)
     if std == 0 or _weigh_second_order(best) * std < closing.SETTLED:
         return ready
     return dataclasses.replace(

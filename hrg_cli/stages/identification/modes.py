@@ -36,7 +36,7 @@ def thin_run(run: EnvelopeRun) -> EnvelopeRun:
     return average_rows(run, ROWS, carry)
 
 
-def one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
+def identify_one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
     """The verdict of runs at rest that are one signal each, with one mode or two; None: they are
     ordinary runs.
 
@@ -68,7 +68,7 @@ def has_dead_channel(run: EnvelopeRun) -> bool:
     return bool(power.max() > noise and power.min() < max(DEAD * power.max(), noise))
 
 
-def free_modes(
+def identify_free_modes(
     runs: Sequence[EnvelopeRun], chi2_per_dof: float, impossible: bool = False
 ) -> Verdict | None:
     """The verdict of one run at rest that two unrelated modes describe far better than a resonator

@@ -17,7 +17,7 @@ from . import closing
 from .decay_modes import Seen
 from .outcome import Verdict
 from .verdict import ORDER
-from .window_band import alias_sentence, aliases, band_hz, band_sentence
+from .window_band import compute_band_hz, describe_aliases, describe_band, find_aliases
 
 Array = np.ndarray
 
@@ -39,7 +39,10 @@ def _read_run(seen: Seen) -> tuple[list[float], list[float]]:
     laws = seen.mode
     nu = laws.decay.of("viscous_1_s")
     if not seen.run.phase_known:
-        return [seen.run.reference_frequency_hz, nu[0]], [band_hz(seen.spacing_s), wider * nu[1]]
+        return [seen.run.reference_frequency_hz, nu[0]], [
+            compute_band_hz(seen.spacing_s),
+            wider * nu[1],
+        ]
     omega = laws.frequency.of("zero_amplitude_rad_s")
     return [(reference + omega[0]) / (2 * np.pi), nu[0]], [
         wider * omega[1] / (2 * np.pi),
@@ -159,15 +162,15 @@ def _tell_modes(verdict: Verdict, found: Sequence[Seen], mean: Array, std: Array
             "frequency_hz": float(f),
             "damping_rate_1_s": float(d),
             "std_1_s": error,
-            "aliases_hz": aliases(float(f), spacing) if measured else [],
+            "aliases_hz": find_aliases(float(f), spacing) if measured else [],
         }
         for f, d in shown
     ]
     if measured:
-        verdict.flat.append(alias_sentence(verdict.details["modes"], spacing))
+        verdict.flat.append(describe_aliases(verdict.details["modes"], spacing))
     else:
         verdict.details["assumed"] = ["frequency_hz"]
-        verdict.flat.append(band_sentence(float(mean[0]), float(std[0])))
+        verdict.flat.append(describe_band(float(mean[0]), float(std[0])))
         verdict.suspect.append(verdict.flat[-1])
 
 

@@ -32,11 +32,11 @@ def state_splits(
     components = split_components(p, covariance)
     return {
         "split_components": components,
-        "weak_splits": weak_splits(values, std, components),
+        "weak_splits": describe_weak_splits(values, std, components),
     }
 
 
-def weak_splits(
+def describe_weak_splits(
     values: Mapping[str, float], std: Mapping[str, float], components: Components
 ) -> list[str]:
     """A sentence for every split that is not clear of its noise: below `CLEAR` of its standard

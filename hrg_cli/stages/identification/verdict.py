@@ -131,7 +131,7 @@ def judge_parameters(
         fit.run_chi2 / run_dof,
         _residual_rms(fit),
         rows,
-        flat=[sentence(f, fit, runs) for f in flat],
+        flat=[describe_flat_direction(f, fit, runs) for f in flat],
         mode_number=mode,
         fit=fit,
     )
@@ -162,7 +162,7 @@ def _details_of(fit: Fit, known: Known, mode: int, factor: float, colour: float)
     least = map(float, np.sqrt(np.maximum(0.0, np.diag(bound))))
     return {
         "phase_order": int(fit.response.state.phase.shape[1]),
-        "second_order": {"value": float(fit.p[SECOND_ORDER]), "std": second_order_std(fit)},
+        "second_order": {"value": float(fit.p[SECOND_ORDER]), "std": read_second_order_std(fit)},
         "iterations": fit.iterations,
         "variance_factor": factor,
         "colour": colour,
@@ -176,7 +176,7 @@ def _expand_covariance(fit: Fit, z: Array) -> Array:
     return np.asarray(fit.freedom.directions @ z @ fit.freedom.directions.T)
 
 
-def second_order_std(fit: Fit) -> float:
+def read_second_order_std(fit: Fit) -> float:
     """Standard deviation of the second-order scale, 0 where it is held."""
     return (
         float(np.sqrt(fit.covariance_z()[-1, -1]))
@@ -241,7 +241,7 @@ def _disagreements(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun]) -> l
     ]
 
 
-def contradictions(
+def refuse_contradictions(
     verdict: Verdict, runs: Sequence[EnvelopeRun], again: Callable[[Sequence[EnvelopeRun]], Fit]
 ) -> None:
     """Refuse a fit that one run spoils: each of the worst left out in turn, those named without
@@ -292,7 +292,7 @@ def _flat_in(fit: Fit, name: str) -> bool:
     return std > inference.FLAT_FRACTION * float(inference.natural_scales(fit)[i])
 
 
-def sentence(flat: inference.Flat, fit: Fit, runs: Sequence[EnvelopeRun]) -> str:
+def describe_flat_direction(flat: inference.Flat, fit: Fit, runs: Sequence[EnvelopeRun]) -> str:
     """A flat direction in words: what is mixed, how badly it is known, and the run that would fix
     it."""
     large = [int(i) for i in np.argsort(-np.abs(flat.direction)) if abs(flat.direction[i]) > 0.3]

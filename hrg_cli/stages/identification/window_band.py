@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from typing import Any
 
 
-def aliases(frequency_hz: float, spacing_s: float) -> list[float]:
+def find_aliases(frequency_hz: float, spacing_s: float) -> list[float]:
     """The nearest frequencies that windows so far apart show alike."""
     return [frequency_hz - 1 / spacing_s, frequency_hz + 1 / spacing_s]
 
 
-def alias_sentence(modes: Sequence[dict[str, Any]], spacing_s: float) -> str:
+def describe_aliases(modes: Sequence[dict[str, Any]], spacing_s: float) -> str:
     """The aliases of modes in words."""
     each = "; ".join(
         f"{m['frequency_hz']:.8g} Hz for {m['aliases_hz'][0]:.8g} or {m['aliases_hz'][1]:.8g} Hz"
@@ -24,13 +24,13 @@ def alias_sentence(modes: Sequence[dict[str, Any]], spacing_s: float) -> str:
     )
 
 
-def band_hz(spacing_s: float) -> float:
+def compute_band_hz(spacing_s: float) -> float:
     """Half the windows' rate, within which of its reference a demodulator passes a frequency:
     all that an amplitude says of it, and taken for its standard deviation."""
     return 1 / (2 * spacing_s)
 
 
-def band_sentence(frequency_hz: float, std_hz: float) -> str:
+def describe_band(frequency_hz: float, std_hz: float) -> str:
     """Why the frequency is not a measured one."""
     return (
         f"frequency_hz is not measured, for no phase was recorded: {frequency_hz:.6g} Hz is the"

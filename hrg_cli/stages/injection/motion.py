@@ -24,7 +24,7 @@ from ...fitting.envelopes.base_freedom import nominal_scale_factor
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
 from ...physics.resonator import exponential
 from ...records import Resonator, Wave
-from ..diagnosis.base.base_priors import freedom_of
+from ..diagnosis.base.base_priors import choose_freedom
 from ..diagnosis.base.data import prepare
 from ..planning.known import mechanics_of
 from .oscillation import interpolate_oscillation
@@ -137,7 +137,7 @@ def _fit_model(wave: Wave, resonator: Resonator | None) -> tuple[MeasuredRuns, P
             )
         scale = mechanics_of(resonator).scale_factor
     series, point, _ = prepare([wave], scale, ROWS)
-    free = freedom_of(series, point, scale)
+    free = choose_freedom(series, point, scale)
     if resonator is not None:
         p = from_mechanics(mechanics_of(resonator))
         point, free = replace(point, p=p), CoordinatePriors(p, np.zeros(COUNT))

@@ -16,7 +16,7 @@ from hrg_cli.physics.plant import POLYNOMIAL
 from hrg_cli.records import Resonator
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
-from hrg_cli.stages.diagnosis.samples.tone_search import strongest
+from hrg_cli.stages.diagnosis.samples.tone_search import find_strongest_tone
 from hrg_cli.stages.diagnosis.samples.tones import confirm_tones
 from hrg_cli.stages.simulation_file import runs_of
 
@@ -246,7 +246,7 @@ def test_a_tone_must_stand_out_beside_the_complete_model():
     table["effects"] = {"mains_tone": {"frequency_hz": frequency, "c_cos": 2e-4}}
     runs = waves(table)
     fit = partial(fit_base, scale_factor=None, blocks=600, free_phase=False)
-    real = strongest(fit(runs), runs)
+    real = find_strongest_tone(fit(runs), runs)
     false = replace(real, frequency_hz=real.frequency_hz + 20.0, vector=real.vector / 100)
     assert confirm_tones([real, false], runs, fit) == [real]
 

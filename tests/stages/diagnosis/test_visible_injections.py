@@ -19,14 +19,14 @@ from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 from hrg_cli.stages.diagnosis.fits.refits import adopt
 from hrg_cli.stages.diagnosis.fits.scoring import is_gross, score_effects
-from hrg_cli.stages.diagnosis.fits.variants import variants
+from hrg_cli.stages.diagnosis.fits.variants import list_variants
 from hrg_cli.stages.diagnosis.samples.tones import take_out_tones
-from hrg_cli.stages.diagnosis.samples.waveform import causes
+from hrg_cli.stages.diagnosis.samples.waveform import find_waveform_causes
 from hrg_cli.stages.diagnosis.search.inquiry import Inquiry
 from hrg_cli.stages.diagnosis.search.instants import take_strikes
 from hrg_cli.stages.diagnosis.search.search_case import Case
 from hrg_cli.stages.diagnosis.search.selection import Search
-from hrg_cli.stages.diagnosis.suspects.rivals import nearest
+from hrg_cli.stages.diagnosis.suspects.rivals import fit_nearest
 from hrg_cli.stages.diagnosis.thresholds import GROSS
 from hrg_cli.stages.estimate import estimate
 
@@ -94,12 +94,12 @@ def wave_of(name, kind):
 
 
 def dynamics(fit):
-    return variants([effect for effect in EFFECTS if effect.seen_in == "dynamics"], fit)
+    return list_variants([effect for effect in EFFECTS if effect.seen_in == "dynamics"], fit)
 
 
 def near(fit):
     """The few causes that leave least: the pendulum's own, as far as the catalogue has them."""
-    return nearest(fit, dynamics(fit), GROSS) if is_gross(fit) else fit
+    return fit_nearest(fit, dynamics(fit), GROSS) if is_gross(fit) else fit
 
 
 FITTED = partial(fit_base, scale_factor=None, blocks=120, free_phase=False)
@@ -125,7 +125,7 @@ def found_at_instants(name, wave):
 @pytest.mark.parametrize("name", PERIOD_S)
 def test_lines_of_the_samples_are_named_for_what_makes_them(name, kind):
     wave = wave_of(name, kind)
-    shown, _ = causes([wave], [], [], wave.reference_frequency_hz, [])
+    shown, _ = find_waveform_causes([wave], [], [], wave.reference_frequency_hz, [])
     own = {"pickoff_nonlinearity"} if name == "yverdon" else set()  # its camera's third harmonic
     wanted = {IN_THE_LINES[kind]} if kind else set()
     assert wanted <= {e["name"] for e in shown} <= wanted | own

@@ -22,7 +22,9 @@ DIFFERENT_RATES = 0.1
 """Part of the greatest rate by which rates must differ to count as different."""
 
 
-def freedom_of(series: MeasuredRuns, point: Point, scale_factor: float | None) -> CoordinatePriors:
+def choose_freedom(
+    series: MeasuredRuns, point: Point, scale_factor: float | None
+) -> CoordinatePriors:
     """Weak priors on the splits; while the misfit is gross, K is held where these runs cannot tell
     it, the second order's scale at 1.
 
@@ -67,7 +69,7 @@ def _tell(rates: Array, turned: Sequence[float], nominal: float) -> bool:
     return bool(2 * abs(nominal) * max(turned, default=0.0) > 2 * np.pi)
 
 
-def held_scale_factor(
+def choose_held_scale_factor(
     waves: Sequence[Wave], runs: Sequence[EnvelopeRun], scale_factor: float | None
 ) -> float | None:
     """The scale factor to be held from the guess on: the user's, or, where no run tells it, the

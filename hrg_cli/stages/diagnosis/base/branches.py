@@ -17,7 +17,7 @@ SMOOTH = 0.5
 beside a corner they have none."""
 
 
-def mean_branch(time_s: Array, temperature: Array) -> Array:
+def average_branch(time_s: Array, temperature: Array) -> Array:
     """Mean of the branch (+1 rising, −1 falling, 0 before any change) over the step that follows
     each row, (n,); the last row has none and repeats the one before."""
     signs = branch(temperature)[1:]  # of every step
@@ -25,7 +25,7 @@ def mean_branch(time_s: Array, temperature: Array) -> Array:
         return np.zeros(len(time_s))
     starts, values = [float(time_s[0])], [float(signs[0])]
     for step in np.flatnonzero(np.diff(signs)) + 1:
-        starts.append(max(starts[-1], turning_time_s(time_s, temperature, int(step))))
+        starts.append(max(starts[-1], find_turning_time_s(time_s, temperature, int(step))))
         values.append(float(signs[step]))
     # ∫ of the branch to every row, straight between the turns
     ends = np.append(starts, float(time_s[-1]))
@@ -36,7 +36,7 @@ def mean_branch(time_s: Array, temperature: Array) -> Array:
     return np.append(mean, mean[-1])
 
 
-def turning_time_s(time_s: Array, temperature: Array, step: int) -> float:
+def find_turning_time_s(time_s: Array, temperature: Array, step: int) -> float:
     """When the temperature turned that moves another way from `step` on: within that step or the one
     before."""
     slopes = np.diff(temperature) / np.diff(time_s)

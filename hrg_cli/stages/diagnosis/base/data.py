@@ -19,8 +19,8 @@ from ....fitting.envelopes.envelope_runs import EnvelopeRun
 from ....fitting.samples.course import Impulse, average_over_windows, build_course, integrate_means
 from ....physics import ellipse
 from ....records import Wave
-from .base_priors import held_scale_factor
-from .branches import mean_branch
+from .base_priors import choose_held_scale_factor
+from .branches import average_branch
 from .first_guess import guess
 
 Array = np.ndarray
@@ -65,7 +65,7 @@ def prepare(
     own = np.array([r.reference_frequency_hz for r in runs])
     shift = 2 * np.pi * (own - _common_reference_hz(runs))
     p, offsets = (
-        guess(runs, free, waves, held_scale_factor(waves, runs, scale_factor))
+        guess(runs, free, waves, choose_held_scale_factor(waves, runs, scale_factor))
         if along is None
         else (along.p, along.offset_rad_s - shift)
     )
@@ -80,7 +80,7 @@ def prepare(
         )
         for r, o, w in zip(runs, offsets, waves, strict=True)
     ]
-    series = side_by_side([bridge_gaps(r) for r in thin], waves)
+    series = align_runs([bridge_gaps(r) for r in thin], waves)
     return series, Point(p, series.envelope[:, 0].copy(), offsets + shift), runs
 
 
@@ -178,7 +178,7 @@ def _common_reference_hz(runs: Sequence[EnvelopeRun]) -> float:
     return float(np.median([r.reference_frequency_hz for r in runs]))
 
 
-def side_by_side(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> MeasuredRuns:
+def align_runs(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> MeasuredRuns:
     """Padded arrays against one reference frequency, with everything the effects may look at."""
     longest = max(len(run) for run in runs)
     reference_hz = _common_reference_hz(runs)
@@ -218,10 +218,10 @@ def _columns_of(run: EnvelopeRun, wave: Wave, reference_hz: float) -> dict[str, 
         **_temperature_of(run, wave),
         "table_angle_rad": run.turn_rad,
         "phase_rad": np.interp(t, *_finite(wave.time_s, wave.phase_rad)) + shift,
-        "main_drive": command(wave, "drive_main", t, forced),
-        "quadrature_drive": command(wave, "drive_quadrature", t, forced),
-        "main_impulse": impulse_of(wave, "drive_main", t, forced),
-        "quadrature_impulse": impulse_of(wave, "drive_quadrature", t, forced),
+        "main_drive": interpolate_command(wave, "drive_main", t, forced),
+        "quadrature_drive": interpolate_command(wave, "drive_quadrature", t, forced),
+        "main_impulse": integrate_command(wave, "drive_main", t, forced),
+        "quadrature_impulse": integrate_command(wave, "drive_quadrature", t, forced),
         "forced": forced,
         "held_amplitude": held,
         "held_slope": np.gradient(held, t),
@@ -247,8 +247,8 @@ def _temperature_of(run: EnvelopeRun, wave: Wave) -> dict[str, Array]:
     return {
         "temperature_degc": smooth,
         "temperature_rate_degc_s": np.gradient(smooth, t),
-        "temperature_impulse": temperature_impulse_of(wave, t, impulse_along),
-        "branch": mean_branch(t, smooth),
+        "temperature_impulse": integrate_temperature(wave, t, impulse_along),
+        "branch": average_branch(t, smooth),
     }
 
 
@@ -271,19 +271,19 @@ def _finite(x: Array, y: Array | None) -> tuple[Array, Array]:
     return np.asarray(x)[good], np.asarray(y, float)[good]
 
 
-def command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
+def interpolate_command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
     """A logged drive command over rows about times t; zero where there is none."""
     logged = _logged(wave, name, forced)
     return np.zeros(len(t)) if logged is None else average_over_windows(logged, t, np.gradient(t))
 
 
-def impulse_of(wave: Wave, name: str, t: Array, forced: Array) -> Array:
+def integrate_command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
     """∫ of a logged drive command from the log's start to times t; zero where there is none."""
     logged = _logged(wave, name, forced)
     return np.zeros(len(t)) if logged is None else logged.at(t)
 
 
-def temperature_impulse_of(wave: Wave, t: Array, smooth: Array | None) -> Array:
+def integrate_temperature(wave: Wave, t: Array, smooth: Array | None) -> Array:
     """∫ of the temperature to rows about times t, each its mean over the row, as what it moves of
     the wave is: of the log, which knows where in a row it turned a corner, or along a smoothed
     course from row to row."""

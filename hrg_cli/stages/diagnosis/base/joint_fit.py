@@ -15,18 +15,23 @@ from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import Point
 from ....records import Wave
-from ..drive.command_frame import FrameAnswers, all_driven, follow_frames
-from ..drive.command_log import fit_lateness, is_thinkable, lateness, scattered_commands
-from ..drive.held_commands import allow_steps, likely_beats
+from ..drive.command_frame import FrameAnswers, are_all_driven, follow_frames
+from ..drive.command_log import (
+    fit_lateness,
+    is_thinkable,
+    predict_command_scatter,
+    predict_lateness,
+)
+from ..drive.held_commands import allow_steps, find_likely_beats
 from ..drive.ripple import Ripple
-from ..drive.scatter import allow, allowed_for, follow_walk, has_log
+from ..drive.scatter import allow, allow_scatter, follow_walk, has_log
 from ..drive.tracker_start import allow_starts
 from ..fits.refits import loosen
 from ..fits.scoring import is_gross
 from ..samples.lost_samples import PhaseStep
-from ..samples.waveform import phase_steps, split_at
+from ..samples.waveform import find_phase_steps, split_at
 from ..thresholds import WORTH
-from .base_priors import freedom_of
+from .base_priors import choose_freedom
 from .data import is_averaged_well, prepare
 from .rate_steps import fit_rate_steps
 
@@ -54,7 +59,7 @@ def fit_base(
     def along(motion: Point | None) -> tuple[ExtendedFit, Point]:
         series, point, _ = prepare(pieces, scale_factor, blocks, coarser, motion)
         series = replace(series, free_phase=free_phase)
-        freedom = freedom_of(series, point, scale_factor)
+        freedom = choose_freedom(series, point, scale_factor)
         fit = extended_fit.fit(series, point, freedom)
         return fit if quick and has_log(series) else start_fit(fit), point
 
@@ -98,7 +103,7 @@ def _fit_beside_log(fit: ExtendedFit) -> ExtendedFit:
     beside the steps of held commands."""
     if not has_log(fit.series):
         return fit
-    return _fit_beside_steps(fit, lambda fit: _fit_along_walk(allow_starts(allowed_for(fit))))
+    return _fit_beside_steps(fit, lambda fit: _fit_along_walk(allow_starts(allow_scatter(fit))))
 
 
 def _fit_along_walk(fit: ExtendedFit) -> ExtendedFit:
@@ -114,7 +119,7 @@ def _fit_beside_steps(
     beside = settled(fit)
     if fit.series.held_beat_rad_s is not None or _is_noise(beside):
         return beside
-    for beat in likely_beats(beside):
+    for beat in find_likely_beats(beside):
         held = settled(allow_steps(fit, beat))
         if _is_noise(held):
             return held
@@ -137,17 +142,22 @@ def _fit_beside_frames(fit: ExtendedFit) -> ExtendedFit:
     return fit
 
 
-def beside_any_delay(fit: ExtendedFit) -> ExtendedFit | None:
+def fit_beside_delay(fit: ExtendedFit) -> ExtendedFit | None:
     """The fit of driven runs again where a lateness of their loops may have moved the scale factor
     too; None where there are free runs, or where no frame is allowed for."""
-    if fit.series.unsettled is None or not all_driven(fit.series):
+    if fit.series.unsettled is None or not are_all_driven(fit.series):
         return None
     return _allow_answers(fit, FrameAnswers.of(fit).doings)
 
 
 def _allow_answers(fit: ExtendedFit, of_frames: Array) -> ExtendedFit:
     """The fit beside what loops may have answered, these columns (N, k) of their frame's among it."""
-    answers = [Ripple.of(fit).spread, of_frames, lateness(fit), scattered_commands(fit)]
+    answers = [
+        Ripple.of(fit).spread,
+        of_frames,
+        predict_lateness(fit),
+        predict_command_scatter(fit),
+    ]
     return allow(fit, np.concatenate(answers, axis=1))
 
 
@@ -186,7 +196,7 @@ def cut_at_losses(
 
     HrgError: the base model finds no fit to them together.
     """
-    steps = phase_steps(waves)
+    steps = find_phase_steps(waves)
     pieces, origin = split_at(waves, steps)
     base = fit_together(pieces, fitted)
     if steps:

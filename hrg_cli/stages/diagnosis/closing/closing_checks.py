@@ -19,9 +19,9 @@ from ....fitting.envelopes.base_freedom import nominal_scale_factor
 from ....physics import ellipse
 from ..drive.scatter import TOLD, Scatter
 from ..extended.written import Written
-from ..fits.places import another_start, beside_strike
+from ..fits.places import find_another_start, find_place_beside_strike
 from ..fits.scoring import is_possible
-from ..search.gain import folds_of, predict_folds
+from ..search.gain import choose_left_out_folds, predict_folds
 from ..search.search_case import Case
 from ..search.selection import Search
 from ..thresholds import (
@@ -46,14 +46,14 @@ ROUNDING = 1e-9
 """Of what stands still: an order by its rounding is none."""
 
 
-def word(causes: bool, is_open: bool) -> str:
+def choose_word(causes: bool, is_open: bool) -> str:
     """The verdict's word from whether causes are named and whether anything stays open."""
     if is_open:
         return "partly explained" if causes else "unexplained"
     return "explained" if causes else "adequate"
 
 
-def closing_checks(
+def make_closing_checks(
     case: Case,
     sized: Sized,
     written: Written | None,
@@ -160,11 +160,11 @@ def _strikes(fit: ExtendedFit, slow: float) -> Iterator[Check]:
     """No run moves on, from one of its rows, as from another start, and what strikes in the model is
     all that struck there."""
     moved = "from {:.4g} s on run {} moves as from another start: what struck it there is not {}"
-    found = [("nothing_strikes", another_start(fit, slow), INADEQUATE, "in the model")]
+    found = [("nothing_strikes", find_another_start(fit, slow), INADEQUATE, "in the model")]
     found += [
         (
             f"{effect.name}_is_what_struck",
-            beside_strike(values, fit, slow),
+            find_place_beside_strike(values, fit, slow),
             SIGNIFICANT,
             f"{effect.name} alone",
         )
@@ -186,7 +186,7 @@ def _runs(fit: ExtendedFit) -> Iterator[Check]:
     they may be."""
     if len(fit.series.names) < 2:
         return
-    kind, folds = folds_of(fit, fewest_runs=2)
+    kind, folds = choose_left_out_folds(fit, fewest_runs=2)
     left = predict_folds(fit, kind, folds, LEAST_INFORMATION)
     level = max(fit.chi2 / fit.dof, 1.0)
     ratios = [
@@ -214,7 +214,7 @@ def _expected(fit: ExtendedFit, fold: Array) -> float:
     return float(np.sqrt(1 + unknown.sum() / len(fold)))
 
 
-def unknown_walk(fit: ExtendedFit) -> float:
+def estimate_unknown_walk(fit: ExtendedFit) -> float:
     """Walk of the wave, over σ, that the scatter of the drive's log may have left out of a run and
     that the fit's own σ do not hold."""
     if fit.series.scatter is not None:
@@ -222,7 +222,7 @@ def unknown_walk(fit: ExtendedFit) -> float:
     return float(np.max(Scatter.of(fit.series).walk))
 
 
-def beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
+def check_beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
     """A cause so many σ off zero beside a walk of the wave, in σ, that the scatter of the drive's
     log may have left out; nothing where that is less than the noise."""
     if walk < TOLD:
@@ -240,7 +240,7 @@ def beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
 def _causes(search: Search, sized: Sized, waveform: Sequence[dict[str, object]]) -> Iterator[Check]:
     """Every named cause on its own: off zero and of a thinkable size."""
     fit = search.final
-    walk = unknown_walk(fit)
+    walk = estimate_unknown_walk(fit)
     for one in search.found:
         name = one.variant.effect.name
         # a strike's sizes are held in the fit; their generalised least squares gave Δχ² as its gain
@@ -255,7 +255,7 @@ def _causes(search: Search, sized: Sized, waveform: Sequence[dict[str, object]])
             OWN_SIGMA,
             f"{name} is no more than {sigma:.2g} of its σ off zero",
         )
-        yield from beside_drive_log(name, sigma, walk)
+        yield from check_beside_drive_log(name, sigma, walk)
         yield checks.check_holds(
             f"{name}_is_possible",
             is_possible(one.variant.effect, fit),

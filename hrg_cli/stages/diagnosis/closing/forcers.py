@@ -26,7 +26,7 @@ from ..thresholds import WORTH
 Array = np.ndarray
 
 
-def moves_of_forcers(case: Case) -> dict[str, Array]:
+def estimate_moves_of_forcers(case: Case) -> dict[str, Array]:
     """By how much the base model's coordinates may be moved by each cause of the drive that is not
     named and not excluded: columns (7, k), whose squares add up to the mean square."""
     fit = case.search.final

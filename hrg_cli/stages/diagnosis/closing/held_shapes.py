@@ -21,7 +21,7 @@ SHAPE = "power"
 """Name of a parameter that sets a cause's shape and not its size."""
 
 
-def one_sigma_off(fit: ExtendedFit, inflation: float) -> dict[str, ExtendedFit]:
+def refit_one_sigma_off(fit: ExtendedFit, inflation: float) -> dict[str, ExtendedFit]:
     """Refits of a model, whose variances are inflated, with the held power of each cause that has one
     moved by one σ."""
     return {

@@ -13,17 +13,17 @@ import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COUNT
-from ..base.joint_fit import beside_any_delay
+from ..base.joint_fit import fit_beside_delay
 
 Array = np.ndarray
 NAME = "loop_delay"
 
 
-def moves_of_delay(fit: ExtendedFit) -> dict[str, Array]:
+def estimate_moves_of_delay(fit: ExtendedFit) -> dict[str, Array]:
     """By how much the base model's coordinates may be moved by loops that act late: columns (7, k),
     whose squares add up to the mean square; nothing where free runs tell, or where no frame of loops
     was allowed for."""
-    beside = beside_any_delay(fit)
+    beside = fit_beside_delay(fit)
     if beside is None:
         return {}
     more = beside.coordinate_covariance() - fit.coordinate_covariance()

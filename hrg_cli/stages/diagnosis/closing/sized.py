@@ -14,7 +14,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.refits import adopt, leave_out
 from ..fits.scoring import score_effects
 from ..search.search_case import Case
-from .held_shapes import one_sigma_off
+from .held_shapes import refit_one_sigma_off
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,9 @@ class Sized:
         final = case.search.final
         factor = max(case.inquiry.noise.slow, final.chi2 / final.dof, 1.0)
         beside = final if case.remainder is None else case.remainder.fit
-        return cls(final, beside, factor, one_sigma_off(final, factor), with_rivals(case))
+        return cls(
+            final, beside, factor, refit_one_sigma_off(final, factor), refit_with_rivals(case)
+        )
 
     def std(self, std: float, value: float, others: Sequence[float]) -> float:
         """Standard deviation of a number with σ `std` in the fit, which stands at `others` in each
@@ -72,7 +74,7 @@ class Sized:
         return [fit for fit in there if cause in {one.name for one, _ in fit.point.active}]
 
 
-def with_rivals(case: Case) -> list[ExtendedFit]:
+def refit_with_rivals(case: Case) -> list[ExtendedFit]:
     """The final fit with each rival in the place of its cause, where that has a fit."""
     out: list[ExtendedFit] = []
     for one in case.search.found:

@@ -12,7 +12,7 @@ from ..search.search_case import Case
 from ..search.selection import select
 
 
-def stability(
+def examine_stability(
     case: Case, ahead: Mapping[str, Any] | None, coarser: Callable[[], ExtendedFit]
 ) -> list[dict[str, Any]]:
     """The causes' names where the runs are averaged to half as many rows, and on a part of the data

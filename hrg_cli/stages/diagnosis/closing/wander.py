@@ -19,7 +19,7 @@ from ..thresholds import INADEQUATE
 HOUR = 3600.0
 
 
-def wander(fit: ExtendedFit) -> list[dict[str, Any]]:
+def describe_wander(fit: ExtendedFit) -> list[dict[str, Any]]:
     """The wander of every component: standard deviation after an hour, correlation time of its
     rate, white level over the stated σ.
 

@@ -33,7 +33,7 @@ from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.walks import Walk
 from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.envelopes.coordinates import SCALE_FACTOR
-from .scatter import row_length_s, turn_forces
+from .scatter import find_row_length_s, turn_forces
 
 Array = np.ndarray
 MOST_LATE_RAD = 0.3
@@ -66,8 +66,8 @@ class FrameAnswers:
     @classmethod
     def of(cls, fit: ExtendedFit) -> FrameAnswers:
         """Beside a fit."""
-        series, courses = fit.series, courses_of(fit)
-        turning = float(np.max(np.abs(slope_of(series.time_s, courses[0]))))
+        series, courses = fit.series, find_courses(fit)
+        turning = float(np.max(np.abs(compute_slope(series.time_s, courses[0]))))
         angle, phase = (_answers(series, course, turning) for course in courses)
         moved = fit.flow.seen(carry_turns(fit.flow, series, angle, phase))
         return cls(angle, phase, whitened_rows.flatten_own(series, moved))
@@ -75,7 +75,9 @@ class FrameAnswers:
     def spread(self, fit: ExtendedFit) -> Array:
         """What one standard deviation of each does, over σ (N, 2k); driven runs alone show that
         scale factor which their loops make of it."""
-        return _project_scale_factor(fit, self.doings) if all_driven(fit.series) else self.doings
+        return (
+            _project_scale_factor(fit, self.doings) if are_all_driven(fit.series) else self.doings
+        )
 
     def turn(self, size: Array) -> Array:
         """Turn of the frame by answers of these sizes (2k,), rad (R, n, 2)."""
@@ -93,7 +95,7 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     runs alone do not know the late part of it from their scale factor.
     """
     series = fit.series
-    if series.unsettled is None or all_driven(series):
+    if series.unsettled is None or are_all_driven(series):
         return fit
     size = answers.doings.T @ series.unsettled.off(fit.residual)
     turn = answers.turn(size)
@@ -111,7 +113,7 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
-def all_driven(series: MeasuredRuns) -> bool:
+def are_all_driven(series: MeasuredRuns) -> bool:
     """Whether no run is free."""
     return bool(np.all(np.any(series.forced > 0, axis=1)))
 
@@ -146,7 +148,7 @@ def carry_turns(flow: Propagation, series: MeasuredRuns, angle: Array, phase: Ar
     return flow.carried(at_rows, at_middle)
 
 
-def courses_of(fit: ExtendedFit) -> tuple[Array, Array]:
+def find_courses(fit: ExtendedFit) -> tuple[Array, Array]:
     """Angle mθ and phase of the wave over the rows, rad (R, n), in driven runs."""
     series, v = fit.series, fit.flow.prediction.motion
     turn, e_A, _, _ = frame(v, series.phase_rad)
@@ -155,7 +157,7 @@ def courses_of(fit: ExtendedFit) -> tuple[Array, Array]:
     return driven * angle, driven * np.unwrap(np.angle(turn), axis=1)
 
 
-def slope_of(time_s: Array, course: Array) -> Array:
+def compute_slope(time_s: Array, course: Array) -> Array:
     """Rate of change over the rows, (R, n); 0 where rows are padded."""
     step = np.gradient(time_s, axis=1)
     return np.divide(np.gradient(course, axis=1), step, out=np.zeros_like(course), where=step > 0)
@@ -165,23 +167,23 @@ def _answers(series: MeasuredRuns, course: Array, turning_rad_s: float) -> Array
     """By how much the commands' frame stands beside a course (R, n), for one standard deviation of its
     lateness and for every loop that may follow it, (R, n, k)."""
     late_s = MOST_LATE_RAD / turning_rad_s if turning_rad_s > 0 else 0.0
-    late = -late_s * slope_of(series.time_s, course)
-    left = unfollowed(series, course, natural_frequencies(series))
+    late = -late_s * compute_slope(series.time_s, course)
+    left = compute_unfollowed(series, course, choose_natural_frequencies(series))
     return np.concatenate([late[..., None], left], axis=-1)
 
 
-def natural_frequencies(
+def choose_natural_frequencies(
     series: MeasuredRuns, slowest: float = 2 * np.pi, apart: float = APART
 ) -> Array:
     """ω_n of the loops allowed for, rad/s: from `slowest` over a run's length to one over a row's, by
     a ratio of `apart` at most."""
     lengths = [np.ptp(t[w > 0]) for t, w in zip(series.time_s, series.weight, strict=True)]
-    least, most = slowest / max(lengths), 1 / row_length_s(series)
+    least, most = slowest / max(lengths), 1 / find_row_length_s(series)
     most = max(most, least)
     return np.geomspace(least, most, 1 + max(1, int(np.ceil(np.log(most / least) / np.log(apart)))))
 
 
-def unfollowed(
+def compute_unfollowed(
     series: MeasuredRuns, course: Array, natural_rad_s: Array, *, as_before: bool = False
 ) -> Array:
     """What loops of second order leave of a course (R, n), (R, n, loops): −s²/(s² + √2 ω_n s + ω_n²),

@@ -23,7 +23,7 @@ from ....fitting.samples.course import average_over_windows, integrate_means
 from ....records import Wave
 from ..fits.refits import HOPELESS
 from ..thresholds import GROSS
-from .scatter import Scatter, has_log, row_length_s
+from .scatter import Scatter, find_row_length_s, has_log
 
 Array = np.ndarray
 COMMANDS = (("main_drive", "main_impulse"), ("quadrature_drive", "quadrature_impulse"))
@@ -47,13 +47,17 @@ def fit_lateness(fit: ExtendedFit) -> ExtendedFit:
     logged."""
     if not has_log(fit.series):
         return fit
-    before = 1 / (REACH * row_length_s(fit.series)) ** 2
+    before = 1 / (REACH * find_row_length_s(fit.series)) ** 2
     for _ in range(ROUNDS):
-        column = fit.basis.off(whitened_rows.flatten_rows(fit.series, of_lateness(fit)))
+        column = fit.basis.off(
+            whitened_rows.flatten_rows(fit.series, differentiate_by_lateness(fit))
+        )
         if _is_beside_the_point(fit, column):
             break
         told = fit.basis.off(
-            whitened_rows.flatten_rows(fit.series, of_lateness(fit, beyond_scatter))
+            whitened_rows.flatten_rows(
+                fit.series, differentiate_by_lateness(fit, remove_command_scatter)
+            )
         )
         # two-stage least squares (Theil 1953): the lateness is found along `told`, of the commands
         # beyond their scatter, which the windows' noise did not make; along the whole column it
@@ -71,7 +75,7 @@ def fit_lateness(fit: ExtendedFit) -> ExtendedFit:
 def is_thinkable(fit: ExtendedFit) -> bool:
     """Whether the commands' lateness is one that a log may have, or all that is wrong with the runs:
     others are a misfit laid on the log's time."""
-    late, usual = abs(fit.series.drive_late_s), REACH * row_length_s(fit.series)
+    late, usual = abs(fit.series.drive_late_s), REACH * find_row_length_s(fit.series)
     return late <= THINKABLE * usual or checks.check_goodness(fit.chi2, fit.dof).passed
 
 
@@ -82,17 +86,19 @@ def _is_beside_the_point(fit: ExtendedFit, column: Array) -> bool:
     return left > HOPELESS * GROSS * fit.dof
 
 
-def lateness(fit: ExtendedFit) -> Array:
+def predict_lateness(fit: ExtendedFit) -> Array:
     """What one standard deviation of the log's lateness does to the waves, over σ (N, 1).
 
     Of what the commands do beyond their scatter: loops answer the windows' noise, which the residual
     is, and to take the whole column off it would leave the rest of that column in its place.
     """
-    column = whitened_rows.flatten_own(fit.series, of_lateness(fit, beyond_scatter))
-    return REACH * row_length_s(fit.series) * column[:, None]
+    column = whitened_rows.flatten_own(
+        fit.series, differentiate_by_lateness(fit, remove_command_scatter)
+    )
+    return REACH * find_row_length_s(fit.series) * column[:, None]
 
 
-def scattered_commands(fit: ExtendedFit) -> Array:
+def predict_command_scatter(fit: ExtendedFit) -> Array:
     """What the commands' scatter from row to row does to the waves, of either command, over σ (N, 2):
     how much of it was the drive's own nobody knows.
 
@@ -102,7 +108,7 @@ def scattered_commands(fit: ExtendedFit) -> Array:
     series = fit.series
     if not np.any(Scatter.of(series).counts(series)):
         return np.zeros((len(fit.residual), 0))
-    smooth, columns = beyond_scatter(series), []
+    smooth, columns = remove_command_scatter(series), []
     for command, integral in COMMANDS:
         part = getattr(series, command) - getattr(smooth, command)
         area = np.zeros_like(part)
@@ -118,11 +124,11 @@ def scattered_commands(fit: ExtendedFit) -> Array:
     return np.stack(columns, axis=-1)
 
 
-def of_lateness(
+def differentiate_by_lateness(
     fit: ExtendedFit, part: Callable[[MeasuredRuns], MeasuredRuns] = lambda series: series
 ) -> Array:
     """What is seen of a lateness of one second, over σ, (R, n, 4); of a part of the commands."""
-    small = STEP * row_length_s(fit.series)
+    small = STEP * find_row_length_s(fit.series)
     return _change(fit, delay_commands(fit.series, small, part(fit.series))) / small
 
 
@@ -138,7 +144,7 @@ def _change(fit: ExtendedFit, other: MeasuredRuns) -> Array:
     return fit.prediction.judged(carried + direct)[..., 0]
 
 
-def beyond_scatter(series: MeasuredRuns) -> MeasuredRuns:
+def remove_command_scatter(series: MeasuredRuns) -> MeasuredRuns:
     """The commands without their scatter: coefficients c over orthonormal cosines less (3s)²/c of
     them, s the white scatter from row to row.
 

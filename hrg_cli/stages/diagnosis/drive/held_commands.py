@@ -33,8 +33,8 @@ from ....fitting.causes.sensitivities import Propagation, find_base_sensitivitie
 from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.envelopes.coordinates import BASIS
 from ..thresholds import WORTH
-from .command_frame import slope_of
-from .command_log import beyond_scatter
+from .command_frame import compute_slope
+from .command_log import remove_command_scatter
 from .scatter import soften_runs
 
 Array = np.ndarray
@@ -78,7 +78,7 @@ class _Left:
         return float(along @ size - np.linalg.slogdet(power)[1]) / 2
 
 
-def likely_beats(fit: ExtendedFit) -> list[float]:
+def find_likely_beats(fit: ExtendedFit) -> list[float]:
     """The beat D of the commands' steps with the oscillation that is likely in what is left of driven
     runs, rad/s, and none where that is likely too; empty where neither is."""
     left = _find_remainder(fit, _span_linear_maps(fit.flow))
@@ -181,12 +181,12 @@ def _moved(fit: ExtendedFit, beats: Array) -> Array:
 def _of_commands(series: MeasuredRuns, v: Array) -> tuple[Array, Array]:
     """Along the wave and across it (R, n, 2): f' of the commands beyond their scatter, and what of it
     the wave's own turn makes, (F' + jQψ', Fψ' − jQ') and (jQψ', Fψ')."""
-    smooth = beyond_scatter(series)
+    smooth = remove_command_scatter(series)
     _, e_A, _, _ = frame(v, series.phase_rad)
-    turning = slope_of(series.time_s, np.unwrap(np.arctan2(e_A[..., 1], e_A[..., 0]), axis=1))
+    turning = compute_slope(series.time_s, np.unwrap(np.arctan2(e_A[..., 1], e_A[..., 0]), axis=1))
     main, quadrature = smooth.main_drive, smooth.quadrature_drive
     turned = np.stack([1j * quadrature * turning, main * turning], axis=-1)
-    own = [slope_of(series.time_s, main), -1j * slope_of(series.time_s, quadrature)]
+    own = [compute_slope(series.time_s, main), -1j * compute_slope(series.time_s, quadrature)]
     return turned + np.stack(own, axis=-1), turned
 
 

@@ -135,7 +135,7 @@ def soften_runs(fit: ExtendedFit, changed: Array) -> ExtendedFit:
     return _soften(fit, runs, None, 1.0, fit.series.scatter_part) if runs else fit
 
 
-def allowed_for(fit: ExtendedFit) -> ExtendedFit:
+def allow_scatter(fit: ExtendedFit) -> ExtendedFit:
     """The fit again beside as much of the log's scatter and of its frame's noise as the waves leave
     possible; the same where none could be seen."""
     if not has_log(fit.series):
@@ -184,7 +184,7 @@ def has_log(series: MeasuredRuns) -> bool:
     return bool(np.any(np.ptp(commands, axis=-1) > 0))
 
 
-def row_length_s(series: MeasuredRuns) -> float:
+def find_row_length_s(series: MeasuredRuns) -> float:
     """Length of the rows, of the run that has the shortest."""
     lengths = [np.median(h[h > 0]) for h in series.step_s if np.any(h > 0)]
     return float(min(lengths))
@@ -230,7 +230,7 @@ def allow(fit: ExtendedFit, columns: Array) -> ExtendedFit:
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
-def sentence(fit: ExtendedFit) -> str:
+def describe_scatter(fit: ExtendedFit) -> str:
     """What is to be said of a log that scatters; empty where it hardly moves the wave."""
     scatter = Scatter.of(fit.series)
     walk = scatter.walk[scatter.worst] * fit.series.scatter_part
@@ -245,7 +245,7 @@ def sentence(fit: ExtendedFit) -> str:
     )
 
 
-def corner_hz(fit: ExtendedFit) -> float:
+def find_corner_hz(fit: ExtendedFit) -> float:
     """Distance from the resonance at which the walk that is allowed for is as strong as the noise,
     s/2πσ: the walk's density is s²h/(2πf)², that of the noise σ²h; 0 where none is."""
     if fit.series.scatter is None:

@@ -17,7 +17,13 @@ import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
-from .command_frame import DAMPING, carry_turns, courses_of, natural_frequencies, unfollowed
+from .command_frame import (
+    DAMPING,
+    carry_turns,
+    choose_natural_frequencies,
+    compute_unfollowed,
+    find_courses,
+)
 from .scatter import has_log, soften_runs
 
 Array = np.ndarray
@@ -33,14 +39,16 @@ def allow_starts(fit: ExtendedFit) -> ExtendedFit:
     has commands."""
     if not has_log(fit.series):
         return fit
-    angle, phase = (_settling(fit.series, course) for course in courses_of(fit))
+    angle, phase = (_settling(fit.series, course) for course in find_courses(fit))
     return soften_runs(fit, carry_turns(fit.flow, fit.series, angle, phase))
 
 
 def _settling(series: MeasuredRuns, course: Array) -> Array:
     """One standard deviation of every free motion beside a course (R, n), rad (R, n, k)."""
-    natural = natural_frequencies(series, np.log(1 / SETTLED_TO) / SETTLED_BY / DAMPING, APART)
-    size = np.abs(unfollowed(series, course, natural, as_before=True)).max(axis=(0, 1))
+    natural = choose_natural_frequencies(
+        series, np.log(1 / SETTLED_TO) / SETTLED_BY / DAMPING, APART
+    )
+    size = np.abs(compute_unfollowed(series, course, natural, as_before=True)).max(axis=(0, 1))
     t = (series.time_s - series.time_s[:, :1])[..., None]
     at = DAMPING * natural * t
     modes = (np.exp(-at) * np.cos(at), np.exp(-at) * np.sin(at), np.exp(-natural * t))

@@ -14,7 +14,7 @@ from ....records import Diagnosis, Resonator
 SURE = ("adequate", "explained")
 
 
-def extended_resonator(diagnosis: Diagnosis) -> Resonator | None:
+def build_extended_resonator(diagnosis: Diagnosis) -> Resonator | None:
     """The base parameters beside the causes found, with their covariance; None where the report
     holds no values.
 

@@ -16,7 +16,7 @@ from ....fitting.envelopes.coordinates import to_parameters
 from ....physics.resonator import OF_GENERATOR
 from ....records import Wave
 from ....settings import to_toml
-from ..samples.tone import Tone, channel_parts
+from ..samples.tone import Tone, split_channels
 from .written_run import Way, run_table
 
 Array = np.ndarray
@@ -31,7 +31,7 @@ FOR_HARMONICS = 19 - 5**0.5
 scatters with the root of the sampling."""
 
 
-def simulation_file(
+def compose_simulation_file(
     fit: ExtendedFit,
     waves: Sequence[Wave],
     pieces: Sequence[Wave],
@@ -187,7 +187,7 @@ def _turned_effects(
 
 
 def _of_file(tone: Tone, vector: Array) -> dict[str, float]:
-    return {**channel_parts(vector), "frequency_hz": tone.frequency_hz}
+    return {**split_channels(vector), "frequency_hz": tone.frequency_hz}
 
 
 def _sampling(least_hz: float, loss_s: float) -> float:

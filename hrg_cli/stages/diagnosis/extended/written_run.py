@@ -20,7 +20,7 @@ from ....fitting.samples.course import build_course
 from ....physics import ellipse
 from ....records import Wave
 from ...run_tables import describe_loops, drive_log, points, rate_course, sample_noise
-from ..base.data import command, impulse_of
+from ..base.data import integrate_command, interpolate_command
 from ..drive.command_log import shift_commands
 
 Array = np.ndarray
@@ -139,10 +139,14 @@ def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -
             series.table_angle_rad, rate if straight else (rate[:, :1] + rate) / 2
         ),
         phase_rad=along(series.phase_rad, series.turn_rad_s[:, None]),
-        main_drive=command(wave, "drive_main", times[0], series.forced)[None],
-        quadrature_drive=command(wave, "drive_quadrature", times[0], series.forced)[None],
-        main_impulse=impulse_of(wave, "drive_main", times[0], series.forced)[None],
-        quadrature_impulse=impulse_of(wave, "drive_quadrature", times[0], series.forced)[None],
+        main_drive=interpolate_command(wave, "drive_main", times[0], series.forced)[None],
+        quadrature_drive=interpolate_command(wave, "drive_quadrature", times[0], series.forced)[
+            None
+        ],
+        main_impulse=integrate_command(wave, "drive_main", times[0], series.forced)[None],
+        quadrature_impulse=integrate_command(wave, "drive_quadrature", times[0], series.forced)[
+            None
+        ],
         **columns,
     )
     point = Point(

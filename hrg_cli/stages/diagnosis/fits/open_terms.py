@@ -117,7 +117,9 @@ class OpenShape:
     width: float
 
 
-def covariates(series: MeasuredRuns, u: Array, cycles: Sequence[float] = ()) -> Iterator[Covariate]:
+def list_covariates(
+    series: MeasuredRuns, u: Array, cycles: Sequence[float] = ()
+) -> Iterator[Covariate]:
     """The functions looked through; scales come from the motion u (R, n, 2) of the runs; `cycles`:
     of tones in the longest run."""
     good = series.weight > 0
@@ -129,11 +131,11 @@ def covariates(series: MeasuredRuns, u: Array, cycles: Sequence[float] = ()) -> 
     yield from _of_rates(series, a0)
     yield from _of_wave_angles(series, a0)
     for k in range(1, STEPS + 1):
-        yield step_at(series, k / (STEPS + 1))
+        yield make_step(series, k / (STEPS + 1))
     for k in range(1, DECAYS + 1):
-        yield decay_of(series, -k * np.log(2))
+        yield make_decay(series, -k * np.log(2))
     for number in cycles:
-        yield tone_of(series, number)
+        yield make_tone(series, number)
 
 
 def _of_times(series: MeasuredRuns) -> Iterator[Covariate]:
@@ -282,7 +284,7 @@ def _span(series: MeasuredRuns) -> float:
     return float(series.time_s[series.weight > 0].max())
 
 
-def step_at(series: MeasuredRuns, share: float) -> Covariate:
+def make_step(series: MeasuredRuns, share: float) -> Covariate:
     """0 before and 1 after an instant, the same in every run; within a row its share of it."""
     instant = share * _span(series)
     width = max(float(np.median(series.step_s[series.step_s > 0])), 1e-12)
@@ -290,22 +292,22 @@ def step_at(series: MeasuredRuns, share: float) -> Covariate:
         "time",
         f"step at t = {instant:.5g} s",
         lambda u, s: _spread_over_runs(u, np.clip((s.time_s - instant) / width + 0.5, 0, 1)),
-        shape=OpenShape(step_at, share, 1 / (STEPS + 1)),
+        shape=OpenShape(make_step, share, 1 / (STEPS + 1)),
     )
 
 
-def decay_of(series: MeasuredRuns, log_share: float) -> Covariate:
+def make_decay(series: MeasuredRuns, log_share: float) -> Covariate:
     """e^{−t/τ}, τ = e^log_share of the longest run: what settles after every run's start."""
     tau = float(np.exp(log_share)) * _span(series)
     return Covariate(
         "time",
         f"e^(−t/{tau:.4g} s)",
         lambda u, s: _spread_over_runs(u, np.exp(-s.time_s / tau)),
-        shape=OpenShape(decay_of, log_share, float(np.log(2))),
+        shape=OpenShape(make_decay, log_share, float(np.log(2))),
     )
 
 
-def tone_of(series: MeasuredRuns, cycles: float) -> Covariate:
+def make_tone(series: MeasuredRuns, cycles: float) -> Covariate:
     """Cosine and sine of so many cycles over the longest run."""
     span = _span(series)
     omega = 2 * np.pi * cycles / span
@@ -314,11 +316,11 @@ def tone_of(series: MeasuredRuns, cycles: float) -> Covariate:
         f"tone of {cycles / span:.5g} Hz",
         lambda u, s: _pair(np.broadcast_to(omega * s.time_s, u.shape[:-1])),
         2,
-        shape=OpenShape(tone_of, cycles, 0.5),
+        shape=OpenShape(make_tone, cycles, 0.5),
     )
 
 
-def effect_of(place: Place, covariate: Covariate, name: str) -> Effect:
+def make_open_effect(place: Place, covariate: Covariate, name: str) -> Effect:
     """An open term as an effect of its own, so that the model can be fitted with it."""
     count = covariate.parts * len(place.columns(np.ones((1, 2), complex)))
     names = [f"c{k}" for k in range(count)]

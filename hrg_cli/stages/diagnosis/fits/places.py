@@ -44,7 +44,7 @@ class Place:
     chance: float
 
 
-def placed(variant: Variant, fit: ExtendedFit) -> list[Variant]:
+def place_cause(variant: Variant, fit: ExtendedFit) -> list[Variant]:
     """A cause that may strike anywhere, at the place that stands out of a fit's residual, at some
     phases of the oscillation; none where no place does."""
     series, effect = fit.series, variant.effect
@@ -68,7 +68,7 @@ def placed(variant: Variant, fit: ExtendedFit) -> list[Variant]:
     ]
 
 
-def another_start(fit: ExtendedFit, slow: float) -> Place | None:
+def find_another_start(fit: ExtendedFit, slow: float) -> Place | None:
     """Where a run moves on as from another start with the least chance; None where all have too few
     rows. slow: variance of the noise over the stated one."""
     found = [
@@ -77,7 +77,7 @@ def another_start(fit: ExtendedFit, slow: float) -> Place | None:
     return min((one for one in found if one), key=lambda one: one.chance, default=None)
 
 
-def beside_strike(values: Values, fit: ExtendedFit, slow: float) -> Place | None:
+def find_place_beside_strike(values: Values, fit: ExtendedFit, slow: float) -> Place | None:
     """The same at the row before which a cause of the fit strikes, which may not be all that struck
     there: the chance is that row's alone. None where it is of every run."""
     if values[RUN] not in fit.series.numbers:
@@ -109,7 +109,7 @@ def _clearest(
 ) -> Place | None:
     """The place of a run from which on the columns (4n, m) lower χ² least by chance; `only`: that row
     alone."""
-    gain, rank = gains(S, fit, run)
+    gain, rank = compute_place_gains(S, fit, run)
     p = evidence.chances(gain / slow, rank)
     # nearer to an end another start of the few rows there does the same
     rows = np.arange(len(p))[FEWEST:-FEWEST]
@@ -123,7 +123,7 @@ def _clearest(
     return Place(run, row, float(_times(fit, run)[row]), float(gain[row]), chance)
 
 
-def gains(S: Array, fit: ExtendedFit, run: int) -> tuple[Array, Array]:
+def compute_place_gains(S: Array, fit: ExtendedFit, run: int) -> tuple[Array, Array]:
     """By how much χ² falls (n,), for how many parameters (n,), with the columns S (4n, m) of a run
     from each of its rows on."""
     rows, own = fit.basis.own[run]

@@ -17,7 +17,7 @@ from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..thresholds import CLEARLY, WORTH
-from .scoring import is_gross, is_possible, price_of_place, worth
+from .scoring import compute_worth, is_gross, is_possible, price_place
 from .variants import Variant
 
 SHORTLIST = 3
@@ -79,11 +79,11 @@ def shortlist(
 ) -> list[tuple[Score, Variant]]:
     """The best candidates by their scores, and all that come within the odds of `WORTH` of the first:
     whoever is not refitted is nobody's rival."""
-    level = worth(*ranked[0], fit, slow) - WORTH if ranked else 0.0
+    level = compute_worth(*ranked[0], fit, slow) - WORTH if ranked else 0.0
     return [
         pair
         for place, pair in enumerate(ranked)
-        if place < SHORTLIST or worth(*pair, fit, slow) > level
+        if place < SHORTLIST or compute_worth(*pair, fit, slow) > level
     ]
 
 
@@ -115,9 +115,7 @@ def hold_unseen(variant: Variant, fit: ExtendedFit) -> Variant:
 def compute_bic(fit: ExtendedFit) -> float:
     """χ² + rank·ln N, what the choice of their instants costs causes that happen at one, less what
     causes save whose parameters are not all needed."""
-    chosen = sum(
-        price_of_place(effect, fit) - _saved(effect, fit) for effect, _ in fit.point.active
-    )
+    chosen = sum(price_place(effect, fit) - _saved(effect, fit) for effect, _ in fit.point.active)
     return fit.chi2 + fit.basis.shape[1] * float(np.log(len(fit.residual))) + chosen
 
 

@@ -11,7 +11,7 @@ from ....fitting.causes import evidence, scales
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..thresholds import GROSS, MOST_TYPICAL, OWN_SIGMA, SMALL_IN_MOTION, SMALL_IN_READOUT
-from .places import placed
+from .places import place_cause
 from .variants import Variant
 
 
@@ -20,21 +20,21 @@ def is_gross(fit: ExtendedFit) -> bool:
     return fit.chi2 > GROSS * fit.dof
 
 
-def number_of_places(effect: Effect, fit: ExtendedFit) -> int:
+def count_places(effect: Effect, fit: ExtendedFit) -> int:
     """At how many places a cause may stand: at every row where it happens at an instant."""
     return int(np.count_nonzero(fit.series.weight)) if effect.of_one_run else 1
 
 
-def price_of_place(effect: Effect, fit: ExtendedFit) -> float:
+def price_place(effect: Effect, fit: ExtendedFit) -> float:
     """What the choice of its place costs a cause, as ΔBIC: −2 ln of the odds of each."""
-    return 2 * float(np.log(number_of_places(effect, fit)))
+    return 2 * float(np.log(count_places(effect, fit)))
 
 
-def worth(score: Score, variant: Variant, fit: ExtendedFit, slow: float = 1.0) -> float:
+def compute_worth(score: Score, variant: Variant, fit: ExtendedFit, slow: float = 1.0) -> float:
     """ΔBIC that a candidate's score promises beside a fit; slow: variance of the noise over the
     stated one."""
     gained = evidence.find_bic_gain(score.gain / slow, score.rank, len(fit.residual))
-    return gained - price_of_place(variant.effect, fit)
+    return gained - price_place(variant.effect, fit)
 
 
 def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:
@@ -44,7 +44,7 @@ def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple
         one
         for v in candidates
         if v.effect.name not in active and not (v.anywhere and is_gross(fit))
-        for one in (placed(v, fit) if v.anywhere else [v])
+        for one in (place_cause(v, fit) if v.anywhere else [v])
     ]
     columns = fit.sensitivities([variant.wanted for variant in open_ones])
     best: dict[str, tuple[Score, Variant]] = {}
@@ -59,7 +59,7 @@ def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple
 
     def order(pair: tuple[Score, Variant]) -> float:
         score, variant = pair
-        return -worth(score, variant, fit) if score.visible else np.inf
+        return -compute_worth(score, variant, fit) if score.visible else np.inf
 
     return sorted(best.values(), key=order)
 

@@ -36,7 +36,7 @@ class Variant:
         return self.effect, self.values, self.steps
 
 
-def variants(effects: Sequence[Effect], fit: ExtendedFit) -> list[Variant]:
+def list_variants(effects: Sequence[Effect], fit: ExtendedFit) -> list[Variant]:
     """All ways the candidates may stand beside this fit."""
     series = fit.series
     warm = series.temperature_degc[series.weight > 0]

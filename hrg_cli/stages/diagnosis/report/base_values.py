@@ -24,15 +24,15 @@ WRONG = 4.0
 """σ from which a base value counts as wrong."""
 
 
-def values(
+def list_base_values(
     sized: Sized, resonator: Resonator | None, of_forcers: Mapping[str, Array]
 ) -> list[dict[str, Any]]:
     """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes
     them wrong.
 
     of_forcers: by how much causes of the drive that nothing excludes may move the coordinates
-    (`moves_of_forcers`). That is a part of every σ, and a parameter that they may move by more than
-    these runs show it to says so: it is a sum.
+    (`estimate_moves_of_forcers`). That is a part of every σ, and a parameter that they may move by
+    more than these runs show it to says so: it is a sum.
     """
     fit = sized.fit
     numbers, slopes = to_parameters(fit.point.p, fit.series.mode_number)

@@ -12,14 +12,14 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.wave_frame import to_reals
 from ....physics import ellipse
 from ....records import Diagnosis, Wave
-from ..drive.scatter import sentence
+from ..drive.scatter import describe_scatter
 from ..search.damping_form import Form
 from ..search.selection import Search
 from .report import describe_in_words
 from .shares import Shares
 
 
-def record_of(
+def make_diagnosis_record(
     search: Search, waves: Sequence[Wave], verdict: str, report: dict[str, Any], model: str
 ) -> Diagnosis:
     """The record: measured and simulated rows of the fits before and after, the words and the
@@ -53,19 +53,19 @@ def record_of(
     )
 
 
-def with_shares(record: Diagnosis, shares: Shares) -> Diagnosis:
+def add_shares(record: Diagnosis, shares: Shares) -> Diagnosis:
     """The record with the rows of the models without some of the causes, where there are causes."""
     if not shares.left_out:
         return record
     return record.replace(simulated_without=shares.rows, left_out=json.dumps(shares.left_out))
 
 
-def in_form(effect: dict[str, Any], form: Form | None) -> dict[str, Any]:
+def take_form(effect: dict[str, Any], form: Form | None) -> dict[str, Any]:
     """The report's entry of a cause, in the better form where there is one."""
     return form.amended(effect) if form is not None else effect
 
 
-def left_over(
+def describe_left_over(
     remainder: dict[str, Any] | None, form: Form | None, failed: Sequence[str]
 ) -> dict[str, Any] | None:
     """The report's remainder: open terms, what the catalogue's form leaves, else the sentences of
@@ -75,11 +75,11 @@ def left_over(
     return describe_in_words("; ".join(failed)) if failed and remainder is None else remainder
 
 
-def doubts(verdict: str, failed: Sequence[str], final: ExtendedFit) -> list[str]:
+def list_diagnosis_doubts(verdict: str, failed: Sequence[str], final: ExtendedFit) -> list[str]:
     """What makes the diagnosis suspect: a word that could not be given, and a drive's log that may
     be why."""
     if verdict in ("adequate", "explained"):
         return []
-    scatter = sentence(final)
+    scatter = describe_scatter(final)
     open_ = [f'the verdict is "{verdict}": {"; ".join(failed[:3])}'] if failed else []
     return open_ + ([scatter] if scatter else [])

@@ -11,13 +11,13 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Diagnosis, Resonator, Wave
 from ..closing.sized import Sized
 from ..fits.scoring import score_effects
-from ..fits.variants import variants
+from ..fits.variants import list_variants
 from ..search.gain import predict_held_out
 from ..search.inquiry import Inquiry
 from ..search.search_case import Case
 from ..search.selection import Search
 from ..suspects import Suspicion
-from .record import record_of
+from .record import make_diagnosis_record
 from .report import describe_in_words
 from .report import report as report_of
 
@@ -64,7 +64,7 @@ def _unexplained(
     suspicions: Sequence[Suspicion],
 ) -> Diagnosis:
     """The record of a diagnosis that names no cause, with the check that took the word away."""
-    candidates = variants(searched, base)
+    candidates = list_variants(searched, base)
     scores = tuple(s for s, _ in score_effects(base, candidates))
     search = Search(base, base, (), scores, scores)
     case = Case(Inquiry(tuple(candidates), 0), search)
@@ -83,4 +83,4 @@ def _unexplained(
         "scores": None,
         "remainder": describe_in_words(closing.sentence),
     }
-    return record_of(search, waves, "unexplained", report, "")
+    return make_diagnosis_record(search, waves, "unexplained", report, "")

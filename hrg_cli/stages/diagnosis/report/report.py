@@ -13,16 +13,16 @@ from ....fitting.causes.extended_fit import ExtendedFit, on_rows
 from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....records import Resonator
-from ..closing.forcers import moves_of_forcers
-from ..closing.loop_delay import moves_of_delay
+from ..closing.forcers import estimate_moves_of_forcers
+from ..closing.loop_delay import estimate_moves_of_delay
 from ..closing.sized import Sized
 from ..fits.variants import Variant
-from ..search.gain import Gain, figures
+from ..search.gain import Gain, list_gain_figures
 from ..search.remainder import Remainder, Term
 from ..search.search_case import Case
 from ..search.selection import Found, Search
-from ..search.separability import not_separable
-from .base_values import values
+from ..search.separability import list_not_separable
+from .base_values import list_base_values
 from .tested import test_candidates
 
 
@@ -42,12 +42,16 @@ def report(
         "verdict": verdict,
         "mode_number": search.final.series.mode_number,
         "baseline": _figures(untouched),
-        "values": values(sized, resonator, moves_of_forcers(case) | moves_of_delay(search.final)),
+        "values": list_base_values(
+            sized,
+            resonator,
+            estimate_moves_of_forcers(case) | estimate_moves_of_delay(search.final),
+        ),
         "effects": [_effect(one, sized, by_name) for one in search.found],
         "after": _figures(search.final),
-        "gain": figures(gain),
+        "gain": list_gain_figures(gain),
         "tested": test_candidates(case),
-        "not_separable": not_separable(case),
+        "not_separable": list_not_separable(case),
         "noise_factor": case.inquiry.noise.slow,
         "correlations": _correlations(search),
         "remainder": None if case.remainder is None else describe(case.remainder),

@@ -27,7 +27,7 @@ DIGITS = 6
 """Digits that are kept; a correlation closer to one than that is no matter of the noise."""
 
 
-def scores(case: Case, sized: Sized) -> dict[str, list[Any]]:
+def tabulate_scores(case: Case, sized: Sized) -> dict[str, list[Any]]:
     """`names` ("effect.parameter"), `units`, `value` (off neutral), `std`, and the lower triangle of
     `correlation`, row by row without the diagonal."""
     fit = sized.fit

@@ -45,7 +45,7 @@ class DriftDifference:
     phase: Array
 
 
-def difference(first: Array, second: Array) -> DriftDifference:
+def compute_difference(first: Array, second: Array) -> DriftDifference:
     """First less second, of rows Re C0, Re S0, Im C0, Im S0 (k, 4); angles between −π/2 and π/2,
     NaN where the wave is nearly a circle.
 
@@ -66,7 +66,9 @@ def difference(first: Array, second: Array) -> DriftDifference:
     )
 
 
-def figures(departure: DriftDifference, run: Array, time_s: Array) -> dict[str, float | None]:
+def compute_departure_figures(
+    departure: DriftDifference, run: Array, time_s: Array
+) -> dict[str, float | None]:
     """Root mean squares over runs: drift m·dθ/dt in °/h, angle m·θ and amplitude in ppm, frequency
     in Hz; None where nothing shows it."""
     drifts: list[float] = []
@@ -104,7 +106,7 @@ class Shares:
     figures: dict[str, dict[str, float | None]]
 
 
-def sets_left_out(names: Sequence[str]) -> list[tuple[str, ...]]:
+def list_sets_left_out(names: Sequence[str]) -> list[tuple[str, ...]]:
     """Every proper subset of a few causes; of many, each alone, and all but the first 1, 2, …
     found."""
     if len(names) <= ALL_SUBSETS:
@@ -117,7 +119,7 @@ def sets_left_out(names: Sequence[str]) -> list[tuple[str, ...]]:
     return list(dict.fromkeys([*((name,) for name in names), *nested]))
 
 
-def shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
+def compute_shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
     """Leave out sets of the extended model's causes and fit the rest; rows with weight, in the
     order of the diagnosis's rows.
 
@@ -134,7 +136,7 @@ def shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
     if np.isfinite(fit.freedom.offset_std):
         # a cause may have been found by the runs' frequencies alone, which the base model leaves free
         free, way_back = replace(fit, freedom=replace(fit.freedom, offset_std=np.inf)), base
-    for left_out in sets_left_out(names):
+    for left_out in list_sets_left_out(names):
         refitted = leave_out(free, *left_out, base=way_back)
         if refitted is None:
             continue
@@ -142,7 +144,8 @@ def shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
         if len(left_out) == 1 and refitted.converged:
             settled[left_out[0]] = rows[left_out]
     found = {
-        name: figures(difference(whole, without), run, time_s) for name, without in settled.items()
+        name: compute_departure_figures(compute_difference(whole, without), run, time_s)
+        for name, without in settled.items()
     }
     return Shares(
         tuple(rows),
@@ -151,7 +154,7 @@ def shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
     )
 
 
-def covariance_of(fit: ExtendedFit, std: Array) -> Array:
+def compute_base_covariance(fit: ExtendedFit, std: Array) -> Array:
     """Covariance (7, 7) of the base parameters in the order of the resonator's file, beside the
     causes: the fit's correlations, Σ = G C Gᵀ with G the slopes of the parameters against the
     fitted coordinates, and the standard deviations (7,) that the report states."""
@@ -164,12 +167,12 @@ def covariance_of(fit: ExtendedFit, std: Array) -> Array:
     return out * np.outer(scale, scale)
 
 
-def switched_off(
+def report_shares(
     report: dict[str, Any], base: ExtendedFit, fit: ExtendedFit
 ) -> tuple[dict[str, Any], Shares]:
     """The report with each cause's `share` and the base parameters' `covariance` beside the causes;
     the rows of the models without some of the causes."""
-    found = shares(base, fit)
+    found = compute_shares(base, fit)
     effects = [{**e, "share": found.figures.get(str(e["name"]))} for e in report["effects"]]
-    covariance = covariance_of(fit, np.array([v["std"] for v in report["values"]]))
+    covariance = compute_base_covariance(fit, np.array([v["std"] for v in report["values"]]))
     return report | {"effects": effects, "covariance": covariance.tolist()}, found

@@ -11,9 +11,9 @@ import numpy as np
 from ....effects import converter_nonlinearity, pickoff_nonlinearity, saturation
 from ....effects.effect import Effect
 from ....records import Array, Wave
-from .lines import Line, amplitude_of, cell_hz
-from .odd_windows import at_the_top, channel_amplitudes, odd_windows
-from .offered import UNMEASURED, entry
+from .lines import Line, find_cell_hz, find_median_amplitude
+from .odd_windows import are_at_top, find_channel_amplitudes, find_odd_windows
+from .offered import UNMEASURED, make_entry
 
 CUBIC_LARGEST = 0.3
 """γa² of a pick-off's cubic beyond which it is none."""
@@ -23,7 +23,7 @@ CLIPPED_PEAK = 4 / np.pi
 """Fundamental of a wave that is clipped to a square, over the level."""
 
 
-def bent_channels(
+def name_bent_channels(
     waves: Sequence[Wave],
     harmonics: dict[int, Line],
     codes: Sequence[Line],
@@ -34,7 +34,7 @@ def bent_channels(
     odd = [n for n in sorted(harmonics) if n % 2]
     if any(effect.makes_harmonics for effect in found):
         return []
-    clipped = clipped_windows(waves)
+    clipped = find_clipped_windows(waves)
     if any(one.any() for one in clipped):
         clipping = _clipping(waves, clipped, [harmonics[n] for n in odd])
         return [clipping] if clipping is not None else []
@@ -42,11 +42,11 @@ def bent_channels(
         return [_converter(waves, codes, harmonics)]
     if 3 not in harmonics:
         return []
-    line, size = harmonics[3], float(np.median([amplitude_of(w) for w in waves]))
+    line, size = harmonics[3], float(np.median([find_median_amplitude(w) for w in waves]))
     cubic = 4 * float(np.max(line.amplitude)) / size**3
     if not 0 < cubic * size**2 < CUBIC_LARGEST:
         return []
-    offer = entry(
+    offer = make_entry(
         pickoff_nonlinearity.EFFECT,
         float(np.sqrt(2 * line.ratio)),
         {"cubic": (cubic, cubic, "amplitude-2")},
@@ -59,12 +59,12 @@ def bent_channels(
     return [offer | known | {"sign": UNMEASURED}]
 
 
-def clipped_windows(waves: Sequence[Wave]) -> list[Array]:
+def find_clipped_windows(waves: Sequence[Wave]) -> list[Array]:
     """Windows (n,) of every wave in which samples were clipped: those that the demodulation
     flagged, else odd ones that are just those of the largest signal."""
     clipped = [(np.asarray(w.flags) & 1) > 0 for w in waves]
-    odd = [] if any(one.any() for one in clipped) else odd_windows(waves)
-    if at_the_top(waves, odd):
+    odd = [] if any(one.any() for one in clipped) else find_odd_windows(waves)
+    if are_at_top(waves, odd):
         for one in odd:
             clipped[one.run][one.row] = True
     return clipped
@@ -79,7 +79,7 @@ def _clipping(
     A channel clipped to a square shows 4/π of the level, so the level is no less than π/4 of the
     largest seen.
     """
-    seen = [channel_amplitudes(w) for w in waves]
+    seen = [find_channel_amplitudes(w) for w in waves]
     high = np.concatenate([s[c] for s, c in zip(seen, clipped, strict=True)])
     free = np.concatenate([s[~c & np.isfinite(s)] for s, c in zip(seen, clipped, strict=True)])
     if not len(high):
@@ -89,7 +89,7 @@ def _clipping(
         least = max(least, float(free.max()))
     level, std = (least + max(most, least)) / 2, max(abs(most - least) / 2, 1e-3 * least)
     z = float(np.sqrt(max([2 * line.ratio for line in odd], default=float(len(high)))))
-    return entry(
+    return make_entry(
         saturation.EFFECT,
         z,
         {"inverse_level": (1 / level, std / level**2, "amplitude-1")},
@@ -97,20 +97,20 @@ def _clipping(
     ) | {"clipped_windows": len(high)}
 
 
-def least_count(waves: Sequence[Wave]) -> float | None:
+def read_least_count(waves: Sequence[Wave]) -> float | None:
     """Step of the converter's codes, where the files know it."""
     counts = [float(step) for w in waves if (step := getattr(w, "least_count", None))]
     return float(np.median(counts)) if counts else None
 
 
-def below_the_codes(line: Line, waves: Sequence[Wave]) -> bool:
+def is_below_codes(line: Line, waves: Sequence[Wave]) -> bool:
     """Whether a line is smaller than half a code in runs whose noise is too small to spread the
     codes (less than half of one)."""
-    step = least_count(waves)
+    step = read_least_count(waves)
     if step is None or float(line.amplitude.max()) > step / 2:
         return False
     power = [
-        np.sum(np.asarray(w.spectrum_density, float).mean(axis=-1)) * cell_hz([w])
+        np.sum(np.asarray(w.spectrum_density, float).mean(axis=-1)) * find_cell_hz([w])
         for w in waves
         if w.spectrum_density is not None
     ]
@@ -129,9 +129,9 @@ def _converter(
     ]
     height = float(np.median(sizes))
     parameters = {"mid_scale": (height, height, "amplitude")}
-    if (step := least_count(waves)) is not None:
+    if (step := read_least_count(waves)) is not None:
         parameters["step"] = (step, EXACTLY * step, "amplitude")
-    offer = entry(converter_nonlinearity.EFFECT, float(np.sqrt(gain)), parameters, gain)
+    offer = make_entry(converter_nonlinearity.EFFECT, float(np.sqrt(gain)), parameters, gain)
     return offer | {
         "lines": len(codes),
         "magnitude": {"mid_scale": height},

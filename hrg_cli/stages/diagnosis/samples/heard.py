@@ -18,7 +18,7 @@ from ....fitting.envelopes.envelope_runs import envelopes_of
 from ....fitting.samples.looks import LOOKS
 from ....physics.plant import Readout, Samples
 from ....records import Array, Wave
-from .lines import WANDER, WIDTH_CELLS, cell_hz, frequency_of
+from .lines import WANDER, WIDTH_CELLS, find_cell_hz, find_median_frequency
 
 ORDERS = (3, 5, 7)
 """Multiples that are looked for."""
@@ -64,12 +64,12 @@ def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wav
     for wave in waves:
         if wave.readout != "direct" or wave.spectrum_density is None:
             continue
-        frequency, grid = frequency_of(wave), np.asarray(wave.spectrum_frequency_hz, float)
-        density, cell = np.asarray(wave.spectrum_density, float), cell_hz([wave])
+        frequency, grid = find_median_frequency(wave), np.asarray(wave.spectrum_frequency_hz, float)
+        density, cell = np.asarray(wave.spectrum_density, float), find_cell_hz([wave])
         noise = float(np.sqrt(density.sum(axis=0).mean() * cell))
         good = wave.good()
-        courses = harmonics(effect, values, np.abs(envelopes_of(wave, good)), noise)
-        made = least_in_looks(courses, np.asarray(wave.time_s)[good], 1 / cell)
+        courses = compute_harmonic_power(effect, values, np.abs(envelopes_of(wave, good)), noise)
+        made = bound_power_in_looks(courses, np.asarray(wave.time_s)[good], 1 / cell)
         for order, power in zip(ORDERS, made, strict=True):
             width = WIDTH_CELLS * cell + WANDER * order * frequency
             near = np.abs(grid - order * frequency) < width + cell
@@ -80,7 +80,7 @@ def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wav
     return False
 
 
-def harmonics(
+def compute_harmonic_power(
     effect: Effect, values: Mapping[str, float], amplitude: Array, noise: float = 0.0
 ) -> Array:
     """Power (orders, n, channels) of the odd multiples that an effect's curve, its corners rounded
@@ -104,7 +104,7 @@ def harmonics(
     return np.stack([np.abs(np.interp(amplitude, level, b)) ** 2 / 2 for b in made.T])
 
 
-def least_in_looks(power: Array, time_s: Array, length_s: float) -> Array:
+def bound_power_in_looks(power: Array, time_s: Array, length_s: float) -> Array:
     """The least (orders, channels) that a spectrum may hold of a power (orders, n, channels) that
     comes and goes.
 

@@ -85,7 +85,7 @@ class EnvelopeJump:
         return float(np.abs(self.rest).max()) > max(ALIKE, JUMP_SIGMA) * self.rest_std
 
 
-def jumps(wave: Wave) -> list[EnvelopeJump]:
+def find_jumps(wave: Wave) -> list[EnvelopeJump]:
     """Jumps of a wave in order of time, none where there are too many for instants."""
     rows = np.flatnonzero(wave.good() & np.isfinite(wave.phase_rad))
     if len(rows) < 4 * NEIGHBOURS:
@@ -93,7 +93,7 @@ def jumps(wave: Wave) -> list[EnvelopeJump]:
     time = np.asarray(wave.time_s, float)[rows]
     u = envelopes_of(wave, rows)
     noise = np.asarray(wave.signal_std, float)[rows]
-    z = circular(u)
+    z = to_circular(u)
     step = np.diff(time)
     running = partial(find_local_median, reach=NEIGHBOURS)
     rate = np.stack([running(np.angle(p[1:] * np.conj(p[:-1])) / step) for p in z.T], axis=-1)
@@ -124,7 +124,7 @@ def _peaks(height: Array) -> list[tuple[int, int]]:
     return sorted(out)
 
 
-def circular(u: Array) -> Array:
+def to_circular(u: Array) -> Array:
     """The parts (n, 2) that a rotation only turns: (C + jS, C − jS)/√2."""
     return np.stack([u[:, 0] + 1j * u[:, 1], u[:, 0] - 1j * u[:, 1]], axis=-1) / np.sqrt(2)
 

@@ -78,14 +78,14 @@ class Line:
         }
 
 
-def cell_hz(waves: Sequence[Wave]) -> float:
+def find_cell_hz(waves: Sequence[Wave]) -> float:
     """Distance of two cells of the averaged spectrum; 0 where there is none."""
     grids = [w.spectrum_frequency_hz for w in waves if w.spectrum_frequency_hz is not None]
     cells = [np.diff(grid).mean() for grid in grids if len(grid) > 1]
     return float(np.median(cells)) if cells else 0.0
 
 
-def sampling_hz(waves: Sequence[Wave]) -> float | None:
+def find_sampling_hz(waves: Sequence[Wave]) -> float | None:
     """Sampling rate, twice the end of the spectrum."""
     ends = [
         float(w.spectrum_frequency_hz[-1])
@@ -95,10 +95,10 @@ def sampling_hz(waves: Sequence[Wave]) -> float | None:
     return 2 * ends[0] if ends else None
 
 
-def even_step(wave: Wave) -> float | None:
+def find_even_step(wave: Wave) -> float | None:
     """Sampling step of an evenly sampled run, whose windows are then all equally far apart; None
     elsewhere."""
-    rate = sampling_hz([wave])
+    rate = find_sampling_hz([wave])
     steps = np.diff(np.asarray(wave.time_s, float))
     regular = (
         len(steps) > 0
@@ -117,19 +117,21 @@ def even_step(wave: Wave) -> float | None:
     return None
 
 
-def folding_hz(waves: Sequence[Wave]) -> float | None:
+def find_folding_hz(waves: Sequence[Wave]) -> float | None:
     """Sampling rate at half of which lines of all runs are folded; None where it is not known, or
     where a run's samples are not evenly apart: a line above half the rate then has no image."""
-    return sampling_hz(waves) if all(even_step(wave) is not None for wave in waves) else None
+    return (
+        find_sampling_hz(waves) if all(find_even_step(wave) is not None for wave in waves) else None
+    )
 
 
-def amplitude_of(wave: Wave) -> float:
+def find_median_amplitude(wave: Wave) -> float:
     """Median main amplitude of the good rows."""
     good = wave.good()
     return float(np.median(np.asarray(wave.main_amplitude, float)[good])) if good.any() else 0.0
 
 
-def frequency_of(wave: Wave) -> float:
+def find_median_frequency(wave: Wave) -> float:
     """Median frequency of the good rows, from the phase."""
     good = wave.good()
     phase, t = np.asarray(wave.phase_rad, float)[good], np.asarray(wave.time_s, float)[good]
@@ -147,7 +149,7 @@ class _Peak(NamedTuple):
     wave: int
 
 
-def lines(waves: Sequence[Wave]) -> list[Line]:
+def find_lines(waves: Sequence[Wave]) -> list[Line]:
     """Lines that a third of the runs at least show, strongest first."""
     pool = list[_Peak]()
     for number, wave in enumerate(waves):
@@ -165,7 +167,7 @@ def lines(waves: Sequence[Wave]) -> list[Line]:
         ):
             if ratio > LINE_RATIO:
                 pool.append(_Peak(float(f), np.asarray(a, float), float(ratio), number))
-    out, cell = [], cell_hz(waves)
+    out, cell = [], find_cell_hz(waves)
     while pool:
         f = max(pool, key=lambda peak: peak.ratio).frequency_hz
         width = WIDTH_CELLS * cell + WANDER * f
@@ -177,7 +179,7 @@ def lines(waves: Sequence[Wave]) -> list[Line]:
             frequency = float(np.average([peak.frequency_hz for peak in near], weights=weight))
             size = np.array(
                 [
-                    [float(np.hypot(*peak.amplitude)), amplitude_of(waves[peak.wave])]
+                    [float(np.hypot(*peak.amplitude)), find_median_amplitude(waves[peak.wave])]
                     for peak in near
                 ]
             )
@@ -202,7 +204,7 @@ def fold(frequency_hz: float | Array, sampling: float | None) -> Any:
     )
 
 
-def harmonic_of(
+def find_harmonic(
     line: Line,
     frequency_hz: float,
     sampling: float | None,
@@ -218,17 +220,17 @@ def harmonic_of(
     return int(orders[near[0]]) if len(near) else 0
 
 
-def folded_beside(waves: Sequence[Wave], found: Sequence[Effect]) -> str:
+def describe_folded(waves: Sequence[Wave], found: Sequence[Effect]) -> str:
     """A sentence on the lowest odd multiple of the oscillation that a named cause makes and the
     sampling folds so near to it that the windows do not part them; empty where there is none.
 
     The slow model knows a read-out's defect by what it does at the oscillation itself.
     """
-    sampling, makers = folding_hz(waves), [e.name for e in found if e.makes_harmonics]
+    sampling, makers = find_folding_hz(waves), [e.name for e in found if e.makes_harmonics]
     if not sampling or not makers:
         return ""
     window_s = max(wave.window_s for wave in waves)
-    own = float(np.median([frequency_of(wave) for wave in waves]))
+    own = float(np.median([find_median_frequency(wave) for wave in waves]))
     for order in range(3, HARMONICS + 1, 2):
         apart = abs(float(fold(order * own, sampling)) - own)
         if apart * window_s < 1:
@@ -240,7 +242,7 @@ def folded_beside(waves: Sequence[Wave], found: Sequence[Effect]) -> str:
     return ""
 
 
-def spurs(
+def find_spurs(
     found: Sequence[Line],
     frequency_hz: float,
     wander_hz: float,

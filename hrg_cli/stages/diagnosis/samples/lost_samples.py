@@ -12,9 +12,9 @@ import numpy as np
 from ....effects import dropped_samples
 from ....fitting.envelopes.envelope_runs import envelopes_of
 from ....records import Wave
-from .jumps import TOUCHED, jumps
-from .lines import even_step
-from .offered import entry
+from .jumps import TOUCHED, find_jumps
+from .lines import find_even_step
+from .offered import make_entry
 
 FEWEST_ROWS = 40
 WHOLE = 2e-3
@@ -45,11 +45,14 @@ class PhaseStep:
     """Time by which the slow motion moved on, and its σ."""
 
 
-def phase_steps(waves: Sequence[Wave]) -> list[PhaseStep]:
+def find_phase_steps(waves: Sequence[Wave]) -> list[PhaseStep]:
     """Where both channels of a run turn alike between two windows and do nothing else, at most a
     few a run."""
     found = (
-        (number, jump) for number, wave in enumerate(waves) for jump in jumps(wave) if jump.alike
+        (number, jump)
+        for number, wave in enumerate(waves)
+        for jump in find_jumps(wave)
+        if jump.alike
     )
     return [
         PhaseStep(
@@ -142,7 +145,7 @@ def count_lost(
     )
     std = float(weight.sum() ** -0.5)
     missing, samples = float(np.mod(mean, 2 * np.pi)) / omega, None
-    step_s = even_step(waves[first.run])
+    step_s = find_even_step(waves[first.run])
     if step_s is not None and std / omega < KNOWN_STEP * step_s:
         best, shown = min(group, key=lambda s: s.std_rad), min(group, key=lambda s: s.shift_std_s)
         period_s = 1 / best.frequency_hz
@@ -163,7 +166,7 @@ def count_lost(
         "lost_s": (missing, std / omega, "s"),
         "time_s": (first.time_s, float(waves[first.run].window_s) / 2, "s"),
     }
-    offer = entry(dropped_samples.EFFECT, abs(mean) / std, parameters, (mean / std) ** 2)
+    offer = make_entry(dropped_samples.EFFECT, abs(mean) / std, parameters, (mean / std) ** 2)
     offer |= {
         "runs": [waves[s.run].run_id for s in group],
         "ambiguity_s": 1 / frequency_hz,

@@ -37,7 +37,7 @@ class OddWindow:
     times: float
 
 
-def odd_windows(waves: Sequence[Wave]) -> list[OddWindow]:
+def find_odd_windows(waves: Sequence[Wave]) -> list[OddWindow]:
     """Every odd window among the good rows; none in runs too short to have neighbours."""
     found = []
     for number, wave in enumerate(waves):
@@ -69,20 +69,20 @@ def _kinked(wave: Wave, rows: Array, usual: Array) -> Array:
     return np.asarray(bent > usual)
 
 
-def channel_amplitudes(wave: Wave) -> Array:
+def find_channel_amplitudes(wave: Wave) -> Array:
     """The larger amplitude of the two channels (n,)."""
     u = envelopes_of(wave)
     return np.asarray(np.abs(u).max(axis=-1))
 
 
-def at_the_top(
+def are_at_top(
     waves: Sequence[Wave], odd: Sequence[OddWindow], by_chance: float = BY_CHANCE
 ) -> bool:
     """Whether the odd windows are just those of the largest signal, which of N windows chance makes
     of k once in N over k."""
     if not odd:
         return False
-    size = [channel_amplitudes(wave) for wave in waves]
+    size = [find_channel_amplitudes(wave) for wave in waves]
     good = [wave.good() for wave in waves]
     least = min(size[one.run][one.row] for one in odd)
     above = sum(int(np.count_nonzero(s[g] >= least)) for s, g in zip(size, good, strict=True))
@@ -97,8 +97,8 @@ def say_odd_windows(
 
     instants: (wave, time) at which a cause acts, within a window of which others may be odd.
     """
-    odd = odd_windows(waves)
-    if any(cause.sets_in for cause in causes) and at_the_top(waves, odd, by_chance=1.0):
+    odd = find_odd_windows(waves)
+    if any(cause.sets_in for cause in causes) and are_at_top(waves, odd, by_chance=1.0):
         return ""
     odd = [
         one

@@ -14,7 +14,7 @@ NAMED = 3.0
 UNMEASURED = "not measured: a line of the averaged spectrum"
 
 
-def entry(
+def make_entry(
     effect: Effect, z: float, parameters: dict[str, tuple[float, float, str]], gain: float
 ) -> dict[str, Any]:
     """A cause as the report's JSON has it: parameters as (value, σ, unit)."""
@@ -32,7 +32,7 @@ def entry(
     }
 
 
-def sound(offer: dict[str, Any]) -> bool:
+def is_sound(offer: dict[str, Any]) -> bool:
     """Whether an entry stands off nought, and every parameter has a size and a σ that are
     numbers."""
     values = [(p["value"], p["std"]) for p in offer["parameters"].values()]

@@ -46,12 +46,12 @@ class Tone:
 
     def in_windows(self, frequency_hz: float, window_s: float) -> Tone:
         """What windows of an oscillation show of a true tone."""
-        part = response((self.frequency_hz - frequency_hz) * window_s)
+        part = compute_window_response((self.frequency_hz - frequency_hz) * window_s)
         return replace(self, vector=self.vector * part, std=self.std * abs(part))
 
     def true(self, frequency_hz: float, window_s: float) -> Tone:
         """The tone whose part is seen; as seen where windows show next to nothing of it."""
-        part = response((self.frequency_hz - frequency_hz) * window_s)
+        part = compute_window_response((self.frequency_hz - frequency_hz) * window_s)
         if abs(part) <= SHOWN:
             return self
         return replace(self, vector=self.vector / part, std=self.std / abs(part))
@@ -62,7 +62,7 @@ class Tone:
         return np.asarray(self.vector[k] * turn[:, None])
 
 
-def channel_parts(vector: Array) -> dict[str, float]:
+def split_channels(vector: Array) -> dict[str, float]:
     """A tone's complex amplitudes (2,) as the cosine and sine of each channel."""
     return {
         "c_cos": float(vector[0].real),
@@ -72,7 +72,7 @@ def channel_parts(vector: Array) -> dict[str, float]:
     }
 
 
-def response(turns: float) -> float:
+def compute_window_response(turns: float) -> float:
     """Part that a window shows of what beats by so many turns in it: sin(πx)/(πx)·(1 + E(1 +
     cE)/24).
 

@@ -16,7 +16,7 @@ from ....fitting.causes.extended_fit import ExtendedFit, unsettled_part
 from ....fitting.envelopes import channel_noise
 from ....fitting.envelopes.envelope_runs import envelopes_of
 from ....records import Wave
-from ..drive.scatter import corner_hz
+from ..drive.scatter import find_corner_hz
 from ..fits.scoring import is_gross
 from .tone import Tone
 
@@ -43,7 +43,7 @@ Residual = tuple[Array, Array, Array]
 σ (n,)."""
 
 
-def residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]:
+def collect_residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]:
     """Of every run at the windows' own rate, against the common reference; without the windows that
     the model leaves out."""
     from scipy.interpolate import CubicSpline
@@ -108,10 +108,10 @@ class ResidualSpectrum:
         return np.asarray(chdtrc(4 * self.runs, 4 * self.runs * ratio))
 
 
-def strongest(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
+def find_strongest_tone(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
     """The strongest one-sided tone that stands out of its surroundings by chance once in a million,
     common to the runs in frequency; beside a gross misfit one that stands there alone."""
-    data = residuals(fit, waves)
+    data = collect_residuals(fit, waves)
     spectrum = _spectrum(data)
     if spectrum is None:
         return None
@@ -166,7 +166,7 @@ def _stand_out(spectrum: ResidualSpectrum, data: Sequence[Residual], fit: Extend
     own = np.concatenate([fit.point.offset_rad_s, fit.series.turn_rad_s]) / (2 * np.pi)
     nearest = np.min(np.abs(spectrum.frequency_hz[:, None] - own), axis=1)
     # a wave that walks under its drive has a spectrum of its own about the resonance
-    walk = 1 + (corner_hz(fit) / np.maximum(nearest, 1 / longest)) ** 2
+    walk = 1 + (find_corner_hz(fit) / np.maximum(nearest, 1 / longest)) ** 2
     spectrum = replace(spectrum, level=spectrum.level * walk)
     power, level = spectrum.power, spectrum.level
     mirror = spectrum.mirrored(float(np.mean(fit.point.offset_rad_s)) / (2 * np.pi))

@@ -14,7 +14,7 @@ from ....fitting.samples.spectrum import floor
 from ....physics import ellipse
 from ....records import Wave
 from .tone import Tone
-from .tone_search import strongest
+from .tone_search import find_strongest_tone
 
 Array = np.ndarray
 LINE = 8.0
@@ -43,7 +43,7 @@ def take_out_tone(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
     return out
 
 
-def without_tones(waves: Sequence[Wave], tones: Sequence[Tone]) -> list[Wave]:
+def remove_tones(waves: Sequence[Wave], tones: Sequence[Tone]) -> list[Wave]:
     """The waves without the tones; one that dies away is listed only, and stays in them."""
     return reduce(take_out_tone, (tone for tone in tones if tone.standing), list(waves))
 
@@ -93,7 +93,7 @@ def take_out_tones(
     """
     left, tones = list(waves), list[Tone]()
     while len(tones) < MOST_TONES:
-        tone = strongest(nearest(fit), left)
+        tone = find_strongest_tone(nearest(fit), left)
         if tone is None:
             break
         if not tone.standing:
@@ -119,9 +119,9 @@ def confirm_tones(
     """
 
     def stands(tone: Tone) -> bool:
-        left = without_tones(waves, [other for other in tones if other is not tone])
+        left = remove_tones(waves, [other for other in tones if other is not tone])
         try:
-            again = strongest(fitted(left), left)
+            again = find_strongest_tone(fitted(left), left)
         except DivergedError:
             return True
         longest = max(float(wave.time_s[-1] - wave.time_s[0]) for wave in left)

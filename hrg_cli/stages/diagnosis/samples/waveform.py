@@ -17,11 +17,20 @@ import numpy as np
 from ....effects import mains_tone
 from ....effects.effect import Effect
 from ....records import Wave
-from .harmonics import below_the_codes, bent_channels
-from .lines import WIDTH_CELLS, Line, cell_hz, folding_hz, frequency_of, harmonic_of, lines, spurs
-from .lost_samples import PhaseStep, count_lost, join_steps, phase_steps, split_at
-from .offered import UNMEASURED, entry, sound
-from .tone import Tone, channel_parts
+from .harmonics import is_below_codes, name_bent_channels
+from .lines import (
+    WIDTH_CELLS,
+    Line,
+    find_cell_hz,
+    find_folding_hz,
+    find_harmonic,
+    find_lines,
+    find_median_frequency,
+    find_spurs,
+)
+from .lost_samples import PhaseStep, count_lost, find_phase_steps, join_steps, split_at
+from .offered import UNMEASURED, is_sound, make_entry
+from .tone import Tone, split_channels
 from .tones import MOST_TONES
 
 ALIKE = 1.5
@@ -34,10 +43,16 @@ SIDEBAND = "one of two as far above as below the oscillation: its modulation and
 IMAGE = "what a line far from the oscillation, or an offset that drifts, leaks into the windows"
 """What is said of a tone that is the image of something else."""
 
-__all__ = ["causes", "near_tones", "phase_steps", "split_at", "unnamed"]
+__all__ = [
+    "find_phase_steps",
+    "find_waveform_causes",
+    "list_near_tones",
+    "list_unnamed_tones",
+    "split_at",
+]
 
 
-def causes(
+def find_waveform_causes(
     waves: Sequence[Wave],
     steps: Sequence[PhaseStep],
     tones: Sequence[Tone],
@@ -46,17 +61,17 @@ def causes(
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """(effects the waveform shows, as the report's entries; every line with its meaning). `found`:
     effects named by the dynamics."""
-    far = lines(waves)
+    far = find_lines(waves)
     near, listed = _judge_tones(tones, far, waves, frequency_hz)
-    strange = near_tones(tones, waves, frequency_hz)
+    strange = list_near_tones(tones, waves, frequency_hz)
     direct = all(w.readout == "direct" for w in waves)
     codes = _codes(waves, near, far, frequency_hz) if direct else []
 
     harmonics = {multiple: line for line, multiple in near}
-    sampling, cell = folding_hz(waves), cell_hz(waves)
+    sampling, cell = find_folding_hz(waves), find_cell_hz(waves)
     open_lines = []
     for line in far:
-        multiple = harmonic_of(line, frequency_hz, sampling, cell)
+        multiple = find_harmonic(line, frequency_hz, sampling, cell)
         meaning = _meaning(line, multiple, codes, direct, strange, cell)
         if multiple:
             harmonics.setdefault(multiple, line)
@@ -78,8 +93,8 @@ def causes(
     ]
     offered += [_beating(tone, waves) for tone in strange]
     offered += [_tone(line, waves) for line in named]
-    offered += bent_channels(waves, harmonics, codes, found) if direct else []
-    return [offer for offer in offered if sound(offer)], listed
+    offered += name_bent_channels(waves, harmonics, codes, found) if direct else []
+    return [offer for offer in offered if is_sound(offer)], listed
 
 
 def _judge_tones(
@@ -113,10 +128,12 @@ def _codes(
     frequency_hz: float,
 ) -> list[Line]:
     """Lines that a converter's codes make."""
-    wander = float(np.std([frequency_of(w) for w in waves]))
+    wander = float(np.std([find_median_frequency(w) for w in waves]))
     everywhere = [*(line for line, _ in near), *far]
-    codes = spurs(everywhere, frequency_hz, wander, folding_hz(waves), cell_hz(waves))
-    return codes + [line for line in far if line not in codes and below_the_codes(line, waves)]
+    codes = find_spurs(
+        everywhere, frequency_hz, wander, find_folding_hz(waves), find_cell_hz(waves)
+    )
+    return codes + [line for line in far if line not in codes and is_below_codes(line, waves)]
 
 
 def _meaning(
@@ -169,15 +186,15 @@ def _multiple(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> int:
 
     Runs of length T tell it to 1/T, and the oscillation's own frequency from run to run apart.
     """
-    sampling = folding_hz(waves)
+    sampling = find_folding_hz(waves)
     longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
-    wander = float(np.ptp([frequency_of(w) for w in waves]))
+    wander = float(np.ptp([find_median_frequency(w) for w in waves]))
     if not sampling:
         return 0
-    return harmonic_of(_as_line(tone), frequency_hz, sampling, 1 / longest, wander)
+    return find_harmonic(_as_line(tone), frequency_hz, sampling, 1 / longest, wander)
 
 
-def unnamed(tones: Sequence[Tone], named: Sequence[Effect]) -> list[Tone]:
+def list_unnamed_tones(tones: Sequence[Tone], named: Sequence[Effect]) -> list[Tone]:
     """Tones that were taken out of the waves where nothing that is named makes a line."""
     makes_lines = any(effect.makes_lines for effect in named)
     return [] if makes_lines else [tone for tone in tones if tone.standing]
@@ -196,7 +213,7 @@ def _is_image(tone: Tone, far: Sequence[Line], waves: Sequence[Wave]) -> bool:
     own = tone.frequency_hz * step_s
     if abs(own - round(own)) < WIDTH_CELLS * step_s / longest:
         return True
-    near = WIDTH_CELLS * cell_hz(waves) * step_s
+    near = WIDTH_CELLS * find_cell_hz(waves) * step_s
     size = np.sqrt(np.mean(np.abs(tone.vector) ** 2))
     for line in far:
         for turns in (line.frequency_hz * step_s - own, -line.frequency_hz * step_s - own):
@@ -206,10 +223,12 @@ def _is_image(tone: Tone, far: Sequence[Line], waves: Sequence[Wave]) -> bool:
     return False
 
 
-def near_tones(tones: Sequence[Tone], waves: Sequence[Wave], frequency_hz: float) -> list[Tone]:
+def list_near_tones(
+    tones: Sequence[Tone], waves: Sequence[Wave], frequency_hz: float
+) -> list[Tone]:
     """Of the tones seen at the windows' rate those that stand on their own there, at their true
     size."""
-    far = lines(waves)
+    far = find_lines(waves)
     window = float(np.median([w.window_s for w in waves]))
     return [
         tone.true(frequency_hz, window)
@@ -233,14 +252,14 @@ def _beating(tone: Tone, waves: Sequence[Wave]) -> dict[str, Any]:
     turn = (
         np.pi * longest * frequency_std
     )  # phase at t = 0 that goes with the frequency's error, known best in the middle of the run
-    parts = channel_parts(vector)
+    parts = split_channels(vector)
     beside = {"c_cos": "c_sin", "c_sin": "c_cos", "s_cos": "s_sin", "s_sin": "s_cos"}
     parameters = {
         name: (float(v), float(np.hypot(own, parts[beside[name]] * turn)), "amplitude")
         for (name, v), own in zip(parts.items(), np.repeat(std, 2), strict=True)
     }
     parameters["frequency_hz"] = (tone.frequency_hz, frequency_std, "Hz")
-    return entry(mains_tone.EFFECT, float(np.sqrt(tone.gain)), parameters, tone.gain) | {
+    return make_entry(mains_tone.EFFECT, float(np.sqrt(tone.gain)), parameters, tone.gain) | {
         "same_phase_in_all_runs": tone.common
     }
 
@@ -253,9 +272,9 @@ def _tone(line: Line, waves: Sequence[Wave]) -> dict[str, Any]:
     for channel, size in zip("cs", line.amplitude, strict=True):
         parameters[f"{channel}_cos"] = (float(size), float(max(size, least)), "amplitude")
         parameters[f"{channel}_sin"] = (0.0, float(max(size, least)), "amplitude")
-    parameters["frequency_hz"] = (line.frequency_hz, cell_hz(waves), "Hz")
+    parameters["frequency_hz"] = (line.frequency_hz, find_cell_hz(waves), "Hz")
     return (
-        entry(mains_tone.EFFECT, float(np.sqrt(2 * line.ratio)), parameters, 2 * line.ratio)
+        make_entry(mains_tone.EFFECT, float(np.sqrt(2 * line.ratio)), parameters, 2 * line.ratio)
         | _magnitude(line)
         | {"phase": UNMEASURED}
     )

@@ -28,7 +28,7 @@ import numpy as np
 from ....fitting.causes import evidence
 from ....fitting.causes.extended_fit import ExtendedFit, along_wave
 from ..fits.refits import compute_bic, hold_unseen, leave_out, refit
-from ..fits.scoring import number_of_places, score_effects
+from ..fits.scoring import count_places, score_effects
 from ..fits.variants import Variant
 from ..thresholds import BESIDE_MISFIT, INADEQUATE, MOST_RIVALS, WORTH
 from .remainder import search_rest
@@ -89,7 +89,7 @@ def _judge_cause(
     rank = max(1, one.score.rank)
     taken = TakenAway.away(final, without, rank)
     tried = _independent_tries(without, candidates, taken.power)
-    tried *= number_of_places(one.variant.effect, without)
+    tried *= count_places(one.variant.effect, without)
     chance = evidence.correct_for_tries(taken.chance(rank), min(tried, one.tried))
     return JudgedCause(one, without, taken.beside, chance)
 
@@ -182,7 +182,12 @@ class TakenAway:
         power, numbers = np.ones(len(left)), np.full(len(left), np.inf)
         for b, (squares, first) in enumerate(zip(left, before, strict=True)):
             if len(squares) and chdtrc(len(squares), squares.sum()) < INADEQUATE:
-                numbers[b] = max(min(independent(squares), independent(first) - rank), LEAST)
+                numbers[b] = max(
+                    min(
+                        count_independent_numbers(squares), count_independent_numbers(first) - rank
+                    ),
+                    LEAST,
+                )
                 power[b] = max(float(squares.sum()) / numbers[b], 1.0)
         return cls(without.chi2 - final.chi2, share / max(share.sum(), 1e-300), power, numbers)
 
@@ -244,7 +249,7 @@ class Spectrum:
         return [self.coefficients[self.band == b] ** 2 for b in range(int(self.band.max()) + 1)]
 
 
-def independent(squares: Array) -> float:
+def count_independent_numbers(squares: Array) -> float:
     """How many independent numbers of equal size squared coefficients amount to."""
     whole = float(squares.sum())
     return 3 * whole**2 / float(np.sum(squares**2)) if whole > 0 else np.inf

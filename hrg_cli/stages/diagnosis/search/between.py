@@ -19,8 +19,8 @@ import numpy as np
 from ....fitting.causes import evidence, extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from .inquiry import NoiseLevel
-from .offsets import Offsets, offsets_of, scatter
-from .run_patterns import QUIET, SPARE, Pattern, patterns
+from .offsets import Offsets, judge_scatter, read_offsets
+from .run_patterns import QUIET, SPARE, Pattern, find_patterns
 from .search_case import Case
 from .selection import Found, prune_causes
 
@@ -44,10 +44,13 @@ def take_from_frequencies(case: Case) -> Case:
     follows: list[str] = []
     ranked: list[Pattern] = []
     while len(follows) < MOST:
-        offsets, index = offsets_of(fit, noise)
-        if len(offsets.value) - offsets.means.shape[1] < SPARE + 1 or scatter(offsets)[1] > SCATTER:
+        offsets, index = read_offsets(fit, noise)
+        if (
+            len(offsets.value) - offsets.means.shape[1] < SPARE + 1
+            or judge_scatter(offsets)[1] > SCATTER
+        ):
             break
-        ranked = patterns(fit, offsets, index, case.inquiry)
+        ranked = find_patterns(fit, offsets, index, case.inquiry)
         best = next((one for one in ranked if one.allowed), None)
         if best is None:
             break
@@ -134,7 +137,7 @@ def _describe_frequencies(
     """The runs' frequencies with errors, their scatter, and one sentence. fitting: causes, of so
     many tried, that leave no more than noise, which chance does too often in so few runs."""
     free = _free_offsets(fit, follows) if follows else fit
-    offsets, _ = offsets_of(free, noise)
+    offsets, _ = read_offsets(free, noise)
     hz = 1 / (2 * np.pi)
     out: dict[str, Any] = {
         "hz": free.frequency_hz.tolist(),
@@ -148,7 +151,7 @@ def _describe_frequencies(
             "sigma": None,
             "sentence": "one run alone: its frequency is compared with no other's",
         }
-    z, p = scatter(offsets)
+    z, p = judge_scatter(offsets)
     wander_hz = offsets.wander() * hz
     out |= {"scatter_hz": wander_hz, "sigma": z}
     if p > SCATTER:

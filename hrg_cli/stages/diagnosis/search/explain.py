@@ -41,10 +41,10 @@ def explain(base: ExtendedFit, candidates: Sequence[Variant], most: int) -> Case
     that is there; the case's `inquiry.noise` says so, and the closing checks judge it.
     """
     case = _searched(base, Inquiry(tuple(candidates), most))
-    white = noise_level(case.search.final, case.remainder)
+    white = estimate_noise_level(case.search.final, case.remainder)
     if white is not None:
         inquiry = Inquiry(tuple(candidates), most, NoiseLevel(white=white))
-        case = _searched(reweighted(base, white), inquiry)
+        case = _searched(reweight_fit(base, white), inquiry)
     # each step judges what those before it left. Causes that only the frequencies of the runs show
     # are taken before any is given up for want of them; a cause that open terms outdo needs no
     # better form; data held out judge the form that stays; only then is what is left over a misfit
@@ -77,7 +77,7 @@ def _searched(base: ExtendedFit, inquiry: Inquiry) -> Case:
     return case
 
 
-def reweighted(fit: ExtendedFit, level: float) -> ExtendedFit:
+def reweight_fit(fit: ExtendedFit, level: float) -> ExtendedFit:
     """The fit again with every σ times `level`."""
     series = fit.series
     scatter = None if series.scatter is None else series.scatter.over(level)
@@ -86,7 +86,7 @@ def reweighted(fit: ExtendedFit, level: float) -> ExtendedFit:
     return extended_fit.fit(series, fit.point, fit.freedom)
 
 
-def noise_level(fit: ExtendedFit, remainder: Remainder | None) -> float | None:
+def estimate_noise_level(fit: ExtendedFit, remainder: Remainder | None) -> float | None:
     """White noise over the stated one, from second differences of what is left in the end; None
     where they agree, and where a gross misfit is left, however large the noise.
 

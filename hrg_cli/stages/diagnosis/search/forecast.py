@@ -116,7 +116,7 @@ class Errors:
         return np.stack(list(one_by_one), axis=-1)
 
 
-def folds_of(series: MeasuredRuns) -> list[Fold]:
+def split_for_forecast(series: MeasuredRuns) -> list[Fold]:
     """The splits; empty where the runs are too short for one."""
     good = series.weight > 0
     runs = len(series.names)
@@ -149,11 +149,14 @@ def forecast(case: Case, unit: str, seed: int = 0) -> dict[str, Any] | None:
     if not search.found:
         return None
     base, before, after, chosen = search.base, [], [], []
-    for fold in folds_of(base.series):
+    for fold in split_for_forecast(base.series):
         with contextlib.suppress(extended_fit.DivergedError):
             plain = train(base, fold)
             inside = select(plain, case.inquiry)
-            pair = errors_of(plain, base, fold), errors_of(inside.final, base, fold)
+            pair = (
+                find_forecast_errors(plain, base, fold),
+                find_forecast_errors(inside.final, base, fold),
+            )
             if all(np.all(np.isfinite(one.difference)) for one in pair):
                 before.append(pair[0])
                 after.append(pair[1])
@@ -162,7 +165,7 @@ def forecast(case: Case, unit: str, seed: int = 0) -> dict[str, Any] | None:
         return None
     random = np.random.default_rng(seed)
     rows = sum(len(e.run) for e in before)
-    ratio, low, high, std = gain_of(before, after, random)
+    ratio, low, high, std = bootstrap_gain(before, after, random)
     levels = [
         float(np.sqrt(sum(e.square.sum() for e in side) / (2 * rows))) for side in (before, after)
     ]
@@ -184,7 +187,7 @@ def forecast(case: Case, unit: str, seed: int = 0) -> dict[str, Any] | None:
         },
         "course": _course(before[0], after[0], base.series),
     }
-    return found | {"sentence": sentence(found)}
+    return found | {"sentence": describe_forecast(found)}
 
 
 def train(base: ExtendedFit, fold: Fold) -> ExtendedFit:
@@ -192,7 +195,7 @@ def train(base: ExtendedFit, fold: Fold) -> ExtendedFit:
     return extended_fit.fit(fold.train, replace(fold.taught(base.point), active=()), base.freedom)
 
 
-def errors_of(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
+def find_forecast_errors(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
     """What a training fit misses of the rows held out."""
     series = replace(base.series.alone(), weight=np.where(fold.test, base.series.weight, 0.0))
     if fold.whole_runs:
@@ -255,7 +258,7 @@ def _propagate_learned(own: ExtendedFit, fit: ExtendedFit) -> Array:
 
 def drop_misleading(case: Case) -> Case:
     """The case without the causes after which what was held out is predicted worse."""
-    folds = folds_of(case.search.base.series)
+    folds = split_for_forecast(case.search.base.series)
     for one in reversed(case.search.found):
         name = one.variant.effect.name
         if is_beyond_question(case.search.final, name):
@@ -292,13 +295,15 @@ def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequ
             if reduced is None:
                 continue
             misfit = max(1.0, reduced.chi2 / reduced.dof)
-            one, other = (errors_of(f, base, fold).surprise(misfit) for f in (taught, reduced))
+            one, other = (
+                find_forecast_errors(f, base, fold).surprise(misfit) for f in (taught, reduced)
+            )
             if np.isfinite(one) and np.isfinite(other):
                 with_it, without_it = with_it + one, without_it + other
     return with_it > without_it + WORTH
 
 
-def gain_of(
+def bootstrap_gain(
     before: Sequence[Errors], after: Sequence[Errors], random: np.random.Generator
 ) -> tuple[float, float, float, float]:
     """(ratio of the errors, 2.5 % and 97.5 % quantile, standard deviation): blocks drawn with
@@ -384,7 +389,7 @@ def _course(before: Errors, after: Errors, series: MeasuredRuns) -> list[dict[st
     return out
 
 
-def sentence(report: dict[str, Any]) -> str:
+def describe_forecast(report: dict[str, Any]) -> str:
     """The forecast in one line."""
     what = (
         "runs that taught nothing"

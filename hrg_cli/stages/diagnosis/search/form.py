@@ -35,12 +35,12 @@ from .shapes import (
     PASSIVE,
     SUPPLIED,
     DampingShape,
-    effect_of,
+    compute_level,
     fit_shape,
-    level_of,
-    power_of,
+    make_damping_effect,
+    read_damping_values,
+    read_power,
     to_catalogue,
-    values,
 )
 
 Array = np.ndarray
@@ -53,7 +53,7 @@ PROMISING, SHORTLIST, QUICK = 4.0, 6, 5
 steps."""
 
 
-def least_damping(fit: ExtendedFit) -> tuple[float, float]:
+def find_least_damping(fit: ExtendedFit) -> tuple[float, float]:
     """(ν − |νδμ|, σ): the linear damping along the weaker axis."""
     p = fit.point.p
     size = float(np.hypot(*p[DAMPING_SPLIT]))
@@ -90,8 +90,10 @@ def take_better_form(case: Case) -> Case:
             return case
         amplitude = scales.amplitude_of(old.series)
         final = to_catalogue(fit, better.shape, amplitude)
-        effect = effect_of(better.shape)
-        variant = Variant(effect, values(final), {p.name: 1.0 for p in effect.fitted()})
+        effect = make_damping_effect(better.shape)
+        variant = Variant(
+            effect, read_damping_values(final), {p.name: 1.0 for p in effect.fitted()}
+        )
         last = tuple(score for score, _ in score_effects(final, inquiry.candidates))
         found = (replace(place, variant=variant), *others)
         return replace(
@@ -151,12 +153,12 @@ def _describe_form(
     linear_std = final.coordinate_std("damping") if shape.linear else 0.0
     return Form(
         shape,
-        power=inflated(*power_of(final)),
-        level_1_s=inflated(*level_of(final, amplitude)),
+        power=inflated(*read_power(final)),
+        level_1_s=inflated(*compute_level(final, amplitude)),
         linear_1_s=inflated(float(final.point.p[DAMPING]), linear_std),
         amplitude=amplitude,
         forbidden=better.forbidden,
-        catalogue_1_s=inflated(*least_damping(old)),
+        catalogue_1_s=inflated(*find_least_damping(old)),
         chi2_catalogue=old.chi2,
         chi2=final.chi2,
         rivals=rivals,
@@ -190,7 +192,7 @@ def _forbidden(fit: ExtendedFit, noise: NoiseLevel) -> bool:
 
 def _has_another_power(old: ExtendedFit, free: ExtendedFit, noise: NoiseLevel) -> bool:
     """Whether the power, left free, is another than the catalogue's."""
-    power, power_std = power_of(free)
+    power, power_std = read_power(free)
     return (
         abs(power - 2) > DIFFERENT * power_std * noise.slow**0.5
         and old.chi2 - free.chi2 > WORTH * noise.slow

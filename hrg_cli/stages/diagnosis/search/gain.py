@@ -37,7 +37,7 @@ class Gain:
     quantities: dict[str, dict[str, float]]
 
 
-def folds_of(
+def choose_left_out_folds(
     fit: ExtendedFit, origin: Sequence[int] | None = None, fewest_runs: int = FEWEST_RUNS
 ) -> tuple[str, list[Array]]:
     """("runs", one fold a run) with four runs or more, else ("time", blocks of time across all
@@ -135,7 +135,7 @@ def _errors(
 ) -> tuple[str, Array, dict[str, tuple[float, float]]]:
     """(How it is held out, mean squared error over σ of every fold, what that is as drift, angle
     and amplitude)."""
-    kind, folds = folds_of(fit, origin, fewest_runs)
+    kind, folds = choose_left_out_folds(fit, origin, fewest_runs)
     left = predict_folds(fit, kind, folds)
     return (
         kind,
@@ -154,7 +154,8 @@ def predicts_better(before: ExtendedFit, after: ExtendedFit) -> bool:
     score = _square if is_gross(before) else _score
     # few runs are held out by time both ways: once is enough
     ways = dict(
-        folds_of(before, fewest_runs=n) for n in (FEWEST_RUNS, len(before.series.names) + 1)
+        choose_left_out_folds(before, fewest_runs=n)
+        for n in (FEWEST_RUNS, len(before.series.names) + 1)
     )
     return any(score(after, *way) < score(before, *way) for way in ways.items())
 
@@ -208,7 +209,7 @@ def _root(squares: Array) -> tuple[float, float]:
     return rms, spread / (2 * rms) if rms > 0 else 0.0
 
 
-def figures(gain: Gain) -> dict[str, Any]:
+def list_gain_figures(gain: Gain) -> dict[str, Any]:
     """The JSON of a gain."""
     errors = gain.errors
     return {

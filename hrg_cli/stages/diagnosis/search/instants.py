@@ -24,10 +24,10 @@ from ....fitting.causes import designs, evidence, extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ..fits.refits import leave_out
-from ..fits.scoring import is_gross, is_possible, number_of_places, score_effects
-from ..fits.variants import Variant, variants
+from ..fits.scoring import count_places, is_gross, is_possible, score_effects
+from ..fits.variants import Variant, list_variants
 from ..thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WORTH
-from .beside_misfit import Spectrum, independent
+from .beside_misfit import Spectrum, count_independent_numbers
 from .remainder import search_rest
 from .search_case import Case
 from .selection import Found
@@ -90,10 +90,10 @@ def _clearest(fit: ExtendedFit, effects: Sequence[Effect]) -> tuple[ExtendedFit,
     """The fit with the cause at an instant that chance makes least, and what it cannot be told from;
     None where chance makes it, where too many would do, or where it has no fit."""
     active = {effect.name for effect, _ in fit.point.active}
-    tried = around(
-        variants([effect for effect in effects if effect.name not in active], fit), fit.series
+    tried = list_variants_around(
+        list_variants([effect for effect in effects if effect.name not in active], fit), fit.series
     )
-    strikes = strikes_of(fit, tried)
+    strikes = list_strikes(fit, tried)
     if not strikes:
         return None
     best = max(strikes, key=lambda one: one.criterion)
@@ -103,7 +103,7 @@ def _clearest(fit: ExtendedFit, effects: Sequence[Effect]) -> tuple[ExtendedFit,
         if one.criterion > best.criterion - WORTH
     } - {best.variant.effect.name}  # fmt: skip
     # the places are those where the rows jump most, of all rows
-    places = sum(number_of_places(effect, fit) for effect in effects)
+    places = sum(count_places(effect, fit) for effect in effects)
     chance = evidence.correct_for_tries(min(one.chance for one in strikes), places)
     if chance > SIGNIFICANT or len(rivals) > MOST_RIVALS:
         return None
@@ -113,7 +113,7 @@ def _clearest(fit: ExtendedFit, effects: Sequence[Effect]) -> tuple[ExtendedFit,
             for name, size, std in zip(best.variant.steps, best.size, best.std, strict=True)
         }
         values = {**best.variant.values, **{name: size for name, (size, _) in sizes.items()}}
-        again = with_held(fit, best.variant.effect, values)
+        again = fit_beside_held(fit, best.variant.effect, values)
         if not (again.converged and is_possible(best.variant.effect, again)):
             return None
         S = fit.sensitivities([best.variant.wanted])[0]
@@ -122,7 +122,7 @@ def _clearest(fit: ExtendedFit, effects: Sequence[Effect]) -> tuple[ExtendedFit,
     return None
 
 
-def around(tried: Sequence[Variant], series: MeasuredRuns) -> list[Variant]:
+def list_variants_around(tried: Sequence[Variant], series: MeasuredRuns) -> list[Variant]:
     """The variants at instants half rows apart about theirs, whole periods away, with rows enough on
     either side: the rows know the instant to a part of their length."""
     period = 1 / series.reference_frequency_hz
@@ -142,7 +142,7 @@ def around(tried: Sequence[Variant], series: MeasuredRuns) -> list[Variant]:
     return out
 
 
-def with_held(fit: ExtendedFit, effect: Effect, values: Mapping[str, float]) -> ExtendedFit:
+def fit_beside_held(fit: ExtendedFit, effect: Effect, values: Mapping[str, float]) -> ExtendedFit:
     """The fit again beside an effect that stays as it is."""
     held = replace(
         effect,
@@ -152,7 +152,7 @@ def with_held(fit: ExtendedFit, effect: Effect, values: Mapping[str, float]) -> 
     return extended_fit.fit(fit.series, point, fit.freedom)
 
 
-def strikes_of(fit: ExtendedFit, tried: Sequence[Variant]) -> list[Strike]:
+def list_strikes(fit: ExtendedFit, tried: Sequence[Variant]) -> list[Strike]:
     """Of every variant that these runs show beside the model."""
     columns = fit.sensitivities([variant.wanted for variant in tried])
     model = _model(fit)
@@ -175,7 +175,7 @@ def _strike(variant: Variant, S: Array, model: Array, residual: Spectrum) -> Str
     size, rank = np.zeros(S.shape[1]), sum(p.fitted_then for p in variant.effect.parameters)
     rank += S.shape[1]
     for _ in range(SWEEPS):
-        power, numbers = misfit(r - S @ size, r, cell, rank)
+        power, numbers = measure_misfit_power(r - S @ size, r, cell, rank)
         weight = 1 / np.sqrt(power[cell])
         own = np.linalg.qr(model * weight[:, None])[0]
         free, left = S * weight[:, None], r * weight
@@ -195,7 +195,7 @@ def _strike(variant: Variant, S: Array, model: Array, residual: Spectrum) -> Str
     )
 
 
-def misfit(left: Array, before: Array, cell: Array, rank: int) -> tuple[Array, Array]:
+def measure_misfit_power(left: Array, before: Array, cell: Array, rank: int) -> tuple[Array, Array]:
     """Mean power (B,) of coefficients (N,) in every cell, at least the stated noise's 1, and of how
     many independent numbers it consists, inf where it is that noise; before: with a cause of so
     many parameters in them."""
@@ -207,7 +207,11 @@ def misfit(left: Array, before: Array, cell: Array, rank: int) -> tuple[Array, A
         if len(squares) and chdtrc(len(squares), squares.sum()) < INADEQUATE:
             power[b] = max(float(squares.mean()), 1.0)
             numbers[b] = max(
-                min(independent(squares), independent(before[cell == b] ** 2) - rank), 1.0
+                min(
+                    count_independent_numbers(squares),
+                    count_independent_numbers(before[cell == b] ** 2) - rank,
+                ),
+                1.0,
             )
     return power, numbers
 

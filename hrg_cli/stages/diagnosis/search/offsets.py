@@ -70,7 +70,7 @@ class Offsets:
         return high
 
 
-def offsets_of(fit: ExtendedFit, noise: NoiseLevel) -> tuple[Offsets, list[int]]:
+def read_offsets(fit: ExtendedFit, noise: NoiseLevel) -> tuple[Offsets, list[int]]:
     """The offsets of a fit and their places among its parameters."""
     runs = len(fit.series.names)
     index = [fit.layout.frequency(k) for k in range(runs)]
@@ -82,7 +82,7 @@ def offsets_of(fit: ExtendedFit, noise: NoiseLevel) -> tuple[Offsets, list[int]]
     )
 
 
-def scatter(offsets: Offsets) -> tuple[float, float]:
+def judge_scatter(offsets: Offsets) -> tuple[float, float]:
     """(equivalent z, p) of the offsets' scatter about their means against their own noise."""
     chi2, basis = offsets.misfit(0.0)
     dof = len(offsets.value) - basis.shape[1]

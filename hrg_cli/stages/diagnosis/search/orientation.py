@@ -15,7 +15,7 @@ import numpy as np
 from ....fitting.causes import evidence, extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.refits import compute_bic, leave_out
-from ..fits.scoring import score_effects, worth
+from ..fits.scoring import compute_worth, score_effects
 from ..fits.variants import Variant
 from ..thresholds import WORTH
 from .search_case import Case
@@ -46,7 +46,7 @@ def orient_runs(
             best, signs = promised, turned.signs
     if np.all(signs > 0):
         return base
-    others = (worth(s, v, base) for s, v in score_effects(base, candidates) if s.visible)
+    others = (compute_worth(s, v, base) for s, v in score_effects(base, candidates) if s.visible)
     if best + margin < max(others, default=-np.inf):
         return base
     phase_rad = base.series.phase_rad + np.pi * (signs < 0)[:, None]

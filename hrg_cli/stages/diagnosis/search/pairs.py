@@ -42,7 +42,9 @@ class Pair:
         return {score.name for score, _ in self.both} == names
 
 
-def promising_pairs(fit: ExtendedFit, ranked: Sequence[Scored], slow: float = 1.0) -> list[Pair]:
+def list_promising_pairs(
+    fit: ExtendedFit, ranked: Sequence[Scored], slow: float = 1.0
+) -> list[Pair]:
     """All pairs of visible causes beside a fit, what promises most first.
 
     With Q_a, Q_b orthonormal beside the fit, a = Q_aᵀ r, b = Q_bᵀ r and W = Q_aᵀ Q_b, both take
@@ -109,7 +111,7 @@ def find_better_pair(
         return None
     needed = (compute_bic(without) - compute_bic(fit)) / slow
     best, level = None, compute_bic(fit) - WORTH * slow
-    pairs = promising_pairs(without, score_effects(without, candidates), slow)
+    pairs = list_promising_pairs(without, score_effects(without, candidates), slow)
     for pair in itertools.islice((one for one in pairs if not one.is_of(names)), TRIED):
         # a linear model keeps what is promised and no more; the pairs behind this one promise less
         if pair.promise <= needed:

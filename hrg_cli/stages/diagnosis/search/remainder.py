@@ -20,7 +20,7 @@ from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.causes.sensitivities import spread
 from ....fitting.causes.wave_frame import find_directions, to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
-from ..fits.open_terms import PLACES, Covariate, OpenShape, Place, covariates, effect_of
+from ..fits.open_terms import PLACES, Covariate, OpenShape, Place, list_covariates, make_open_effect
 from ..fits.refits import compute_bic, leave_out
 from ..thresholds import INADEQUATE, NEVER_LESS, SIGNIFICANT, WORTH
 from .inquiry import STATED, NoiseLevel
@@ -66,7 +66,7 @@ class Term:
         return evidence.find_bic_gain(self.score.gain / noise.slow, self.score.rank, rows)
 
 
-def terms(fit: ExtendedFit) -> list[Term]:
+def score_terms(fit: ExtendedFit) -> list[Term]:
     """Every term with its score beside the fit, best first; what coincides with the model is left
     out, what is equal but for rounding stays in the order of the places.
     """
@@ -81,7 +81,7 @@ def terms(fit: ExtendedFit) -> list[Term]:
 
 def _pairs(fit: ExtendedFit) -> Iterator[tuple[Place, Covariate]]:
     """All terms looked through."""
-    for covariate in covariates(fit.series, fit.flow.prediction.motion, peaks(fit)):
+    for covariate in list_covariates(fit.series, fit.flow.prediction.motion, find_peaks(fit)):
         for place in PLACES:
             # a constant at a place of the motion is a coordinate of the base model itself
             if (covariate.formula != "1" or place.readout) and (
@@ -90,7 +90,7 @@ def _pairs(fit: ExtendedFit) -> Iterator[tuple[Place, Covariate]]:
                 yield place, covariate
 
 
-def peaks(fit: ExtendedFit) -> list[float]:
+def find_peaks(fit: ExtendedFit) -> list[float]:
     """Cycles of the tones looked for: the highest peaks of the spectrum of all runs' and the wave's
     components' residuals together."""
     series = fit.series
@@ -113,7 +113,7 @@ def judge_terms(
 ) -> list[Term]:
     """Terms with their scores: (place, covariate)."""
     ledger, order = evidence.Ledger(residual, Q), list[int]()
-    for numbers, columns, widths in columns_of(fit, pairs):
+    for numbers, columns, widths in compute_term_columns(fit, pairs):
         ledger.enter(columns, widths)
         order += numbers
     names = [f"{pairs[k][0].name} × {pairs[k][1].formula}" for k in order]
@@ -124,11 +124,11 @@ def judge_terms(
 
 def _build_term(fit: ExtendedFit, pair: tuple[Place, Covariate]) -> Array:
     """The columns of one term."""
-    ((_, columns, _),) = columns_of(fit, [pair])
+    ((_, columns, _),) = compute_term_columns(fit, [pair])
     return columns
 
 
-def columns_of(
+def compute_term_columns(
     fit: ExtendedFit, pairs: Sequence[tuple[Place, Covariate]]
 ) -> Iterator[tuple[list[int], Array, list[int]]]:
     """Numbers, sensitivities over σ side by side (N, Σ widths) and widths of some terms at a time;
@@ -203,7 +203,7 @@ def _shape(term: Term) -> OpenShape:
     return term.covariate.shape
 
 
-def best_of(fit: ExtendedFit, ranked: Sequence[Term]) -> Term:
+def find_best_term(fit: ExtendedFit, ranked: Sequence[Term]) -> Term:
     """The term worth most once the shapes of the nearest are refined; one of the motion where it
     serves as well as one of the read-out.
 
@@ -265,12 +265,12 @@ def describe(fit: ExtendedFit, noise: NoiseLevel, most: int, significant: float)
     chosen: list[tuple[str, Term]] = []
     start, tried = fit.basis.shape[1], 0
     while len(chosen) < most:
-        ranked = terms(fit)
+        ranked = score_terms(fit)
         if not ranked:
             break
         # the spectrum's other cells were looked at too
         tried = len(ranked) + (CELLS - PEAKS) * len(PLACES)
-        best = best_of(fit, ranked)
+        best = find_best_term(fit, ranked)
         _, p = evidence.find_significance(best.score.gain / noise.slow, best.score.rank)
         if evidence.correct_for_tries(p, tried) > significant or best.worth(rows, noise) < WORTH:
             break
@@ -291,7 +291,7 @@ def describe(fit: ExtendedFit, noise: NoiseLevel, most: int, significant: float)
 def add_term(fit: ExtendedFit, term: Term, name: str) -> ExtendedFit | None:
     """The fit with the term, in the place of one of that name; None where the model finds no fit:
     its linear gain is none."""
-    effect = effect_of(term.place, term.covariate, name)
+    effect = make_open_effect(term.place, term.covariate, name)
     values = {
         q.name: float(v) if np.isfinite(v) else 0.0
         for q, v in zip(effect.parameters, term.score.estimate, strict=True)
@@ -328,7 +328,7 @@ def exchange_terms(
         if reduced is None:
             continue
         lost = (compute_bic(reduced) - compute_bic(fit)) / noise.slow
-        new = best_of(reduced, terms(reduced))
+        new = find_best_term(reduced, score_terms(reduced))
         better = new.worth(rows, noise)
         place = [one for one, _ in chosen].index(name)
         if max(better, lost) < WORTH:

@@ -60,7 +60,7 @@ class Pattern:
         return self.offsets.misfit(wander, self.known.response)[0]
 
 
-def patterns(
+def find_patterns(
     fit: ExtendedFit, offsets: Offsets, index: Sequence[int], inquiry: Inquiry
 ) -> list[Pattern]:
     """Every cause that could have made the runs' frequencies differ, the least likely by chance

@@ -24,7 +24,7 @@ from ..fits.refits import (
     refit,
     shortlist,
 )
-from ..fits.scoring import is_gross, is_possible, number_of_places, score_effects, worth
+from ..fits.scoring import compute_worth, count_places, is_gross, is_possible, score_effects
 from ..fits.variants import Variant
 from ..thresholds import GROSS, SIGNIFICANT, TOGETHER, WORTH
 from . import stand_in
@@ -118,7 +118,7 @@ def _take_forward(selected: Selected, inquiry: Inquiry) -> Selected:
             base = base if found else fit
         if len(found) >= inquiry.most:
             break
-        step = best_step(fit, ranked, inquiry.noise)
+        step = find_best_step(fit, ranked, inquiry.noise)
         if step is None:
             break
         fit, one = step
@@ -128,7 +128,7 @@ def _take_forward(selected: Selected, inquiry: Inquiry) -> Selected:
     return Selected(base, fit, found, ranked)
 
 
-def best_step(
+def find_best_step(
     fit: ExtendedFit,
     ranked: Sequence[tuple[Score, Variant]],
     noise: NoiseLevel,
@@ -147,14 +147,14 @@ def best_step(
     if not gain >= WORTH:
         names = {score.name for score, _ in close}
         others = [pair for pair in ranked if pair[0].name not in names]
-        return best_step(fit, others, noise, rounds - 1) if rounds > 1 and others else None
+        return find_best_step(fit, others, noise, rounds - 1) if rounds > 1 and others else None
     _, chosen, score, variant = trials[0]
     # χ² falls with any parameter; what predicts rows it has not seen no better has learned these by
     # heart
     if not predicts_better(fit, chosen):
         return None
     rivals = _rivals_of_best(trials, ranked, noise)
-    tried *= number_of_places(variant.effect, fit)
+    tried *= count_places(variant.effect, fit)
     return chosen, Found(hold_unseen(variant, chosen), score, tried, gain, rivals)
 
 
@@ -165,10 +165,10 @@ def _is_significant(
     if not score.visible:
         return False
     _, p = evidence.find_significance(score.gain / noise.slow, score.rank)
-    tries = tried * number_of_places(variant.effect, fit)
+    tries = tried * count_places(variant.effect, fit)
     if evidence.correct_for_tries(p, tries) > SIGNIFICANT:
         return False
-    return worth(score, variant, fit, noise.slow) >= WORTH
+    return compute_worth(score, variant, fit, noise.slow) >= WORTH
 
 
 def _refit_near_best(

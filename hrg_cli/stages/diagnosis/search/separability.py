@@ -42,7 +42,7 @@ BASE = {
 """The fitted coordinates in words."""
 
 
-def not_separable(case: Case) -> list[dict[str, Any]]:
+def list_not_separable(case: Case) -> list[dict[str, Any]]:
     """What the runs cannot tell apart beside what was found: causes from the model, causes from one
     another; the run that would."""
     variants = {v.effect.name: v for v in case.inquiry.candidates}

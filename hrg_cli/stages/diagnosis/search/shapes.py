@@ -76,7 +76,7 @@ def fit_shape(fit: ExtendedFit, shape: DampingShape) -> ExtendedFit | None:
         )
     except extended_fit.DivergedError:
         return None
-    found = values(again)
+    found = read_damping_values(again)
     if not np.all(np.isfinite(again.prediction.seen)) or (
         shape.supplied and found["level_1_s"] > 0
     ):
@@ -86,16 +86,19 @@ def fit_shape(fit: ExtendedFit, shape: DampingShape) -> ExtendedFit | None:
 
 def to_catalogue(fit: ExtendedFit, shape: DampingShape, amplitude: float) -> ExtendedFit:
     """The same fit with the damping in the catalogue's own parameters."""
-    now = values(fit)
+    now = read_damping_values(fit)
     own = {"damping_1_s": now["level_1_s"] * amplitude ** -now["power"], "power": now["power"]}
     # the same optimum, looked at in coordinates in which steps would be poor
     same = extended_fit.fit(
-        fit.series, fit_point.add_effect(fit.point, effect_of(shape), own), fit.freedom, most=0
+        fit.series,
+        fit_point.add_effect(fit.point, make_damping_effect(shape), own),
+        fit.freedom,
+        most=0,
     )
     return replace(same, converged=fit.converged)
 
 
-def effect_of(shape: DampingShape) -> Effect:
+def make_damping_effect(shape: DampingShape) -> Effect:
     """The catalogue's effect, with the power fitted where the shape leaves it open."""
     effect = nonlinear_damping.EFFECT
     return (
@@ -105,19 +108,19 @@ def effect_of(shape: DampingShape) -> Effect:
     )
 
 
-def values(fit: ExtendedFit) -> dict[str, float]:
+def read_damping_values(fit: ExtendedFit) -> dict[str, float]:
     """The damping's parameters."""
     return fit.values(NAME)
 
 
-def power_of(fit: ExtendedFit) -> tuple[float, float]:
+def read_power(fit: ExtendedFit) -> tuple[float, float]:
     """The power and its σ, 0 where it is given."""
-    return values(fit)["power"], fit.parameter_std(NAME, "power")
+    return read_damping_values(fit)["power"], fit.parameter_std(NAME, "power")
 
 
-def level_of(fit: ExtendedFit, amplitude: float) -> tuple[float, float]:
+def compute_level(fit: ExtendedFit, amplitude: float) -> tuple[float, float]:
     """ν_n at an amplitude and its σ, from the catalogue's parameters."""
-    now = values(fit)
+    now = read_damping_values(fit)
     level = now["damping_1_s"] * amplitude ** now["power"]
     slopes = {"damping_1_s": amplitude ** now["power"], "power": level * np.log(amplitude)}
     names = [name for name in slopes if name in fit.layout.parameters(NAME)]
@@ -130,7 +133,7 @@ def level_of(fit: ExtendedFit, amplitude: float) -> tuple[float, float]:
 
 def _stands(fit: ExtendedFit, amplitude: float) -> tuple[float, float]:
     """(ν_n at the data's amplitude, n) as the damping stands, in whichever parameters."""
-    now = values(fit)
+    now = read_damping_values(fit)
     power = now.get("power", 2.0)
     return (
         now["damping_1_s"] * amplitude**power if "damping_1_s" in now else now["level_1_s"]

@@ -13,7 +13,7 @@ from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from .laws import is_one_law
-from .logs import usual_scale_factor
+from .logs import has_usual_scale_factor
 from .readings import Reading
 from .suspicion import Suspicion
 
@@ -53,7 +53,7 @@ class SuspectCase:
     def price(self, noise: float) -> float:
         """Excess of χ² at a noise, what its freedom costs, and a scale factor that no resonator has."""
         rows = len(self.fit.residual) + (len(self.apart.residual) if self.apart else 0)
-        odd = 0.0 if usual_scale_factor(self.fit) else ODD
+        odd = 0.0 if has_usual_scale_factor(self.fit) else ODD
         # less one a row: a reading that leaves rows out is not the better for it
         excess = self.chi2 / noise - rows
         return excess + self.reading.parameters * float(np.log(rows)) + odd

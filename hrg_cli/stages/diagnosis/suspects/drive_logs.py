@@ -9,13 +9,13 @@ import numpy as np
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from . import transformations as change
-from .readings import FINEST, LATEST, Reading, least, of_a_late_log
+from .readings import FINEST, LATEST, Reading, find_late_log_mistakes, find_least_misfit
 
 LARGEST = 100.0
 """Times by which a log may be too large or too small."""
 
 
-def of_the_drive(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+def find_drive_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """A drive log of another sign or size, or late."""
     if wave.drive_main is None or wave.drive_quadrature is None:
         return
@@ -26,7 +26,7 @@ def of_the_drive(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
         "with the sign of the logged commands turned",
         "turn the sign of this run's drive log",
     )
-    power = least(
+    power = find_least_misfit(
         lambda x: change.scale_drive(wave, float(np.exp(x))), others, np.log(LARGEST), FINEST
     )
     if power is not None:
@@ -39,6 +39,8 @@ def of_the_drive(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
             f"multiply this run's drive log by {factor:.4g}, or find its unit",
         )
     span = float(wave.time_s[-1] - wave.time_s[0])
-    late = least(lambda t: change.advance_drive(wave, t), others, LATEST * span, FINEST * span)
+    late = find_least_misfit(
+        lambda t: change.advance_drive(wave, t), others, LATEST * span, FINEST * span
+    )
     if late is not None:
-        yield of_a_late_log("drive log", change.advance_drive(wave, late), late)
+        yield find_late_log_mistakes("drive log", change.advance_drive(wave, late), late)

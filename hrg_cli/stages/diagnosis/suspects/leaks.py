@@ -9,7 +9,7 @@ import numpy as np
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from .cases import REMOVED, Fitted, SuspectFound, fit_or_none
-from .readings import DAMPING, own_damping
+from .readings import DAMPING, fit_own_damping
 from .suspicion import Suspicion
 from .transformations import undo_damping
 
@@ -24,7 +24,7 @@ def find_leaks(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> Susp
         return None
     fit, undone, less = base, list(waves), np.zeros(len(waves))
     for _ in range(LEAK_ROUNDS):
-        dampings = [own_damping(wave, fit) for wave in undone]
+        dampings = [fit_own_damping(wave, fit) for wave in undone]
         if any(one is None for one in dampings):
             return None
         less += np.array([one[0] - fit.coordinate(DAMPING) for one in dampings if one is not None])

@@ -10,7 +10,7 @@ import numpy as np
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.base_freedom import nominal_scale_factor
 from ....records import Wave
-from ..samples.lines import frequency_of
+from ..samples.lines import find_median_frequency
 from ..thresholds import GROSS
 from .suspicion import Suspicion
 
@@ -26,12 +26,12 @@ SETTLED = 1e-3
 """Relative distance of two frequencies that a difference of 273 °C would exceed."""
 
 
-def wrong_logs(waves: Sequence[Wave], fit: ExtendedFit) -> list[Suspicion]:
+def find_wrong_logs(waves: Sequence[Wave], fit: ExtendedFit) -> list[Suspicion]:
     """Findings that need no misfit."""
     return [*_rates(fit), *_temperatures(waves)]
 
 
-def usual_scale_factor(fit: ExtendedFit) -> bool:
+def has_usual_scale_factor(fit: ExtendedFit) -> bool:
     """Whether K is what a resonator of that mode has, or unknown."""
     if fit.layout.coordinate(SCALE_FACTOR) is None:
         return True
@@ -99,10 +99,10 @@ def _temperatures(waves: Sequence[Wave]) -> list[Suspicion]:
         if _logs_temperature(w)
     }
     others = {k: level for k, level in logged.items() if level <= KELVIN_DEGC}
-    hz = float(np.median([frequency_of(waves[k]) for k in others])) if others else 0.0
+    hz = float(np.median([find_median_frequency(waves[k]) for k in others])) if others else 0.0
     out = []
     for k, level in logged.items():
-        own = frequency_of(waves[k])
+        own = find_median_frequency(waves[k])
         if level <= KELVIN_DEGC or (others and abs(own / hz - 1) > SETTLED):
             continue
         evidence = f"{level:.4g} is logged"

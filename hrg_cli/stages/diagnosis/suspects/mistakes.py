@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterator
 
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
-from .drive_logs import of_the_drive
-from .rate_offsets import of_an_offset
+from .drive_logs import find_drive_mistakes
+from .rate_offsets import find_offset_mistakes
 from .readings import (
     Reading,
-    of_a_knock,
-    of_the_channels,
-    of_the_damping,
-    of_the_rate,
-    of_the_time,
+    find_channel_mistakes,
+    find_damping_mistakes,
+    find_knock_mistakes,
+    find_rate_mistakes,
+    find_time_mistakes,
 )
 
 Maker = Callable[[Wave, ExtendedFit], Iterator[Reading]]
@@ -22,10 +22,10 @@ Maker = Callable[[Wave, ExtendedFit], Iterator[Reading]]
 
 def find_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """Every mistake that this run's motion could show beside the others' coordinates."""
-    yield from of_the_channels(wave, others)
-    yield from of_the_time(wave, others)
-    yield from of_the_rate(wave, others)
-    yield from of_an_offset(wave, others)
-    yield from of_the_drive(wave, others)
-    yield from of_a_knock(wave)
-    yield from of_the_damping(wave, others)
+    yield from find_channel_mistakes(wave, others)
+    yield from find_time_mistakes(wave, others)
+    yield from find_rate_mistakes(wave, others)
+    yield from find_offset_mistakes(wave, others)
+    yield from find_drive_mistakes(wave, others)
+    yield from find_knock_mistakes(wave)
+    yield from find_damping_mistakes(wave, others)

@@ -20,7 +20,7 @@ OWN = (COORDINATES.index(SCALE_FACTOR), COORDINATES.index(DAMPING))
 """Coordinates that one run may have for itself: K where its rate log is of another scale."""
 
 
-def largest_gain(fit: ExtendedFit) -> float:
+def find_largest_gain(fit: ExtendedFit) -> float:
     """The largest fall of χ² that one such number of one run promises."""
     shared, _ = find_base_sensitivities(fit.flow)
     together = np.concatenate([shared[..., OWN], _predict_constant_rate(fit.flow)], axis=-1)

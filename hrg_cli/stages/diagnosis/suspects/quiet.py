@@ -19,20 +19,20 @@ from ....records import Wave
 from ..thresholds import GROSS, WORTH
 from .cases import Fitted, SuspectCase, fit_or_none
 from .mistakes import find_mistakes
-from .own_numbers import largest_gain
+from .own_numbers import find_largest_gain
 from .readings import Reading
-from .rivals import beside_causes
+from .rivals import add_causes_to_fit
 from .search import (
     DOUBTED,
-    any_logged,
     choose_case,
     describe_case,
     find_cases,
     fit_without_each,
+    is_any_logged,
     leave_out,
 )
 from .suspicion import Suspicion
-from .thermometers import of_the_thermometer
+from .thermometers import find_thermometer_mistakes
 
 FEWEST_RUNS = 4
 """Runs from which one is doubted: three others must agree without it."""
@@ -69,7 +69,7 @@ def suspect_quiet_run(
     closing checks have taken the word from these, so that every mistake is tried. Of causes that
     pass, mistakes that promise as much are.
     """
-    if len(waves) < FEWEST_RUNS or (any_logged(waves) and not _worth_asking(base)):
+    if len(waves) < FEWEST_RUNS or (is_any_logged(waves) and not _worth_asking(base)):
         return None
     doubtful = None
     for level in _levels(waves, fitted, base, final):
@@ -121,21 +121,23 @@ def _levels(
     run's."""
     yield _Level(fitted, base)
     common = [(e, values) for e, values in final.point.active if not e.of_one_run]
-    if any_logged(waves):
+    if is_any_logged(waves):
         return
     if len(final.point.active) > 1:
         for effect, _ in final.point.active:
-            others = beside_causes(fitted, [pair for pair in common if pair[0].name != effect.name])
+            others = add_causes_to_fit(
+                fitted, [pair for pair in common if pair[0].name != effect.name]
+            )
             yield _Level(others, fit_or_none(waves, others), asked_of_failed=False)
     if common:
-        beside_all = beside_causes(fitted, common)
+        beside_all = add_causes_to_fit(fitted, common)
         yield _Level(beside_all, fit_or_none(waves, beside_all))
 
 
 def _promises(before: ExtendedFit, final: ExtendedFit) -> bool:
     """Whether a number of one run's own may do what the causes did that stand in `final` alone."""
     done = _excess(before) - _excess(final)
-    return done > WORTH and largest_gain(before) > PROMISED * done
+    return done > WORTH and find_largest_gain(before) > PROMISED * done
 
 
 def _price(fit: ExtendedFit) -> float:
@@ -171,7 +173,7 @@ def _find_mistake(
 def _find_every_mistake(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """The mistakes of a run's motion, and of its thermometer where a cause follows it."""
     yield from find_mistakes(wave, others)
-    yield from of_the_thermometer(wave, others)
+    yield from find_thermometer_mistakes(wave, others)
 
 
 def _is_noise(fit: ExtendedFit) -> bool:

@@ -7,22 +7,22 @@ from collections.abc import Iterator
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from . import transformations as change
-from .readings import SCALE_FACTOR, Reading, least, rate_varies
+from .readings import SCALE_FACTOR, Reading, find_least_misfit, has_varying_rate
 
 FARTHEST_RAD, FINEST_RAD = 3.0, 1e-3
 """Turn of the wave over the run by which the offset is sought, and to which it is found: within the
 finer one χ² is a parabola."""
 
 
-def of_an_offset(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+def find_offset_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """A constant beside the log; of a constant rate it is its scale that is wrong, which is the same."""
-    if not rate_varies(wave):
+    if not has_varying_rate(wave):
         return
     # K ∫Ω dt is the turn of twice the pattern's angle in the envelopes' plane (physics, §1)
     turn_s = abs(others.coordinate(SCALE_FACTOR)) * float(wave.time_s[-1] - wave.time_s[0])
     if turn_s == 0:
         return
-    offset = least(
+    offset = find_least_misfit(
         lambda rate: change.offset_rate(wave, -rate),
         others,
         FARTHEST_RAD / turn_s,

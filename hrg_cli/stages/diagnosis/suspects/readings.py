@@ -16,7 +16,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES, COUNT
 from ....records import Array, Wave
 from ..base.data import prepare
-from ..samples.jumps import jumps
+from ..samples.jumps import find_jumps
 from . import transformations as change
 
 DAMPING, SCALE_FACTOR = "damping", "scale_factor"
@@ -58,7 +58,7 @@ def fit_held(waves: Sequence[Wave], others: ExtendedFit, free: Sequence[str] = (
     )
 
 
-def misfits(waves: Sequence[Wave], others: ExtendedFit) -> Array:
+def compute_misfits(waves: Sequence[Wave], others: ExtendedFit) -> Array:
     """χ² of every one of several ways a run may have been, each beside the others' coordinates;
     infinite where no fit is found."""
     with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
@@ -69,7 +69,7 @@ def misfits(waves: Sequence[Wave], others: ExtendedFit) -> Array:
 
 def _misfit_of_row(wave: Wave, others: ExtendedFit) -> float:
     """χ² a row of a way that a run may have been: of ways that leave different rows."""
-    return float(misfits([wave], others)[0]) / max(1, len(wave))
+    return float(compute_misfits([wave], others)[0]) / max(1, len(wave))
 
 
 def _estimate_own(wave: Wave, others: ExtendedFit, coordinate: str) -> tuple[float, float] | None:
@@ -81,7 +81,7 @@ def _estimate_own(wave: Wave, others: ExtendedFit, coordinate: str) -> tuple[flo
     return None
 
 
-def of_the_channels(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+def find_channel_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """Channels exchanged or inverted."""
 
     def likelier(mirrored: Wave) -> Wave:
@@ -90,7 +90,7 @@ def of_the_channels(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
         if wave.drive_quadrature is None:
             return mirrored
         ways = [mirrored, change.invert_quadrature_drive(mirrored)]
-        return ways[int(np.argmin(misfits(ways, others)))]
+        return ways[int(np.argmin(compute_misfits(ways, others)))]
 
     yield Reading(
         "channels swapped",
@@ -115,7 +115,7 @@ def of_the_channels(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     )
 
 
-def of_the_time(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+def find_time_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """A sampling rate that is not the recording's."""
     hz = float(np.median(others.frequency_hz))
     own = wave.reference_frequency_hz + float(np.median(_turning_hz(wave)))
@@ -140,13 +140,13 @@ def _turning_hz(wave: Wave) -> Array:
     return np.asarray(np.diff(phase) / np.diff(t) / (2 * np.pi))
 
 
-def of_the_rate(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+def find_rate_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """A rate log of another sign, unit or size, late, or none."""
     common = others.coordinate(SCALE_FACTOR)
     if not abs(common) > 0:  # a gyro that feels no rate says nothing of a log
         return
     turns = _turns(wave)
-    varies = rate_varies(wave)
+    varies = has_varying_rate(wave)
     if turns:
         yield from _of_the_rates_size(wave, others, common)
     if not turns or varies:
@@ -158,7 +158,7 @@ def of_the_rate(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
 def _of_the_rates_size(wave: Wave, others: ExtendedFit, common: float) -> Iterator[Reading]:
     """The log multiplied by −1, by a degree, or by whatever number serves best; `common`: the
     others' scale factor."""
-    logged = mean_rate(wave)
+    logged = average_rate(wave)
     yield Reading(
         "rate log of wrong sign",
         (change.scale_rate(wave, -1.0),),
@@ -194,7 +194,7 @@ def _factor_of_log(wave: Wave, others: ExtendedFit, common: float) -> float | No
     The fit of the run's own scale factor is linear near its end only, so that it starts from the
     log multiplied by what the mean turn of the wave asks for.
     """
-    logged, shown = mean_rate(wave), _shown_rate(wave, common)
+    logged, shown = average_rate(wave), _shown_rate(wave, common)
     near = shown / logged if abs(logged) > 0.1 * abs(shown) > 0 else 1.0
     seen = _estimate_own(change.scale_rate(wave, near), others, SCALE_FACTOR)
     factor = 0.0 if seen is None else near * seen[0] / common
@@ -212,7 +212,7 @@ def _of_a_constant_rate(wave: Wave, others: ExtendedFit, common: float) -> Itera
         "rate log missing" if not _turns(wave) else "rate log of another run",
         (change.hold_rate(wave, rate),),
         1,
-        f"{mean_rate(wave):.4g} rad/s is logged, its wave turns as at {rate:.4g}: with that"
+        f"{average_rate(wave):.4g} rad/s is logged, its wave turns as at {rate:.4g}: with that"
         " constant rate",
         "add the rate that was turned to this run's log, or leave the run out",
     )
@@ -223,10 +223,10 @@ def _of_the_rates_clock(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     late = _lateness(wave, others)
     if late is None:
         return
-    yield of_a_late_log("rate log", change.advance_rate(wave, late), late)
+    yield find_late_log_mistakes("rate log", change.advance_rate(wave, late), late)
 
 
-def of_a_late_log(log: str, undone: Wave, late_s: float) -> Reading:
+def find_late_log_mistakes(log: str, undone: Wave, late_s: float) -> Reading:
     """A log on a clock beside that of the samples; `undone`: the run with it in time."""
     early = "late" if late_s > 0 else "early"
     return Reading(
@@ -246,7 +246,7 @@ def _round_factor(factor: float) -> str:
     return f"{factor:.{digits}g}"
 
 
-def mean_rate(wave: Wave) -> float:
+def average_rate(wave: Wave) -> float:
     """Mean logged rate; 0 where none is logged."""
     rates = None if wave.rate_rad_s is None else np.asarray(wave.rate_rad_s, float)
     return 0.0 if rates is None or not np.isfinite(rates).any() else float(np.nanmean(rates))
@@ -266,7 +266,7 @@ def _turns(wave: Wave) -> bool:
     )
 
 
-def rate_varies(wave: Wave) -> bool:
+def has_varying_rate(wave: Wave) -> bool:
     """Whether a rate is logged that is not one constant."""
     if not _turns(wave):
         return False
@@ -278,10 +278,12 @@ def rate_varies(wave: Wave) -> bool:
 def _lateness(wave: Wave, others: ExtendedFit) -> float | None:
     """By how much the log is late."""
     span = float(wave.time_s[-1] - wave.time_s[0])
-    return least(lambda late: change.advance_rate(wave, late), others, LATEST * span, FINEST * span)
+    return find_least_misfit(
+        lambda late: change.advance_rate(wave, late), others, LATEST * span, FINEST * span
+    )
 
 
-def least(
+def find_least_misfit(
     made: Callable[[float], Wave], others: ExtendedFit, reach: float, finest: float
 ) -> float | None:
     """The number within ± `reach` with which a wave made by it misfits least: trials side by side,
@@ -289,7 +291,7 @@ def least(
     best = 0.0
     while True:
         trials = best + reach * np.linspace(-1, 1, TRIALS)
-        values = misfits([made(float(x)) for x in trials], others)
+        values = compute_misfits([made(float(x)) for x in trials], others)
         k = int(np.argmin(values))
         if not np.isfinite(values[k]):
             return None
@@ -304,15 +306,15 @@ def least(
     return best
 
 
-def own_damping(wave: Wave, others: ExtendedFit) -> tuple[float, float] | None:
+def fit_own_damping(wave: Wave, others: ExtendedFit) -> tuple[float, float] | None:
     """The damping rate that this run alone shows beside the others' splits and scale factor, and
     its σ."""
     return _estimate_own(wave, others, DAMPING)
 
 
-def of_the_damping(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+def find_damping_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """Another damping and nothing else: the vacuum."""
-    seen = own_damping(wave, others)
+    seen = fit_own_damping(wave, others)
     common = others.coordinate(DAMPING)
     if seen is None or not np.isfinite(seen[0]):
         return
@@ -330,9 +332,9 @@ def of_the_damping(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     )
 
 
-def of_a_knock(wave: Wave) -> Iterator[Reading]:
+def find_knock_mistakes(wave: Wave) -> Iterator[Reading]:
     """Momentum at an instant, or several."""
-    found = [jump for jump in jumps(wave) if jump.knock]
+    found = [jump for jump in find_jumps(wave) if jump.knock]
     if not found:
         return
     pieces, rest = [], wave

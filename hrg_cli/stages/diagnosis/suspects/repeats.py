@@ -9,7 +9,7 @@ from ....records import Wave
 from .suspicion import Suspicion
 
 
-def stuck_columns(waves: Sequence[Wave]) -> list[Suspicion]:
+def find_stuck_columns(waves: Sequence[Wave]) -> list[Suspicion]:
     """What repeats one value where noise is stated, by run."""
     return [
         Suspicion(wave.run_id, f"{one.what} stuck", one.evidence, CORRECTION)

@@ -15,7 +15,7 @@ from ..fits.refits import QUICK_STEPS, adopt_hopeful
 from ..fits.scoring import score_effects
 from ..fits.variants import Variant
 from .cases import Fitted
-from .logs import usual_scale_factor
+from .logs import has_usual_scale_factor
 
 Cause = tuple[Effect, Mapping[str, float]]
 """A cause with the values that it is fitted from."""
@@ -35,10 +35,10 @@ TRIED = 3
 def fit_catalogue(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> float:
     """Least χ² a degree of freedom that a few causes reach with a scale factor that a resonator
     has; it ends where that is `enough`."""
-    return _find_misfit(nearest(base, candidates, enough))
+    return _find_misfit(fit_nearest(base, candidates, enough))
 
 
-def nearest(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> ExtendedFit:
+def fit_nearest(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> ExtendedFit:
     """The fit that leaves least of those with a few causes, found in few steps, with a scale factor
     that a resonator has; it ends where χ² a degree of freedom is `enough`."""
     fit = best = base
@@ -50,7 +50,7 @@ def nearest(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> 
             if pair[0].visible and pair[0].gain > worthwhile * fit.chi2
         ]
         fits = adopt_hopeful(fit, strong[:TRIED], QUICK_STEPS)
-        likely = [one for one, _, _ in fits if usual_scale_factor(one)]
+        likely = [one for one, _, _ in fits if has_usual_scale_factor(one)]
         if not likely:
             break
         fit = min(likely, key=_find_misfit)
@@ -78,11 +78,11 @@ def fit_warming(
     causes = [(variant.effect, variant.values) for variant in thermal]
     with contextlib.suppress(extended_fit.DivergedError):
         if _with_causes(base, causes).chi2 < MATTERS * base.chi2:
-            return beside_causes(fitted, causes)
+            return add_causes_to_fit(fitted, causes)
     return None
 
 
-def beside_causes(fitted: Fitted, causes: Sequence[Cause]) -> Fitted:
+def add_causes_to_fit(fitted: Fitted, causes: Sequence[Cause]) -> Fitted:
     """The base model's fit followed by that with these causes too."""
 
     def fit(waves: Sequence[Wave], *, quick: bool = False) -> ExtendedFit:

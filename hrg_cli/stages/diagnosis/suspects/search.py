@@ -14,12 +14,12 @@ from ..fits.variants import Variant
 from ..thresholds import FREQUENCIES_APART, GROSS
 from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none
 from .leaks import find_leaks
-from .logs import wrong_logs
+from .logs import find_wrong_logs
 from .mistakes import Maker, find_mistakes
-from .readings import DAMPING, KNOCK, Reading, fit_held, of_a_knock
+from .readings import DAMPING, KNOCK, Reading, find_knock_mistakes, fit_held
 from .rivals import fit_catalogue, fit_warming
 from .suspicion import Suspicion
-from .thermometers import of_the_thermometer
+from .thermometers import find_thermometer_mistakes
 
 STEP = 1.4
 """Times by which χ² must fall for one more run to be doubted."""
@@ -54,18 +54,22 @@ def suspect_runs(
         alone = _strange_runs(waves, fitted, base, strange)
         # a frequency that follows the amplitude does so within each run too, and explains more
         if alone is not None and fit_catalogue(base, candidates, 1.0) > alone.chi2_per_dof / EVEN:
-            return [*wrong_logs(waves, alone.fit), *alone.suspicions]
+            return [*find_wrong_logs(waves, alone.fit), *alone.suspicions]
     if base.chi2 / base.dof < GROSS or (physics := fit_catalogue(base, candidates, RIVAL)) < RIVAL:
-        return wrong_logs(waves, base)
+        return find_wrong_logs(waves, base)
     warm = fit_warming(fitted, candidates, base)
     found = (
         _wrong_runs(waves, fitted, base, find_mistakes)
         or find_leaks(waves, fitted, base)
-        or (_wrong_runs(waves, warm, warm(waves), of_the_thermometer) if warm is not None else None)
+        or (
+            _wrong_runs(waves, warm, warm(waves), find_thermometer_mistakes)
+            if warm is not None
+            else None
+        )
     )
     if found is None or physics < RIVAL * max(1.0, found.chi2_per_dof) or found.follow_a_law:
-        return wrong_logs(waves, base)
-    return [*wrong_logs(waves, found.fit), *found.suspicions]
+        return find_wrong_logs(waves, base)
+    return [*find_wrong_logs(waves, found.fit), *found.suspicions]
 
 
 def _find_strange_frequencies(fit: ExtendedFit) -> list[int]:
@@ -193,7 +197,7 @@ def find_cases(
 ) -> list[SuspectCase]:
     """Every mistake of one run beside the pieces of the others; last that it is none of theirs."""
     alone = len(_flat(pieces)) == 0
-    made = of_a_knock(wave) if alone else makers(wave, others)
+    made = find_knock_mistakes(wave) if alone else makers(wave, others)
     out = _read(pieces, run, list(made), fitted)
     apart = (
         None if alone else fit_or_none([wave], lambda own: fit_held(own, others, COORDINATES[:-1]))
@@ -229,7 +233,7 @@ def _read(
                 out.append(SuspectCase(run, reading, fit))
         return out
 
-    if len(made) > FINALISTS and any_logged(_flat(pieces)):
+    if len(made) > FINALISTS and is_any_logged(_flat(pieces)):
         quickly = fit_all(made, quick=True)
         noise = max(1.0, min((case.chi2 / case.dof for case in quickly), default=1.0))
         ranked = sorted(quickly, key=lambda case: case.price(noise))
@@ -251,12 +255,12 @@ def fit_without_each(
         return sorted(found, key=lambda pair: pair[1].chi2 / pair[1].dof)
 
     runs = sorted(there, key=lambda k: -missed[k])[:MOST_LEFT_OUT]
-    if len(runs) > DOUBTED and any_logged(waves):
+    if len(runs) > DOUBTED and is_any_logged(waves):
         runs = [k for k, _ in fit_all(runs, quick=True)[:DOUBTED]]
     return fit_all(runs, quick=False)
 
 
-def any_logged(waves: Sequence[Wave]) -> bool:
+def is_any_logged(waves: Sequence[Wave]) -> bool:
     """Whether a drive is logged, so that a fit in full takes several to allow for its log."""
     return any(wave.drive_main is not None for wave in waves)
 

@@ -14,7 +14,7 @@ from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Array, Wave
 from . import transformations as change
-from .readings import DAMPING, FINEST, Reading, fit_held, least
+from .readings import DAMPING, FINEST, Reading, find_least_misfit, fit_held
 
 COURSE_ROUNDS = 4
 """Of the course and, but in the first, the level: beside a course that is far off a damping is anything."""
@@ -24,7 +24,7 @@ LONGEST_LAG = 0.5
 """Part of the run by which a thermometer may be behind."""
 
 
-def of_the_thermometer(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+def find_thermometer_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """A thermometer in another unit, stuck, missing or elsewhere; only where frequency or damping
     follow the temperature."""
     if _logs_temperature(wave):
@@ -79,7 +79,9 @@ def _logs_temperature(wave: Wave) -> bool:
 def _lag(wave: Wave, others: ExtendedFit) -> float | None:
     """By how much this thermometer is behind."""
     span = float(wave.time_s[-1] - wave.time_s[0])
-    return least(lambda lag: change.undo_lag(wave, lag), others, LONGEST_LAG * span, FINEST * span)
+    return find_least_misfit(
+        lambda lag: change.undo_lag(wave, lag), others, LONGEST_LAG * span, FINEST * span
+    )
 
 
 def _shown_course(wave: Wave, others: ExtendedFit) -> Wave | None:

@@ -9,7 +9,7 @@ from synthetic_waves import GYRO, run_down
 from hrg_cli import collect, demodulate, estimate, simulate
 from hrg_cli.effects import find
 from hrg_cli.fitting.causes import extended_fit, fit_point
-from hrg_cli.stages.diagnosis.base.base_priors import freedom_of
+from hrg_cli.stages.diagnosis.base.base_priors import choose_freedom
 from hrg_cli.stages.diagnosis.base.data import is_averaged_well, prepare
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 
@@ -87,5 +87,5 @@ def test_rows_know_where_in_them_the_temperature_turned_a_corner():
     known = find("thermal_frequency")
     held = replace(known, parameters=tuple(replace(p, fitted=False) for p in known.parameters))
     point = fit_point.add_effect(point, held, known.values({"relative_1_k": FOLLOWS_1_K}))
-    fit = extended_fit.fit(series, point, freedom_of(series, point, GYRO.scale_factor))
+    fit = extended_fit.fit(series, point, choose_freedom(series, point, GYRO.scale_factor))
     assert fit.chi2 / fit.dof < 2

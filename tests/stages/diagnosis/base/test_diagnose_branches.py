@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hrg_cli.stages.diagnosis.base.branches import mean_branch
+from hrg_cli.stages.diagnosis.base.branches import average_branch
 
 FINE = np.linspace(0.0, 10.0, 400_001)
 
@@ -37,7 +37,7 @@ def exact(course, t):
 @pytest.mark.parametrize("rows", [97, 150, 301])
 def test_a_turn_is_found_within_its_step(name, rows):
     t = np.linspace(0.0, 10.0, rows)
-    found, true = mean_branch(t, COURSES[name](t))[:-1], exact(COURSES[name], t)
+    found, true = average_branch(t, COURSES[name](t))[:-1], exact(COURSES[name], t)
     # ∫ of the branch, in steps: a sign a row would be off by up to two of them at every turn
     off = np.cumsum(found - true)
     assert np.abs(off).max() < (0.02 if name in ("parabola", "triangle", "hold and fall") else 0.1)
@@ -45,11 +45,11 @@ def test_a_turn_is_found_within_its_step(name, rows):
 
 def test_a_constant_temperature_has_no_branch():
     t = np.arange(10.0)
-    assert not mean_branch(t, np.full(10, 25.0)).any()
+    assert not average_branch(t, np.full(10, 25.0)).any()
 
 
 def test_nothing_is_known_before_the_first_change():
     t = np.arange(20.0)
     warm = np.where(t < 8, 20.0, 20.0 + (t - 8))
-    found = mean_branch(t, warm)
+    found = average_branch(t, warm)
     assert not found[:8].any() and np.all(found[8:] == 1)

@@ -8,11 +8,11 @@ from hrg_cli import collect, demodulate, estimate, simulate
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.envelopes.coordinates import COORDINATES
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
-from hrg_cli.stages.diagnosis.closing.forcers import moves_of_forcers
+from hrg_cli.stages.diagnosis.closing.forcers import estimate_moves_of_forcers
 from hrg_cli.stages.diagnosis.closing.sized import Sized
 from hrg_cli.stages.diagnosis.fits.scoring import score_effects
-from hrg_cli.stages.diagnosis.fits.variants import variants
-from hrg_cli.stages.diagnosis.report.base_values import values
+from hrg_cli.stages.diagnosis.fits.variants import list_variants
+from hrg_cli.stages.diagnosis.report.base_values import list_base_values
 from hrg_cli.stages.diagnosis.search.inquiry import Inquiry
 from hrg_cli.stages.diagnosis.search.search_case import Case
 from hrg_cli.stages.diagnosis.search.selection import Search
@@ -57,14 +57,16 @@ def case_of(free):
         for run in config["run"]
     ]
     fit = fit_base(waves, scale_factor=None, blocks=120, free_phase=False)
-    candidates = tuple(variants(OF_DRIVE, fit))
+    candidates = tuple(list_variants(OF_DRIVE, fit))
     last = tuple(score for score, _ in score_effects(fit, candidates))
     return Case(Inquiry(candidates, 1), Search(fit, fit, (), last, last), None)
 
 
 def told(case):
     sized = Sized(case.search.final, case.search.final, 1.0)
-    return {row["name"]: row for row in values(sized, None, moves_of_forcers(case))}
+    return {
+        row["name"]: row for row in list_base_values(sized, None, estimate_moves_of_forcers(case))
+    }
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +75,7 @@ def driven():
 
 
 def test_driven_runs_alone_move_the_damping_by_what_the_forcers_do(driven):
-    moved = moves_of_forcers(driven)
+    moved = estimate_moves_of_forcers(driven)
     # −N u + (1 + g)F u/a: a common excess g of both forces is −gν, a mismatch g −(g/2)ν of the split
     at = COORDINATES.index
     slopes = {"drive_gain": ("damping", -NU), "drive_gain_mismatch": ("damping_cos", -NU / 2)}
@@ -106,5 +108,5 @@ def test_what_the_forcers_may_add_is_in_every_sigma_of_driven_runs(driven):
 
 def test_a_free_run_beside_them_parts_the_sum():
     case = case_of(free=True)
-    assert moves_of_forcers(case) == {}
+    assert estimate_moves_of_forcers(case) == {}
     assert all("sum_with" not in row for row in told(case).values())

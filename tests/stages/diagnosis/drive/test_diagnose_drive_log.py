@@ -72,11 +72,11 @@ def test_a_log_is_taken_as_late_as_the_waves_show_it():
 def test_no_lateness_is_found_in_a_log_that_is_right():
     timed = drive_log.fit_lateness(fitted(*programme(0.0)))
     assert abs(timed.series.drive_late_s) < 2e-5
-    beside = drive_scatter.allow(timed, drive_log.lateness(timed))
+    beside = drive_scatter.allow(timed, drive_log.predict_lateness(timed))
     assert beside.dof == timed.dof  # its size beforehand is known
-    column = whitened_rows.flatten_rows(beside.series, drive_log.of_lateness(beside))
-    before = whitened_rows.flatten_rows(timed.series, drive_log.of_lateness(timed))
+    column = whitened_rows.flatten_rows(beside.series, drive_log.differentiate_by_lateness(beside))
+    before = whitened_rows.flatten_rows(timed.series, drive_log.differentiate_by_lateness(timed))
     # what the rows still say of a lateness is what was known of it beforehand
-    usual = drive_log.REACH * drive_scatter.row_length_s(timed.series)
+    usual = drive_log.REACH * drive_scatter.find_row_length_s(timed.series)
     assert np.linalg.norm(before) > 50 / usual
     assert np.linalg.norm(column) == pytest.approx(1 / usual, rel=0.02)

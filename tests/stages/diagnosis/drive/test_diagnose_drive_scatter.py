@@ -106,7 +106,7 @@ def judged(draws, loop_noise, logged):
     before, after, left, walk = [], [], [], 0.0
     for draw in range(draws):
         plain = fitted(measured(seen[draw], commands[draw], logged, 1000 + draw))
-        beside = drive_scatter.allowed_for(plain)
+        beside = drive_scatter.allow_scatter(plain)
         before.append(errors(plain))
         after.append(errors(beside))
         left.append(beside.chi2 / beside.dof)
@@ -136,7 +136,7 @@ def test_a_written_start_is_moved_as_the_fit_judges_beside_a_scattered_log():
     """Measured rows beside a walk that is allowed for: a simulation from another start is brought to
     the fit in one step, and rows that were not compared say nothing."""
     seen, commands = loops(1, 3e-4, seed=3)
-    fit = drive_scatter.allowed_for(fitted(measured(seen[0], commands[0], VALUES, 5)))
+    fit = drive_scatter.allow_scatter(fitted(measured(seen[0], commands[0], VALUES, 5)))
     assert fit.series.scatter is not None
     own = find_base_sensitivities(fit.flow)[1]
     off = 1e-4 * np.random.default_rng(6).normal(size=(RUNS, own.shape[-1]))
@@ -165,11 +165,11 @@ def test_errors_are_as_stated_whatever_the_scatter(loop_noise, logged):
 def test_a_log_that_scatters_is_told():
     seen, commands = loops(1, 3e-5, seed=5)
     rough = fitted(measured(seen[0], commands[0], VALUES, 1))
-    told = drive_scatter.sentence(drive_scatter.allowed_for(rough))
+    told = drive_scatter.describe_scatter(drive_scatter.allow_scatter(rough))
     assert "scatters by 0.000" in told and "is in every standard deviation" in told
     seen, commands = loops(1, 0.0, seed=5)
     smooth = fitted(measured(seen[0], commands[0], VALUES, 1))
-    assert drive_scatter.sentence(smooth) == ""
+    assert drive_scatter.describe_scatter(smooth) == ""
     assert not Scatter.of(smooth.series).counts(smooth.series).any()
 
 
@@ -190,16 +190,16 @@ def test_a_line_must_stand_out_of_the_walk_and_a_cause_of_what_is_not_allowed_fo
     zero are taken beside it where the fit knows nothing of it."""
     seen, commands = loops(1, 3e-4, seed=5)
     plain = fitted(measured(seen[0], commands[0], VALUES, 1))
-    beside = drive_scatter.allowed_for(plain)
+    beside = drive_scatter.allow_scatter(plain)
     size = Scatter.of(plain.series).size.max()
-    assert drive_scatter.corner_hz(plain) == 0.0
-    assert abs(drive_scatter.corner_hz(beside) / (size / NOISE / 2 / np.pi) - 1) < 1e-6
-    assert closing.unknown_walk(beside) == 0.0
-    walk = closing.unknown_walk(plain)
+    assert drive_scatter.find_corner_hz(plain) == 0.0
+    assert abs(drive_scatter.find_corner_hz(beside) / (size / NOISE / 2 / np.pi) - 1) < 1e-6
+    assert closing.estimate_unknown_walk(beside) == 0.0
+    walk = closing.estimate_unknown_walk(plain)
     assert walk > 10
 
     def named(sigma, walk):
-        return [one.passed for one in closing.beside_drive_log("gain_mismatch", sigma, walk)]
+        return [one.passed for one in closing.check_beside_drive_log("gain_mismatch", sigma, walk)]
 
     assert named(4.0, walk) == [False] and named(5 * walk, walk) == [True] and named(4.0, 0.0) == []
 
@@ -228,7 +228,7 @@ def test_the_likely_walk_is_on_the_motion_and_not_in_the_residual():
     """Beside the commands' log alone the waves walk by many σ, beside motion and what may have
     scattered by noise; what follows the motion then follows the wave, and χ² is what it was."""
     seen, commands = loops(1, 3e-4, seed=5)
-    plain = drive_scatter.allowed_for(fitted(measured(seen[0], commands[0], VALUES, 1)))
+    plain = drive_scatter.allow_scatter(fitted(measured(seen[0], commands[0], VALUES, 1)))
     fit = drive_scatter.follow_walk(plain)
     assert slow_part(fit.series, fit.prediction.by_log) > 5
     assert slow_part(fit.series, fit.prediction.seen) < 1.2

@@ -43,7 +43,7 @@ BEAT = -6.0
 def blind():
     """The fit that asks for no steps."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(joint_fit, "likely_beats", lambda fit: [])
+        patch.setattr(joint_fit, "find_likely_beats", lambda fit: [])
         return fitted(BEAT)
 
 

@@ -9,9 +9,9 @@ import pytest
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
-from hrg_cli.stages.diagnosis.closing.loop_delay import NAME, moves_of_delay
+from hrg_cli.stages.diagnosis.closing.loop_delay import NAME, estimate_moves_of_delay
 from hrg_cli.stages.diagnosis.closing.sized import Sized
-from hrg_cli.stages.diagnosis.report.base_values import values
+from hrg_cli.stages.diagnosis.report.base_values import list_base_values
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import simulate
 
@@ -55,7 +55,7 @@ def sigmas(fit, delay_periods):
 
 def told(fit):
     """The scale factor as the report has it."""
-    rows = values(Sized(fit, fit, 1.0), None, moves_of_delay(fit))
+    rows = list_base_values(Sized(fit, fit, 1.0), None, estimate_moves_of_delay(fit))
     return next(row for row in rows if row["name"] == "scale_factor")
 
 
@@ -87,7 +87,7 @@ def test_free_runs_tell_the_scale_factor_and_no_delay_moves_it(late):
     free = late.series.forced.copy()
     free[0] = 0.0
     beside = replace(late.prediction, series=replace(late.series, forced=free))
-    assert moves_of_delay(replace(late, flow=replace(late.flow, prediction=beside))) == {}
+    assert estimate_moves_of_delay(replace(late, flow=replace(late.flow, prediction=beside))) == {}
 
 
 @pytest.mark.slow

@@ -11,10 +11,10 @@ from hrg_cli.effects import find
 from hrg_cli.fitting.causes import extended_fit, fit_point
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.physics.resonator import Mechanics
-from hrg_cli.stages.diagnosis.base.base_priors import freedom_of
+from hrg_cli.stages.diagnosis.base.base_priors import choose_freedom
 from hrg_cli.stages.diagnosis.base.data import prepare
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
-from hrg_cli.stages.diagnosis.fits.open_terms import covariates
+from hrg_cli.stages.diagnosis.fits.open_terms import list_covariates
 
 GYRO = {
     "device": {
@@ -74,7 +74,7 @@ def misfit_of(waves, effect, values):
     series, guess, _ = prepare(waves, None, 120)
     known = replace(guess, p=coordinates.from_mechanics(truth))
     series, start, _ = prepare(waves, None, 120, along=known)
-    freedom = freedom_of(series, start, None)
+    freedom = choose_freedom(series, start, None)
     # of a real resonator: its second order is not the fit's to choose
     mean, std = np.append(freedom.mean[:6], 1.0), np.append(freedom.std[:6], 0.0)
     point = fit_point.add_effect(start, effect, effect.values(values))
@@ -105,5 +105,5 @@ def test_a_temperature_that_only_rounding_moves_has_no_rate():
         w.replace(temperature_degc=w.temperature_degc + 1e-14 * np.arange(len(w))) for w in waves
     ]
     fit = fit_base(dusty, scale_factor=None, blocks=120, free_phase=False)
-    formulas = {c.formula for c in covariates(fit.series, fit.prediction.motion)}
+    formulas = {c.formula for c in list_covariates(fit.series, fit.prediction.motion)}
     assert "(T − T₀)/ΔT" in formulas and "Ṫ/Ṫ₀" not in formulas

@@ -12,13 +12,13 @@ from diagnosis_statistics import base_of
 from hrg_cli.fitting.causes import scales, whitened_rows
 from hrg_cli.stages.diagnosis.fits.open_terms import (
     PLACES,
-    covariates,
-    decay_of,
-    effect_of,
-    step_at,
-    tone_of,
+    list_covariates,
+    make_decay,
+    make_open_effect,
+    make_step,
+    make_tone,
 )
-from hrg_cli.stages.diagnosis.search.remainder import Term, columns_of, peaks
+from hrg_cli.stages.diagnosis.search.remainder import Term, compute_term_columns, find_peaks
 
 
 @pytest.fixture(scope="module")
@@ -29,11 +29,11 @@ def fit():
 def test_a_terms_columns_are_the_sensitivities_of_the_effect_it_becomes(fit):
     """Products of a place's vectors and a covariate against differences of the effect's own
     formula."""
-    some = {c.formula: c for c in covariates(fit.series, fit.flow.prediction.motion)}
+    some = {c.formula: c for c in list_covariates(fit.series, fit.flow.prediction.motion)}
     for name in ("√(t/T)", "a₀/a", "(T − T₀)/ΔT", "harmonic 4θ × (a/a₀)²"):
         for place in PLACES:
-            ((_, columns, _),) = columns_of(fit, [(place, some[name])])
-            effect = effect_of(place, some[name], "open")
+            ((_, columns, _),) = compute_term_columns(fit, [(place, some[name])])
+            effect = make_open_effect(place, some[name], "open")
             steps = scales.steps_of(effect, fit.series)
             own = whitened_rows.find_sensitivity(fit.flow, effect, effect.values(), steps)
             assert np.allclose(columns, own, rtol=0, atol=1e-3 * np.abs(columns).max()), (
@@ -55,7 +55,9 @@ def test_the_size_is_the_greatest_change():
         ).size == pytest.approx(size)
 
 
-@pytest.mark.parametrize(("make", "value"), ((step_at, 0.37), (decay_of, -1.2), (tone_of, 3.3)))
+@pytest.mark.parametrize(
+    ("make", "value"), ((make_step, 0.37), (make_decay, -1.2), (make_tone, 3.3))
+)
 def test_a_shape_is_made_again_from_its_number(fit, make, value):
     one = make(fit.series, value)
     again = one.shape.make(fit.series, one.shape.value)
@@ -70,4 +72,4 @@ def test_a_ripple_of_the_residual_is_among_the_tones_looked_for(fit):
         tuple(fit.rows.T)
     ]
     rippling = replace(fit, residual=fit.residual + np.cos(2 * np.pi * 7.3 * time / span))
-    assert min(abs(cycles - 7.3) for cycles in peaks(rippling)) < 0.3
+    assert min(abs(cycles - 7.3) for cycles in find_peaks(rippling)) < 0.3

@@ -9,7 +9,7 @@ from diagnosis_statistics import CYCLE, FORCED, base_of, measured, sized, table_
 from hrg_cli.effects import EFFECTS, find
 from hrg_cli.fitting.causes import evidence
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis.fits.variants import variants
+from hrg_cli.stages.diagnosis.fits.variants import list_variants
 from hrg_cli.stages.diagnosis.report import tested
 from hrg_cli.stages.diagnosis.search.inquiry import STATED
 
@@ -36,7 +36,7 @@ def test_limits_of_one_parameter_hold_in_ninety_five_of_a_hundred():
     fit = base_of(waves(programme(5)))
     random = np.random.default_rng(5)
     draws, tried, held, small = 150, 0, 0, 0
-    for variant in variants([find(name) for name in PLAIN], fit):
+    for variant in list_variants([find(name) for name in PLAIN], fit):
         if len(variant.steps) > 1:
             continue
         S = fit.sensitivities([variant.wanted])[0]

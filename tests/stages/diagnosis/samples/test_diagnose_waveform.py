@@ -10,8 +10,8 @@ from hrg_cli.physics import ellipse
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis.samples.jumps import jumps
-from hrg_cli.stages.diagnosis.samples.waveform import causes, phase_steps
+from hrg_cli.stages.diagnosis.samples.jumps import find_jumps
+from hrg_cli.stages.diagnosis.samples.waveform import find_phase_steps, find_waveform_causes
 from hrg_cli.stages.diagnosis.suspects.transformations import scale_times
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import run_ids, simulate
@@ -151,9 +151,9 @@ def test_a_folded_harmonic_is_no_tone_from_outside():
 
 def seen(waves, tones=()):
     """The waveform's causes and lines."""
-    return causes(
+    return find_waveform_causes(
         waves,
-        phase_steps(waves),
+        find_phase_steps(waves),
         tones,
         float(np.median([w.reference_frequency_hz for w in waves])),
         [],
@@ -181,7 +181,7 @@ def test_a_clean_run_past_a_circle_has_no_step_where_its_phase_bends(split, dist
         assert float(
             np.max(np.abs(wave.quadrature_amplitude / wave.main_amplitude))
         ) == pytest.approx(roundest, abs=2e-3)
-        assert phase_steps([wave]) == []
+        assert find_phase_steps([wave]) == []
 
 
 @pytest.mark.parametrize("seed", (0, 1))
@@ -216,7 +216,7 @@ def test_half_a_sample_is_none_where_sampling_is_even():
         waves[0].time_s > 1.0, 2 * np.pi * waves[0].reference_frequency_hz * 0.5 / RATE_HZ, 0.0
     )
     slipped = [waves[0].replace(phase_rad=waves[0].phase_rad + slip)]
-    assert len(phase_steps(slipped)) == 1 and seen(slipped)[0] == []
+    assert len(find_phase_steps(slipped)) == 1 and seen(slipped)[0] == []
 
 
 def test_a_knock_is_no_lost_sample():
@@ -230,9 +230,9 @@ def test_a_knock_is_no_lost_sample():
     struck = wave.replace(
         main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase
     )
-    assert phase_steps([struck]) == []
-    assert [jump.knock for jump in jumps(struck)] == [True]
-    assert abs(jumps(struck)[0].time_s - 1.0) < wave.window_s
+    assert find_phase_steps([struck]) == []
+    assert [jump.knock for jump in find_jumps(struck)] == [True]
+    assert abs(find_jumps(struck)[0].time_s - 1.0) < wave.window_s
 
 
 @pytest.mark.parametrize("factor", (1e-3, 1e3))

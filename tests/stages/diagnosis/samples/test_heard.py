@@ -8,7 +8,11 @@ from wrong_runs import estimated, recordings
 from hrg_cli.effects import EFFECTS, Effect, Parameter
 from hrg_cli.physics import ellipse
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis.samples.heard import harmonics, is_excluded, least_in_looks
+from hrg_cli.stages.diagnosis.samples.heard import (
+    bound_power_in_looks,
+    compute_harmonic_power,
+    is_excluded,
+)
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}
 CURVES = {
@@ -20,17 +24,21 @@ CURVES = {
 def test_harmonics_of_a_curve_are_those_of_its_fourier_series():
     amplitude = np.array([[1.0, 0.4], [0.7, 0.2]])
     gamma, h, level = 4e-3, 2e-3, 0.9
-    third = harmonics(BY_NAME["pickoff_nonlinearity"], {"cubic": gamma}, amplitude)[0].mean(axis=0)
+    third = compute_harmonic_power(BY_NAME["pickoff_nonlinearity"], {"cubic": gamma}, amplitude)[
+        0
+    ].mean(axis=0)
     # γ cos³ = γ(3 cos φ + cos 3φ)/4
     np.testing.assert_allclose(third, np.mean((gamma * amplitude**3 / 4) ** 2, 0) / 2, rtol=0.03)
-    dead = harmonics(
+    dead = compute_harmonic_power(
         BY_NAME["converter_nonlinearity"], {"mid_scale": h, "step": 0.0}, amplitude[:, :1]
     )
     # a square wave of height h: 4h/πn at the odd n, where h is small beside the amplitude
     np.testing.assert_allclose(
         dead.mean(axis=1)[:, 0], (4 * h / np.pi / np.array([3, 5, 7])) ** 2 / 2, rtol=0.05
     )
-    clipped = harmonics(BY_NAME["saturation"], {"inverse_level": 1 / level}, amplitude[:1])
+    clipped = compute_harmonic_power(
+        BY_NAME["saturation"], {"inverse_level": 1 / level}, amplitude[:1]
+    )
     assert clipped[0, 0, 0] > 0 and clipped[0, 0, 1] == pytest.approx(0.0, abs=1e-20)
 
 
@@ -40,9 +48,9 @@ def test_a_clip_just_under_the_top_makes_harmonics_at_the_top_alone():
     was half of the top's)."""
     level, noise = 0.9985, 5e-4
     amplitude = np.array([0.9, 0.998, 0.999, 1.0, 1.0005])[:, None]
-    third = harmonics(BY_NAME["saturation"], {"inverse_level": 1 / level}, amplitude, noise)[
-        0, :, 0
-    ]
+    third = compute_harmonic_power(
+        BY_NAME["saturation"], {"inverse_level": 1 / level}, amplitude, noise
+    )[0, :, 0]
     phase, draw = 2 * np.pi * np.arange(512) / 512, np.random.default_rng(4)
     for a, power in zip(amplitude[:, 0], third, strict=True):
         y = np.clip(a * np.cos(phase) + noise * draw.standard_normal((5000, 512)), -level, level)
@@ -65,7 +73,7 @@ def test_harmonics_of_a_read_out_with_memory_are_those_of_its_loop():
 
     parameters = (Parameter("slope", "amplitude-1", 1e-3, "β"),)
     behind = Effect("behind", "read-out", "Rayleigh", parameters, readout=readout)
-    third = harmonics(behind, {"slope": slope}, amplitude)[0].mean(axis=0)
+    third = compute_harmonic_power(behind, {"slope": slope}, amplitude)[0].mean(axis=0)
     expected = np.mean((4 * slope * amplitude**2 / 15 / np.pi) ** 2, 0) / 2
     np.testing.assert_allclose(third, expected, rtol=0.03)
 
@@ -76,9 +84,11 @@ def test_a_power_that_comes_and_goes_may_be_missed_by_the_looks():
     t = np.linspace(0.0, 160.0, 16001)
     burst = (np.mod(t, 160 / 15 * (1 - 0.01 / 15)) < 1.0).astype(float)[None, :, None]
     assert burst.mean() == pytest.approx(0.094, abs=0.01)
-    assert least_in_looks(burst, t, 0.1)[0, 0] < 0.07  # the first look alone, which may not move
-    assert least_in_looks(burst, t, 20.0)[0, 0] == pytest.approx(burst.mean())
-    assert least_in_looks(np.ones((1, len(t), 1)), t, 0.1)[0, 0] == pytest.approx(1.0)
+    assert (
+        bound_power_in_looks(burst, t, 0.1)[0, 0] < 0.07
+    )  # the first look alone, which may not move
+    assert bound_power_in_looks(burst, t, 20.0)[0, 0] == pytest.approx(burst.mean())
+    assert bound_power_in_looks(np.ones((1, len(t), 1)), t, 0.1)[0, 0] == pytest.approx(1.0)
 
 
 def measured(heard, name, part=1.0):

@@ -8,7 +8,7 @@ from synthetic_waves import as_wave, envelope
 
 from hrg_cli.physics import resonator
 from hrg_cli.physics.resonator import Mechanics
-from hrg_cli.stages.diagnosis.samples.jumps import jumps
+from hrg_cli.stages.diagnosis.samples.jumps import find_jumps
 
 WINDOWS, WINDOW_S, NOISE = 160, 6e-3, 1e-5
 FAST = Mechanics(523.0, 0.9, 0.25, 0.35, 21.0, 0.9, 0.55)
@@ -28,7 +28,7 @@ def turning(seed, rate, lost_s=0.0):
 
 @pytest.mark.parametrize("rate", [0.0, 9.0, -24.0])
 def test_a_wave_that_turns_fast_has_no_jump(rate):
-    assert [jumps(turning(seed, rate)) for seed in range(4)] == [[]] * 4
+    assert [find_jumps(turning(seed, rate)) for seed in range(4)] == [[]] * 4
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.1, 0.5])
@@ -53,14 +53,14 @@ def test_a_rate_that_changes_within_some_windows_makes_no_jump(ratio, width_s):
     rows = np.arange(WINDOWS) * fine + fine // 2
     means = rate.reshape(WINDOWS, fine).mean(axis=1)
     wave = as_wave(u[rows], at[rows], NOISE, gyro, random, rate=means)
-    assert [jump for jump in jumps(wave) if jump.alike] == []
+    assert [jump for jump in find_jumps(wave) if jump.alike] == []
 
 
 @pytest.mark.parametrize("rate", [0.0, 9.0, -24.0])
 @pytest.mark.parametrize("lost_s", [1.9e-4, 4.7e-4])
 def test_what_is_lost_turns_both_channels_alike_by_its_time(rate, lost_s):
     wave = turning(5, rate, lost_s)
-    (jump,) = jumps(wave)
+    (jump,) = find_jumps(wave)
     expected = (2 * np.pi * FAST.frequency_hz + jump.rate_rad_s) * lost_s
     assert jump.alike and not jump.knock
     assert abs(np.angle(np.exp(1j * (jump.turn_rad - expected)))) < 5 * jump.turn_std_rad
@@ -94,7 +94,7 @@ def swinging(seed, lost_s, amplitude_rad_s=6.0, swings=1.7):
 
 @pytest.mark.parametrize("swings", [0.6, 1.7, 4.0])
 def test_a_table_that_swings_makes_no_jump(swings):
-    found = [jumps(swinging(seed, 0.0, swings=swings)[2]) for seed in range(4)]
+    found = [find_jumps(swinging(seed, 0.0, swings=swings)[2]) for seed in range(4)]
     assert [[j for j in one if j.alike or j.knock] for one in found] == [[]] * 4
 
 
@@ -102,7 +102,7 @@ def test_a_table_that_swings_makes_no_jump(swings):
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_lost_while_a_table_swings_is_found(swings, seed):
     gyro, lost_s, wave = swinging(seed, 5e-4, swings=swings)
-    (jump,) = [one for one in jumps(wave) if one.alike]
+    (jump,) = [one for one in find_jumps(wave) if one.alike]
     expected = (2 * np.pi * gyro.frequency_hz + jump.rate_rad_s) * lost_s
     assert abs(np.angle(np.exp(1j * (jump.turn_rad - expected)))) < 5 * jump.turn_std_rad
     assert jump.turn_std_rad < 0.03 and not jump.knock

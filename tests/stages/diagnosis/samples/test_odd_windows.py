@@ -8,7 +8,7 @@ from diagnosis_programme import programme, waves
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis.samples.odd_windows import at_the_top, odd_windows
+from hrg_cli.stages.diagnosis.samples.odd_windows import are_at_top, find_odd_windows
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import run_ids, simulate
 
@@ -55,7 +55,7 @@ def test_sound_runs_have_none(periods):
         "dwell_s": 0.4,
     }
     table["run"][2]["environment"].pop("rate_rad_s")
-    assert odd_windows(waves(table, periods_per_window=periods)) == []
+    assert find_odd_windows(waves(table, periods_per_window=periods)) == []
 
 
 def test_a_burst_is_told_and_takes_the_word_away():
@@ -73,7 +73,7 @@ def test_noisy_tops_that_were_clipped_are_saturation():
     for run in table["run"]:
         run["start"]["wave_angle_rad"] = 0.02
     seen = damaged(table, clipped(0.96))
-    assert len(odd := odd_windows(seen)) >= 3 and at_the_top(seen, odd)
+    assert len(odd := find_odd_windows(seen)) >= 3 and are_at_top(seen, odd)
     out = summary(diagnose(seen))
     assert [e["name"] for e in out["effects"]] == ["saturation"]
     level = out["effects"][0]["parameters"]["inverse_level"]

@@ -11,11 +11,11 @@ from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import evidence, extended_fit, fit_point
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
-from hrg_cli.stages.diagnosis.fits.variants import variants
+from hrg_cli.stages.diagnosis.fits.variants import list_variants
 from hrg_cli.stages.diagnosis.search.between import take_from_frequencies
 from hrg_cli.stages.diagnosis.search.inquiry import STATED, Inquiry
-from hrg_cli.stages.diagnosis.search.offsets import offsets_of
-from hrg_cli.stages.diagnosis.search.run_patterns import patterns
+from hrg_cli.stages.diagnosis.search.offsets import read_offsets
+from hrg_cli.stages.diagnosis.search.run_patterns import find_patterns
 from hrg_cli.stages.diagnosis.search.search_case import Case
 from hrg_cli.stages.diagnosis.search.selection import Found, Search
 from hrg_cli.stages.diagnosis.thresholds import MOST_RIVALS
@@ -117,12 +117,12 @@ def test_frequencies_that_wander_by_chance_follow_a_cause_no_more_often_than_sta
         _on_ramps(table, random)
         fit = fit_base(waves(table), scale_factor=None, blocks=120, free_phase=False)
         asked = [e for e in EFFECTS if e.seen_in == "dynamics"]
-        inquiry = Inquiry(tuple(variants(asked, fit)), 5)
-        offsets, index = offsets_of(fit, STATED)
+        inquiry = Inquiry(tuple(list_variants(asked, fit)), 5)
+        offsets, index = read_offsets(fit, STATED)
         own = np.sqrt(np.median(np.diag(offsets.covariance)))
         for _ in range(60):
             wander = own * random.choice([10.0, 30.0, 100.0]) * random.standard_normal(runs)
-            found = patterns(fit, replace(offsets, value=wander), index, inquiry)
+            found = find_patterns(fit, replace(offsets, value=wander), index, inquiry)
             chances.append(
                 evidence.correct_for_tries(found[0].p_value, len(found)) if found else 1.0
             )
@@ -242,7 +242,7 @@ def test_a_cause_that_stood_in_for_what_the_frequencies_follow_is_given_up():
         run["environment"].pop("temperature")
         run["environment"]["temperature_degc"] = warm
     base = fit_base(waves(table), scale_factor=None, blocks=120, free_phase=False)
-    candidates = variants([e for e in EFFECTS if e.seen_in == "dynamics"], base)
+    candidates = list_variants([e for e in EFFECTS if e.seen_in == "dynamics"], base)
     stand_in = next(v for v in candidates if v.effect.name == "gain_mismatch")
     point = fit_point.add_effect(base.point, stand_in.effect, stand_in.values)
     final = extended_fit.fit(base.series, point, base.freedom)

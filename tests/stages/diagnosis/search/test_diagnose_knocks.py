@@ -14,7 +14,7 @@ from hrg_cli.fitting.causes import evidence
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 from hrg_cli.stages.diagnosis.fits import places
-from hrg_cli.stages.diagnosis.fits.variants import variants
+from hrg_cli.stages.diagnosis.fits.variants import list_variants
 
 RUNS, LENGTH_S, CLEAN = 4, 1.0, 5
 PLAIN = {"scale_factor": None, "blocks": 120, "free_phase": False}
@@ -30,7 +30,7 @@ def clean():
 
 
 def anywhere(name, fit):
-    (one,) = (v for v in variants([find(name)], fit) if v.anywhere)
+    (one,) = (v for v in list_variants([find(name)], fit) if v.anywhere)
     return one
 
 
@@ -63,7 +63,7 @@ def test_what_a_row_scores_is_the_score_of_what_follows_it(clean):
         for run in (0, RUNS - 1):
             rows, _, _ = fit.design.own[run]
             S = places._own_columns(anywhere(name, fit), fit, run)
-            gain, rank = places.gains(S, fit, run)
+            gain, rank = places.compute_place_gains(S, fit, run)
             for row in (10, 60, 100):
                 whole = np.zeros((len(fit.residual), S.shape[1]))
                 whole[rows][4 * row :] = S[4 * row :]
@@ -90,7 +90,7 @@ def test_a_gain_step_has_the_columns_that_it_has_from_the_start_on(clean):
 def test_runs_that_nothing_struck_have_no_place(clean):
     fit = fit_of(clean)
     for name in ("momentum_kick", "gain_step"):
-        assert places.placed(anywhere(name, fit), fit) == []
+        assert places.place_cause(anywhere(name, fit), fit) == []
 
 
 def assert_named(out, ideal):
@@ -106,7 +106,7 @@ def test_a_knock_that_its_neighbours_do_not_show_is_named(clean):
     runs = waves(struck(CLEAN, true))
     fit = fit_of(runs)
     assert jumps(fit.series) == []
-    found = places.placed(anywhere("momentum_kick", fit), fit)
+    found = places.place_cause(anywhere("momentum_kick", fit), fit)
     row_s = float(np.median(np.diff(fit.series.time_s[0])))
     assert {v.values[RUN] for v in found} == {true[RUN]}
     assert abs(found[0].values[INSTANT] - true[INSTANT]) < 3 * row_s

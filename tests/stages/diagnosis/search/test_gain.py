@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hrg_cli.fitting.causes.left_out_folds import HeldOut
-from hrg_cli.stages.diagnosis.search.gain import _root, folds_of
+from hrg_cli.stages.diagnosis.search.gain import _root, choose_left_out_folds
 
 FOLDS, DRAWS = 16, 600
 
@@ -44,7 +44,7 @@ def test_folds_hold_every_row_once(runs, kind, count):
     where = np.argwhere(np.ones((runs, rows, 4), bool))
     time = np.arange(runs)[:, None] + np.linspace(0, 10.0, rows)
     fit = SimpleNamespace(rows=where, series=SimpleNamespace(names=["r"] * runs, time_s=time))
-    told, folds = folds_of(fit)
+    told, folds = choose_left_out_folds(fit)
     assert told == kind and len(folds) == count
     assert np.array_equal(np.sort(np.concatenate(folds)), np.arange(len(where)))
     for fold in folds:

@@ -10,10 +10,10 @@ from synthetic_waves import as_wave, envelope
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.physics.resonator import Mechanics
-from hrg_cli.stages.diagnosis.base.base_priors import freedom_of
+from hrg_cli.stages.diagnosis.base.base_priors import choose_freedom
 from hrg_cli.stages.diagnosis.base.data import prepare
 from hrg_cli.stages.diagnosis.fits.scoring import is_gross
-from hrg_cli.stages.diagnosis.fits.variants import variants
+from hrg_cli.stages.diagnosis.fits.variants import list_variants
 from hrg_cli.stages.diagnosis.search.inquiry import Inquiry
 from hrg_cli.stages.diagnosis.search.instants import take_strikes
 from hrg_cli.stages.diagnosis.search.search_case import Case
@@ -43,9 +43,9 @@ def measured(change, seed=0, scale=1.0):
 def named(wave):
     """The causes at an instant beside the base model's misfit."""
     series, point, _ = prepare([wave], None, 40)
-    base = extended_fit.fit(series, point, freedom_of(series, point, None))
+    base = extended_fit.fit(series, point, choose_freedom(series, point, None))
     assert is_gross(base), "a slow misfit was expected"
-    candidates = variants([e for e in EFFECTS if e.seen_in == "dynamics"], base)
+    candidates = list_variants([e for e in EFFECTS if e.seen_in == "dynamics"], base)
     left_over = object()  # what it is does not matter here, only that it is
     case = Case(Inquiry(tuple(candidates), 5), Search(base, base, (), (), ()), left_over)
     return take_strikes(case).search.found

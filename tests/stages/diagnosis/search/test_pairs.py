@@ -8,7 +8,7 @@ from diagnosis_programme import programme, verdict
 
 from hrg_cli.fitting.causes.designs import Design, factor_design
 from hrg_cli.fitting.causes.evidence import score_candidates
-from hrg_cli.stages.diagnosis.search.pairs import promising_pairs
+from hrg_cli.stages.diagnosis.search.pairs import list_promising_pairs
 
 ROWS, KNOWN = 200, 4
 
@@ -29,7 +29,7 @@ def test_a_pair_promises_what_a_fit_of_both_takes_of_the_residual():
     names = ["a", "b", "c", "d"]
     found = score_candidates(names, residual, columns, basis)
     at_no_instant = SimpleNamespace(effect=SimpleNamespace(of_one_run=False))
-    pairs = promising_pairs(
+    pairs = list_promising_pairs(
         SimpleNamespace(residual=residual), [(one, at_no_instant) for one in found]
     )
     assert len(pairs) == 6

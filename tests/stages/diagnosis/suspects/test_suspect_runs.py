@@ -9,10 +9,10 @@ from wrong_runs import COURSES, KINDS, estimated, knocked, recordings, table_of,
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.diagnosis.base.base_priors import freedom_of
+from hrg_cli.stages.diagnosis.base.base_priors import choose_freedom
 from hrg_cli.stages.diagnosis.base.data import prepare
 from hrg_cli.stages.diagnosis.base.rate_steps import fit_rate_steps
-from hrg_cli.stages.diagnosis.fits.variants import variants
+from hrg_cli.stages.diagnosis.fits.variants import list_variants
 from hrg_cli.stages.diagnosis.suspects import suspect_runs
 
 SAMPLED = tuple(KINDS)
@@ -25,12 +25,12 @@ THERMAL = {"thermal_frequency": {"relative_1_k": 2e-5}, "thermal_damping": {"rel
 def fitted(pieces, quick=False):
     """The base model's fit, the second order's scale held; quick as it is."""
     series, point, _ = prepare(pieces, None, 120)
-    return fit_rate_steps(extended_fit.fit(series, point, freedom_of(series, point, None)))
+    return fit_rate_steps(extended_fit.fit(series, point, choose_freedom(series, point, None)))
 
 
 def suspicions(waves):
     base = fitted(waves)
-    candidates = variants(
+    candidates = list_variants(
         [effect for effect in EFFECTS if effect.name not in IN_THE_WAVEFORM], base
     )
     return suspect_runs(waves, fitted, base, candidates)
