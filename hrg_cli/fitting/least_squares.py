@@ -107,6 +107,35 @@ def invert_information(information: Array, rcond: float = 1e-12) -> Array:
     return np.asarray(np.linalg.pinv(information / scale, rcond=rcond, hermitian=True) / scale)
 
 
+def square_over_covariance(offset: Array, covariance: Array, rcond: float = 1e-12) -> float:
+    """An offset's square in standard deviations, aᵀ C⁺ a (Wald 1943; Mahalanobis's distance squared).
+
+    Parameters
+    ----------
+    offset
+        (k,).
+    covariance
+        (k, k); numbers that the data cannot tell apart may leave it singular.
+    rcond
+        As in `invert_information`.
+
+    Returns
+    -------
+    float
+        χ² of k numbers, where the offset is noise.
+
+    Examples
+    --------
+    Three and four standard deviations, of two numbers in very different units:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.least_squares import square_over_covariance
+    >>> round(square_over_covariance(np.array([3e-9, 400.0]), np.diag([1e-18, 1e4])), 9)
+    25.0
+    """
+    return float(offset @ invert_information(covariance, rcond) @ offset)
+
+
 def fit_columns(design: Array, target: Array, rcond: float = 1e-12) -> Array:
     """Least-squares answer; directions that the data do not show stay at 0.
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..fitting.least_squares import fit_columns
 from ..fitting.samples.course import Course, build_course, build_from_means
 from ..records import Wave
 
@@ -190,7 +191,7 @@ def _law(
             )
             columns = [e, total][:terms] + ([forward + gains[0] + gains[1] * t] if fitted else [])
             design = np.column_stack(columns)
-            found = np.linalg.lstsq(design, right - forward * now, rcond=None)[0]
+            found = fit_columns(design, right - forward * now)
             gains = np.append(found[:terms], 0.0)[:2]
             now += float(found[-1]) if fitted else 0.0
         if gains[0] > 0 and gains[1] >= 0:

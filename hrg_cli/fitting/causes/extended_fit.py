@@ -13,6 +13,7 @@ import numpy as np
 from ...effects.effect import Effect
 from ..envelopes import channel_noise
 from ..envelopes.coordinates import COORDINATES, COUNT
+from ..least_squares import square_over_covariance
 from .coordinate_priors import CoordinatePriors
 from .damping_bound import restrict_damping
 from .descent import DivergedError, cost_of, count_reals, descend, linearise, no_motion
@@ -143,8 +144,7 @@ class ExtendedFit:
         columns, now = self.layout.effect(effect.name), self.values(effect.name)
         neutral = {p.name: p.neutral for p in effect.parameters}
         off = np.array([now[name] - neutral[name] for name in self.layout.parameters(effect.name)])
-        # the pseudoinverse, as parameters that the data cannot tell apart leave C singular
-        return off, float(off @ np.linalg.pinv(self.covariance[columns, columns]) @ off)
+        return off, square_over_covariance(off, self.covariance[columns, columns])
 
     def parameter_std(self, effect: str, name: str) -> float:
         """Standard deviation of an effect's parameter, 0 where it is not fitted."""

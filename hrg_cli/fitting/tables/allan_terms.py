@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...records import Array
-from ..least_squares import fit_columns
+from ..least_squares import fit_columns, invert_information
 from ..samples.envelope_motion import gain_at_middle
 from .allan import allan_deviation
 
@@ -168,7 +168,7 @@ class _Problem:
         white = root @ self.design[:, own]
         squares, stds = np.zeros(len(NAMES)), np.zeros(len(NAMES))
         squares[own] = nnls(white, root @ self.variance)[0]
-        spread = np.linalg.pinv(white.T @ white, hermitian=True)
+        spread = invert_information(white.T @ white)
         stds[own] = np.sqrt(np.maximum(np.diag(spread), 1e-300))
         return squares, stds
 

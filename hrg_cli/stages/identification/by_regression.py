@@ -16,6 +16,7 @@ from ...fitting.envelopes.base_freedom import Known
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
 from ...fitting.envelopes.regressions import Regression
+from ...fitting.least_squares import square_over_covariance
 from . import closing
 from .first_order_rows import PreparedRows, prepare_rows
 from .methods import ALL, name_parameters, solve_method
@@ -137,7 +138,7 @@ def _measure_distance(answer: Regression, best: Fit) -> float:
     for part in ([0], [1, 2], [3, 4], [5]):
         off, covariance = answer.p[part] - best.p[part], answer.covariance[np.ix_(part, part)]
         if np.all(np.isfinite(off)) and np.all(np.isfinite(covariance)):
-            distance.append(float(np.sqrt(off @ np.linalg.pinv(covariance, hermitian=True) @ off)))
+            distance.append(float(np.sqrt(square_over_covariance(off, covariance))))
     return max(distance)
 
 

@@ -16,6 +16,7 @@ from ....fitting import checks
 from ....fitting.causes.extended_fit import ExtendedFit, along_wave
 from ....fitting.checks import Check
 from ....fitting.envelopes.base_freedom import nominal_scale_factor
+from ....fitting.least_squares import invert_information
 from ....physics import ellipse
 from ..drive.scatter import TOLD, Scatter
 from ..extended.written import Written
@@ -206,7 +207,7 @@ def _expected(fit: ExtendedFit, fold: Array) -> float:
     if not shared.shape[1]:
         return 1.0
     places = fit.design.places
-    information = np.linalg.pinv(fit.covariance[np.ix_(places, places)], hermitian=True)
+    information = invert_information(fit.covariance[np.ix_(places, places)])
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
     # scaled to ones on the diagonal: what the others hold is then a part of all, whatever the units
     power, vectors = np.linalg.eigh((information - shared.T @ shared) / np.outer(size, size))

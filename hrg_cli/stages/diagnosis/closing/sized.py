@@ -11,6 +11,7 @@ import numpy as np
 from ....effects.effect import Effect
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.least_squares import square_over_covariance
 from ..fits.refits import adopt, leave_out
 from ..fits.scoring import score_effects
 from ..search.search_case import Case
@@ -60,7 +61,7 @@ class Sized:
         for other in self.others_of(effect.name):
             moved = off - other.away(effect)[0]
             covariance = covariance + np.outer(moved, moved)
-        wald = float(off @ np.linalg.pinv(covariance, hermitian=True) @ off)
+        wald = square_over_covariance(off, covariance)
         return float(np.sqrt(max(wald, 0.0))) if np.isfinite(wald) else float("nan")
 
     @property

@@ -16,6 +16,7 @@ from ....effects.effect import Effect
 from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.least_squares import square_over_covariance
 from ..thresholds import CLEARLY, WORTH
 from .scoring import compute_worth, is_gross, is_possible, price_place
 from .variants import Variant
@@ -134,7 +135,7 @@ def _saved(effect: Effect, fit: ExtendedFit) -> float:
         tries = 2 * float(np.log(math.comb(len(off), count)))
         for idle in itertools.combinations(range(len(off)), count):
             some = list(idle)
-            rise = float(off[some] @ np.linalg.pinv(C[np.ix_(some, some)]) @ off[some])
+            rise = square_over_covariance(off[some], C[np.ix_(some, some)])
             best = max(best, count * price - tries - rise)
     return best
 

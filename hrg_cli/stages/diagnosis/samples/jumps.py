@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from ....fitting.envelopes.envelope_runs import envelopes_of, integrate_rate
+from ....fitting.least_squares import fit_columns
 from ....fitting.samples.neighbours import find_local_median
 from ....records import Array, Wave
 
@@ -271,7 +272,7 @@ class OwnMotion:
 
         def left_over(K: float) -> float:
             first, second = (side[even] for side in sides(K))
-            M = np.linalg.lstsq(first, second, rcond=None)[0]
+            M = fit_columns(first, second)
             return float(np.sum(np.abs(second - first @ M) ** 2))
 
         if np.count_nonzero(even) > 2 * NEIGHBOURS:
@@ -280,7 +281,7 @@ class OwnMotion:
                 bounds = (-MOST_SCALE_FACTOR, MOST_SCALE_FACTOR)
                 K = float(minimize_scalar(left_over, bounds=bounds, options={"xatol": 1e-7}).x)
             first, second = (side[even] for side in sides(K))
-            M = np.linalg.lstsq(first, second, rcond=None)[0].T
+            M = fit_columns(first, second).T
             values, directions = np.linalg.eig(M)
             if np.linalg.cond(directions) < SKEWED and np.all(np.abs(np.abs(values) - 1) < 0.5):
                 return cls(directions, np.log(values) / step, K)

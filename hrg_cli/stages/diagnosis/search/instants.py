@@ -23,6 +23,7 @@ from ....effects.envelope_jumps import FEWEST
 from ....fitting.causes import designs, evidence, extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
+from ....fitting.least_squares import invert_information
 from ..fits.refits import leave_out
 from ..fits.scoring import count_places, is_gross, is_possible, score_effects
 from ..fits.variants import Variant, list_variants
@@ -182,7 +183,7 @@ def _strike(variant: Variant, S: Array, model: Array, residual: Spectrum) -> Str
         # twice, for the rounding of what the first took off
         for _ in range(2):
             free, left = free - own @ (own.T @ free), left - own @ (own.T @ left)
-        information = np.linalg.pinv(free.T @ free, hermitian=True)
+        information = invert_information(free.T @ free)
         size = information @ (free.T @ left)
     taken = free @ size
     gain = float(taken @ taken)

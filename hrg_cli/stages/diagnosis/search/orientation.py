@@ -14,6 +14,7 @@ import numpy as np
 
 from ....fitting.causes import evidence, extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.least_squares import invert_information, square_over_covariance
 from ..fits.refits import compute_bic, leave_out
 from ..fits.scoring import compute_worth, score_effects
 from ..fits.variants import Variant
@@ -146,24 +147,19 @@ class SignedNormal:
         """What the vector takes of χ² with these signs (R,)."""
         right = signs @ self.b
         shared = np.einsum("r,ricj,c->ij", signs, self.A, signs)
-        inverse = np.linalg.pinv(shared, rcond=evidence.BLIND**2, hermitian=True)
-        return float(right @ inverse @ right)
+        return square_over_covariance(right, shared, evidence.BLIND**2)
 
     def gain_of_each(self) -> float:
         """What a vector of its own in every run takes of χ²: no signs take more."""
         right = self.b.ravel()
         whole = self.A.reshape(len(right), -1)
-        inverse = np.linalg.pinv(whole, rcond=evidence.BLIND**2, hermitian=True)
-        return float(right @ inverse @ right)
+        return square_over_covariance(right, whole, evidence.BLIND**2)
 
     def along_clearest(self) -> Array:
         """Signs (R,) by which the runs' own vectors point the way of the one that takes most."""
         runs = len(self.b)
         alone = np.array(
-            [
-                np.linalg.pinv(self.A[k, :, k], rcond=1e-6, hermitian=True) @ self.b[k]
-                for k in range(runs)
-            ]
+            [invert_information(self.A[k, :, k], rcond=1e-6) @ self.b[k] for k in range(runs)]
         )
         clearest = int(np.argmax(np.sum(alone * self.b, axis=1)))
         return np.where(alone @ alone[clearest] < 0, -1.0, 1.0)
