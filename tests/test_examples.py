@@ -64,7 +64,10 @@ HELD = (
     ),
     *(
         f"fitting.causes.{name}"
-        for name in ("damping_bound", "left_out_folds", "motion_budget", "scales", "wave_frame")
+        for name in (
+            *("damping_bound", "evidence", "left_out_folds", "motion_budget", "scales"),
+            "wave_frame",
+        )
     ),
     *(
         f"fitting.tables.{name}"
