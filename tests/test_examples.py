@@ -58,8 +58,8 @@ HELD = (
         f"fitting.envelopes.{name}"
         for name in (
             *("base_freedom", "channel_noise", "coordinates", "equations", "matrices"),
-            *("noise_propagation", "normal_equations", "rate_estimate", "resonator_spread"),
-            "trapezium",
+            *("noise_propagation", "normal_equations", "one_mode", "rate_estimate"),
+            *("resonator_spread", "trapezium", "two_modes"),
         )
     ),
     *(
