@@ -58,14 +58,15 @@ HELD = (
         f"fitting.envelopes.{name}"
         for name in (
             *("base_freedom", "channel_noise", "coordinates", "equations", "matrices"),
-            *("noise_propagation", "normal_equations", "rate_estimate", "resonator_spread"),
-            "trapezium",
+            *("noise_propagation", "normal_equations", "one_mode", "rate_estimate"),
+            *("resonator_spread", "trapezium", "two_modes"),
         )
     ),
     *(
         f"fitting.causes.{name}"
         for name in (
-            *("damping_bound", "left_out_folds", "motion_budget", "scales", "turned_motion"),
+            *("damping_bound", "evidence", "left_out_folds", "motion_budget", "scales"),
+            "turned_motion",
             "wave_frame",
         )
     ),

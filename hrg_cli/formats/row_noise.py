@@ -9,15 +9,14 @@ rows that count as one. Of n one-pole filters of time constant τ the delay nτ 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-Array = np.ndarray
+from .row_motion import find_basis, find_noise_left, find_phase, make_polynomials
 
-DEGREE = 5
-"""Of the polynomial by which the envelope may move within a piece."""
+Array = np.ndarray
 
 LOW, HIGH = slice(5, 11), slice(11, 21)
 """Bins just above what the polynomial takes and the Hann window spreads, and the octave above
@@ -177,20 +176,18 @@ def _white(looks: Sequence[Array]) -> Array | None:
 
     r = M e, M = I − QQᵀ: E Σ r² = σ² tr M, E Σ r_j r_{j+k} = −σ² Σ_j (QQᵀ)_{j,j+k}.
     """
-    pieces, missed = [], np.zeros(LAGS)
+    pieces, missed, taken_of = [], np.zeros(LAGS), _remember_taken()
     products = np.zeros(LAGS)
     for look in looks:
         rows = look.shape[1] // max(1, look.shape[1] // STILL)
         if rows < STILL:
             continue
-        basis = _polynomials(rows)
-        taken = [np.trace(basis @ basis.T, k) for k in range(1, LAGS + 1)]
-        for left in _residuals(look, rows, rows, basis):
-            parts = np.stack([left.real, left.imag], 1)
-            pieces.append(((parts**2).sum(-1), rows - DEGREE - 1))
+        for left, basis in _residuals(look, rows, rows):
+            parts, taken = np.stack([left.real, left.imag], 1), taken_of(basis)
+            pieces.append(((parts**2).sum(-1), rows - basis.shape[1]))
             scale = np.sqrt(pieces[-1][0] / pieces[-1][1])[..., None]
             parts = parts / np.maximum(scale, 1e-300)
-            missed += _noisy_parts(pieces[-1][0]) * np.asarray(taken)
+            missed += _noisy_parts(pieces[-1][0]) * taken
             products += [(parts[..., k:] * parts[..., :-k]).sum() for k in range(1, LAGS + 1)]
     if not pieces:
         return None
@@ -208,14 +205,14 @@ def _levels(looks: Sequence[Array], rows: int) -> tuple[Array, Array, Array, int
     """Density (channel, 2) in both octaves and variance (channel, 2) of pieces of so many rows;
     their number."""
     power = [
-        np.abs(np.fft.rfft(np.stack([left.real, left.imag], 1), axis=-1)) ** 2
-        for left in _pieces(looks, rows)
+        np.abs(np.fft.rfft(np.stack([left.real, left.imag], 1), axis=-1)) ** 2 / kept
+        for left, kept in _pieces(looks, rows)
     ]
     if not power:
         nothing = np.full((looks[0].shape[0], 2), np.nan)
         return nothing, nothing, nothing, 0
     # the median of medians of exponential variables of mean 1, of odd numbers exactly, is ln 2
-    middle = _drop_lines(np.median(power, axis=0) / np.log(2))
+    middle = _drop_lines(_fill_gaps(_median_of_known(np.asarray(power))) / np.log(2))
     low, high = np.median(middle[..., LOW], -1), np.median(middle[..., HIGH], -1)
     middle[..., : LOW.start] = low[..., None]
     return low, high, middle.mean(-1), len(power)
@@ -227,7 +224,7 @@ def gain_of_filter(looks: Sequence[Array]) -> float:
     rows = min(max(look.shape[1] for look in looks) // FEWEST_PIECES, LONGEST)
     rows = 1 << int(np.log2(max(rows, 1)))
     power = (
-        [np.abs(np.fft.fft(left, axis=-1)).sum(0) ** 2 for left in _pieces(looks, rows)]
+        [np.abs(np.fft.fft(left, axis=-1)).sum(0) ** 2 for left, _ in _pieces(looks, rows)]
         if rows >= SHORTEST
         else []
     )
@@ -243,35 +240,60 @@ def gain_of_filter(looks: Sequence[Array]) -> float:
     return float(min(1.0, np.sqrt(here / there)))
 
 
-def _pieces(looks: Sequence[Array], rows: int) -> Iterator[Array]:
+def _median_of_known(power: Array) -> Array:
+    """Median over pieces (pieces, …) of what is known; NaN where nothing is."""
+    if np.isfinite(power).all():
+        return np.asarray(np.median(power, axis=0))
+    known = np.isfinite(power).any(axis=0)
+    return np.where(known, np.nanmedian(np.where(known, power, 0.0), axis=0), np.nan)
+
+
+def _fill_gaps(power: Array) -> Array:
+    """Bins (channel, 2, bins) that the motion fills, from those beside them."""
+    known = np.isfinite(power).all(axis=(0, 1))
+    if known.all() or not known.any():
+        return power
+    bins = np.arange(power.shape[-1])
+    flat = [np.interp(bins, bins[known], one[known]) for one in power.reshape(-1, len(bins))]
+    return np.reshape(flat, power.shape)
+
+
+def _remember_taken() -> Callable[[Array], Array]:
+    """Re Σ (QQᴴ)_{j,j+k} at the lags k of an orthonormal basis; that of the plain polynomials, which most
+    pieces share, once."""
+    known: dict[int, Array] = {}
+
+    def taken(basis: Array) -> Array:
+        plain = not np.iscomplexobj(basis)
+        if plain and len(basis) in known:
+            return known[len(basis)]
+        lags = range(1, LAGS + 1)
+        sums = np.array([np.sum(basis[k:] * basis[:-k].conj()).real for k in lags])
+        return known.setdefault(len(basis), sums) if plain else sums
+
+    return taken
+
+
+def _pieces(looks: Sequence[Array], rows: int) -> Iterator[tuple[Array, Array | float]]:
     """What a moving envelope leaves of overlapping pieces (channel, rows) under a Hann window of
-    power 1."""
+    power 1, and the part of white noise that it leaves of every bin."""
     window = np.hanning(rows + 2)[1:-1]
     window = window / np.sqrt((window**2).sum())
-    basis = _polynomials(rows)
     for look in looks:
-        for left in _residuals(look, rows, max(1, rows // 2), basis):
-            yield left * window
+        for left, basis in _residuals(look, rows, max(1, rows // 2)):
+            yield left * window, find_noise_left(basis, window)
 
 
-def _polynomials(rows: int) -> Array:
-    """Orthonormal polynomials (rows, `DEGREE` + 1)."""
-    places = np.linspace(-1, 1, rows)
-    return np.asarray(np.linalg.qr(np.polynomial.legendre.legvander(places, DEGREE))[0])
-
-
-def _residuals(look: Array, rows: int, every: int, basis: Array) -> Iterator[Array]:
-    """What polynomials leave of pieces (channel, rows), one in `every` rows, in the stronger
-    channel's phase."""
-    turn = _turn(look)
+def _residuals(look: Array, rows: int, every: int) -> Iterator[tuple[Array, Array]]:
+    """What its motion leaves of pieces (channel, rows), one in `every` rows, in the wave's own phase,
+    and the functions (rows, k) that were taken off."""
+    turn, polynomials = _turn(look), make_polynomials(rows)
     for start in range(0, look.shape[1] - rows + 1, every):
         u = look[:, start : start + rows] * np.exp(-1j * turn * np.arange(rows))
         if np.isfinite(u).all():
-            fit = (u @ basis) @ basis.T
-            along = fit[np.argmax((np.abs(fit) ** 2).sum(1))]
-            yield (u - fit) * np.where(
-                along == 0, 1.0, np.conj(along) / np.maximum(np.abs(along), 1e-300)
-            )
+            basis = find_basis(u, polynomials)
+            fit = (u @ basis.conj()) @ basis.T
+            yield (u - fit) * np.exp(-1j * find_phase(fit, np.iscomplexobj(basis))), basis
 
 
 def _drop_lines(power: Array) -> Array:

@@ -451,3 +451,20 @@ def test_forty_rows_of_an_amplitude_alone(tmp_path):
         assert any("too few rows" in reason for reason in made.status_reasons)
         z.append((made.signals[:, 0] - true) / made.signals_std[:, 0])
     assert 0.9 < np.sqrt(np.mean(np.square(z))) < 1.1
+
+
+@pytest.mark.parametrize("rows", [60, 400, 3000])
+@pytest.mark.parametrize(("turn", "beat"), [(0.17, 0.0), (0.17, 0.1), (1.2, 0.3)])
+def test_noise_of_a_wave_that_turns_fast_beside_its_rows(rows, turn, beat):
+    """A lock-in at 1 Hz on a table at 10°/s: polynomials leave the wave's own turn, which was taken for
+    noise 600 times as large as it is."""
+    rng = np.random.default_rng(rows)
+    generator = np.array([[0.5j * beat, -turn], [turn, -0.5j * beat]]) - 1e-4 * np.eye(2)
+    values, vectors = np.linalg.eig(generator)
+    start = np.linalg.solve(vectors, np.array([1.0, 0.02j]))
+    u = (vectors * start) @ np.exp(np.multiply.outer(values, np.arange(rows)))
+    for noise in (1e-6, 1e-3):
+        white = rng.standard_normal((2, rows)) + 1j * rng.standard_normal((2, rows))
+        found = row_noise([u + noise * white])
+        assert found.density.mean() / noise**2 == pytest.approx(1.0, abs=0.4)
+        assert found.variance.mean() / noise**2 == pytest.approx(1.0, abs=0.3)

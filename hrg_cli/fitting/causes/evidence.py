@@ -62,14 +62,73 @@ class Score:
 
 
 def score(name: str, residual: Array, sensitivity: Array, basis: Basis) -> Score:
-    """Score of one candidate's sensitivities (N, m) beside the basis."""
+    """Score of one candidate beside the base model.
+
+    Parameters
+    ----------
+    name
+        Of the candidate.
+    residual
+        r (N,), over σ.
+    sensitivity
+        S (N, m), over σ.
+    basis
+        Of what the base model leaves free.
+
+    Returns
+    -------
+    Score
+        Fall of χ², estimate with σ, and the rest.
+
+    Examples
+    --------
+    Beside a mean, four values that go up and down by 1.5 σ: 3 σ, the size known to 1/√4.
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.designs import Basis
+    >>> from hrg_cli.fitting.causes.evidence import score
+    >>> mean, sides = Basis((), np.full((4, 1), 0.5)), np.array([[1.0], [-1.0], [1.0], [-1.0]])
+    >>> found = score("sides", 1.5 * sides[:, 0], sides, mean)
+    >>> round(found.gain, 9), round(found.z, 9), found.estimate.round(9), found.std
+    (9.0, 3.0, array([1.5]), array([0.5]))
+    """
     return score_candidates([name], residual, [sensitivity], basis)[0]
 
 
 def score_candidates(
     names: Sequence[str], residual: Array, sensitivities: Sequence[Array], basis: Basis
 ) -> list[Score]:
-    """Scores of many candidates by their columns (N, m)."""
+    """Scores of many candidates beside the base model.
+
+    Parameters
+    ----------
+    names
+        Of the candidates.
+    residual
+        r (N,), over σ.
+    sensitivities
+        S (N, m) of each, over σ.
+    basis
+        Of what the base model leaves free.
+
+    Returns
+    -------
+    list of Score
+        In the order of the names.
+
+    Examples
+    --------
+    What does the same as the base model is not seen beside it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.designs import Basis
+    >>> from hrg_cli.fitting.causes.evidence import score_candidates
+    >>> mean, sides = Basis((), np.full((4, 1), 0.5)), np.array([[1.0], [-1.0], [1.0], [-1.0]])
+    >>> tried = [sides, 0 * sides + 1]
+    >>> found = score_candidates(["sides", "mean again"], 1.5 * sides[:, 0], tried, mean)
+    >>> [(one.name, one.visible) for one in found]
+    [('sides', True), ('mean again', False)]
+    """
     ledger = Ledger(residual, basis)
     if sensitivities:
         ledger.enter(np.concatenate(sensitivities, axis=1), [S.shape[1] for S in sensitivities])
@@ -180,14 +239,56 @@ def _project_candidates(P: Array, c: Array, size: Array) -> Iterator[tuple[Any, 
 
 
 def gains(P: Array, c: Array) -> tuple[Array, Array]:
-    """Falls of χ² (n,) and numbers of parameters (n,) of candidates with s⊥ᵀ s⊥ (n, m, m) and s⊥ᵀ r
-    (n, m) of unit columns."""
+    """Falls of χ² and numbers of parameters of many candidates, from their products alone.
+
+    Parameters
+    ----------
+    P
+        s⊥ᵀ s⊥ (n, m, m) of unit columns.
+    c
+        s⊥ᵀ r (n, m).
+
+    Returns
+    -------
+    tuple of ndarray
+        (n,) and (n,); directions less than `BLIND` beside the base model do not count.
+
+    Examples
+    --------
+    Two columns apart, each with 2 σ of the residual; then twice the same column:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.evidence import gains
+    >>> gain, rank = gains(np.array([np.eye(2), np.ones((2, 2))]), np.full((2, 2), 2.0))
+    >>> gain.round(6).tolist(), rank.tolist()
+    ([8.0, 4.0], [2, 1])
+    """
     s, _, directions = _shown_directions(P)
     return np.sum(np.einsum("nij,ni->nj", directions, c) ** 2, axis=1), np.sum(s > BLIND, axis=1)
 
 
 def chances(gain: Array, rank: Array) -> Array:
-    """Probabilities (n,) that noise makes χ² fall by as much with so many parameters."""
+    """Probabilities that noise makes χ² fall by as much with so many parameters.
+
+    Parameters
+    ----------
+    gain
+        Falls of χ² (n,).
+    rank
+        Numbers of parameters (n,).
+
+    Returns
+    -------
+    ndarray
+        (n,); 1 without a parameter.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.evidence import chances
+    >>> chances(np.array([9.0, 9.0, 9.0]), np.array([1, 2, 0])).round(4).tolist()
+    [0.0027, 0.0111, 1.0]
+    """
     return _significance(gain, rank)[1]
 
 
@@ -201,8 +302,27 @@ def _shown_directions(P: Array) -> tuple[Array, Array, Array]:
 
 
 def find_significance(gain: float, rank: int) -> tuple[float, float]:
-    """(equivalent |z| of one normal variable, p) of a fall of χ² by `gain` with `rank`
-    parameters."""
+    """How improbable a fall of χ² is by noise alone.
+
+    Parameters
+    ----------
+    gain
+        Fall of χ².
+    rank
+        Number of parameters that it took.
+
+    Returns
+    -------
+    tuple of float
+        |z| of one normal variable as improbable, and the probability p.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.causes.evidence import find_significance
+    >>> z, p = find_significance(9.0, 1)
+    >>> round(z, 6), round(p, 4)
+    (3.0, 0.0027)
+    """
     z, p = _significance(np.array(gain), np.array(rank))
     return float(z), float(p)
 
@@ -216,19 +336,54 @@ def _significance(gain: Array, rank: Array) -> tuple[Array, Array]:
 
 
 def both(p: float, q: float) -> float:
-    """Chance that two independent tests together come out so small: −2 ln pq is χ² with four degrees
-    of freedom (Fisher 1925)."""
+    """Chance that two independent tests together come out so small.
+
+    −2 ln pq is χ² with four degrees of freedom (Fisher 1925), so that it is pq (1 − ln pq).
+
+    Parameters
+    ----------
+    p, q
+        Their chances alone.
+
+    Returns
+    -------
+    float
+        Their chance together.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.causes.evidence import both
+    >>> round(both(0.05, 0.05), 4), both(1.0, 1.0)
+    (0.0175, 1.0)
+    """
     product = max(p, 1e-300) * max(q, 1e-300)
     return float(min(1.0, product * (1.0 - np.log(product))))
 
 
 def count_independent(spaces: Sequence[Array]) -> float:
-    """How many independent tests those along the columns S_k (N, q_k) amount to, S_k of orthonormal
-    columns times the root of the noise's power.
+    """How many independent tests those along several spaces amount to.
 
-    |S_jᵀ r|² and |S_kᵀ r|² of a residual r of this noise correlate by ρ = |S_jᵀ S_k|²/|S_jᵀ S_j||S_kᵀ
-    S_k| (Frobenius norms); with the eigenvalues λ of √ρ the tests are as good as (Σ√λ)²/Σλ (Galwey
-    2009).
+    |S_jᵀ r|² and |S_kᵀ r|² of a residual r of this noise correlate by ρ = |S_jᵀ S_k|²/|S_jᵀ
+    S_j||S_kᵀ S_k| (Frobenius norms); with the eigenvalues λ of √ρ the tests are as good as
+    (Σ√λ)²/Σλ (Galwey 2009).
+
+    Parameters
+    ----------
+    spaces
+        S_k (N, q_k): orthonormal columns times the root of the noise's power.
+
+    Returns
+    -------
+    float
+        From 1, all the same, to their number, all apart.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.evidence import count_independent
+    >>> first, second = np.eye(2)[:, :1], np.eye(2)[:, 1:]
+    >>> [round(count_independent(pair), 6) for pair in ([first, second], [first, first])]
+    [2.0, 1.0]
     """
     norms = [float(np.linalg.norm(S.T @ S)) for S in spaces]
     shared = np.array([[np.linalg.norm(S.T @ R) for R in spaces] for S in spaces])
@@ -238,26 +393,115 @@ def count_independent(spaces: Sequence[Array]) -> float:
 
 
 def correct_for_tries(p_value: float, tried: float) -> float:
-    """p for the best of `tried` candidates (Šidák)."""
+    """Chance of the best of several candidates: 1 − (1 − p)ⁿ (Šidák 1967).
+
+    Parameters
+    ----------
+    p_value
+        p of the best alone.
+    tried
+        n, how many independent ones were tried.
+
+    Returns
+    -------
+    float
+        That noise makes the best of them as good.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.causes.evidence import correct_for_tries
+    >>> round(correct_for_tries(0.01, 5), 4), round(1e20 * correct_for_tries(1e-20, 5), 6)
+    (0.049, 5.0)
+    """
     # 1 − (1 − p)^n, which in this form keeps its digits where p is 1e-20
     return float(-np.expm1(tried * np.log1p(-min(p_value, 1 - 1e-16))))
 
 
 def find_bic_gain(gain: float, rank: int, rows: int) -> float:
-    """ΔBIC: fall of χ² less the price ln N a parameter; positive means worth having."""
+    """What a candidate is worth by the Bayesian information criterion: ΔBIC = Δχ² − rank·ln N
+    (Schwarz 1978).
+
+    Parameters
+    ----------
+    gain
+        Fall of χ².
+    rank
+        Number of parameters that it took.
+    rows
+        N, values that were fitted.
+
+    Returns
+    -------
+    float
+        Positive where it is worth its parameters.
+
+    Examples
+    --------
+    Among a thousand values a parameter has to take 6.9 off χ²:
+
+    >>> from hrg_cli.fitting.causes.evidence import find_bic_gain
+    >>> round(find_bic_gain(10.0, 1, 1000), 1), round(find_bic_gain(10.0, 2, 1000), 1)
+    (3.1, -3.8)
+    """
     return gain - rank * float(np.log(rows))
 
 
 def correlate_spaces(a: Score, b: Score) -> float:
-    """Largest canonical correlation of two candidates' spaces beside the base: 1 when one cannot be
-    told from the other."""
+    """Largest canonical correlation of two candidates' spaces beside the base model.
+
+    Parameters
+    ----------
+    a, b
+        Their scores beside the same basis.
+
+    Returns
+    -------
+    float
+        0 to 1; 1 when one cannot be told from the other, 0 where one is not seen at all.
+
+    Examples
+    --------
+    Beside a mean the first two and the last two of four values are the same but for the sign:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.designs import Basis
+    >>> from hrg_cli.fitting.causes.evidence import correlate_spaces, score
+    >>> mean, r = Basis((), np.full((4, 1), 0.5)), np.zeros(4)
+    >>> first, last = np.array([[1.0], [1.0], [0.0], [0.0]]), np.array([[0.0], [0.0], [1.0], [1.0]])
+    >>> round(correlate_spaces(score("first", r, first, mean), score("last", r, last, mean)), 9)
+    1.0
+    """
     if a.rank == 0 or b.rank == 0:
         return 0.0
     return float(np.linalg.svd(a.space.T @ b.space, compute_uv=False)[0])
 
 
 def correlations(scores: Sequence[Score]) -> Array:
-    """`correlate_spaces` of all pairs, (m, m)."""
+    """`correlate_spaces` of all pairs.
+
+    Parameters
+    ----------
+    scores
+        m candidates beside the same basis.
+
+    Returns
+    -------
+    ndarray
+        (m, m), ones along the diagonal.
+
+    Examples
+    --------
+    Beside a mean, what goes up and down in turn and what is up in the first half are apart:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.designs import Basis
+    >>> from hrg_cli.fitting.causes.evidence import correlations, score
+    >>> mean, sides = Basis((), np.full((4, 1), 0.5)), np.array([[1.0], [-1.0], [1.0], [-1.0]])
+    >>> half, r = np.array([[1.0], [1.0], [0.0], [0.0]]), np.zeros(4)
+    >>> scores = [score("sides", r, sides, mean), score("half", r, half, mean)]
+    >>> correlations(scores).round(9).tolist()
+    [[1.0, 0.0], [0.0, 1.0]]
+    """
     out = np.eye(len(scores))
     for i, a in enumerate(scores):
         for j in range(i):
@@ -268,12 +512,37 @@ def correlations(scores: Sequence[Score]) -> Array:
 def smooth_power(
     residual: Array, basis: Basis, smooth: Sequence[tuple[slice, Array]]
 ) -> tuple[float, int]:
-    """χ² of a whitened residual along the columns of `smooth` beside the basis, and its degrees of
-    freedom: the omnibus test.
+    """Omnibus test: χ² of a residual along smooth columns beside the base model.
 
-    `smooth`: columns that live on some rows alone, on those of each own part of the basis in turn.
-    Within their rows they are made orthonormal beside that part, A; with C = Qᵀ A of the shared
-    part their products are I − Cᵀ C.
+    Within their rows the columns are made orthonormal beside that part of the basis, A; with C = Qᵀ
+    A of the shared part Q their products are I − Cᵀ C.
+
+    Parameters
+    ----------
+    residual
+        r (N,), over σ.
+    basis
+        Of what the base model leaves free.
+    smooth
+        Columns that live on some rows alone, on those of each own part of the basis in turn.
+
+    Returns
+    -------
+    tuple
+        χ² and its degrees of freedom.
+
+    Examples
+    --------
+    A line through four values, beside the mean that the run has of its own:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.designs import Basis
+    >>> from hrg_cli.fitting.causes.evidence import smooth_power
+    >>> rows, line = slice(0, 4), np.array([[-3.0], [-1.0], [1.0], [3.0]])
+    >>> basis = Basis(((rows, np.full((4, 1), 0.5)),), np.zeros((4, 0)))
+    >>> power, degrees = smooth_power(line[:, 0], basis, [(rows, line)])
+    >>> round(power, 9), degrees
+    (20.0, 1)
     """
     a, C = [], []
     for (rows, S), (same, Q) in zip(smooth, basis.own, strict=True):

@@ -70,8 +70,45 @@ class OneMode:
 
 
 def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
-    """The laws of one mode from its envelope z (n,); `nonlinear` False: ν and δ alone. Rows lost in
-    noise are left out. A run without phases has no law of its frequency: `NO_LAW`."""
+    """The laws of one mode from its envelope: how it decays, and how its frequency follows its
+    amplitude.
+
+    −(ln a)' = ν + f/a + ν₁a + ν₂a² and φ' = δ + κa² + κ₄a⁴, each term beside the first only where
+    χ² asks for it.
+
+    Parameters
+    ----------
+    run
+        Times and σ of the rows.
+    z
+        Envelope (n,) in any unit; rows lost in noise are left out.
+    nonlinear
+        False: ν and δ alone.
+
+    Returns
+    -------
+    OneMode
+        ν and f in 1/s and unit/s, δ in rad/s; a run without phases has no law of its frequency,
+        `NO_LAW`.
+
+    Examples
+    --------
+    A pendulum without friction but for the air's, whose frequency falls with the square of the
+    swing:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.one_mode import identify
+    >>> t = np.linspace(0.0, 20.0, 401)
+    >>> z = np.exp(-0.1 * t - 0.5j * (1 - np.exp(-0.2 * t)) / 0.2)
+    >>> u = np.stack([z, 0 * z], axis=1)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-3, 0 * t, None, 5e3, 2, 0.05)
+    >>> found = identify(run, z)
+    >>> found.decay.names, round(found.decay.of("viscous_1_s")[0], 6)
+    (('viscous_1_s',), 0.1)
+    >>> round(found.frequency.of("per_amplitude2_rad_s")[0], 3)
+    -0.5
+    """
     a = np.abs(z)
     clear = a > CLEAR * run.std
     last = len(a) if clear.all() else int(np.argmin(clear)) if clear[0] else 0
@@ -87,8 +124,37 @@ def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
 
 
 def misfit(run: EnvelopeRun, z: Array, rows: slice) -> tuple[Array, Array]:
-    """Squared misfit over the noise, and over the squared amplitude (n,), on every row of what the
-    laws of some rows foretell."""
+    """Squared misfit, on every row, of what the laws of some rows foretell.
+
+    Parameters
+    ----------
+    run
+        Times and σ (n,).
+    z
+        Envelope (n,).
+    rows
+        Those that the laws are fitted to.
+
+    Returns
+    -------
+    tuple of ndarray
+        (n,) over the noise, and (n,) over the squared amplitude.
+
+    Examples
+    --------
+    A blow that halves the amplitude after 10 s is not foretold by what came before:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.one_mode import misfit
+    >>> t = np.linspace(0.0, 20.0, 401)
+    >>> z = np.exp(-0.1 * t) * np.where(t > 10.0, 0.5, 1.0) + 0j
+    >>> u = np.stack([z, 0 * z], axis=1)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-3, 0 * t, None, 5e3, 2, 0.05)
+    >>> _, relative = misfit(run, z, slice(0, 200))
+    >>> bool(relative[199] < 1e-6), round(float(relative[-1]), 2)  # ln² 2
+    (True, 0.48)
+    """
     found = identify(run.rows(rows), z[rows])
     a = np.maximum(np.abs(z), run.std)
     inside = np.arange(len(z))[rows][found.rows]

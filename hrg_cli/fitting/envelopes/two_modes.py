@@ -40,8 +40,36 @@ class Modes:
 
 
 def channels(run: EnvelopeRun) -> tuple[Array, bool]:
-    """(envelopes (n, 1) along the direction that carries the run, True) when the channels are one
-    signal; else ((n, 2), False)."""
+    """The channels of a run, made one where they are one signal.
+
+    They are where the weaker principal component of the envelopes over σ holds no more than noise,
+    or a millionth of the stronger one.
+
+    Parameters
+    ----------
+    run
+        Envelopes (n, 2) and σ (n,).
+
+    Returns
+    -------
+    tuple
+        Envelopes (n, 1) along the direction that carries the run and True, else the two (n, 2) and
+        False.
+
+    Examples
+    --------
+    A channel of 3 and one of 4 times a signal are one of 5 times:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.two_modes import channels
+    >>> t = np.linspace(0.0, 10.0, 201)
+    >>> u = np.outer(np.exp(-0.1 * t), [3.0, 4.0])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-3, 0 * t, None, 5e3, 2, 0.05)
+    >>> u, one = channels(run)
+    >>> u.shape, one, round(float(abs(u[0, 0])), 9)
+    ((201, 1), True, 5.0)
+    """
     weighted = run.envelope / run.std[:, None]
     gram = weighted.conj().T @ weighted
     size, vector = np.linalg.eigh(gram)
@@ -51,8 +79,35 @@ def channels(run: EnvelopeRun) -> tuple[Array, bool]:
 
 
 def predict(u: Array, time_s: Array, std: Array, count: int) -> Array:
-    """First λ from u(t + count·h) = Σ aᵢ u(t + i·h) on an even grid, the lag h giving the strongest
-    smallest direction of several."""
+    """First λ of damped exponentials by linear prediction, u(t + count·h) = Σ aᵢ u(t + i·h).
+
+    The lag h is that of a dozen whose exponentials leave least.
+
+    Parameters
+    ----------
+    u
+        Envelopes (n, channels).
+    time_s
+        (n,).
+    std
+        Standard deviation (n,) of a real component.
+    count
+        Exponentials.
+
+    Returns
+    -------
+    ndarray
+        (count,) complex [1/s]: −ν, and the angular frequency above the reference.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.two_modes import predict
+    >>> t = np.linspace(0.0, 10.0, 201)
+    >>> slow, quick = np.exp((-0.1 - 1j) * t), np.exp((-0.2 + 2j) * t)
+    >>> np.sort(predict((slow + quick)[:, None], t, 0 * t + 1e-3, 2).imag).round(3).tolist()
+    [-1.0, 2.0]
+    """
     step = float(np.median(np.diff(time_s)))
     even = np.arange(time_s[0], time_s[-1], step)
     grid = np.stack(
@@ -97,7 +152,40 @@ def _solve(u: Array, time_s: Array, std: Array, exponent: Array) -> tuple[Array,
 
 
 def identify(run: EnvelopeRun, u: Array, count: int = 2) -> Modes:
-    """`count` damped exponentials by least squares over all columns of u (n, channels)."""
+    """Damped exponentials, common to all channels, by least squares.
+
+    u(t) = Σ c e^{λt}, c of each channel its own.
+
+    Parameters
+    ----------
+    run
+        Times and σ of the rows.
+    u
+        Envelopes (n, channels) of the run, or a combination of them.
+    count
+        Exponentials.
+
+    Returns
+    -------
+    Modes
+        The quickest first, with standard deviations widened where χ² a degree of freedom is above
+        1.
+
+    Examples
+    --------
+    Two modes 3 rad/s apart in one channel, with decay rates of 0.2 and 0.1 1/s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.two_modes import identify
+    >>> t = np.linspace(0.0, 10.0, 201)
+    >>> slow, quick = np.exp((-0.1 - 1j) * t), np.exp((-0.2 + 2j) * t)
+    >>> u = np.stack([slow + quick, 0 * t], axis=1)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-3, 0 * t, None, 5e3, 2, 0.05)
+    >>> found = identify(run, run.envelope[:, :1])
+    >>> found.exponent.real.round(6).tolist(), found.exponent.imag.round(6).tolist()
+    ([-0.2, -0.1], [2.0, -1.0])
+    """
     t, std = run.time_s, run.std
     # real numbers seen less real numbers fitted: a complex λ each, and an amplitude a channel
     dof = max(1, 2 * u.size - 2 * count * (u.shape[1] + 1))
@@ -183,8 +271,33 @@ class _Exponentials:
 
 
 def are_resolved(two: Modes, one: Modes) -> bool:
-    """Whether the second mode is there: χ² falls by far more than chance, and the modes are apart
-    by more than their errors."""
+    """Whether the second mode is there.
+
+    It is where χ² falls by far more than chance and the modes are apart by more than their errors.
+
+    Parameters
+    ----------
+    two, one
+        Fits of the same envelopes with two exponentials and with one.
+
+    Returns
+    -------
+    bool
+        False where one mode does as well.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.two_modes import are_resolved, identify
+    >>> t = np.linspace(0.0, 10.0, 201)
+    >>> slow, quick = np.exp((-0.1 - 1j) * t), np.exp((-0.2 + 2j) * t)
+    >>> u = np.stack([slow + quick, slow], axis=1)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-3, 0 * t, None, 5e3, 2, 0.05)
+    >>> both = run.envelope[:, :1]
+    >>> are_resolved(identify(run, both, 2), identify(run, both, 1))
+    True
+    """
     gain = one.chi2_per_dof * one.dof - two.chi2_per_dof * two.dof
     apart = abs(two.exponent[0].imag - two.exponent[1].imag) > 4 * float(np.hypot(*two.std))
     return bool(gain > 50 * max(1.0, two.chi2_per_dof) and apart)
