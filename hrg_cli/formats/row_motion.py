@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..fitting.least_squares import fit_columns
 
 Array = np.ndarray
 
@@ -85,7 +84,7 @@ def find_turns(u: Array) -> Array:
     """
     if len(u) < 2:
         return np.zeros(0)
-    values = np.linalg.eigvals(fit_columns(u[:, :-1].T, u[:, 1:].T))
+    values = np.linalg.eigvals(np.linalg.lstsq(u[:, :-1].T, u[:, 1:].T)[0])
     return np.angle(values) if np.abs(values).min() > LASTING else np.zeros(0)
 
 
