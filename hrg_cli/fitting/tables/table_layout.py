@@ -135,8 +135,9 @@ class Model:
 def roughness(layout: TableLayout) -> Array:
     """Penalty on the curvature of every harmonic along the nodes.
 
-    Σ h(Δs)²·X³/J over the inner nodes, for each harmonic c(x): Δs the change of its slope at a
-    node, h half the distance of its two neighbours, X the range of the J nodes.
+    (X³/J) ∫(d²c/dx²)² dx ≈ (X³/J) Σ (Δs)²/h over the inner nodes, for each harmonic c(x): Δs the
+    change of its slope at a node, h half the distance of its two neighbours, X the range of the J
+    nodes. It is c² times a number, whatever the unit of x.
 
     Parameters
     ----------
@@ -156,7 +157,7 @@ def roughness(layout: TableLayout) -> Array:
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout, roughness
     >>> P = roughness(TableLayout(np.array([0.0, 10.0, 20.0]), "temperature", 2, 0, 0))[::2, ::2]
     >>> [round(float(np.array(c) @ P @ c), 6) for c in ([1, 2, 3], [0, 1, 0])]
-    [0.0, 1066.666667]
+    [0.0, 10.666667]
     """
     J = len(layout.nodes)
     penalty = np.zeros((layout.size, layout.size))
@@ -166,7 +167,7 @@ def roughness(layout: TableLayout) -> Array:
     second = np.zeros((J - 2, J))
     for i in range(J - 2):
         left, right = x[i + 1] - x[i], x[i + 2] - x[i + 1]
-        second[i, i : i + 3] = np.array([1 / left, -1 / left - 1 / right, 1 / right]) * np.sqrt(
+        second[i, i : i + 3] = np.array([1 / left, -1 / left - 1 / right, 1 / right]) / np.sqrt(
             (left + right) / 2
         )
     one = second.T @ second * float(np.ptp(x)) ** 3 / J

@@ -12,7 +12,7 @@ from .programme import examine
 from .variants import build_variant
 
 Array = np.ndarray
-SMOOTHNESS = (1e-6, 1e-4, 1e-2, 1.0, 100.0)
+SMOOTHNESS = (1e-6, 1e-4, 1e-2, 1.0, 1e2, 1e4)
 
 
 def split_by_time(fitted: Fitted) -> Array:
