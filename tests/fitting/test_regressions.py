@@ -315,10 +315,10 @@ def test_two_modes_in_one_channel():
         2,
         5e-3,
     )
-    u, one = two_modes.channels(run)
-    assert one
+    u, _ = two_modes.merge_channels(run)
     modes, single = two_modes.identify(run, u, 2), two_modes.identify(run, u, 1)
     assert two_modes.are_resolved(modes, single)
     assert np.all(np.abs(modes.exponent - np.array([-0.5 + 9j, -0.8 - 8j])) < 5 * modes.std)
     assert modes.chi2_per_dof == pytest.approx(1, abs=0.15)
-    assert not two_modes.channels(envelope_runs.from_wave(run_down(0.3, std=1e-4)))[1]
+    two_signals = envelope_runs.from_wave(run_down(0.3, std=1e-4))
+    assert two_modes.merge_channels(two_signals) is None

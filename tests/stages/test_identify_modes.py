@@ -13,8 +13,10 @@ from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.envelopes import two_modes
 from hrg_cli.physics.resonator import Mechanics
-from hrg_cli.records import Recording
+from hrg_cli.records import Recording, collect
+from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
+from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify, summary
 
 BOWL = Mechanics(526.4, 0.13)
@@ -63,6 +65,29 @@ def test_two_modes_of_a_struck_bell_whole_or_cut(cut):
             and mode["std_1_s"] < 0.01
         )
     assert any("left out" in s for s in record.status_reasons) == (cut[0] < 0.5)
+
+
+@pytest.mark.parametrize("channel", [0, 1])
+def test_the_noise_of_a_channel_alone_is_its_own(channel):
+    """The mean of a noise and of a channel set to zero is half of it: χ² was two, and its errors
+    inflated."""
+    fs = 2003.0
+    t = np.arange(80_000) / fs
+    random = np.random.default_rng(6)
+    x = sum(
+        a * np.exp(-nu * t) * np.cos(2 * np.pi * f * t)
+        for a, nu, f in ((0.8, 0.05, 500.0), (0.4, 0.06, 500.02))
+    )
+    signals = [0 * t, 0 * t]
+    signals[channel] = x + 1e-3 * random.standard_normal(len(t))
+    run = Recording(
+        c=signals[0], s=signals[1], sample_rate_hz=fs, mode="free", mode_number=2, run_id="one",
+        auxiliary_time_s=t[[0, -1]], rate_rad_s=np.zeros(2),
+    )  # fmt: skip
+    record = identify([collect(estimate(collect(demodulate(run, periods_per_window=10.0))))])
+    assert record.chi2_per_dof == pytest.approx(1.0, abs=0.1)
+    value, std = record.parameters()["frequency_split_rad_s"]
+    assert abs(value - 2 * np.pi * 0.02) < 4 * std
 
 
 def test_one_mode_is_not_taken_for_two():

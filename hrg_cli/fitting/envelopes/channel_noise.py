@@ -71,6 +71,39 @@ def whitening(
     return np.asarray((axes / np.sqrt(level)) @ axes.T)
 
 
+def find_shares(channel_std: Array | None) -> tuple[float, float]:
+    """Variance of the noise of C and of S over the mean of both, which is what a row's σ states.
+
+    Parameters
+    ----------
+    channel_std
+        Standard deviations (n, 2) of either channel in the run's rows; None: not known.
+
+    Returns
+    -------
+    tuple of float
+        Both, of sum 2; ones where they are not known.
+
+    Examples
+    --------
+    A channel that was set to zero leaves twice the mean to the other:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.channel_noise import find_shares
+    >>> find_shares(np.array([[3.0, 0.0], [3.0, 0.0]]))
+    (2.0, 0.0)
+    """
+    if channel_std is None or not len(channel_std):
+        return 1.0, 1.0
+    variance = np.asarray(channel_std, float) ** 2
+    variance = variance[np.isfinite(variance).all(axis=-1)]
+    middle = np.median(variance, axis=0) if len(variance) else np.ones(2)
+    if not middle.sum() > 0:
+        return 1.0, 1.0
+    of_c, of_s = 2 * middle / middle.sum()
+    return float(of_c), float(of_s)
+
+
 def _unless_spoilt(ratio: float, stated: Array, u: Array) -> float:
     """The ratio of the channels' variances as it is `stated` (2,), or as rows scatter that contradict
     it.

@@ -34,7 +34,8 @@ ODD_WINDOW, ODD_SPREAD = 1.3, 8.0
 class EnvelopeRun:
     """Envelopes (n, 2) of one run at times (n,), standard deviation (n,) of one real component,
     turned table angle ∫Ω dt (n,); `phase_known` False: their phases are none that was measured;
-    `whitening` of the channels' noise (2, 2), None where both have the same (`channel_noise`)."""
+    `whitening` of the channels' noise (2, 2), None where both have the same, and their `shares` of
+    it, C's and S's variance over the mean of both (`channel_noise`)."""
 
     run_id: str
     time_s: Array
@@ -47,6 +48,7 @@ class EnvelopeRun:
     window_s: float
     phase_known: bool = True
     whitening: Array | None = None
+    shares: tuple[float, float] = (1.0, 1.0)
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -135,6 +137,7 @@ def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> Envel
     good &= np.isfinite(wave.quadrature_amplitude)
     chosen = np.arange(len(good))[inside][good[inside]]
     u = envelopes_of(wave, chosen)
+    channel_std = None if wave.channel_std is None else np.asarray(wave.channel_std, float)[chosen]
     return EnvelopeRun(
         run_id=wave.run_id,
         time_s=np.asarray(wave.time_s, float)[chosen],
@@ -155,11 +158,8 @@ def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> Envel
         window_s=float(wave.window_s),
         phase_known=not len(chosen)
         or not np.all(np.asarray(wave.phase_rad_std, float)[chosen] > PHASE_UNKNOWN_RAD),
-        whitening=channel_noise.whitening(
-            None if wave.channel_std is None else np.asarray(wave.channel_std, float)[chosen],
-            wave.noise_correlation,
-            u,
-        ),
+        whitening=channel_noise.whitening(channel_std, wave.noise_correlation, u),
+        shares=channel_noise.find_shares(channel_std),
     )
 
 

@@ -39,8 +39,8 @@ class Modes:
     converged: bool
 
 
-def channels(run: EnvelopeRun) -> tuple[Array, bool]:
-    """The channels of a run, made one where they are one signal.
+def merge_channels(run: EnvelopeRun) -> tuple[Array, Array] | None:
+    """The channels of a run made one where they are one signal, and its standard deviation.
 
     They are where the weaker principal component of the envelopes over σ holds no more than noise,
     or a millionth of the stronger one.
@@ -48,13 +48,13 @@ def channels(run: EnvelopeRun) -> tuple[Array, bool]:
     Parameters
     ----------
     run
-        Envelopes (n, 2) and σ (n,).
+        Envelopes (n, 2), σ (n,) and the channels' shares of the noise.
 
     Returns
     -------
-    tuple
-        Envelopes (n, 1) along the direction that carries the run and True, else the two (n, 2) and
-        False.
+    tuple of ndarray or None
+        Envelopes (n, 1) along the direction that carries the run and their σ (n,); None where they
+        are two signals.
 
     Examples
     --------
@@ -62,20 +62,24 @@ def channels(run: EnvelopeRun) -> tuple[Array, bool]:
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
-    >>> from hrg_cli.fitting.envelopes.two_modes import channels
+    >>> from hrg_cli.fitting.envelopes.two_modes import merge_channels
     >>> t = np.linspace(0.0, 10.0, 201)
     >>> u = np.outer(np.exp(-0.1 * t), [3.0, 4.0])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-3, 0 * t, None, 5e3, 2, 0.05)
-    >>> u, one = channels(run)
-    >>> u.shape, one, round(float(abs(u[0, 0])), 9)
-    ((201, 1), True, 5.0)
+    >>> u, std = merge_channels(run)
+    >>> u.shape, round(float(abs(u[0, 0])), 9), round(float(std[0]), 9)
+    ((201, 1), 5.0, 0.001)
     """
     weighted = run.envelope / run.std[:, None]
     gram = weighted.conj().T @ weighted
     size, vector = np.linalg.eigh(gram)
     n = len(run)
     one = size[0] < 2 * n * (1 + 6 / np.sqrt(n)) or size[0] < 1e-6 * size[1]
-    return (run.envelope @ vector[:, 1:].conj(), True) if one else (run.envelope, False)
+    if not one:
+        return None
+    # the noise along the direction: a channel that is dead has none, and all of it is the other's
+    share = float(np.abs(vector[:, 1]) ** 2 @ np.asarray(run.shares))
+    return run.envelope @ vector[:, 1:].conj(), np.sqrt(max(share, 1e-12)) * run.std
 
 
 def predict(u: Array, time_s: Array, std: Array, count: int) -> Array:

@@ -4,6 +4,7 @@ pair; one mode or two, as the data say."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,11 +49,12 @@ def identify_one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
     signals, dead = [], True
     for run in runs:
         thin = thin_run(run)
-        u, one = two_modes.channels(thin)
-        if not one:
+        merged = two_modes.merge_channels(thin)
+        if merged is None:
             return None
         dead &= has_dead_channel(thin)
-        signals.append((run, thin, u))
+        u, std = merged
+        signals.append((run, replace(thin, std=std), u))
     found = [find_modes(run, thin, u) for run, thin, u in signals]
     if not dead and not all(s.two is not None for s in found):
         return None
