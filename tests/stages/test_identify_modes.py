@@ -86,7 +86,7 @@ def test_the_noise_of_a_channel_alone_is_its_own(channel):
     )  # fmt: skip
     record = identify([collect(estimate(collect(demodulate(run, periods_per_window=10.0))))])
     assert record.chi2_per_dof == pytest.approx(1.0, abs=0.1)
-    value, std = record.parameters()["frequency_split_rad_s"]
+    value, std, *_ = record.parameters()["frequency_split_rad_s"]
     assert abs(value - 2 * np.pi * 0.02) < 4 * std
 
 
