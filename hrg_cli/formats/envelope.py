@@ -27,7 +27,7 @@ from .envelope_signal import EnvelopeSignal
 from .envelope_stream import stream_windows
 from .envelope_windows import WindowPlan, plan_windows
 from .log import ONE_DEMODULATOR, Log
-from .log_columns import Roles, find
+from .log_columns import Roles, TimingTold, find
 from .log_options import (
     ClockHz,
     Column,
@@ -188,7 +188,8 @@ def import_envelope(
         "phase": phase,
     }
     signal = EnvelopeSignal.found(log, path, named, decibel, phase_units, quadrature_sign)
-    roles = _find_beside(log, path, signal, time, temperature, rate)
+    timed = TimingTold(sample_rate_hz is not None, clock_hz is not None)
+    roles = _find_beside(log, path, signal, time, temperature, rate, timed)
     timing = timing_of(log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
     told = UnitsTold(time_units, rate_units, temperature_units)
     slow = SlowLog(
@@ -226,7 +227,13 @@ def _need_reference(path: Path, reference_hz: float | None) -> float:
 
 
 def _find_beside(
-    log: Log, path: Path, signal: EnvelopeSignal, time: Column, temperature: Column, rate: Column
+    log: Log,
+    path: Path,
+    signal: EnvelopeSignal,
+    time: Column,
+    temperature: Column,
+    rate: Column,
+    timing: TimingTold,
 ) -> Roles:
     """The columns of times, temperature and rate beside the envelope's; channel C stands for all of
     the envelope, so that none of its columns is taken for another."""
@@ -235,6 +242,7 @@ def _find_beside(
         log,
         str(path),
         {"time": time, "c": first + 1, "s": "none", "temperature": temperature, "rate": rate},
+        timing,
     )
 
 

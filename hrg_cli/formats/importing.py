@@ -18,6 +18,7 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..records import Recording, one_or_stream
+from .log_columns import TimingTold
 from .log_options import (
     ClockHz,
     Column,
@@ -193,7 +194,8 @@ def import_log(
         "drive_quadrature": drive_quadrature,
         "auxiliary_time": auxiliary_time,
     }
-    opened = open_channels(Path(path), s_file, asked, format, separator, decimal)
+    timed = TimingTold(sample_rate_hz is not None, clock_hz is not None)
+    opened = open_channels(Path(path), s_file, asked, format, separator, decimal, timed)
     log, roles, where = opened.log, opened.roles, opened.files[0]
     unit = unit_of_channels(log, roles, units, str(where))
     told = UnitsTold(time_units, rate_units, temperature_units)

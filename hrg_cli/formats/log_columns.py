@@ -8,6 +8,9 @@ from ..errors import HrgError, name_some
 from .log import Channel, Log
 from .quantities import is_temperature, is_time
 
+TICKS = ("ticks", "tick", "clock ticks", "timer", "counter")
+"""Titles of a column that counts a clock whose rate was given."""
+
 ALIASES: dict[str, tuple[str, ...]] = {
     "time": (
         "time",
@@ -136,7 +139,18 @@ def listing(log: Log) -> str:
     )
 
 
-def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
+@dataclass(frozen=True)
+class TimingTold:
+    """What was said of the times: the sampling rate, so that no nameless column need hold them; the
+    clock, so that a column of its ticks does."""
+
+    rate: bool = False
+    clock: bool = False
+
+
+def find(
+    log: Log, path: str, asked: dict[str, str | int | None], timing: TimingTold = TimingTold()
+) -> Roles:
     """The column of every role; `asked` names some by title or 1-based number, "none" leaves one
     out.
 
@@ -156,13 +170,18 @@ def find(log: Log, path: str, asked: dict[str, str | int | None]) -> Roles:
         for i in range(len(log.channels))
         if i not in taken.values() and log.channels[i].kind != "text"
     ]
+    if timing.clock and taken["time"] is None and "time" not in left_out:
+        taken["time"] = next((i for i in free if log.channels[i].name.lower() in TICKS), None)
+        free = [i for i in free if i != taken["time"]]
     for role in ALIASES:
         if taken[role] is None and role not in left_out:
             taken[role] = _find_told(log, role, free)
             free = [i for i in free if i != taken[role]]
     if taken["time"] is None and log.sample_rate_hz is None and "time" not in left_out:
-        taken["time"] = _unnamed_time(log, free)
-        free = [i for i in free if i != taken["time"]]
+        nameless = _unnamed_time(log, free)
+        free = [i for i in free if i != nameless]
+        # beside a rate that was given it counts rows
+        taken["time"] = None if timing.rate else nameless
     if "time" in left_out:
         free = [i for i in free if not (log.channels[i].rising and _tells_time(log.channels[i]))]
     _fill_channels(log, path, taken, free, single="s" in left_out)

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import HrgError, name_some
 from ..records.recording import ONE_CHANNEL
 from .log import Log
-from .log_columns import Roles, find
+from .log_columns import Roles, TimingTold, find
 from .pairing import pair_logs, second_file
 from .quantities import channel_unit, is_level
 from .readers import open_log
@@ -39,6 +39,7 @@ def open_channels(
     format: str,
     separator: str | None,
     decimal: str | None,
+    timing: TimingTold,
 ) -> OpenedLog:
     """The log of one file, or of one file per channel, and which of its columns is what."""
     files = [path, *([] if s_file is None else [second_file(path, s_file)])]
@@ -48,7 +49,7 @@ def open_channels(
     if s_file is not None:
         other = open_log(files[1], format, separator, decimal)
         log, asked = pair_logs(path, log, files[1], other, asked)
-    roles = find(log, str(path), asked)
+    roles = find(log, str(path), asked, timing)
     need_same_length(log, roles, str(path))
     return OpenedLog(files, log, roles, before)
 

@@ -151,7 +151,7 @@ def is_of(table: Mapping[Any, tuple[str, ...]], unit: str) -> bool:
 
 def split_name(name: str) -> tuple[str, str]:
     """Column title -> (name, unit): `time (ms)`, `CH1 [V]`, `CH1 in V`, `gyrox rad/s`,
-    `rate_deg_s`; unit empty where none is seen."""
+    `rate_deg_s`, `rate_deg/s`; unit empty where none is seen."""
     name = name.strip().strip('"').strip()
     found = re.match(r"^(.*?)\s*[\[(]([^\])]*)[\])]\s*$", name) or re.match(
         r"^(?:(.*?)\s)?in (\S+)$", name
@@ -161,6 +161,10 @@ def split_name(name: str) -> tuple[str, str]:
     if found and (found[1] or is_unit(found[2])) and (name[-1] in "])" or is_unit(found[2])):
         unit = found[2].strip()
         return (found[1] or "").strip() or ("time" if is_time(unit) else ""), unit
+    for place in (found.start() for found in re.finditer("_", name)):
+        unit = name[place + 1 :]
+        if place and "/" in unit and is_unit(unit):  # rate_deg/s
+            return name[:place], unit
     head, _, last = name.rpartition(" ")
     if not head and "/" in name and not is_unit(name):
         head, _, last = name.partition("/")

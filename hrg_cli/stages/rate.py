@@ -20,6 +20,7 @@ from ..fitting.envelopes.rate_fit import HOPELESS, SETTLED
 from ..fitting.envelopes.rate_from_model import TOO_COARSE, rate_from_model
 from ..fitting.samples.rate_log import describe_left_out, find_stretches
 from ..records import Calibration, Compensated, Resonator, Wave, doubts_about, name_record
+from ..units import DEGREE_PER_HOUR
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 from .rate_by_tables import TableRate, rate_by_tables
 from .rate_nodes import DOUBTFUL, follow
@@ -145,7 +146,8 @@ def rate(
         where = (earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
         beside = rate_by_tables(wave, calibration, found.time_s, found.rate_rad_s, *where)
         doubtful += _check_tables(found, beside, wave, resonator)
-    notes = _loops_at_once(wave, resonator) if loop_delay_s is None else []
+    notes = _tell_granted_delay(wave, resonator) if loop_delay_s is None else []
+    notes += [] if quadrature_phase_error_rad else _tell_granted_phase(wave, resonator)
     result = _record_of(wave, found, beside, [*impossible, *doubtful], notes)
     # what the tables inherit is told by `rate_by_tables` beside their rate
     return (
@@ -223,7 +225,24 @@ def _damping_of(resonator: Resonator) -> float:
     return float(resonator.parameters().get("damping_rate_1_s", (0.0, 0.0, ""))[0])
 
 
-def _loops_at_once(wave: Wave, resonator: Resonator) -> list[str]:
+def _tell_granted_phase(wave: Wave, resonator: Resonator) -> list[str]:
+    """What is taken for granted of the quadrature loop's force, and what it would be worth: at a
+    phase error β its part βδω sin 2m(θ − θ_ω) turns the wave, as a rate of that over K would."""
+    told = resonator.parameters()
+    split, K = (
+        abs(told[name][0]) if name in told else 0.0
+        for name in ("frequency_split_rad_s", "scale_factor")
+    )
+    if wave.mode != "forced" or not (split > 0 and K > 0):
+        return []
+    return [
+        "the quadrature loop's force is taken to be in phase: each milliradian beside it makes the"
+        f" rate wrong by up to {1e-3 * split / K / DEGREE_PER_HOUR:.3g} °/h; give"
+        " --quadrature-phase-error-rad"
+    ]
+
+
+def _tell_granted_delay(wave: Wave, resonator: Resonator) -> list[str]:
     """What is taken for granted of a driven run's loops, and what it would be worth: K/(1 + ντ)
     stands for K where they act τ late, which no wave shows."""
     damping = _damping_of(resonator)

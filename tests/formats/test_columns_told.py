@@ -151,3 +151,32 @@ def test_demodulated_logs_tell_it_too(tmp_path):
 )
 def test_units_at_the_end_of_a_title(title, expected):
     assert split_name(title) == expected
+
+
+def counted(folder, titles, first, channels=(C, S)):
+    path = folder / "counted.csv"
+    rows = "\n".join(f"{n},{c:.6f},{s:.6f}" for n, c, s in zip(first, *channels, strict=True))
+    path.write_text(f"{titles}\n{rows}\n", encoding="utf-8")
+    return path
+
+
+def test_a_column_that_counts_rows_is_no_time_beside_a_rate_that_was_given(tmp_path):
+    path = counted(tmp_path, "sample,adc_c,adc_s", range(N))
+    made = collect(import_log(path, sample_rate_hz=RATE))
+    assert made.sample_rate_hz == RATE and made.status == "valid"
+    np.testing.assert_allclose(made.physical(0, N)[0], C, atol=1e-6)
+
+
+def test_ticks_of_a_clock_that_was_told_are_times(tmp_path):
+    path = counted(tmp_path, "ticks,ch1,ch2", np.arange(N) * 125)
+    made = collect(import_log(path, clock_hz=1e6))
+    assert made.sample_rate_hz == pytest.approx(RATE) and made.status == "valid"
+    with pytest.raises(HrgError, match="give time or sample_rate_hz"):
+        import_log(path)
+
+
+@pytest.mark.parametrize("title", ["rate_deg/s", "table_rate_deg/s", "rate_°/s", "rate_mdeg/s"])
+def test_a_unit_with_a_stroke_may_follow_an_underscore(tmp_path, title):
+    made = collect(import_log(log(tmp_path, {title: 3.0})))
+    unit = np.pi / 180 * (1e-3 if "mdeg" in title else 1)
+    np.testing.assert_allclose(made.rate_rad_s, 3 * unit, rtol=1e-6)
