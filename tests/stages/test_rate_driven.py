@@ -76,8 +76,10 @@ def test_phase_error_of_the_quadrature_force_is_taken_out():
         dict(quadrature_loop="finite", quadrature_gain_1_s=5.0, quadrature_phase_error_rad=0.05)
     )
     off = rate(wave, resonator())
+    assert any("each milliradian" in reason for reason in off.status_reasons)
     for known in (wave, wave.replace(drive_main=None, drive_quadrature=None)):
         on = rate(known, resonator(), quadrature_phase_error_rad=0.05)
+        assert not any("milliradian" in reason for reason in on.status_reasons)
         before, after = (
             np.sqrt(np.mean((np.asarray(f.rate_estimate_rad_s) - truth(np.asarray(f.time_s))) ** 2))
             for f in (off, on)
