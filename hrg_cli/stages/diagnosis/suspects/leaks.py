@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....records import Wave
+from ....records import Array, Wave
 from .cases import REMOVED, Fitted, SuspectFound, fit_or_none
 from .readings import DAMPING, fit_own_damping
 from .suspicion import Suspicion
@@ -15,31 +15,35 @@ from .transformations import undo_damping
 
 LEAK_ROUNDS = 3
 """Dampings of the runs and the rest of the model, in turn."""
+SPLIT_OFF = 0.5
+"""Part of the dampings' range that a gap among them fills where one leak parts the runs in two."""
+SURE = 5.0
+"""Standard deviations by which a damping must stand off the least, where no gap parts the runs."""
 
 
 def find_leaks(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> SuspectFound | None:
-    """Dampings that differ from run to run and nothing else: gas. The runs with more damping than
-    those of the least are named."""
+    """Dampings that differ from run to run and nothing else: gas. The runs above the gap that one leak
+    leaves are named; of dampings that differ by and by all that stand off the least."""
     if len(waves) < 3 or any(wave.mode != "free" for wave in waves):
         return None
-    fit, undone, less = base, list(waves), np.zeros(len(waves))
+    fit, undone = base, list(waves)
+    less, std = np.zeros(len(waves)), np.zeros(len(waves))
     for _ in range(LEAK_ROUNDS):
-        dampings = [fit_own_damping(wave, fit) for wave in undone]
-        if any(one is None for one in dampings):
+        dampings = [one for wave in undone if (one := fit_own_damping(wave, fit)) is not None]
+        if len(dampings) < len(waves):
             return None
-        less += np.array([one[0] - fit.coordinate(DAMPING) for one in dampings if one is not None])
+        own, std = np.array(dampings).T
+        less += own - fit.coordinate(DAMPING)
         undone = [undo_damping(wave, d) for wave, d in zip(waves, less, strict=True)]
         again = fit_or_none(undone, fitted)
         if again is None or again.chi2 > fit.chi2:
             return None
         fit = again
     before, after = base.chi2 / base.dof, fit.chi2 / fit.dof
-    order = np.argsort(less)
-    gaps = np.diff(less[order])
-    high = order[int(np.argmax(gaps)) + 1 :]
-    if after - 1 > (1 - REMOVED) * (before - 1) or gaps.max() < 0.5 * np.ptp(less):
+    if after - 1 > (1 - REMOVED) * (before - 1):
         return None
-    common = fit.coordinate(DAMPING) + float(less[order[0]])
+    high = _find_leaking(less, std * np.sqrt(max(after, 1.0)))
+    common = fit.coordinate(DAMPING) + float(less.min())
     told = tuple(
         Suspicion(
             waves[k].run_id,
@@ -51,4 +55,14 @@ def find_leaks(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> Susp
         )
         for k in sorted(high)
     )
-    return SuspectFound(told, len(waves) - 1, base, fit, after)
+    return SuspectFound(told, len(waves) - 1, base, fit, after) if told else None
+
+
+def _find_leaking(less: Array, std: Array) -> Array:
+    """Runs of more damping, from the runs' dampings (R,) and their σ."""
+    order = np.argsort(less)
+    gaps = np.diff(less[order])
+    if gaps.max() >= SPLIT_OFF * np.ptp(less):
+        return np.asarray(order[int(np.argmax(gaps)) + 1 :])
+    least = order[0]
+    return np.flatnonzero(less - less[least] > SURE * np.hypot(std, std[least]))

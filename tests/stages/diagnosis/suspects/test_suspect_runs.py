@@ -230,6 +230,17 @@ def test_a_leak_names_all_runs_after_it():
     ]
 
 
+def test_a_pressure_that_rises_by_and_by_names_all_runs_but_the_first():
+    """No gap parts the dampings: what stands off the least by more than its errors is told."""
+    table = table_of(2)
+    damping = table["device"]["damping_rate_1_s"]
+    for k, run in enumerate(table["run"]):
+        run["device"] = {"damping_rate_1_s": (1 + 0.02 * k) * damping}
+    assert told(estimated(recordings(table, 2))) == [
+        (f"run{k}", "loss of pressure") for k in range(1, len(table["run"]))
+    ]
+
+
 def test_a_rate_log_in_degrees_in_all_runs_and_of_wrong_sign_in_all_runs():
     waves = estimated(recordings(table_of(1), 1))
     degrees = [w.replace(rate_rad_s=np.degrees(w.rate_rad_s)) for w in waves]
