@@ -223,7 +223,7 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     result = _judge(asked, cut, case, pieces, tones)
     mistake = result.mistake
     if mistake is not None and mistake.surely:
-        suspected = [mistake.suspicion]
+        suspected = list(mistake.suspicions)
         return refuse(asked.waves, cut.untouched, asked.searched, suspected, asked.resonator)
     causes = bool(case.search.found or result.samples.shown)
     verdict = choose_word(causes, bool(result.failed))

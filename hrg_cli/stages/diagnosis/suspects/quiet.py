@@ -13,11 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from ....errors import name_some
 from ....fitting import checks
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from ..thresholds import GROSS, WORTH
 from .cases import Fitted, SuspectCase, fit_or_none
+from .laws import is_one_law
+from .leaks import find_leaks
 from .mistakes import find_mistakes
 from .own_numbers import find_largest_gain
 from .readings import Reading
@@ -42,20 +45,20 @@ PROMISED = 0.9
 
 @dataclass(frozen=True)
 class QuietMistake:
-    """A mistake of one run that stands in for causes, these by name; surely: whether the runs would
-    sooner have made it than show the causes, or cannot tell."""
+    """A mistake of one run, or a leak of several, that stands in for causes, these by name; surely:
+    whether the runs would sooner have made it than show the causes, or cannot tell."""
 
-    suspicion: Suspicion
+    suspicions: tuple[Suspicion, ...]
     causes: tuple[str, ...]
     surely: bool
 
     def table(self) -> dict[str, Any]:
         """As an entry of what the runs cannot tell apart."""
-        one = self.suspicion
+        runs = name_some(one.run_id for one in self.suspicions)
         return {
             "effects": list(self.causes),
-            "base": f"{one.run_id}: {one.what}, which leaves as little",
-            "next_experiment": f"look at {one.run_id}'s log, or repeat that run",
+            "base": f"{runs}: {self.suspicions[0].what}, which leaves as little",
+            "next_experiment": f"look at {runs}'s log, or repeat that run",
         }
 
 
@@ -71,6 +74,8 @@ def suspect_quiet_run(
     """
     if len(waves) < FEWEST_RUNS or (is_any_logged(waves) and not _worth_asking(base)):
         return None
+    if failed and (leak := _find_leak(waves, fitted, base, final)) is not None:
+        return leak
     doubtful = None
     for level in _levels(waves, fitted, base, final):
         if level.before is None or not (
@@ -88,7 +93,7 @@ def suspect_quiet_run(
         before = level.before.chi2 / level.before.dof
         kept = {effect.name for effect, _ in level.before.point.active}
         mistake = QuietMistake(
-            describe_case(waves, case, beside, before),
+            (describe_case(waves, case, beside, before),),
             tuple(e.name for e, _ in final.point.active if e.name not in kept),
             surely=gained > WORTH,
         )
@@ -96,6 +101,21 @@ def suspect_quiet_run(
             return mistake
         doubtful = doubtful or mistake
     return doubtful if doubtful is not None and doubtful.causes else None
+
+
+def _find_leak(
+    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, final: ExtendedFit
+) -> QuietMistake | None:
+    """Dampings of the runs' own that leave the stated noise in place of the causes, for less, and are no
+    law of what the runs' logs hold."""
+    leak = find_leaks(waves, fitted, base)
+    if leak is None or not _is_noise(leak.fit):
+        return None
+    own = leak.numbers * float(np.log(len(base.residual)))
+    gained = min(_price(final), _price(base)) - _price(leak.fit) - own
+    if gained < WORTH or is_one_law(base, leak.chi2_per_dof, leak.numbers, 0.0):
+        return None
+    return QuietMistake(leak.suspicions, tuple(e.name for e, _ in final.point.active), surely=True)
 
 
 def _worth_asking(driven: ExtendedFit) -> bool:

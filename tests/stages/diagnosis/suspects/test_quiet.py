@@ -48,3 +48,17 @@ def test_a_cause_that_one_log_could_feign_says_so():
     ]
     assert any("run2: rate log of wrong scale" in str(base) for base in told)
     assert suspected(report) == []
+
+
+def test_a_damping_that_creeps_up_by_parts_of_a_percent_is_no_force():
+    """A `parasitic_force` and a `coherent_offset` stood in for it, each within its error of zero."""
+    table = programme(4, runs=5)
+    damping = table["device"]["damping_rate_1_s"]
+    for k, run in enumerate(table["run"]):
+        run["device"] = {"damping_rate_1_s": (1 + 0.001 * k) * damping}
+        run["environment"] = {"rate_rad_s": 0.0, "temperature_degc": 22.0}
+    report = summary(diagnose(waves(table)))
+    assert report["baseline"]["chi2_per_dof"] < 10  # below a gross misfit, where runs are asked first
+    assert {what for _, what in suspected(report)} == {"loss of pressure"}
+    assert ("run4", "loss of pressure") in suspected(report)
+    assert ("run0", "loss of pressure") not in suspected(report)
