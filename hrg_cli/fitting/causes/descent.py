@@ -31,30 +31,13 @@ class DivergedError(HrgError, ArithmeticError):
     """The start is so far off that the model's motion has no end there."""
 
 
-def count_reals(series: MeasuredRuns) -> int:
-    """Reals that the rows with weight hold, N: four a row, less a phase that is free in it."""
-    return max(1, (3 if series.free_phase else 4) * int(np.count_nonzero(series.weight)))
-
-
-def find_level(residual: Array, series: MeasuredRuns) -> float:
-    """Variance of the misfit over that of the stated noise, χ²/N, and nowhere below 1."""
-    return max(1.0, float(residual @ residual) / count_reals(series))
-
-
 def cost_of(prediction: Prediction, freedom: CoordinatePriors) -> float:
-    """Minus twice the logarithm of the posterior density; infinite where the motion has no end.
-
-    Within the noise χ² and the priors' part. Beyond it the misfit is taken at its own variance, the
-    likeliest, N (1 + ln χ²/N): at the stated noise a gross misfit would outweigh whatever is known.
-    """
+    """χ² with the priors' part; infinite where the motion has no end."""
     if not np.all(np.isfinite(prediction.seen)):
         return np.inf
     series = prediction.series
-    reals = count_reals(series)
-    chi2 = float(np.sum(flatten_rows(series, prediction.residual()) ** 2))
-    misfit = chi2 if chi2 <= reals else reals * (1 + np.log(chi2 / reals))
     pull = prior_residual(freedom, prediction.point, series)
-    return float(misfit + np.sum(pull**2))
+    return float(np.sum(flatten_rows(series, prediction.residual()) ** 2) + np.sum(pull**2))
 
 
 def no_motion(series: MeasuredRuns, point: Point) -> DivergedError:
@@ -77,10 +60,7 @@ class LinearModel:
     residual: Array
     layout: FitColumns
     factored: Factored
-    level: float
-    """χ²/N of the misfit, where it is beyond the noise (`find_level`)."""
     priors: tuple[Array, Array]
-    """Rows and residual of the priors, over the misfit's own σ as the rows of data are not."""
     step: Array
     covariance: Array
     lost: float
@@ -106,11 +86,9 @@ def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePri
         size = float(np.sum(np.square(factored.triangle)))
     if not np.isfinite(size):
         raise no_motion(series, prediction.point)
-    # d(cost) = dχ²/level + d(pull²): the same optimum as that of dχ² + level · d(pull²)
-    level = find_level(residual, series)
     priors = (
-        np.sqrt(level) * prior_rows(freedom, layout, series),
-        np.sqrt(level) * prior_residual(freedom, prediction.point, series),
+        prior_rows(freedom, layout, series),
+        prior_residual(freedom, prediction.point, series),
     )
     step, covariance = factored.solve(residual, *priors)
     wall = find_wall(prediction.point, layout, step) if freedom.passive else None
@@ -120,9 +98,7 @@ def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePri
         free = step
         step, _ = factored.solve(residual, *priors, *wall)
         lost = _predict_fall(design, residual, free) - _predict_fall(design, residual, step)
-    return LinearModel(
-        flow, design, residual, layout, factored, level, priors, step, covariance, lost
-    )
+    return LinearModel(flow, design, residual, layout, factored, priors, step, covariance, lost)
 
 
 def descend(

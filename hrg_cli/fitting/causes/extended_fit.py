@@ -16,7 +16,7 @@ from ..envelopes.coordinates import COORDINATES, COUNT
 from ..least_squares import square_over_covariance
 from .coordinate_priors import CoordinatePriors
 from .damping_bound import restrict_damping
-from .descent import DivergedError, cost_of, count_reals, descend, linearise, no_motion
+from .descent import DivergedError, cost_of, descend, linearise, no_motion
 from .designs import Basis, Design, Factored
 from .fit_point import Point
 from .layout import FitColumns
@@ -205,8 +205,8 @@ def fit(
     layout = layout_of(series, point, freedom)
     p = restrict_damping(point.p) if freedom.passive else point.p
     point = replace(point, p=np.where(freedom.std == 0, freedom.mean, p))
-    # as a part of the cost, which is about as large as the number of reals
-    settled = 1e-3 / count_reals(series)
+    # as a part of χ²: four reals a row, so that χ² is about as large as their number
+    settled = 1e-3 / max(1, 4 * int(np.count_nonzero(series.weight)))
     with np.errstate(over="ignore", invalid="ignore"):
         spend_motion()
         prediction = predict(
@@ -228,9 +228,7 @@ def fit(
                 break
             gained, value, prediction = value - now, now, trial
             # a shortened step may gain little far from the optimum: that alone settles nothing
-            converged = here.expected / here.level < settled * value or (
-                gained < settled * value and whole
-            )
+            converged = here.expected < settled * value or (gained < settled * value and whole)
     index = np.argwhere(np.broadcast_to((series.weight > 0)[..., None], (*series.weight.shape, 4)))
     return ExtendedFit(
         freedom,

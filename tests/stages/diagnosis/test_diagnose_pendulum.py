@@ -2,7 +2,6 @@
 truth is known."""
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -166,17 +165,6 @@ def florence(scale=1.0):
         c=x - x.mean(), s=y - y.mean(), time_s=t, mode="free", mode_number=1, run_id="florence",
         auxiliary_time_s=t[[0, -1]], rate_rad_s=np.full(2, -5.047e-5 * scale),
     )  # fmt: skip
-
-
-def test_without_a_rate_log_it_shows_the_same():
-    """No log of the rate leaves it unknown, and the splits to be held by what is known of them: at
-    the stated noise the misfit of 50 px outweighed that, and a `mains_tone` was named."""
-    recording = replace(florence(), auxiliary_time_s=None, rate_rad_s=None)
-    wave = collect(estimate(collect(demodulate(recording, periods_per_window=10.0))))
-    out = summary(diagnose([wave]))
-    first = next(effect for effect in out["effects"] if effect.get("view") != "waveform")
-    assert first["name"] in ("cubic_stiffness", "inertial_nonlinearity")
-    assert out["verdict"] == "partly explained" and out["after"]["residual_rms"] < 5
 
 
 def shown_by_florence(periods, scale):

@@ -58,7 +58,9 @@ def test_a_damping_that_creeps_up_by_parts_of_a_percent_is_no_force():
         run["device"] = {"damping_rate_1_s": (1 + 0.001 * k) * damping}
         run["environment"] = {"rate_rad_s": 0.0, "temperature_degc": 22.0}
     report = summary(diagnose(waves(table)))
-    assert report["baseline"]["chi2_per_dof"] < 10  # below a gross misfit, where runs are asked first
+    assert (
+        report["baseline"]["chi2_per_dof"] < 10
+    )  # below a gross misfit, where runs are asked first
     assert {what for _, what in suspected(report)} == {"loss of pressure"}
     assert ("run4", "loss of pressure") in suspected(report)
     assert ("run0", "loss of pressure") not in suspected(report)
