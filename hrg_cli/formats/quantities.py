@@ -101,12 +101,12 @@ _SUFFIXES = {
     for table in (RATE, TEMPERATURE)
     for spellings in table.values()
     for spelling in spellings
-    for joint in ("_", "_per_")
-    if len(spelling) > 1 and re.fullmatch(r"[a-z][a-z/ ]+", spelling)
+    for joint in ("_", "_per_", "/")
+    if len(spelling) > 1 and re.fullmatch(r"[a-z°][a-z°/ ]+", spelling)
 } | {
     unit: unit for unit in ("k", "s", "ms", "us", "ns", "min", "hz", "v", "mv", *LEVELS[:3], "dbfs")
 }
-"""Units as they end a title: `rate_deg_per_s`, `rate_rpm`."""
+"""Units as they end a title: `rate_deg_per_s`, `rate_deg/s`, `rate_rpm`."""
 _SUFFIX = re.compile(
     rf"^(.*?)_({'|'.join(sorted(_SUFFIXES, key=len, reverse=True))})$", re.IGNORECASE
 )
@@ -161,15 +161,6 @@ def split_name(name: str) -> tuple[str, str]:
     if found and (found[1] or is_unit(found[2])) and (name[-1] in "])" or is_unit(found[2])):
         unit = found[2].strip()
         return (found[1] or "").strip() or ("time" if is_time(unit) else ""), unit
-    for place in (found.start() for found in re.finditer("_", name)):
-        unit = name[place + 1 :]
-        if place and "/" in unit and is_unit(unit):  # rate_deg/s
-            return name[:place], unit
-    head, _, last = name.rpartition(" ")
-    if not head and "/" in name and not is_unit(name):
-        head, _, last = name.partition("/")
-    if head and is_unit(last) and len(last) > 1:
-        return head.strip(), last.strip()
     found = _SUFFIX.match(name)
     likely = {
         "s": ("time", "t", "elapsed", "timestamp"),
@@ -179,6 +170,11 @@ def split_name(name: str) -> tuple[str, str]:
     if found and found[1].lower() in likely.get(found[2].lower(), (found[1].lower(),)):
         unit = _SUFFIXES[found[2].lower()]
         return found[1], found[2] if len(unit) == len(found[2]) and "/" not in unit else unit
+    head, _, last = name.rpartition(" ")
+    if not head and "/" in name and not is_unit(name):
+        head, _, last = name.partition("/")
+    if head and is_unit(last) and len(last) > 1:
+        return head.strip(), last.strip()
     if name.lower().endswith("_c") and "temp" in name.lower():
         return name[:-2], "degC"
     return name, ""

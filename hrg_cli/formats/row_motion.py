@@ -154,10 +154,12 @@ def find_phase(u: Array, turning: bool) -> Array:
     >>> bool(np.ptp(find_phase(np.stack([np.cos(angle), np.sin(angle)]), True)) < 1e-9)
     True
     """
-    square, size = np.sum(u**2, axis=0), np.sum(np.abs(u) ** 2, axis=0)
-    if turning and np.median(np.abs(square)) > LINEAR * np.median(size):
-        return np.asarray(np.unwrap(np.angle(square)) / 2)
-    return np.asarray(np.angle(u[np.argmax((np.abs(u) ** 2).sum(1))]))
+    power = np.abs(u) ** 2
+    if turning:
+        square = np.sum(u**2, axis=0)
+        if np.median(np.abs(square)) > LINEAR * np.median(power.sum(axis=0)):
+            return np.asarray(np.unwrap(np.angle(square)) / 2)
+    return np.asarray(np.angle(u[np.argmax(power.sum(axis=1))]))
 
 
 def find_noise_left(basis: Array, window: Array) -> Array | float:

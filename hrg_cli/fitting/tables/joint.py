@@ -157,5 +157,5 @@ def fit(
         settled = sweep > 0 and _walks_settled(used, weights)
         noises = weights
     chi2 = pieces.compute_chi_square(solution.coefficients)
-    chi2_per_dof = chi2 / max(pieces.sum()[2] - solution.degrees, 1.0)
+    chi2_per_dof = chi2 / max(pieces.count - solution.degrees, 1.0)
     return Fitted(list(paths), turns, noises, layout, pieces, solution, chi2_per_dof, jumps)

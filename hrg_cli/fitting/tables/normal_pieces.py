@@ -39,6 +39,11 @@ class Pieces:
     square: Array
     rows: Array
 
+    @property
+    def count(self) -> int:
+        """Rows of all pieces."""
+        return int(self.rows.sum())
+
     def sum(self, where: Array | None = None) -> tuple[Array, Array, int]:
         """(XᵀX, Xᵀy, n) of the chosen pieces (R, S) bool or weights; all by default."""
         w = self._weights(where)

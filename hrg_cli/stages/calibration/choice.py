@@ -147,7 +147,7 @@ def explain_choice(
 ) -> dict[str, Any]:
     """Why a variant was chosen, for JSON and screen; where another was asked for, which `auto`
     would have taken."""
-    rows = fitted.pieces.sum()[2]
+    rows = fitted.pieces.count
     words = ", ".join(f"{a.name} {a.held_out_chi2 / max(rows, 1):.4g}" for a in tried)
     fitting = [a.name for a in tried if a.fits]
     chosen = choose_best(tried)

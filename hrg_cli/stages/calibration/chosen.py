@@ -104,7 +104,7 @@ class Chosen:
         solution = self.answer.tried.solution
         pieces = self.fitted.pieces
         chi2 = pieces.compute_chi_square(solution.coefficients)
-        return float(chi2 / max(pieces.sum()[2] - solution.degrees, 1.0))
+        return float(chi2 / max(pieces.count - solution.degrees, 1.0))
 
     @property
     def inflation(self) -> float:

@@ -40,7 +40,7 @@ def compare_variants(
         seed,
     )
     ratio = float(np.sqrt(np.mean(np.concatenate([p.ratio for p in fitted.paths]) ** 2)))
-    count = fitted.pieces.sum()[2]
+    count = fitted.pieces.count
     for row, a in zip(rows, tried):
         row |= {
             "coefficients": a.tried.model.free,

@@ -96,11 +96,12 @@ def name_causes(
     beside it."""
     said: list[str] = []
     matrix, before = tried.model.matrix, tried.solution.coefficients
+    left = b - A @ before
 
     def find_fall(coefficients: Array) -> float:
         """By how much χ² falls from the variant's: of two large χ² no digit would be left."""
         step = coefficients - before
-        return float(2 * (b - A @ before) @ step - step @ A @ step)
+        return float(2 * left @ step - step @ A @ step)
 
     all_causes = {name: columns for name, columns, _ in list_doubtful_causes(layout)}
     while len(said) < MOST_NAMED:

@@ -19,7 +19,6 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from ..thresholds import GROSS, WORTH
 from .cases import Fitted, SuspectCase, fit_or_none
-from .laws import is_one_law
 from .leaks import find_leaks
 from .mistakes import find_mistakes
 from .own_numbers import find_largest_gain
@@ -113,7 +112,7 @@ def _find_leak(
         return None
     own = leak.numbers * float(np.log(len(base.residual)))
     gained = min(_price(final), _price(base)) - _price(leak.fit) - own
-    if gained < WORTH or is_one_law(base, leak.chi2_per_dof, leak.numbers, 0.0):
+    if gained < WORTH or leak.follow_a_law:
         return None
     return QuietMistake(leak.suspicions, tuple(e.name for e, _ in final.point.active), surely=True)
 
