@@ -297,13 +297,26 @@ def _hint(word: str, model: Any, place: tuple[Any, ...], alone: bool) -> str:
     import difflib
 
     for part in place:
-        field = getattr(model, "model_fields", {}).get(part)
-        model = getattr(field, "annotation", None)
-    known = list(getattr(model, "model_fields", {}))
+        model = _find_part(model, part)
+    known = list(_list_fields(model))
     close = difflib.get_close_matches(word, known, 1)
     if close:
         return f" (did you mean {close[0]}?)"
     return f" (there are {name_some(known)})" if known and alone else ""
+
+
+def _list_fields(model: Any) -> dict[str, Any]:
+    """Types of a table's keys, as a file names them; none where it is no table."""
+    fields: Mapping[str, Any] = getattr(model, "model_fields", {})
+    return {field.alias or name: field.annotation for name, field in fields.items()}
+
+
+def _find_part(model: Any, part: str | int) -> Any:
+    """The type of a table's key, or of a list's or dictionary's entry."""
+    if fields := _list_fields(model):
+        return fields.get(str(part))
+    inner = typing.get_args(model)
+    return inner[-1] if inner else None
 
 
 def to_toml(values: Mapping[str, Any]) -> str:

@@ -10,7 +10,7 @@ import typer
 
 from .. import pipeline, settings
 from ..effects import EFFECTS, Effect, find, load_effects
-from ..errors import UsageError
+from ..errors import HrgError, UsageError
 from ..reporting import console
 from ..stages.inject import inject
 from .common import Common
@@ -98,7 +98,10 @@ def of_effects(
 ) -> list[str]:
     """The assignments with whole keys: PARAMETER=VALUE belongs to the effect that has it,
     EFFECT.PARAMETER=VALUE says which."""
-    chosen = {name: [p.name for p in find(name, tuple(known)).parameters] for name in names}
+    try:
+        chosen = {name: [p.name for p in find(name, tuple(known)).parameters] for name in names}
+    except HrgError as error:  # a word of the command line, as a wrong parameter is
+        raise UsageError(f"--effect: {error}") from error
     out = []
     for text in assignments:
         key, value = settings.parse_assignment(text)

@@ -54,7 +54,9 @@ class Dialect:
     sample: tuple[tuple[str, ...], ...]
     """The first rows as text."""
     left_out: tuple[LeftOut, ...] = ()
-    """Rows above the first readable one that hold samples."""
+    """Rows above the first readable one that hold samples, and words below the last one."""
+    end_line: int | None = None
+    """The line (from 0) behind the last row, where words close the log."""
 
 
 def encoding_of(head: bytes) -> str:

@@ -48,6 +48,8 @@ class LeftOut:
     example: str
     otherwise: bool = False
     """Whole rows of numbers, but with another separator or decimal sign."""
+    samples: bool = True
+    """Rows of samples that cannot be read, rather than words that an instrument closes a log with."""
 
     def sentence(self) -> str:
         """What was left out, for a person."""

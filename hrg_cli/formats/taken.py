@@ -117,7 +117,7 @@ class Taken:
 
     def verdicts(self) -> list[tuple[Status, str]]:
         """Reasons, each with how bad it is."""
-        found = [*self._judge_lost_rows(), *self._judge_not_finite()]
+        found = [*self._judge_lost_rows(), *self._tell_closing(), *self._judge_not_finite()]
         if self.gaps:
             found.append(
                 (
@@ -134,10 +134,11 @@ class Taken:
         return found
 
     def _judge_lost_rows(self) -> list[tuple[Status, str]]:
-        lost = sum(part.rows for part in self.log.left_out)
+        parts = [part for part in self.log.left_out if part.samples]
+        lost = sum(part.rows for part in parts)
         if not lost:
             return []
-        told = "; ".join(part.sentence() for part in self.log.left_out[:GAPS_NAMED])
+        told = "; ".join(part.sentence() for part in parts[:GAPS_NAMED])
         share = lost / (lost + self.seen)
         few = lost <= FEW_ROWS and share < FEW_SHARE
         status: Status = "valid" if few else "refused" if share > REFUSED_SHARE else "suspect"
@@ -147,6 +148,13 @@ class Taken:
                 f"{lost} of {lost + self.seen} rows of the log could not be read and"
                 f" {'was' if lost == 1 else 'were'} left out: {told}",
             )
+        ]
+
+    def _tell_closing(self) -> list[tuple[Status, str]]:
+        return [
+            ("valid", f"not taken: {part.sentence()}")
+            for part in self.log.left_out
+            if not part.samples
         ]
 
     def _judge_not_finite(self) -> list[tuple[Status, str]]:

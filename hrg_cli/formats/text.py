@@ -11,12 +11,14 @@ from __future__ import annotations
 import codecs
 import io
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import HrgError
 from .clock import Clock, floating_quantum, quantum
+from .closing_lines import count_closing_lines, describe_closing
 from .dialect import HEAD_BYTES, Dialect, cell_kind, is_text, sniff, split_line
 from .instruments import understand
 from .log import Array, Blocks, Channel, Log, Reader
@@ -24,6 +26,8 @@ from .unpacked import open_unpacked, read_ends
 
 BLOCK_BYTES = 8 << 20
 LONGEST_LINE = 1 << 20
+TAIL_BYTES = 4096
+"""Where the last row and what closes a log is looked for."""
 
 
 def recognises(path: Path, head: bytes) -> bool:
@@ -33,8 +37,10 @@ def recognises(path: Path, head: bytes) -> bool:
 
 def open_text(path: Path, separator: str | None = None, decimal: str | None = None) -> Log:
     """The log of a text file. HrgError: no numbers in it, or a line longer than any log has."""
-    head, tail, size = read_ends(path, HEAD_BYTES, 4096)
+    head, tail, size = read_ends(path, HEAD_BYTES, TAIL_BYTES)
     dialect = sniff(path, head, separator, decimal)
+    last = _last_lines(head, tail, dialect)
+    dialect = _end_before_closing(path, dialect, last)
     rising = _rising(dialect)
     channels = tuple(
         Channel(name, unit, kind={"date": "clock"}.get(kind, kind), rising=rising[i])  # type: ignore[arg-type]
@@ -51,9 +57,6 @@ def open_text(path: Path, separator: str | None = None, decimal: str | None = No
         "",
     )
     row_bytes = max(1, len(head) // max(1, head.count(b"\n")))
-    last = tail.decode(
-        dialect.encoding if dialect.encoding != "utf-16" else "latin-1", "replace"
-    ).splitlines()[-2:]
     return Log(
         format="text",
         channels=layout.channels,
@@ -62,11 +65,40 @@ def open_text(path: Path, separator: str | None = None, decimal: str | None = No
         sample_rate_hz=layout.sample_rate_hz,
         start_time=start,
         header=dialect.header,
-        quantum=lambda index: _quantum(dialect, last, index),
+        quantum=lambda index: _quantum(dialect, last[-2:], index),
         where=lambda row: f"line {dialect.first_line + row + 1}",
         reasons=layout.reasons,
         left_out=dialect.left_out,
     )
+
+
+def _last_lines(head: bytes, tail: bytes, dialect: Dialect) -> list[str]:
+    """The lines that the last bytes hold whole, as text."""
+    encoding = dialect.encoding
+    if encoding == "utf-16":  # its order of bytes stands at the beginning of the file alone
+        encoding = "utf-16-le" if head.startswith(codecs.BOM_UTF16_LE) else "utf-16-be"
+    lines = tail.decode(encoding, "replace").splitlines()
+    return lines[1:] if len(tail) == TAIL_BYTES else lines
+
+
+def _end_before_closing(path: Path, dialect: Dialect, last: Sequence[str]) -> Dialect:
+    """The dialect with its end at the last row, where words close the log."""
+
+    def is_value(cell: str) -> bool:
+        return any(cell_kind(cell, sign) not in ("text", "") for sign in ".,")
+
+    def cells_of(line: str) -> list[str]:
+        comment = dialect.comment and line.lstrip().startswith(dialect.comment)
+        return [] if comment else split_line(line, dialect.separator)
+
+    closing = count_closing_lines(last, cells_of, is_value)
+    if not closing:
+        return dialect
+    lines = 0
+    for number, block in _lines(path, dialect):
+        lines = number + block.count(b"\n") + (not block.endswith(b"\n"))
+    told = describe_closing(last[-closing:], lines - closing + 1)
+    return replace(dialect, left_out=(*dialect.left_out, told), end_line=lines - closing)
 
 
 def _rising(dialect: Dialect) -> list[bool]:
@@ -102,7 +134,7 @@ def _quantum(dialect: Dialect, last: list[str], index: int) -> float:
 
 def _lines(path: Path, dialect: Dialect) -> Iterator[tuple[int, bytes]]:
     """Blocks of whole lines (line number of the first, bytes in UTF-8 or Latin-1), from the first
-    data line on."""
+    data line on to the last."""
     with open_unpacked(path) as file:
         decoder = (
             codecs.getincrementaldecoder("utf-16")("replace")
@@ -130,9 +162,12 @@ def _lines(path: Path, dialect: Dialect) -> Iterator[tuple[int, bytes]]:
             if not started and whole:
                 parts = whole.split(b"\n", dialect.first_line)
                 whole, number, started = parts[-1], dialect.first_line, True
+            lines = whole.count(b"\n")
+            if dialect.end_line is not None and number + lines >= dialect.end_line:
+                whole = b"".join(whole.splitlines(keepends=True)[: dialect.end_line - number])
             if whole:
                 yield number, whole
-                number += whole.count(b"\n")
+                number += lines
             if not chunk:
                 return
 

@@ -33,8 +33,8 @@ def judge_rows(
     `outlier_z`, or where that is not given beyond the distance that a lot of this size without
     outliers exceeds with a chance of `outlier_rate`, it is named in `outliers`, unless it is
     within `OWN_SIGMA` of its own σ. A gyro passes when
-    all its stages gave a result that is not refused, none of its recordings failed and every limit
-    holds.
+    all its stages gave a result of the status that the lot's file wants ("valid" where it says
+    nothing; one that is refused never passes), none of its recordings failed and every limit holds.
     """
     of_gyro: dict[Any, list[Mapping[str, Any]]] = {}
     for place, recording in enumerate(recordings):
@@ -57,11 +57,13 @@ def judge_rows(
 def _row(gyro: Mapping[str, Any], recordings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     results, answer = gyro.get("results", {}), gyro.get("answer") or {}
     failed = [r for r in recordings if r["status"] == "failed"]
-    broken = [c["sentence"] for c in gyro.get("checks", []) if not c["passed"]]
+    missed = [check for check in gyro.get("checks", []) if not check["passed"]]
+    broken = [check["sentence"] for check in missed if check["name"] != "status"]
+    doubtful = [check["stage"] for check in missed if check["name"] == "status"]
     refused = [
-        f"{stage} is refused: {'; '.join(r['status_reasons'])}"
+        f"{stage} is {r['status']}: {'; '.join(r['status_reasons'])}"
         for stage, r in results.items()
-        if r["status"] == "refused"
+        if r["status"] == "refused" or stage in doubtful
     ]
     lost = [r["error"] if r["name"] in r["error"] else f"{r['name']}: {r['error']}" for r in failed]
     failed_stage = [gyro["error"]] if gyro.get("error") else []

@@ -22,6 +22,10 @@ from .lot_settings import PER_GYRO, PER_RECORDING, LotSettings
 from .lot_work import GyroTask, RecordingTask
 
 BY_LOT = "by the lot's file"
+JUDGED = ("resonator", "calibration", "diagnosis")
+"""Kinds of the results that a gyro passes or fails by."""
+VALID = {"status": "valid"}
+"""What is wanted of a kind for which the lot's file gives no limits, as where it gives no status."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,7 @@ def make_gyro_task(
         one.epoch,
         stages,
         {stage: lot.values(stage) for stage in stages},
-        lot.limits,
+        dict.fromkeys(JUDGED, VALID) | lot.limits,
         one.command,
     )
 

@@ -156,7 +156,7 @@ def work_gyro(task: GyroTask) -> dict[str, Any]:
                 continue
             results[step.name] = {key: step.json[key] for key in TABLED if key in step.json}
             made.append(step.output)
-            checks += [dict(check) for check in step.checks]
+            checks += [{**check, "stage": step.name} for check in step.checks]
     errors += [failed["error"]] if failed.get("error") else []
     answer: dict[str, Any] = {}
     with _stamped(task.epoch), _reporting({}) as failed:

@@ -197,3 +197,41 @@ def test_gaps_are_told_in_a_sentence(tmp_path, gaps, words):
     path = tmp_path / "gaps.csv"
     path.write_text("\n".join(lines) + "\n")
     assert any(words in reason for reason in collect(import_log(path)).status_reasons)
+
+
+CLOSING = {
+    "words": "end of measurement\n",
+    "no line end": "end of measurement",
+    "keys": "Samples{s}4000\nstopped{s}12:00:03\n",
+    "blank lines between": "\nTotal samples: 4000\n\noperator{s}M\n\n",
+}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+@pytest.mark.parametrize(
+    ("separator", "decimal"), [(",", "."), (" ", "."), (";", ","), ("\t", ".")]
+)
+@pytest.mark.parametrize("words", list(CLOSING))
+def test_words_that_close_a_log_are_told_and_every_row_is_taken(
+    tmp_path, words, separator, decimal, encoding
+):
+    path = log(tmp_path, separator=separator, decimal=decimal, title="time,c,s")
+    text = path.read_text() + CLOSING[words].format(s=separator)
+    path.write_bytes(text.encode(encoding))
+    record = collect(import_log(path))
+    np.testing.assert_allclose(record.c, C, atol=6e-7)
+    assert record.status == "valid"
+    told = json.loads(record.details)["left_out"][0]
+    first = next(k for k, line in enumerate(text.split("\n"), 1) if line[:1].isalpha() and k > 1)
+    assert (told["first_line"], told["last_line"]) == (first, len(text.splitlines()))
+    assert any("words below the last row" in reason for reason in record.status_reasons)
+
+
+@pytest.mark.parametrize(
+    "last", ["0.5,0.2", "OVERLOAD,OVERLOAD,OVERLOAD", "mean,0.1,0.2", "rms,0.1,0.2,0.3"]
+)
+def test_a_last_row_that_is_broken_is_no_closing_word(tmp_path, last):
+    path = log(tmp_path)
+    path.write_text(path.read_text() + last + "\n")
+    with pytest.raises(HrgError, match=f"line {N + 2}"):
+        collect(import_log(path))

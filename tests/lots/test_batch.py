@@ -590,3 +590,20 @@ def test_four_gyros_have_no_common_value_to_stand_out_of():
     values = np.array([1.0, 1.001, 0.999, 1.002, 0.9985, 1e6])
     assert outliers_of(values) == ["5"]
     assert outliers_of(values[2:]) == []
+
+
+@pytest.mark.parametrize(("wanted", "passed"), [("", False), ('status = "suspect"', True)])
+def test_a_gyro_whose_result_is_suspect_passes_only_where_the_lot_says_so(tmp_path, wanted, passed):
+    """The valid status that `hrg check` wants where nothing is said holds for a lot without a table
+    of limits too."""
+    for run, split in enumerate((0.30, 0.303)):  # rad/s: two gyros under one name
+        store.write(tmp_path / f"{run}.h5", run_down("G", f"{run}", 0.1 + run, split, run))
+    limits = f"[limits.resonator]\n{wanted}\n" if wanted else ""
+    (tmp_path / "lot.toml").write_text(f"recordings = '*.h5'\nstages = ['identify']\n{limits}")
+    report = run_lot(tmp_path / "lot.toml", tmp_path / "out")
+    row = report["rows"][0]
+    assert row["status"] == "suspect" and row["chi2_per_dof"] > 1.2
+    assert row["passed"] is passed and report["passed"] == passed
+    assert report["status"] == ("suspect" if passed else "refused")
+    if not passed:
+        assert row["why"].startswith("identify is suspect: ") and row["why"] in row["reason"]
