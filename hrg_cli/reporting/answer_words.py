@@ -102,7 +102,8 @@ def departure_of(record: Diagnosis) -> Departure | None:
 
 
 def causes_of(report: Mapping[str, Any], departure: Departure | None) -> tuple[Cause, ...]:
-    """The causes, largest share of the departure first."""
+    """The causes, largest share of the departure first; where that of one is not known (without it the
+    fit does not settle, as without the largest), in the order of their evidence."""
     found = []
     for effect in entries(dict(report), "effects"):
         share = child(effect, "share")
@@ -117,7 +118,10 @@ def causes_of(report: Mapping[str, Any], departure: Departure | None) -> tuple[C
             Cause(name, in_words(name), size_of(effect), family, z, rivals=others, **parts)
         )
     key = departure.key if departure else "drift_deg_h"
-    return tuple(sorted(found, key=lambda cause: -(getattr(cause, key) or 0.0)))
+    shares = {cause.name: getattr(cause, key) for cause in found}
+    if None in shares.values():
+        return tuple(sorted(found, key=lambda cause: -cause.z))
+    return tuple(sorted(found, key=lambda cause: -shares[cause.name]))
 
 
 def in_words(name: str) -> str:

@@ -16,7 +16,7 @@ from hrg_cli.records import Diagnosis, Resonator, Wave, collect
 from hrg_cli.reporting.answer import answer
 from hrg_cli.reporting.answer_text import untold
 from hrg_cli.reporting.answer_use import matrix_of, snippet
-from hrg_cli.reporting.answer_words import size_of
+from hrg_cli.reporting.answer_words import causes_of, size_of
 from hrg_cli.reporting.figures.answer import before_and_after
 from hrg_cli.reporting.methods import CITATIONS, methods
 from hrg_cli.reporting.quantities import label_of, parameter, quantity, readable, round_with_std
@@ -496,3 +496,17 @@ def test_requirements_of_two_files_are_told_apart_in_words():
 def test_a_large_split_is_told_in_hertz():
     assert quantity("frequency_split_rad_s", 10.1 * np.pi, 0.06 * np.pi, "rad s-1") == "10.10(6) Hz"
     assert quantity("frequency_split_rad_s", 0.1 * np.pi, 1e-4 * np.pi, "rad s-1").endswith("mHz")
+
+
+@pytest.mark.parametrize(
+    ("weak", "strong", "first"),
+    [(0.05, 52.0, "cubic_stiffness"), (0.05, None, "cubic_stiffness"), (9.0, 4.0, "gain_step")],
+)
+def test_the_largest_cause_comes_first_though_its_share_is_not_known(weak, strong, first):
+    """The model without the largest cause is the one that may not settle."""
+    shares = {"gain_step": (7.0, weak), "cubic_stiffness": (92.0, strong)}
+    effects = [
+        {"name": name, "z": z, "share": None if part is None else {"drift_deg_h": part}}
+        for name, (z, part) in shares.items()
+    ]
+    assert causes_of({"effects": effects}, None)[0].name == first
