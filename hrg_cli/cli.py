@@ -17,8 +17,8 @@ from .errors import NO_MEMORY, HrgError, is_no_memory
 COMMANDS = {
     "import": (
         "import_",
-        "A laboratory's log (CSV, .csv.gz, WAV, FLAC, MATLAB, TDMS, Parquet, LabOne; - for standard"
-        " input) to a recording.",
+        "A laboratory's log (CSV, .csv.gz, WAV, FLAC, MATLAB, NumPy, TDMS, Parquet, LabOne; - for"
+        " standard input) to a recording.",
     ),
     "simulate": (
         "simulate",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..errors import HrgError
 from ..store.handles import reading
-from . import audio, hdf5, matlab, parquet, tdms, text
+from . import audio, hdf5, matlab, numpy_arrays, parquet, tdms, text
 from .log import Log, Reader
 from .unpacked import is_packed, open_unpacked
 
@@ -20,12 +20,13 @@ READERS: tuple[Reader, ...] = (
     matlab.READER,
     tdms.READER,
     parquet.READER,
+    numpy_arrays.READER,
     text.READER,
 )
 """To add a format: one file with a READER, one line here. The text reader stays last: it recognises
 anything readable."""
 
-EXPECTED = "a log was expected: CSV or other text, WAV, FLAC, MATLAB, TDMS, Parquet or HDF5"
+EXPECTED = "a log was expected: CSV or other text, WAV, FLAC, MATLAB, NumPy, TDMS, Parquet or HDF5"
 
 
 def open_log(

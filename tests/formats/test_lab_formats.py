@@ -1,4 +1,4 @@
-"""MATLAB, TDMS, Parquet and HDF5 logs, each written by another library, become the same
+"""MATLAB, NumPy, TDMS, Parquet and HDF5 logs, each written by another library, become the same
 recording."""
 
 import builtins
@@ -7,6 +7,8 @@ import shutil
 import subprocess
 import sys
 import time
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -114,6 +116,29 @@ def parquet_stamps(path: Path) -> None:
     pd.DataFrame({"when": stamps, "C": C, "S": S}).to_parquet(path)
 
 
+def save(path: Path, writer: Callable[..., None], *arrays: np.ndarray, **named: object) -> None:
+    with path.open("wb") as file:  # numpy would add a suffix
+        writer(file, *arrays, **named)
+
+
+def numpy_columns(path: Path) -> None:
+    save(path, np.save, np.stack([T, C, S], 1))
+
+
+def numpy_fields(path: Path) -> None:
+    rows = np.zeros(N, [("time (us)", "f8"), ("s", "f8"), ("c", "f8")])
+    rows["time (us)"], rows["s"], rows["c"] = T * 1e6, S, C
+    save(path, np.save, rows)
+
+
+def numpy_variables(path: Path) -> None:
+    save(path, np.savez, fs=RATE, c=C, s=S[:, None], label="a text")
+
+
+def numpy_compressed(path: Path) -> None:
+    save(path, np.savez_compressed, time=T, c=C, s=S)
+
+
 WRITERS = {
     "matlab_5": matlab_5,
     "matlab_5_struct": matlab_5_struct,
@@ -123,6 +148,10 @@ WRITERS = {
     "tdms": tdms,
     "parquet": parquet,
     "parquet_stamps": parquet_stamps,
+    "numpy_columns": numpy_columns,
+    "numpy_fields": numpy_fields,
+    "numpy_variables": numpy_variables,
+    "numpy_compressed": numpy_compressed,
 }
 
 
@@ -380,3 +409,30 @@ def test_a_log_that_changes_while_it_is_read_is_refused(tmp_path, monkeypatch):
         f.write("9.0,0,0\n")
     with pytest.raises(HrgError, match="changed while it was read"):
         collect(stream)
+
+
+@pytest.mark.parametrize("writer", [np.save, np.savez])
+def test_python_objects_are_not_unpacked(tmp_path, writer):
+    path = tmp_path / "log.dat"
+    save(path, writer, np.array([1.0, "x"], dtype=object))
+    with pytest.raises(HrgError, match="holds Python objects, which are not read"):
+        whole(path)
+
+
+def test_an_archive_that_claims_more_than_it_holds_is_named(tmp_path):
+    path = tmp_path / "log.dat"
+    with zipfile.ZipFile(path, "w") as archive, archive.open("c.npy", "w") as file:
+        np.lib.format.write_array_header_1_0(
+            file, {"descr": "<f8", "fortran_order": False, "shape": (10**13,)}
+        )
+    with pytest.raises(HrgError, match="variable c claims"):
+        whole(path)
+
+
+def test_complex_arrays_are_two_columns(tmp_path):
+    """As a lock-in's own library hands them over."""
+    path = tmp_path / "log.dat"
+    save(path, np.savez, demod=C + 1j * S, fs=RATE)
+    record = whole(path, c="demod/re", s="demod/im")
+    np.testing.assert_array_equal(record.c, C)
+    np.testing.assert_array_equal(record.s, S)
