@@ -57,9 +57,10 @@ HELD = (
     *(
         f"fitting.envelopes.{name}"
         for name in (
-            *("base_freedom", "channel_noise", "coordinates", "equations", "matrices"),
-            *("noise_propagation", "normal_equations", "one_mode", "rate_estimate"),
-            *("resonator_spread", "trapezium", "two_modes"),
+            *("base_freedom", "channel_noise", "coordinates", "decay_stretch", "envelope_runs"),
+            *("equations", "matrices", "method_ranges", "noise_propagation", "normal_equations"),
+            *("one_mode", "phase_course", "rate_estimate", "resonator_spread", "rows", "trapezium"),
+            *("two_modes", "wild_rows"),
         )
     ),
     *(

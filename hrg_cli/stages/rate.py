@@ -14,10 +14,10 @@ from pydantic import Field
 from ..errors import HrgError
 from ..fitting import checks
 from ..fitting.checks import Check
-from ..fitting.envelopes.rate_driven import rate_driven
+from ..fitting.envelopes.rate_driven import fit_driven_rate
 from ..fitting.envelopes.rate_estimate import MOST_NODES, RateEstimate
 from ..fitting.envelopes.rate_fit import HOPELESS, SETTLED
-from ..fitting.envelopes.rate_from_model import TOO_COARSE, rate_from_model
+from ..fitting.envelopes.rate_from_model import TOO_COARSE, fit_free_rate
 from ..fitting.samples.rate_log import describe_left_out, find_stretches
 from ..records import Calibration, Compensated, Resonator, Wave, doubts_about, name_record
 from ..units import DEGREE_PER_HOUR
@@ -123,7 +123,7 @@ def rate(
         errors = (main_phase_error_rad, quadrature_phase_error_rad, loop_delay_s or 0.0)
 
         def fit(count: int | None) -> RateEstimate:
-            return rate_driven(wave, resonator, count, *errors)
+            return fit_driven_rate(wave, resonator, count, *errors)
 
     elif main_phase_error_rad or quadrature_phase_error_rad or loop_delay_s:
         raise HrgError(
@@ -133,7 +133,7 @@ def rate(
     else:
 
         def fit(count: int | None) -> RateEstimate:
-            return rate_from_model(wave, resonator, count)
+            return fit_free_rate(wave, resonator, count)
 
     found, foretold = follow(fit(nodes), fit, nodes is None)
     earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)

@@ -67,12 +67,12 @@ def test_the_split_is_exact_at_any_rate_and_its_errors_hold(name):
     stated, in size and direction."""
     runs = PROGRAMMES[name]()
     gyro = replace(GYRO, mode_number=runs[0].mode_number)
-    exact = axis_crossings.free_crossings(runs).answer[:2]
+    exact = axis_crossings.fit_crossings(runs).answer[:2]
     assert np.linalg.norm(exact - true(gyro)) < 2e-4 * gyro.frequency_split_rad_s
     random = np.random.default_rng(1)
     squares, chi2 = [], []
     for _ in range(40):
-        found = axis_crossings.free_crossings([noisy(run, 1e-3, random) for run in runs])
+        found = axis_crossings.fit_crossings([noisy(run, 1e-3, random) for run in runs])
         error = found.answer[:2] - true(gyro)
         squares.append(error @ np.linalg.solve(found.covariance[:2, :2], error))
         chi2.append(found.chi2.sum() / found.freedom.sum())
@@ -84,8 +84,8 @@ def test_each_side_of_each_run_is_an_answer_of_its_own():
     """Rising and falling passages agree within their errors; the one answer is better than each."""
     random = np.random.default_rng(2)
     runs = [noisy(run, 1e-4, random) for run in PROGRAMMES["turning"]()]
-    found = axis_crossings.free_crossings(runs)
-    several = axis_crossings.axes(found, runs)
+    found = axis_crossings.fit_crossings(runs)
+    several = axis_crossings.list_axes(found, runs)
     assert {(a["side"], a["passages"] > 0) for a in several} == {("stiff", True), ("soft", True)}
     assert len(several) == 4
     assert all(abs(off_axis(a["value"])) < 4 * a["std"] for a in several)
@@ -97,7 +97,7 @@ def test_a_damping_split_is_not_taken_for_a_split_of_frequency():
     """A wide ellipse that stands is moved by the damping split alone: its share is taken off."""
     gyro = replace(GYRO, frequency_split_rad_s=0.0, damping_split_1_s=0.1)
     runs = [free(lambda t: 2.0, 0.1, 0.4, gyro), free(lambda t: -2.0, 0.7, -0.3, gyro)]
-    assert np.linalg.norm(axis_crossings.free_crossings(runs).answer[:2]) < 1e-5
+    assert np.linalg.norm(axis_crossings.fit_crossings(runs).answer[:2]) < 1e-5
 
 
 def test_an_angle_with_noise_is_no_surer_than_it_is():
@@ -110,7 +110,7 @@ def test_an_angle_with_noise_is_no_surer_than_it_is():
     squares, chi2 = [], []
     for _ in range(40):
         runs = [noisy(run, 1e-3, random) for run in clean]
-        found = axis_crossings.free_crossings(runs, clean, true_p)
+        found = axis_crossings.fit_crossings(runs, clean, true_p)
         error = found.answer[:2] - true(gyro)
         squares.append(error @ np.linalg.solve(found.covariance[:2, :2], error))
         chi2.append(found.chi2.sum() / found.freedom.sum())

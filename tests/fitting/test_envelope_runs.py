@@ -25,7 +25,7 @@ def test_averaged_rows_have_the_turn_and_the_envelope_of_their_own_time(rows):
     windows = slice(9, None, 20)
     wave = as_wave(exact[windows], fine[windows], 1e-9, GYRO, np.random.default_rng(0))
     run = envelope_runs.from_wave(wave.replace(rate_rad_s=angle_turned(fine[windows])[1]))
-    carry = propagator.carry(from_mechanics(GYRO), 0.0)
+    carry = propagator.make_propagator(from_mechanics(GYRO), 0.0)
     row = envelope_runs.average_rows(run, rows, carry)
     assert len(row) < ROWS
     inner = slice(3, -3)

@@ -14,7 +14,7 @@ from hrg_cli.fitting.envelopes.base_fit import fit_base_model, start_from_propag
 from hrg_cli.fitting.envelopes.base_freedom import Known
 from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
 from hrg_cli.fitting.envelopes.matrices import chain
-from hrg_cli.fitting.envelopes.response import State, batch, respond
+from hrg_cli.fitting.envelopes.response import State, make_batch, respond
 from hrg_cli.physics import resonator
 from hrg_cli.physics.resonator import Mechanics
 
@@ -86,7 +86,7 @@ def test_model_against_integration(rate):
         runs_of([wave])[0].rows(keep),
         runs_of([run_down(0.7, rate, std=1e-12, seconds=1.0)])[0],
     ]
-    data = batch(runs)
+    data = make_batch(runs)
     response = respond(
         data,
         State(coordinates.from_mechanics(GYRO), data.envelope[:, 0], np.array([[0.3], [-0.2]])),
@@ -121,7 +121,7 @@ def test_model_against_integration(rate):
 
 
 def test_jacobian_against_differences():
-    data = batch(
+    data = make_batch(
         propagator.thin_rows(
             runs_of(
                 [run_down(0.3, lambda t: 2 * np.sin(3 * t) + 1), run_down(0.7, 0.0, seconds=2.0)]
@@ -157,7 +157,7 @@ def test_jacobian_against_differences():
 
 def test_a_changed_rate_against_differences():
     run = runs_of([run_down(0.3, 1.0)])[0]
-    data = batch(propagator.thin_rows([run], np.zeros(7), np.zeros(1), 400))
+    data = make_batch(propagator.thin_rows([run], np.zeros(7), np.zeros(1), 400))
     p = coordinates.from_mechanics(GYRO)
     state = State(p, data.envelope[:, 0], np.zeros((1, 1)))
     t = data.time_s[0]
@@ -169,7 +169,7 @@ def test_a_changed_rate_against_differences():
         )
         for sign in (1, -1)
     ]
-    up, down = (respond(batch([r]), state).model for r in turned)
+    up, down = (respond(make_batch([r]), state).model for r in turned)
     assert np.allclose((up - down) / 2e-4, got, atol=2e-4 * np.abs(got).max())
 
 
@@ -179,7 +179,7 @@ def test_steady_runs_take_the_short_way_to_the_same_place():
     runs = runs_of([run_down(0.3, 2.0, seconds=2.0), run_down(0.7, 0.0, seconds=1.0)])
     wobble = [dataclasses.replace(r, turn_rad=r.turn_rad + 1e-8 * np.sin(r.time_s)) for r in runs]
     p = coordinates.from_mechanics(GYRO)
-    steady, stepped = batch(runs), batch(wobble)
+    steady, stepped = make_batch(runs), make_batch(wobble)
     assert steady.steady_rate is not None and stepped.steady_rate is None
     state = State(p, steady.envelope[:, 0], np.zeros((2, 1)))
     short, long = respond(steady, state), respond(stepped, state)
@@ -190,12 +190,12 @@ def test_steady_runs_take_the_short_way_to_the_same_place():
 def test_averaging_along_the_motion_keeps_the_model_and_the_noise():
     run = runs_of([run_down(0.3, 3.0, std=1e-9, window=5e-4, second_order=0.0)])[0]
     p = coordinates.from_mechanics(GYRO)
-    thin = envelope_runs.average_rows(run, 60, propagator.carry(p, 0.0))
+    thin = envelope_runs.average_rows(run, 60, propagator.make_propagator(p, 0.0))
     L = resonator.generator(GYRO, 3.0, second_order=0.0)
     want = resonator.exponential(L, thin.time_s - run.time_s[0]) @ run.envelope[0]
     assert len(thin) <= 60 and np.allclose(thin.envelope, want, atol=2e-5)
     noisy = runs_of([run_down(0.3, 3.0, std=1e-2, window=5e-4, seed=5, second_order=0.0)])[0]
-    averaged = envelope_runs.average_rows(noisy, 60, propagator.carry(p, 0.0))
+    averaged = envelope_runs.average_rows(noisy, 60, propagator.make_propagator(p, 0.0))
     clean = resonator.exponential(L, averaged.time_s - run.time_s[0]) @ run.envelope[0]
     phase = np.vdot(clean, averaged.envelope) / np.vdot(clean, clean)
     chi2 = np.mean(np.abs((averaged.envelope - clean * phase) / averaged.std[:, None]) ** 2) / 2
@@ -208,7 +208,7 @@ def test_averaged_rows_hold_the_table_where_a_swinging_rate_has_turned_it_to():
     run = runs_of([run_down(0.3, 0.0, seconds=1.0, window=6e-3)])[0]
     t, swing, pace = run.time_s, 2.0, 9.0
     run = dataclasses.replace(run, turn_rad=swing / pace * (np.cos(pace * t[0]) - np.cos(pace * t)))
-    thin = envelope_runs.average_rows(run, 120, propagator.carry(np.zeros(7), 0.0))
+    thin = envelope_runs.average_rows(run, 120, propagator.make_propagator(np.zeros(7), 0.0))
     assert len(thin) <= 120 < len(run)
     want = swing / pace * (np.cos(pace * t[0]) - np.cos(pace * thin.time_s))
     assert np.abs(thin.turn_rad - want).max() < 1e-6

@@ -239,7 +239,7 @@ def test_working_mode_finds_the_frequency_split_and_the_kind_of_drive(kind, fact
         atol=5 * np.sqrt(np.diag(found.covariance))[1:3].max() + 0.02 * 0.06,
     )
     assert found.trap_1_s_per_mhz == pytest.approx(2 * np.pi * 1e-3 / (2 * found.quadrature_rms))
-    axes = working_mode.stiffness_axes([run], 2, found.value[0])
+    axes = working_mode.find_stiffness_axes([run], 2, found.value[0])
     assert len(axes) > 3 and all(
         min(abs(a - 0.9), abs(abs(a - 0.9) - np.pi / 2)) < 0.03 for a, _ in axes
     )
@@ -252,11 +252,11 @@ def test_one_axis_from_all_crossings_at_any_rate(rate, kind):
     found."""
     gyro, run = forced(kind, rate, std=1e-4)
     decay = working_mode.monitor([run]).value[0]
-    found = working_mode.combined_axis(working_mode.stiffness_axes([run], 2, decay), 2)
+    found = working_mode.combine_axes(working_mode.find_stiffness_axes([run], 2, decay), 2)
     assert found["crossings"] > 4
     off = np.mod(found["value"] - gyro.stiffness_axis_rad + np.pi / 4, np.pi / 2) - np.pi / 4
     assert abs(off) < 0.01 and abs(off) < 4 * found["std"]
-    assert working_mode.combined_axis([], 2) is None
+    assert working_mode.combine_axes([], 2) is None
 
 
 def test_phase_equation_gives_the_damping_split_where_quadrature_is_large():

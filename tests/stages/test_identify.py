@@ -10,7 +10,7 @@ import pytest
 from synthetic_waves import GYRO, NAMES, PROGRAMME, as_wave, envelope, errors, programme, run_down
 
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting.envelopes.rate_from_model import rate_from_model
+from hrg_cli.fitting.envelopes.rate_from_model import fit_free_rate
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.stages.identify import identify, summary
 from hrg_cli.store.covariance_checks import covariance_problem
@@ -259,7 +259,7 @@ def test_rate_from_the_reference_model():
     gyro = Mechanics(4987.3, 0.31, 0.05, 0.35, 0.3, 0.9, 0.55)
     resonator = identify(programme(gyro, std=1e-5))
     rate = lambda t: 0.3 * np.sin(2 * np.pi * t / 3) + 0.2  # noqa: E731
-    estimate = rate_from_model(
+    estimate = fit_free_rate(
         run_down(0.3, rate, mechanics=gyro, std=1e-4, seed=11), resonator, nodes=16
     )
     error = estimate.rate_rad_s - rate(estimate.time_s)
@@ -271,7 +271,7 @@ def test_rate_from_the_reference_model():
         (estimate.plain_rate_rad_s - rate(estimate.time_s))[inner]
     )
     with pytest.raises(HrgError, match="scale_factor"):
-        rate_from_model(run_down(0.3, std=1e-4), identify(programme(std=1e-3, runs=PROGRAMME[:3])))
+        fit_free_rate(run_down(0.3, std=1e-4), identify(programme(std=1e-3, runs=PROGRAMME[:3])))
 
 
 def test_truth_is_not_read(tmp_path):

@@ -38,7 +38,7 @@ from .coordinates import (
 )
 from .envelope_runs import EnvelopeRun
 from .inference import widen_axes
-from .method_ranges import USES_AXES, list_warnings, out_of_range
+from .method_ranges import USES_AXES, find_refusal, list_warnings
 from .normal_equations import Normal, add_normals, normal, take_means_off
 from .regressions import CORRECTIONS, SETTLED, WIDE_STEP, Noiseless, Regression
 
@@ -149,7 +149,7 @@ class EllipseCourse:
 
     def less(self, model: EnvelopeRun, p: Array) -> EllipseCourse:
         """The course less what the equations leave of a noiseless run of coordinates p (7,)."""
-        exact = course_of(dataclasses.replace(model, std=np.zeros(len(model))))
+        exact = build_ellipse_course(dataclasses.replace(model, std=np.zeros(len(model))))
         own = np.array([p[DAMPING], *p[FREQUENCY_SPLIT], *p[DAMPING_SPLIT]])
         return dataclasses.replace(
             self,
@@ -158,7 +158,7 @@ class EllipseCourse:
         )
 
 
-def course_of(run: EnvelopeRun) -> EllipseCourse:
+def build_ellipse_course(run: EnvelopeRun) -> EllipseCourse:
     """The ellipse's course on a run's rows, the noise's own power taken off S₀."""
     a, b, angle, phase = ellipse.wave(run.envelope, 1)
     power = np.maximum(a**2 + b**2 - 4 * run.std**2, run.std**2)
@@ -170,12 +170,12 @@ def course_of(run: EnvelopeRun) -> EllipseCourse:
     )
 
 
-def decay(w: EllipseCourse) -> Normal:
+def build_decay_equations(w: EllipseCourse) -> Normal:
     """What the decay of S₀ says of the damping split; ν is the run's own."""
     return normal(w.decay_columns(), w.log_size - w.log_size_left, w.std, w.piece, own=1)
 
 
-def passive(runs: Sequence[EnvelopeRun]) -> Normal:
+def bound_damping_split(runs: Sequence[EnvelopeRun]) -> Normal:
     """No passive resonator's damping split is above its damping, which is at most what the fastest
     run decays by: where the runs say nothing of it, that does."""
     fall = [
@@ -186,7 +186,7 @@ def passive(runs: Sequence[EnvelopeRun]) -> Normal:
     return Normal(np.diag([0.0, 0.0, most**-2.0, most**-2.0]), np.zeros(4), 0.0, 0)
 
 
-def sides(w: EllipseCourse, number: int, axis: float) -> list[Side]:
+def find_sides(w: EllipseCourse, number: int, axis: float) -> list[Side]:
     """What run `number` says at the stiff and at the soft axis; axis: a first guess of 2mθ_ω,
     rad."""
     columns, target = w.ellipticity_columns(), w.ellipticity - w.ellipticity_left
@@ -222,7 +222,7 @@ def sides(w: EllipseCourse, number: int, axis: float) -> list[Side]:
     return out
 
 
-def free_crossings(
+def fit_crossings(
     runs: Sequence[EnvelopeRun], model: Sequence[EnvelopeRun] = (), p: Array | None = None
 ) -> Crossings:
     """The frequency split as a vector, from all sides of all free runs by inverse covariance.
@@ -230,14 +230,14 @@ def free_crossings(
     model, p: the runs of coordinates p (7,) without noise, by which what the integrals leave out is
     taken off.
     """
-    courses = [course_of(run) for run in runs]
+    courses = [build_ellipse_course(run) for run in runs]
     if p is not None:
         courses = [w.less(m, p) for w, m in zip(courses, model, strict=True)]
-    beside = add_normals([passive(runs), *(decay(w) for w in courses)])
+    beside = add_normals([bound_damping_split(runs), *(build_decay_equations(w) for w in courses)])
     found: list[Side] = []
     axis = 0.0
     for _ in range(2):  # any guess divides the rows; the sides are those of what they say
-        found = [side for i, w in enumerate(courses) for side in sides(w, i, axis)]
+        found = [side for i, w in enumerate(courses) for side in find_sides(w, i, axis)]
         if not found:
             break
         answer, covariance = add_normals([beside, *(side.normal for side in found)]).solved()
@@ -260,7 +260,7 @@ def free_crossings(
     return Crossings(answer, covariance * factor, chi2, freedom, found, beside)
 
 
-def axes(found: Crossings, runs: Sequence[EnvelopeRun]) -> list[dict[str, Any]]:
+def list_axes(found: Crossings, runs: Sequence[EnvelopeRun]) -> list[dict[str, Any]]:
     """θ_ω [rad] as each side of each run alone gives it, where it does."""
     out = []
     for side in found.sides:
@@ -309,7 +309,7 @@ def _corrected(
     for _ in range(CORRECTIONS):
         here = np.array(start, float)
         here[FREQUENCY_SPLIT] = found.answer[:2]
-        before, found = found, free_crossings(runs, model(here), here)
+        before, found = found, fit_crossings(runs, model(here), here)
         moved = np.abs(found.answer - before.answer)[:2] / np.sqrt(np.diag(found.covariance)[:2])
         change = float(np.max(moved))
         if change < SETTLED:
@@ -325,10 +325,10 @@ def solve(
     model, start: noiseless rows for any coordinates and the first coordinates (7,).
     """
     p, covariance = np.full(COUNT, np.nan), np.full((COUNT, COUNT), np.nan)
-    refusal = out_of_range(runs, METHOD)
+    refusal = find_refusal(runs, METHOD)
     if refusal:
         return Regression(p, covariance, refused=refusal)
-    found, change = free_crossings(runs), 0.0
+    found, change = fit_crossings(runs), 0.0
     if not found.sides:
         return Regression(p, covariance, refused=f"{METHOD} needs gapless rows, none were found")
     if model is not None and start is not None:
@@ -343,7 +343,7 @@ def solve(
         run_rows=found.freedom,
         unsettled=change,
         details={
-            "stiffness_axes": axes(found, runs),
+            "stiffness_axes": list_axes(found, runs),
             "stiffness_axis_of_crossings": combine_estimates(found, runs[0].mode_number),
         },
     )

@@ -14,7 +14,7 @@ from . import phase_course, propagator, rows
 from .base_freedom import Known, freedom, nominal_scale_factor, without_second_order
 from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
-from .likelihood import Batch, Fit, Freedom, batch, fit
+from .likelihood import Batch, Fit, Freedom, fit, make_batch
 
 Array = np.ndarray
 MAX_PHASE_ORDER = 9
@@ -131,10 +131,10 @@ def _fit_free_runs(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fi
         seen, phase = phase_course.bend_back(
             result.response.batch, runs, courses, result.response.state.phase
         )
-        data = batch(seen)
+        data = make_batch(seen)
         result = solve(data, result.freedom, result.z, data.envelope[:, 0], phase)
     result = settle_averages(runs, grow_phase_orders(result), blocks)
-    held = None if has_run_away(result) else second_order(result)
+    held = None if has_run_away(result) else decide_second_order(result)
     if held is not None:
         space = without_second_order(result.freedom, held)
         state = result.response.state
@@ -223,7 +223,7 @@ def settle_averages(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fi
         if not np.all(np.isfinite(result.p)):
             return result
         before, result = result, _averaged_again(runs, result, blocks)
-        last = distance_moved(before, result)
+        last = measure_distance(before, result)
         if last > SETTLED:
             continue
         most = max(len(r) for r in runs)
@@ -233,7 +233,7 @@ def settle_averages(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fi
         if finer * len(runs) > rows.MOST_ROWS:
             break
         before, result = result, _averaged_again(runs, result, finer)
-        last = distance_moved(before, result)
+        last = measure_distance(before, result)
         if last < SETTLED:
             break
         blocks = finer
@@ -242,21 +242,21 @@ def settle_averages(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fi
 
 def _averaged_again(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fit:
     """The same fit to rows averaged along its own motion."""
-    data = batch(rows.average_along(runs, result.response, blocks))
+    data = make_batch(rows.average_along(runs, result.response, blocks))
     state = result.response.state
     shift = data.span_s / result.response.batch.span_s
     phase = state.phase * shift[:, None] ** np.arange(1, state.phase.shape[1] + 1)
     return grow_phase_orders(solve(data, result.freedom, result.z, data.envelope[:, 0], phase))
 
 
-def distance_moved(before: Fit, after: Fit) -> float:
+def measure_distance(before: Fit, after: Fit) -> float:
     """Distance of two fits in standard deviations, along the combination of coordinates that moved
     most."""
     change = after.root @ (after.z - before.z)
     return float(np.linalg.norm(change) / np.sqrt(max(1.0, after.chi2 / after.dof)))
 
 
-def second_order(result: Fit) -> float | None:
+def decide_second_order(result: Fit) -> float | None:
     """0 or 1 where the data tell which of them scales the second-order correction, 1 where a misfit
     pulls at it; None: it stays free."""
     information = float(result.data_root[-1, -1]) ** 2  # the last coordinate, all others free
@@ -292,7 +292,7 @@ def _fit_from_start(
     space = freedom(known, p, runs[0].mode_number, max(r.duration_s for r in runs))
     p = p.copy()
     p[SECOND_ORDER] = 1.0
-    data = batch(propagator.thin_rows(runs, p, offsets, rows.count_rows(p, runs, blocks)))
+    data = make_batch(propagator.thin_rows(runs, p, offsets, rows.count_rows(p, runs, blocks)))
     z = np.linalg.pinv(space.directions) @ (p - space.origin)
     start, phase = data.envelope[:, 0], (offsets * data.span_s)[:, None]
     try:

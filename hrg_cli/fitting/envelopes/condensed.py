@@ -26,8 +26,8 @@ from .envelope_runs import (
     EnvelopeRun,
     average_rows,
     from_wave,
-    good_rows,
     integrate_rate,
+    select_good_rows,
     turn_table,
 )
 from .likelihood import Fit
@@ -82,7 +82,7 @@ def read_runs(
     count = max(rows.count_rows(found.p, sample, blocks), CONDENSED // len(waves))
     out = sample
     for _ in range(PASSES):
-        carries = rows.motions(sample, found.response)
+        carries = rows.list_motions(sample, found.response)
         out = [
             _average_pieces(pieces(w), s, count, *c)
             for w, s, c in zip(waves, sample, carries, strict=True)
@@ -128,7 +128,7 @@ def _pieces(wave: Wave, rate_rad_s: float | None) -> Iterator[EnvelopeRun]:
             part.rate_rad_s if rate_rad_s is None else np.full(high - low, rate_rad_s),
         )
         inside = slice(start - low, stop - low)
-        run = good_rows(part, angle - angle[start - low] + turn, inside)
+        run = select_good_rows(part, angle - angle[start - low] + turn, inside)
         turn += float(angle[min(stop - low, len(angle) - 1)] - angle[start - low])
         if len(run) == 0:
             continue

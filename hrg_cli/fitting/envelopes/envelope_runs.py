@@ -68,7 +68,33 @@ class EnvelopeRun:
 
 
 def retune(run: EnvelopeRun, offset_rad_s: float) -> EnvelopeRun:
-    """The same run against a reference shifted by an angular frequency."""
+    """The same run against a reference shifted by an angular frequency.
+
+    Parameters
+    ----------
+    run
+        Its phases against its own reference frequency.
+    offset_rad_s
+        New reference less the old one.
+
+    Returns
+    -------
+    EnvelopeRun
+        Envelopes times e^{−jδt}; no motion of the wave changes.
+
+    Examples
+    --------
+    A wave 0.5 rad/s above the reference stands against one that is raised by as much:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun, retune
+    >>> t = np.arange(20.0)
+    >>> u = np.outer(np.exp(0.5j * t), [1.0, 0.1j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 1.0)
+    >>> found = retune(run, 0.5)
+    >>> bool(np.allclose(found.envelope, [1.0, 0.1j])), round(found.reference_frequency_hz, 4)
+    (True, 5000.0796)
+    """
     turn = np.exp(-1j * offset_rad_s * run.time_s)[:, None]
     return dataclasses.replace(
         run,
@@ -78,7 +104,29 @@ def retune(run: EnvelopeRun, offset_rad_s: float) -> EnvelopeRun:
 
 
 def turn_table(run: EnvelopeRun, rate_rad_s: float) -> EnvelopeRun:
-    """The same run on a table that turns by a constant rate more."""
+    """The same run on a table that turns by a constant rate more.
+
+    Parameters
+    ----------
+    run
+        Its `turn_rad` is what the table turns already.
+    rate_rad_s
+        More of it.
+
+    Returns
+    -------
+    EnvelopeRun
+        Turned since its own first row; the same envelopes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun, turn_table
+    >>> t = np.array([10.0, 11.0, 12.0])
+    >>> run = EnvelopeRun("", t, np.ones((3, 2)), 0 * t + 1e-4, 0 * t, None, 5e3, 2, 1.0)
+    >>> turn_table(run, 0.25).turn_rad.tolist()
+    [0.0, 0.25, 0.5]
+    """
     if rate_rad_s == 0:
         return run
     return dataclasses.replace(
@@ -87,16 +135,48 @@ def turn_table(run: EnvelopeRun, rate_rad_s: float) -> EnvelopeRun:
 
 
 def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
-    """Envelopes of a wave's good rows; the rate is the wave's own, or `rate_rad_s`, or zero.
+    """Envelopes of a wave's good rows.
 
-    Rows that the wave's own rate log does not cover are no good rows.
-    HrgError: fewer than 8 good rows, times that do not increase.
+    Parameters
+    ----------
+    wave
+        Rows that its own rate log does not cover are no good rows.
+    rate_rad_s
+        Of the table; None: the wave's own log, 0 where it has none.
+
+    Returns
+    -------
+    EnvelopeRun
+        With the angle that the table has turned since the first row.
+
+    Raises
+    ------
+    HrgError
+        Fewer than 8 good rows, or times that do not increase.
+
+    Examples
+    --------
+    A wave at mθ = 2·0.1 rad on a table of 0.5 rad/s; its fourth window is flagged:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli import Wave
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import from_wave
+    >>> t, ones, flags = np.arange(20.0), np.ones(20), np.zeros(20, "u1")
+    >>> flags[3] = 1
+    >>> wave = Wave(**{f.name: ones for f in fields(Wave) if f.default is MISSING} | dict(
+    ...     time_s=t, flags=flags, iterations=np.zeros(20, "i2"), quadrature_amplitude=0 * t,
+    ...     wave_angle_rad=0.1 * ones, phase_rad=0 * t, reference_frequency_hz=5e3, window_s=1.0,
+    ... ))
+    >>> run = from_wave(wave, 0.5)
+    >>> len(run), round(float(run.turn_rad[3]), 9), np.angle(run.envelope[0] @ [1, 1j]).round(9)
+    (19, 2.0, np.float64(0.2))
     """
     name = wave.run_id or "the run"
     if rate_rad_s is None:
         wave = restrict_to_log(wave)
     time = np.asarray(wave.time_s, float)
-    run = good_rows(
+    run = select_good_rows(
         wave,
         integrate_rate(
             time, wave.rate_rad_s if rate_rad_s is None else np.full(len(time), rate_rad_s)
@@ -114,9 +194,38 @@ def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
     return run
 
 
-def envelopes_of(wave: Wave, rows: Array | slice = slice(None)) -> Array:
-    """Complex envelopes (n, 2) of the channels C and S in a wave's rows, against its own reference
-    frequency."""
+def compute_envelopes(wave: Wave, rows: Array | slice = slice(None)) -> Array:
+    """Complex envelopes of the channels C and S in a wave's rows, against its own reference frequency.
+
+    C = e^{jφ}(a_A cos mθ + j a_B sin mθ), S = e^{jφ}(a_A sin mθ − j a_B cos mθ).
+
+    Parameters
+    ----------
+    wave
+        Amplitudes, angle and phase.
+    rows
+        Which of its rows.
+
+    Returns
+    -------
+    ndarray
+        (n, 2) complex.
+
+    Examples
+    --------
+    A wave along mθ = π/2 moves S alone, its quadrature C, a quarter of a period apart:
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import compute_envelopes
+    >>> one = np.ones(1)
+    >>> wave = SimpleNamespace(
+    ...     main_amplitude=one, quadrature_amplitude=0.1 * one, wave_angle_rad=np.pi / 4 * one,
+    ...     phase_rad=0 * one, mode_number=2,
+    ... )
+    >>> (compute_envelopes(wave).round(9) + 0).tolist()
+    [[0.1j, (1+0j)]]
+    """
     return ellipse.envelopes(
         wave.main_amplitude[rows],
         wave.quadrature_amplitude[rows],
@@ -126,8 +235,38 @@ def envelopes_of(wave: Wave, rows: Array | slice = slice(None)) -> Array:
     )
 
 
-def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> EnvelopeRun:
-    """The good rows among `inside` of a wave whose table has turned by turn_rad (n,)."""
+def select_good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> EnvelopeRun:
+    """The good rows of a wave as a run.
+
+    Parameters
+    ----------
+    wave
+        Rows that are flagged, or hold what is not finite, are left out.
+    turn_rad
+        What the table has turned, (n,).
+    inside
+        Which rows are looked at.
+
+    Returns
+    -------
+    EnvelopeRun
+        May be empty.
+
+    Examples
+    --------
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli import Wave
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import select_good_rows
+    >>> t, ones, phase = np.arange(20.0), np.ones(20), np.zeros(20)
+    >>> phase[3] = np.nan
+    >>> wave = Wave(**{f.name: ones for f in fields(Wave) if f.default is MISSING} | dict(
+    ...     time_s=t, flags=np.zeros(20, "u1"), iterations=np.zeros(20, "i2"), phase_rad=phase,
+    ...     reference_frequency_hz=5e3, window_s=1.0,
+    ... ))
+    >>> select_good_rows(wave, 0 * t, slice(0, 6)).time_s.tolist()
+    [0.0, 1.0, 2.0, 4.0, 5.0]
+    """
     good = (
         wave.good()
         & np.isfinite(wave.time_s)
@@ -136,16 +275,14 @@ def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> Envel
     )
     good &= np.isfinite(wave.quadrature_amplitude)
     chosen = np.arange(len(good))[inside][good[inside]]
-    u = envelopes_of(wave, chosen)
+    u = compute_envelopes(wave, chosen)
     channel_std = None if wave.channel_std is None else np.asarray(wave.channel_std, float)[chosen]
     return EnvelopeRun(
         run_id=wave.run_id,
         time_s=np.asarray(wave.time_s, float)[chosen],
         envelope=u,
         std=(
-            pooled_std(np.asarray(wave.signal_std, float)[chosen], u)
-            if len(chosen)
-            else np.zeros(0)
+            pool_std(np.asarray(wave.signal_std, float)[chosen], u) if len(chosen) else np.zeros(0)
         ),
         turn_rad=turn_rad[chosen],
         temperature_degc=(
@@ -164,8 +301,30 @@ def good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> Envel
 
 
 def integrate_rate(time_s: Array, rate_rad_s: Array | None) -> Array:
-    """∫Ω dt from the first row along the rate's course; a rate that is not finite is bridged, none
-    at all is zero."""
+    """∫Ω dt from the first row along the rate's course.
+
+    Parameters
+    ----------
+    time_s
+        (n,).
+    rate_rad_s
+        Mean rates of the rows (n,); what is not finite is bridged; None: no rate.
+
+    Returns
+    -------
+    ndarray
+        (n,) rad; zeros where no rate is finite.
+
+    Examples
+    --------
+    A table that speeds up by 0.2 rad/s², with one reading lost, has turned by 0.1·t²:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import integrate_rate
+    >>> t = np.arange(6.0)
+    >>> integrate_rate(t, np.array([0.0, 0.2, np.nan, 0.6, 0.8, 1.0])).round(9).tolist()
+    [0.0, 0.1, 0.4, 0.9, 1.6, 2.5]
+    """
     if rate_rad_s is None or not np.isfinite(rate_rad_s).any():
         return np.zeros(len(time_s))
     finite = np.isfinite(rate_rad_s)
@@ -173,9 +332,38 @@ def integrate_rate(time_s: Array, rate_rad_s: Array | None) -> Array:
     return build_course(time_s, rate).integral()
 
 
-def pooled_std(std: Array, u: Array) -> Array:
-    """Noise of one signal coefficient, pooled over neighbouring windows; where it is missing, from
-    the envelope's third differences."""
+def pool_std(std: Array, u: Array) -> Array:
+    """Noise of one signal coefficient, pooled over neighbouring windows.
+
+    Where it is missing in most rows, it is taken from the envelopes' third differences.
+
+    Parameters
+    ----------
+    std
+        As every window knows it (n,); what is not finite, or 0, is missing.
+    u
+        Envelopes (n, 2).
+
+    Returns
+    -------
+    ndarray
+        (n,) above 0; windows far above their neighbours (ends, bursts) keep their own.
+
+    Examples
+    --------
+    Windows that know their noise of 0.01 to a fifth only, and none that say it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import pool_std
+    >>> random = np.random.default_rng(0)
+    >>> noise = random.standard_normal((2, 4096, 2)) * 0.01
+    >>> u = np.exp(-1e-3 * np.arange(4096.0))[:, None] + noise[0] + 1j * noise[1]
+    >>> said = 0.01 * (1 + 0.2 * random.standard_normal(4096))
+    >>> bool(np.std(pool_std(said, u)) < 0.2 * np.std(said))
+    True
+    >>> bool(abs(pool_std(np.full(4096, np.nan), u)[0] - 0.01) < 5e-4)
+    True
+    """
     scale = np.sqrt(np.mean(np.abs(u) ** 2))
     usable = np.isfinite(std) & (std > 0)
     if usable.sum() < len(std) / 2:
@@ -204,16 +392,48 @@ def average_rows(
     grid: tuple[float, float] | None = None,
     beside: Array | None = None,
 ) -> EnvelopeRun:
-    """At most about `blocks` rows: each block's rows are carried to its mean time with an
-    approximate motion, then averaged.
+    """A run's rows averaged by blocks, each carried to its block's mean time with a motion known nearly.
 
-    `carry(dt, dturn)` gives the propagator over dt [s] and table turn [rad], `phase(time_s)` [rad]
-    what a moving frequency adds. The mean time is the weighted one, so an error δL of that motion
-    enters only as (δL² + [δL, L])dt²/24 of the row: averaging along the motion that is fitted to the
-    rows, until neither changes, leaves none. Weights 1/σ². Blocks are equal pieces of time; empty ones
-    (gaps) vanish. `grid`: where the first piece begins and how long each is, of the whole run that
-    this is a part of. `beside`: what moves the envelopes beside that motion, u̇ = Lu + g (n, 2): a
-    slope ġ within a block, as the carried rows see it, leaves ġτ²/2 = τg/2 in their mean.
+    The mean time is the weighted one, so an error δL of that motion enters only as
+    (δL² + [δL, L])dt²/24 of the row: averaging along the motion that is fitted to the rows, until
+    neither changes, leaves none. Weights 1/σ². Blocks are equal pieces of time; empty ones (gaps)
+    vanish.
+
+    Parameters
+    ----------
+    run
+        As it is kept where it has no more rows than blocks and no grid is given.
+    blocks
+        Of the run; about as many rows at most.
+    carry
+        carry(dt, dturn): the propagator over dt [s] and table turn [rad].
+    phase
+        phase(time_s) [rad]: what a moving frequency adds.
+    grid
+        Where the first block begins and how long each is [s], of the whole run that this is a part
+        of.
+    beside
+        What moves the envelopes beside that motion, u̇ = Lu + g (n, 2): a slope ġ within a block,
+        as the carried rows see it, leaves ġτ²/2 = τg/2 in their mean.
+
+    Returns
+    -------
+    EnvelopeRun
+        σ is that of a weighted mean.
+
+    Examples
+    --------
+    Four windows of a decay by 0.5 1/s, a second apart, carried to their mean time of 1.5 s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun, average_rows
+    >>> t = np.arange(4.0)
+    >>> u = np.outer(np.exp(-0.5 * t), [1.0, 0.0])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 1.0)
+    >>> decay = lambda dt, turn: (np.exp(-0.5 * dt), 0 * dt, 0 * dt, np.exp(-0.5 * dt))
+    >>> one = average_rows(run, 1, decay)
+    >>> one.time_s.tolist(), bool(np.isclose(one.envelope[0, 0], np.exp(-0.75))), one.std.tolist()
+    ([1.5], True, [0.005])
     """
     if grid is None:
         if len(run) <= blocks:

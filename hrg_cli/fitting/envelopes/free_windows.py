@@ -45,7 +45,7 @@ def cut_free_windows(wave: Wave) -> list[Wave]:
             )
     else:
         off = find_decay(np.asarray(wave.main_amplitude, float), wave.good())
-    windows = [wave.rows(a, b) for a, b in stretches(off) if b - a >= MIN_WINDOW_ROWS]
+    windows = [wave.rows(a, b) for a, b in find_stretches(off) if b - a >= MIN_WINDOW_ROWS]
     if not windows:
         raise HrgError(
             f"{wave.run_id or 'the run'}: is driven throughout (mode {wave.mode}), free windows"
@@ -59,7 +59,9 @@ def cut_free_windows(wave: Wave) -> list[Wave]:
     )
 
 
-def driven_and_free(wave: Wave, run: EnvelopeRun) -> tuple[list[EnvelopeRun], list[EnvelopeRun]]:
+def split_driven_and_free(
+    wave: Wave, run: EnvelopeRun
+) -> tuple[list[EnvelopeRun], list[EnvelopeRun]]:
     """The stretches of a wave's good rows in which it is driven and in which it is free."""
     try:
         windows = [(float(w.time_s[0]), float(w.time_s[-1])) for w in cut_free_windows(wave)]
@@ -69,13 +71,13 @@ def driven_and_free(wave: Wave, run: EnvelopeRun) -> tuple[list[EnvelopeRun], li
     for begin, end in windows:
         free |= (run.time_s >= begin) & (run.time_s <= end)
     driven, loose = (
-        [run.rows(slice(a, b)) for a, b in stretches(on) if b - a >= MIN_WINDOW_ROWS]
+        [run.rows(slice(a, b)) for a, b in find_stretches(on) if b - a >= MIN_WINDOW_ROWS]
         for on in (~free, free)
     )
     return driven, loose
 
 
-def stretches(on: Array) -> list[tuple[int, int]]:
+def find_stretches(on: Array) -> list[tuple[int, int]]:
     """(start, stop) of the runs of True, shortened by one row at a switch: its window holds both
     states."""
     edge = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))

@@ -18,7 +18,7 @@ import numpy as np
 from ...records import Wave
 from ..samples.least_count import find_least_count
 from ..samples.stretches import Stretches
-from .envelope_runs import envelopes_of
+from .envelope_runs import compute_envelopes
 
 Array = np.ndarray
 CHANCE = 1e-9
@@ -106,7 +106,7 @@ class _Seen:
             for name, values in sampled.items():
                 values.append(np.asarray(getattr(part, name), float)[rows[::every]])
             here = {name: np.asarray(getattr(part, name), float)[rows] for name in COLUMNS}
-            here["envelope"] = envelopes_of(part, rows)
+            here["envelope"] = compute_envelopes(part, rows)
             seen._add(
                 {name: np.concatenate([last.get(name, v[:0]), v]) for name, v in here.items()}
             )
@@ -139,7 +139,7 @@ class _Seen:
         channel."""
         first, last = (self._row(place) for place in stretch)
         if name in CHANNELS:
-            value = np.abs(envelopes_of(first)[0, CHANNELS.index(name)])
+            value = np.abs(compute_envelopes(first)[0, CHANNELS.index(name)])
         else:
             value = getattr(first, name)[0]
         times = float(first.time_s[0]), float(last.time_s[0])
@@ -162,7 +162,7 @@ class _Seen:
         """Whether the envelopes of a stretch, or of as much of it as is read at a time, show the
         noise that they state, by third differences."""
         part = next(self._from(*stretch))
-        rough = np.sum(np.abs(np.diff(envelopes_of(part), n=3, axis=0)) ** 2, axis=1)
+        rough = np.sum(np.abs(np.diff(compute_envelopes(part), n=3, axis=0)) ** 2, axis=1)
         # third differences of white noise have 1² + 3² + 3² + 1² = 20 times its variance; two complex
         # envelopes are four components
         level = np.sqrt(np.median(rough) / (20 * 4)) if len(rough) else 0.0

@@ -80,7 +80,7 @@ def estimate_variance_inflation(fit: Fit) -> tuple[float, float]:
     return worst, max(1.0, worst / white) if white > 0 else 1.0
 
 
-def natural_scales(fit: Fit) -> Array:
+def compute_natural_scales(fit: Fit) -> Array:
     """Size a direction of z would have to be known to: ν for damping, the larger of δω, ν, 1/T for
     the split, K for K; 0: not judged."""
     p = fit.p
@@ -100,11 +100,11 @@ def natural_scales(fit: Fit) -> Array:
     return np.abs(fit.freedom.directions.T) @ by_coordinate
 
 
-def flat_directions(fit: Fit, factor: float) -> tuple[float, list[Flat]]:
+def find_flat_directions(fit: Fit, factor: float) -> tuple[float, list[Flat]]:
     """Condition number of the scaled Fisher information (unit diagonal) of the judged directions,
     and the flat ones; the rest is nuisance.
     """
-    scales = natural_scales(fit)
+    scales = compute_natural_scales(fit)
     judged = scales > 0
     order = np.concatenate([np.flatnonzero(~judged), np.flatnonzero(judged)])
     nuisance = int((~judged).sum())
@@ -127,7 +127,7 @@ def flat_directions(fit: Fit, factor: float) -> tuple[float, list[Flat]]:
     return condition, flat
 
 
-def covariance_z(fit: Fit, factor: float) -> Array:
+def compute_covariance_z(fit: Fit, factor: float) -> Array:
     """Covariance of z with the data's information divided by `factor`, priors kept."""
     prior = np.where(np.isfinite(fit.freedom.prior_std), fit.freedom.prior_std, np.inf) ** -2.0
     root = np.concatenate([fit.data_root / np.sqrt(factor), np.diag(np.sqrt(prior))])
@@ -153,7 +153,7 @@ def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> N
         covariance[axis, axis] = spread**2
 
 
-def parameters_by_z(fit: Fit, mode_number: int) -> Array:
+def differentiate_parameters(fit: Fit, mode_number: int) -> Array:
     """∂(ν, νδμ, θ_μ, δω, θ_ω, K)/∂z (6, k); what is held moves with nothing, not even by
     rounding."""
     _, slopes = coordinates.to_parameters(fit.p, mode_number)
@@ -163,7 +163,7 @@ def parameters_by_z(fit: Fit, mode_number: int) -> Array:
     )
 
 
-def parameter_covariance(
+def compute_parameter_covariance(
     fit: Fit, factor: float, mode_number: int, between: Array | None = None
 ) -> tuple[Array, Array]:
     """(values (6,), covariance (6, 6)) of ν, νδμ, θ_μ, δω, θ_ω, K; data information scaled by
@@ -175,15 +175,15 @@ def parameter_covariance(
     has the spread of its components'.
     """
     values, _ = coordinates.to_parameters(fit.p, mode_number)
-    cov_z = covariance_z(fit, factor) + (0.0 if between is None else between)
+    cov_z = compute_covariance_z(fit, factor) + (0.0 if between is None else between)
     cov_p = fit.freedom.directions @ cov_z @ fit.freedom.directions.T
-    through = parameters_by_z(fit, mode_number)
+    through = differentiate_parameters(fit, mode_number)
     covariance = through @ cov_z @ through.T
     widen_axes(covariance, cov_p, fit.p, mode_number)
     return values, covariance
 
 
-def run_shifts(fit: Fit, factor: float) -> Array:
+def measure_run_shifts(fit: Fit, factor: float) -> Array:
     """How far each run alone pulls z from what the other runs say, as a χ² a direction; 0 where the
     others say nothing.
 
@@ -210,7 +210,7 @@ def run_shifts(fit: Fit, factor: float) -> Array:
     return out
 
 
-def between_runs(fit: Fit) -> Array:
+def compute_between_runs(fit: Fit) -> Array:
     """Covariance of z (k, k) by leaving out one run after another, (R − 1)/R·Σ d dᵀ, each d one
     Gauss–Newton step; zero for one run.
 
@@ -294,14 +294,14 @@ class Frequencies:
     """Range of the frequency within each run, (R,)."""
 
 
-def run_frequencies(fit: Fit, factor: float) -> Frequencies:
+def estimate_run_frequencies(fit: Fit, factor: float) -> Frequencies:
     """Mean frequencies of the runs, each its own nuisance, correlated through what they share."""
     response = fit.response
     span = response.batch.span_s
     frequency = np.array(
         [r.reference_frequency_hz for r in response.batch.runs]
     ) + response.state.offsets_rad_s(span) / (2 * np.pi)
-    covariance = covariance_z(fit, factor)
+    covariance = compute_covariance_z(fit, factor)
     shared = response.batch.over_noise(fit.freedom.along(response.coordinate_sensitivities()))
     own = response.batch.over_noise(response.run_sensitivities())
     variance, through = np.zeros(len(frequency)), np.zeros((len(frequency), len(covariance)))

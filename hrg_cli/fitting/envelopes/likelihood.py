@@ -11,16 +11,16 @@ import numpy as np
 from ..least_squares import StepTaken, descend, fit_columns, invert_scaled
 from . import coordinates
 from .coordinates import COUNT
-from .response import Batch, Response, State, batch, respond
+from .response import Batch, Response, State, make_batch, respond
 
 __all__ = [
     "Batch",
     "Fit",
     "Freedom",
-    "batch",
     "eliminate_nuisances",
     "fit",
     "free_coordinates",
+    "make_batch",
     "triangularise",
 ]
 

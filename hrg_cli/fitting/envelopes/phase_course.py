@@ -29,11 +29,40 @@ Course = np.polynomial.Polynomial
 
 
 def find_bends(runs: Sequence[EnvelopeRun], scale_factor: float) -> list[Course] | None:
-    """Each run's phase [rad] over the time from its first row [s], less its straight line and what
-    the table's turning does to it; None where no run's phase bends so far.
+    """How each run's phase bends, where a fit could lose a turn of one.
 
     A turning ellipse runs ahead by KΩ·S₃/S₀, so a rate that changes bends its phase, and that is
     the model's own: each row is turned back by K (roughly known) times the table's turn.
+
+    Parameters
+    ----------
+    runs
+        Envelopes of each.
+    scale_factor
+        K, roughly.
+
+    Returns
+    -------
+    list of Polynomial or None
+        Phase [rad] over the time from a run's first row [s], less its straight line and what the
+        table's turning does to it; None where no run's phase bends by more than `WRAPS_RAD`.
+
+    Examples
+    --------
+    A frequency that rises by 0.1 rad/s², whose phase is a parabola of 0.05·t²; within 10 s it bends
+    by too little to mislead a fit:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.phase_course import find_bends
+    >>> t = np.linspace(0.0, 40.0, 801)
+    >>> u = np.outer(np.exp(0.05j * t**2), [1.0, 0.0])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.05)
+    >>> (course,) = find_bends([run], 0.5)
+    >>> round(float(course.deriv(2)(20.0)), 6)
+    0.1
+    >>> find_bends([run.rows(slice(0, 200))], 0.5) is None
+    True
     """
     found = [_bend(run, scale_factor) for run in runs]
     times = [run.time_s - run.time_s[0] for run in runs]
@@ -70,7 +99,34 @@ def _bend(run: EnvelopeRun, scale_factor: float) -> Course:
 def straighten_phases(
     runs: Sequence[EnvelopeRun], courses: Sequence[Course], sign: float = -1.0
 ) -> list[EnvelopeRun]:
-    """Runs with these courses of the phase taken off (or, sign +1, put back)."""
+    """Runs with these courses of the phase taken off, or put back.
+
+    Parameters
+    ----------
+    runs
+        Envelopes of each.
+    courses
+        Of each run its phase [rad] over the time from its first row [s].
+    sign
+        −1: off; +1: back.
+
+    Returns
+    -------
+    list of EnvelopeRun
+        Their envelopes times e^{±jφ}.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.phase_course import Course, straighten_phases
+    >>> t = np.linspace(100.0, 140.0, 801)
+    >>> u = np.outer(np.exp(0.05j * (t - 100) ** 2), [1.0, 0.0])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.05)
+    >>> (straight,) = straighten_phases([run], [Course([0.0, 0.0, 0.05])])
+    >>> bool(np.allclose(straight.envelope[:, 0], 1.0))
+    True
+    """
     return [
         dataclasses.replace(
             r, envelope=r.envelope * np.exp(sign * 1j * c(r.time_s - r.time_s[0]))[:, None]
@@ -82,8 +138,38 @@ def straighten_phases(
 def bend_back(
     data: Batch, runs: Sequence[EnvelopeRun], courses: Sequence[Course], phase: Array
 ) -> tuple[list[EnvelopeRun], Array]:
-    """Rows of straightened runs with the courses put back, and the phase coefficients (R, k) of
-    (t/T)¹…ᵏ that go with them."""
+    """What a fit of straightened runs is with their courses put back.
+
+    Parameters
+    ----------
+    data
+        The straightened runs' rows that were fitted.
+    runs, courses
+        The runs before, whose first rows begin the courses, and those.
+    phase
+        Coefficients (R, k) of (t/T)¹…ᵏ [rad], from the first of the fitted rows over their span T.
+
+    Returns
+    -------
+    tuple of list of EnvelopeRun and ndarray
+        The rows with the courses in their phases, and the coefficients (R, k') that go with them;
+        what a course holds at the first row goes into the start state.
+
+    Examples
+    --------
+    A parabola of 0.05·t² over 40 s is 80·(t/T)²:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.phase_course import Course, bend_back
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t = np.linspace(0.0, 40.0, 801)
+    >>> run = EnvelopeRun("", t, np.ones((801, 2)), 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.05)
+    >>> course = Course([0.0, 0.0, 0.05])
+    >>> rows, phase = bend_back(make_batch([run]), [run], [course], np.array([[3.0]]))
+    >>> phase.round(9).tolist(), bool(np.allclose(np.angle(rows[0].envelope[20]), 0.05))
+    ([[3.0, 80.0]], True)
+    """
     rows, orders = [], max([phase.shape[1], *(len(c) - 1 for c in courses)])
     out = np.zeros((len(courses), orders))
     out[:, : phase.shape[1]] = phase

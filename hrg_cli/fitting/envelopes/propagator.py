@@ -47,7 +47,7 @@ LARGEST_STEP = 10.0
 """Change of L times lag above which a step is not believed."""
 
 
-def mean_frequency(run: EnvelopeRun) -> float:
+def estimate_mean_frequency(run: EnvelopeRun) -> float:
     """Mean angular frequency above the reference from neighbouring rows, rad/s; safe below half a
     turn a row."""
     step = np.diff(run.time_s)
@@ -56,7 +56,7 @@ def mean_frequency(run: EnvelopeRun) -> float:
     return float(np.angle(np.sum(turn)) / np.mean(step[near]))
 
 
-def mean_damping(run: EnvelopeRun) -> float:
+def estimate_mean_damping(run: EnvelopeRun) -> float:
     """Decay rate from the mean energies of the run's first and last thirds, 1/s."""
     third = max(1, len(run) // 3)
     # the real and the imaginary part of an envelope each carry σ²
@@ -69,7 +69,7 @@ def mean_damping(run: EnvelopeRun) -> float:
     return float(np.log(max(early, floor) / max(late, floor)) / (2 * gap)) if gap > 0 else 0.0
 
 
-def scale_factor(runs: Sequence[EnvelopeRun]) -> float:
+def estimate_scale_factor(runs: Sequence[EnvelopeRun]) -> float:
     """K from the turning between neighbouring rows: C·S' − S·C' = −KΩ(C² + S²); 0 without
     rotation."""
     top = bottom = 0.0
@@ -89,12 +89,12 @@ def guess_roughly(runs: Sequence[EnvelopeRun]) -> tuple[Array, Array]:
     """First guess: coordinates (7,) without any anisotropy, and the runs' frequency offsets (R,) in
     rad/s."""
     p = np.zeros(COUNT)
-    p[DAMPING] = np.median([mean_damping(r) for r in runs])
-    p[SCALE_FACTOR] = scale_factor(runs)
-    return p, np.array([mean_frequency(r) for r in runs])
+    p[DAMPING] = np.median([estimate_mean_damping(r) for r in runs])
+    p[SCALE_FACTOR] = estimate_scale_factor(runs)
+    return p, np.array([estimate_mean_frequency(r) for r in runs])
 
 
-def plain_exponential(p: Array, dt: Array, turn: Array, offset_rad_s: Array | float) -> Matrix:
+def compute_propagator(p: Array, dt: Array, turn: Array, offset_rad_s: Array | float) -> Matrix:
     """exp of the plain generator over times (n,) and table turns (n,), with a frequency offset."""
     rate = np.divide(turn, dt, out=np.zeros(len(dt)), where=dt != 0)
     mean, L = matrices.split_trace(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
@@ -103,10 +103,10 @@ def plain_exponential(p: Array, dt: Array, turn: Array, offset_rad_s: Array | fl
     return m[0] * factor, m[1] * factor, m[2] * factor, m[3] * factor
 
 
-def carry(p: Array, offset_rad_s: float) -> Callable[[Array, Array], Matrix]:
+def make_propagator(p: Array, offset_rad_s: float) -> Callable[[Array, Array], Matrix]:
     """Propagator over (dt, table turn) of the plain generator with a frequency offset, for
     `average_rows`."""
-    return lambda dt, turn: plain_exponential(p, dt, turn, offset_rad_s)
+    return lambda dt, turn: compute_propagator(p, dt, turn, offset_rad_s)
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Pairs:
     run: Array
 
 
-def pairs(runs: Sequence[EnvelopeRun], lag_s: float, all_rows: bool = False) -> Pairs:
+def pair_rows(runs: Sequence[EnvelopeRun], lag_s: float, all_rows: bool = False) -> Pairs:
     """Pairs of rows about `lag_s` apart within a run, four a lag or `all_rows`; pairs across a gap
     carry their true time."""
     parts = []
@@ -233,10 +233,10 @@ def identify(
     """Coordinates (7,), frequency offsets (R,) and covariance of z by regressions at growing lag,
     from a first guess: from the longest lag that it follows, or from the shortest."""
     covariance = np.zeros((len(freedom.names),) * 2)
-    lags = growing_lags(runs)
-    first = 0 if from_shortest else longest_lag_followed(runs, lags, p, offsets)
+    lags = list_lags(runs)
+    first = 0 if from_shortest else find_longest_lag(runs, lags, p, offsets)
     for lag in lags[first:]:
-        misfit, data = np.inf, pairs(runs, lag, all_rows=lag == lags[-1])
+        misfit, data = np.inf, pair_rows(runs, lag, all_rows=lag == lags[-1])
         kept = (p, offsets, covariance)
         # No `least_squares.descend`: this is a first guess, whose steps at one lag need no end of
         # their own; one that makes the fit worse, or is too long to be true, is left to the next lag.
@@ -255,7 +255,7 @@ def identify(
     return p, offsets, covariance
 
 
-def longest_lag_followed(
+def find_longest_lag(
     runs: Sequence[EnvelopeRun], lags: Sequence[float], p: Array, offsets: Array
 ) -> int:
     """Place of the longest lag over which a guess misses little of any run's energy: no phase is
@@ -263,15 +263,15 @@ def longest_lag_followed(
     followed = (
         i
         for i in reversed(range(len(lags)))
-        if largest_miss(pairs(runs, lags[i]), p, offsets) < NEAR
+        if measure_largest_miss(pair_rows(runs, lags[i]), p, offsets) < NEAR
     )
     return next(followed, 0)
 
 
-def largest_miss(data: Pairs, p: Array, offsets: Array) -> float:
+def measure_largest_miss(data: Pairs, p: Array, offsets: Array) -> float:
     """Largest part of a run's energy that coordinates and offsets miss over the pairs."""
     x, y = apply(
-        plain_exponential(p, data.dt, data.turn, offsets[data.run]),
+        compute_propagator(p, data.dt, data.turn, offsets[data.run]),
         (data.before[:, 0], data.before[:, 1]),
     )
     left = np.abs(data.after[:, 0] - x) ** 2 + np.abs(data.after[:, 1] - y) ** 2
@@ -279,7 +279,7 @@ def largest_miss(data: Pairs, p: Array, offsets: Array) -> float:
     return float(np.max(np.add.reduceat(left, data.first) / np.add.reduceat(energy, data.first)))
 
 
-def growing_lags(runs: Sequence[EnvelopeRun]) -> list[float]:
+def list_lags(runs: Sequence[EnvelopeRun]) -> list[float]:
     """Lags from a row to half of the shortest run, s, each four times the one before."""
     span = min(r.duration_s for r in runs)
     shortest = max(float(np.median(np.diff(r.time_s))) for r in runs)
@@ -302,7 +302,7 @@ def thin_rows(
     runs: Sequence[EnvelopeRun], p: Array, offsets: Array, blocks: int
 ) -> list[EnvelopeRun]:
     """Runs averaged to at most `blocks` rows each along the motion of p and the offsets."""
-    return [average_rows(r, blocks, carry(p, offset)) for r, offset in zip(runs, offsets)]
+    return [average_rows(r, blocks, make_propagator(p, offset)) for r, offset in zip(runs, offsets)]
 
 
 def thin_to_beats(
@@ -311,17 +311,17 @@ def thin_to_beats(
     """Runs averaged along a rough guess to `blocks` rows each, or to so many more, `most` at most,
     that no beat is averaged away that the guess does not know."""
     thin = thin_rows(runs, p, offsets, blocks)
-    lost = lost_energy(runs, thin)
+    lost = measure_lost_energy(runs, thin)
     while blocks < most and np.any(lost > 0):
         blocks = min(2 * blocks, most)
         thin = thin_rows(runs, p, offsets, blocks)
-        before, lost = lost, lost_energy(runs, thin)
+        before, lost = lost, measure_lost_energy(runs, thin)
         if np.all(lost * RESOLVED <= before):
             break
     return thin
 
 
-def lost_energy(runs: Sequence[EnvelopeRun], thin: Sequence[EnvelopeRun]) -> Array:
+def measure_lost_energy(runs: Sequence[EnvelopeRun], thin: Sequence[EnvelopeRun]) -> Array:
     """Energy (R,) of the runs, in variances of their noise, that is no longer in their averaged rows;
     0 where noise alone may have had it."""
     lost = np.array([_energy(r) - _energy(few) for r, few in zip(runs, thin, strict=True)])

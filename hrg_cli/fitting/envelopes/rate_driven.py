@@ -22,7 +22,7 @@ from ...physics import drift as law
 from ...physics.resonator import Mechanics
 from ...records import Resonator, Wave
 from .rate_estimate import MOST_NODES, RateEstimate, integrals
-from .rate_from_model import ROWS_A_FINER_NODE, TOO_COARSE, node_count
+from .rate_from_model import ROWS_A_FINER_NODE, TOO_COARSE, count_nodes
 from .resonator_spread import from_vector, mechanics_of, spread_points, vector_covariance, vector_of
 
 Array = np.ndarray
@@ -46,7 +46,7 @@ class _Run:
     quadrature: Array
 
 
-def rate_driven(
+def fit_driven_rate(
     wave: Wave,
     resonator: Resonator,
     nodes: int | None = None,
@@ -68,7 +68,7 @@ def rate_driven(
     g = mechanics_of(resonator)
     run = _run(wave, g, loop_delay_s)
     windows = len(run.time_s)
-    count, most = node_count(wave.run_id or "the run", windows, float(wave.window_s), nodes)
+    count, most = count_nodes(wave.run_id or "the run", windows, float(wave.window_s), nodes)
     errors = (main_phase_error_rad, quadrature_phase_error_rad)
     found = _fit_nodes(run, resonator, g, count, errors)
     while True:

@@ -22,7 +22,7 @@ from .likelihood import triangularise
 from .rate_estimate import RateEstimate, cardinal
 from .rate_start import estimate_mean_offset
 from .resonator_spread import vector_covariance
-from .response import Response, State, batch, respond, stack_reals
+from .response import Response, State, make_batch, respond, stack_reals
 from .trapezium import integrate
 
 Array = np.ndarray
@@ -57,7 +57,7 @@ class Reference:
         return float(self.p[SCALE_FACTOR])
 
 
-def reference(resonator: Resonator, mechanics: Mechanics) -> Reference:
+def make_reference(resonator: Resonator, mechanics: Mechanics) -> Reference:
     """The reference of a resonator; directions in which it is exact are left out."""
     p = coordinates.from_mechanics(mechanics)
     p[SECOND_ORDER] = details_number(resonator.details, "second_order", "value", default=1.0)
@@ -82,7 +82,7 @@ def fit_rate(
             rows.count_rows(known.p, [run], max(ROWS, ROWS_OF_A_NODE * len(grid))), rows.MOST_ROWS
         )
         start = respond(
-            batch([run.rows(slice(None, None, max(1, len(run) - 1)))]),
+            make_batch([run.rows(slice(None, None, max(1, len(run) - 1)))]),
             State(known.p, run.envelope[:1], np.array([[offset * run.duration_s]])),
         )
         run = rows.average_along([run], start, count)[0]
@@ -147,7 +147,7 @@ class _Problem:
 
     def at(self, x: Array) -> _Point:
         """The model at the unknowns."""
-        data = batch([replace(self.run, turn_rad=x[self.rates] @ self.turning)])
+        data = make_batch([replace(self.run, turn_rad=x[self.rates] @ self.turning)])
         z = x[self.rates.stop :]
         p = self.known.p + self.known.spread @ z
         start = np.array([[x[0] + 1j * x[1], x[2] + 1j * x[3]]])

@@ -18,7 +18,7 @@ from ...physics.resonator import PARAMETERS, Mechanics
 from ...records import Resonator, Wave
 from .envelope_runs import EnvelopeRun, from_wave
 from .rate_estimate import MOST_NODES, RateEstimate, cardinal
-from .rate_fit import Reference, fit_rate, reference
+from .rate_fit import Reference, fit_rate, make_reference
 from .rate_start import estimate_plain_rate, estimate_stokes_start
 
 Array = np.ndarray
@@ -34,7 +34,7 @@ NO_BETTER = 0.9
 of them."""
 
 
-def node_count(name: str, windows: int, window_s: float, nodes: int | None) -> tuple[int, int]:
+def count_nodes(name: str, windows: int, window_s: float, nodes: int | None) -> tuple[int, int]:
     """Nodes to begin with, and the most that the windows carry.
 
     Parameters
@@ -74,7 +74,7 @@ def node_count(name: str, windows: int, window_s: float, nodes: int | None) -> t
     return count, most
 
 
-def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) -> RateEstimate:
+def fit_free_rate(wave: Wave, resonator: Resonator, nodes: int | None = None) -> RateEstimate:
     """Ω(t) of a free run on `nodes` even times, given the resonator; its standard deviations hold
     the noise and the resonator's own.
 
@@ -89,11 +89,11 @@ def rate_from_model(wave: Wave, resonator: Resonator, nodes: int | None = None) 
             " identify it with rotated runs"
         )
     run = from_wave(wave, 0.0)
-    count, most = node_count(wave.run_id or "the run", len(run), run.window_s, nodes)
+    count, most = count_nodes(wave.run_id or "the run", len(run), run.window_s, nodes)
     mechanics = Mechanics(
         **{k: values.get(k, 0.0) for k, _ in PARAMETERS}, mode_number=run.mode_number
     )
-    known = reference(resonator, mechanics)
+    known = make_reference(resonator, mechanics)
     found = (
         _grow_nodes(run, count, most, known) if nodes is None else _check_nodes(run, count, known)
     )

@@ -46,7 +46,7 @@ class RateOffset:
     converged: bool
 
 
-def rate_offset(
+def fit_rate_offset(
     runs: Sequence[EnvelopeRun], known: Known, blocks: int, start_rad_s: float = 0.0
 ) -> RateOffset:
     """The common offset of the runs' logged rates; K is held where `known` says so. HrgError:

@@ -12,7 +12,7 @@ from ...physics import ellipse
 from ..least_squares import fit_columns
 from .envelope_runs import EnvelopeRun
 from .rate_estimate import cardinal
-from .response import State, batch, respond
+from .response import State, make_batch, respond
 from .trapezium import integrate
 
 Array = np.ndarray
@@ -66,7 +66,7 @@ def estimate_mean_offset(run: EnvelopeRun, p: Array) -> float:
     """Mean angular frequency above the reference of a run whose turning is known, rad/s: what its
     phase runs ahead of the model."""
     run = run.rows(slice(None, None, -(-len(run) // START_ROWS)))
-    data = batch([run])
+    data = make_batch([run])
     model = respond(data, State(p, run.envelope[:1], np.zeros((1, 1)))).model[0]
     ahead = np.sum(run.envelope * model.conj(), axis=1)
     step = np.diff(run.time_s)

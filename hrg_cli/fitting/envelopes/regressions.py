@@ -21,7 +21,7 @@ from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun
 from .equations import WIDE_STEP, Equations
 from .likelihood import Freedom
-from .method_ranges import list_warnings, out_of_range
+from .method_ranges import find_refusal, list_warnings
 from .seed_a_methods import EXACT, METHODS
 
 Array = np.ndarray
@@ -101,7 +101,7 @@ def weigh(run: EnvelopeRun, equations: Equations, freedom: Freedom) -> WeightedR
     return WeightedRows(rows[:, :-1], rows[:, -1], basis, weight)
 
 
-def truncation(model: Sequence[EnvelopeRun], p: Array, method: str) -> list[Array]:
+def find_truncation(model: Sequence[EnvelopeRun], p: Array, method: str) -> list[Array]:
     """What the method's differences and sums leave of noiseless runs of coordinates p, equation by
     equation (N,) a run.
 
@@ -142,7 +142,7 @@ def solve(
     where it is known already, from runs that hardly differ. The noise's level is the stated one, or
     what the residuals say where that is more.
     """
-    reason = out_of_range(runs, method)
+    reason = find_refusal(runs, method)
     if reason:
         return _none(reason)
     published = [METHODS[method](run, eliminate_rate) for run in runs]
@@ -152,7 +152,7 @@ def solve(
     change = 0.0
     for turn in range(CORRECTIONS if corrected else 1):
         if model is not None and corrected:
-            left_out = truncation(model(here), here, method)
+            left_out = find_truncation(model(here), here, method)
         equations = [
             dataclasses.replace(e, target=e.target - t)
             for e, t in zip(published, left_out, strict=True)

@@ -88,7 +88,7 @@ class Batch:
         return self.time_s[:, -1]
 
 
-def batch(runs: Sequence[EnvelopeRun]) -> Batch:
+def make_batch(runs: Sequence[EnvelopeRun]) -> Batch:
     """Pad runs of any lengths to one batch; padding repeats the last row with no weight."""
     longest = max(len(r) for r in runs)
 

@@ -20,7 +20,7 @@ from . import noise_propagation
 from .coordinates import COUNT, SCALE_FACTOR
 from .envelope_runs import EnvelopeRun
 from .equations import Ellipse, ellipse_of
-from .method_ranges import USES_AXES, out_of_range, quadrature_significance
+from .method_ranges import USES_AXES, find_refusal, measure_quadrature_significance
 from .regressions import CORRECTIONS, Noiseless, Regression
 
 Array = np.ndarray
@@ -37,11 +37,11 @@ def solve(
     model, start: noiseless rows for any coordinates and the first coordinates (7,), by which the
     differences' truncation is taken off.
     """
-    refusal = out_of_range(runs, METHOD)
+    refusal = find_refusal(runs, METHOD)
     found = [
         None
         if refusal
-        else one_run(run, None if model is None else partial(_of_run, model, i), start)
+        else integrate_run(run, None if model is None else partial(_of_run, model, i), start)
         for i, run in enumerate(runs)
     ]
     turning = [one for one in found if one is not None]
@@ -55,7 +55,7 @@ def solve(
     weights = [one.turns for one in turning]
     share = np.array(weights) / np.sum(weights)
     warnings = []
-    if quadrature_significance(runs) < 3:
+    if measure_quadrature_significance(runs) < 3:
         warnings.append("the quadrature is lost in the noise: the frequency split is skipped")
     return Regression(
         np.tensordot(share, np.array([one.p for one in turning]), 1),
@@ -196,7 +196,7 @@ def _solve_integrals(
     return _Solved(p, before, slope, left_out)
 
 
-def one_run(
+def integrate_run(
     run: EnvelopeRun,
     model: Callable[[Array], EnvelopeRun] | None = None,
     start: Array | None = None,

@@ -32,7 +32,32 @@ FAST = 0.99
 
 
 def estimate_speed(run: EnvelopeRun, p: Array) -> float:
-    """How fast the wave moves, rad/s: turning, beat and decay together, at the run's fastest."""
+    """How fast the wave moves: turning, beat and decay together, at the run's fastest.
+
+    Parameters
+    ----------
+    run
+        What its table turns.
+    p
+        Coordinates (7,).
+
+    Returns
+    -------
+    float
+        |K||Ω| + |ν| + νδμ + δω [rad/s], |Ω| its 99 % quantile.
+
+    Examples
+    --------
+    K = 0.5 at 2 rad/s, a decay of 0.1 1/s and a split of 0.3 rad/s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.rows import estimate_speed
+    >>> t = np.arange(20.0)
+    >>> run = EnvelopeRun("", t, np.ones((20, 2)), 0 * t + 1e-4, 2 * t, None, 5e3, 2, 1.0)
+    >>> round(estimate_speed(run, np.array([0.1, 0, 0, 0.3, 0, 0.5, 1.0])), 9)
+    1.4
+    """
     step = np.diff(run.time_s)
     turning = float(np.quantile(np.abs(np.diff(run.turn_rad)) / step, FAST)) if len(step) else 0.0
     splits = np.hypot(*p[coordinates.DAMPING_SPLIT]) + np.hypot(*p[coordinates.FREQUENCY_SPLIT])
@@ -40,10 +65,38 @@ def estimate_speed(run: EnvelopeRun, p: Array) -> float:
 
 
 def count_rows(p: Array, runs: Sequence[EnvelopeRun], least: int) -> int:
-    """Rows a run, at least `least`, so that none spans more than a quarter radian of motion; fewer
-    windows than that are not averaged.
+    """Rows to which each run is averaged, so that none spans more than a quarter radian of motion.
 
-    HrgError: memory allows only rows so long that the fit could not follow the wave.
+    Parameters
+    ----------
+    p
+        Coordinates (7,) of the motion.
+    runs
+        What is averaged; fewer windows than that are not averaged.
+    least
+        Rows wanted in any case.
+
+    Returns
+    -------
+    int
+        At least `least`, and otherwise no more than all runs together may keep.
+
+    Raises
+    ------
+    HrgError
+        Memory allows only rows so long that the fit could not follow the wave.
+
+    Examples
+    --------
+    A wave that moves by 1.4 rad/s for 1000 s of windows of 0.01 s: 1400 rad in quarters.
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.rows import count_rows
+    >>> t, p = np.arange(99_999) * 0.01, np.array([0.1, 0, 0, 0.3, 0, 0.5, 1.0])
+    >>> run = EnvelopeRun("", t, np.ones((len(t), 2)), 0 * t + 1e-4, 2 * t, None, 5e3, 2, 0.01)
+    >>> count_rows(p, [run], 300)
+    5600
     """
     motion = [estimate_speed(r, p) * (r.duration_s + r.window_s) for r in runs]
     wanted = max(
@@ -64,19 +117,77 @@ def count_rows(p: Array, runs: Sequence[EnvelopeRun], least: int) -> int:
 
 
 def average_along(runs: Sequence[EnvelopeRun], response: Response, rows: int) -> list[EnvelopeRun]:
-    """Runs averaged to at most `rows` rows each along the motion of a fit: its generator, second
-    order and phase."""
+    """Runs averaged along the motion of a fit: its generator, second order and phase.
+
+    Parameters
+    ----------
+    runs
+        With all their windows.
+    response
+        The model at the fit's state.
+    rows
+        Of a run at most.
+
+    Returns
+    -------
+    list of EnvelopeRun
+        In the order of the runs.
+
+    Examples
+    --------
+    A turning and decaying wave averaged tenfold along its own motion is still on it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.response import State, make_batch, respond
+    >>> from hrg_cli.fitting.envelopes.rows import average_along
+    >>> t, p = np.linspace(0.0, 20.0, 401), np.array([0.1, 0, 0, 0, 0, 0.5, 0.0])
+    >>> u = np.exp(-0.1 * t)[:, None] * np.stack([np.cos(0.5 * t), -np.sin(0.5 * t)], axis=1)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, t, None, 5e3, 2, 0.05)
+    >>> model = respond(make_batch([run]), State(p, u[:1].astype(complex), np.zeros((1, 1))))
+    >>> (thin,) = average_along([run], model, 40)
+    >>> size = np.linalg.norm(thin.envelope, axis=1)
+    >>> len(thin), bool(np.allclose(size, np.exp(-0.1 * thin.time_s)))
+    (40, True)
+    """
     return [
         average_rows(run, rows, carry, phase)
-        for run, (carry, phase) in zip(runs, motions(runs, response), strict=True)
+        for run, (carry, phase) in zip(runs, list_motions(runs, response), strict=True)
     ]
 
 
-def motions(
+def list_motions(
     runs: Sequence[EnvelopeRun], response: Response
 ) -> list[tuple[Carry, Callable[[Array], Array]]]:
-    """Each run's motion by a fit, as `average_rows` takes it: the propagator over (dt, table turn), and
-    the phase [rad] at times [s]."""
+    """Each run's motion by a fit, as `average_rows` takes it.
+
+    Parameters
+    ----------
+    runs
+        What is to be carried.
+    response
+        The model at the fit's state, of the same runs.
+
+    Returns
+    -------
+    list of tuple
+        The propagator over (dt [s], table turn [rad]), and the phase [rad] at times [s].
+
+    Examples
+    --------
+    A decay by 0.1 1/s, 2 rad above the reference over a run of 20 s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.response import State, make_batch, respond
+    >>> from hrg_cli.fitting.envelopes.rows import list_motions
+    >>> t, p = np.linspace(0.0, 20.0, 401), np.array([0.1, 0, 0, 0, 0, 0.5, 0.0])
+    >>> run = EnvelopeRun("", t, np.ones((401, 2)), 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.05)
+    >>> model = respond(make_batch([run]), State(p, np.ones((1, 2), complex), np.array([[2.0]])))
+    >>> ((carry, phase),) = list_motions([run], model)
+    >>> bool(np.isclose(carry(np.ones(1), np.zeros(1))[0][0], np.exp(-0.1))), float(phase(10.0))
+    (True, 1.0)
+    """
     state, data = response.state, response.batch
     offsets = state.offsets_rad_s(data.span_s)
     out = []

@@ -34,7 +34,7 @@ GROUP = 0.1
 """|sin Δφ| or |cos Δφ| up to which a row belongs to a group of seed A's second remark."""
 
 
-def moving_axes(
+def build_moving_axes(
     run: EnvelopeRun, eliminate_rate: bool = False, small: bool = False, frozen: bool = False
 ) -> Equations:
     """Seed A (15): amplitudes of the main and the quadrature wave, and K from mθ̇ = −KΩ + D with D
@@ -87,22 +87,22 @@ def moving_axes(
     return join_equations([first, second, third])
 
 
-def moving_axes_small_quadrature(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+def build_moving_axes_small_quadrature(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     """Seed A (14), (16)."""
-    return moving_axes(run, eliminate_rate, small=True)
+    return build_moving_axes(run, eliminate_rate, small=True)
 
 
-def frozen_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+def build_frozen_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     """Seed A, fourth remark after (17): axes frozen where the wave stands, for a wave that hardly
     turns.
 
     The printed fourth equation drops the part of the drift; m·dθ/dt = −KΩ + D stands in its place,
     as in moving axes.
     """
-    return moving_axes(run, eliminate_rate, frozen=True)
+    return build_moving_axes(run, eliminate_rate, frozen=True)
 
 
-def fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+def build_fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     """Seed A (17) in the instrument axes with the true rate: amplitudes and phases of both
     channels, K free.
 
@@ -129,7 +129,7 @@ def fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     return join_equations(parts)
 
 
-def fixed_axes_weighted(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+def build_fixed_axes_weighted(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     """Amplitude equations of (17) and the weighted difference of its phase equations, which needs
     no mean frequency.
 
@@ -139,7 +139,7 @@ def fixed_axes_weighted(run: EnvelopeRun, eliminate_rate: bool = False) -> Equat
     return _fixed_axes(run, eliminate_rate)
 
 
-def fixed_axes_groups(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+def build_fixed_axes_groups(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     """Seed A, second remark after (17): the same in two groups of data.
 
     Main group, the wave between the electrodes' axes: sin Δφ → 0, cos Δφ → ±1. Further group, the
@@ -243,14 +243,14 @@ def _fixed_axes(run: EnvelopeRun, eliminate_rate: bool, grouped: bool = False) -
     return join_equations([*used.amplitudes(), phase])
 
 
-def products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+def build_products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     """The same from the time averages 2⟨C²⟩, 2⟨S²⟩, 2⟨CS⟩, −2⟨C·S(t − t₃)⟩ alone, the noise's own
     power taken off; no A, B, θ is formed."""
     these = _Products.of(run, eliminate_rate, 2 * run.std**2)
     return join_equations([*these.amplitudes(), *these.cross_product()])
 
 
-def increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+def build_increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     """Seed A (15) integrated: increments of a_A, a_B instead of derivatives, and those of mθ, with
     the rate or without."""
     w = ellipse_of(run)
@@ -271,7 +271,7 @@ def increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     )
 
 
-def stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
+def build_stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     """The exact linear four-vector form Ṡ = M S (PHYSICS §0), integrated; no axes, so circular
     orbits too; noise power taken off S₀.
 
@@ -293,15 +293,15 @@ def stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
 
 
 METHODS: dict[str, Callable[..., Equations]] = {
-    "moving-axes": moving_axes,
-    "moving-axes-small-quadrature": moving_axes_small_quadrature,
-    "fixed-axes": fixed_axes,
-    "fixed-axes-weighted": fixed_axes_weighted,
-    "fixed-axes-groups": fixed_axes_groups,
-    "frozen-axes": frozen_axes,
-    "increments": increments,
-    "products": products,
-    "stokes": stokes,
+    "moving-axes": build_moving_axes,
+    "moving-axes-small-quadrature": build_moving_axes_small_quadrature,
+    "fixed-axes": build_fixed_axes,
+    "fixed-axes-weighted": build_fixed_axes_weighted,
+    "fixed-axes-groups": build_fixed_axes_groups,
+    "frozen-axes": build_frozen_axes,
+    "increments": build_increments,
+    "products": build_products,
+    "stokes": build_stokes,
 }
 EXACT = {
     "moving-axes-small-quadrature": "moving-axes",

@@ -25,8 +25,36 @@ BLOCK = 1 << 13
 
 
 def flag_wild_rows(wave: Wave) -> tuple[Wave, str]:
-    """The wave with such windows flagged, and the first of them in words; as it is, and nothing,
-    where there is none."""
+    """The wave with windows flagged that hold what no wave can.
+
+    Parameters
+    ----------
+    wave
+        As it was read.
+
+    Returns
+    -------
+    tuple of Wave and str
+        The wave with those windows flagged, and the first of them in words; as it is, and nothing,
+        where there is none.
+
+    Examples
+    --------
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli import Wave
+    >>> from hrg_cli.fitting.envelopes.wild_rows import flag_wild_rows
+    >>> t, ones = np.arange(100.0), np.ones(100)
+    >>> wave = Wave(**{f.name: ones for f in fields(Wave) if f.default is MISSING} | dict(
+    ...     time_s=t, flags=np.zeros(100, "u1"), iterations=np.zeros(100, "i2"), run_id="left",
+    ...     main_amplitude=np.where(t == 40, 1e9, 1.0), reference_frequency_hz=5e3, window_s=1.0,
+    ... ))
+    >>> flagged, said = flag_wild_rows(wave)
+    >>> np.flatnonzero(flagged.flags).tolist()
+    [40]
+    >>> print(said[:50])
+    run left: main_amplitude is 1e+09 in row 41 of its
+    """
     ends = np.linspace(0, len(wave), max(1, len(wave) // BLOCK) + 1).astype(int).tolist()
     found = [one for start, stop in pairwise(ends) for one in _wild_of(wave, start, stop)]
     if not found:
@@ -63,7 +91,28 @@ def _wild_of(wave: Wave, start: int, stop: int) -> Iterator[_Wild]:
 
 
 def find_wild_rows(values: Array) -> tuple[Array, float]:
-    """Places of the wild ones among values (n,), and the largest size that the others have."""
+    """Places of the wild ones among values: a few alone, far beyond all others.
+
+    Parameters
+    ----------
+    values
+        (n,), of one column; those that are not finite count for nothing.
+
+    Returns
+    -------
+    tuple of ndarray and float
+        Their places, and the largest size that the others have; no place and 0 where none is wild.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.wild_rows import find_wild_rows
+    >>> decay = np.exp(-0.01 * np.arange(100.0))
+    >>> decay[40] = 1e9
+    >>> places, tame = find_wild_rows(decay)
+    >>> places.tolist(), tame
+    ([40], 1.0)
+    """
     known = np.isfinite(values)
     if known.sum() <= 2 * ABOUT:
         return np.zeros(0, int), 0.0

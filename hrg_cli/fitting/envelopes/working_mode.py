@@ -119,7 +119,7 @@ STRAIGHT = 0.25
 out alike on both sides."""
 
 
-def stiffness_axes(
+def find_stiffness_axes(
     runs: Sequence[EnvelopeRun], mode_number: int, quadrature_damping_1_s: float = np.inf
 ) -> list[tuple[float, float]]:
     """(axis [rad], its standard deviation) at every sign change of a_B as the wave passes it
@@ -160,7 +160,7 @@ def stiffness_axes(
     return out
 
 
-def combined_axis(
+def combine_axes(
     crossings: Sequence[tuple[float, float]], mode_number: int
 ) -> dict[str, float] | None:
     """One axis [rad] with its deviation from all crossings, their number and χ² a degree of

@@ -19,7 +19,7 @@ from ...fitting.envelopes.base_freedom import Known, freedom, nominal_scale_fact
 from ...fitting.envelopes.coordinates import SECOND_ORDER
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit, Freedom, fit
-from ...fitting.envelopes.response import State, batch, respond
+from ...fitting.envelopes.response import State, make_batch, respond
 from . import closing
 from .verdict import read_second_order_std
 
@@ -43,7 +43,7 @@ class PreparedRows:
     def noiseless(self, p: Array) -> list[EnvelopeRun]:
         """The rows as a resonator of coordinates p (7,) would show them, started as the runs
         did."""
-        data = batch(self.rows)
+        data = make_batch(self.rows)
         p = np.append(p[:6], 0.0)
         found = fit(
             data,

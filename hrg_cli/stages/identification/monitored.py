@@ -12,7 +12,7 @@ from ...fitting.envelopes.base_fit import check_runs
 from ...fitting.envelopes.base_freedom import Known
 from ...fitting.envelopes.coordinates import DAMPING
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
-from ...fitting.envelopes.free_windows import driven_and_free
+from ...fitting.envelopes.free_windows import split_driven_and_free
 from ...fitting.envelopes.regressions import Regression
 from ...records import Wave
 from .methods import name_parameters
@@ -29,7 +29,7 @@ def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Ver
     """Frequency and damping split of a driven gyro, with the sensitivity of the second and the
     mean-frequency trap in numbers; the stiffness axis from the quadrature's course of its free
     windows too."""
-    apart = [driven_and_free(w, envelope_runs.from_wave(w, rate_rad_s)) for w in waves]
+    apart = [split_driven_and_free(w, envelope_runs.from_wave(w, rate_rad_s)) for w in waves]
     driven, free = ([run for pair in apart for run in pair[k]] for k in (0, 1))
     check_runs(driven or free)
     thin = _thin_out(driven or free)
@@ -154,7 +154,7 @@ def _find_crossings(
 ) -> dict[str, Any]:
     """The stiffness axis where a_B of driven runs changes its sign and where a_B/a_A of free ones
     turns back, one by one and all together by inverse variance."""
-    crossings = working_mode.stiffness_axes(driven, mode, quadrature_damping_1_s)
+    crossings = working_mode.find_stiffness_axes(driven, mode, quadrature_damping_1_s)
     period = np.pi / mode
     off = np.array([a - values["stiffness_axis_rad"] for a, _ in crossings])
     off = np.mod(off + period / 2, period) - period / 2
@@ -162,14 +162,14 @@ def _find_crossings(
     several: list[dict[str, Any]] = [
         {"value": axis, "std": max(std, scatter)} for axis, std in crossings
     ]
-    whole = working_mode.combined_axis(crossings, mode)
+    whole = working_mode.combine_axes(crossings, mode)
     if free:
         thin = _thin_out(free)
-        found = axis_crossings.free_crossings(thin)
-        several += axis_crossings.axes(found, thin)
+        found = axis_crossings.fit_crossings(thin)
+        several += axis_crossings.list_axes(found, thin)
         turned = axis_crossings.combine_estimates(found, mode)
         both = [turned] if whole is None else [whole, turned]
-        whole = working_mode.combined_axis([(b["value"], b["std"]) for b in both], mode)
+        whole = working_mode.combine_axes([(b["value"], b["std"]) for b in both], mode)
         assert whole is not None
         whole["crossings"] = sum(int(b["crossings"]) for b in both)
     return {"stiffness_axes": several, "stiffness_axis_of_crossings": whole}

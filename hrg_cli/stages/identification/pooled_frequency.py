@@ -62,7 +62,7 @@ def join_frequency(
     covariance (6, 6) of the others, z's covariance z (k, k); the axes that are lost in noise are
     wider there than the slope says, and are so here.
     """
-    through = inference.parameters_by_z(fit, mode)
+    through = inference.differentiate_parameters(fit, mode)
     by_z = weight @ runs_hz.by_z
     plain = np.sqrt(np.maximum(0.0, np.einsum("ij,jk,ik->i", through, z, through)))
     wider = np.divide(

@@ -38,7 +38,7 @@ def identify_with_unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks
     told = known.scale_factor is not None
     if not told and not _rates_differ(runs):
         known = dataclasses.replace(known, scale_factor=nominal_scale_factor(mode))
-    found = rate_offset.rate_offset(runs, known, blocks, _start(runs, known, blocks))
+    found = rate_offset.fit_rate_offset(runs, known, blocks, _start(runs, known, blocks))
     noise = inference.estimate_variance_inflation(found.fit)[0]
     turned = [envelope_runs.turn_table(r, found.value) for r in runs]
     verdict = judge_parameters(found.fit, turned, known, noise * found.beside)

@@ -109,16 +109,16 @@ def judge_parameters(
     # runs that disagree by more than their noise: what one run says moves the mean of all, and
     # that spread is added to what noise alone would leave
     if fit.chi2 / fit.dof > POOR_FIT:
-        between = between + inference.between_runs(fit)
-    of_z = inference.covariance_z(fit, factor) + between
-    values, covariance = inference.parameter_covariance(fit, factor, mode, between)
+        between = between + inference.compute_between_runs(fit)
+    of_z = inference.compute_covariance_z(fit, factor) + between
+    values, covariance = inference.compute_parameter_covariance(fit, factor, mode, between)
 
-    pooled = pool_frequencies(inference.run_frequencies(fit, factor))
+    pooled = pool_frequencies(inference.estimate_run_frequencies(fit, factor))
     full = join_frequency(fit, covariance, of_z, pooled.runs, pooled.weight, mode)
     full[0, 0] += pooled.more_variance
     order = list(ORDER)
     std = dict(zip(order, np.sqrt(np.maximum(0.0, np.diag(full)))))
-    condition, flat = inference.flat_directions(fit, factor)
+    condition, flat = inference.find_flat_directions(fit, factor)
     rows = np.array([len(r) for r in fit.response.batch.runs])
     run_dof = np.maximum(1, 4 * rows - 4 - fit.response.state.phase.shape[1])
     verdict = Verdict(
@@ -158,7 +158,7 @@ def _residual_rms(fit: Fit) -> Array:
 def _details_of(fit: Fit, known: Known, mode: int, factor: float, colour: float) -> dict[str, Any]:
     """What the record keeps of the fit: its order, noise, what was held, and the least σ there
     is (Cramér–Rao)."""
-    _, bound = inference.parameter_covariance(fit, 1.0, mode)
+    _, bound = inference.compute_parameter_covariance(fit, 1.0, mode)
     least = map(float, np.sqrt(np.maximum(0.0, np.diag(bound))))
     return {
         "phase_order": int(fit.response.state.phase.shape[1]),
@@ -226,7 +226,7 @@ def _check_fit(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: 
 
 def _disagreements(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun]) -> list[str]:
     """A sentence for each run that moves the answer or fits far worse than the rest."""
-    shifts = inference.run_shifts(fit, verdict.details["variance_factor"])
+    shifts = inference.measure_run_shifts(fit, verdict.details["variance_factor"])
     typical = np.median(verdict.run_chi2_per_dof)
     if len(runs) == 2 and shifts.max() > DISAGREES:
         return [
@@ -289,7 +289,7 @@ def _flat_in(fit: Fit, name: str) -> bool:
     i = fit.freedom.names.index(name)
     factor, _ = inference.estimate_variance_inflation(fit)
     std = float(np.sqrt(fit.covariance_z()[i, i] * factor))
-    return std > inference.FLAT_FRACTION * float(inference.natural_scales(fit)[i])
+    return std > inference.FLAT_FRACTION * float(inference.compute_natural_scales(fit)[i])
 
 
 def describe_flat_direction(flat: inference.Flat, fit: Fit, runs: Sequence[EnvelopeRun]) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.envelopes.envelope_runs import envelopes_of
+from ...fitting.envelopes.envelope_runs import compute_envelopes
 from ...records import Wave
 
 Array = np.ndarray
@@ -35,7 +35,7 @@ def interpolate_oscillation(wave: Wave) -> Oscillation:
     them."""
     from scipy.interpolate import CubicSpline
 
-    u = envelopes_of(wave)
+    u = compute_envelopes(wave)
     good = np.isfinite(u).all(axis=-1)
     if np.count_nonzero(good) < FEWEST:
         found = f"{np.count_nonzero(good)} windows show the oscillation"

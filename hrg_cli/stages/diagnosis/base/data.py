@@ -75,7 +75,7 @@ def prepare(
         envelope_runs.average_rows(
             r,
             rows,
-            propagator.carry(p if w.mode != "forced" else _undamped(p), o),
+            propagator.make_propagator(p if w.mode != "forced" else _undamped(p), o),
             beside=_drive_less_loss(r, w, float(p[DAMPING])),
         )
         for r, o, w in zip(runs, offsets, waves, strict=True)

@@ -59,7 +59,9 @@ def guess(
             offsets = np.array([_mean_turn(wave) for wave in waves])
     else:
         p = np.zeros(COUNT)
-        p[SCALE_FACTOR] = propagator.scale_factor(runs) if scale_factor is None else scale_factor
+        p[SCALE_FACTOR] = (
+            propagator.estimate_scale_factor(runs) if scale_factor is None else scale_factor
+        )
         regressed = regress_driven(runs, waves, rough_offsets, scale_factor)
         if regressed is not None:
             p, offsets = regressed

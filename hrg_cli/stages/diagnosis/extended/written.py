@@ -22,7 +22,7 @@ from ....fitting.causes.slow_equation import find_jump_times
 from ....fitting.causes.wave_frame import to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....fitting.envelopes.coordinates import SCALE_FACTOR
-from ....fitting.envelopes.envelope_runs import envelopes_of
+from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....fitting.samples.demodulator import MOVING_PERIODS
 from ....records import Wave, collect
 from ...demodulate import demodulate_quiet
@@ -289,7 +289,7 @@ def _course_of(wave: Wave, fit: ExtendedFit, tone: Tone | None, k: int) -> Simul
     """The simulated wave of piece k, freed of the tone that the measured one was freed of."""
     good = wave.good()
     t = np.asarray(wave.time_s, float)[good]
-    u = envelopes_of(wave, good)
+    u = compute_envelopes(wave, good)
     if tone is not None:
         seen = tone.in_windows(float(fit.frequency_hz[k]), float(wave.window_s))
         u = u - seen.envelope(k, t, float(wave.reference_frequency_hz))

@@ -14,7 +14,7 @@ import numpy as np
 
 from ....effects.effect import Effect
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.envelopes.envelope_runs import envelopes_of
+from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....fitting.samples.looks import LOOKS
 from ....physics.plant import Readout, Samples
 from ....records import Array, Wave
@@ -68,7 +68,9 @@ def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wav
         density, cell = np.asarray(wave.spectrum_density, float), find_cell_hz([wave])
         noise = float(np.sqrt(density.sum(axis=0).mean() * cell))
         good = wave.good()
-        courses = compute_harmonic_power(effect, values, np.abs(envelopes_of(wave, good)), noise)
+        courses = compute_harmonic_power(
+            effect, values, np.abs(compute_envelopes(wave, good)), noise
+        )
         made = bound_power_in_looks(courses, np.asarray(wave.time_s)[good], 1 / cell)
         for order, power in zip(ORDERS, made, strict=True):
             width = WIDTH_CELLS * cell + WANDER * order * frequency

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from ....fitting.envelopes.envelope_runs import envelopes_of, integrate_rate
+from ....fitting.envelopes.envelope_runs import compute_envelopes, integrate_rate
 from ....fitting.least_squares import fit_columns
 from ....fitting.samples.neighbours import find_local_median
 from ....records import Array, Wave
@@ -92,7 +92,7 @@ def find_jumps(wave: Wave) -> list[EnvelopeJump]:
     if len(rows) < 4 * NEIGHBOURS:
         return []
     time = np.asarray(wave.time_s, float)[rows]
-    u = envelopes_of(wave, rows)
+    u = compute_envelopes(wave, rows)
     noise = np.asarray(wave.signal_std, float)[rows]
     z = to_circular(u)
     step = np.diff(time)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ....effects import dropped_samples
-from ....fitting.envelopes.envelope_runs import envelopes_of
+from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....records import Wave
 from .jumps import TOUCHED, find_jumps
 from .lines import find_even_step
@@ -100,7 +100,7 @@ def split_at(waves: Sequence[Wave], steps: Sequence[PhaseStep]) -> tuple[list[Wa
 def _rough(wave: Wave) -> float:
     """Noise of one signal coefficient from the envelopes' third differences."""
     good = wave.good()
-    u = envelopes_of(wave, good)
+    u = compute_envelopes(wave, good)
     return (
         float(np.sqrt(np.median(np.abs(np.diff(u, n=3, axis=0)) ** 2) / (20 * 2 * np.log(2))))
         if len(u) > 3

@@ -14,7 +14,7 @@ from math import comb
 import numpy as np
 
 from ....effects.effect import Effect
-from ....fitting.envelopes.envelope_runs import envelopes_of
+from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....fitting.samples.neighbours import find_local_median
 from ....records import Array, Wave
 
@@ -71,7 +71,7 @@ def _kinked(wave: Wave, rows: Array, usual: Array) -> Array:
 
 def find_channel_amplitudes(wave: Wave) -> Array:
     """The larger amplitude of the two channels (n,)."""
-    u = envelopes_of(wave)
+    u = compute_envelopes(wave)
     return np.asarray(np.abs(u).max(axis=-1))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit, unsettled_part
 from ....fitting.envelopes import channel_noise
-from ....fitting.envelopes.envelope_runs import envelopes_of
+from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....records import Wave
 from ..drive.scatter import find_corner_hz
 from ..fits.scoring import is_gross
@@ -56,7 +56,7 @@ def collect_residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]
         at = fit.series.time_s[k][rows]
         good = wave.good() & _find_consecutive(np.asarray(wave.time_s, float), at)
         t = np.asarray(wave.time_s, float)[good]
-        measured = envelopes_of(wave, good)
+        measured = compute_envelopes(wave, good)
         measured = (
             measured * np.exp(2j * np.pi * (wave.reference_frequency_hz - reference) * t)[:, None]
         )

@@ -9,7 +9,7 @@ from functools import reduce
 import numpy as np
 
 from ....fitting.causes.extended_fit import DivergedError, ExtendedFit
-from ....fitting.envelopes.envelope_runs import envelopes_of
+from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....fitting.samples.spectrum import floor
 from ....physics import ellipse
 from ....records import Wave
@@ -27,7 +27,7 @@ def take_out_tone(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
     out = []
     for k, wave in enumerate(waves):
         t = np.asarray(wave.time_s, float)
-        u = envelopes_of(wave)
+        u = compute_envelopes(wave)
         u = u - tone.envelope(k, t, float(wave.reference_frequency_hz))
         a_A, a_B, angle, phase = ellipse.wave(u, wave.mode_number)
         angle, phase = ellipse.unwrap(angle, phase, wave.mode_number)
