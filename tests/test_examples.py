@@ -57,10 +57,11 @@ HELD = (
     *(
         f"fitting.envelopes.{name}"
         for name in (
-            *("base_freedom", "channel_noise", "coordinates", "decay_stretch", "envelope_runs"),
-            *("equations", "matrices", "method_ranges", "noise_propagation", "normal_equations"),
-            *("one_mode", "phase_course", "rate_estimate", "resonator_spread", "rows", "trapezium"),
-            *("two_modes", "wild_rows"),
+            *("axis_crossings", "base_freedom", "channel_noise", "coordinates", "decay_stretch"),
+            *("envelope_runs", "equations", "free_windows", "frozen", "likelihood", "matrices"),
+            *("method_ranges", "noise_propagation", "normal_equations", "one_mode", "phase_course"),
+            *("propagator", "rate_estimate", "resonator_spread", "response", "rotation_integrals"),
+            *("rows", "seed_a_methods", "trapezium", "two_modes", "wild_rows"),
         )
     ),
     *(

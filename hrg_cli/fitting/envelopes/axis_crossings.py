@@ -159,7 +159,30 @@ class EllipseCourse:
 
 
 def build_ellipse_course(run: EnvelopeRun) -> EllipseCourse:
-    """The ellipse's course on a run's rows, the noise's own power taken off S₀."""
+    """The ellipse's course on a run's rows, the noise's own power taken off S₀.
+
+    Parameters
+    ----------
+    run
+        Envelopes and σ.
+
+    Returns
+    -------
+    EllipseCourse
+        2mθ, ε = arctan(a_B/a_A), ½ ln S₀ and their standard deviation, row by row.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.axis_crossings import build_ellipse_course
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> t = np.arange(0.0, 20.0, 0.1)
+    >>> u = np.outer(np.exp(-0.1 * t), [1.0, -0.2j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-6, 0 * t, None, 5e3, 2, 0.1)
+    >>> course = build_ellipse_course(run)
+    >>> round(float(np.tan(course.ellipticity[50])), 9), round(float(np.ptp(course.log_size)), 6)
+    (0.2, 1.99)
+    """
     a, b, angle, phase = ellipse.wave(run.envelope, 1)
     power = np.maximum(a**2 + b**2 - 4 * run.std**2, run.std**2)
     step = np.diff(run.time_s)
@@ -171,13 +194,66 @@ def build_ellipse_course(run: EnvelopeRun) -> EllipseCourse:
 
 
 def build_decay_equations(w: EllipseCourse) -> Normal:
-    """What the decay of S₀ says of the damping split; ν is the run's own."""
+    """What the decay of S₀ says of the damping split; ν is the run's own.
+
+    d(½ ln S₀)/dt = −ν − νδμ cos(2mθ − 2mθ_μ) cos 2ε.
+
+    Parameters
+    ----------
+    w
+        A run's ellipse.
+
+    Returns
+    -------
+    Normal
+        Of (δω cos, δω sin, νδμ cos, νδμ sin), nothing of the first two.
+
+    Examples
+    --------
+    A straight wave that turns along mθ = t in a shell whose damping is larger along axis 0:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.axis_crossings import (
+    ...     build_decay_equations, build_ellipse_course,
+    ... )
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> t = np.arange(0.0, 20.0, 0.01)
+    >>> u = np.exp(-0.1 * t - 0.02 * np.sin(2 * t) / 2) * np.stack([np.cos(t), np.sin(t)])
+    >>> run = EnvelopeRun("", t, u.T, 0 * t + 1e-6, 0 * t, None, 5e3, 2, 0.01)
+    >>> found = build_decay_equations(build_ellipse_course(run))
+    >>> np.linalg.lstsq(found.information[2:, 2:], found.product[2:])[0].round(6) + 0
+    array([0.02, 0.  ])
+    """
     return normal(w.decay_columns(), w.log_size - w.log_size_left, w.std, w.piece, own=1)
 
 
 def bound_damping_split(runs: Sequence[EnvelopeRun]) -> Normal:
-    """No passive resonator's damping split is above its damping, which is at most what the fastest
-    run decays by: where the runs say nothing of it, that does."""
+    """What a passive resonator says of its damping split: it is not above the damping.
+
+    That is at most what the fastest run decays by; where the runs say nothing of the split, this
+    does.
+
+    Parameters
+    ----------
+    runs
+        At least one.
+
+    Returns
+    -------
+    Normal
+        Both components 0 ± the fastest decay rate, or 1 over a run's length where that is more.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.axis_crossings import bound_damping_split
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> t = np.arange(0.0, 20.0, 0.1)
+    >>> u = np.outer(np.exp(-0.25 * t), [1.0, 0.0])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-6, 0 * t, None, 5e3, 2, 0.1)
+    >>> np.diag(bound_damping_split([run]).information).round(6).tolist()
+    [0.0, 0.0, 16.0, 16.0]
+    """
     fall = [
         -np.polyfit(r.time_s - r.time_s[0], np.log(np.linalg.norm(r.envelope, axis=1)), 1)[0]
         for r in runs
@@ -187,8 +263,39 @@ def bound_damping_split(runs: Sequence[EnvelopeRun]) -> Normal:
 
 
 def find_sides(w: EllipseCourse, number: int, axis: float) -> list[Side]:
-    """What run `number` says at the stiff and at the soft axis; axis: a first guess of 2mθ_ω,
-    rad."""
+    """What a run says at the stiff and at the soft axis.
+
+    Every row belongs to the nearer axis; a passage is a stretch of rows of one axis, and its
+    constant (the ellipticity it came with) is its own.
+
+    Parameters
+    ----------
+    w
+        The run's ellipse.
+    number
+        Of the run.
+    axis
+        A first guess of 2mθ_ω [rad].
+
+    Returns
+    -------
+    list of Side
+        At most two, each with at least `LEAST_ROWS` rows.
+
+    Examples
+    --------
+    A wave that turns by mθ = 1 … 4 rad over an axis guessed at 2mθ_ω = 0 passes the soft one at
+    π/2 and the stiff one at π:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.axis_crossings import build_ellipse_course, find_sides
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> t = np.arange(1.0, 4.0, 0.01)
+    >>> u = np.stack([np.cos(t), np.sin(t)], axis=1)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-6, 0 * t, None, 5e3, 2, 0.01)
+    >>> [(one.side, one.passages) for one in find_sides(build_ellipse_course(run), 0, 0.0)]
+    [('stiff', 1), ('soft', 1)]
+    """
     columns, target = w.ellipticity_columns(), w.ellipticity - w.ellipticity_left
     # which axis the wave is nearest to, even the stiff one, odd the soft one; a passage is a
     # stretch near one of them, and its constant (the ellipticity it came with) is its own
@@ -227,8 +334,33 @@ def fit_crossings(
 ) -> Crossings:
     """The frequency split as a vector, from all sides of all free runs by inverse covariance.
 
-    model, p: the runs of coordinates p (7,) without noise, by which what the integrals leave out is
-    taken off.
+    Parameters
+    ----------
+    runs
+        Free ones.
+    model, p
+        The same runs of coordinates p (7,) without noise, by which what the integrals leave out is
+        taken off.
+
+    Returns
+    -------
+    Crossings
+        The one answer, each run's χ², and the sides.
+
+    Examples
+    --------
+    A split of 0.05 rad/s on axis 0 from a wave that the table turns once round:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.axis_crossings import fit_crossings
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> t, p = np.arange(0.0, 20.0, 0.02), np.array([0.1, 0.0, 0.0, 0.05, 0.0, 0.5, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.0])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.02)
+    >>> fit_crossings([run]).answer[:2].round(5) + 0
+    array([0.05, 0.  ])
     """
     courses = [build_ellipse_course(run) for run in runs]
     if p is not None:
@@ -261,7 +393,34 @@ def fit_crossings(
 
 
 def list_axes(found: Crossings, runs: Sequence[EnvelopeRun]) -> list[dict[str, Any]]:
-    """θ_ω [rad] as each side of each run alone gives it, where it does."""
+    """The stiffness axis as each side of each run alone gives it, where it does.
+
+    Parameters
+    ----------
+    found
+        The fit to all runs.
+    runs
+        The same runs.
+
+    Returns
+    -------
+    list of dict
+        `value` [rad], `std`, `run_id`, `side` and `passages` of each that passed the axis and knows
+        it better than `DISTINCT`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.axis_crossings import fit_crossings, list_axes
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> t, p = np.arange(0.0, 20.0, 0.02), np.array([0.1, 0.0, 0.0, 0.0, 0.05, 0.5, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.0])
+    >>> run = EnvelopeRun("left", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.02)
+    >>> [(one["side"], round(one["value"], 3)) for one in list_axes(fit_crossings([run]), [run])]
+    [('stiff', 0.393), ('soft', 0.393)]
+    """
     out = []
     for side in found.sides:
         answer, covariance = (side.normal + found.decay).solved()
@@ -285,8 +444,31 @@ def list_axes(found: Crossings, runs: Sequence[EnvelopeRun]) -> list[dict[str, A
 
 
 def combine_estimates(found: Crossings, mode_number: int) -> dict[str, float]:
-    """The one answer as an axis [rad] with its standard deviation, and how often an axis was
-    passed."""
+    """The one answer as an axis, and how often an axis was passed.
+
+    Parameters
+    ----------
+    found
+        The fit to all runs.
+    mode_number
+        m.
+
+    Returns
+    -------
+    dict
+        `value` [rad] in [0, π/m), `std` and `crossings`.
+
+    Examples
+    --------
+    Components of 3 and 4, each known to 0.01, on the axis arctan(4/3)/2m:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.axis_crossings import Crossings, combine_estimates
+    >>> answer, none = np.array([3.0, 4.0, 0.0, 0.0]), np.zeros(0)
+    >>> found = Crossings(answer, 1e-4 * np.eye(4), none, none, [], None)
+    >>> {name: round(value, 5) for name, value in combine_estimates(found, 2).items()}
+    {'value': 0.23182, 'std': 0.0005, 'crossings': 0}
+    """
     p, covariance = np.zeros(COUNT), np.zeros((COUNT, COUNT))
     p[FREQUENCY_SPLIT] = found.answer[:2]
     covariance[FREQUENCY_SPLIT, FREQUENCY_SPLIT] = found.covariance[:2, :2]
@@ -322,7 +504,32 @@ def solve(
 ) -> Regression:
     """The axis finder as a method of identification, of the frequency split and its axis alone.
 
-    model, start: noiseless rows for any coordinates and the first coordinates (7,).
+    Parameters
+    ----------
+    runs
+        Free ones.
+    model
+        Noiseless rows for any coordinates (7,), by which what the integrals leave out is taken off.
+    start
+        The first coordinates (7,) for it.
+
+    Returns
+    -------
+    Regression
+        Coordinates with NaN but for the split; refused where the runs have no axes.
+
+    Examples
+    --------
+    A circle has none:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.axis_crossings import solve
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> t = np.arange(20.0)
+    >>> u = np.outer(np.ones(20), [1.0, 1j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-6, 0 * t, None, 5e3, 2, 1.0)
+    >>> solve([run]).refused[:41]
+    'axis-crossings needs an elongated wave, |'
     """
     p, covariance = np.full(COUNT, np.nan), np.full((COUNT, COUNT), np.nan)
     refusal = find_refusal(runs, METHOD)

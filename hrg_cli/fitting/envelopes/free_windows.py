@@ -20,11 +20,42 @@ MIN_WINDOW_ROWS = 3 * MIN_ROWS
 
 
 def cut_free_windows(wave: Wave) -> list[Wave]:
-    """Free windows of a wave in time order: where `drive_main` is zero, else where the main
-    amplitude itself decays steadily.
+    """Free windows of a wave in time order.
 
-    A free wave without a drive is one window. HrgError: a forced wave in which no free window is
-    found.
+    They are where `drive_main` is zero, else where the main amplitude itself decays steadily; a
+    free wave without a drive is one window.
+
+    Parameters
+    ----------
+    wave
+        With its drive's log, where there is one.
+
+    Returns
+    -------
+    list of Wave
+        Each of mode "free", numbered behind the run's name where there are several.
+
+    Raises
+    ------
+    HrgError
+        A forced wave in which no free window is found.
+
+    Examples
+    --------
+    A drive that is off from 50 to 150 s; the row on either side of a switch holds both states:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli import Wave
+    >>> from hrg_cli.fitting.envelopes.free_windows import cut_free_windows
+    >>> t, ones = np.arange(200.0), np.ones(200)
+    >>> wave = Wave(**{f.name: ones for f in fields(Wave) if f.default is MISSING} | dict(
+    ...     time_s=t, flags=np.zeros(200, "u1"), iterations=np.zeros(200, "i2"), mode="forced",
+    ...     drive_main=np.where((t >= 50) & (t < 150), 0.0, 0.1), window_s=1.0,
+    ... ))
+    >>> (free,) = cut_free_windows(wave)
+    >>> free.mode, float(free.time_s[0]), float(free.time_s[-1])
+    ('free', 51.0, 148.0)
     """
     if wave.drive_main is None and wave.mode == "free":
         return [wave]
@@ -62,7 +93,36 @@ def cut_free_windows(wave: Wave) -> list[Wave]:
 def split_driven_and_free(
     wave: Wave, run: EnvelopeRun
 ) -> tuple[list[EnvelopeRun], list[EnvelopeRun]]:
-    """The stretches of a wave's good rows in which it is driven and in which it is free."""
+    """The stretches of a wave's good rows in which it is driven, and those in which it is free.
+
+    Parameters
+    ----------
+    wave
+        With its drive's log, where there is one.
+    run
+        Its good rows.
+
+    Returns
+    -------
+    tuple of list of EnvelopeRun
+        Driven and free ones; the whole run is driven where no free window is found.
+
+    Examples
+    --------
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli import Wave
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import from_wave
+    >>> from hrg_cli.fitting.envelopes.free_windows import split_driven_and_free
+    >>> t, ones = np.arange(200.0), np.ones(200)
+    >>> wave = Wave(**{f.name: ones for f in fields(Wave) if f.default is MISSING} | dict(
+    ...     time_s=t, flags=np.zeros(200, "u1"), iterations=np.zeros(200, "i2"), mode="forced",
+    ...     drive_main=np.where(t < 120, 0.1, 0.0), window_s=1.0, reference_frequency_hz=5e3,
+    ... ))
+    >>> driven, free = split_driven_and_free(wave, from_wave(wave))
+    >>> [len(run) for run in driven], [len(run) for run in free]
+    ([120], [78])
+    """
     try:
         windows = [(float(w.time_s[0]), float(w.time_s[-1])) for w in cut_free_windows(wave)]
     except HrgError:
@@ -78,8 +138,26 @@ def split_driven_and_free(
 
 
 def find_stretches(on: Array) -> list[tuple[int, int]]:
-    """(start, stop) of the runs of True, shortened by one row at a switch: its window holds both
-    states."""
+    """The stretches of True, shortened by one row at a switch: its window holds both states.
+
+    Parameters
+    ----------
+    on
+        bool (n,).
+
+    Returns
+    -------
+    list of tuple of int
+        (start, stop) of each that has more than two rows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.free_windows import find_stretches
+    >>> on = np.array([True, True, True, False, True, True, True, True, False])
+    >>> [(int(start), int(stop)) for start, stop in find_stretches(on)]
+    [(0, 2), (5, 7)]
+    """
     edge = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
     return [
         (int(a) + (a > 0), int(b) - (b < len(on)))
@@ -89,8 +167,34 @@ def find_stretches(on: Array) -> list[tuple[int, int]]:
 
 
 def find_decay(amplitude: Array, good: Array) -> Array:
-    """Rows in steady decay: pieces whose fall of ln a_A is above half the typical fall of the
-    fastest tenth; ends are shed."""
+    """Rows in steady decay.
+
+    They are those of pieces whose fall of ln a_A is above half the typical fall of the fastest
+    tenth and below twice of it; ends are shed.
+
+    Parameters
+    ----------
+    amplitude
+        a_A (n,).
+    good
+        Which rows count, bool (n,).
+
+    Returns
+    -------
+    ndarray
+        bool (n,); no row where no fall is clear of its scatter.
+
+    Examples
+    --------
+    A held amplitude that is let go for the second half of the record:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.free_windows import find_decay
+    >>> t = np.arange(400.0)
+    >>> rows = find_decay(np.exp(-0.01 * np.maximum(0.0, t - 200.0)), np.ones(400, bool))
+    >>> np.flatnonzero(rows)[[0, -1]].tolist()
+    [201, 398]
+    """
     n = len(amplitude)
     size = max(1, n // DECAY_PIECES)
     pieces = n // size
@@ -111,8 +215,34 @@ def find_decay(amplitude: Array, good: Array) -> Array:
 
 
 def choose_different(runs: Sequence[EnvelopeRun], count: int) -> list[int]:
-    """Indices of `count` runs spread widest in the wave's Stokes direction and rate, chosen one
-    after the other, the longest first."""
+    """Indices of the runs that are spread widest in the wave's Stokes direction and rate.
+
+    Parameters
+    ----------
+    runs
+        To choose from.
+    count
+        How many are wanted.
+
+    Returns
+    -------
+    list of int
+        Rising; chosen one after the other, the longest first, each next one farthest from all
+        before.
+
+    Examples
+    --------
+    The longest of four run-downs, and of the others the one whose wave stands across it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.free_windows import choose_different
+    >>> def make_run(angle, rows):
+    ...     t, u = np.arange(float(rows)), np.tile([np.cos(angle), np.sin(angle)], (rows, 1))
+    ...     return EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 1.0)
+    >>> choose_different([make_run(0.0, 50), make_run(0.1, 40), make_run(np.pi / 2, 40)], 2)
+    [0, 2]
+    """
     features = []
     for run in runs:
         s = ellipse.stokes(run.envelope).mean(axis=0)

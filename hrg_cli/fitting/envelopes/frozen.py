@@ -76,7 +76,34 @@ class Frozen:
 def find_frozen(waves: Sequence[Wave]) -> list[list[Frozen]]:
     """What stands still in each wave, read block by block: whole channels, else single columns.
 
-    A channel that is nought in every run was not recorded, and nothing is said of its ellipse.
+    Parameters
+    ----------
+    waves
+        Of one gyro.
+
+    Returns
+    -------
+    list of list of Frozen
+        Of every wave; empty where nothing repeats a value for longer than noise ever would. A
+        channel that is nought in every run was not recorded, and nothing is said of its ellipse.
+
+    Examples
+    --------
+    A wave angle that stops for fifty of 400 windows, while the rest goes on:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli import Wave
+    >>> from hrg_cli.fitting.envelopes.frozen import find_frozen
+    >>> t, noise = np.arange(400.0), 1e-4 * np.random.default_rng(0).standard_normal((4, 400))
+    >>> noise[2, 100:150] = noise[2, 100]
+    >>> wave = Wave(**{f.name: 0 * t + 1e-4 for f in fields(Wave) if f.default is MISSING} | dict(
+    ...     time_s=t, flags=np.zeros(400, "u1"), iterations=np.zeros(400, "i2"), mode="free",
+    ...     main_amplitude=1 + noise[0], quadrature_amplitude=noise[1], phase_rad=noise[3],
+    ...     wave_angle_rad=0.3 + noise[2], reference_frequency_hz=5e3, window_s=1.0,
+    ... ))
+    >>> [(one.what, one.rows, one.first_s, one.last_s) for one in find_frozen([wave])[0]]
+    [('wave angle', 50, 100.0, 149.0)]
     """
     seen = [_Seen.of(wave) for wave in waves]
     if any(all(one.silent[k] for one in seen) for k in range(len(CHANNELS))):

@@ -86,7 +86,27 @@ class Fit:
 
 
 def triangularise(matrix: Array) -> Array:
-    """The triangular factors R of matrix = QR, (..., k, k)."""
+    """The triangular factors R of matrix = QR, whose RᵀR is its Gram matrix.
+
+    Parameters
+    ----------
+    matrix
+        (..., n, k).
+
+    Returns
+    -------
+    ndarray
+        (..., min(n, k), k).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.likelihood import triangularise
+    >>> matrix = np.array([[3.0, 1.0], [4.0, 2.0], [0.0, 2.0]])
+    >>> R = triangularise(matrix)
+    >>> bool(np.allclose(R.T @ R, matrix.T @ matrix)), float(R[1, 0])
+    (True, 0.0)
+    """
     return np.asarray(np.linalg.qr(matrix, mode="r"))
 
 
@@ -105,6 +125,36 @@ def eliminate_nuisances(response: Response, freedom: Freedom) -> SharedRows:
 
     With the own columns first, the lower rows of R are free of them; the columns of the further
     phase orders stand behind the shared ones, so that only `gain` sees them.
+
+    Parameters
+    ----------
+    response
+        The model where it is linearised.
+    freedom
+        The k directions z that the runs share.
+
+    Returns
+    -------
+    SharedRows
+        Design and residual of z alone; what gives the runs' own steps back.
+
+    Examples
+    --------
+    What a run tells of its damping is −t·e^{−νt}/σ less what its start's size, e^{−νt}/σ,
+    explains of it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.likelihood import eliminate_nuisances, free_coordinates
+    >>> from hrg_cli.fitting.envelopes.response import State, make_batch, respond
+    >>> t, p = np.linspace(0.0, 10.0, 101), np.array([0.1, 0, 0, 0, 0, 0, 0])
+    >>> run = EnvelopeRun("", t, np.ones((101, 2)), 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1)
+    >>> response = respond(make_batch([run]), State(p, np.array([[1, 0j]]), np.zeros((1, 1))))
+    >>> design = eliminate_nuisances(response, free_coordinates(["damping"], p)).design
+    >>> decay = np.exp(-0.1 * t) / 0.01
+    >>> left = t * decay - decay * (decay @ (t * decay)) / (decay @ decay)
+    >>> bool(np.isclose(np.sum(design**2), left @ left))
+    True
     """
     shared = freedom.along(response.coordinate_sensitivities())
     own = response.run_sensitivities(FURTHER)
@@ -203,11 +253,46 @@ class _Objective:
 def fit(
     data: Batch, freedom: Freedom, z: Array, start: Array, phase: Array, max_iterations: int = 30
 ) -> Fit:
-    """Gauss–Newton with step halving from z, start states (R, 2) and phases (R, k); stops where χ²
-    is as flat as its quadratic form says.
+    """The least χ² of all runs by Gauss–Newton with step halving.
 
-    A whole step whose fall of χ² is the predicted one to 1e-3 χ²/dof leaves a rest smaller than
-    that.
+    It stops where χ² is as flat as its quadratic form says: a whole step whose fall of χ² is the
+    predicted one to 1e-3 χ²/dof leaves a rest smaller than that.
+
+    Parameters
+    ----------
+    data
+        The runs, R of them.
+    freedom
+        What is fitted, k directions z.
+    z
+        First guess (k,).
+    start
+        Start states (R, 2), complex.
+    phase
+        Coefficients (R, orders) of (t/T)¹… [rad].
+    max_iterations
+        Steps at most.
+
+    Returns
+    -------
+    Fit
+        The optimum, with the information on z.
+
+    Examples
+    --------
+    The damping of a run-down, from half of it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t = np.linspace(0.0, 10.0, 101)
+    >>> u = np.outer(np.exp(-0.1 * t), [1, 0j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1)
+    >>> space = free_coordinates(["damping"], np.zeros(7))
+    >>> found = fit(make_batch([run]), space, np.array([0.05]), u[:1], np.zeros((1, 1)))
+    >>> found.converged, round(float(found.p[0]), 6), found.dof
+    (True, 0.1, 398)
     """
     dof = _dof(data, freedom, phase)
     objective = _Objective(data, freedom, dof)
@@ -253,7 +338,30 @@ def _dof(data: Batch, freedom: Freedom, phase: Array) -> int:
 def free_coordinates(
     names: Sequence[str], origin: Array, prior: dict[str, tuple[float, float]] | None = None
 ) -> Freedom:
-    """Coordinates fitted one by one, the others held at `origin` (7,)."""
+    """Coordinates fitted one by one, the others held.
+
+    Parameters
+    ----------
+    names
+        Of the free ones, of `COORDINATES`.
+    origin
+        Where the others are held, (7,).
+    prior
+        Mean and standard deviation of those that have a prior.
+
+    Returns
+    -------
+    Freedom
+        A direction for each name.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.likelihood import free_coordinates
+    >>> space = free_coordinates(["damping"], np.full(7, 0.5), {"damping": (0.1, 0.02)})
+    >>> (space.origin + space.directions @ [0.2]).tolist(), space.prior_std.tolist()
+    ([0.2, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5], [0.02])
+    """
     index = [coordinates.COORDINATES.index(n) for n in names]
     prior = prior or {}
     held = np.array(origin, float)

@@ -48,8 +48,29 @@ LARGEST_STEP = 10.0
 
 
 def estimate_mean_frequency(run: EnvelopeRun) -> float:
-    """Mean angular frequency above the reference from neighbouring rows, rad/s; safe below half a
-    turn a row."""
+    """Mean angular frequency above the reference from neighbouring rows; safe below half a turn a row.
+
+    Parameters
+    ----------
+    run
+        Its envelopes against its reference; steps over a gap are left out.
+
+    Returns
+    -------
+    float
+        rad/s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.propagator import estimate_mean_frequency
+    >>> t = np.arange(0.0, 20.0, 0.1)
+    >>> u = np.outer(np.exp((2j - 0.1) * t), [1.0, 0.2j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.1)
+    >>> round(estimate_mean_frequency(run), 9)
+    2.0
+    """
     step = np.diff(run.time_s)
     near = step < 1.5 * np.median(step)
     turn = np.sum(run.envelope[1:] * np.conj(run.envelope[:-1]), axis=1)[near]
@@ -57,7 +78,29 @@ def estimate_mean_frequency(run: EnvelopeRun) -> float:
 
 
 def estimate_mean_damping(run: EnvelopeRun) -> float:
-    """Decay rate from the mean energies of the run's first and last thirds, 1/s."""
+    """Decay rate from the mean energies of the run's first and last thirds, which fall as e^{−2νt}.
+
+    Parameters
+    ----------
+    run
+        Its envelopes and their σ, whose power is taken off.
+
+    Returns
+    -------
+    float
+        ν [1/s]; finite where the last third is lost in noise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.propagator import estimate_mean_damping
+    >>> t = np.arange(0.0, 20.0, 0.1)
+    >>> u = np.outer(np.exp(-0.1 * t), [1.0, 0.2j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.1)
+    >>> round(estimate_mean_damping(run), 3)
+    0.1
+    """
     third = max(1, len(run) // 3)
     # the real and the imaginary part of an envelope each carry σ²
     noise = 2 * run.std[:, None] ** 2
@@ -70,8 +113,31 @@ def estimate_mean_damping(run: EnvelopeRun) -> float:
 
 
 def estimate_scale_factor(runs: Sequence[EnvelopeRun]) -> float:
-    """K from the turning between neighbouring rows: C·S' − S·C' = −KΩ(C² + S²); 0 without
-    rotation."""
+    """K from the turning between neighbouring rows: C·S' − S·C' = −KΩ(C² + S²).
+
+    Parameters
+    ----------
+    runs
+        Envelopes and table turns; rows count by their energy, steps over a gap not at all.
+
+    Returns
+    -------
+    float
+        0 without rotation; low by cos δh where the phase turns by δh from row to row.
+
+    Examples
+    --------
+    A wave that turns back by 0.3 of what its table turns; steps of 0.01 rad are straight to 2e-6:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.propagator import estimate_scale_factor
+    >>> t = np.arange(0.0, 20.0, 0.1)
+    >>> u = np.stack([np.cos(0.03 * t), -np.sin(0.03 * t)], axis=1)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.1 * t, None, 5e3, 2, 0.1)
+    >>> round(estimate_scale_factor([run]), 5)
+    0.3
+    """
     top = bottom = 0.0
     for run in runs:
         before, after = run.envelope[:-1], run.envelope[1:]
@@ -86,8 +152,30 @@ def estimate_scale_factor(runs: Sequence[EnvelopeRun]) -> float:
 
 
 def guess_roughly(runs: Sequence[EnvelopeRun]) -> tuple[Array, Array]:
-    """First guess: coordinates (7,) without any anisotropy, and the runs' frequency offsets (R,) in
-    rad/s."""
+    """A first guess without any anisotropy.
+
+    Parameters
+    ----------
+    runs
+        R of them.
+
+    Returns
+    -------
+    tuple of ndarray
+        Coordinates (7,), of which ν and K are not 0, and the runs' frequency offsets (R,) [rad/s].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.propagator import guess_roughly
+    >>> t = np.arange(0.0, 20.0, 0.1)
+    >>> u = np.stack([np.cos(0.03 * t), -np.sin(0.03 * t)]) * np.exp((0.2j - 0.1) * t)
+    >>> run = EnvelopeRun("", t, u.T, 0 * t + 1e-4, 0.1 * t, None, 5e3, 2, 0.1)
+    >>> p, offsets = guess_roughly([run])
+    >>> p.round(3).tolist(), offsets.round(3).tolist()
+    ([0.1, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0], [0.2])
+    """
     p = np.zeros(COUNT)
     p[DAMPING] = np.median([estimate_mean_damping(r) for r in runs])
     p[SCALE_FACTOR] = estimate_scale_factor(runs)
@@ -95,7 +183,37 @@ def guess_roughly(runs: Sequence[EnvelopeRun]) -> tuple[Array, Array]:
 
 
 def compute_propagator(p: Array, dt: Array, turn: Array, offset_rad_s: Array | float) -> Matrix:
-    """exp of the plain generator over times (n,) and table turns (n,), with a frequency offset."""
+    """exp of the plain generator, without its second order, with a frequency offset: e^{jδt} exp(Lt).
+
+    Parameters
+    ----------
+    p
+        Coordinates (6 or 7,), of which the first six count.
+    dt
+        Times (n,) [s].
+    turn
+        What the table turns over each of them, (n,) [rad].
+    offset_rad_s
+        Of the frequency, (n,) or one.
+
+    Returns
+    -------
+    tuple of ndarray
+        The four entries (n,).
+
+    Examples
+    --------
+    A split of 0.4 rad/s along the electrodes takes the channels apart by ±0.4·t:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.propagator import compute_propagator
+    >>> p, t = np.array([0.1, 0, 0, 0.4, 0, 0.5, 0]), np.array([2.0])
+    >>> m = compute_propagator(p, t, 0 * t, 3.0)
+    >>> bool(np.isclose(m[0][0], np.exp((-0.1 + 3.4j) * 2)))
+    True
+    >>> bool(np.isclose(m[3][0], np.exp((-0.1 + 2.6j) * 2)))
+    True
+    """
     rate = np.divide(turn, dt, out=np.zeros(len(dt)), where=dt != 0)
     mean, L = matrices.split_trace(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
     factor = np.exp((mean + 1j * offset_rad_s) * dt)
@@ -104,8 +222,30 @@ def compute_propagator(p: Array, dt: Array, turn: Array, offset_rad_s: Array | f
 
 
 def make_propagator(p: Array, offset_rad_s: float) -> Callable[[Array, Array], Matrix]:
-    """Propagator over (dt, table turn) of the plain generator with a frequency offset, for
-    `average_rows`."""
+    """The propagator of the plain generator with a frequency offset, for `average_rows`.
+
+    Parameters
+    ----------
+    p
+        Coordinates (6 or 7,), of which the first six count.
+    offset_rad_s
+        Of the frequency.
+
+    Returns
+    -------
+    callable
+        Over (dt [s], table turn [rad]), each (n,): the four entries.
+
+    Examples
+    --------
+    A table turned by 1 rad turns the wave back by K = 0.5 of it, cos 0.5 and sin 0.5:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.propagator import make_propagator
+    >>> carry = make_propagator(np.array([0, 0, 0, 0, 0, 0.5, 0]), 0.0)
+    >>> [round(float(np.real(part[0])), 4) for part in carry(np.ones(1), np.ones(1))]
+    [0.8776, 0.4794, -0.4794, 0.8776]
+    """
     return lambda dt, turn: compute_propagator(p, dt, turn, offset_rad_s)
 
 
@@ -124,8 +264,32 @@ class Pairs:
 
 
 def pair_rows(runs: Sequence[EnvelopeRun], lag_s: float, all_rows: bool = False) -> Pairs:
-    """Pairs of rows about `lag_s` apart within a run, four a lag or `all_rows`; pairs across a gap
-    carry their true time."""
+    """Pairs of rows about one lag apart within a run.
+
+    Parameters
+    ----------
+    runs
+        R of them.
+    lag_s
+        Pairs across a gap carry their true time.
+    all_rows
+        Whether every row begins a pair; otherwise `PAIRS_A_LAG` within a lag do.
+
+    Returns
+    -------
+    Pairs
+        All runs one after the other.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.propagator import pair_rows
+    >>> t = np.array([0.0, 1.0, 2.0, 3.0, 7.0])
+    >>> run = EnvelopeRun("", t, np.ones((5, 2)), 0 * t + 1e-4, 0 * t, None, 5e3, 2, 1.0)
+    >>> pair_rows([run], 2.0, all_rows=True).dt.tolist()
+    [2.0, 2.0, 5.0, 4.0]
+    """
     parts = []
     for number, run in enumerate(runs):
         end = np.searchsorted(run.time_s, run.time_s + lag_s * (1 - 1e-9))
@@ -143,7 +307,24 @@ def pair_rows(runs: Sequence[EnvelopeRun], lag_s: float, all_rows: bool = False)
 
 
 def reflect(v: tuple[Array, Array]) -> tuple[tuple[Array, Array], ...]:
-    """R_c v, R_s v and J v."""
+    """R_c v, R_s v and J v, the three traceless real matrices of the plane.
+
+    Parameters
+    ----------
+    v
+        Both components, (n,) each.
+
+    Returns
+    -------
+    tuple of tuple of ndarray
+        Both components of each.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.propagator import reflect
+    >>> reflect((3.0, 4.0))
+    ((3.0, -4.0), (4.0, 3.0), (4.0, -3.0))
+    """
     return (v[0], -v[1]), (v[1], v[0]), (v[1], -v[0])
 
 
@@ -203,8 +384,43 @@ def _pair_equations(
 def regress(
     data: Pairs, freedom: Freedom, p: Array, offsets: Array
 ) -> tuple[Array, Array, Array, float]:
-    """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t): new coordinates, offsets,
-    covariance of z, misfit before it."""
+    """One Gauss–Newton step on u(t + h) − e^{jδh} exp(Lh) u(t) over all pairs.
+
+    Parameters
+    ----------
+    data
+        Pairs of rows of R runs.
+    freedom
+        What is fitted, k directions.
+    p
+        Coordinates (7,) before it.
+    offsets
+        The runs' frequency offsets (R,) before it [rad/s].
+
+    Returns
+    -------
+    tuple of ndarray and float
+        New coordinates and offsets, covariance (k, k) by what the pairs scatter, and the mean
+        square misfit over σ² before the step.
+
+    Examples
+    --------
+    From nothing known to a decay of 0.1 1/s and an offset of 0.2 rad/s; a step later they are there
+    to the square of what was missing over a lag:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.likelihood import free_coordinates
+    >>> from hrg_cli.fitting.envelopes.propagator import pair_rows, regress
+    >>> t = np.arange(0.0, 20.0, 0.1)
+    >>> u = np.outer(np.exp((0.2j - 0.1) * t), [1.0, 0.2j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.1)
+    >>> space, data = free_coordinates(["damping"], np.zeros(7)), pair_rows([run], 0.1)
+    >>> p, offsets, _, _ = regress(data, space, np.zeros(7), np.zeros(1))
+    >>> p, offsets, _, _ = regress(data, space, p, offsets)
+    >>> round(float(p[0]), 6), round(float(offsets[0]), 6)
+    (0.1, 0.2)
+    """
     k = len(freedom.names)
     information, gradient, misfit = _pair_equations(data, freedom, p, offsets)
     here = np.linalg.pinv(freedom.directions) @ (p - freedom.origin)
@@ -230,8 +446,40 @@ def identify(
     offsets: Array,
     from_shortest: bool = False,
 ) -> tuple[Array, Array, Array]:
-    """Coordinates (7,), frequency offsets (R,) and covariance of z by regressions at growing lag,
-    from a first guess: from the longest lag that it follows, or from the shortest."""
+    """Coordinates and frequency offsets by regressions at growing lag from a first guess.
+
+    Parameters
+    ----------
+    runs
+        R of them.
+    freedom
+        What is fitted, k directions.
+    p, offsets
+        First guess, (7,) and (R,) [rad/s].
+    from_shortest
+        Whether to begin at the shortest lag, not at the longest that the guess follows.
+
+    Returns
+    -------
+    tuple of ndarray
+        Coordinates (7,), frequency offsets (R,) and covariance (k, k) of z.
+
+    Examples
+    --------
+    A frequency split of 0.5 rad/s on axis 0 from nothing but a rough guess:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.likelihood import free_coordinates
+    >>> from hrg_cli.fitting.envelopes.propagator import guess_roughly, identify
+    >>> t = np.arange(0.0, 20.0, 0.1)
+    >>> u = np.stack([np.exp((0.5j - 0.1) * t), np.exp((-0.5j - 0.1) * t)], axis=1)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.1)
+    >>> space = free_coordinates(["damping", "split_cos", "split_sin"], np.zeros(7))
+    >>> p, offsets, _ = identify([run], space, *guess_roughly([run]))
+    >>> p[[0, 3, 4]].round(6).tolist()
+    [0.1, 0.5, 0.0]
+    """
     covariance = np.zeros((len(freedom.names),) * 2)
     lags = list_lags(runs)
     first = 0 if from_shortest else find_longest_lag(runs, lags, p, offsets)
@@ -258,8 +506,38 @@ def identify(
 def find_longest_lag(
     runs: Sequence[EnvelopeRun], lags: Sequence[float], p: Array, offsets: Array
 ) -> int:
-    """Place of the longest lag over which a guess misses little of any run's energy: no phase is
-    wrapped there, unless by a weak normal mode that beats."""
+    """Place of the longest lag over which a guess misses little of any run's energy.
+
+    No phase is wrapped there, unless by a weak normal mode that beats.
+
+    Parameters
+    ----------
+    runs
+        R of them.
+    lags
+        Rising [s].
+    p, offsets
+        The guess, (7,) and (R,) [rad/s].
+
+    Returns
+    -------
+    int
+        0 where it follows over none.
+
+    Examples
+    --------
+    A guess without the split of 0.5 rad/s misses |e^{j0.5h} − 1|² of the energy, a tenth at
+    h = 0.63 s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.propagator import find_longest_lag
+    >>> t = np.arange(0.0, 20.0, 0.1)
+    >>> u = np.stack([np.exp(0.5j * t), np.exp(-0.5j * t)], axis=1)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.1)
+    >>> find_longest_lag([run], [0.1, 0.4, 0.6, 0.7, 6.4], np.zeros(7), np.zeros(1))
+    2
+    """
     followed = (
         i
         for i in reversed(range(len(lags)))
@@ -269,7 +547,31 @@ def find_longest_lag(
 
 
 def measure_largest_miss(data: Pairs, p: Array, offsets: Array) -> float:
-    """Largest part of a run's energy that coordinates and offsets miss over the pairs."""
+    """Largest part of a run's energy that coordinates and offsets miss over the pairs.
+
+    Parameters
+    ----------
+    data
+        Pairs of rows of R runs.
+    p, offsets
+        (7,) and (R,) [rad/s].
+
+    Returns
+    -------
+    float
+        0 where the pairs follow them; 4 for an opposite wave.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.propagator import measure_largest_miss, pair_rows
+    >>> t = np.arange(20.0)
+    >>> u = np.outer((-1.0) ** t, [1.0, 0.0])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 1.0)
+    >>> measure_largest_miss(pair_rows([run], 1.0), np.zeros(7), np.zeros(1))
+    4.0
+    """
     x, y = apply(
         compute_propagator(p, data.dt, data.turn, offsets[data.run]),
         (data.before[:, 0], data.before[:, 1]),
@@ -280,7 +582,28 @@ def measure_largest_miss(data: Pairs, p: Array, offsets: Array) -> float:
 
 
 def list_lags(runs: Sequence[EnvelopeRun]) -> list[float]:
-    """Lags from a row to half of the shortest run, s, each four times the one before."""
+    """Lags from a row to half of the shortest run, each at most four times the one before.
+
+    Parameters
+    ----------
+    runs
+        At least one.
+
+    Returns
+    -------
+    list of float
+        Rising [s].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.propagator import list_lags
+    >>> t = np.arange(129.0)
+    >>> run = EnvelopeRun("", t, np.ones((129, 2)), 0 * t + 1e-4, 0 * t, None, 5e3, 2, 1.0)
+    >>> [round(float(lag), 9) for lag in list_lags([run])]
+    [1.0, 4.0, 16.0, 64.0]
+    """
     span = min(r.duration_s for r in runs)
     shortest = max(float(np.median(np.diff(r.time_s))) for r in runs)
     longest = max(LONGEST_LAG * span, shortest)
@@ -301,15 +624,74 @@ def _measure_over_lag(change: Array, data: Pairs) -> float:
 def thin_rows(
     runs: Sequence[EnvelopeRun], p: Array, offsets: Array, blocks: int
 ) -> list[EnvelopeRun]:
-    """Runs averaged to at most `blocks` rows each along the motion of p and the offsets."""
+    """Runs averaged along the motion of a guess.
+
+    Parameters
+    ----------
+    runs
+        R of them.
+    p, offsets
+        The guess, (7,) and (R,) [rad/s].
+    blocks
+        Rows of each at most.
+
+    Returns
+    -------
+    list of EnvelopeRun
+        In the order of the runs.
+
+    Examples
+    --------
+    An offset of 2 rad/s, known, is not averaged away over rows of 3 s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.propagator import thin_rows
+    >>> t = np.arange(0.0, 30.0, 0.1)
+    >>> u = np.outer(np.exp(2j * t), [1.0, 0.0])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.1)
+    >>> np.abs(thin_rows([run], np.zeros(7), np.array([2.0]), 10)[0].envelope[0, 0]).round(9)
+    np.float64(1.0)
+    >>> np.abs(thin_rows([run], np.zeros(7), np.array([0.0]), 10)[0].envelope[0, 0]).round(1)
+    np.float64(0.0)
+    """
     return [average_rows(r, blocks, make_propagator(p, offset)) for r, offset in zip(runs, offsets)]
 
 
 def thin_to_beats(
     runs: Sequence[EnvelopeRun], p: Array, offsets: Array, blocks: int, most: int
 ) -> list[EnvelopeRun]:
-    """Runs averaged along a rough guess to `blocks` rows each, or to so many more, `most` at most,
-    that no beat is averaged away that the guess does not know."""
+    """Runs averaged along a rough guess, but no beat averaged away that the guess does not know.
+
+    Parameters
+    ----------
+    runs
+        R of them.
+    p, offsets
+        The guess, (7,) and (R,) [rad/s].
+    blocks
+        Rows of each to begin with.
+    most
+        Rows of each at most, where the averages lose energy.
+
+    Returns
+    -------
+    list of EnvelopeRun
+        In the order of the runs.
+
+    Examples
+    --------
+    A beat of 2 rad/s in a run of 100 s asks for rows far shorter than 10 s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.propagator import thin_to_beats
+    >>> t = np.arange(0.0, 100.0, 0.1)
+    >>> u = np.stack([np.exp(1j * t), np.exp(-1j * t)], axis=1)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.1)
+    >>> len(thin_to_beats([run], np.zeros(7), np.zeros(1), 10, 1000)[0])
+    160
+    """
     thin = thin_rows(runs, p, offsets, blocks)
     lost = measure_lost_energy(runs, thin)
     while blocks < most and np.any(lost > 0):
@@ -322,8 +704,32 @@ def thin_to_beats(
 
 
 def measure_lost_energy(runs: Sequence[EnvelopeRun], thin: Sequence[EnvelopeRun]) -> Array:
-    """Energy (R,) of the runs, in variances of their noise, that is no longer in their averaged rows;
-    0 where noise alone may have had it."""
+    """Energy of the runs that is no longer in their averaged rows.
+
+    Parameters
+    ----------
+    runs, thin
+        The runs and their averages.
+
+    Returns
+    -------
+    ndarray
+        (R,) in variances of their noise; 0 where noise alone may have had it.
+
+    Examples
+    --------
+    A phase that goes round once within a row is gone, nearly all of 50·(1/0.01)²:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.propagator import measure_lost_energy, thin_rows
+    >>> t = np.arange(50.0)
+    >>> u = np.outer(np.exp(0.4j * np.pi * t), [1.0, 0.0])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 1.0)
+    >>> thin = thin_rows([run], np.zeros(7), np.zeros(1), 10)
+    >>> len(thin[0]), (measure_lost_energy([run], thin) / 50e4).round(2).tolist()
+    (10, [0.99])
+    """
     lost = np.array([_energy(r) - _energy(few) for r, few in zip(runs, thin, strict=True)])
     noise = np.sqrt(8.0 * np.array([len(r) for r in runs]))  # of χ² with four components a row
     return np.where(lost > LOST_STD * noise, lost, 0.0)

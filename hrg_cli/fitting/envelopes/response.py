@@ -89,7 +89,29 @@ class Batch:
 
 
 def make_batch(runs: Sequence[EnvelopeRun]) -> Batch:
-    """Pad runs of any lengths to one batch; padding repeats the last row with no weight."""
+    """Runs of any lengths as one batch, the shorter ones padded by their last row with no weight.
+
+    Parameters
+    ----------
+    runs
+        At least one.
+
+    Returns
+    -------
+    Batch
+        Times and table turns counted from each run's first row.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t = np.arange(10.0, 13.0)
+    >>> run = EnvelopeRun("", t, np.ones((3, 2)), 0 * t + 0.1, 0 * t, None, 5e3, 2, 1.0)
+    >>> data = make_batch([run, run.rows(slice(0, 2))])
+    >>> data.time_s.tolist(), data.weight.tolist()
+    ([[0.0, 1.0, 2.0], [0.0, 1.0, 1.0]], [[10.0, 10.0, 10.0], [10.0, 10.0, 0.0]])
+    """
     longest = max(len(r) for r in runs)
 
     def pad(values: Array) -> Array:
@@ -227,7 +249,39 @@ class Response:
 
 
 def respond(data: Batch, state: State) -> Response:
-    """Envelopes of all runs at a state."""
+    """Envelopes of all runs at a state.
+
+    u(t) = e^{jψ(t)} Φ(t) u₀ with Φ' = L(p, Ω(t))Φ. Where the rate changes within a step, Magnus'
+    series is taken to its second term, h³/12 [L', L].
+
+    Parameters
+    ----------
+    data
+        The runs: their times and table turns count, not their envelopes.
+    state
+        Shared coordinates, start states and phases.
+
+    Returns
+    -------
+    Response
+        The model (R, n, 2) and what its sensitivities are made of.
+
+    Examples
+    --------
+    A decay by 0.1 1/s while a table of 1 rad/s turns the wave back by K = 0.5 of its own turn:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.response import State, make_batch, respond
+    >>> t = np.linspace(0.0, 10.0, 101)
+    >>> run = EnvelopeRun("", t, np.ones((101, 2)), 0 * t + 1e-4, t, None, 5e3, 2, 0.1)
+    >>> state = State(np.array([0.1, 0, 0, 0, 0, 0.5, 0]), np.array([[1, 0j]]), np.zeros((1, 1)))
+    >>> u = respond(make_batch([run]), state).model[0]
+    >>> np.allclose(u[:, 0], np.exp(-0.1 * t) * np.cos(0.5 * t))
+    True
+    >>> np.allclose(u[:, 1], -np.exp(-0.1 * t) * np.sin(0.5 * t))
+    True
+    """
     omega = 2 * np.pi * np.array(
         [r.reference_frequency_hz for r in data.runs]
     ) + state.offsets_rad_s(data.span_s)
@@ -275,6 +329,24 @@ def _apply_to_entries(rule: Callable[[Array, Array], Array], a: Matrix, b: Matri
 
 
 def stack_reals(columns: Array) -> Array:
-    """Complex columns (k, n, 2) over their noise as real design matrix (4n, k)."""
+    """Complex columns as a real design matrix.
+
+    Parameters
+    ----------
+    columns
+        (k, n, 2) over their noise.
+
+    Returns
+    -------
+    ndarray
+        (4n, k): all real parts first, row by row, both channels of a row side by side.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.response import stack_reals
+    >>> stack_reals(np.array([[[1 + 5j, 2 + 6j], [3 + 7j, 4 + 8j]]]))[:, 0].tolist()
+    [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
+    """
     flat = columns.reshape(len(columns), -1)
     return np.concatenate([flat.real, flat.imag], axis=1).T

@@ -31,11 +31,36 @@ assert METHOD in USES_AXES
 def solve(
     runs: Sequence[EnvelopeRun], model: Noiseless | None = None, start: Array | None = None
 ) -> Regression:
-    """All runs that make at least one full turn of 2mθ, weighted by their turns; refused when none
-    does.
+    """All runs that make at least one full turn of 2mθ, weighted by their turns.
 
-    model, start: noiseless rows for any coordinates and the first coordinates (7,), by which the
-    differences' truncation is taken off.
+    Parameters
+    ----------
+    runs
+        Free ones.
+    model
+        Noiseless rows for any coordinates (7,), by which the differences' truncation is taken off.
+    start
+        The first coordinates (7,) for it.
+
+    Returns
+    -------
+    Regression
+        Coordinates and covariance; refused when no run makes a full turn.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.rotation_integrals import solve
+    >>> t, p = np.arange(0.0, 20.0, 0.02), np.array([0.1, 0.02, 0.01, 0.03, 0.02, 0.5, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 1.0, 3e4))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.0])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, t, None, 5e3, 2, 0.02)
+    >>> solve([run]).p[:6].round(4).tolist()
+    [0.1, 0.02, 0.01, 0.03, 0.02, 0.5]
+    >>> solve([run.rows(slice(0, 100))]).refused[:50]
+    'rotation-integrals needs a run that turns through '
     """
     refusal = find_refusal(runs, METHOD)
     found = [
@@ -201,7 +226,38 @@ def integrate_run(
     model: Callable[[Array], EnvelopeRun] | None = None,
     start: Array | None = None,
 ) -> OneRun | None:
-    """What one run says; None without a full turn or when the wave does not turn one way."""
+    """What one run says by its integrals over full turns of 2mθ.
+
+    Parameters
+    ----------
+    run
+        Envelopes, σ and table turn.
+    model
+        Its noiseless rows for any coordinates (7,).
+    start
+        The first coordinates (7,) for it.
+
+    Returns
+    -------
+    OneRun or None
+        None without a full turn or when the wave does not turn one way.
+
+    Examples
+    --------
+    A wave that turns by 0.5 rad of mθ, and by 6 of it, which are 12 of 2mθ:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.rotation_integrals import integrate_run
+    >>> t = np.arange(0.0, 12.0, 0.02)
+    >>> u = np.stack([np.cos(0.5 * t), -np.sin(0.5 * t)], axis=1) * np.exp((0j - 0.1) * t)[:, None]
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, t, None, 5e3, 2, 0.02)
+    >>> integrate_run(run.rows(slice(0, 50))) is None
+    True
+    >>> found = integrate_run(run)
+    >>> found.turns, round(float(found.p[5]), 6)
+    (1.0, 0.5)
+    """
     data = _FullTurns.of(run)
     if data is None:
         return None

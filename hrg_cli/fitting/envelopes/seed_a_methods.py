@@ -37,11 +37,44 @@ GROUP = 0.1
 def build_moving_axes(
     run: EnvelopeRun, eliminate_rate: bool = False, small: bool = False, frozen: bool = False
 ) -> Equations:
-    """Seed A (15): amplitudes of the main and the quadrature wave, and K from mθ̇ = −KΩ + D with D
-    of PHYSICS §4 (8) exact.
+    """Seed A (15): amplitudes of the main and the quadrature wave, and K from mθ̇ = −KΩ + D.
 
-    `small`: (14), (16): products of the quadrature with a damping split or with the frequency split
-    in ȧ_A are dropped. `frozen`: the splits are taken at the run's mean angle.
+    With ζ = 2mθ − 2mθ_ω, χ = 2mθ − 2mθ_μ and r = a_B/a_A:
+    ȧ_A = −(ν + νδμ cos χ) a_A − δω sin ζ a_B, ȧ_B = −(ν − νδμ cos χ) a_B + δω sin ζ a_A,
+    D = [νδμ sin χ (1 + r²) − 2rδω cos ζ]/(1 − r²) (PHYSICS §4 (8), exact).
+
+    Parameters
+    ----------
+    run
+        Envelopes and table turn.
+    eliminate_rate
+        Changes nothing here: all methods are called alike.
+    small
+        (14), (16): products of the quadrature with a damping split, or in ȧ_A with the frequency
+        split, are dropped.
+    frozen
+        The splits are taken at the run's mean angle.
+
+    Returns
+    -------
+    Equations
+        Three a row, two where the table stands, linear in the coordinates (7,).
+
+    Examples
+    --------
+    The exact motion of a resonator solves them:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_moving_axes
+    >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
+    >>> found = build_moving_axes(run)
+    >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
+    [0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0]
     """
     w = ellipse_of(run)
     angle = np.full_like(w.angle, w.angle.mean()) if frozen else w.angle
@@ -88,25 +121,109 @@ def build_moving_axes(
 
 
 def build_moving_axes_small_quadrature(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """Seed A (14), (16)."""
+    """Seed A (14), (16): moving axes without the products of the quadrature.
+
+    What they drop is of the size of a_B/a_A beside the splits.
+
+    Parameters
+    ----------
+    run
+        Envelopes and table turn.
+    eliminate_rate
+        Changes nothing here: all methods are called alike.
+
+    Returns
+    -------
+    Equations
+        Three a row, two where the table stands, linear in the coordinates (7,).
+
+    Examples
+    --------
+    At a_B/a_A of a tenth and more the splits are off:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_moving_axes_small_quadrature
+    >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
+    >>> found = build_moving_axes_small_quadrature(run)
+    >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
+    [0.102, 0.024, 0.004, 0.047, 0.034, 0.5, 0.0]
+    """
     return build_moving_axes(run, eliminate_rate, small=True)
 
 
 def build_frozen_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """Seed A, fourth remark after (17): axes frozen where the wave stands, for a wave that hardly
-    turns.
+    """Seed A, fourth remark after (17): axes frozen where a wave stands that hardly turns.
 
     The printed fourth equation drops the part of the drift; m·dθ/dt = −KΩ + D stands in its place,
     as in moving axes.
+
+    Parameters
+    ----------
+    run
+        Envelopes and table turn.
+    eliminate_rate
+        Changes nothing here: all methods are called alike.
+
+    Returns
+    -------
+    Equations
+        Three a row, two where the table stands, linear in the coordinates (7,).
+
+    Examples
+    --------
+    Within a second in which the wave turns by 1e-3 rad they are right to 1e-3 of what they say:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_frozen_axes
+    >>> t, p = np.arange(0.0, 1.0, 0.01), np.array([0.1, 0.0, 0.0, 0.05, 0.0, 0.5, 0.0])
+    >>> u = np.exp(np.outer(t, [-0.1 + 0.05j, -0.1 - 0.05j])) * [np.cos(0.3), np.sin(0.3)]
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.01)
+    >>> found = build_frozen_axes(run)
+    >>> bool(np.ptp(found.columns @ p - found.target) < 1e-3 * np.ptp(found.target))
+    True
     """
     return build_moving_axes(run, eliminate_rate, frozen=True)
 
 
 def build_fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """Seed A (17) in the instrument axes with the true rate: amplitudes and phases of both
-    channels, K free.
+    """Seed A (17) in the instrument axes with the true rate: amplitudes and phases of both channels.
 
-    `eliminate_rate`: the published KΩ := −mθ̇.
+    Of a channel u = a e^{jφ} the real and the imaginary part of u̇ e^{−jφ} are ȧ and aφ̇, and L
+    gives them; K and the run's own frequency are among the unknowns.
+
+    Parameters
+    ----------
+    run
+        Envelopes and table turn.
+    eliminate_rate
+        Whether KΩ is replaced by −mθ̇, as published, with K not among the unknowns.
+
+    Returns
+    -------
+    Equations
+        Four a row, linear in the coordinates (7,).
+
+    Examples
+    --------
+    The exact motion of a resonator solves them:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_fixed_axes
+    >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
+    >>> found = build_fixed_axes(run)
+    >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
+    [0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0]
     """
     u, dot = run.envelope, differentiate(run.envelope, run.time_s)
     keep = ~find_gap_rows(run.time_s)
@@ -130,21 +247,76 @@ def build_fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equation
 
 
 def build_fixed_axes_weighted(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """Amplitude equations of (17) and the weighted difference of its phase equations, which needs
-    no mean frequency.
+    """Amplitude equations of (17) and the weighted difference of its phase equations.
 
-    a_C a_S Δφ̇ = 2δω_c a_C a_S + (δω_s cos Δφ + KΩ·(−sin Δφ))(a_S² − a_C²) + Δν_s sin Δφ (a_C² +
-    a_S²), Δφ = φ_C − φ_S.
+    It needs no mean frequency: a_C a_S Δφ̇ = 2δω_c a_C a_S + (δω_s cos Δφ − KΩ sin Δφ)(a_S² − a_C²)
+    + Δν_s sin Δφ (a_C² + a_S²), with Δφ = φ_C − φ_S, Δν_s = νδμ sin 2mθ_μ.
+
+    Parameters
+    ----------
+    run
+        Envelopes and table turn.
+    eliminate_rate
+        Whether KΩ is replaced by −mθ̇, as published, with K not among the unknowns.
+
+    Returns
+    -------
+    Equations
+        Three a row, linear in the coordinates (7,).
+
+    Examples
+    --------
+    The exact motion of a resonator solves them:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_fixed_axes_weighted
+    >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
+    >>> found = build_fixed_axes_weighted(run)
+    >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
+    [0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0]
     """
     return _fixed_axes(run, eliminate_rate)
 
 
 def build_fixed_axes_groups(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """Seed A, second remark after (17): the same in two groups of data.
+    """Seed A, second remark after (17): the weighted fixed axes in two groups of data.
 
     Main group, the wave between the electrodes' axes: sin Δφ → 0, cos Δφ → ±1. Further group, the
-    wave on one of them: cos Δφ → 0, sin Δφ → ±1. Rows in between are left out; the printed a_C a_S
-    Δφ̇ → 0 would leave the frequency split unknown and is kept.
+    wave on one of them: cos Δφ → 0, sin Δφ → ±1. Rows in between are left out; the printed
+    a_C a_S Δφ̇ → 0 would leave the frequency split unknown and is kept.
+
+    Parameters
+    ----------
+    run
+        Envelopes and table turn.
+    eliminate_rate
+        Whether KΩ is replaced by −mθ̇, as published, with K not among the unknowns.
+
+    Returns
+    -------
+    Equations
+        Three a row, linear in the coordinates (7,).
+
+    Examples
+    --------
+    A turning wave with little quadrature is in either group nearly all the time:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_fixed_axes_groups
+    >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.0, 0.0, 0.002, 0.0, 0.5, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.01j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
+    >>> phase = build_fixed_axes_groups(run).weight[-998:]
+    >>> bool(np.mean(phase > 0) > 0.8)
+    True
     """
     return _fixed_axes(run, eliminate_rate, grouped=True)
 
@@ -244,15 +416,76 @@ def _fixed_axes(run: EnvelopeRun, eliminate_rate: bool, grouped: bool = False) -
 
 
 def build_products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """The same from the time averages 2⟨C²⟩, 2⟨S²⟩, 2⟨CS⟩, −2⟨C·S(t − t₃)⟩ alone, the noise's own
-    power taken off; no A, B, θ is formed."""
+    """The same from the time averages 2⟨C²⟩, 2⟨S²⟩, 2⟨CS⟩, −2⟨C·S(t − t₃)⟩ alone; no A, B, θ is formed.
+
+    The noise's own power is taken off the squares.
+
+    Parameters
+    ----------
+    run
+        Envelopes and table turn.
+    eliminate_rate
+        Whether KΩ is replaced by −mθ̇, as published, with K not among the unknowns.
+
+    Returns
+    -------
+    Equations
+        Four a row, linear in the coordinates (7,).
+
+    Examples
+    --------
+    The motion of a resonator solves them, but for the noise's power that this run has not:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_products
+    >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
+    >>> found = build_products(run)
+    >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
+    [0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0]
+    """
     these = _Products.of(run, eliminate_rate, 2 * run.std**2)
     return join_equations([*these.amplitudes(), *these.cross_product()])
 
 
 def build_increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """Seed A (15) integrated: increments of a_A, a_B instead of derivatives, and those of mθ, with
-    the rate or without."""
+    """Seed A (15) integrated: increments of a_A, a_B and mθ instead of derivatives.
+
+    The right-hand side is summed along the run, so that differences of neighbours do not magnify
+    the noise.
+
+    Parameters
+    ----------
+    run
+        Envelopes and table turn.
+    eliminate_rate
+        Changes nothing here: all methods are called alike.
+
+    Returns
+    -------
+    Equations
+        Three from row to row, linear in the coordinates (7,).
+
+    Examples
+    --------
+    The exact motion of a resonator solves them:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_increments
+    >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
+    >>> found = build_increments(run)
+    >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
+    [0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0]
+    """
     w = ellipse_of(run)
     c, s, zero = np.cos(2 * w.angle), np.sin(2 * w.angle), np.zeros_like(w.a)
     r = w.b / w.a
@@ -272,11 +505,39 @@ def build_increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equation
 
 
 def build_stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """The exact linear four-vector form Ṡ = M S (PHYSICS §0), integrated; no axes, so circular
-    orbits too; noise power taken off S₀.
+    """The exact linear four-vector form Ṡ = M S (PHYSICS §0), integrated; circular orbits do no harm.
 
-    S₀ = |(S₁, S₂, S₃)| of one wave, so its own equation says nothing new; the other three have
-    independent noise 2σ√S₀.
+    Ṡ₁ = −2νS₁ − 2νδμ_c S₀ + 2δω_s S₃ + 2KΩS₂, Ṡ₂ = −2νS₂ − 2νδμ_s S₀ − 2δω_c S₃ − 2KΩS₁,
+    Ṡ₃ = −2νS₃ + 2δω_c S₂ − 2δω_s S₁; the noise's power is taken off S₀. S₀ = |(S₁, S₂, S₃)| of one
+    wave, so its own equation says nothing new; the other three have independent noise 2σ√S₀.
+
+    Parameters
+    ----------
+    run
+        Envelopes and table turn.
+    eliminate_rate
+        Changes nothing here: all methods are called alike.
+
+    Returns
+    -------
+    Equations
+        Three from row to row, linear in the coordinates (7,).
+
+    Examples
+    --------
+    A wave that is a circle to begin with has no axes, but solves them:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_stokes
+    >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 1.0j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
+    >>> found = build_stokes(run)
+    >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
+    [0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0]
     """
     s0, s1, s2, s3 = np.moveaxis(ellipse.stokes(run.envelope), -1, 0)
     s0 = s0 - 4 * run.std**2
