@@ -57,11 +57,14 @@ HELD = (
     *(
         f"fitting.envelopes.{name}"
         for name in (
-            *("axis_crossings", "base_freedom", "channel_noise", "coordinates", "decay_stretch"),
-            *("envelope_runs", "equations", "free_windows", "frozen", "likelihood", "matrices"),
-            *("method_ranges", "noise_propagation", "normal_equations", "one_mode", "phase_course"),
-            *("propagator", "rate_estimate", "resonator_spread", "response", "rotation_integrals"),
-            *("rows", "seed_a_methods", "trapezium", "two_modes", "wild_rows"),
+            *("axis_crossings", "base_fit", "base_freedom", "channel_noise", "condensed"),
+            *("coordinates", "decay_stretch", "envelope_runs", "equations", "free_windows"),
+            *("frozen", "inference", "likelihood", "matrices", "method_ranges"),
+            *("noise_propagation", "normal_equations", "one_mode", "phase_course", "propagator"),
+            *("rate_driven", "rate_estimate", "rate_fit", "rate_from_model", "rate_offset"),
+            *("rate_start", "regressions", "resampling", "resonator_spread", "response"),
+            *("rotation_integrals", "rows", "seed_a_methods", "trapezium", "two_modes"),
+            *("wild_rows", "working_mode"),
         )
     ),
     *(

@@ -40,7 +40,31 @@ which it counts as met."""
 
 
 def check_runs(runs: Sequence[EnvelopeRun]) -> None:
-    """HrgError: no run, or runs of different mode numbers."""
+    """That there is a run, and that all have one mode number.
+
+    Parameters
+    ----------
+    runs
+        To be fitted together.
+
+    Raises
+    ------
+    HrgError
+        No run, or runs of different mode numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.base_fit import check_runs
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> t = np.arange(3.0)
+    >>> runs = [
+    ...     EnvelopeRun("", t, np.ones((3, 2)), 0 * t + 1, 0 * t, None, 5e3, m, 1.0) for m in (2, 3)
+    ... ]
+    >>> check_runs(runs)
+    Traceback (most recent call last):
+    hrg_cli.errors.HrgError: the runs have mode numbers 2, 3, one was expected; identify them apart
+    """
     if not runs:
         raise HrgError("there is no run; give at least one wave file of a free run-down")
     modes = sorted({r.mode_number for r in runs})
@@ -54,8 +78,37 @@ def check_runs(runs: Sequence[EnvelopeRun]) -> None:
 def start_from_propagator(
     runs: Sequence[EnvelopeRun], known: Known, from_shortest: bool = False
 ) -> tuple[Array, Array, Array, Freedom]:
-    """Coordinates (7,), frequency offsets (R,), covariance of z and its freedom, by the propagator
-    from a rough guess, over lags from the longest that it follows, or from the shortest."""
+    """A start by the propagator from a rough guess.
+
+    Parameters
+    ----------
+    runs
+        R free ones.
+    known
+        What is held.
+    from_shortest
+        Whether over all lags, not from the longest that the guess follows.
+
+    Returns
+    -------
+    tuple of ndarray and Freedom
+        Coordinates (7,), frequency offsets (R,) [rad/s], covariance of z, and its freedom.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.base_fit import start_from_propagator
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> t, p = np.arange(0.0, 20.0, 0.05), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 1.0, 3e4) + 0.7j * np.eye(2))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, t, None, 5e3, 2, 0.05)
+    >>> found, offsets, _, _ = start_from_propagator([run], Known())
+    >>> found[:6].round(3).tolist(), offsets.round(3).tolist()
+    ([0.1, 0.02, 0.01, 0.2, 0.1, 0.3], [0.7])
+    """
     span = max(r.duration_s for r in runs)
     p, offsets = propagator.guess_roughly(runs)
     if known.scale_factor is not None:
@@ -73,7 +126,40 @@ def fit_base_model(
 ) -> Fit:
     """The likelihood's optimum over free runs; averaged envelopes, phase orders as the data demand.
 
-    HrgError: no run, mixed mode numbers, or nothing that can be fitted.
+    Parameters
+    ----------
+    runs
+        Free ones of one gyro.
+    known
+        What is held; None: nothing.
+    blocks
+        Rows to which each run is averaged at least.
+
+    Returns
+    -------
+    Fit
+        The optimum.
+
+    Raises
+    ------
+    HrgError
+        No run, mixed mode numbers, or nothing that can be fitted.
+
+    Examples
+    --------
+    A frequency that falls by 0.2 rad/s² beside the motion of a resonator:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.base_fit import fit_base_model
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> t, p = np.arange(0.0, 20.0, 0.05), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 1.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 1.0, 2 * np.pi * 5e3))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> u = u * np.exp(-0.1j * t**2)[:, None]
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, t, None, 5e3, 2, 0.05)
+    >>> fit_base_model([run]).p[:6].round(4).tolist()
+    [0.1, 0.02, 0.01, 0.2, 0.1, 0.3]
     """
     check_runs(runs)
     try:
@@ -90,7 +176,29 @@ def fit_base_model(
 
 
 def has_run_away(result: Fit) -> bool:
-    """Whether a fit has left what numbers can hold: not finite, or its information is not."""
+    """Whether a fit has left what numbers can hold: not finite, or its information is not.
+
+    Parameters
+    ----------
+    result
+        A fit.
+
+    Returns
+    -------
+    bool
+        True where it has.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.base_fit import has_run_away
+    >>> known = dict(p=np.zeros(7), chi2=3.0, data_root=np.eye(2))
+    >>> has_run_away(SimpleNamespace(root=np.eye(2), **known))
+    False
+    >>> has_run_away(SimpleNamespace(root=1e200 * np.eye(2), **known))
+    True
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         seen = (result.p, result.chi2, np.square(result.root), np.square(result.data_root))
     return not all(np.all(np.isfinite(values)) for values in seen)
@@ -198,8 +306,35 @@ def _starts(runs: Sequence[EnvelopeRun], known: Known) -> Iterator[tuple[Array, 
 
 
 def grow_phase_orders(result: Fit) -> Fit:
-    """The fit with further orders of the runs' phases as long as one of them gains much by two
-    more."""
+    """The fit with further orders of the runs' phases as long as one of them gains much by two more.
+
+    Parameters
+    ----------
+    result
+        A fit.
+
+    Returns
+    -------
+    Fit
+        With up to `MAX_PHASE_ORDER` orders; the same one where none is asked for.
+
+    Examples
+    --------
+    A phase of 0.1·t² asks for more than a straight line:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.base_fit import grow_phase_orders
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t = np.linspace(0.0, 5.0, 101)
+    >>> u = np.outer(np.exp(-0.1 * t + 0.1j * t**2), [1, 0j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.05)
+    >>> space = free_coordinates(["damping"], np.zeros(7))
+    >>> straight = fit(make_batch([run]), space, np.array([0.1]), u[:1], np.zeros((1, 1)))
+    >>> grow_phase_orders(straight).response.state.phase.round(4) + 0
+    array([[0. , 2.5, 0. ]])
+    """
     while (
         result.response.state.phase.shape[1] < MAX_PHASE_ORDER and result.phase_demand > PHASE_GAIN
     ):
@@ -210,12 +345,44 @@ def grow_phase_orders(result: Fit) -> Fit:
 
 
 def settle_averages(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fit:
-    """The fit to rows averaged along its own motion: averaged and fitted again until that moves it
-    by less than a tenth of σ.
+    """The fit to rows averaged along its own motion, until that moves it by less than a tenth of σ.
 
-    Where the rate changes within a run the rows are also doubled until that moves nothing. What the
-    last change was is kept (`Fit.truncation`, in standard deviations of whatever combination moved
-    most).
+    Where the rate changes within a run the rows are also doubled until that moves nothing.
+
+    Parameters
+    ----------
+    runs
+        With all their windows.
+    result
+        A fit to averages of them.
+    blocks
+        Rows of each run at least.
+
+    Returns
+    -------
+    Fit
+        What the last change was is kept in `truncation`, in standard deviations of whatever
+        combination moved most.
+
+    Examples
+    --------
+    A run averaged along no motion at all, put right:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.base_fit import settle_averages
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
+    >>> from hrg_cli.fitting.envelopes.propagator import thin_rows
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t = np.linspace(0.0, 20.0, 2001)
+    >>> u = np.outer(np.exp(-0.5 * t), [1, 0j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.01)
+    >>> space = free_coordinates(["damping"], np.zeros(7))
+    >>> data = make_batch(thin_rows([run], np.zeros(7), np.zeros(1), 20))
+    >>> rough = fit(data, space, np.array([0.4]), data.envelope[:, 0], np.zeros((1, 1)))
+    >>> found = settle_averages([run], rough, 20)
+    >>> bool(found.chi2 < 1e-6 < rough.chi2), round(float(found.p[0]), 6), found.truncation < 0.1
+    (True, 0.5, True)
     """
     last = np.inf
     for _ in range(AVERAGINGS):
@@ -250,15 +417,58 @@ def _averaged_again(runs: Sequence[EnvelopeRun], result: Fit, blocks: int) -> Fi
 
 
 def measure_distance(before: Fit, after: Fit) -> float:
-    """Distance of two fits in standard deviations, along the combination of coordinates that moved
-    most."""
+    """Distance of two fits, along the combination of coordinates that moved most.
+
+    Parameters
+    ----------
+    before, after
+        Of the same coordinates.
+
+    Returns
+    -------
+    float
+        In standard deviations of the later one.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.base_fit import measure_distance
+    >>> after = SimpleNamespace(z=np.array([3.0, 4.0]), root=np.eye(2), chi2=90.0, dof=100)
+    >>> measure_distance(SimpleNamespace(z=np.zeros(2)), after)
+    5.0
+    """
     change = after.root @ (after.z - before.z)
     return float(np.linalg.norm(change) / np.sqrt(max(1.0, after.chi2 / after.dof)))
 
 
 def decide_second_order(result: Fit) -> float | None:
-    """0 or 1 where the data tell which of them scales the second-order correction, 1 where a misfit
-    pulls at it; None: it stays free."""
+    """What scales the second-order correction, where the data or a misfit tell.
+
+    Parameters
+    ----------
+    result
+        A fit with the correction as its last coordinate.
+
+    Returns
+    -------
+    float or None
+        0 or 1, the better one by far; 1 where a misfit pulls at it; None: it stays free.
+
+    Examples
+    --------
+    A scale of 0.9 ± 0.1, which 1 is near and 0 is not, and one of 0.6 ± 0.4:
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.base_fit import decide_second_order
+    >>> def make_fit(scale, std):
+    ...     prior = SimpleNamespace(prior_mean=np.array([0.5]), prior_std=np.array([0.5]))
+    ...     p, root = np.append(np.zeros(6), scale), np.array([[1 / std]])
+    ...     return SimpleNamespace(p=p, data_root=root, freedom=prior, chi2=100.0, dof=100)
+    >>> decide_second_order(make_fit(0.9, 0.1)), decide_second_order(make_fit(0.6, 0.4))
+    (1.0, None)
+    """
     information = float(result.data_root[-1, -1]) ** 2  # the last coordinate, all others free
     mean, std = float(result.freedom.prior_mean[-1]), float(result.freedom.prior_std[-1])
     alone = float(result.p[SECOND_ORDER]) + (float(result.p[SECOND_ORDER]) - mean) / (
@@ -314,11 +524,45 @@ def _rate_varies(data: Batch) -> bool:
 
 
 def solve(data: Batch, space: Freedom, z: Array, first: Array, phase: Array) -> Fit:
-    """Gauss–Newton; where it does not settle, again over growing parts of the runs from their
-    beginning on.
+    """Gauss–Newton; where it does not settle, again over growing parts of the runs from their begin.
 
     First with straight phases alone: higher orders that a tenth of a run fixes lead anywhere beyond
     it. A phase that bends by turns needs them all the same.
+
+    Parameters
+    ----------
+    data
+        The runs, R of them.
+    space
+        What is fitted, k directions.
+    z
+        First guess (k,).
+    first
+        Start states (R, 2), complex.
+    phase
+        Coefficients (R, orders) of (t/T)¹… [rad].
+
+    Returns
+    -------
+    Fit
+        Settled or not (`converged`).
+
+    Examples
+    --------
+    A split of 4 rad/s guessed as 3.8, which misses a turn of the beat over the run:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.base_fit import solve
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.likelihood import free_coordinates
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t = np.linspace(0.0, 20.0, 801)
+    >>> u = np.stack([np.exp((4j - 0.1) * t), np.exp((-4j - 0.1) * t)], axis=1)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.025)
+    >>> space = free_coordinates(["damping", "split_cos"], np.zeros(7))
+    >>> found = solve(make_batch([run]), space, np.array([0.1, 3.8]), u[:1], np.zeros((1, 1)))
+    >>> found.converged, found.p[[0, 3]].round(4).tolist()
+    (True, [0.1, 4.0])
     """
     result = fit(data, space, z, first, phase)
     if result.converged:

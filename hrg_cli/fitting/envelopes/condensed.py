@@ -50,10 +50,46 @@ PASSES = 3
 def read_runs(
     waves: Sequence[Wave], rate_rad_s: float | None, earth_rad_s: float, known: Known, blocks: int
 ) -> list[EnvelopeRun]:
-    """Every wave's run: all its windows where they are few, else averages along the motion they
-    show.
+    """Every wave's run: all its windows where they are few, else averages along the motion they show.
 
-    HrgError: as `from_wave`, and where a sample of a long record shows no run-down.
+    Parameters
+    ----------
+    waves
+        Free ones of one gyro.
+    rate_rad_s
+        Of the table; None: each wave's own log.
+    earth_rad_s
+        The Earth's part along the axis, which no log shows.
+    known
+        What is held in the fit that finds the motion.
+    blocks
+        Rows of a run at least, where windows are averaged.
+
+    Returns
+    -------
+    list of EnvelopeRun
+        In the order of the waves.
+
+    Raises
+    ------
+    HrgError
+        As `from_wave`, and where a sample of a long record shows no run-down.
+
+    Examples
+    --------
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli import Wave
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.condensed import read_runs
+    >>> t, ones = np.arange(20.0), np.ones(20)
+    >>> wave = Wave(**{f.name: ones for f in fields(Wave) if f.default is MISSING} | dict(
+    ...     time_s=t, flags=np.zeros(20, "u1"), iterations=np.zeros(20, "i2"), window_s=1.0,
+    ...     reference_frequency_hz=5e3,
+    ... ))
+    >>> (run,) = read_runs([wave], 0.5, -7e-5, Known(), 300)
+    >>> run.turn_rad[:3].round(9).tolist()
+    [0.0, 0.49993, 0.99986]
     """
     if sum(len(w) for w in waves) <= IN_MEMORY:
         return [turn_table(from_wave(w.rows(0, len(w)), rate_rad_s), earth_rad_s) for w in waves]
@@ -96,7 +132,32 @@ def read_runs(
 
 
 def turn_from(run: EnvelopeRun, rate_rad_s: float, first_s: float) -> EnvelopeRun:
-    """A piece of a run on a table that turns by a constant rate more since the run's first row."""
+    """A piece of a run on a table that turns by a constant rate more since the run's first row.
+
+    Parameters
+    ----------
+    run
+        The piece.
+    rate_rad_s
+        More of it.
+    first_s
+        When the run began.
+
+    Returns
+    -------
+    EnvelopeRun
+        The same envelopes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.condensed import turn_from
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> t = np.array([10.0, 11.0, 12.0])
+    >>> run = EnvelopeRun("", t, np.ones((3, 2)), 0 * t + 1e-4, 0 * t, None, 5e3, 2, 1.0)
+    >>> turn_from(run, 0.25, 8.0).turn_rad.tolist()
+    [0.5, 0.75, 1.0]
+    """
     if rate_rad_s == 0:
         return run
     return dataclasses.replace(run, turn_rad=run.turn_rad + rate_rad_s * (run.time_s - first_s))

@@ -45,15 +45,41 @@ class Flat:
 
 
 def estimate_variance_inflation(fit: Fit) -> tuple[float, float]:
-    """(variance factor over the nominal noise, its part due to colour): residuals summed over ever
-    longer blocks, as white noise would be 1.
+    """How much more the residuals scatter than the stated noise, over ever longer blocks.
 
-    Parameters move with what is slow, so the factor is the level at the longest scale that still
-    has a thousand sums, be it above or below the white one (windows that share samples
-    anticorrelate); a level at a still longer scale counts when it exceeds that by 4 of its errors.
-    Neighbours alone never make it less than the stated noise: behind a filter they scatter by less
-    than what is slow, for which the noise is stated. Sums lost to the fitted parameters are allowed
-    for.
+    Residuals are summed over blocks, where white noise would be 1. Parameters move with what is
+    slow, so the factor is the level at the longest scale that still has a thousand sums, be it
+    above or below the white one (windows that share samples anticorrelate); a level at a still
+    longer scale counts when it exceeds that by 4 of its errors. Neighbours alone never make it less
+    than the stated noise: behind a filter they scatter by less than what is slow, for which the
+    noise is stated. Sums lost to the fitted parameters are allowed for.
+
+    Parameters
+    ----------
+    fit
+        The optimum.
+
+    Returns
+    -------
+    tuple of float
+        The variance factor over the nominal noise, and its part due to colour (1: white).
+
+    Examples -------- Noise held over four rows each, of the stated size, moves what is slow by four
+    times its variance:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.inference import estimate_variance_inflation
+    >>> from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t, random = np.arange(0.0, 20.0, 0.01), np.random.default_rng(1)
+    >>> noise = 0.01 * np.repeat(random.standard_normal((500, 4)), 4, axis=0).view(complex)
+    >>> u = np.outer(np.exp(-0.1 * t), [1, 0j]) + noise
+    >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.01)
+    >>> space = free_coordinates(["damping"], np.zeros(7))
+    >>> best = fit(make_batch([run]), space, np.array([0.1]), u[:1], np.zeros((1, 1)))
+    >>> np.round(estimate_variance_inflation(best)).tolist()
+    [4.0, 4.0]
     """
     white = fit.chi2 / fit.dof
     residual = fit.response.residual()
@@ -81,8 +107,35 @@ def estimate_variance_inflation(fit: Fit) -> tuple[float, float]:
 
 
 def compute_natural_scales(fit: Fit) -> Array:
-    """Size a direction of z would have to be known to: ν for damping, the larger of δω, ν, 1/T for
-    the split, K for K; 0: not judged."""
+    """Size that a direction of z would have to be known to.
+
+    ν for damping, the larger of δω, ν and 1/T for the split, K for K, at least 0.3.
+
+    Parameters
+    ----------
+    fit
+        The optimum.
+
+    Returns
+    -------
+    ndarray
+        (k,); 0: not judged.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.inference import compute_natural_scales
+    >>> from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t = np.linspace(0.0, 10.0, 101)
+    >>> u = np.outer(np.exp(-0.2 * t), [1, 0j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1)
+    >>> space = free_coordinates(["damping", "split_sin", "second_order"], np.zeros(7))
+    >>> best = fit(make_batch([run]), space, np.array([0.2, 0, 0]), u[:1], np.zeros((1, 1)))
+    >>> compute_natural_scales(best).round(3).tolist()
+    [0.2, 0.2, 0.0]
+    """
     p = fit.p
     span = float(fit.response.batch.span_s.max())
     split = max(float(np.hypot(*p[FREQUENCY_SPLIT])), abs(p[DAMPING]), 1 / span)
@@ -101,8 +154,38 @@ def compute_natural_scales(fit: Fit) -> Array:
 
 
 def find_flat_directions(fit: Fit, factor: float) -> tuple[float, list[Flat]]:
-    """Condition number of the scaled Fisher information (unit diagonal) of the judged directions,
-    and the flat ones; the rest is nuisance.
+    """What of z these runs do not fix, and how well the rest of it is conditioned.
+
+    Parameters
+    ----------
+    fit
+        The optimum.
+    factor
+        Variance of the noise over the stated one.
+
+    Returns
+    -------
+    tuple of float and list of Flat
+        Condition number of the Fisher information of the judged directions, scaled to a unit
+        diagonal, and the flat ones; the rest is nuisance and keeps its prior.
+
+    Examples
+    --------
+    A straight wave of one run that stands still decays by ν + νδμ cos 2mθ_μ alone:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.inference import find_flat_directions
+    >>> from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t = np.linspace(0.0, 10.0, 101)
+    >>> u = np.outer(np.exp(-0.2 * t), [1, 0j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1)
+    >>> space = free_coordinates(["damping", "damping_cos"], np.zeros(7))
+    >>> best = fit(make_batch([run]), space, np.array([0.2, 0.0]), u[:1], np.zeros((1, 1)))
+    >>> condition, (flat,) = find_flat_directions(best, 1.0)
+    >>> condition > 1e12, np.abs(flat.direction).round(3).tolist()
+    (True, [0.707, 0.707])
     """
     scales = compute_natural_scales(fit)
     judged = scales > 0
@@ -128,7 +211,35 @@ def find_flat_directions(fit: Fit, factor: float) -> tuple[float, list[Flat]]:
 
 
 def compute_covariance_z(fit: Fit, factor: float) -> Array:
-    """Covariance of z with the data's information divided by `factor`, priors kept."""
+    """Covariance of z with the data's information divided by a factor, priors kept.
+
+    Parameters
+    ----------
+    fit
+        The optimum.
+    factor
+        Variance of the noise over the stated one.
+
+    Returns
+    -------
+    ndarray
+        (k, k).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.inference import compute_covariance_z
+    >>> from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t = np.linspace(0.0, 10.0, 101)
+    >>> u = np.outer(np.exp(-0.2 * t), [1, 0j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1)
+    >>> space = free_coordinates(["damping"], np.zeros(7))
+    >>> best = fit(make_batch([run]), space, np.array([0.2]), u[:1], np.zeros((1, 1)))
+    >>> bool(np.isclose(compute_covariance_z(best, 4.0)[0, 0], 4 * best.covariance_z()[0, 0]))
+    True
+    """
     prior = np.where(np.isfinite(fit.freedom.prior_std), fit.freedom.prior_std, np.inf) ** -2.0
     root = np.concatenate([fit.data_root / np.sqrt(factor), np.diag(np.sqrt(prior))])
     inverse = invert_scaled(root)
@@ -136,8 +247,35 @@ def compute_covariance_z(fit: Fit, factor: float) -> Array:
 
 
 def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> None:
-    """Give axes whose split is not clear of its noise the spread of their components instead of the
-    slope's, in the covariance (6, 6) in place; one that is held stays so."""
+    """Give axes whose split is not clear of its noise the spread of their components.
+
+    The slope's would be too narrow or too wide there. One that is held stays so.
+
+    Parameters
+    ----------
+    covariance
+        Of (ν, νδμ, θ_μ, δω, θ_ω, K), (6, 6); changed in place, correlations kept.
+    cov_p
+        Of the coordinates, (7, 7).
+    p
+        Coordinates (7,).
+    mode_number
+        m.
+
+    Examples
+    --------
+    A split that is as large as its noise has any axis: uniform over π/m, with (π/m)/√12.
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import to_parameters
+    >>> from hrg_cli.fitting.envelopes.inference import widen_axes
+    >>> p, cov_p = np.array([0.2, 0, 0, 0.01, 0, 0.5, 1]), np.diag([0, 0, 0, 1e-4, 1e-4, 0, 0])
+    >>> slopes = to_parameters(p, 2)[1]
+    >>> covariance = slopes @ cov_p @ slopes.T
+    >>> widen_axes(covariance, cov_p, p, 2)
+    >>> round(float(np.sqrt(covariance[4, 4])), 4), round(float(np.pi / 2 / np.sqrt(12)), 4)
+    (0.4534, 0.4534)
+    """
     for axis, first in ((2, 1), (4, 3)):
         split, part = p[first : first + 2], cov_p[first : first + 2, first : first + 2]
         std, size2 = np.sqrt(max(0.0, covariance[axis, axis])), float(split @ split)
@@ -154,8 +292,33 @@ def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> N
 
 
 def differentiate_parameters(fit: Fit, mode_number: int) -> Array:
-    """∂(ν, νδμ, θ_μ, δω, θ_ω, K)/∂z (6, k); what is held moves with nothing, not even by
-    rounding."""
+    """∂(ν, νδμ, θ_μ, δω, θ_ω, K)/∂z.
+
+    Parameters
+    ----------
+    fit
+        The optimum.
+    mode_number
+        m.
+
+    Returns
+    -------
+    ndarray
+        (6, k); what is held moves with nothing, not even by rounding.
+
+    Examples -------- A damping split held on the axis 2mθ_μ = 0.6 rad: its size is the coordinate
+    along it, and the axis does not move.
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.inference import differentiate_parameters
+    >>> from hrg_cli.fitting.envelopes.likelihood import Freedom
+    >>> along = np.array([[0, np.cos(0.6), np.sin(0.6), 0, 0, 0, 0]]).T
+    >>> space = Freedom(("damping_cos",), np.zeros(7), along, np.zeros(1), np.full(1, np.inf))
+    >>> best = SimpleNamespace(p=0.01 * along[:, 0], freedom=space)
+    >>> differentiate_parameters(best, 2)[:, 0].round(9).tolist()
+    [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]
+    """
     _, slopes = coordinates.to_parameters(fit.p, mode_number)
     through = slopes @ fit.freedom.directions
     return np.where(
@@ -166,13 +329,43 @@ def differentiate_parameters(fit: Fit, mode_number: int) -> Array:
 def compute_parameter_covariance(
     fit: Fit, factor: float, mode_number: int, between: Array | None = None
 ) -> tuple[Array, Array]:
-    """(values (6,), covariance (6, 6)) of ν, νδμ, θ_μ, δω, θ_ω, K; data information scaled by
-    1/factor, priors kept.
+    """The resonator's parameters with their covariance.
 
-    `between` (k, k): what the runs' disagreement adds to the covariance of z.
+    The data's information is scaled by 1/factor, priors are kept. The size of a split that is lost
+    in noise keeps the standard deviation of a component; its axis has the spread of its
+    components'.
 
-    The size of a split that is lost in noise keeps the standard deviation of a component; its axis
-    has the spread of its components'.
+    Parameters
+    ----------
+    fit
+        The optimum.
+    factor
+        Variance of the noise over the stated one.
+    mode_number
+        m.
+    between
+        What the runs' disagreement adds to the covariance of z, (k, k).
+
+    Returns
+    -------
+    tuple of ndarray
+        Values (6,) and covariance (6, 6) of ν, νδμ, θ_μ, δω, θ_ω, K.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.inference import compute_parameter_covariance
+    >>> from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t = np.linspace(0.0, 10.0, 101)
+    >>> u = np.outer(np.exp(-0.2 * t), [1, 0j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1)
+    >>> space = free_coordinates(["damping"], np.zeros(7))
+    >>> best = fit(make_batch([run]), space, np.array([0.2]), u[:1], np.zeros((1, 1)))
+    >>> values, covariance = compute_parameter_covariance(best, 1.0, 2, np.array([[0.03**2]]))
+    >>> round(float(values[0]), 6), round(float(np.sqrt(covariance[0, 0])), 3)
+    (0.2, 0.03)
     """
     values, _ = coordinates.to_parameters(fit.p, mode_number)
     cov_z = compute_covariance_z(fit, factor) + (0.0 if between is None else between)
@@ -184,11 +377,41 @@ def compute_parameter_covariance(
 
 
 def measure_run_shifts(fit: Fit, factor: float) -> Array:
-    """How far each run alone pulls z from what the other runs say, as a χ² a direction; 0 where the
-    others say nothing.
+    """How far each run alone pulls z from what the other runs say.
 
     In directions of unit total information, the others having λ of it: (gradient of the run)²/λ(1 −
-    λ).
+    λ), averaged over those in which both a run and the others have something to say.
+
+    Parameters
+    ----------
+    fit
+        The optimum over R runs.
+    factor
+        Variance of the noise over the stated one.
+
+    Returns
+    -------
+    ndarray
+        (R,) χ² a direction, 1 by chance; 0 where the others say nothing.
+
+    Examples
+    --------
+    Four runs, of which the last decays faster by 20 of its standard deviations:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.inference import measure_run_shifts
+    >>> from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t, runs = np.linspace(0.0, 10.0, 101), []
+    >>> for damping in (0.1, 0.1, 0.1, 0.11):
+    ...     u = np.outer(np.exp(-damping * t), [1, 0j])
+    ...     runs.append(EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1))
+    >>> start, space = np.array([[1, 0j]] * 4), free_coordinates(["damping"], np.zeros(7))
+    >>> best = fit(make_batch(runs), space, np.array([0.1]), start, np.zeros((4, 1)))
+    >>> shifts = measure_run_shifts(best, 1.0)
+    >>> int(np.argmax(shifts)), bool(shifts[3] > 20), bool(shifts[0] < shifts[3] / 5)
+    (3, True, True)
     """
     parts = _run_information(fit)
     total = _prior_information(fit) + sum(information for information, _ in parts)
@@ -211,11 +434,39 @@ def measure_run_shifts(fit: Fit, factor: float) -> Array:
 
 
 def compute_between_runs(fit: Fit) -> Array:
-    """Covariance of z (k, k) by leaving out one run after another, (R − 1)/R·Σ d dᵀ, each d one
-    Gauss–Newton step; zero for one run.
+    """Covariance of z by leaving out one run after another, (R − 1)/R·Σ d dᵀ (jackknife).
 
-    Where the model is wrong this is what the runs say about it; a run without which nothing is
-    known moves z as if all were like it.
+    Each d is one Gauss–Newton step. Where the model is wrong this is what the runs say about it; a
+    run without which nothing is known moves z as if all were like it.
+
+    Parameters
+    ----------
+    fit
+        The optimum over R runs.
+
+    Returns
+    -------
+    ndarray
+        (k, k); zero for one run.
+
+    Examples
+    --------
+    Runs whose dampings scatter by 1e-3 about 0.1: the mean's own deviation is 1e-3/√R.
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.inference import compute_between_runs
+    >>> from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t, runs, dampings = np.linspace(0.0, 10.0, 101), [], [0.099, 0.101, 0.1, 0.0995, 0.1005]
+    >>> for damping in dampings:
+    ...     u = np.outer(np.exp(-damping * t), [1, 0j])
+    ...     runs.append(EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1))
+    >>> start, space = np.array([[1, 0j]] * 5), free_coordinates(["damping"], np.zeros(7))
+    >>> best = fit(make_batch(runs), space, np.array([0.1]), start, np.zeros((5, 1)))
+    >>> std = np.sqrt(compute_between_runs(best)[0, 0])
+    >>> bool(np.isclose(std, np.std(dampings, ddof=1) / np.sqrt(5), rtol=0.02))
+    True
     """
     parts = _run_information(fit)
     total = _prior_information(fit) + sum(information for information, _ in parts)
@@ -237,8 +488,43 @@ def compute_between_runs(fit: Fit) -> Array:
 
 
 def widen_by_held(fit: Fit, coordinate: int, std: float) -> Array:
-    """Covariance of z (k, k) by a held coordinate that is known to `std` only: how the fit would
-    move with it, squared."""
+    """Covariance that z gains by a held coordinate which is known to a standard deviation only.
+
+    It is how the fit would move with it, squared: dz/dh = −I_zz⁻¹ I_zh.
+
+    Parameters
+    ----------
+    fit
+        The optimum.
+    coordinate
+        Place of the held one.
+    std
+        Its standard deviation.
+
+    Returns
+    -------
+    ndarray
+        (k, k).
+
+    Examples
+    --------
+    The rate that a turning wave shows is KΩ; in a run that stands, K moves nothing:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import DAMPING
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.inference import widen_by_held
+    >>> from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t = np.linspace(0.0, 10.0, 101)
+    >>> u = np.outer(np.exp(-0.1 * t), [1, 0j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1)
+    >>> held = np.array([0.1, 0, 0, 0, 0, 0, 0])
+    >>> space = free_coordinates(["damping_cos"], held)
+    >>> best = fit(make_batch([run]), space, np.zeros(1), u[:1], np.zeros((1, 1)))
+    >>> np.sqrt(widen_by_held(best, DAMPING, 1e-3)[0, 0]).round(9)
+    np.float64(0.001)
+    """
     response = fit.response
     over_noise = response.batch.over_noise
     shared = over_noise(fit.freedom.along(response.coordinate_sensitivities()))
@@ -295,7 +581,37 @@ class Frequencies:
 
 
 def estimate_run_frequencies(fit: Fit, factor: float) -> Frequencies:
-    """Mean frequencies of the runs, each its own nuisance, correlated through what they share."""
+    """Mean frequencies of the runs, each its own nuisance, correlated through what they share.
+
+    Parameters
+    ----------
+    fit
+        The optimum over R runs.
+    factor
+        Variance of the noise over the stated one.
+
+    Returns
+    -------
+    Frequencies
+        In Hz, with covariance.
+
+    Examples
+    --------
+    A wave 0.5·2π rad/s above a reference of 5 kHz:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.inference import estimate_run_frequencies
+    >>> from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
+    >>> from hrg_cli.fitting.envelopes.response import make_batch
+    >>> t = np.linspace(0.0, 10.0, 101)
+    >>> u = np.outer(np.exp((1j * np.pi - 0.1) * t), [1, 0j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1)
+    >>> space, phase = free_coordinates(["damping"], np.zeros(7)), np.array([[31.0]])
+    >>> best = fit(make_batch([run]), space, np.array([0.1]), u[:1], phase)
+    >>> estimate_run_frequencies(best, 1.0).value.round(6).tolist()
+    [5000.5]
+    """
     response = fit.response
     span = response.batch.span_s
     frequency = np.array(

@@ -54,11 +54,53 @@ def fit_driven_rate(
     quadrature_phase_error_rad: float = 0.0,
     loop_delay_s: float = 0.0,
 ) -> RateEstimate:
-    """Ω(t) of a driven run on `nodes` even times, given the resonator, and the phase errors of the
-    forces and the loops' delay where they are known.
+    """Ω(t) of a driven run on even times, given the resonator.
 
-    nodes None: 20, fewer for a short run, and twice as many again and again while χ² asks for them.
-    HrgError: no K, too few windows.
+    Parameters
+    ----------
+    wave
+        A driven run, with its forces where they are logged.
+    resonator
+        As it was identified.
+    nodes
+        Of the spline; None: 20, fewer for a short run, and twice as many again and again while χ²
+        asks for them.
+    main_phase_error_rad, quadrature_phase_error_rad
+        Of the forces, where they are known.
+    loop_delay_s
+        By which the main force stands behind the wave.
+
+    Returns
+    -------
+    RateEstimate
+        On the nodes.
+
+    Raises
+    ------
+    HrgError
+        The resonator has no scale factor, or too few windows for the nodes.
+
+    Examples
+    --------
+    A straight wave in an even shell has no drift: turned back by 0.5 rad/s of mθ, K = 0.5, it saw
+    1 rad/s.
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator, Wave
+    >>> from hrg_cli.fitting.envelopes.rate_driven import fit_driven_rate
+    >>> name = np.array(["frequency_hz", "damping_rate_1_s", "scale_factor"])
+    >>> exact = dict(std=np.zeros(3), covariance=np.zeros((3, 3)))
+    >>> units, value = np.array(["Hz", "s-1", "1"]), np.array([5e3, 0.1, 0.5])
+    >>> gyro = Resonator(name=name, units=units, value=value, **exact)
+    >>> t = np.arange(0.0, 10.0, 0.05)
+    >>> wave = Wave(**{f.name: 0 * t + 1e-5 for f in fields(Wave) if f.default is MISSING} | dict(
+    ...     time_s=t, flags=np.zeros(200, "u1"), iterations=np.zeros(200, "i2"), mode="forced",
+    ...     main_amplitude=1 + 0 * t, quadrature_amplitude=0 * t, wave_angle_rad=-0.25 * t,
+    ...     phase_rad=0 * t, reference_frequency_hz=5e3, window_s=0.05,
+    ... ))
+    >>> fit_driven_rate(wave, gyro, 4).rate_rad_s.round(4).tolist()
+    [1.0, 1.0, 1.0, 1.0]
     """
     if not resonator.parameters().get("scale_factor", (0.0, 0.0, ""))[0]:
         raise HrgError(

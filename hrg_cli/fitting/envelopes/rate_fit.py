@@ -58,7 +58,34 @@ class Reference:
 
 
 def make_reference(resonator: Resonator, mechanics: Mechanics) -> Reference:
-    """The reference of a resonator; directions in which it is exact are left out."""
+    """The reference of a resonator; directions in which it is exact are left out.
+
+    Parameters
+    ----------
+    resonator
+        As it was identified, with its covariance.
+    mechanics
+        Its values.
+
+    Returns
+    -------
+    Reference
+        Coordinates (7,), and what they are uncertain by.
+
+    Examples
+    --------
+    A damping known to 1e-3, all else exact: one direction, of that length.
+
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.fitting.envelopes.rate_fit import make_reference
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> held = dict(name=np.array(["damping_rate_1_s"]), units=np.array(["s-1"]), value=np.ones(1))
+    >>> gyro = Resonator(std=np.array([1e-3]), covariance=np.array([[1e-6]]), **held)
+    >>> known = make_reference(gyro, Mechanics(5e3, 1.0, 0.0, 0.0))
+    >>> known.p[[0, 5]].tolist(), np.abs(known.spread[:, 0]).round(9).tolist()
+    ([1.0, 0.55], [0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    """
     p = coordinates.from_mechanics(mechanics)
     p[SECOND_ORDER] = details_number(resonator.details, "second_order", "value", default=1.0)
     size, direction = np.linalg.eigh(vector_covariance(resonator))
@@ -71,8 +98,44 @@ def make_reference(resonator: Resonator, mechanics: Mechanics) -> Reference:
 def fit_rate(
     whole: EnvelopeRun, grid: Array, rate: Array, plain: Array, known: Reference
 ) -> RateEstimate:
-    """The fit from a rate; the rows are averaged along the motion found until that moves it no
-    more."""
+    """The fit of Ω(t) from a rate.
+
+    The rows are averaged along the motion found until that moves the answer no more.
+
+    Parameters
+    ----------
+    whole
+        The run with all its windows; its own table turn does not count.
+    grid
+        Nodes (k,) [s].
+    rate
+        First guess on the nodes (k,) [rad/s].
+    plain
+        −m·(dθ/dt)/K on the nodes, which is kept beside the answer.
+    known
+        The resonator.
+
+    Returns
+    -------
+    RateEstimate
+        On the nodes.
+
+    Examples
+    --------
+    A rate that rises from 0.5 to 1.5 rad/s, from a guess of none; the resonator is known exactly:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.rate_fit import Reference, fit_rate
+    >>> t, p = np.arange(0.0, 10.0, 0.05), np.array([0.1, 0, 0, 0, 0, 0.3, 0.0])
+    >>> turned = 0.5 * t + 0.05 * t**2
+    >>> u = np.stack([np.cos(0.3 * turned), -np.sin(0.3 * turned)]) * np.exp((0j - 0.1) * t)
+    >>> run = EnvelopeRun("", t, u.T, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.05)
+    >>> grid = np.linspace(0.0, 9.95, 4)
+    >>> found = fit_rate(run, grid, 0 * grid, 0 * grid, Reference(p, np.zeros((7, 0))))
+    >>> bool(np.allclose(found.rate_rad_s, 0.5 + 0.1 * grid, atol=1e-6))
+    True
+    """
     result, moved = None, np.inf
     for _ in range(AVERAGINGS):
         turn = integrate(cardinal(whole.time_s, grid).T @ rate, whole.time_s)

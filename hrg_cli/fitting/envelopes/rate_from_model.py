@@ -58,8 +58,8 @@ def count_nodes(name: str, windows: int, window_s: float, nodes: int | None) -> 
 
     Examples
     --------
-    >>> from hrg_cli.fitting.envelopes.rate_from_model import node_count
-    >>> node_count("run left", 100, 0.02, None), node_count("run left", 100, 0.02, 8)
+    >>> from hrg_cli.fitting.envelopes.rate_from_model import count_nodes
+    >>> count_nodes("run left", 100, 0.02, None), count_nodes("run left", 100, 0.02, 8)
     ((12, 25), (8, 25))
     """
     most = windows // ROWS_A_NODE
@@ -75,12 +75,50 @@ def count_nodes(name: str, windows: int, window_s: float, nodes: int | None) -> 
 
 
 def fit_free_rate(wave: Wave, resonator: Resonator, nodes: int | None = None) -> RateEstimate:
-    """Ω(t) of a free run on `nodes` even times, given the resonator; its standard deviations hold
-    the noise and the resonator's own.
+    """Ω(t) of a free run on even times, given the resonator.
 
-    nodes None: 20, fewer for a short run, and twice as many again and again until χ² agrees with
-    the stated noise and asks for no more, as far as the windows carry them. HrgError: the resonator
-    has no scale factor, or too few windows for the nodes.
+    Its standard deviations hold the noise and the resonator's own.
+
+    Parameters
+    ----------
+    wave
+        A free run.
+    resonator
+        As it was identified.
+    nodes
+        Of the spline; None: 20, fewer for a short run, and twice as many again and again until χ²
+        agrees with the stated noise and asks for no more, as far as the windows carry them.
+
+    Returns
+    -------
+    RateEstimate
+        On the nodes.
+
+    Raises
+    ------
+    HrgError
+        The resonator has no scale factor, or too few windows for the nodes.
+
+    Examples
+    --------
+    A run-down on a table at 1 rad/s, which turns the wave back by K = 0.5 of its own turn:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator, Wave
+    >>> from hrg_cli.fitting.envelopes.rate_from_model import fit_free_rate
+    >>> name = np.array(["frequency_hz", "damping_rate_1_s", "scale_factor"])
+    >>> exact = dict(std=np.zeros(3), covariance=np.zeros((3, 3)))
+    >>> units, value = np.array(["Hz", "s-1", "1"]), np.array([5e3, 0.1, 0.5])
+    >>> gyro = Resonator(name=name, units=units, value=value, **exact)
+    >>> t = np.arange(0.0, 10.0, 0.05)
+    >>> wave = Wave(**{f.name: 0 * t + 1e-5 for f in fields(Wave) if f.default is MISSING} | dict(
+    ...     time_s=t, flags=np.zeros(200, "u1"), iterations=np.zeros(200, "i2"), mode="free",
+    ...     main_amplitude=np.exp(-0.1 * t), quadrature_amplitude=0 * t, wave_angle_rad=-0.25 * t,
+    ...     phase_rad=0 * t, reference_frequency_hz=5e3, window_s=0.05,
+    ... ))
+    >>> fit_free_rate(wave, gyro, 4).rate_rad_s.round(4).tolist()
+    [1.0, 1.0, 1.0, 1.0]
     """
     values = {name: value for name, (value, _, _) in resonator.parameters().items()}
     if "scale_factor" not in values:

@@ -49,8 +49,47 @@ class RateOffset:
 def fit_rate_offset(
     runs: Sequence[EnvelopeRun], known: Known, blocks: int, start_rad_s: float = 0.0
 ) -> RateOffset:
-    """The common offset of the runs' logged rates; K is held where `known` says so. HrgError:
-    nothing can be fitted."""
+    """The common offset of the runs' logged rates, fitted beside the resonator.
+
+    Parameters
+    ----------
+    runs
+        With the table turn that their logs say.
+    known
+        What is held of the resonator, K where it is known.
+    blocks
+        Rows to which each run is averaged.
+    start_rad_s
+        First guess of the offset.
+
+    Returns
+    -------
+    RateOffset
+        The fit at the offset, its standard deviation, and what the others' covariance gains by it.
+
+    Raises
+    ------
+    HrgError
+        Nothing can be fitted.
+
+    Examples
+    --------
+    Two run-downs at 1 and −1 rad/s whose log misses 0.01 rad/s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.rate_offset import fit_rate_offset
+    >>> t, p, runs = np.arange(0.0, 10.0, 0.05), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 1.0]), []
+    >>> for rate in (1.0, -1.0):
+    ...     grow, mode = np.linalg.eig(generator(p, rate + 0.01, 2 * np.pi * 5e3))
+    ...     u = (mode * np.exp(np.outer(t, grow))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    ...     runs.append(EnvelopeRun("", t, u, 0 * t + 1e-4, rate * t, None, 5e3, 2, 0.05))
+    >>> found = fit_rate_offset(runs, Known(), 100)
+    >>> found.converged, round(found.value, 5)
+    (True, 0.01)
+    """
     # No `least_squares.descend`: a point here is a whole fit of the other unknowns, which has come
     # down already, and the step holds them free. Halving it would cost a fit each; steps that grow
     # are bounded instead.

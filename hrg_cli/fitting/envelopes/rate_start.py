@@ -21,15 +21,72 @@ START_ROWS = 8000
 
 
 def estimate_plain_rate(run: EnvelopeRun, grid: Array, scale_factor: float) -> Array:
-    """−m·(dθ/dt)/K on the grid, the angle smoothed over a quarter of a node's distance."""
+    """The rate as the wave's own turning shows it, −m·(dθ/dt)/K, the drift not taken off.
+
+    Parameters
+    ----------
+    run
+        Its wave angle is smoothed over a quarter of a node's distance.
+    grid
+        Nodes (k,) [s].
+    scale_factor
+        K.
+
+    Returns
+    -------
+    ndarray
+        (k,) rad/s.
+
+    Examples
+    --------
+    A table at 1 rad/s turns the wave back by K = 0.3 of that:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.rate_start import estimate_plain_rate
+    >>> t = np.arange(0.0, 20.0, 0.05)
+    >>> u = np.stack([np.cos(0.3 * t), -np.sin(0.3 * t)], axis=1)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, t, None, 5e3, 2, 0.05)
+    >>> estimate_plain_rate(run, np.linspace(0.0, 19.0, 4), 0.3).round(6).tolist()
+    [1.0, 1.0, 1.0, 1.0]
+    """
     angle, _ = ellipse.unwrap(*ellipse.wave(run.envelope, 1)[2:], 1)
     turned = -_smooth(angle, max(1, len(run) // (4 * len(grid)))) / scale_factor
     return np.asarray(np.gradient(np.interp(grid, run.time_s, turned), grid))
 
 
 def estimate_stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
-    """Rate on the nodes by linear least squares on S₁ and S₂ of the run, the rest of the resonator
-    known; valid through circles."""
+    """Rate on the nodes by linear least squares on S₁ and S₂ of the run; valid through circles.
+
+    Parameters
+    ----------
+    run
+        Its table turn does not count.
+    grid
+        Nodes (k,) [s].
+    p
+        Coordinates (7,) of the resonator, known.
+
+    Returns
+    -------
+    ndarray
+        (k,) rad/s.
+
+    Examples
+    --------
+    A table at 1 rad/s under a resonator whose splits make the wave drift as well:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.rate_start import estimate_stokes_start
+    >>> t, p = np.arange(0.0, 10.0, 0.02), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 1.0, 3e4))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.5j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, 0 * t, None, 5e3, 2, 0.02)
+    >>> estimate_stokes_start(run, np.linspace(0.0, 9.98, 4), p).round(4).tolist()
+    [1.0, 1.0, 1.0, 1.0]
+    """
     run = run.rows(slice(None, None, -(-len(run) // START_ROWS)))
     t = run.time_s
     s0, s1, s2, s3 = np.moveaxis(ellipse.stokes(run.envelope), -1, 0)
@@ -63,8 +120,33 @@ def _smooth(values: Array, width: int) -> Array:
 
 
 def estimate_mean_offset(run: EnvelopeRun, p: Array) -> float:
-    """Mean angular frequency above the reference of a run whose turning is known, rad/s: what its
-    phase runs ahead of the model."""
+    """Mean angular frequency above the reference of a run whose turning is known.
+
+    Parameters
+    ----------
+    run
+        Envelopes and table turn.
+    p
+        Coordinates (7,) of the resonator.
+
+    Returns
+    -------
+    float
+        rad/s: what the run's phase runs ahead of the model, whose own splits are in it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.rate_start import estimate_mean_offset
+    >>> t, p = np.arange(0.0, 10.0, 0.02), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 1.0, 3e4) + 0.7j * np.eye(2))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.5j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, t, None, 5e3, 2, 0.02)
+    >>> round(estimate_mean_offset(run, p), 6)
+    0.7
+    """
     run = run.rows(slice(None, None, -(-len(run) // START_ROWS)))
     data = make_batch([run])
     model = respond(data, State(p, run.envelope[:1], np.zeros((1, 1)))).model[0]

@@ -68,8 +68,40 @@ class WeightedRows:
 
 
 def weigh(run: EnvelopeRun, equations: Equations, freedom: Freedom) -> WeightedRows:
-    """The regression's rows: the equations themselves, or the running sums of increments, begun
-    anew after a gap."""
+    """The regression's rows: the equations themselves, or the running sums of increments.
+
+    Sums are begun anew after a gap: white noise of the envelopes is white in them. The run's own
+    unknowns are projected off (Frisch and Waugh 1933), so that the shared ones come out as if all
+    were fitted together.
+
+    Parameters
+    ----------
+    run
+        Whose equations they are.
+    equations
+        Of a method.
+    freedom
+        The k directions that are fitted.
+
+    Returns
+    -------
+    WeightedRows
+        Design (N, k) and target (N,) over their noise.
+
+    Examples
+    --------
+    The damping from three rows of −u̇ = ν u, one of them twice as well known:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.equations import Equations
+    >>> from hrg_cli.fitting.envelopes.likelihood import free_coordinates
+    >>> from hrg_cli.fitting.envelopes.regressions import weigh
+    >>> u = np.outer([1.0, 0.8, 0.6], np.eye(7)[0])
+    >>> rows = Equations(u, 0.1 * u[:, 0], np.zeros(3), np.array([1.0, 1.0, 2.0]), np.arange(3))
+    >>> found = weigh(None, rows, free_coordinates(["damping"], np.zeros(7)))
+    >>> found.design[:, 0].round(9).tolist(), found.target.round(9).tolist()
+    ([1.0, 0.8, 1.2], [0.1, 0.08, 0.12])
+    """
     shared, target, weight = (
         equations.columns @ freedom.directions,
         equations.target - equations.columns @ freedom.origin,
@@ -102,11 +134,38 @@ def weigh(run: EnvelopeRun, equations: Equations, freedom: Freedom) -> WeightedR
 
 
 def find_truncation(model: Sequence[EnvelopeRun], p: Array, method: str) -> list[Array]:
-    """What the method's differences and sums leave of noiseless runs of coordinates p, equation by
-    equation (N,) a run.
+    """What the method's differences and sums leave of noiseless runs, equation by equation.
 
     The approximations of a method are none of it: those of small quadrature are judged by the exact
     equations' differences.
+
+    Parameters
+    ----------
+    model
+        Runs of coordinates p, without noise.
+    p
+        (7,).
+    method
+        Its name, as a user gives it.
+
+    Returns
+    -------
+    list of ndarray
+        (N,) of each run.
+
+    Examples
+    --------
+    Central differences of e^{−νt} over steps of h are too steep by (νh)²/6:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.regressions import find_truncation
+    >>> t, p = np.arange(9.0), np.array([0.1, 0, 0, 0, 0, 0, 0])
+    >>> u = np.outer(np.exp(-0.1 * t), [1.0, 0j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 1.0)
+    >>> left = find_truncation([run], p, "moving-axes")[0][:7]
+    >>> round(float((left / u[1:-1, 0].real / 0.1)[4]), 5), round(0.1**2 / 6, 5)
+    (0.00167, 0.00167)
     """
     exact = METHODS[EXACT.get(method, method)]
     out = []
@@ -134,13 +193,46 @@ def solve(
     start: Array | None = None,
     spread: NoiseSpread | None = None,
 ) -> Regression:
-    """Pooled weighted least squares of one method over all runs, its covariance from the envelopes'
-    noise.
+    """Pooled weighted least squares of one method over all runs, its noise carried to the answer.
 
-    model, start: noiseless rows for any coordinates, and the coordinates (7,) at which the
-    truncation is first taken from them; None: the equations stay as published. spread: the noise's
-    where it is known already, from runs that hardly differ. The noise's level is the stated one, or
-    what the residuals say where that is more.
+    The noise's level is the stated one, or what the residuals say where that is more.
+
+    Parameters
+    ----------
+    runs
+        Free ones.
+    freedom
+        What is fitted.
+    method
+        Its name, as a user gives it.
+    eliminate_rate
+        Whether KΩ is replaced by −mθ̇, as published.
+    model, start
+        Noiseless rows for any coordinates, and the coordinates (7,) at which the truncation is
+        first taken from them; None: the equations stay as published.
+    spread
+        What the noise does, where it is known already, from runs that hardly differ.
+
+    Returns
+    -------
+    Regression
+        Coordinates with NaN where the method does not give them; refused, with the reason, where it
+        gives none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.coordinates import COORDINATES, generator
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.likelihood import free_coordinates
+    >>> from hrg_cli.fitting.envelopes.regressions import solve
+    >>> t, p = np.arange(0.0, 10.0, 0.05), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 0.0])
+    >>> rate, mode = np.linalg.eig(generator(p, 1.0, 3e4))
+    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, t, None, 5e3, 2, 0.05)
+    >>> found = solve([run], free_coordinates(COORDINATES[:6], np.zeros(7)), "stokes")
+    >>> found.p[:6].round(4).tolist()
+    [0.1, 0.02, 0.01, 0.2, 0.1, 0.3]
     """
     reason = find_refusal(runs, method)
     if reason:

@@ -43,8 +43,40 @@ class Monitor:
 
 
 def monitor(runs: Sequence[EnvelopeRun], pushed: Sequence[Array] | None = None) -> Monitor:
-    """Both regressions over all runs; each run has its own mean frequency and linear drift of
-    it. pushed: ∫a_ΦB dt (n,) of every run, where the quadrature's drive is logged."""
+    """The frequency split by the quadrature and the damping split by the phase, over all runs.
+
+    Each run has its own mean frequency and linear drift of it.
+
+    Parameters
+    ----------
+    runs
+        Driven ones.
+    pushed
+        ∫a_ΦB dt (n,) of every run, where the quadrature's drive is logged.
+
+    Returns
+    -------
+    Monitor
+        λ and the components of both splits, with their covariance.
+
+    Examples
+    --------
+    A wave held at a_A = 1 that turns by mθ = 0.5t; its quadrature follows ṙ = −λr + δω sin 2mθ
+    with λ = 0.2 1/s and δω = 0.01 rad/s, its phase φ̇ = (1 + r²)/(1 − r²) δω cos 2mθ:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.working_mode import monitor
+    >>> from hrg_cli.physics.ellipse import envelopes
+    >>> t = np.arange(0.0, 100.0, 0.02)
+    >>> r = np.imag(0.01 / (0.2 + 1j) * np.exp(1j * t)) + 0.05 * np.exp(-0.2 * t)
+    >>> speed = (1 + r**2) / (1 - r**2) * 0.01 * np.cos(t)
+    >>> phase = np.append(0.0, np.cumsum(speed[1:] + speed[:-1]) * 0.01)
+    >>> u = envelopes(1 + 0 * t, r, 0.25 * t, phase, 2)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, 0 * t, None, 5e3, 2, 0.02)
+    >>> monitor([run]).value.round(4) + 0
+    array([0.2 , 0.01, 0.  , 0.  , 0.  ])
+    """
     response = _regression([_quadrature_rows(r, np.zeros(len(r))) for r in runs])
     first = (
         response
@@ -122,12 +154,40 @@ out alike on both sides."""
 def find_stiffness_axes(
     runs: Sequence[EnvelopeRun], mode_number: int, quadrature_damping_1_s: float = np.inf
 ) -> list[tuple[float, float]]:
-    """(axis [rad], its standard deviation) at every sign change of a_B as the wave passes it
-    slowly; + to − and − to + alike.
+    """The stiffness axis at every sign change of a_B as the wave passes it slowly.
 
-    The quadrature follows a_B = (δω/λ) a_A sin(2mθ − 2mθ_ω) (seed A, remark 2) through ṙ = −λr + δω
-    sin ζ, so while the wave turns evenly it stands arctan(2mθ'/λ) of ζ behind: given λ, that is
-    taken off. Rising with θ is θ_ω, falling θ_ω + π/2m; both are returned as θ_ω in [0, π/m).
+    The quadrature follows a_B = (δω/λ) a_A sin(2mθ − 2mθ_ω) (seed A, remark 2) through
+    ṙ = −λr + δω sin ζ, so while the wave turns evenly it stands arctan(2mθ'/λ) of ζ behind: given
+    λ, that is taken off. Rising with θ is θ_ω, falling θ_ω + π/2m; + to − and − to + alike.
+
+    Parameters
+    ----------
+    runs
+        Driven ones.
+    mode_number
+        m.
+    quadrature_damping_1_s
+        λ; infinite: the lag is left in.
+
+    Returns
+    -------
+    list of tuple of float
+        (θ_ω [rad] in [0, π/m), its standard deviation) of each crossing clear of the noise.
+
+    Examples
+    --------
+    An axis at θ = 0.3 rad, m = 2, passed four times by a wave that the quadrature follows at once:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.working_mode import find_stiffness_axes
+    >>> from hrg_cli.physics.ellipse import envelopes
+    >>> t = np.arange(0.0, 120.0, 0.05)
+    >>> angle = 0.025 * t
+    >>> u = envelopes(1 + 0 * t, 0.01 * np.sin(4 * (angle - 0.3)), angle, 0 * t, 2)
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, 0 * t, None, 5e3, 2, 0.05)
+    >>> [round(axis, 3) for axis, _ in find_stiffness_axes([run], 2)]
+    [0.3, 0.3, 0.3, 0.3]
     """
     out = []
     for run in runs:
@@ -163,12 +223,34 @@ def find_stiffness_axes(
 def combine_axes(
     crossings: Sequence[tuple[float, float]], mode_number: int
 ) -> dict[str, float] | None:
-    """One axis [rad] with its deviation from all crossings, their number and χ² a degree of
-    freedom; None without a crossing.
+    """One axis from all crossings.
 
-    Mean on the circle of 2mθ weighted by inverse variance; its deviation holds the crossings'
-    scatter whole, which is the same at every turn of the wave: the quadrature's damping itself
-    moves with the angle by the damping split.
+    It is the mean on the circle of 2mθ weighted by inverse variance; its deviation holds the
+    crossings' scatter whole, which is the same at every turn of the wave: the quadrature's damping
+    itself moves with the angle by the damping split.
+
+    Parameters
+    ----------
+    crossings
+        (axis, standard deviation) of each [rad].
+    mode_number
+        m.
+
+    Returns
+    -------
+    dict or None
+        `value` [rad] in [0, π/m), `std`, the number of `crossings` and `chi2_per_dof`; None without
+        a crossing.
+
+    Examples
+    --------
+    Two on either side of 0, which is π/2 as well for m = 2:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.working_mode import combine_axes
+    >>> found = combine_axes([(0.02, 0.01), (np.pi / 2 - 0.01, 0.01)], 2)
+    >>> round(found["value"], 9), round(found["chi2_per_dof"], 6)
+    (0.005, 4.5)
     """
     if not crossings:
         return None
