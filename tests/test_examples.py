@@ -70,9 +70,9 @@ HELD = (
     *(
         f"fitting.causes.{name}"
         for name in (
-            *("damping_bound", "evidence", "left_out_folds", "motion_budget", "scales"),
-            "turned_motion",
-            "wave_frame",
+            *("colour", "damping_bound", "designs", "evidence", "fast_march", "fit_point"),
+            *("left_out_folds", "motion_budget", "scales", "sensitivities", "slow_equation"),
+            *("slow_prediction", "turned_motion", "wave_frame"),
         )
     ),
     *(

@@ -20,7 +20,7 @@ from ..effects.effect import INSTANT, OF_EVERY_RUN, RUN, Effect
 from ..errors import UsageError
 from ..fitting.causes import extended_fit, fit_point, scales, whitened_rows
 from ..fitting.causes.extended_fit import ExtendedFit
-from ..fitting.causes.fit_point import state_of
+from ..fitting.causes.fit_point import build_state
 from ..fitting.causes.wave_frame import to_reals
 from ..records import Wave, collect
 from ..stages.demodulate import demodulate
@@ -170,7 +170,7 @@ def setting_in(
     for _ in range(50):
         middle = (low + high) / 2
         changed = effect.slow_readout(
-            {**neutral, parameter.name: middle}, u, state_of(fit.series, fit.point)
+            {**neutral, parameter.name: middle}, u, build_state(fit.series, fit.point)
         )
         column = whitened_rows.flatten_rows(
             fit.series, to_reals(fit.series.over_noise(changed - u))

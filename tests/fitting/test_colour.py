@@ -12,7 +12,7 @@ FAULT = 5e-3 * (T / T[-1]) ** 2 - 2e-2 * (T / T[-1]) ** 4
 
 def drawn(random, q, tau=0.0):
     walk = (
-        np.linalg.cholesky(colour.wander(T, q, tau) + 1e-22 * np.eye(ROWS))
+        np.linalg.cholesky(colour.compute_wander(T, q, tau) + 1e-22 * np.eye(ROWS))
         @ random.normal(size=ROWS)
         if q
         else 0.0
@@ -48,11 +48,14 @@ def test_the_component_that_wanders_is_named():
     weight = np.full(ROWS, 1e4)
     a, p, q, r = (random.normal(size=ROWS) / weight for _ in range(4))
     p = p + size * np.linalg.cholesky(
-        colour.wander(T, WALK, 0.0) + 1e-22 * np.eye(ROWS)
+        colour.compute_wander(T, WALK, 0.0) + 1e-22 * np.eye(ROWS)
     ) @ random.normal(size=ROWS)
     u = (a + 1j * p)[:, None] * e + (q + 1j * r)[:, None] * across
     residual = np.concatenate([u.real, u.imag], axis=-1)[None] * weight[None, :, None]
     envelope = (size[:, None] * e)[None]
-    found = colour.noises(T[None], weight[None], envelope, residual)
+    found = colour.estimate_noises(T[None], weight[None], envelope, residual)
     assert [n.wander_1_s > 0 for n in found] == [False, True, False, False]
-    assert colour.noises(T[None], weight[None], envelope, random.normal(size=(1, ROWS, 4))) == ()
+    assert (
+        colour.estimate_noises(T[None], weight[None], envelope, random.normal(size=(1, ROWS, 4)))
+        == ()
+    )

@@ -108,7 +108,7 @@ def test_compiled_march_takes_the_same_steps(what, monkeypatch):
     point = replace(point, active=())
     rule = slow_prediction.Rule(beside(series, what), point)
     fast = rule.marched(point.start)
-    monkeypatch.setattr(fast_march, "compiled", lambda: None)
+    monkeypatch.setattr(fast_march, "compile_march", lambda: None)
     plain = slow_prediction.Rule(beside(series, what), point).marched(point.start)
     np.testing.assert_allclose(fast, plain, atol=1e-12)
     assert np.abs(plain[0, -1] - plain[0, 0]).max() > 0.1, "it moves"

@@ -152,6 +152,6 @@ def test_the_model_shows_what_demodulation_shows_under_a_force(gain_1_s):
 def test_the_drive_shows_at_once_and_moves_nothing_twice():
     """With its second order the model of a sudden force jumps by jf/2ω where it sets in."""
     split = np.array([0.0, 0, 0, *SPLIT, FACTOR, 1.0])
-    felt = slow_equation.second_order_force(split, FREQUENCY_HZ)
+    felt = slow_equation.compute_second_order_force(split, FREQUENCY_HZ)
     np.testing.assert_allclose(felt, -mirror(*SPLIT) / OMEGA)
-    assert slow_equation.lead_of_force(FREQUENCY_HZ) == pytest.approx(1j / (2 * OMEGA))
+    assert slow_equation.compute_lead(FREQUENCY_HZ) == pytest.approx(1j / (2 * OMEGA))

@@ -52,18 +52,76 @@ class ColouredNoise:
     def after(self, time_s: float) -> float:
         """Standard deviation of the wander after a time from a start at which its rate is any."""
         return float(
-            np.sqrt(max(wander(np.array([time_s]), self.wander_1_s, self.correlation_s)[0, 0], 0.0))
+            np.sqrt(
+                max(
+                    compute_wander(np.array([time_s]), self.wander_1_s, self.correlation_s)[0, 0],
+                    0.0,
+                )
+            )
         )
 
 
-def components(x: Array, along: Array) -> Array:
-    """Reals (R, n, 4, K) turned into the wave's frame: along it, its phase, across it (angle), and
-    its quadrature."""
+def resolve_components(x: Array, along: Array) -> Array:
+    """Reals turned into the wave's frame: along it, its phase, across it (angle), and its quadrature.
+
+    Parameters
+    ----------
+    x
+        (R, n, 4, K) over reals (`to_reals`).
+    along
+        Envelopes (R, n, 2) of the wave.
+
+    Returns
+    -------
+    ndarray
+        (R, n, 4, K): an orthogonal turn, so that white noise stays white.
+
+    Examples
+    --------
+    A change of the phase by 0.01 rad, of a wave at any angle and phase:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.colour import resolve_components
+    >>> from hrg_cli.fitting.causes.wave_frame import to_reals
+    >>> u = np.exp(0.7j) * np.array([[[np.cos(0.3), np.sin(0.3)]]])
+    >>> resolve_components(to_reals(0.01j * u)[..., None], u)[0, 0, :, 0].round(9) + 0
+    array([0.  , 0.01, 0.  , 0.  ])
+    """
     return to_reals(find_directions(along)) @ x
 
 
-def wander(t: Array, q: float, tau: float) -> Array:
-    """Covariance (n, n) of the wander at times t from its start."""
+def compute_wander(t: Array, q: float, tau: float) -> Array:
+    """Covariance of the wander at times from its start, where its rate is any.
+
+    Cov(x_s, x_t) = (q/2)[2 min(s, t) − τ(1 − e^{−s/τ} − e^{−t/τ} + e^{−|t−s|/τ})].
+
+    Parameters
+    ----------
+    t
+        (n,) s.
+    q
+        Wander: variance per second after times long beside τ.
+    tau
+        Correlation time τ of its rate [s]; 0: a random walk.
+
+    Returns
+    -------
+    ndarray
+        (n, n).
+
+    Examples
+    --------
+    Beside a random walk of the same q, a quick one lags by τ; within τ it runs straight, at a rate
+    of variance q/2τ:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.colour import compute_wander
+    >>> t = np.array([0.001, 100.0])
+    >>> np.diag(compute_wander(t, 2.0, 0.0)).round(6).tolist()
+    [0.002, 200.0]
+    >>> np.diag(compute_wander(t, 2.0, 1.0)).round(6).tolist()
+    [1e-06, 198.0]
+    """
     first, gap = np.minimum(t[:, None], t[None, :]), np.abs(t[:, None] - t[None, :])
     if tau <= 0:
         return q * first
@@ -72,7 +130,37 @@ def wander(t: Array, q: float, tau: float) -> Array:
 
 
 def estimate(time_s: Array, values: Array, std: Array) -> ColouredNoise:
-    """Noise of one component (n,) with stated white σ (n,), its polynomial in time left free."""
+    """Noise of one component with stated white σ, its polynomial in time left free.
+
+    Parameters
+    ----------
+    time_s
+        (n,), rising [s].
+    values
+        (n,).
+    std
+        Stated σ of each, (n,).
+
+    Returns
+    -------
+    ColouredNoise
+        Without wander where 2 ln of the likelihood ratio to white noise alone is below `BESIDE`.
+
+    Examples
+    --------
+    White noise twice as large as stated, and the same beside a random walk of 1 a second:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.colour import estimate
+    >>> t, random = np.arange(120.0), np.random.default_rng(2)
+    >>> white = 0.2 * random.standard_normal(120)
+    >>> found = estimate(t, white, np.full(120, 0.1))
+    >>> round(found.white), found.wander_1_s
+    (2, 0.0)
+    >>> walked = estimate(t, white + np.cumsum(random.standard_normal(120)), np.full(120, 0.1))
+    >>> walked.clear > 30, 0.5 < walked.wander_1_s < 2
+    (True, True)
+    """
     course = WanderLikelihood.of(time_s, values, std)
     freedom = max(1, len(values) - course.fixed.shape[1])
     # the rival: white noise alone, of a level that has a closed form
@@ -121,7 +209,7 @@ class WanderLikelihood:
     def cost(self, w2: float, q: float, tau: float) -> float:
         """−2 ln of the restricted likelihood, ln|C| + ln|XᵀC⁻¹X| + rᵀC⁻¹r (Patterson and Thompson
         1971); infinite where C is no covariance."""
-        C = np.diag(w2 * self.std**2) + (wander(self.time_s, q, tau) if q > 0 else 0.0)
+        C = np.diag(w2 * self.std**2) + (compute_wander(self.time_s, q, tau) if q > 0 else 0.0)
         try:
             L = np.linalg.cholesky(C)
         except np.linalg.LinAlgError:
@@ -165,17 +253,45 @@ class WanderLikelihood:
         return float(found.fun), np.exp(np.clip(found.x, *bounds))
 
 
-def noises(
+def estimate_noises(
     time_s: Array, weight: Array, envelope: Array, residual: Array
 ) -> tuple[ColouredNoise, ...]:
-    """The noise of every component of residuals (R, n, 4) over σ about envelopes (R, n, 2), from
-    the longest run; none where all are white.
+    """The noise of every component of the residuals, from the longest run.
 
     A component whose wander is not seen keeps its white level alone.
+
+    Parameters
+    ----------
+    time_s, weight
+        (R, n): s, and 1/σ, 0 where a row does not count.
+    envelope
+        Of the wave, (R, n, 2).
+    residual
+        (R, n, 4) over σ.
+
+    Returns
+    -------
+    tuple of ColouredNoise
+        Amplitude, phase, angle and ellipticity; none where all are white, or the run has fewer than
+        `FEWEST` rows.
+
+    Examples
+    --------
+    A phase that walks, beside white noise in all components:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.colour import estimate_noises
+    >>> from hrg_cli.fitting.causes.wave_frame import to_reals
+    >>> random, u = np.random.default_rng(2), np.ones((1, 120, 2)) / np.sqrt(2)
+    >>> walk = np.cumsum(random.standard_normal(120))[None, :, None]
+    >>> noise = random.standard_normal((1, 120, 4)) + to_reals(3j * walk * u)
+    >>> found = estimate_noises(np.arange(120.0)[None], np.full((1, 120), 100.0), u, noise)
+    >>> [one.wander_1_s > 0 for one in found]
+    [False, True, False, False]
     """
     size = np.sqrt(np.sum(np.abs(envelope) ** 2, axis=-1))
     unit = np.divide(1.0, weight * size, out=np.zeros_like(size), where=(weight > 0) & (size > 0))
-    own = components(residual[..., None], envelope)[..., 0] * unit[..., None]
+    own = resolve_components(residual[..., None], envelope)[..., 0] * unit[..., None]
     good = unit > 0
     longest = int(
         np.argmax([np.ptp(t[g]) if g.any() else 0.0 for t, g in zip(time_s, good, strict=True)])

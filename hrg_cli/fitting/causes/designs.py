@@ -158,7 +158,7 @@ class Basis:
 
     def off_shared(self, S: Array) -> Array:
         """Columns (N, …) less their part along what reaches over all rows."""
-        return np.asarray(S - self.shared @ weighted(self.weight, self.shared.T @ S))
+        return np.asarray(S - self.shared @ weigh_rows(self.weight, self.shared.T @ S))
 
 
 @dataclass(frozen=True)
@@ -222,8 +222,37 @@ class Factored:
 
 
 def factor_design(design: Design, tolerance: float = 1e-10) -> Factored:
-    """The design as basis times triangle, its blocks of rows and columns first; the rank is that of
-    the columns at unit length."""
+    """The design as basis times triangle, its blocks of rows and columns first.
+
+    Parameters
+    ----------
+    design
+        J (N, k) in its parts.
+    tolerance
+        Part of the strongest direction, the columns at unit length, below which one is none.
+
+    Returns
+    -------
+    Factored
+        Q and T (rank, k) with J = Q T.
+
+    Examples
+    --------
+    A line fitted to two runs with a mean each and a common slope; of the second column of the last
+    block nothing can be told:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.designs import Design, factor_design
+    >>> x = np.arange(6.0)
+    >>> J = np.column_stack([x, x < 3, x >= 3, 0 * x])
+    >>> blocks = [(slice(0, 3), slice(1, 2)), (slice(3, 6), slice(2, 4))]
+    >>> factored = factor_design(Design.of(J, blocks))
+    >>> bool(np.allclose(factored.triangle.T @ factored.triangle, J.T @ J))
+    True
+    >>> step, _ = factored.solve(2 * x + 5 * (x < 3), np.zeros((0, 4)), np.zeros(0))
+    >>> step.round(9) + 0
+    array([2., 5., 0., 0.])
+    """
     size = design.sizes()
     nothing = size == 0
     size[nothing] = 1.0
@@ -247,13 +276,33 @@ def factor_design(design: Design, tolerance: float = 1e-10) -> Factored:
     triangle[:, design.places] = reach[:, unknown.shape[1] :]
     off = reach[:, : unknown.shape[1]]
     if design.unknown is not None:
-        triangle -= off @ weighted(design.unknown.weight, off.T @ triangle)
+        triangle -= off @ weigh_rows(design.unknown.weight, off.T @ triangle)
     # a column of nothing stays so: its rounding would be taken for a direction
     return Factored(Basis(tuple(own), Q), np.where(nothing, 0.0, triangle * size))
 
 
-def weighted(weight: Array, values: Array) -> Array:
-    """Rows (u, …) of values times their weights (u,)."""
+def weigh_rows(weight: Array, values: Array) -> Array:
+    """Rows of values times their weights.
+
+    Parameters
+    ----------
+    weight
+        (u,).
+    values
+        (u, …).
+
+    Returns
+    -------
+    ndarray
+        (u, …).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.designs import weigh_rows
+    >>> weigh_rows(np.array([1.0, 0.5]), np.array([[2.0, 4.0], [2.0, 4.0]])).tolist()
+    [[2.0, 4.0], [1.0, 2.0]]
+    """
     return np.asarray(weight.reshape(-1, *[1] * (values.ndim - 1)) * values)
 
 
@@ -272,6 +321,28 @@ def _split(J: Array, tolerance: float) -> tuple[Array, Array]:
 
 
 def orthonormalise(J: Array, tolerance: float = 1e-10) -> Array:
-    """Orthonormal basis (N, rank) of the columns of J, each scaled to unit length first."""
+    """Orthonormal basis of the columns of a matrix, each scaled to unit length first.
+
+    Parameters
+    ----------
+    J
+        (N, k); columns of nothing count for nothing.
+    tolerance
+        Part of the strongest direction below which one is none.
+
+    Returns
+    -------
+    ndarray
+        (N, rank).
+
+    Examples
+    --------
+    Two columns of one direction, of very different length:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.designs import orthonormalise
+    >>> orthonormalise(np.array([[3.0, 3e-9], [4.0, 4e-9]])).shape
+    (2, 1)
+    """
     size = np.linalg.norm(J, axis=0)
     return _split(J[:, size > 0] / size[size > 0], tolerance)[0]

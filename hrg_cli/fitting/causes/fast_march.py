@@ -107,7 +107,39 @@ def _carry(E: Array, c: complex, s: complex) -> tuple[complex, complex]:
 def march(
     rows: Instants, middles: Instants, steps: RuleSteps, shared: Constants, out: Array
 ) -> None:
-    """Fill the motion (R, n, 2) behind its start by the rule of Runge and Kutta."""
+    """Fill the motion behind its start by the rule of Runge and Kutta, the steady part taken exactly.
+
+    Parameters
+    ----------
+    rows, middles
+        What the rows and the steps' middles know of themselves.
+    steps
+        Their lengths, the steady part's half steps, and jumps.
+    shared
+        The force's second order and lead.
+    out
+        (R, n, 2) complex; its first rows are the start, all others are filled in place.
+
+    Examples
+    --------
+    A wave whose main drive of 0.1 a second makes up for a damping of 0.1 1/s stays as it is, and
+    without it decays:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.fast_march import Constants, Instants, RuleSteps, march
+    >>> def at(count, main):
+    ...     none, turned = np.zeros((1, count)), np.zeros((1, count, 2))
+    ...     L = np.tile(-0.1 * np.eye(2, dtype=complex), (1, count, 1, 1))
+    ...     return Instants(L, none + main, none, none, none + np.nan, none, turned, 0.0)
+    >>> half = np.tile(np.eye(2, dtype=complex), (1, 10, 1, 1))
+    >>> steps = RuleSteps(np.full((1, 10), 0.5), half, np.zeros((1, 10, 2), complex))
+    >>> for main in (0.1, 0.0):
+    ...     motion = np.ones((1, 11, 2)) * np.array([1.0 + 0j, 0.0])
+    ...     march(at(11, main), at(10, main), steps, Constants(np.zeros((2, 2)), 0j), motion)
+    ...     print(motion[0, -1, 0].real.round(5))
+    1.0
+    0.60653
+    """
     for r in range(out.shape[0]):
         for k in range(out.shape[1] - 1):
             h, E = steps.h[r, k], steps.half[r, k]
@@ -126,8 +158,21 @@ def march(
 
 
 @functools.lru_cache(maxsize=1)
-def compiled() -> Callable[[Instants, Instants, RuleSteps, Constants, Array], None] | None:
-    """The march compiled, and kept on disk where there is a folder for it; None without numba."""
+def compile_march() -> Callable[[Instants, Instants, RuleSteps, Constants, Array], None] | None:
+    """The march compiled, and kept on disk where there is a folder for it.
+
+    Returns
+    -------
+    callable or None
+        `march`; None without numba.
+
+    Examples
+    --------
+    >>> from importlib.util import find_spec
+    >>> from hrg_cli.fitting.causes.fast_march import compile_march
+    >>> (compile_march() is None) == (find_spec("numba") is None)
+    True
+    """
     try:
         from numba import njit
     except ImportError:

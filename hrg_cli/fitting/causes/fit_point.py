@@ -30,25 +30,125 @@ class Point:
 
 
 def add_effect(point: Point, effect: Effect, values: Mapping[str, float]) -> Point:
-    """The point with one more effect (or another value of it)."""
+    """The point with one more effect, or with another value of it.
+
+    Parameters
+    ----------
+    point
+        Where a fit stands.
+    effect
+        By whose name another value is told.
+    values
+        Of all its parameters.
+
+    Returns
+    -------
+    Point
+        With the effect last.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects import EFFECTS
+    >>> from hrg_cli.fitting.causes.fit_point import Point, add_effect
+    >>> effect, plain = EFFECTS[0], Point(np.zeros(7), np.ones((1, 2)), np.zeros(1))
+    >>> values = {one.name: 1e-3 for one in effect.parameters}
+    >>> twice = add_effect(add_effect(plain, effect, values), effect, values)
+    >>> len(plain.active), len(twice.active)
+    (0, 1)
+    """
     others = tuple(pair for pair in point.active if pair[0].name != effect.name)
     return replace(point, active=(*others, (effect, dict(values))))
 
 
 def remove_effect(point: Point, name: str) -> Point:
-    """The point without an effect."""
+    """The point without an effect.
+
+    Parameters
+    ----------
+    point
+        Where a fit stands.
+    name
+        Of the effect.
+
+    Returns
+    -------
+    Point
+        The same where it has no such effect.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects import EFFECTS
+    >>> from hrg_cli.fitting.causes.fit_point import Point, remove_effect
+    >>> effect, other = EFFECTS[:2]
+    >>> point = Point(np.zeros(7), np.ones((1, 2)), np.zeros(1), ((effect, {}), (other, {})))
+    >>> [one.name for one, _ in remove_effect(point, effect.name).active] == [other.name]
+    True
+    """
     return replace(point, active=tuple(pair for pair in point.active if pair[0].name != name))
 
 
-def mechanics(p: Array, series: MeasuredRuns) -> Mechanics:
-    """The resonator of coordinates p at the reference frequency."""
+def make_mechanics(p: Array, series: MeasuredRuns) -> Mechanics:
+    """The resonator of coordinates at the runs' reference frequency.
+
+    Parameters
+    ----------
+    p
+        (7,).
+    series
+        The runs.
+
+    Returns
+    -------
+    Mechanics
+        Its axes in [0, π/m).
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.fit_point import make_mechanics
+    >>> series = SimpleNamespace(reference_frequency_hz=5e3, mode_number=2)
+    >>> gyro = make_mechanics(np.array([0.2, 0.0, 0.01, 0.0, 0.0, 0.55, 1.0]), series)
+    >>> gyro.frequency_hz, round(gyro.damping_axis_rad * 8 / np.pi, 9)
+    (5000.0, 1.0)
+    """
     return coordinates.to_mechanics(p, series.reference_frequency_hz, series.mode_number)
 
 
-def state_of(series: MeasuredRuns, point: Point) -> SlowState:
-    """What the effects look at, (R, n); the effects' own changes of the environment applied."""
+def build_state(series: MeasuredRuns, point: Point) -> SlowState:
+    """What the effects look at on the rows of the runs.
+
+    Parameters
+    ----------
+    series
+        The runs, R of n rows.
+    point
+        Whose effects' own changes of the environment are applied.
+
+    Returns
+    -------
+    SlowState
+        (R, n), without a drive.
+
+    Examples
+    --------
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.fit_point import Point, build_state
+    >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
+    >>> rows = np.arange(4.0)[None]
+    >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
+    >>> series = MeasuredRuns(**dict.fromkeys(needed, rows) | dict(
+    ...     names=("left",), temperature_degc=20 + rows, reference_frequency_hz=5e3, mode_number=2,
+    ... ))
+    >>> state = build_state(series, Point(np.array([0.1, 0, 0, 0, 0, 0.5, 1]), None, None))
+    >>> state.mechanics.damping_rate_1_s, state.temperature_degc.tolist(), state.run.tolist()
+    (0.1, [[20.0, 21.0, 22.0, 23.0]], [[0]])
+    """
     state = SlowState(
-        mechanics=mechanics(point.p, series),
+        mechanics=make_mechanics(point.p, series),
         time_s=series.time_s,
         temperature_degc=series.temperature_degc,
         temperature_rate_degc_s=series.temperature_rate_degc_s,

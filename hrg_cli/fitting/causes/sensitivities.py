@@ -17,9 +17,9 @@ from .slow_equation import (
     RungeKuttaStage,
     apply_generators,
     build_generators,
+    compute_second_order_force,
     find_steady_generators,
     predict_jumps,
-    second_order_force,
 )
 from .slow_prediction import Near, Prediction, accumulate_steps
 from .turned_motion import find_slope
@@ -38,8 +38,29 @@ Wanted = tuple[Effect, Mapping[str, float], Mapping[str, float]]
 steps of the parameters asked for."""
 
 
-def spread(vectors: Array, g: Array) -> Array:
-    """Products (…, 4, C·J) of functions (…, C) and vectors (…, 4, J)."""
+def multiply_out(vectors: Array, g: Array) -> Array:
+    """Products of functions and vectors, the columns of a function side by side.
+
+    Parameters
+    ----------
+    vectors
+        (…, 4, J).
+    g
+        (…, C).
+
+    Returns
+    -------
+    ndarray
+        (…, 4, C·J).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.sensitivities import multiply_out
+    >>> vectors = np.array([[1.0, 10.0], [2.0, 20.0], [3.0, 30.0], [4.0, 40.0]])
+    >>> multiply_out(vectors, np.array([1.0, 5.0]))[0].tolist()
+    [1.0, 10.0, 5.0, 50.0]
+    """
     count = vectors.shape[-1]
     out = np.empty((*vectors.shape[:-1], g.shape[-1] * count))
     for j in range(count):
@@ -91,9 +112,9 @@ class Propagation:
         """The same for sources that are vectors (R, n, 4, J) times functions (R, n, C), columns of
         a function side by side."""
         h = self.prediction.series.step_s[..., None, None]
-        source = spread(h / 6 * (self.step @ at_rows[:, :-1]), g_rows[:, :-1])
-        source += spread(h * (4 / 6) * (self.half @ at_middle), g_middle)
-        source += spread(h / 6 * at_rows[:, 1:], g_rows[:, 1:])
+        source = multiply_out(h / 6 * (self.step @ at_rows[:, :-1]), g_rows[:, :-1])
+        source += multiply_out(h * (4 / 6) * (self.half @ at_middle), g_middle)
+        source += multiply_out(h / 6 * at_rows[:, 1:], g_rows[:, 1:])
         return accumulate_steps(self.step, np.zeros((4, 1)), source)
 
     def viewed(self, change: Array) -> Array:
@@ -106,7 +127,39 @@ class Propagation:
 
 
 def linearise_flow(prediction: Prediction) -> Propagation:
-    """The linearised flow along a prediction."""
+    """The linearised flow along a prediction.
+
+    Parameters
+    ----------
+    prediction
+        Of R runs of n rows.
+
+    Returns
+    -------
+    Propagation
+        Propagators of every step, the read-out's slope, and the motion between the rows.
+
+    Examples
+    --------
+    A step of 0.1 s of a wave that decays by 0.1 1/s:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.fit_point import Point
+    >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
+    >>> from hrg_cli.fitting.causes.sensitivities import linearise_flow
+    >>> from hrg_cli.fitting.causes.slow_prediction import predict
+    >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
+    >>> t, none = np.linspace(0.0, 10.0, 101)[None], np.zeros((1, 101))
+    >>> series = MeasuredRuns(**dict.fromkeys(needed, none) | dict(
+    ...     names=("left",), time_s=t, reference_frequency_hz=5e3, mode_number=2,
+    ...     turn_rad_s=np.zeros(1), held_amplitude=none + np.nan,
+    ... ))
+    >>> point = Point(np.array([0.1, 0, 0, 0, 0, 0.5, 0]), np.array([[1.0, 0.2j]]), np.zeros(1))
+    >>> flow = linearise_flow(predict(series, point))
+    >>> bool(np.allclose(flow.step, np.exp(-0.01) * np.eye(4)))
+    True
+    """
     series, point, u = prediction.series, prediction.point, prediction.motion
     centre = series.middle()
     h = series.step_s[..., None, None]
@@ -163,7 +216,7 @@ def _base_sources(
         # the force's second order goes with the same coordinates
         drive = stage.lit(u).drive
         for k in SPLIT:
-            second = second_order_force(np.eye(COUNT)[k], hz)
+            second = compute_second_order_force(np.eye(COUNT)[k], hz)
             columns[k] = columns[k] + point.p[SECOND_ORDER] * apply_generators(second, drive)
         change = stage.ordered(_more_order(point.p), hz).beside(u) - stage.beside(u)
         columns[COUNT - 1] = columns[COUNT - 1] + change / ORDER_STEP
@@ -183,8 +236,44 @@ def _more_order(p: Array) -> Array:
 
 
 def find_base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
-    """Over σ: of the shared coordinates (R, n, 4, 7), and of each run's own start state and
-    frequency (R, n, 4, 5)."""
+    """What the shared coordinates and each run's own numbers do to what the fit judges, over σ.
+
+    Parameters
+    ----------
+    flow
+        Along a prediction of R runs of n rows.
+
+    Returns
+    -------
+    tuple of ndarray
+        Of the coordinates (R, n, 4, 7), and of each run's own start state and frequency
+        (R, n, 4, 5).
+
+    Examples
+    --------
+    ∂u/∂ν = −t·u, here over a σ of 1/1000:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.fit_point import Point
+    >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
+    >>> from hrg_cli.fitting.causes.sensitivities import find_base_sensitivities, linearise_flow
+    >>> from hrg_cli.fitting.causes.slow_prediction import predict
+    >>> from hrg_cli.fitting.causes.wave_frame import to_complex
+    >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
+    >>> t, none = np.linspace(0.0, 10.0, 101)[None], np.zeros((1, 101))
+    >>> series = MeasuredRuns(**dict.fromkeys(needed, none) | dict(
+    ...     names=("left",), time_s=t, weight=none + 1e3, reference_frequency_hz=5e3, mode_number=2,
+    ...     turn_rad_s=np.zeros(1), held_amplitude=none + np.nan,
+    ... ))
+    >>> point = Point(np.array([0.1, 0, 0, 0, 0, 0.5, 0]), np.array([[1.0, 0.2j]]), np.zeros(1))
+    >>> found = predict(series, point)
+    >>> of_all, of_each = find_base_sensitivities(linearise_flow(found))
+    >>> bool(np.allclose(to_complex(of_all[..., 0]), -1e3 * t[..., None] * found.seen))
+    True
+    >>> bool(np.allclose(to_complex(of_each[..., 4]), 1e3j * t[..., None] * found.seen))
+    True
+    """
     prediction = flow.prediction
     series, u = prediction.series, prediction.motion
     start = np.zeros((len(series.names), 4, COUNT + 1 + 4))
@@ -296,8 +385,49 @@ def _differences(
     )
 
 
-def effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Array]:
-    """Every effect's over σ, (R, n, 4, K) each; the motion of all is carried in one sweep."""
+def find_effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Array]:
+    """What every effect's parameters do to what the fit judges, over σ.
+
+    The motion of all is carried in one sweep.
+
+    Parameters
+    ----------
+    flow
+        Along a prediction of R runs of n rows.
+    wanted
+        Effects with the values where they stand and the difference steps of their parameters.
+
+    Returns
+    -------
+    list of ndarray
+        (R, n, 4, K) of each, K its steps.
+
+    Examples
+    --------
+    Gains that differ by g change C by g/2·C and S by −g/2·S, over a σ of 1/1000:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli.effects import EFFECTS
+    >>> from hrg_cli.fitting.causes.fit_point import Point
+    >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
+    >>> from hrg_cli.fitting.causes.sensitivities import find_effect_sensitivities, linearise_flow
+    >>> from hrg_cli.fitting.causes.slow_prediction import predict
+    >>> from hrg_cli.fitting.causes.wave_frame import to_complex
+    >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
+    >>> t, none = np.linspace(0.0, 10.0, 101)[None], np.zeros((1, 101))
+    >>> series = MeasuredRuns(**dict.fromkeys(needed, none) | dict(
+    ...     names=("left",), time_s=t, weight=none + 1e3, reference_frequency_hz=5e3, mode_number=2,
+    ...     turn_rad_s=np.zeros(1), held_amplitude=none + np.nan,
+    ... ))
+    >>> point = Point(np.array([0.1, 0, 0, 0, 0, 0.5, 0]), np.array([[1.0, 0.2j]]), np.zeros(1))
+    >>> effect = next(one for one in EFFECTS if one.name == "gain_mismatch")
+    >>> found = predict(series, point)
+    >>> wanted = [(effect, {"gain": 0.0}, {"gain": 1e-3})]
+    >>> (columns,) = find_effect_sensitivities(linearise_flow(found), wanted)
+    >>> bool(np.allclose(to_complex(columns[..., 0]), 500 * found.seen * [1, -1]))
+    True
+    """
     if not wanted:
         return []
     seen = _Seen(flow)

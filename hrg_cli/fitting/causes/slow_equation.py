@@ -27,7 +27,7 @@ from ...physics.plant import SlowState
 from ...physics.resonator import exponential
 from ..envelopes import coordinates
 from .fast_march import Constants, Instants
-from .fit_point import Point, state_of
+from .fit_point import Point, build_state
 from .measured_runs import MeasuredRuns
 
 Array = np.ndarray
@@ -52,18 +52,18 @@ class RungeKuttaStage:
     one Runge–Kutta stage."""
 
     def __init__(self, series: MeasuredRuns, point: Point) -> None:
-        self.state = state_of(series, point)
+        self.state = build_state(series, point)
         self.of = series, point
         self.active = point.active
         self.driven = bool(np.any(series.forced))
         hz = series.reference_frequency_hz
-        self.second = point.p[coordinates.SECOND_ORDER] * second_order_force(point.p, hz)
-        self.lead = point.p[coordinates.SECOND_ORDER] * lead_of_force(hz)
+        self.second = point.p[coordinates.SECOND_ORDER] * compute_second_order_force(point.p, hz)
+        self.lead = point.p[coordinates.SECOND_ORDER] * compute_lead(hz)
         self.main, self.quadrature = series.main_drive, series.quadrature_drive
         self.holds = bool(np.any(np.isfinite(series.held_amplitude)))
         self.L = np.empty((*series.time_s.shape, 0))
         if self.holds:
-            self.L = build_generators(series, point) - mean_turns(series)[:, None]
+            self.L = build_generators(series, point) - build_mean_turns(series)[:, None]
         self.plain = _plain(series, point)
         self.frame_turn = series.frame_turn
         self.held, self.held_slope = series.held_amplitude, series.held_slope
@@ -142,7 +142,7 @@ class RungeKuttaStage:
         series, point = self.of
         if not np.any(series.rate_rad_s):
             return None
-        return lead_of_force(series.reference_frequency_hz) * _orders(series, point)[1]
+        return compute_lead(series.reference_frequency_hz) * _orders(series, point)[1]
 
     def shown(self, v: Array) -> Array:
         """The envelopes u = v + jf/2ω + jL₂v/2ω that demodulation shows of the displacement, before
@@ -161,8 +161,8 @@ class RungeKuttaStage:
     def ordered(self, p: Array, frequency_hz: float) -> RungeKuttaStage:
         """The same with the force's second order of other coordinates."""
         one = copy.copy(self)
-        one.second = p[coordinates.SECOND_ORDER] * second_order_force(p, frequency_hz)
-        one.lead = p[coordinates.SECOND_ORDER] * lead_of_force(frequency_hz)
+        one.second = p[coordinates.SECOND_ORDER] * compute_second_order_force(p, frequency_hz)
+        one.lead = p[coordinates.SECOND_ORDER] * compute_lead(frequency_hz)
         return one
 
     def without(self, effect: Effect) -> RungeKuttaStage:
@@ -219,49 +219,164 @@ def _turned(turn: Array, e_A: Array, e_B: Array, beside: Array) -> tuple[Array, 
     return turn * np.exp(1j * beside[..., 1]), cos * e_A + sin * e_B, cos * e_B - sin * e_A
 
 
-def second_order_force(p: Array, frequency_hz: float) -> Array:
-    """−δωR/ω (2, 2): what of a force f the moving part of the envelopes feels beside f itself."""
+def compute_second_order_force(p: Array, frequency_hz: float) -> Array:
+    """What of a force f the moving part of the envelopes feels beside f itself, −δωR/ω.
+
+    Parameters
+    ----------
+    p
+        Coordinates (7,), of which the frequency split counts.
+    frequency_hz
+        Of the wave.
+
+    Returns
+    -------
+    ndarray
+        (2, 2), real but for rounding.
+
+    Examples
+    --------
+    A split of 2π rad/s at 1 kHz makes the stiffer channel 1/1000 less moved, the other more:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.slow_equation import compute_second_order_force
+    >>> split = np.array([0, 0, 0, 2 * np.pi, 0, 0, 1])
+    >>> compute_second_order_force(split, 1e3).real.round(9).tolist()
+    [[-0.001, 0.0], [0.0, 0.001]]
+    """
     split = np.tensordot(
         p[coordinates.FREQUENCY_SPLIT], coordinates.BASIS[coordinates.FREQUENCY_SPLIT], 1
     )
     return 1j * split / (2 * np.pi * frequency_hz)
 
 
-def lead_of_force(frequency_hz: float) -> complex:
-    """j/2ω: by which part of a force the demodulated envelopes stand beside what moves."""
+def compute_lead(frequency_hz: float) -> complex:
+    """By which part of a force the demodulated envelopes stand beside what moves, j/2ω.
+
+    Parameters
+    ----------
+    frequency_hz
+        Of the wave.
+
+    Returns
+    -------
+    complex
+        Seconds.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.causes.slow_equation import compute_lead
+    >>> round(compute_lead(1e3).imag * 1e6, 3)
+    79.577
+    """
     return 1j / (4 * np.pi * frequency_hz)
 
 
 def build_generators(series: MeasuredRuns, point: Point) -> Array:
-    """The generator L + [L, A] (R, n, 2, 2) of what moves, with the runs' frequency offsets.
+    """The generator L + [L, A] of what moves, with the runs' frequency offsets.
 
     At a constant rate the displacement u = (1 + A)v, A = jL₂/2ω, follows u' = Lu: v follows
     (1 + A)⁻¹L(1 + A), to first order in A that commutator.
+
+    Parameters
+    ----------
+    series
+        The runs, R of n rows.
+    point
+        Coordinates and offsets.
+
+    Returns
+    -------
+    ndarray
+        (R, n, 2, 2) complex [1/s].
+
+    Examples
+    --------
+    A wave 3 rad/s above the reference that decays by 0.1 1/s:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.fit_point import Point
+    >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
+    >>> from hrg_cli.fitting.causes.slow_equation import build_generators
+    >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
+    >>> t, none = np.linspace(0.0, 10.0, 101)[None], np.zeros((1, 101))
+    >>> series = MeasuredRuns(**dict.fromkeys(needed, none) | dict(
+    ...     names=("left",), time_s=t, reference_frequency_hz=5e3, mode_number=2,
+    ...     turn_rad_s=np.zeros(1), held_amplitude=none + np.nan,
+    ... ))
+    >>> point = Point(np.array([0.1, 0, 0, 0, 0, 0.5, 0]), np.ones((1, 2)), np.array([3.0]))
+    >>> bool(np.allclose(build_generators(series, point)[0, 0], (3j - 0.1) * np.eye(2)))
+    True
     """
     first, second = _orders(series, point)
     L = first + second
     if np.any(series.rate_rad_s):
-        shift = lead_of_force(series.reference_frequency_hz) * second
+        shift = compute_lead(series.reference_frequency_hz) * second
         L = L + (L @ shift - shift @ L)
     return L + 1j * point.offset_rad_s[:, None, None, None] * np.eye(2)
 
 
-def mean_turns(series: MeasuredRuns) -> Array:
-    """jδ (R, 2, 2) of the mean turn δ of every run's phase."""
+def build_mean_turns(series: MeasuredRuns) -> Array:
+    """jδ of the mean turn δ of every run's phase.
+
+    Parameters
+    ----------
+    series
+        The runs, R of them.
+
+    Returns
+    -------
+    ndarray
+        (R, 2, 2) [1/s].
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.slow_equation import build_mean_turns
+    >>> build_mean_turns(SimpleNamespace(turn_rad_s=np.array([0.5]))).tolist()
+    [[[0.5j, 0j], [0j, 0.5j]]]
+    """
     return 1j * series.turn_rad_s[:, None, None] * np.eye(2)
 
 
 def find_steady_generators(series: MeasuredRuns, L: Array) -> Array:
-    """The part (R, 2, 2) of every run's generators L (R, n, 2, 2) that its steps take exactly: the
-    mean of a free run's, of a driven run the mean turn alone.
+    """The part of every run's generators that its steps take exactly.
 
-    The rule of a step of length h misses (Lh)⁵/120 of the wave, which at a split of 0.2 rad/s and
-    rows of a second is more than the noise of a quiet run. Of a driven run the commands stand
-    against damping and split: the rule keeps that balance, while of L alone taken exactly it would
-    miss what the commands do.
+    It is the mean of a free run's, of a driven run the mean turn alone. The rule of a step of
+    length h misses (Lh)⁵/120 of the wave, which at a split of 0.2 rad/s and rows of a second is
+    more than the noise of a quiet run. Of a driven run the commands stand against damping and
+    split: the rule keeps that balance, while of L alone taken exactly it would miss what the
+    commands do.
+
+    Parameters
+    ----------
+    series
+        The runs, R of n rows.
+    L
+        Their generators (R, n, 2, 2).
+
+    Returns
+    -------
+    ndarray
+        (R, 2, 2).
+
+    Examples
+    --------
+    A free run and a driven one of the same damping:
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.slow_equation import find_steady_generators
+    >>> forced = np.array([[0.0, 0.0], [1.0, 1.0]])
+    >>> series = SimpleNamespace(forced=forced, turn_rad_s=np.array([0.0, 0.5]))
+    >>> L = np.tile(-0.1 * np.eye(2), (2, 2, 1, 1))
+    >>> find_steady_generators(series, L)[:, 0, 0].tolist()
+    [(-0.1+0j), 0.5j]
     """
     driven = np.any(series.forced > 0, axis=1)[:, None, None]
-    return np.asarray(np.where(driven, mean_turns(series), L.mean(axis=1)))
+    return np.asarray(np.where(driven, build_mean_turns(series), L.mean(axis=1)))
 
 
 def _orders(series: MeasuredRuns, point: Point) -> tuple[Array, Array]:
@@ -278,8 +393,43 @@ def _plain(series: MeasuredRuns, point: Point) -> Array:
 
 
 def find_jump_times(series: MeasuredRuns, point: Point) -> list[float]:
-    """Instants at which effects of a point make the motion jump."""
-    state = state_of(series, point)
+    """Instants at which effects of a point make the motion jump.
+
+    Parameters
+    ----------
+    series
+        The runs.
+    point
+        With its effects.
+
+    Returns
+    -------
+    list of float
+        [s], in the order of the effects that jump.
+
+    Examples
+    --------
+    A knock after 4 s:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli.effects import EFFECTS
+    >>> from hrg_cli.fitting.causes.fit_point import Point
+    >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
+    >>> from hrg_cli.fitting.causes.slow_equation import find_jump_times
+    >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
+    >>> t, none = np.linspace(0.0, 10.0, 101)[None], np.zeros((1, 101))
+    >>> series = MeasuredRuns(**dict.fromkeys(needed, none) | dict(
+    ...     names=("left",), time_s=t, reference_frequency_hz=5e3, mode_number=2,
+    ...     turn_rad_s=np.zeros(1), held_amplitude=none + np.nan,
+    ... ))
+    >>> knock = next(one for one in EFFECTS if one.slow_jump is not None)
+    >>> values = {one.name: one.neutral for one in knock.parameters} | {"time_s": 4.0}
+    >>> point = Point(np.zeros(7), np.ones((1, 2)), np.zeros(1), ((knock, values),))
+    >>> find_jump_times(series, point)
+    [4.0]
+    """
+    state = build_state(series, point)
     return [
         float(effect.slow_jump(values, state)[0])
         for effect, values in point.active
@@ -290,15 +440,54 @@ def find_jump_times(series: MeasuredRuns, point: Point) -> list[float]:
 def predict_jumps(
     series: MeasuredRuns, point: Point, effect: Effect, values: Mapping[str, float]
 ) -> Array:
-    """What an effect adds to the envelopes within each step by a jump at an instant, as the row
-    after it sees it, (R, n − 1, 2).
+    """What an effect adds to the envelopes within each step by a jump, as the row after it sees it.
 
     A row is the mean of its length, so the part r(t) of a jump that the row at t sees rises from 0
     to 1 within the row that holds the instant; a step brings the difference of its rows' parts,
     carried on from the instant by the resonator alone.
+
+    Parameters
+    ----------
+    series
+        The runs, R of n rows.
+    point
+        Of the resonator that carries the jump on.
+    effect
+        One with a `slow_jump`.
+    values
+        Of its parameters.
+
+    Returns
+    -------
+    ndarray
+        (R, n − 1, 2) complex.
+
+    Examples -------- A resonator without damping or splits keeps all of a knock at 4 s; the steps
+    before the row of it have none:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli.effects import EFFECTS
+    >>> from hrg_cli.fitting.causes.fit_point import Point
+    >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
+    >>> from hrg_cli.fitting.causes.slow_equation import predict_jumps
+    >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
+    >>> t, none = np.linspace(0.0, 10.0, 101)[None], np.zeros((1, 101))
+    >>> series = MeasuredRuns(**dict.fromkeys(needed, none) | dict(
+    ...     names=("left",), time_s=t, reference_frequency_hz=5e3, mode_number=2,
+    ...     turn_rad_s=np.zeros(1), held_amplitude=none + np.nan,
+    ... ))
+    >>> knock = next(one for one in EFFECTS if one.slow_jump is not None)
+    >>> values = {one.name: 1e-3 for one in knock.parameters} | {"time_s": 4.0, "run": 0.0}
+    >>> point = Point(np.zeros(7), np.ones((1, 2)), np.zeros(1))
+    >>> jumps = predict_jumps(series, point, knock, values)
+    >>> bool(np.all(jumps[0, :38] == 0) and np.all(jumps[0, 42:] == 0))
+    True
+    >>> np.abs(jumps.sum(axis=1)).round(9).tolist()
+    [[0.001, 0.001]]
     """
     assert effect.slow_jump is not None
-    instant, change = effect.slow_jump(values, state_of(series, point))
+    instant, change = effect.slow_jump(values, build_state(series, point))
     t, h = series.time_s, series.step_s
     share = np.diff(part_after(t, instant), axis=1) * (h > 0)
     L = build_generators(series, point)[:, 1:]
@@ -309,7 +498,28 @@ def predict_jumps(
 
 
 def apply_generators(L: Array, u: Array) -> Array:
-    """L u over (..., 2, 2) and (..., 2)."""
+    """L u, row by row.
+
+    Parameters
+    ----------
+    L
+        (..., 2, 2).
+    u
+        (..., 2).
+
+    Returns
+    -------
+    ndarray
+        (..., 2).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.slow_equation import apply_generators
+    >>> turning = np.array([[0.0, 0.5], [-0.5, 0.0]])
+    >>> apply_generators(turning, np.array([[1.0, 0.0], [0.0, 1.0]])).tolist()
+    [[0.0, -0.5], [0.5, 0.0]]
+    """
     c, s = u[..., 0], u[..., 1]
     first = L[..., 0, 0] * c + L[..., 0, 1] * s
     out = np.empty((*first.shape, 2), first.dtype)  # np.stack costs more than the products

@@ -135,7 +135,9 @@ class Rule:
         )
         if series.walk is not None:
             self.jumps = self.jumps + series.walk.jumps
-        self.fast = fast_march.compiled() if self.rows.driven and not self.rows.active else None
+        self.fast = (
+            fast_march.compile_march() if self.rows.driven and not self.rows.active else None
+        )
         """The rule compiled, where nothing acts beside the drive."""
 
     def step(
@@ -228,8 +230,32 @@ def _count_sweeps(last: float, size: float) -> float:
 
 
 def accumulate_steps(step: Array, start: Array, source: Array) -> Array:
-    """x (R, n, d, K) with x₀ = start and x_{k+1} = step_k x_k + source_k, (R, n − 1, d, d) and (R,
-    n − 1, d, K)."""
+    """x with x₀ = start and x_{k+1} = step_k x_k + source_k.
+
+    Parameters
+    ----------
+    step
+        (R, n − 1, d, d).
+    start
+        (R, d, K), or what broadcasts to it.
+    source
+        (R, n − 1, d, K).
+
+    Returns
+    -------
+    ndarray
+        (R, n, d, K).
+
+    Examples
+    --------
+    What halves from step to step and gets 1 each time goes to 2:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.slow_prediction import accumulate_steps
+    >>> half, one = np.full((1, 3, 1, 1), 0.5), np.ones((1, 3, 1, 1))
+    >>> accumulate_steps(half, np.zeros((1, 1)), one).ravel().tolist()
+    [0.0, 1.0, 1.5, 1.75]
+    """
     out = np.empty((source.shape[0], source.shape[1] + 1, *source.shape[2:]), source.dtype)
     out[:, 0] = start
     for k in range(source.shape[1]):
@@ -239,8 +265,42 @@ def accumulate_steps(step: Array, start: Array, source: Array) -> Array:
 
 
 def predict(series: MeasuredRuns, point: Point, near: Near | None = None) -> Prediction:
-    """All runs from their start states, each step by the Runge–Kutta rule; `near` finds them
-    sooner."""
+    """All runs from their start states, each step by the Runge–Kutta rule.
+
+    Parameters
+    ----------
+    series
+        The runs, R of n rows.
+    point
+        Coordinates, starts, offsets and effects.
+    near
+        A motion close by and its steps' propagators, by which this one is found sooner.
+
+    Returns
+    -------
+    Prediction
+        What moves and what is seen.
+
+    Examples
+    --------
+    A wave 3 rad/s above the reference that decays by 0.1 1/s:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.fit_point import Point
+    >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
+    >>> from hrg_cli.fitting.causes.slow_prediction import predict
+    >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
+    >>> t, none = np.linspace(0.0, 10.0, 101)[None], np.zeros((1, 101))
+    >>> series = MeasuredRuns(**dict.fromkeys(needed, none) | dict(
+    ...     names=("left",), time_s=t, reference_frequency_hz=5e3, mode_number=2,
+    ...     turn_rad_s=np.zeros(1), held_amplitude=none + np.nan,
+    ... ))
+    >>> start, offset = np.array([[1.0, 0.2j]]), np.array([3.0])
+    >>> found = predict(series, Point(np.array([0.1, 0, 0, 0, 0, 0.5, 0]), start, offset))
+    >>> bool(np.allclose(found.seen, np.exp((3j - 0.1) * t)[..., None] * start))
+    True
+    """
     rule = Rule(series, point)
     if rule.fast is not None:
         marched = rule.marched(point.start)
@@ -259,6 +319,41 @@ def predict(series: MeasuredRuns, point: Point, near: Near | None = None) -> Pre
     return Prediction(series, point, motion, rule.rows.seen(motion))
 
 
-def motion_of(series: MeasuredRuns, point: Point) -> Array:
-    """The motion (R, n, 2) row by row from the start states, in either direction of time."""
+def march_motion(series: MeasuredRuns, point: Point) -> Array:
+    """The motion row by row from the start states, in either direction of time.
+
+    Parameters
+    ----------
+    series
+        The runs, R of n rows.
+    point
+        Coordinates, starts, offsets and effects.
+
+    Returns
+    -------
+    ndarray
+        (R, n, 2) complex.
+
+    Examples
+    --------
+    There and back again:
+
+    >>> from dataclasses import MISSING, fields, replace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.fit_point import Point
+    >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
+    >>> from hrg_cli.fitting.causes.slow_prediction import march_motion
+    >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
+    >>> t, none = np.linspace(0.0, 10.0, 101)[None], np.zeros((1, 101))
+    >>> series = MeasuredRuns(**dict.fromkeys(needed, none) | dict(
+    ...     names=("left",), time_s=t, reference_frequency_hz=5e3, mode_number=2,
+    ...     turn_rad_s=np.zeros(1), held_amplitude=none + np.nan,
+    ... ))
+    >>> p = np.array([0.1, 0.02, 0, 0.3, 0, 0.5, 0])
+    >>> point = Point(p, np.array([[1.0, 0.2j]]), np.zeros(1))
+    >>> there = march_motion(series, point)
+    >>> back = march_motion(replace(series, time_s=t[:, ::-1]), replace(point, start=there[:, -1]))
+    >>> bool(np.allclose(back[:, -1], point.start)), bool(np.allclose(there[:, -1], point.start))
+    (True, False)
+    """
     return Rule(series, point).marched(point.start)

@@ -15,7 +15,7 @@ from .fit_point import Point
 from .layout import FitColumns
 from .measured_runs import MeasuredRuns
 from .scales import steps_of
-from .sensitivities import Propagation, Wanted, effect_sensitivities, find_base_sensitivities
+from .sensitivities import Propagation, Wanted, find_base_sensitivities, find_effect_sensitivities
 
 Array = np.ndarray
 
@@ -54,7 +54,7 @@ def find_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Arra
     """Of many effects, (N, K) each."""
     return [
         flatten_rows(flow.prediction.series, columns)
-        for columns in effect_sensitivities(flow, wanted)
+        for columns in find_effect_sensitivities(flow, wanted)
     ]
 
 
@@ -76,7 +76,7 @@ def design_of(flow: Propagation, layout: FitColumns) -> Design:
     wanted = [
         (e, v, _fitted_steps(e, v, series)) for e, v in point.active if layout.parameters(e.name)
     ]
-    beside = [flatten_own(series, one) for one in effect_sensitivities(flow, wanted)]
+    beside = [flatten_own(series, one) for one in find_effect_sensitivities(flow, wanted)]
     ends = np.cumsum([0, *4 * np.count_nonzero(series.weight > 0, axis=1)])
     rows = [slice(int(first), int(last)) for first, last in pairwise(ends)]
     blocks = tuple((one, layout.run(k), own[one]) for k, one in enumerate(rows))

@@ -549,7 +549,7 @@ def solve(data: Batch, space: Freedom, z: Array, first: Array, phase: Array) -> 
 
     Examples
     --------
-    A split of 4 rad/s guessed as 3.8, which misses a turn of the beat over the run:
+    A split of 4 rad/s guessed as 3.8, which is 4 rad off at the end of the run:
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.base_fit import solve

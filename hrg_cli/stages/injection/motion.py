@@ -54,7 +54,7 @@ def integrate_change(wave: Wave, moving: Sequence[Hidden], resonator: Resonator 
                 _predict_motion(series, point),
             )
         )
-    state = fit_point.state_of(series, point)
+    state = fit_point.build_state(series, point)
     jumps = [effect.slow_jump(p, state) for effect, p in moving if effect.slow_jump is not None]
     measured = interpolate_oscillation(wave).spline
     for instant, jump in sorted(

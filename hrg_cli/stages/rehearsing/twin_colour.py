@@ -63,7 +63,7 @@ def of_free_runs(waves: Sequence[Wave], settings: Mapping[str, Any], earth_rad_s
     back = np.exp(-0.5j * np.angle(np.sum(data.envelope**2, axis=-1, keepdims=True)))
     residual = to_reals(response.residual() * back)
     seen = channel_noise.whiten(data.whitening, data.envelope) * back
-    found = colour.noises(data.time_s, data.weight, seen, residual)
+    found = colour.estimate_noises(data.time_s, data.weight, seen, residual)
     return tuple(n if n.wander_1_s > 0 else WHITE for n in found)
 
 

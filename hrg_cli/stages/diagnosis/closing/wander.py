@@ -29,7 +29,7 @@ def describe_wander(fit: ExtendedFit) -> list[dict[str, Any]]:
         return []
     series = fit.series
     seen = channel_noise.whiten(series.whitening, series.envelope)
-    noises = colour.noises(series.time_s, series.weight, seen, fit.prediction.residual())
+    noises = colour.estimate_noises(series.time_s, series.weight, seen, fit.prediction.residual())
     if not noises:
         return []
     return [

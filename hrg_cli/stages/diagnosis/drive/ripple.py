@@ -28,7 +28,7 @@ from ....fitting.causes.slow_equation import (
     RungeKuttaStage,
     apply_generators,
     build_generators,
-    mean_turns,
+    build_mean_turns,
 )
 from ....fitting.causes.wave_frame import to_reals
 from ..fits.scoring import is_gross
@@ -85,7 +85,7 @@ def _seen(fit: ExtendedFit, doings: Array) -> float:
 def _doings(fit: ExtendedFit) -> Array:
     """Of the direction's answer, and of q = 1 and q = j 1/s of the sizes', (R, n, 4, 5)."""
     flow, series, point = fit.flow, fit.series, fit.point
-    turn = mean_turns(series)[:, None]
+    turn = build_mean_turns(series)[:, None]
     at_rows = _forces(flow.rows, build_generators(series, point) - turn, fit.prediction.motion)
     between = _forces(flow.halves, build_generators(flow.centre, point) - turn, flow.middle)
     return flow.seen(flow.carried(at_rows, between))

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.fit_point import Point, state_of
+from ....fitting.causes.fit_point import Point, build_state
 from ....fitting.causes.layout import FREQUENCY
 from ....fitting.causes.slow_equation import RungeKuttaStage
-from ....fitting.causes.slow_prediction import motion_of
+from ....fitting.causes.slow_prediction import march_motion
 from ....fitting.causes.wave_frame import to_complex
 from ....fitting.envelopes.coordinates import DAMPING
 from ....fitting.samples.course import build_course
@@ -152,7 +152,7 @@ def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -
     point = Point(
         fit.point.p, fit.prediction.motion[[k], 0], fit.point.offset_rad_s[[k]], fit.point.active
     )
-    return RungeKuttaStage(back, point).shown(motion_of(back, point))[0, -1]
+    return RungeKuttaStage(back, point).shown(march_motion(back, point))[0, -1]
 
 
 def _environment(
@@ -164,7 +164,7 @@ def _environment(
     out = rate_course(wave.time_s, wave.rate_rad_s, length_s, straight)
     if series.has_temperature:
         # an effect may make the logged temperature the resonator's
-        true = state_of(series, fit.point)
+        true = build_state(series, fit.point)
         good = [series.weight[k] > 0 for k in own]
         t = np.concatenate([series.time_s[k][g] for k, g in zip(own, good, strict=True)])
         warm = np.concatenate([true.temperature_degc[k][g] for k, g in zip(own, good, strict=True)])

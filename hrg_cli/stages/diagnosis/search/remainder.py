@@ -17,7 +17,7 @@ from ....fitting.causes.designs import Basis
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.sensitivities import spread
+from ....fitting.causes.sensitivities import multiply_out
 from ....fitting.causes.wave_frame import find_directions, to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ..fits.open_terms import PLACES, Covariate, OpenShape, Place, list_covariates, make_open_effect
@@ -154,7 +154,7 @@ def compute_term_columns(
             parts = values(some, at_rows, series)
             g = np.concatenate(parts, axis=-1)
             if place.readout:
-                wide = flow.prediction.judged(spread(vectors, g))
+                wide = flow.prediction.judged(multiply_out(vectors, g))
             else:
                 g_middle = np.concatenate(values(some, flow.middle, flow.centre), axis=-1)
                 wide = flow.seen(
