@@ -70,9 +70,10 @@ HELD = (
     *(
         f"fitting.causes.{name}"
         for name in (
-            *("colour", "damping_bound", "designs", "evidence", "fast_march", "fit_point"),
-            *("left_out_folds", "motion_budget", "scales", "sensitivities", "slow_equation"),
-            *("slow_prediction", "turned_motion", "wave_frame"),
+            *("colour", "coordinate_priors", "damping_bound", "descent", "designs", "evidence"),
+            *("extended_fit", "fast_march", "fit_point", "layout", "left_out_folds"),
+            *("measured_runs", "motion_budget", "scales", "sensitivities", "slow_equation"),
+            *("slow_prediction", "turned_motion", "walks", "wave_frame", "whitened_rows"),
         )
     ),
     *(
@@ -108,6 +109,15 @@ for held in HELD:
         for place, function in functions_of(import_module(f"hrg_cli.{held}"))
         if function not in EXAMPLES.values()
     }
+SHOWN_CLASSES = {
+    f"{held}.{name}": found
+    for held in HELD
+    for name, found in vars(import_module(f"hrg_cli.{held}")).items()
+    if inspect.isclass(found)
+    and found.__module__ == f"hrg_cli.{held}"
+    and ">>>" in (found.__doc__ or "")
+}
+"""Classes of those modules that have an example."""
 METHODS = {
     found.__qualname__: found
     for cls in PUBLIC.values()
@@ -144,6 +154,9 @@ SHOWN = {
     for name, found in TOLD.items()
     if name in EXAMPLES or ">>>" in (found.__doc__ or "")
 }
+
+
+SHOWN |= SHOWN_CLASSES
 
 
 @pytest.mark.parametrize("name", SHOWN)

@@ -48,25 +48,120 @@ class CoordinatePriors:
 
 
 def list_pulled(freedom: CoordinatePriors) -> Array:
-    """Coordinates with a prior that is neither absent nor a value held."""
+    """Coordinates with a prior that is neither absent nor a value held.
+
+    Parameters
+    ----------
+    freedom
+        The priors.
+
+    Returns
+    -------
+    ndarray
+        Their places.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors, list_pulled
+    >>> std = np.array([np.inf, 0.1, 0.1, np.inf, np.inf, 0.0, 0.0])
+    >>> list_pulled(CoordinatePriors(np.zeros(7), std)).tolist()
+    [1, 2]
+    """
     return np.flatnonzero(np.isfinite(freedom.std) & (freedom.std > 0))
 
 
 def coordinate_rows(freedom: CoordinatePriors, layout: FitColumns) -> Array:
-    """Rows (m, k) of the coordinates' priors over all columns."""
+    """Rows of the coordinates' priors over all columns of a fit.
+
+    Parameters
+    ----------
+    freedom
+        The priors.
+    layout
+        Which column is which coordinate.
+
+    Returns
+    -------
+    ndarray
+        (m, columns): 1/σ in the column of each coordinate with a prior.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors, coordinate_rows
+    >>> from hrg_cli.fitting.causes.layout import FitColumns
+    >>> free = CoordinatePriors(np.zeros(7), np.array([np.inf, 0.1, 0.5, 0, 0, 0, 0]))
+    >>> coordinate_rows(free, FitColumns((0, 1, 2), 0)).tolist()
+    [[0.0, 10.0, 0.0], [0.0, 0.0, 2.0]]
+    """
     own = list_pulled(freedom)
     return layout.beside([layout.coordinates.index(k) for k in own], np.diag(1 / freedom.std[own]))
 
 
 def prior_rows(freedom: CoordinatePriors, layout: FitColumns, series: MeasuredRuns) -> Array:
-    """Rows (m, k) that pull the coordinates and the runs' offsets to their priors."""
+    """Rows that pull the coordinates and the runs' offsets to their priors.
+
+    Parameters
+    ----------
+    freedom
+        The priors.
+    layout
+        Which column is which number.
+    series
+        The runs, R of them.
+
+    Returns
+    -------
+    ndarray
+        (m, columns): the coordinates first, then R rows of the offsets where these have a prior.
+
+    Examples -------- Two free runs whose frequencies wander by 0.5 rad/s about their mean: what
+    both share is nobody's.
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors, prior_rows
+    >>> from hrg_cli.fitting.causes.layout import FitColumns
+    >>> free = CoordinatePriors(np.zeros(7), np.full(7, np.inf), offset_std=0.5)
+    >>> series, layout = SimpleNamespace(forced=np.zeros((2, 3)), names="ab"), FitColumns((), 2)
+    >>> prior_rows(free, layout, series)[:, [4, 9]].tolist()
+    [[1.0, -1.0], [-1.0, 1.0]]
+    """
     strays = freedom.strays(series)
     offsets = layout.beside([layout.frequency(k) for k in range(layout.runs)], strays)
     return np.concatenate([coordinate_rows(freedom, layout), offsets])
 
 
 def prior_residual(freedom: CoordinatePriors, point: Point, series: MeasuredRuns) -> Array:
-    """How far the point is from the priors, (m,) in the order of `prior_rows`."""
+    """How far a point is from the priors, in the order of `prior_rows`.
+
+    Parameters
+    ----------
+    freedom
+        The priors.
+    point
+        Coordinates and offsets.
+    series
+        The runs, R of them.
+
+    Returns
+    -------
+    ndarray
+        (m,): what the rows times a step to the priors' means are.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors, prior_residual
+    >>> from hrg_cli.fitting.causes.fit_point import Point
+    >>> free = CoordinatePriors(np.full(7, 0.2), np.array([0.1, *[np.inf] * 6]), offset_std=0.5)
+    >>> series = SimpleNamespace(forced=np.zeros((2, 3)), names="ab")
+    >>> point = Point(np.full(7, 0.5), None, np.array([1.0, 3.0]))
+    >>> prior_residual(free, point, series).round(9) + 0
+    array([-3.,  2., -2.])
+    """
     k = list_pulled(freedom)
     return np.concatenate(
         [

@@ -23,8 +23,28 @@ FREQUENCY = OWN - 1
 
 @dataclass(frozen=True)
 class FitColumns:
-    """Ordered names of everything fitted: coordinates (by index into `COORDINATES`), runs, effects
-    with their fitted parameters."""
+    """Ordered names of everything fitted.
+
+    Parameters
+    ----------
+    coordinates
+        Of the resonator, by their places in `COORDINATES`.
+    runs
+        How many; each has `OWN` columns.
+    effects
+        With the names of their fitted parameters.
+
+    Examples
+    --------
+    Damping and K, two runs and one effect:
+
+    >>> from hrg_cli.fitting.causes.layout import FitColumns
+    >>> layout = FitColumns((0, 5), 2, (("gain_mismatch", ("gain",)),))
+    >>> layout.count, layout.coordinate("scale_factor"), layout.run(1), layout.frequency(1)
+    (13, 1, slice(7, 12, None), 11)
+    >>> layout.parameter("gain_mismatch", "gain"), layout.shared.tolist()
+    (12, [0, 1, 12])
+    """
 
     coordinates: tuple[int, ...]
     runs: int

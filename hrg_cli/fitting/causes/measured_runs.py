@@ -19,7 +19,23 @@ Array = np.ndarray
 @dataclass(frozen=True)
 class MeasuredRuns:
     """Runs side by side (R, n), padded with weight 0: envelopes against one reference frequency and
-    what the effects may look at."""
+    what the effects may look at.
+
+    Examples -------- A wave that turns at a rate which rises by 0.1 rad/s²; in the middle of a step
+    it stands where the table's angle, its integral, says:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
+    >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
+    >>> t = np.arange(4.0)[None]
+    >>> series = MeasuredRuns(**dict.fromkeys(needed, 0 * t) | dict(
+    ...     names=("left",), time_s=t, rate_rad_s=0.1 * t**2, table_angle_rad=0.1 * t**3 / 3,
+    ...     reference_frequency_hz=5e3, mode_number=2,
+    ... ))
+    >>> series.middle().rate_rad_s.round(9).tolist()
+    [[0.025, 0.225, 0.625]]
+    """
 
     names: tuple[str, ...]
     time_s: Array

@@ -19,8 +19,27 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class LogPieces:
-    """Pieces of the log that scatter by one value each: jumps (R, n − 1, 4, c) in the steps by one σ
-    of c commands in the row before or behind, and which piece every row (n,) belongs to."""
+    """Pieces of the log that scatter by one value each.
+
+    Parameters
+    ----------
+    jumps
+        (R, n − 1, 4, c): jumps in the steps by one σ of c commands in the row before or behind.
+    piece
+        Which piece every row belongs to, (n,).
+
+    Examples
+    --------
+    One command, logged by values for two rows each; what one σ of a value is in each of its rows:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.walks import LogPieces
+    >>> pieces = LogPieces(np.ones((1, 3, 4, 1)), np.array([0, 0, 1, 1]))
+    >>> pieces.count, pieces.share.round(3).tolist(), pieces.kicks().shape
+    (2, [0.707, 0.707, 0.707, 0.707], (1, 3, 4, 2))
+    >>> pieces.kicks()[0, :, 0].round(3).tolist()
+    [[1.414, 0.0], [0.707, 0.707], [0.0, 1.414]]
+    """
 
     jumps: Array
     piece: Array
