@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from hrg_cli.physics import fast_engine
-from hrg_cli.physics.coefficients import Coefficients, state_of
+from hrg_cli.physics.coefficients import Coefficients, compute_state
 from hrg_cli.physics.ellipse import envelopes
 from hrg_cli.physics.plant import Control, Environment, ThermalCourses, linear_plant
 from hrg_cli.physics.resonator import J, Mechanics
@@ -53,7 +53,7 @@ def against_general_integrator() -> None:
     damping = 2 * (plant.damping[0] - MECHANICS.scale_factor * RATE_RAD_S * J)
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [-plant.stiffness[0], -damping]])
     table = Coefficients(environment, plant)
-    z0, w0 = state_of(table, np.zeros(1), u0[None], MECHANICS.omega_rad_s)
+    z0, w0 = compute_state(table, np.zeros(1), u0[None], MECHANICS.omega_rad_s)
     v0 = (
         MECHANICS.omega_rad_s * w0[0]
         - plant.damping[0] @ z0[0]

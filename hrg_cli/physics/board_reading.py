@@ -182,12 +182,12 @@ def take_reading(
 
     >>> import numpy as np
     >>> from hrg_cli.physics.board_reading import take_reading, turn_oscillator
-    >>> from hrg_cli.physics.electronics import RING_LENGTH, Electronics, board
+    >>> from hrg_cli.physics.electronics import RING_LENGTH, Electronics, start_board
     >>> from hrg_cli.physics.loop_values import LOOP_OFF, Gains
     >>> from hrg_cli.physics.plant import Control
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> e, h = Electronics(periods_per_update=1, delay_periods=0.5), 1 / 8000
-    >>> made = board(e, Control(forced=True), Mechanics(1000.0, 0.5), h, 0.0, 0.0, False)
+    >>> made = start_board(e, Control(forced=True), Mechanics(1000.0, 0.5), h, 0.0, 0.0, False)
     >>> gains = Gains(1.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0)
     >>> for i in range(8):
     ...     x = 0.9 * np.cos(2 * np.pi * i / 8)

@@ -122,7 +122,7 @@ class Coefficients:
         what the loop needs there (m, 14).
 
         That is ω, N, KΩ and, of p = Re[G q], (Im G)⁻¹ and Re G: the analytic signal q = z − j (Im
-        G)⁻¹ (p − Re G z) as `analytic` has it.
+        G)⁻¹ (p − Re G z) as `compute_analytic` has it.
         """
         t = (knots + 0.5) * h
         N, W, k = self.damping(t), self.stiffness(t), self.turning(t)[:, None, None]
@@ -146,7 +146,7 @@ class Coefficients:
         return _exponential(A * h), local
 
 
-def analytic(table: Coefficients, t: Array, z: Array, w: Array, omega_r: float) -> Array:
+def compute_analytic(table: Coefficients, t: Array, z: Array, w: Array, omega_r: float) -> Array:
     """The analytic signal of a state, exact for the linear resonator.
 
     z = Re q, p = Re[(jω_r + L − kJ) q] with L the solvent (PHYSICS §5); solved for q.
@@ -170,14 +170,14 @@ def analytic(table: Coefficients, t: Array, z: Array, w: Array, omega_r: float) 
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.coefficients import Coefficients, analytic, state_of
+    >>> from hrg_cli.physics.coefficients import Coefficients, compute_analytic, compute_state
     >>> from hrg_cli.physics.environment import constant, environment
     >>> from hrg_cli.physics.plant import ThermalCourses, linear_plant
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> world = environment(constant(20.0), constant(1.0), 0.0, 1.0, 0.001)
     >>> table = Coefficients(world, linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), world))
     >>> t, q = np.zeros(1), np.array([[1.0 + 0.5j, 0.2j]])
-    >>> bool(np.allclose(analytic(table, t, *state_of(table, t, q, 628.0), 628.0), q))
+    >>> bool(np.allclose(compute_analytic(table, t, *compute_state(table, t, q, 628.0), 628.0), q))
     True
     """
     G = _momentum_matrix(table, t, omega_r)
@@ -186,8 +186,8 @@ def analytic(table: Coefficients, t: Array, z: Array, w: Array, omega_r: float) 
     return z - 1j * imaginary
 
 
-def state_of(table: Coefficients, t: Array, q: Array, omega_r: float) -> tuple[Array, Array]:
-    """Displacement and `v_over_omega` of an analytic signal: the inverse of `analytic`.
+def compute_state(table: Coefficients, t: Array, q: Array, omega_r: float) -> tuple[Array, Array]:
+    """Displacement and `v_over_omega` of an analytic signal: the inverse of `compute_analytic`.
 
     Parameters
     ----------
@@ -208,14 +208,14 @@ def state_of(table: Coefficients, t: Array, q: Array, omega_r: float) -> tuple[A
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.coefficients import Coefficients, state_of
+    >>> from hrg_cli.physics.coefficients import Coefficients, compute_state
     >>> from hrg_cli.physics.environment import constant, environment
     >>> from hrg_cli.physics.plant import ThermalCourses, linear_plant
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> world = environment(constant(20.0), constant(0.0), 0.0, 1.0, 0.001)
     >>> gyro = Mechanics(100.0, 0.0)
     >>> table = Coefficients(world, linear_plant(gyro, ThermalCourses(), world))
-    >>> z, w = state_of(table, np.zeros(1), np.array([[0j, 1j]]), gyro.omega_rad_s)
+    >>> z, w = compute_state(table, np.zeros(1), np.array([[0j, 1j]]), gyro.omega_rad_s)
     >>> z.round(9).tolist(), w.round(9).tolist()
     ([[0.0, 0.0]], [[0.0, -1.0]])
     """
@@ -223,7 +223,7 @@ def state_of(table: Coefficients, t: Array, q: Array, omega_r: float) -> tuple[A
     return q.real, (p + np.einsum("nij,nj->ni", table.damping(t), q.real)) / table.omega(t)[:, None]
 
 
-def velocity(table: Coefficients, t: Array, z: Array, w: Array) -> Array:
+def compute_velocity(table: Coefficients, t: Array, z: Array, w: Array) -> Array:
     """ż in the instrument's axes: ωw − Nz + KΩJz.
 
     Parameters
@@ -243,7 +243,7 @@ def velocity(table: Coefficients, t: Array, z: Array, w: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.coefficients import Coefficients, velocity
+    >>> from hrg_cli.physics.coefficients import Coefficients, compute_velocity
     >>> from hrg_cli.physics.environment import constant, environment
     >>> from hrg_cli.physics.plant import ThermalCourses, linear_plant
     >>> from hrg_cli.physics.resonator import Mechanics
@@ -251,7 +251,7 @@ def velocity(table: Coefficients, t: Array, z: Array, w: Array) -> Array:
     >>> gyro = Mechanics(100.0, 0.0, scale_factor=0.5)
     >>> table = Coefficients(world, linear_plant(gyro, ThermalCourses(), world))
     >>> z = np.array([[1.0], [0.0]])
-    >>> velocity(table, np.zeros(1), z, 0 * z).round(9).ravel().tolist()
+    >>> compute_velocity(table, np.zeros(1), z, 0 * z).round(9).ravel().tolist()
     [0.0, -0.5]
     """
     turned = np.einsum("nij,jn->in", table.turning(t)[:, None, None] * J - table.damping(t), z)

@@ -35,8 +35,8 @@ def bound(function: Any, **names: Any) -> Any:
     --------
     >>> import math
     >>> from hrg_cli.physics.compilation import bound
-    >>> from hrg_cli.physics.electrodes import cubic_factor
-    >>> bound(cubic_factor, float=None) is cubic_factor
+    >>> from hrg_cli.physics.electrodes import compute_cubic_factor
+    >>> bound(compute_cubic_factor, float=None) is compute_cubic_factor
     False
     """
     copy = FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
@@ -72,10 +72,10 @@ def compile_all(
     Examples
     --------
     >>> from hrg_cli.physics.compilation import compile_all
-    >>> from hrg_cli.physics.electrodes import cubic_factor
+    >>> from hrg_cli.physics.electrodes import compute_cubic_factor
     >>> def not_compiled(function, inline):
     ...     return function
-    >>> made = compile_all(not_compiled, [cubic_factor], opened=())
+    >>> made = compile_all(not_compiled, [compute_cubic_factor], opened=())
     >>> made["cubic_factor"]("printed")
     3.0
     """
@@ -107,8 +107,8 @@ def fingerprint(functions: Sequence[Function]) -> str:
     Examples
     --------
     >>> from hrg_cli.physics.compilation import fingerprint
-    >>> from hrg_cli.physics.electrodes import cubic_factor, pick_off
-    >>> fingerprint([cubic_factor]) == fingerprint([cubic_factor, pick_off])
+    >>> from hrg_cli.physics.electrodes import compute_cubic_factor, pick_off
+    >>> fingerprint([compute_cubic_factor]) == fingerprint([compute_cubic_factor, pick_off])
     False
     """
     return hashlib.sha256(repr([_content(f) for f in functions]).encode()).hexdigest()[:12]

@@ -64,7 +64,7 @@ def is_on(control: Control, time_s: float) -> bool:
     return control.forced and not bool(np.any((time_s >= off[:, 0]) & (time_s < off[:, 1])))
 
 
-def principal(u: Array, near: Array) -> tuple[float, float, Array, Array, complex]:
+def find_axes(u: Array, near: Array) -> tuple[float, float, Array, Array, complex]:
     """The axes of one wave: (a_A, a_B, e_A, e_B, e^{jφ}).
 
     Parameters
@@ -83,8 +83,8 @@ def principal(u: Array, near: Array) -> tuple[float, float, Array, Array, comple
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.control import principal
-    >>> a_A, a_B, e_A, e_B, turn = principal(np.array([1.0, 0.5j]), np.array([-1.0, 0.0]))
+    >>> from hrg_cli.physics.control import find_axes
+    >>> a_A, a_B, e_A, e_B, turn = find_axes(np.array([1.0, 0.5j]), np.array([-1.0, 0.0]))
     >>> round(a_A, 9), round(a_B, 9), e_A.tolist(), turn
     (1.0, -0.5, [-1.0, -0.0], (-1+0j))
     """
@@ -104,7 +104,7 @@ def principal(u: Array, near: Array) -> tuple[float, float, Array, Array, comple
     )
 
 
-def drive(
+def compute_drive(
     control: Control,
     feed_forward_1_s: float,
     u: Array,
@@ -137,14 +137,14 @@ def drive(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.control import drive
+    >>> from hrg_cli.physics.control import compute_drive
     >>> from hrg_cli.physics.plant import Control
     >>> control = Control(forced=True, amplitude_gain_1_s=5.0)
-    >>> acted = drive(control, 0.2, np.array([0.9, 0j]), np.zeros(2), np.array([1.0, 0.0]))
+    >>> acted = compute_drive(control, 0.2, np.array([0.9, 0j]), np.zeros(2), np.array([1.0, 0.0]))
     >>> acted.command.round(9).tolist()
     [0.7, 0.0]
     """
-    a_A, a_B, e_A, e_B, turn = principal(u, near)
+    a_A, a_B, e_A, e_B, turn = find_axes(u, near)
     error = control.main_amplitude - a_A
     main = (
         feed_forward_1_s * control.main_amplitude + control.amplitude_gain_1_s * error + integral[0]

@@ -26,7 +26,7 @@ def _angles(mechanics: Mechanics, wave_angle_rad: Angle) -> tuple[Angle, Angle]:
     )
 
 
-def drift(
+def compute_drift(
     mechanics: Mechanics,
     wave_angle_rad: Angle,
     ratio: Angle = 0.0,
@@ -57,10 +57,10 @@ def drift(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.drift import drift
+    >>> from hrg_cli.physics.drift import compute_drift
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> gyro = Mechanics(1000.0, 0.2, damping_split_1_s=0.01)
-    >>> drift(gyro, np.array([0.0, np.pi / 8])).round(6).tolist()
+    >>> compute_drift(gyro, np.array([0.0, np.pi / 8])).round(6).tolist()
     [0.0, 0.01]
     """
     chi, zeta = _angles(mechanics, wave_angle_rad)
@@ -77,13 +77,13 @@ def drift(
     )
 
 
-def quadrature_quasi_static(
+def compute_quasi_static_quadrature(
     mechanics: Mechanics,
     wave_angle_rad: Angle,
     drive: str = "force",
     quadrature_gain_1_s: float = 0.0,
 ) -> Array:
-    """r once it follows the wave angle: δω sin ζ/λ (seed A after (9)), λ of `quadrature_decay`.
+    """r once it follows the wave angle: δω sin ζ/λ (seed A after (9)), λ of `compute_quadrature_decay`.
 
     For νt ≫ 1, δω ≪ ν and a wave that moves slowly against ν only.
 
@@ -106,21 +106,21 @@ def quadrature_quasi_static(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.drift import quadrature_quasi_static
+    >>> from hrg_cli.physics.drift import compute_quasi_static_quadrature
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> gyro = Mechanics(1000.0, 0.2, frequency_split_rad_s=0.01)
-    >>> round(float(quadrature_quasi_static(gyro, np.pi / 8)), 6)
+    >>> round(float(compute_quasi_static_quadrature(gyro, np.pi / 8)), 6)
     0.05
     """
     _, zeta = _angles(mechanics, wave_angle_rad)
     return np.asarray(
         mechanics.frequency_split_rad_s
         * np.sin(zeta)
-        / quadrature_decay(mechanics, drive, quadrature_gain_1_s)
+        / compute_quadrature_decay(mechanics, drive, quadrature_gain_1_s)
     )
 
 
-def drift_quasi_static(
+def compute_quasi_static_drift(
     mechanics: Mechanics,
     wave_angle_rad: Angle,
     drive: str = "force",
@@ -149,23 +149,23 @@ def drift_quasi_static(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.drift import drift_quasi_static
+    >>> from hrg_cli.physics.drift import compute_quasi_static_drift
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> gyro = Mechanics(1000.0, 0.2, frequency_split_rad_s=0.01)
-    >>> round(float(drift_quasi_static(gyro, np.pi / 16)), 6)
+    >>> round(float(compute_quasi_static_drift(gyro, np.pi / 16)), 6)
     -0.0005
     """
     chi, zeta = _angles(mechanics, wave_angle_rad)
-    split = mechanics.frequency_split_rad_s**2 / quadrature_decay(
+    split = mechanics.frequency_split_rad_s**2 / compute_quadrature_decay(
         mechanics, drive, quadrature_gain_1_s
     )
     return np.asarray(mechanics.damping_split_1_s * np.sin(chi) - split * np.sin(2 * zeta))
 
 
-def drift_bound(
+def bound_drift(
     mechanics: Mechanics, drive: str = "force", quadrature_gain_1_s: float = 0.0
 ) -> Array:
-    """D_max = νδμ + δω²/λ (seed A after the tangent law), λ of `quadrature_decay`.
+    """D_max = νδμ + δω²/λ (seed A after the tangent law), λ of `compute_quadrature_decay`.
 
     Parameters
     ----------
@@ -183,19 +183,19 @@ def drift_bound(
 
     Examples
     --------
-    >>> from hrg_cli.physics.drift import drift_bound
+    >>> from hrg_cli.physics.drift import bound_drift
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> gyro = Mechanics(1000.0, 0.2, damping_split_1_s=0.01, frequency_split_rad_s=0.01)
-    >>> round(float(drift_bound(gyro)), 6)
+    >>> round(float(bound_drift(gyro)), 6)
     0.0105
     """
-    split = np.square(mechanics.frequency_split_rad_s) / quadrature_decay(
+    split = np.square(mechanics.frequency_split_rad_s) / compute_quadrature_decay(
         mechanics, drive, quadrature_gain_1_s
     )
     return np.asarray(np.abs(mechanics.damping_split_1_s) + split)
 
 
-def quadrature_decay(
+def compute_quadrature_decay(
     mechanics: Mechanics, drive: str = "force", quadrature_gain_1_s: float = 0.0
 ) -> float:
     """λ that holds the quadrature back: ν of a force drive, 2ν of a parametric one, whose pump damps B
@@ -225,9 +225,9 @@ def quadrature_decay(
 
     Examples
     --------
-    >>> from hrg_cli.physics.drift import quadrature_decay
+    >>> from hrg_cli.physics.drift import compute_quadrature_decay
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> quadrature_decay(Mechanics(1000.0, 0.2), "parametric", 1.0)
+    >>> compute_quadrature_decay(Mechanics(1000.0, 0.2), "parametric", 1.0)
     1.4
     """
     if drive not in ("free", "force", "parametric"):
@@ -235,13 +235,13 @@ def quadrature_decay(
     return mechanics.damping_rate_1_s * (2 if drive == "parametric" else 1) + quadrature_gain_1_s
 
 
-def quadrature_settled(
+def find_settled_quadrature(
     mechanics: Mechanics,
     wave_angle_rad: Angle,
     drive: str = "force",
     quadrature_gain_1_s: float = 0.0,
 ) -> Array:
-    """r at which `quadrature_rate` vanishes at a fixed angle, for any split.
+    """r at which `compute_quadrature_rate` vanishes at a fixed angle, for any split.
 
     Force: δω sin ζ/(ν − νδμ cos χ + k_q); a value beyond 1 says that there is none. Parametric: δω_s(1
     − r²) = 2νr, so r = δω_s/(ν + √(ν² + δω_s²)), δω_s = δω sin ζ (PHYSICS §4).
@@ -265,10 +265,10 @@ def quadrature_settled(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.drift import quadrature_settled
+    >>> from hrg_cli.physics.drift import find_settled_quadrature
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> gyro = Mechanics(1000.0, 0.2, frequency_split_rad_s=0.15)
-    >>> [round(float(quadrature_settled(gyro, np.pi / 8, d)), 4) for d in ("force", "parametric")]
+    >>> [round(float(find_settled_quadrature(gyro, np.pi / 8, d)), 4) for d in ("force", "parametric")]
     [0.75, 0.3333]
     """
     chi, zeta = _angles(mechanics, wave_angle_rad)
@@ -280,7 +280,7 @@ def quadrature_settled(
     )
 
 
-def quadrature_rate(
+def compute_quadrature_rate(
     mechanics: Mechanics,
     wave_angle_rad: Angle,
     ratio: Angle,
@@ -313,10 +313,10 @@ def quadrature_rate(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.drift import quadrature_rate
+    >>> from hrg_cli.physics.drift import compute_quadrature_rate
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> gyro = Mechanics(1000.0, 0.2, frequency_split_rad_s=0.01)
-    >>> [round(float(quadrature_rate(gyro, np.pi / 8, r)), 6) for r in (0.0, 0.1)]
+    >>> [round(float(compute_quadrature_rate(gyro, np.pi / 8, r)), 6) for r in (0.0, 0.1)]
     [0.01, -0.01]
     """
     chi, zeta = _angles(mechanics, wave_angle_rad)
@@ -329,10 +329,10 @@ def quadrature_rate(
     return np.asarray(along - (mechanics.damping_rate_1_s - friction + quadrature_gain_1_s) * r)
 
 
-def motion(
+def make_motion(
     mechanics: Mechanics, rate_rad_s: float, drive: str, quadrature_gain_1_s: float = 0.0
 ) -> Callable[[float, Array], Array]:
-    """The motion of angle and quadrature: m·dθ/dt = −KΩ + D(θ, r) with `quadrature_rate`.
+    """The motion of angle and quadrature: m·dθ/dt = −KΩ + D(θ, r) with `compute_quadrature_rate`.
 
     Parameters
     ----------
@@ -348,31 +348,31 @@ def motion(
     Returns
     -------
     callable
-        (t, (θ, r)) -> d(θ, r)/dt, as `adams` takes it; θ and r of one shape.
+        (t, (θ, r)) -> d(θ, r)/dt, as `integrate_by_adams` takes it; θ and r of one shape.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.drift import motion
+    >>> from hrg_cli.physics.drift import make_motion
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> motion(Mechanics(1000.0, 0.2, scale_factor=0.5), 1.0, "free")(0.0, np.zeros(2)).tolist()
+    >>> make_motion(Mechanics(1000.0, 0.2, scale_factor=0.5), 1.0, "free")(0.0, np.zeros(2)).tolist()
     [-0.25, 0.0]
     """
 
     def slope(_: float, state: Array) -> Array:
         angle, r = state
-        swing = drift(mechanics, angle, r) - mechanics.scale_factor * rate_rad_s
+        swing = compute_drift(mechanics, angle, r) - mechanics.scale_factor * rate_rad_s
         return np.stack(
             np.broadcast_arrays(
                 swing / mechanics.mode_number,
-                quadrature_rate(mechanics, angle, r, drive, quadrature_gain_1_s),
+                compute_quadrature_rate(mechanics, angle, r, drive, quadrature_gain_1_s),
             )
         )
 
     return slope
 
 
-def motion_following(
+def make_following_motion(
     mechanics: Mechanics, rate_rad_s: float, quadrature_gain_1_s: float
 ) -> Callable[[float, Array], Array]:
     """The motion of a gyro whose fast quadrature loop makes r follow the angle with the lag 1/λ.
@@ -391,29 +391,29 @@ def motion_following(
     Returns
     -------
     callable
-        (t, θ) -> dθ/dt, as `adams` takes it.
+        (t, θ) -> dθ/dt, as `integrate_by_adams` takes it.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.drift import motion_following
+    >>> from hrg_cli.physics.drift import make_following_motion
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> slope = motion_following(Mechanics(1000.0, 0.2, scale_factor=0.5), 1.0, 100.0)
+    >>> slope = make_following_motion(Mechanics(1000.0, 0.2, scale_factor=0.5), 1.0, 100.0)
     >>> slope(0.0, np.zeros(1)).tolist()
     [-0.25]
     """
-    decay = quadrature_decay(mechanics, "force", quadrature_gain_1_s)
+    decay = compute_quadrature_decay(mechanics, "force", quadrature_gain_1_s)
     turning = mechanics.scale_factor * rate_rad_s
 
     def slope(_: float, angle: Array) -> Array:
         seen = angle + turning / (mechanics.mode_number * decay)
-        r = quadrature_settled(mechanics, seen, "force", quadrature_gain_1_s)
-        return np.asarray((drift(mechanics, angle, r) - turning) / mechanics.mode_number)
+        r = find_settled_quadrature(mechanics, seen, "force", quadrature_gain_1_s)
+        return np.asarray((compute_drift(mechanics, angle, r) - turning) / mechanics.mode_number)
 
     return slope
 
 
-def tangent_law(mechanics: Mechanics, start_rad: float, time_s: Angle) -> Array:
+def follow_tangent_law(mechanics: Mechanics, start_rad: float, time_s: Angle) -> Array:
     """θ(t) at rest with damping split alone: tan m(θ − θ_μ) = tan m(θ₀ − θ_μ)·e^{2νδμ t}.
 
     Seed A, after (10), where the constant is omitted. The axis at θ_μ + π/2m, of least damping,
@@ -436,9 +436,9 @@ def tangent_law(mechanics: Mechanics, start_rad: float, time_s: Angle) -> Array:
     Examples
     --------
     >>> import math
-    >>> from hrg_cli.physics.drift import tangent_law
+    >>> from hrg_cli.physics.drift import follow_tangent_law
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> found = tangent_law(Mechanics(1000.0, 0.2, damping_split_1_s=0.1), 0.1, 100.0)
+    >>> found = follow_tangent_law(Mechanics(1000.0, 0.2, damping_split_1_s=0.1), 0.1, 100.0)
     >>> round(float(found) / (math.pi / 4), 6)
     1.0
     """
@@ -450,8 +450,10 @@ def tangent_law(mechanics: Mechanics, start_rad: float, time_s: Angle) -> Array:
     return np.asarray(mechanics.damping_axis_rad + (angle + np.pi * turns) / m)
 
 
-def adams(rate: Callable[[float, Array], Array], start: Angle, step_s: float, steps: int) -> Array:
-    """The solution of dy/dt = f(t, y) at even times by `adams_steps`.
+def integrate_by_adams(
+    rate: Callable[[float, Array], Array], start: Angle, step_s: float, steps: int
+) -> Array:
+    """The solution of dy/dt = f(t, y) at even times by `step_by_adams`.
 
     Parameters
     ----------
@@ -472,15 +474,15 @@ def adams(rate: Callable[[float, Array], Array], start: Angle, step_s: float, st
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.drift import adams
-    >>> round(float(adams(lambda t, y: -y, 1.0, 0.01, 100)[-1]), 8)
+    >>> from hrg_cli.physics.drift import integrate_by_adams
+    >>> round(float(integrate_by_adams(lambda t, y: -y, 1.0, 0.01, 100)[-1]), 8)
     0.36787944
     """
     first = np.asarray(start, float)
-    return np.stack([first, *islice(adams_steps(rate, first, step_s), steps)])
+    return np.stack([first, *islice(step_by_adams(rate, first, step_s), steps)])
 
 
-def adams_steps(
+def step_by_adams(
     rate: Callable[[float, Array], Array], start: Array, step_s: float
 ) -> Iterator[Array]:
     """y after each step by the explicit four-point Adams method, error O(step⁴).
@@ -506,8 +508,8 @@ def adams_steps(
     --------
     >>> from itertools import islice
     >>> import numpy as np
-    >>> from hrg_cli.physics.drift import adams_steps
-    >>> [round(float(y), 6) for y in islice(adams_steps(lambda t, y: 2 * t, np.zeros(()), 1.0), 4)]
+    >>> from hrg_cli.physics.drift import step_by_adams
+    >>> [round(float(y), 6) for y in islice(step_by_adams(lambda t, y: 2 * t, np.zeros(()), 1.0), 4)]
     [1.0, 4.0, 9.0, 16.0]
     """
     y, k = np.asarray(start, float), 0

@@ -29,7 +29,7 @@ SIGNS = np.array([1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
 """Of electrodes 1 … 8; odd ones (first, third …) see C, even ones S."""
 
 
-def cubic_factor(law: str) -> float:
+def compute_cubic_factor(law: str) -> float:
     """γ of the fundamental, amplitude a → a(1 + ¾γa²), with equal gaps and a in gap units.
 
     Parameters
@@ -44,8 +44,8 @@ def cubic_factor(law: str) -> float:
 
     Examples
     --------
-    >>> from hrg_cli.physics.electrodes import LAWS, cubic_factor
-    >>> [cubic_factor(law) for law in LAWS]
+    >>> from hrg_cli.physics.electrodes import LAWS, compute_cubic_factor
+    >>> [compute_cubic_factor(law) for law in LAWS]
     [1.0, 1.0, 3.0]
     """
     return 3.0 if law == "printed" else 1.0

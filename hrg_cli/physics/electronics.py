@@ -111,7 +111,7 @@ RING_FIRST, RING_LENGTH = 30, 31
 STATE, COMMAND = 32, 8
 
 
-def board(
+def start_board(
     e: Electronics | None,
     control: Control,
     mechanics: Mechanics,
@@ -144,11 +144,11 @@ def board(
 
     Examples
     --------
-    >>> from hrg_cli.physics.electronics import LOOPS_ON_BOARD, Electronics, board
+    >>> from hrg_cli.physics.electronics import LOOPS_ON_BOARD, Electronics, start_board
     >>> from hrg_cli.physics.plant import Control
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> e = Electronics(periods_per_update=8, delay_periods=2.0)
-    >>> made = board(e, Control(forced=True), Mechanics(1000.0, 0.5), 1e-4, 0.0, 0.0, False)
+    >>> made = start_board(e, Control(forced=True), Mechanics(1000.0, 0.5), 1e-4, 0.0, 0.0, False)
     >>> made.kind == LOOPS_ON_BOARD, made.settings.reading_steps, made.settings.delay_steps
     (True, 80, 20)
     """

@@ -24,8 +24,8 @@ from typing import NamedTuple
 import numpy as np
 
 from . import fast_loop
-from .coefficients import Coefficients, analytic, state_of, velocity
-from .electronics import Electronics, board
+from .coefficients import Coefficients, compute_analytic, compute_state, compute_velocity
+from .electronics import Electronics, start_board
 from .loop_values import (
     AXIS_COS,
     AXIS_SIN,
@@ -168,7 +168,7 @@ class _Engine:
             random,
             electronics is not None,
         )
-        self.board = board(
+        self.board = start_board(
             electronics, control, mechanics, self.h, float(np.angle(e_A @ start)), start_angle_rad,
             self.source.electronic,
         )  # fmt: skip
@@ -176,7 +176,7 @@ class _Engine:
     def _memory(self, start: Array, e_A: Array) -> Array:
         """The loop's memory at t = 0, for envelopes (2,) and the side of e_A (2,)."""
         begin = np.zeros(1)
-        z0, w0 = state_of(self.table, begin, start[None], self.omega)
+        z0, w0 = compute_state(self.table, begin, start[None], self.omega)
         N = self.table.damping(begin)[0]
         memory = np.zeros(MEMORY)
         memory[X : Y + 1] = z0[0]
@@ -280,7 +280,7 @@ def _loops(control: Control, damping_rate_1_s: float) -> Loops:
 
 def _velocity(table: Coefficients, t: Array, z: Array, v: Array, omega: float) -> Array:
     """ż/ω (2, n) with the reference's ω."""
-    return velocity(table, t, z, v) / omega
+    return compute_velocity(table, t, z, v) / omega
 
 
 def _carried(table: Coefficients, start: float, stop: float, change: Array, scale: float) -> Array:
@@ -294,6 +294,6 @@ def _carried(table: Coefficients, start: float, stop: float, change: Array, scal
 
 def _envelopes(table: Coefficients, t: Array, z: Array, v: Array, omega: float, at: Array) -> Array:
     return (
-        analytic(table, t[at], z[:, at].T, v[:, at].T, omega)
+        compute_analytic(table, t[at], z[:, at].T, v[:, at].T, omega)
         * np.exp(-1j * np.mod(omega * t[at], 2 * np.pi))[:, None]
     )

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .control import Drive, drive, is_on, principal
+from .control import Drive, compute_drive, find_axes, is_on
 from .plant import Control, Environment, Plant, SlowState
 from .resonator import J, exponential, solvent
 
@@ -153,7 +153,7 @@ class EnvelopeMotion:
     ) -> tuple[Array, Array, Drive | None]:
         """du/dt beside L u, the integrals' change, and the drive."""
         now = float(moment.time_s[0])
-        action = drive(self._control, self._feed, u, integral, near, now) if on else None
+        action = compute_drive(self._control, self._feed, u, integral, near, now) if on else None
         du = action.du + correction @ action.du if action else np.zeros(2, complex)
         if self._terms.motion:
             force = action.force if action else np.zeros(2, complex)
@@ -170,7 +170,7 @@ class EnvelopeMotion:
         self, moment: SlowState, u: Array, memory: Memory, correction: Array
     ) -> tuple[Array, Drive | None, float]:
         """du/dt beside L u, the drive and the wave's phase at a node."""
-        _, _, memory.near, _, turn = principal(u, memory.near)
+        _, _, memory.near, _, turn = find_axes(u, memory.near)
         if not self.lively:
             return np.zeros(2, complex), None, float(np.angle(turn))
         on = is_on(self._control, float(moment.time_s[0]))

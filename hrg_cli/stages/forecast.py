@@ -149,7 +149,7 @@ def forecast(
     )
     ratio = float(
         mechanics.frequency_split_rad_s
-        / law.quadrature_decay(mechanics, drive, quadrature_gain_1_s)
+        / law.compute_quadrature_decay(mechanics, drive, quadrature_gain_1_s)
     )
     drawn = map_drift(gyros, drive, quadrature_gain_1_s)
     if drive == "force" and not np.max(np.abs(drawn["quadrature_ratio"])) < LARGEST_RATIO:

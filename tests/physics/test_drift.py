@@ -37,7 +37,7 @@ def test_exact_drift_and_phase_rate(ratio, mode_number):
     g = gyro(mode_number)
     for angle in (0.05, 0.3, 0.7):
         swing, phase = measured_rates(g, angle, ratio)
-        assert swing == pytest.approx(drift.drift(g, angle, ratio), abs=1e-8)
+        assert swing == pytest.approx(drift.compute_drift(g, angle, ratio), abs=1e-8)
         assert phase == pytest.approx(drift_forms.phase_rate(g, angle, ratio), abs=1e-8)
         turned, _ = measured_rates(g, angle, ratio, rate=2.0)
         assert turned - swing == pytest.approx(-g.scale_factor * 2.0, abs=1e-7)
@@ -57,7 +57,7 @@ def test_control_terms_have_the_sign_of_the_force():
 
     swing, phase = measured_rates(g, angle, ratio, force)
     assert swing == pytest.approx(
-        drift.drift(g, angle, ratio, a_b * error_b, a_a * error_a), abs=3e-5
+        drift.compute_drift(g, angle, ratio, a_b * error_b, a_a * error_a), abs=3e-5
     )
     assert phase == pytest.approx(
         drift_forms.phase_rate(g, angle, ratio, a_b * error_b, a_a * error_a), abs=3e-5
@@ -67,14 +67,14 @@ def test_control_terms_have_the_sign_of_the_force():
 def test_small_quadrature_form_is_right_to_first_order():
     g = gyro()
     errors = [
-        abs(float(drift.drift(g, 0.0, r) - drift_forms.drift_small_quadrature(g, 0.0, r)))
+        abs(float(drift.compute_drift(g, 0.0, r) - drift_forms.drift_small_quadrature(g, 0.0, r)))
         for r in (0.002, 0.001)
     ]
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
     r = 1e-3
     assert drift_forms.drift_from_phase(
         g, 0.3, r, drift_forms.phase_rate(g, 0.3, r)
-    ) == pytest.approx(float(drift.drift(g, 0.3, r)), abs=1e-6)
+    ) == pytest.approx(float(drift.compute_drift(g, 0.3, r)), abs=1e-6)
 
 
 @pytest.mark.parametrize("drive", ["force", "parametric"])
@@ -98,7 +98,7 @@ def test_quasi_static_quadrature_by_integration(drive):
 
     def measured(u):
         r = ellipse.wave(u, m)[1] / ellipse.wave(u, m)[0]
-        return float(drift.drift(g, angle, r))
+        return float(drift.compute_drift(g, angle, r))
 
     end = solve_ivp(
         rates,
@@ -109,10 +109,10 @@ def test_quasi_static_quadrature_by_integration(drive):
     ).y[:, -1]
     a_A, a_B, _, _ = ellipse.wave(end, m)
     assert a_B / a_A == pytest.approx(
-        float(drift.quadrature_quasi_static(g, angle, drive)), rel=0.02
+        float(drift.compute_quasi_static_quadrature(g, angle, drive)), rel=0.02
     )
     assert measured(end) == pytest.approx(
-        float(drift.drift_quasi_static(g, angle, drive)), rel=0.03
+        float(drift.compute_quasi_static_drift(g, angle, drive)), rel=0.03
     )
 
 
@@ -125,22 +125,24 @@ def test_tangent_law_is_the_exact_motion_at_rest():
         ) @ ellipse.envelopes(1.0, 0.0, start, 0.0)
         angle, _ = ellipse.unwrap(*ellipse.wave(u, 2)[2:], 2)
         angle += np.round((start - angle[0]) / (np.pi / 2)) * np.pi / 2
-        assert np.allclose(drift.tangent_law(g, start, times), angle, atol=1e-9)
+        assert np.allclose(drift.follow_tangent_law(g, start, times), angle, atol=1e-9)
 
 
 @pytest.mark.parametrize("start", [-7.0, 0.4, 5.0])
 def test_the_tangent_law_keeps_whole_turns(start):
     g = gyro(frequency_split_rad_s=0.0)
-    assert drift.tangent_law(g, start, 0.0) == pytest.approx(start, abs=1e-12)
-    assert abs(drift.tangent_law(g, start, 1.0) - start) < 0.03
+    assert drift.follow_tangent_law(g, start, 0.0) == pytest.approx(start, abs=1e-12)
+    assert abs(drift.follow_tangent_law(g, start, 1.0) - start) < 0.03
 
 
 def test_adams_is_of_fourth_order_and_meets_the_tangent_law():
     g = gyro(frequency_split_rad_s=0.0)
     errors = []
     for steps in (50, 100):
-        angle = drift.adams(lambda t, y: float(drift.drift(g, y)) / 2, 0.4, 60 / steps, steps)
-        errors.append(abs(angle[-1] - drift.tangent_law(g, 0.4, 60.0)))
+        angle = drift.integrate_by_adams(
+            lambda t, y: float(drift.compute_drift(g, y)) / 2, 0.4, 60 / steps, steps
+        )
+        errors.append(abs(angle[-1] - drift.follow_tangent_law(g, 0.4, 60.0)))
     assert errors[1] < 1e-6
     assert 10 < errors[0] / errors[1] < 30
 
@@ -155,15 +157,17 @@ def test_free_quadrature_grows_as_the_envelopes_say(ratio):
         du = resonator.generator(g, 0.0, second_order=0.0) @ u
         before, after = (ellipse.wave(u + sign * h * du, g.mode_number) for sign in (-1, 1))
         seen = (after[1] / after[0] - before[1] / before[0]) / (2 * h)
-        assert seen == pytest.approx(drift.quadrature_rate(g, angle, ratio, "free"), abs=1e-8)
+        assert seen == pytest.approx(
+            drift.compute_quadrature_rate(g, angle, ratio, "free"), abs=1e-8
+        )
 
 
 @pytest.mark.parametrize("drive", ["force", "parametric"])
 def test_quadrature_settles_where_its_rate_vanishes(drive):
     g = gyro(damping_split_1_s=0.12)
     for angle in np.linspace(0.0, 1.5, 7):
-        settled = drift.quadrature_settled(g, angle, drive)
-        assert abs(drift.quadrature_rate(g, angle, settled, drive)) < 1e-12
+        settled = drift.find_settled_quadrature(g, angle, drive)
+        assert abs(drift.compute_quadrature_rate(g, angle, settled, drive)) < 1e-12
 
 
 @pytest.mark.parametrize("damping_split", [0.05, -0.05])
@@ -177,15 +181,19 @@ def test_the_bound_is_reached_where_both_parts_peak_together(damping_split):
         damping_axis_rad=0.0,
         stiffness_axis_rad=angle - 3 * np.pi / 16,
     )
-    everywhere = np.abs(drift.drift_quasi_static(g, np.linspace(0, np.pi / 2, 2001)))
-    bound = drift.drift_bound(g)
+    everywhere = np.abs(drift.compute_quasi_static_drift(g, np.linspace(0, np.pi / 2, 2001)))
+    bound = drift.bound_drift(g)
     assert np.max(everywhere) == pytest.approx(bound, rel=1e-5) and np.max(everywhere) <= bound
 
 
 def test_lock_in_bound():
     """Below K·Ω = νδμ the wave stands still; above, the mean rate is −√((KΩ)² − (νδμ)²)   (PHYSICS M1b)."""
     g = gyro(frequency_split_rad_s=0.0, damping_split_1_s=0.05)
-    locked = drift.adams(lambda t, y: (float(drift.drift(g, y)) - 0.04) / 2, 0.4, 0.5, 2000)
+    locked = drift.integrate_by_adams(
+        lambda t, y: (float(drift.compute_drift(g, y)) - 0.04) / 2, 0.4, 0.5, 2000
+    )
     assert abs(locked[-1] - locked[-100]) < 1e-9
-    free = drift.adams(lambda t, y: (float(drift.drift(g, y)) - 0.13) / 2, 0.4, 0.5, 4000)
+    free = drift.integrate_by_adams(
+        lambda t, y: (float(drift.compute_drift(g, y)) - 0.13) / 2, 0.4, 0.5, 4000
+    )
     assert 2 * (free[-1] - free[0]) / 2000 == pytest.approx(-np.sqrt(0.13**2 - 0.05**2), rel=0.01)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hrg_cli.physics import ellipse, fast_engine, fast_loop, slow_engine, slow_motion
-from hrg_cli.physics.coefficients import Coefficients, state_of
+from hrg_cli.physics.coefficients import Coefficients, compute_state
 from hrg_cli.physics.plant import Control, Environment, Plant, ThermalCourses, linear_plant
 from hrg_cli.physics.resonator import J, Mechanics, reflection
 
@@ -281,7 +281,7 @@ def test_fast_engine_against_a_general_integrator(seed):
     _, z, _ = fast(mechanics, environment, u0, 3500.0, 0.15, courses=courses)
     t, n0 = np.arange(z.shape[1]) / 3500.0, plant.damping[0]
     table = Coefficients(environment, plant)
-    z0, w0 = state_of(table, np.zeros(1), u0[None], mechanics.omega_rad_s)
+    z0, w0 = compute_state(table, np.zeros(1), u0[None], mechanics.omega_rad_s)
     v0 = table.omega(np.zeros(1))[0] * w0[0] - n0 @ z0[0] + turn[0] * J @ z0[0]
     exact = solve_ivp(
         equation, (0, t[-1]), np.concatenate([z0[0], v0]), "DOP853", t, rtol=1e-10, atol=1e-10

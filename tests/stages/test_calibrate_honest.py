@@ -11,7 +11,7 @@ from forced_runs import Truth, forced_run, programme
 from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables.increments import path_of
-from hrg_cli.physics.drift import drift
+from hrg_cli.physics.drift import compute_drift
 from hrg_cli.stages.calibrate import calibrate, summary
 from hrg_cli.stages.calibration.table import compute_measured_drift, compute_standard_deviations
 
@@ -45,7 +45,7 @@ def errors_of(record, unseen, truth):
         path = path_of(wave, harmonics=1)
         x, theta = path.middle(path.temperature_degc), path.middle(path.angle_rad)
         found = record.values_at(x, theta)[0] + compute_measured_drift(record, path)
-        true = drift(truth(float(x[0])), theta, path.middle(path.ratio))
+        true = compute_drift(truth(float(x[0])), theta, path.middle(path.ratio))
         std = compute_standard_deviations(record, x, theta)[0]
         z.append((found - true) / std)
         error.append(found - true)

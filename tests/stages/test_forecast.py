@@ -90,7 +90,7 @@ def test_the_way_of_the_wave_is_that_of_the_driven_envelopes(drive, gain, rate, 
         quadrature_gain_1_s=gain,
     )
     t, g = found.table["time_s"], mechanics_of(record)
-    r0 = 0.0 if drive == "free" else float(drift.quadrature_settled(g, 0.7, drive, gain))
+    r0 = 0.0 if drive == "free" else float(drift.find_settled_quadrature(g, 0.7, drive, gain))
     angle, _ = envelopes_of(g, drive, gain, rate, 0.7, r0, np.concatenate([[0.0], t]))
     moved_by = np.abs(angle[1:] - 0.7).max()
     np.testing.assert_allclose(
@@ -106,9 +106,11 @@ def test_the_map_is_the_drift_of_a_settled_wave_whatever_the_split(drive):
     record = made(split=0.012)
     g = mechanics_of(record)
     angles = np.array([0.2, 0.63, 1.1])
-    slope = drift.motion(g, 0.0, drive)
-    held = drift.adams(lambda t, r: slope(t, np.stack([angles, r]))[1], np.zeros(3), 0.5, 3000)[-1]
-    assert held == pytest.approx(drift.quadrature_settled(g, angles, drive), rel=1e-6)
+    slope = drift.make_motion(g, 0.0, drive)
+    held = drift.integrate_by_adams(
+        lambda t, r: slope(t, np.stack([angles, r]))[1], np.zeros(3), 0.5, 3000
+    )[-1]
+    assert held == pytest.approx(drift.find_settled_quadrature(g, angles, drive), rel=1e-6)
     found = forecast(record, drive=drive)
     assert found.status == ("suspect" if drive == "force" else "valid")
 
@@ -121,10 +123,12 @@ def test_deviations_are_those_of_draws_also_where_the_split_is_lost_in_noise():
         x, covariance = vector_of(g), vector_covariance(record)
         angle = np.linspace(0.1, 1.4, 7)
         std = find_deviation(
-            drift.drift_quasi_static(from_vector(spread_points(x, covariance), g), angle)
+            drift.compute_quasi_static_drift(from_vector(spread_points(x, covariance), g), angle)
         )
         draws = from_vector(rng.multivariate_normal(x, covariance, 20000), g)
-        assert std == pytest.approx(np.std(drift.drift_quasi_static(draws, angle), axis=0), rel=0.1)
+        assert std == pytest.approx(
+            np.std(drift.compute_quasi_static_drift(draws, angle), axis=0), rel=0.1
+        )
 
 
 def test_forecast_figures_are_the_papers():

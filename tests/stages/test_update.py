@@ -9,7 +9,7 @@ from elliptic_runs import DEVICE, elliptic_run, resonator_of, tempered
 
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables.increments import path_of
-from hrg_cli.physics.drift import drift
+from hrg_cli.physics.drift import compute_drift
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.calibration.resonators import compute_coefficients
 from hrg_cli.stages.calibration.table import compute_measured_drift, compute_standard_deviations
@@ -51,7 +51,7 @@ def drift_error(record, device, temperature):
     path = path_of(wave, harmonics=1)
     x, theta = path.middle(path.temperature_degc), path.middle(path.angle_rad)
     found = record.values_at(x, theta)[0] + compute_measured_drift(record, path)
-    error = found - drift(device(temperature), theta, path.middle(path.ratio))
+    error = found - compute_drift(device(temperature), theta, path.middle(path.ratio))
     return float(np.sqrt(np.mean(error**2))), float(
         np.sqrt(np.mean((error / compute_standard_deviations(record, x, theta)[0]) ** 2))
     )

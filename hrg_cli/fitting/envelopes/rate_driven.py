@@ -204,7 +204,9 @@ def _fit_nodes(
 
 
 def _drift(g: Mechanics, run: _Run, errors: tuple[float, float]) -> Array:
-    return law.drift(g, run.angle, run.ratio, run.quadrature * errors[1], run.main * errors[0])
+    return law.compute_drift(
+        g, run.angle, run.ratio, run.quadrature * errors[1], run.main * errors[0]
+    )
 
 
 def _propagate_ratio_noise(run: _Run, g: Mechanics, rows: Array, groups: Array) -> Array:

@@ -79,7 +79,7 @@ def follow_wave(
         "wave_angle_rad": followed[:, 0, 0, 0],
         "wave_angle_rad_std": np.stack([find_deviation(a[:, 0]) for a in followed[:, 0]]),
         "tangent_law_rad": (
-            law.tangent_law(mechanics, run.wave_angle_rad, times)
+            law.follow_tangent_law(mechanics, run.wave_angle_rad, times)
             if rate == 0
             else np.full(count, np.nan)
         ),
@@ -132,13 +132,18 @@ def _follow(
 
     begin = np.zeros((len(np.atleast_1d(gyros.damping_rate_1_s)), len(angles)))
     settled = (
-        begin if drive == "free" else begin + law.quadrature_settled(gyros, angles, drive, gain)
+        begin
+        if drive == "free"
+        else begin + law.find_settled_quadrature(gyros, angles, drive, gain)
     )
     if follows:
-        slope, state = law.motion_following(gyros, rate, gain), begin + angles
+        slope, state = law.make_following_motion(gyros, rate, gain), begin + angles
     else:
-        slope, state = law.motion(gyros, rate, drive, gain), np.stack([begin + angles, settled])
-    steps = law.adams_steps(slope, state, step)
+        slope, state = (
+            law.make_motion(gyros, rate, drive, gain),
+            np.stack([begin + angles, settled]),
+        )
+    steps = law.step_by_adams(slope, state, step)
     out, widest, largest, at = [], [], np.abs(settled), 0
     with np.errstate(all="ignore"):
         for number in np.round(times / step).astype(int):
@@ -147,7 +152,7 @@ def _follow(
                     # `fmax` would forget a course that has left the numbers
                     np.maximum(largest, np.abs(state[1]), out=largest)
             if follows:  # whose map was held against a circle at every angle
-                state = np.stack([state, law.quadrature_settled(gyros, state, drive, gain)])
+                state = np.stack([state, law.find_settled_quadrature(gyros, state, drive, gain)])
                 np.maximum(largest, np.abs(state[1]), out=largest)
             out.append(state)
             widest.append(largest.copy())
@@ -162,7 +167,7 @@ def _rates_of_motion(gyros: Mechanics, run: Conditions) -> tuple[bool, float]:
     turning = float(np.max(2 * gyros.scale_factor * abs(run.rate_rad_s)))
     splits = float(np.max(2 * gyros.damping_split_1_s + 2 * gyros.frequency_split_rad_s))
     gain = run.quadrature_gain_1_s
-    decay = float(np.max(law.quadrature_decay(gyros, run.drive, gain)))
+    decay = float(np.max(law.compute_quadrature_decay(gyros, run.drive, gain)))
     follows = gain > 0 and decay > FAST_LOOP * (turning + splits)
     return follows, turning + splits + (0.0 if follows else 2 * decay)
 

@@ -17,7 +17,7 @@ def map_drift(gyros: Mechanics, drive: str, gain: float) -> dict[str, Array]:
     """D over the wave angle: exact at the settled quadrature where the gyro is driven, after one
     time constant in a run-down."""
     angle = np.arange(NODES) * _spacing(gyros)
-    damping = law.drift(gyros, angle)
+    damping = law.compute_drift(gyros, angle)
     total, r = _drift_at(gyros, angle, drive, gain)
     return {
         "wave_angle_rad": angle,
@@ -37,10 +37,10 @@ def _spacing(gyros: Mechanics) -> float:
 def _drift_at(gyros: Mechanics, angle: Array, drive: str, gain: float) -> tuple[Array, Array]:
     """D [rad/s] and r of each gyro at each wave angle."""
     if drive == "free":
-        r = law.quadrature_quasi_static(gyros, angle, drive)
-        return law.drift_quasi_static(gyros, angle, drive), r
-    r = law.quadrature_settled(gyros, angle, drive, gain)
-    return law.drift(gyros, angle, r), r
+        r = law.compute_quasi_static_quadrature(gyros, angle, drive)
+        return law.compute_quasi_static_drift(gyros, angle, drive), r
+    r = law.find_settled_quadrature(gyros, angle, drive, gain)
+    return law.compute_drift(gyros, angle, r), r
 
 
 def _largest_drift(
@@ -59,17 +59,19 @@ def name_figures(
     gyros: Mechanics, drawn: dict[str, Array], drive: str, gain: float, rate: float
 ) -> dict[str, dict[str, float]]:
     """Named figures with their standard deviations."""
-    split = np.square(gyros.frequency_split_rad_s) / law.quadrature_decay(gyros, drive, gain)
+    split = np.square(gyros.frequency_split_rad_s) / law.compute_quadrature_decay(
+        gyros, drive, gain
+    )
     figures = {
         "damping_part_rad_s": np.asarray(gyros.damping_split_1_s),
         "sin_8_theta_part_rad_s": np.asarray(split),
-        "drift_bound_rad_s": law.drift_bound(gyros, drive, gain),
-        "drift_bound_input_rad_s": law.drift_bound(gyros, drive, gain) / gyros.scale_factor,
+        "drift_bound_rad_s": law.bound_drift(gyros, drive, gain),
+        "drift_bound_input_rad_s": law.bound_drift(gyros, drive, gain) / gyros.scale_factor,
     }
     if rate and drive != "free":  # in a run-down r settles at no mean
         turning, nu = (
             2 * gyros.scale_factor * rate,
-            np.asarray(law.quadrature_decay(gyros, drive, gain)),
+            np.asarray(law.compute_quadrature_decay(gyros, drive, gain)),
         )
         figures["mean_drift_while_turning_rad_s"] = (
             -turning * np.square(gyros.frequency_split_rad_s) / (nu**2 + turning**2)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fitting.envelopes.resonator_spread import find_deviation, from_vector, spread_points
-from ...physics.drift import drift_bound
+from ...physics.drift import bound_drift
 from ...physics.resonator import Mechanics
 
 Array = np.ndarray
@@ -63,6 +63,6 @@ def trim_of(
         float(np.hypot(*done)), float(find_deviation(sizes)), float(np.mod(np.arctan2(done[1], done[0]) / m2, 2 * np.pi / m2)),
         float(min(find_deviation(angles / m2), 2 * np.pi / m2 / np.sqrt(12))), float(done[0]), float(done[1]),
         float(-np.hypot(*done) / (2 * np.pi)), left, spread,
-        float(drift_bound(mechanics, drive, gain_1_s)), float(drift_bound(after, drive, gain_1_s)[0]),
+        float(bound_drift(mechanics, drive, gain_1_s)), float(bound_drift(after, drive, gain_1_s)[0]),
     )  # fmt: skip
     return trim, trimmed
