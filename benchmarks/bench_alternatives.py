@@ -39,7 +39,7 @@ def loops_of_scipy(c: np.ndarray, s: np.ndarray, t: np.ndarray) -> tuple[np.ndar
         ).x
         found.append(x)
     y = np.array(found)
-    main, _, theta, _ = ellipse.wave(
+    main, _, theta, _ = ellipse.find_wave(
         np.stack([y[:, 0] - 1j * y[:, 1], y[:, 2] - 1j * y[:, 3]], 1), 2
     )
     return theta, -np.polyfit(t.reshape(-1, PERIOD).mean(1), np.log(main), 1)[0]
@@ -84,7 +84,7 @@ def compare(folder: Path) -> None:
     whole = next(run_down(COMPARED))
     c, s, t = whole.c * LSB, whole.s * LSB, np.arange(COMPARED) / RATE_HZ
     middle = t.reshape(-1, PERIOD).mean(1)
-    truth = ellipse.wave(envelopes(middle, 0.3), 2)[2]
+    truth = ellipse.find_wave(envelopes(middle, 0.3), 2)[2]
     taken = {}
 
     def line(name: str, theta: np.ndarray, nu: float, started: float) -> None:

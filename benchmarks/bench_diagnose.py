@@ -11,7 +11,7 @@ import numpy as np
 from hrg_cli.fitting.envelopes import envelope_runs
 from hrg_cli.fitting.envelopes.base_fit import fit_base_model
 from hrg_cli.physics import ellipse
-from hrg_cli.physics.resonator import Mechanics, exponential, generator
+from hrg_cli.physics.resonator import Mechanics, build_generator, exponentiate
 from hrg_cli.records import Wave
 from hrg_cli.stages.diagnose import diagnose, summary
 
@@ -28,19 +28,19 @@ def run(number: int, hidden: bool = False) -> Wave:
     random = np.random.default_rng(number)
     t = (np.arange(WINDOWS) + 0.5) * WINDOW_S
     rate = (0.0, 0.0, 2.0, -2.0)[number % 4]
-    start = ellipse.envelopes(
+    start = ellipse.compute_envelopes(
         np.array((1.0, 0.5)[number // 4]),
         np.array(0.05),
         np.array(0.2 * number),
         np.array(random.uniform(0, 6)),
     )
-    u = exponential(generator(DEVICE, rate + BIAS_RAD_S * hidden), t) @ start
+    u = exponentiate(build_generator(DEVICE, rate + BIAS_RAD_S * hidden), t) @ start
     if hidden:
         u = u * np.array([1 + GAIN / 2, 1 - GAIN / 2])
     u = u + NOISE * (
         random.standard_normal((WINDOWS, 2)) + 1j * random.standard_normal((WINDOWS, 2))
     )
-    a_A, a_B, angle, phase = ellipse.wave(u)
+    a_A, a_B, angle, phase = ellipse.find_wave(u)
     angle, phase = ellipse.unwrap(angle, phase)
     std, zero = np.full(WINDOWS, NOISE), np.zeros(WINDOWS)
     return Wave(

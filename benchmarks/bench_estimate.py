@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from timing import best
 
 from hrg_cli.fitting.ellipse.closed_form import closed_form
-from hrg_cli.physics.signals import signals
+from hrg_cli.physics.signals import make_signals
 from hrg_cli.records import Periods
 from hrg_cli.stages.estimate import estimate
 
@@ -25,7 +25,7 @@ def carrier_periods(rows: int) -> tuple[Periods, np.ndarray]:
     x = np.stack(
         [np.exp(-t / 1e3), 0.05 * np.cos(t), 0.3 + 2 * t, 0.5 * t, 0.4 + 0.01 * np.sin(t)], axis=-1
     )
-    z = signals(x) + SIGMA * np.random.default_rng(1).standard_normal((rows, 8))
+    z = make_signals(x) + SIGMA * np.random.default_rng(1).standard_normal((rows, 8))
     record = Periods(
         time_s=t,
         signals=z,
@@ -55,7 +55,7 @@ def main() -> None:
     def one_by_one() -> None:
         start = truth[0]
         for row in few.signals:
-            start = least_squares(lambda x, row=row: signals(x) - row, start, method="lm").x
+            start = least_squares(lambda x, row=row: make_signals(x) - row, start, method="lm").x
 
     scipy_us = best(one_by_one, 3) / len(few) * 1e6
     print(f"scipy.optimize.least_squares (lm, start previous): {scipy_us:.0f} us a period")

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from hrg_cli.fitting.envelopes.base_fit import fit_base_model
 from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
 from hrg_cli.physics import ellipse
-from hrg_cli.physics.resonator import Mechanics, exponential, generator
+from hrg_cli.physics.resonator import Mechanics, build_generator, exponentiate
 
 GYRO = Mechanics(5000.0, 0.31, 0.012, 0.35, 0.11, 0.9, 0.55)
 SIGMA = 1e-3
@@ -26,7 +26,7 @@ def make_run(number: int, windows: int) -> EnvelopeRun:
     rng = np.random.default_rng(number)
     rate = (0.0, 2.0, 0.0, -2.0)[number % 4]
     times = (np.arange(windows) + 0.5) * 4.0 / windows
-    u = exponential(generator(GYRO, rate), times) @ ellipse.envelopes(
+    u = exponentiate(build_generator(GYRO, rate), times) @ ellipse.compute_envelopes(
         1.0, 0.02, 0.2 * number, 0.3 * number
     )
     noise = SIGMA * (rng.standard_normal(u.shape) + 1j * rng.standard_normal(u.shape))

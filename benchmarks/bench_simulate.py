@@ -13,8 +13,8 @@ from scipy.linalg import expm
 
 from hrg_cli.physics import fast_engine
 from hrg_cli.physics.coefficients import Coefficients, compute_state
-from hrg_cli.physics.ellipse import envelopes
-from hrg_cli.physics.plant import Control, Environment, ThermalCourses, linear_plant
+from hrg_cli.physics.ellipse import compute_envelopes
+from hrg_cli.physics.plant import Control, Environment, ThermalCourses, make_linear_plant
 from hrg_cli.physics.resonator import J, Mechanics
 from hrg_cli.stages.simulate import simulate
 
@@ -47,8 +47,8 @@ def against_general_integrator() -> None:
     environment = Environment(
         np.array([0.0, 1e4]), *(np.full(2, v) for v in (20.0, RATE_RAD_S, 20.0, RATE_RAD_S))
     )
-    plant = linear_plant(MECHANICS, ThermalCourses(), environment)
-    u0 = envelopes(*map(np.asarray, (1.0, 0.02, 0.2, 0.5)))
+    plant = make_linear_plant(MECHANICS, ThermalCourses(), environment)
+    u0 = compute_envelopes(*map(np.asarray, (1.0, 0.02, 0.2, 0.5)))
     count = round(COMPARED_S * SAMPLE_RATE_HZ)
     damping = 2 * (plant.damping[0] - MECHANICS.scale_factor * RATE_RAD_S * J)
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [-plant.stiffness[0], -damping]])

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from hrg_cli.physics import ellipse
-from hrg_cli.physics.resonator import Mechanics, exponential, generator
+from hrg_cli.physics.resonator import Mechanics, build_generator, exponentiate
 from hrg_cli.records import Recording
 
 GYRO = Mechanics(5003.7, 0.05, 0.004, 0.35, 0.11, 0.9, 0.55)
@@ -23,7 +23,7 @@ ROOT = Path(__file__).parent.parent
 
 def envelopes(times: np.ndarray, theta: float, gyro: Mechanics = GYRO) -> np.ndarray:
     """Exact envelopes (n, 2) of a run-down at rest."""
-    return exponential(generator(gyro, 0.0), times) @ ellipse.envelopes(
+    return exponentiate(build_generator(gyro, 0.0), times) @ ellipse.compute_envelopes(
         0.9, 0.01, theta, 0.2, gyro.mode_number
     )
 

@@ -29,7 +29,7 @@ FURTHER = {
         *("read", "write", "open_record", "read_any"),
         *("kind_of", "provenance_of", "changes"),
     ],
-    "hrg_cli.physics.ellipse": ["envelopes", "wave"],
+    "hrg_cli.physics.ellipse": ["compute_envelopes", "find_wave"],
     "hrg_cli.fitting.tables.allan": ["allan_deviation"],
     "hrg_cli.limit_values": ["limit_value"],
     "hrg_cli.settings": ["parse_assignment"],

@@ -11,7 +11,7 @@ known otherwise.
 import numpy as np
 
 from ..physics.plant import Readout, SlowState
-from ..physics.resonator import generator
+from ..physics.resonator import build_generator
 from .effect import Array, Effect, Parameter, Values
 
 
@@ -22,7 +22,7 @@ def readout(p: Values, readout: Readout) -> None:
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """ε (L + jω_r) u."""
-    L = generator(state.mechanics, state.rate_rad_s, state.omega_r_rad_s / (2 * np.pi))
+    L = build_generator(state.mechanics, state.rate_rad_s, state.omega_r_rad_s / (2 * np.pi))
     return p["relative"] * (np.einsum("...ij,...j->...i", L, u) + 1j * state.omega_r_rad_s * u)
 
 

@@ -10,7 +10,7 @@ and angle; a sample counter.
 import numpy as np
 
 from ..physics.plant import Readout, SlowState
-from ..physics.resonator import exponential, generator
+from ..physics.resonator import build_generator, exponentiate
 from .effect import Array, Effect, Parameter, Values
 from .envelope_jumps import in_its_run, instants, part_after, run_parameter
 
@@ -23,9 +23,9 @@ def readout(p: Values, readout: Readout) -> None:
 
 def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """e^{jω_r τ} exp(Lτ) u after the instant, L of the resonator at the rate of the moment."""
-    L = generator(state.mechanics, state.rate_rad_s, state.omega_r_rad_s / (2 * np.pi))
+    L = build_generator(state.mechanics, state.rate_rad_s, state.omega_r_rad_s / (2 * np.pi))
     later = np.exp(1j * state.omega_r_rad_s * p["lost_s"]) * np.einsum(
-        "...ij,...j->...i", exponential(L, p["lost_s"]), u
+        "...ij,...j->...i", exponentiate(L, p["lost_s"]), u
     )
     after = part_after(np.asarray(state.time_s), p["time_s"]) * in_its_run(p, state)
     return u + after[..., None] * (later - u)

@@ -265,7 +265,7 @@ def followed(w: Array, last: list[Array]) -> Array:
     may be most of half a turn a sample.
     """
     whole = np.concatenate([last[0], w]) if last else w
-    phase = ellipse.wave(whole, 1)[3]
+    phase = ellipse.find_wave(whole, 1)[3]
     advance = np.angle(np.sum(np.conj(whole[:-1]) * whole[1:])) * np.arange(len(whole))
     phase = np.unwrap(phase - advance, period=np.pi) + advance
     if last:

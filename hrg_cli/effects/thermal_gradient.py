@@ -7,7 +7,7 @@ Size: γ 1e-7 … 1e-5 s/K. Mistaken for: lag of the thermometer (one time const
 hysteresis. What separates it: soak steps, two ramp speeds.
 """
 
-from ..physics.environment import slope
+from ..physics.environment import compute_slope
 from ..physics.plant import Environment, Plant, SlowState
 from ..physics.resonator import split_matrix
 from .effect import Array, Effect, Parameter, Values
@@ -15,7 +15,7 @@ from .effect import Array, Effect, Parameter, Values
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """ω (1 + γ dT/dt), W += 2ω dT/dt (g_c R(0) + g_s R(π/2))."""
-    rate = slope(env.temperature_degc, env.time_s)
+    rate = compute_slope(env.temperature_degc, env.time_s)
     split = split_matrix(p["split_cos_rad_k"], p["split_sin_rad_k"])
     plant.stiffness = (
         plant.retuned(p["frequency_s_k"] * rate)

@@ -39,7 +39,7 @@ from .electronics import (
     Y_SIN,
     BoardSettings,
 )
-from .loop_forces import stokes_of
+from .loop_forces import find_stokes
 from .loop_values import LOOP_FORCE, LOOP_SPRING, Gains
 
 Array = np.ndarray
@@ -208,7 +208,7 @@ def take_reading(
         return
     demodulate_window(settings, state)
 
-    s0, s1, s2, s3 = stokes_of(state[X_COS] + 1j * state[X_SIN], state[Y_COS] + 1j * state[Y_SIN])
+    s0, s1, s2, s3 = find_stokes(state[X_COS] + 1j * state[X_SIN], state[Y_COS] + 1j * state[Y_SIN])
     a_A = math.sqrt((s0 + math.sqrt(s1 * s1 + s2 * s2)) / 2)
     if not a_A > 0.0:
         return

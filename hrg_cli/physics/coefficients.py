@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import HrgError
 from .plant import Environment, Plant
-from .resonator import IDENTITY, J, solvent
+from .resonator import IDENTITY, J, find_solvent
 
 Array = np.ndarray
 _CHORD_ERROR_1_S = 1e-9
@@ -171,11 +171,11 @@ def compute_analytic(table: Coefficients, t: Array, z: Array, w: Array, omega_r:
     --------
     >>> import numpy as np
     >>> from hrg_cli.physics.coefficients import Coefficients, compute_analytic, compute_state
-    >>> from hrg_cli.physics.environment import constant, environment
-    >>> from hrg_cli.physics.plant import ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.environment import hold_value, make_environment
+    >>> from hrg_cli.physics.plant import ThermalCourses, make_linear_plant
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> world = environment(constant(20.0), constant(1.0), 0.0, 1.0, 0.001)
-    >>> table = Coefficients(world, linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), world))
+    >>> world = make_environment(hold_value(20.0), hold_value(1.0), 0.0, 1.0, 0.001)
+    >>> table = Coefficients(world, make_linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), world))
     >>> t, q = np.zeros(1), np.array([[1.0 + 0.5j, 0.2j]])
     >>> bool(np.allclose(compute_analytic(table, t, *compute_state(table, t, q, 628.0), 628.0), q))
     True
@@ -209,12 +209,12 @@ def compute_state(table: Coefficients, t: Array, q: Array, omega_r: float) -> tu
     --------
     >>> import numpy as np
     >>> from hrg_cli.physics.coefficients import Coefficients, compute_state
-    >>> from hrg_cli.physics.environment import constant, environment
-    >>> from hrg_cli.physics.plant import ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.environment import hold_value, make_environment
+    >>> from hrg_cli.physics.plant import ThermalCourses, make_linear_plant
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> world = environment(constant(20.0), constant(0.0), 0.0, 1.0, 0.001)
+    >>> world = make_environment(hold_value(20.0), hold_value(0.0), 0.0, 1.0, 0.001)
     >>> gyro = Mechanics(100.0, 0.0)
-    >>> table = Coefficients(world, linear_plant(gyro, ThermalCourses(), world))
+    >>> table = Coefficients(world, make_linear_plant(gyro, ThermalCourses(), world))
     >>> z, w = compute_state(table, np.zeros(1), np.array([[0j, 1j]]), gyro.omega_rad_s)
     >>> z.round(9).tolist(), w.round(9).tolist()
     ([[0.0, 0.0]], [[0.0, -1.0]])
@@ -244,12 +244,12 @@ def compute_velocity(table: Coefficients, t: Array, z: Array, w: Array) -> Array
     --------
     >>> import numpy as np
     >>> from hrg_cli.physics.coefficients import Coefficients, compute_velocity
-    >>> from hrg_cli.physics.environment import constant, environment
-    >>> from hrg_cli.physics.plant import ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.environment import hold_value, make_environment
+    >>> from hrg_cli.physics.plant import ThermalCourses, make_linear_plant
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> world = environment(constant(20.0), constant(1.0), 0.0, 1.0, 0.001)
+    >>> world = make_environment(hold_value(20.0), hold_value(1.0), 0.0, 1.0, 0.001)
     >>> gyro = Mechanics(100.0, 0.0, scale_factor=0.5)
-    >>> table = Coefficients(world, linear_plant(gyro, ThermalCourses(), world))
+    >>> table = Coefficients(world, make_linear_plant(gyro, ThermalCourses(), world))
     >>> z = np.array([[1.0], [0.0]])
     >>> compute_velocity(table, np.zeros(1), z, 0 * z).round(9).ravel().tolist()
     [0.0, -0.5]
@@ -262,7 +262,7 @@ def _momentum_matrix(table: Coefficients, t: Array, omega_r: float) -> Array:
     turning = table.turning(t)[:, None, None] * J
     return (
         1j * omega_r * IDENTITY
-        + solvent(table.damping(t) - turning, table.stiffness(t), omega_r)
+        + find_solvent(table.damping(t) - turning, table.stiffness(t), omega_r)
         - turning
     )
 

@@ -76,7 +76,7 @@ def compile_all(
     >>> def not_compiled(function, inline):
     ...     return function
     >>> made = compile_all(not_compiled, [compute_cubic_factor], opened=())
-    >>> made["cubic_factor"]("printed")
+    >>> made["compute_cubic_factor"]("printed")
     3.0
     """
     made, mark = dict(given), fingerprint(functions)

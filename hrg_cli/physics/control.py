@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .ellipse import stokes
+from .ellipse import compute_stokes
 from .plant import Control
-from .resonator import reflection
+from .resonator import make_reflection
 
 Array = np.ndarray
 
@@ -88,7 +88,7 @@ def find_axes(u: Array, near: Array) -> tuple[float, float, Array, Array, comple
     >>> round(a_A, 9), round(a_B, 9), e_A.tolist(), turn
     (1.0, -0.5, [-1.0, -0.0], (-1+0j))
     """
-    s0, s1, s2, s3 = stokes(u)
+    s0, s1, s2, s3 = compute_stokes(u)
     a_A = np.sqrt((s0 + np.hypot(s1, s2)) / 2)
     # Half of an angle known modulo 2π: mθ modulo π, its side chosen by `near`.
     electrical = np.arctan2(s2, s1) / 2
@@ -179,6 +179,6 @@ def compute_drive(
             rate[1] = control.quadrature_integral_1_s2 * a_B / a_A
         # What a force loop of the same effect would command, so that logs of both read alike.
         quadrature = -sigma * a_A
-        spring = 1j * sigma * reflection(2 * np.arctan2(e_A[1], e_A[0]) + np.pi / 2) @ u
+        spring = 1j * sigma * make_reflection(2 * np.arctan2(e_A[1], e_A[0]) + np.pi / 2) @ u
     du = control.drive_matrix @ force + control.parasitic_force * turn + spring
     return Drive(du, force, np.array([main, quadrature]), rate)

@@ -9,7 +9,7 @@ import numpy as np
 Array = np.ndarray
 
 
-def envelopes(
+def compute_envelopes(
     main_amplitude: Array,
     quadrature_amplitude: Array,
     wave_angle_rad: Array,
@@ -37,8 +37,8 @@ def envelopes(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.ellipse import envelopes
-    >>> np.round(envelopes(1.0, 0.0, np.pi / 4, 0.0), 6).tolist()
+    >>> from hrg_cli.physics.ellipse import compute_envelopes
+    >>> np.round(compute_envelopes(1.0, 0.0, np.pi / 4, 0.0), 6).tolist()
     [0j, (1+0j)]
     """
     cos, sin = (
@@ -51,7 +51,7 @@ def envelopes(
     return np.stack(np.broadcast_arrays(c0, s0), axis=-1)
 
 
-def stokes(u: Array) -> Array:
+def compute_stokes(u: Array) -> Array:
     """Stokes vector of envelopes (PHYSICS §0).
 
     S₀ = |C|² + |S|², then (a_A² − a_B²)·(cos 2mθ, sin 2mθ), then 2·Im(C0 S0*) = 2 a_A a_B: quadratic,
@@ -70,8 +70,8 @@ def stokes(u: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.ellipse import envelopes, stokes
-    >>> np.round(stokes(envelopes(1.0, 0.5, 0.0, 0.3)), 9).tolist()
+    >>> from hrg_cli.physics.ellipse import compute_envelopes, compute_stokes
+    >>> np.round(compute_stokes(compute_envelopes(1.0, 0.5, 0.0, 0.3)), 9).tolist()
     [1.25, 0.75, 0.0, 1.0]
     """
     c, s = u[..., 0], u[..., 1]
@@ -79,7 +79,7 @@ def stokes(u: Array) -> Array:
     return np.stack([c2 + s2, c2 - s2, 2 * cross.real, 2 * cross.imag], axis=-1)
 
 
-def wave(u: Array, mode_number: int = 2) -> tuple[Array, Array, Array, Array]:
+def find_wave(u: Array, mode_number: int = 2) -> tuple[Array, Array, Array, Array]:
     """(a_A, a_B, θ, φ) of envelopes: a_A ≥ |a_B|, θ in (−π/2m, π/2m], φ in (−π, π].
 
     a_A = √((S0+q)/2), a_B = S3/2a_A, θ = arg(S1+jS2)/2m with the Stokes parameters S and
@@ -100,11 +100,11 @@ def wave(u: Array, mode_number: int = 2) -> tuple[Array, Array, Array, Array]:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.ellipse import envelopes, wave
-    >>> [round(float(x), 9) for x in wave(envelopes(1.0, 0.1, 0.3, 0.5))]
+    >>> from hrg_cli.physics.ellipse import compute_envelopes, find_wave
+    >>> [round(float(x), 9) for x in find_wave(compute_envelopes(1.0, 0.1, 0.3, 0.5))]
     [1.0, 0.1, 0.3, 0.5]
     """
-    s0, s1, s2, s3 = np.moveaxis(stokes(u), -1, 0)
+    s0, s1, s2, s3 = np.moveaxis(compute_stokes(u), -1, 0)
     a_A = np.sqrt((s0 + np.hypot(s1, s2)) / 2)
     # S3 = 2a_A a_B, so a_B keeps its sign and its digits where √((S0 − q)/2) would lose both near a
     # line.

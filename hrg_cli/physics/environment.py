@@ -35,7 +35,7 @@ class Programme:
     constant: bool = False
 
 
-def constant(level: float) -> Programme:
+def hold_value(level: float) -> Programme:
     """The same value at all times.
 
     Parameters
@@ -51,14 +51,14 @@ def constant(level: float) -> Programme:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.environment import constant
-    >>> constant(20.0).value(np.array([0.0, 1.0])).tolist()
+    >>> from hrg_cli.physics.environment import hold_value
+    >>> hold_value(20.0).value(np.array([0.0, 1.0])).tolist()
     [20.0, 20.0]
     """
     return Programme(lambda t: np.full(np.shape(t), level), np.zeros(0), constant=True)
 
 
-def polyline(times: Sequence[float] | Array, values: Sequence[float] | Array) -> Programme:
+def follow_points(times: Sequence[float] | Array, values: Sequence[float] | Array) -> Programme:
     """Straight lines through the points; constant before the first and after the last.
 
     Parameters
@@ -76,15 +76,15 @@ def polyline(times: Sequence[float] | Array, values: Sequence[float] | Array) ->
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.environment import polyline
-    >>> polyline([0.0, 10.0], [20.0, 30.0]).value(np.array([5.0, 15.0])).tolist()
+    >>> from hrg_cli.physics.environment import follow_points
+    >>> follow_points([0.0, 10.0], [20.0, 30.0]).value(np.array([5.0, 15.0])).tolist()
     [25.0, 30.0]
     """
     t, v = np.asarray(times, float), np.asarray(values, float)
     return Programme(lambda x: np.interp(x, t, v), t)
 
 
-def levels(values: Sequence[float], dwell_s: float, transition_s: float) -> Programme:
+def follow_levels(values: Sequence[float], dwell_s: float, transition_s: float) -> Programme:
     """Each value held for dwell_s, the next reached along a straight line of transition_s.
 
     Parameters
@@ -102,17 +102,17 @@ def levels(values: Sequence[float], dwell_s: float, transition_s: float) -> Prog
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.environment import levels
-    >>> levels([0.0, 4.0], 10.0, 2.0).value(np.array([9.0, 11.0, 13.0])).tolist()
+    >>> from hrg_cli.physics.environment import follow_levels
+    >>> follow_levels([0.0, 4.0], 10.0, 2.0).value(np.array([9.0, 11.0, 13.0])).tolist()
     [0.0, 2.0, 4.0]
     """
     starts = np.arange(len(values)) * (dwell_s + transition_s)
-    return polyline(
+    return follow_points(
         np.column_stack([starts, starts + dwell_s]).ravel(), np.repeat(np.asarray(values, float), 2)
     )
 
 
-def sine(
+def make_sine(
     amplitude: float, frequency_hz: float, phase_rad: float = 0.0, offset: float = 0.0
 ) -> Programme:
     """offset + amplitude·sin(2πft + phase).
@@ -132,8 +132,8 @@ def sine(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.environment import sine
-    >>> sine(2.0, 0.25, offset=1.0).value(np.array([0.0, 1.0])).tolist()
+    >>> from hrg_cli.physics.environment import make_sine
+    >>> make_sine(2.0, 0.25, offset=1.0).value(np.array([0.0, 1.0])).tolist()
     [1.0, 3.0]
     """
     omega = 2 * np.pi * frequency_hz
@@ -155,7 +155,7 @@ def _corners(a_period: int, period_s: float, end_s: float) -> Array:
     return np.arange(int(count))
 
 
-def triangle(low: float, high: float, period_s: float, end_s: float) -> Programme:
+def make_triangle(low: float, high: float, period_s: float, end_s: float) -> Programme:
     """From low to high in half a period and back, again and again until end_s.
 
     Parameters
@@ -175,15 +175,15 @@ def triangle(low: float, high: float, period_s: float, end_s: float) -> Programm
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.environment import triangle
-    >>> triangle(0.0, 1.0, 4.0, 8.0).value(np.array([0.0, 1.0, 2.0, 3.0])).tolist()
+    >>> from hrg_cli.physics.environment import make_triangle
+    >>> make_triangle(0.0, 1.0, 4.0, 8.0).value(np.array([0.0, 1.0, 2.0, 3.0])).tolist()
     [0.0, 0.5, 1.0, 0.5]
     """
     corner = _corners(2, period_s, end_s)
-    return polyline(corner * period_s / 2, np.where(corner % 2, high, low))
+    return follow_points(corner * period_s / 2, np.where(corner % 2, high, low))
 
 
-def sweep(largest: float, period_s: float, end_s: float) -> Programme:
+def make_sweep(largest: float, period_s: float, end_s: float) -> Programme:
     """From 0 to +largest, to −largest and back to 0 in each period until end_s.
 
     Parameters
@@ -203,15 +203,17 @@ def sweep(largest: float, period_s: float, end_s: float) -> Programme:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.environment import sweep
-    >>> sweep(2.0, 4.0, 8.0).value(np.array([0.0, 1.0, 2.0, 3.0])).tolist()
+    >>> from hrg_cli.physics.environment import make_sweep
+    >>> make_sweep(2.0, 4.0, 8.0).value(np.array([0.0, 1.0, 2.0, 3.0])).tolist()
     [0.0, 2.0, 0.0, -2.0]
     """
     corner = _corners(4, period_s, end_s)
-    return polyline(corner * period_s / 4, largest * np.array([0.0, 1.0, 0.0, -1.0])[corner % 4])
+    return follow_points(
+        corner * period_s / 4, largest * np.array([0.0, 1.0, 0.0, -1.0])[corner % 4]
+    )
 
 
-def total(parts: Sequence[Programme]) -> Programme:
+def add_programmes(parts: Sequence[Programme]) -> Programme:
     """The sum of programmes.
 
     Parameters
@@ -227,8 +229,8 @@ def total(parts: Sequence[Programme]) -> Programme:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.environment import constant, polyline, total
-    >>> total([constant(1.0), polyline([0.0, 1.0], [0.0, 2.0])]).value(np.array([0.5])).tolist()
+    >>> from hrg_cli.physics.environment import hold_value, follow_points, add_programmes
+    >>> add_programmes([hold_value(1.0), follow_points([0.0, 1.0], [0.0, 2.0])]).value(np.array([0.5])).tolist()
     [2.0]
     """
     return Programme(
@@ -239,7 +241,7 @@ def total(parts: Sequence[Programme]) -> Programme:
     )
 
 
-def slope(values: Array, time_s: Array) -> Array:
+def compute_slope(values: Array, time_s: Array) -> Array:
     """dv/dt at the rows of a grid, however uneven: a line from row to row through it has the
     integral v(t) − v(0).
 
@@ -261,8 +263,8 @@ def slope(values: Array, time_s: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.environment import slope
-    >>> slope(np.array([0.0, 1.0, 4.0]), np.array([0.0, 1.0, 2.0])).tolist()
+    >>> from hrg_cli.physics.environment import compute_slope
+    >>> compute_slope(np.array([0.0, 1.0, 4.0]), np.array([0.0, 1.0, 2.0])).tolist()
     [1.0, 2.0, 3.0]
     """
     steps = np.diff(time_s)
@@ -271,7 +273,7 @@ def slope(values: Array, time_s: Array) -> Array:
     return np.asarray(np.divide(change, width, out=np.zeros(len(width)), where=width > 0))
 
 
-def earth_rate(latitude_rad: float) -> float:
+def compute_earth_rate(latitude_rad: float) -> float:
     """The Earth's rotation about the local vertical.
 
     Parameters
@@ -287,14 +289,14 @@ def earth_rate(latitude_rad: float) -> float:
     Examples
     --------
     >>> import math
-    >>> from hrg_cli.physics.environment import earth_rate
-    >>> round(math.degrees(earth_rate(math.pi / 2)) * 3600, 2)
+    >>> from hrg_cli.physics.environment import compute_earth_rate
+    >>> round(math.degrees(compute_earth_rate(math.pi / 2)) * 3600, 2)
     15.04
     """
     return float(EARTH_RATE_RAD_S * np.sin(latitude_rad))
 
 
-def environment(
+def make_environment(
     temperature: Programme,
     rate: Programme,
     unlogged_rate_rad_s: float,
@@ -329,8 +331,8 @@ def environment(
 
     Examples
     --------
-    >>> from hrg_cli.physics.environment import constant, environment
-    >>> world = environment(constant(20.0), constant(1.5), 0.5, 2.0, 0.001)
+    >>> from hrg_cli.physics.environment import hold_value, make_environment
+    >>> world = make_environment(hold_value(20.0), hold_value(1.5), 0.5, 2.0, 0.001)
     >>> world.rate_rad_s.tolist(), world.logged_rate_rad_s.tolist()
     ([1.5, 1.5], [1.0, 1.0])
     """

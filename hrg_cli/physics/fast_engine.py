@@ -100,12 +100,12 @@ def run(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.environment import constant, environment
+    >>> from hrg_cli.physics.environment import hold_value, make_environment
     >>> from hrg_cli.physics.fast_engine import run
-    >>> from hrg_cli.physics.plant import Control, ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.plant import Control, ThermalCourses, make_linear_plant
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> world = environment(constant(20.0), constant(0.0), 0.0, 1.0, 0.001)
-    >>> plant = linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), world)
+    >>> world = make_environment(hold_value(20.0), hold_value(0.0), 0.0, 1.0, 0.001)
+    >>> plant = make_linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), world)
     >>> block = next(run(world, plant, Control(), np.array([1.0, 0j]), 0.001, 1000))
     >>> bool(abs(block.envelopes(np.array([999]))[0, 0] - np.exp(-0.5 * 0.999)) < 1e-3)
     True
@@ -155,7 +155,7 @@ class _Engine:
         self.h = step_s / self.substeps
         self.table = Coefficients(environment, plant)
         self.stride = self.table.knot_stride(self.h)
-        self.advance = fast_loop.compiled(plant.extra)
+        self.advance = fast_loop.compile_loop(plant.extra)
 
         e_A = np.array([math.cos(start_angle_rad), math.sin(start_angle_rad)])
         self.memory = self._memory(start, e_A)

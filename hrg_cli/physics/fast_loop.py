@@ -25,13 +25,13 @@ from .compilation import bound, compile_all
 from .electronics import LOOPS_ON_BOARD, OSCILLATOR_COS, OSCILLATOR_SIN, SILENT, Board
 from .loop_forces import (
     command_ideally,
-    command_of_board,
+    compute_spring_pull,
+    find_board_command,
+    find_stokes,
     make_force,
-    pull_of_spring,
     reach_mode,
     regulate,
     see_envelopes,
-    stokes_of,
 )
 from .loop_values import (
     DAMPING,
@@ -217,7 +217,7 @@ def advance(
             sampled = angle / math.tan(angle)
             ux, uy = see_envelopes(x, y, scale * px, scale * py, gx, gy, angle, sampled, local)
             if board.kind == LOOPS_ON_BOARD:
-                command = command_of_board(state)
+                command = find_board_command(state)
             else:
                 command = command_ideally(i, ux, uy, h, kind, gains, commanded, memory)
             main, quadrature = command.main, command.quadrature
@@ -235,7 +235,7 @@ def advance(
                 state,
             )
             if kind == LOOP_SPRING:
-                sx, sy = pull_of_spring(x, y, omega, command)
+                sx, sy = compute_spring_pull(x, y, omega, command)
                 ax -= sx
                 ay -= sy
             pull, push = hx.imag, hy.imag
@@ -295,21 +295,21 @@ def advance(
 
 
 PARTS = (
-    *(round_to_step, find_passed_part, turn_oscillator, stokes_of),
+    *(round_to_step, find_passed_part, turn_oscillator, find_stokes),
     *(take_commands, read, demodulate_window, follow_axis, regulate_on_board, take_reading),
     *(_disturbed, _find_knot, _interpolate, _velocity),
-    *(regulate, command_ideally, command_of_board, see_envelopes),
-    *(make_force, pull_of_spring, reach_mode),
+    *(regulate, command_ideally, find_board_command, see_envelopes),
+    *(make_force, compute_spring_pull, reach_mode),
 )
 """What `advance` calls whatever acceleration it is compiled with, callees first."""
 WITH_ACCELERATION = (_acceleration, _accelerate, advance)
-_CONTROL = (regulate, command_ideally, command_of_board, see_envelopes, make_force)
-OPENED = frozenset(f.__name__ for f in (stokes_of, *_CONTROL, pull_of_spring, reach_mode))
+_CONTROL = (regulate, command_ideally, find_board_command, see_envelopes, make_force)
+OPENED = frozenset(f.__name__ for f in (find_stokes, *_CONTROL, compute_spring_pull, reach_mode))
 """Written into the loop where they are called: as calls they would cost it a quarter."""
 
 
 @functools.lru_cache(maxsize=16)
-def compiled(extra: Acceleration | None) -> Callable[..., None]:
+def compile_loop(extra: Acceleration | None) -> Callable[..., None]:
     """The loop with `extra` inside: compiled (and kept on disk where nothing of the caller's is
     inside), or plain Python."""
     try:

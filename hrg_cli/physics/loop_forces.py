@@ -115,8 +115,8 @@ def see_envelopes(
     return x - 1j * wx, y - 1j * wy
 
 
-def stokes_of(ux: complex, uy: complex) -> tuple[float, float, float, float]:
-    """S0 … S3 of one pair of envelopes, as `ellipse.stokes` has them.
+def find_stokes(ux: complex, uy: complex) -> tuple[float, float, float, float]:
+    """S0 … S3 of one pair of envelopes, as `ellipse.compute_stokes` has them.
 
     Parameters
     ----------
@@ -132,8 +132,8 @@ def stokes_of(ux: complex, uy: complex) -> tuple[float, float, float, float]:
     --------
     A line at 45° between the electrodes is all S2, a circle all S3:
 
-    >>> from hrg_cli.physics.loop_forces import stokes_of
-    >>> stokes_of(1 + 0j, 1 + 0j), stokes_of(1 + 0j, complex(0, -1))
+    >>> from hrg_cli.physics.loop_forces import find_stokes
+    >>> find_stokes(1 + 0j, 1 + 0j), find_stokes(1 + 0j, complex(0, -1))
     ((2.0, 0.0, 2.0, 0.0), (2.0, 0.0, 0.0, 2.0))
     """
     a, b, c, d = ux.real, ux.imag, uy.real, uy.imag
@@ -194,7 +194,7 @@ def command_ideally(
     >>> round(float(made.main), 9), made.cos, made.sin, round(made.amplitude, 9)
     (0.2, 1.0, 0.0, 0.9)
     """
-    s0, s1, s2, s3 = stokes_of(ux, uy)
+    s0, s1, s2, s3 = find_stokes(ux, uy)
     s12 = math.sqrt(s1 * s1 + s2 * s2)
     a_A = math.sqrt((s0 + s12) / 2)
     if not (a_A > 0.0 and s12 > 0.0):
@@ -282,7 +282,7 @@ def regulate(
     return main, quadrature
 
 
-def command_of_board(state: Array) -> Command:
+def find_board_command(state: Array) -> Command:
     """The command that acts on the board, at the phase of its oscillator.
 
     Parameters
@@ -299,10 +299,10 @@ def command_of_board(state: Array) -> Command:
     --------
     >>> import numpy as np
     >>> from hrg_cli.physics.electronics import COMMAND_COS, MAIN, OSCILLATOR_SIN, STATE
-    >>> from hrg_cli.physics.loop_forces import command_of_board
+    >>> from hrg_cli.physics.loop_forces import find_board_command
     >>> state = np.zeros(STATE)
     >>> state[MAIN], state[COMMAND_COS], state[OSCILLATOR_SIN] = 0.3, 1.0, 1.0
-    >>> made = command_of_board(state)
+    >>> made = find_board_command(state)
     >>> float(made.main), complex(made.turn), float(made.cos2)
     (0.3, 1j, 1.0)
     """
@@ -380,7 +380,7 @@ def make_force(
     return fx, fy
 
 
-def pull_of_spring(x: float, y: float, omega: float, command: Command) -> tuple[float, float]:
+def compute_spring_pull(x: float, y: float, omega: float, command: Command) -> tuple[float, float]:
     """Acceleration by the electric spring 2ωσR(2mθ + 90°), R a reflection.
 
     Parameters
@@ -401,9 +401,9 @@ def pull_of_spring(x: float, y: float, omega: float, command: Command) -> tuple[
     --------
     Of a wave along C the spring pulls at S alone. That is what turns quadrature back:
 
-    >>> from hrg_cli.physics.loop_forces import Command, pull_of_spring
+    >>> from hrg_cli.physics.loop_forces import Command, compute_spring_pull
     >>> command = Command(0.0, 0.0, 0.25, 1.0, 0.0, 1.0, 0.0, 1 + 0j, 1.0)
-    >>> ax, ay = pull_of_spring(1.0, 0.0, 100.0, command)
+    >>> ax, ay = compute_spring_pull(1.0, 0.0, 100.0, command)
     >>> abs(ax), ay
     (0.0, 50.0)
     """

@@ -48,7 +48,9 @@ class Noise:
         )
 
 
-def thermal_velocity2(temperature_k: float, mass_kg: float, metres_per_unit: float = 1.0) -> float:
+def compute_thermal_velocity2(
+    temperature_k: float, mass_kg: float, metres_per_unit: float = 1.0
+) -> float:
     """k_B T/M, the mean square of a mode's velocity in one direction.
 
     Parameters
@@ -67,14 +69,14 @@ def thermal_velocity2(temperature_k: float, mass_kg: float, metres_per_unit: flo
 
     Examples
     --------
-    >>> from hrg_cli.physics.noise import thermal_velocity2
-    >>> f"{thermal_velocity2(300.0, 1e-3):.3e}"
+    >>> from hrg_cli.physics.noise import compute_thermal_velocity2
+    >>> f"{compute_thermal_velocity2(300.0, 1e-3):.3e}"
     '4.142e-18'
     """
     return BOLTZMANN_J_K * temperature_k / (mass_kg * metres_per_unit**2)
 
 
-def thermal_kicks(mechanics: Mechanics, noise: Noise, h: float) -> Array:
+def compute_thermal_kicks(mechanics: Mechanics, noise: Noise, h: float) -> Array:
     """R with R·(two standard normals) the change of the velocity in one step.
 
     R Rᵀ = 2(k_B T/M)(e^{2Nh} − 1) ≈ 4(k_B T/M) N h. The exponential keeps the energy exact at any step:
@@ -97,9 +99,9 @@ def thermal_kicks(mechanics: Mechanics, noise: Noise, h: float) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.noise import Noise, thermal_kicks
+    >>> from hrg_cli.physics.noise import Noise, compute_thermal_kicks
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> R = thermal_kicks(Mechanics(1000.0, 0.5), Noise(thermal_velocity2=1.0), 1e-4)
+    >>> R = compute_thermal_kicks(Mechanics(1000.0, 0.5), Noise(thermal_velocity2=1.0), 1e-4)
     >>> np.round(np.diag(R @ R.T), 7).tolist()
     [0.0002, 0.0002]
     """
@@ -109,7 +111,7 @@ def thermal_kicks(mechanics: Mechanics, noise: Noise, h: float) -> Array:
     )
 
 
-def angle_random_walk(mechanics: Mechanics, noise: Noise, amplitude: float) -> float:
+def compute_angle_random_walk(mechanics: Mechanics, noise: Noise, amplitude: float) -> float:
     """Angle random walk of the input angle by Brownian force and white drive noise.
 
     d⟨(mθ)²⟩/dt = 2ν(k_B T/M)/(ωa)² + S_d/2a², S_d the one-sided density of the drive's force along the
@@ -131,10 +133,10 @@ def angle_random_walk(mechanics: Mechanics, noise: Noise, amplitude: float) -> f
 
     Examples
     --------
-    >>> from hrg_cli.physics.noise import Noise, angle_random_walk
+    >>> from hrg_cli.physics.noise import Noise, compute_angle_random_walk
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> gyro = Mechanics(1000.0, 0.5, scale_factor=0.5)
-    >>> round(angle_random_walk(gyro, Noise(drive_density=1e-4), 1.0), 8)
+    >>> round(compute_angle_random_walk(gyro, Noise(drive_density=1e-4), 1.0), 8)
     0.00014142
     """
     thermal = (

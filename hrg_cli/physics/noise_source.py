@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .loop_values import Disturbance
-from .noise import Flicker, FlickerSeries, Noise, thermal_kicks
+from .noise import Flicker, FlickerSeries, Noise, compute_thermal_kicks
 from .resonator import Mechanics
 
 Array = np.ndarray
@@ -30,7 +30,7 @@ class NoiseSource:
         # One stream each: switching one noise on leaves the draws of the others as they were.
         self._brownian, self._rough, self._white, flicker = random.spawn(4)
         self._kicks = (
-            thermal_kicks(mechanics, noise, h) / mechanics.omega_rad_s
+            compute_thermal_kicks(mechanics, noise, h) / mechanics.omega_rad_s
             if noise.thermal_velocity2
             else None
         )

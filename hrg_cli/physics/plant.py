@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .resonator import IDENTITY, Mechanics, reflection
+from .resonator import IDENTITY, Mechanics, make_reflection
 
 Array = np.ndarray
 
@@ -164,7 +164,9 @@ class ThermalCourses:
         )
 
 
-def linear_plant(mechanics: Mechanics, courses: ThermalCourses, environment: Environment) -> Plant:
+def make_linear_plant(
+    mechanics: Mechanics, courses: ThermalCourses, environment: Environment
+) -> Plant:
     """The linear resonator on the environment's grid, at its true temperature.
 
     N = ν I + νδμ R(2mθ_μ), W = (ω² + δω²) I + 2ωδω R(2mθ_ω) (PHYSICS §0), each parameter times its
@@ -186,12 +188,12 @@ def linear_plant(mechanics: Mechanics, courses: ThermalCourses, environment: Env
 
     Examples
     --------
-    >>> from hrg_cli.physics.environment import constant, environment
-    >>> from hrg_cli.physics.plant import ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.environment import hold_value, make_environment
+    >>> from hrg_cli.physics.plant import ThermalCourses, make_linear_plant
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> warm = environment(constant(30.0), constant(0.0), 0.0, 1.0, 0.001)
+    >>> warm = make_environment(hold_value(30.0), hold_value(0.0), 0.0, 1.0, 0.001)
     >>> courses = ThermalCourses(reference_degc=20.0, damping_rate=(0.01,))
-    >>> linear_plant(Mechanics(1000.0, 0.5), courses, warm).damping[0].round(6).tolist()
+    >>> make_linear_plant(Mechanics(1000.0, 0.5), courses, warm).damping[0].round(6).tolist()
     [[0.55, 0.0], [0.0, 0.55]]
     """
     T = environment.temperature_degc
@@ -206,9 +208,9 @@ def linear_plant(mechanics: Mechanics, courses: ThermalCourses, environment: Env
     m = mechanics.mode_number
     return Plant(
         mechanics,
-        damping * IDENTITY + damping_split * reflection(2 * m * mechanics.damping_axis_rad),
+        damping * IDENTITY + damping_split * make_reflection(2 * m * mechanics.damping_axis_rad),
         (omega**2 + split**2) * IDENTITY
-        + 2 * omega * split * reflection(2 * m * mechanics.stiffness_axis_rad),
+        + 2 * omega * split * make_reflection(2 * m * mechanics.stiffness_axis_rad),
         mechanics.scale_factor * courses.factor(courses.scale_factor, T),
     )
 

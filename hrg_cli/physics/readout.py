@@ -93,11 +93,11 @@ def convert(readout: Readout, y: Array) -> Array:
         return y
     top = 2 ** (readout.adc_bits - 1)
     # Two's complement has one more count below zero than above.
-    counts = np.clip(np.rint(y / least_count(readout)), -top, top - 1)
+    counts = np.clip(np.rint(y / compute_least_count(readout)), -top, top - 1)
     return counts.astype(np.int16 if readout.adc_bits <= 16 else np.int32)
 
 
-def least_count(readout: Readout) -> float:
+def compute_least_count(readout: Readout) -> float:
     """Unit of a raw count: 2·full_scale/2^bits.
 
     Parameters
@@ -113,14 +113,16 @@ def least_count(readout: Readout) -> float:
     Examples
     --------
     >>> from hrg_cli.physics.plant import Readout
-    >>> from hrg_cli.physics.readout import least_count
-    >>> least_count(Readout(adc_bits=8)), least_count(Readout())
+    >>> from hrg_cli.physics.readout import compute_least_count
+    >>> compute_least_count(Readout(adc_bits=8)), compute_least_count(Readout())
     (0.0078125, 1.0)
     """
     return 2 * readout.full_scale / 2**readout.adc_bits if readout.adc_bits else 1.0
 
 
-def kept_samples(readout: Readout, first: int, count: int, sample_rate_hz: float) -> Array | None:
+def find_kept_samples(
+    readout: Readout, first: int, count: int, sample_rate_hz: float
+) -> Array | None:
     """Which samples are not lost (`Readout.dropped`).
 
     Parameters
@@ -140,8 +142,8 @@ def kept_samples(readout: Readout, first: int, count: int, sample_rate_hz: float
     Examples
     --------
     >>> from hrg_cli.physics.plant import Readout
-    >>> from hrg_cli.physics.readout import kept_samples
-    >>> kept_samples(Readout(dropped=[(0.2, 0.1)]), 0, 5, 10.0).tolist()
+    >>> from hrg_cli.physics.readout import find_kept_samples
+    >>> find_kept_samples(Readout(dropped=[(0.2, 0.1)]), 0, 5, 10.0).tolist()
     [True, True, False, True, True]
     """
     if not readout.dropped:

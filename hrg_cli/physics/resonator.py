@@ -51,19 +51,19 @@ class Mechanics:
 
     def damping_matrix(self) -> Array:
         """N, 1/s."""
-        return self.damping_rate_1_s * IDENTITY + self.damping_split_1_s * reflection(
+        return self.damping_rate_1_s * IDENTITY + self.damping_split_1_s * make_reflection(
             2 * self.mode_number * self.damping_axis_rad
         )
 
     def stiffness_matrix(self) -> Array:
         """W, rad²/s²: eigenvalues (ω ± δω)²."""
         omega, split = self.omega_rad_s, self.frequency_split_rad_s
-        return (omega**2 + split**2) * IDENTITY + 2 * omega * split * reflection(
+        return (omega**2 + split**2) * IDENTITY + 2 * omega * split * make_reflection(
             2 * self.mode_number * self.stiffness_axis_rad
         )
 
 
-def reflection(alpha: float | Array) -> Array:
+def make_reflection(alpha: float | Array) -> Array:
     """R(α) = [[cos α, sin α], [sin α, −cos α]], (..., 2, 2).
 
     Parameters
@@ -79,8 +79,8 @@ def reflection(alpha: float | Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.resonator import reflection
-    >>> np.round(reflection(np.pi / 2), 9).tolist()
+    >>> from hrg_cli.physics.resonator import make_reflection
+    >>> np.round(make_reflection(np.pi / 2), 9).tolist()
     [[0.0, 1.0], [1.0, -0.0]]
     """
     cos, sin = np.cos(alpha), np.sin(alpha)
@@ -110,7 +110,7 @@ def split_matrix(cos: float, sin: float) -> Array:
     return np.array([[cos, sin], [sin, -cos]])
 
 
-def generator(
+def build_generator(
     mechanics: Mechanics,
     rate_rad_s: float | Array = 0.0,
     reference_frequency_hz: float | None = None,
@@ -142,8 +142,8 @@ def generator(
     A rate turns the wave by −KΩ, here 0.5 rad/s:
 
     >>> import numpy as np
-    >>> from hrg_cli.physics.resonator import Mechanics, generator
-    >>> np.round(generator(Mechanics(1000.0, 0.1, scale_factor=0.5), 1.0, second_order=0).real, 9).tolist()
+    >>> from hrg_cli.physics.resonator import Mechanics, build_generator
+    >>> np.round(build_generator(Mechanics(1000.0, 0.1, scale_factor=0.5), 1.0, second_order=0).real, 9).tolist()
     [[-0.1, 0.5], [-0.5, -0.1]]
     """
     omega_r = (
@@ -154,14 +154,16 @@ def generator(
     turning = mechanics.scale_factor * np.asarray(rate_rad_s, float)[..., None, None] * J
     damping = mechanics.damping_matrix() - turning
     if second_order == 0:
-        split = mechanics.frequency_split_rad_s * reflection(
+        split = mechanics.frequency_split_rad_s * make_reflection(
             2 * mechanics.mode_number * mechanics.stiffness_axis_rad
         )
         return -damping + 1j * (split + (mechanics.omega_rad_s - omega_r) * IDENTITY)
-    return solvent(damping, mechanics.stiffness_matrix(), omega_r, second_order)
+    return find_solvent(damping, mechanics.stiffness_matrix(), omega_r, second_order)
 
 
-def solvent(damping: Array, stiffness: Array, omega_r: float, second_order: float = 1.0) -> Array:
+def find_solvent(
+    damping: Array, stiffness: Array, omega_r: float, second_order: float = 1.0
+) -> Array:
     """L with (jω_r + L)² + 2Γ(jω_r + L) + W = 0 near −Γ + j(W − ω_r²)/2ω_r (PHYSICS §5).
 
     Three steps of L ← L₀ − (L² + 2ΓL)/2jω_r: each is wrong by a further factor of the slow rates
@@ -188,8 +190,8 @@ def solvent(damping: Array, stiffness: Array, omega_r: float, second_order: floa
     A damped oscillation is slower by ν²/2ω:
 
     >>> import numpy as np
-    >>> from hrg_cli.physics.resonator import solvent
-    >>> L = solvent(0.2 * np.eye(2), 100.0**2 * np.eye(2), 100.0)
+    >>> from hrg_cli.physics.resonator import find_solvent
+    >>> L = find_solvent(0.2 * np.eye(2), 100.0**2 * np.eye(2), 100.0)
     >>> bool(np.isclose(L[0, 0], -0.2 - 0.2**2 / 200 * 1j, atol=1e-8))
     True
     """
@@ -200,7 +202,7 @@ def solvent(damping: Array, stiffness: Array, omega_r: float, second_order: floa
     return L
 
 
-def exponential(L: Array, time_s: float | Array) -> Array:
+def exponentiate(L: Array, time_s: float | Array) -> Array:
     """exp(L t) of 2 × 2 matrices in closed form, through equal eigenvalues too.
 
     exp(Lt) = e^{ht}[cosh(dt) I + t·sinhc(dt)(L − hI)], h = tr L/2, d² = h² − det L.
@@ -220,8 +222,8 @@ def exponential(L: Array, time_s: float | Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.resonator import J, exponential
-    >>> np.round(exponential(J, np.pi / 2).real, 9).tolist()
+    >>> from hrg_cli.physics.resonator import J, exponentiate
+    >>> np.round(exponentiate(J, np.pi / 2).real, 9).tolist()
     [[0.0, 1.0], [-1.0, 0.0]]
     """
     t = np.asarray(time_s)[..., None, None]

@@ -15,7 +15,7 @@ import numpy as np
 Array = np.ndarray
 
 
-def signals(x: Array) -> Array:
+def make_signals(x: Array) -> Array:
     """F(x), seed B (1): the eight signals of a wave under a carrier, with the signs of PHYSICS §3.
 
     Parameters
@@ -31,8 +31,8 @@ def signals(x: Array) -> Array:
 
     Examples
     --------
-    >>> from hrg_cli.physics.signals import signals
-    >>> [round(float(z), 3) + 0.0 for z in signals([1.0, 0.0, 0.0, 0.5, 0.1])]
+    >>> from hrg_cli.physics.signals import make_signals
+    >>> [round(float(z), 3) + 0.0 for z in make_signals([1.0, 0.0, 0.0, 0.5, 0.1])]
     [0.389, -0.565, -0.921, -0.825, 0.0, 0.0, 0.0, 0.0]
     """
     A, B, theta, phi, psi = np.moveaxis(np.asarray(x, float), -1, 0)
@@ -58,7 +58,7 @@ def signals(x: Array) -> Array:
     )
 
 
-def sidebands(z: Array) -> tuple[Array, Array]:
+def find_sidebands(z: Array) -> tuple[Array, Array]:
     """Complex sidebands of eight signals: z⁻ = −b⁻ + j a⁻ = u e^{−jψ}, z⁺ = −b⁺ − j a⁺ = u e^{+jψ}.
 
     Parameters
@@ -74,8 +74,8 @@ def sidebands(z: Array) -> tuple[Array, Array]:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.signals import sidebands, signals
-    >>> lower, upper = sidebands(signals([1.0, 0.0, 0.0, 0.5, 0.1]))
+    >>> from hrg_cli.physics.signals import find_sidebands, make_signals
+    >>> lower, upper = find_sidebands(make_signals([1.0, 0.0, 0.0, 0.5, 0.1]))
     >>> round(float(np.angle(lower[0])), 3), round(float(np.angle(upper[0])), 3)
     (0.4, 0.6)
     """
@@ -85,7 +85,7 @@ def sidebands(z: Array) -> tuple[Array, Array]:
 
 
 def from_sidebands(lower: Array, upper: Array) -> Array:
-    """Eight signals of complex sidebands: the inverse of `sidebands`.
+    """Eight signals of complex sidebands: the inverse of `find_sidebands`.
 
     Parameters
     ----------
@@ -100,9 +100,9 @@ def from_sidebands(lower: Array, upper: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.signals import from_sidebands, sidebands, signals
-    >>> z = signals([1.0, 0.2, 0.3, 0.5, 0.1])
-    >>> bool(np.allclose(from_sidebands(*sidebands(z)), z))
+    >>> from hrg_cli.physics.signals import from_sidebands, find_sidebands, make_signals
+    >>> z = make_signals([1.0, 0.2, 0.3, 0.5, 0.1])
+    >>> bool(np.allclose(from_sidebands(*find_sidebands(z)), z))
     True
     """
     z = np.empty((*lower.shape[:-1], 8))
@@ -111,7 +111,7 @@ def from_sidebands(lower: Array, upper: Array) -> Array:
     return z
 
 
-def envelopes_of_direct(four: Array) -> Array:
+def compute_direct_envelopes(four: Array) -> Array:
     """Envelopes of the direct read-out's signals: C0 = c_cos − j c_sin, S0 likewise.
 
     Parameters
@@ -127,8 +127,8 @@ def envelopes_of_direct(four: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.signals import envelopes_of_direct
-    >>> envelopes_of_direct(np.array([1.0, 0.5, 0.0, 0.25])).tolist()
+    >>> from hrg_cli.physics.signals import compute_direct_envelopes
+    >>> compute_direct_envelopes(np.array([1.0, 0.5, 0.0, 0.25])).tolist()
     [(1-0.5j), -0.25j]
     """
     return four[..., 0::2] - 1j * four[..., 1::2]

@@ -15,8 +15,8 @@ import numpy as np
 from .coefficients import Coefficients
 from .fast_engine import CHUNK
 from .plant import Block, Control, Environment, Plant, Samples
-from .resonator import J, exponential, solvent
-from .slow_motion import EnvelopeMotion, Memory, PlantAt, SlowTerms, row_of
+from .resonator import J, exponentiate, find_solvent
+from .slow_motion import EnvelopeMotion, Memory, PlantAt, SlowTerms, take_row
 
 Array = np.ndarray
 _STEP_ANGLE = 0.05
@@ -67,21 +67,21 @@ def run(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.environment import constant, environment
-    >>> from hrg_cli.physics.plant import Control, ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.environment import hold_value, make_environment
+    >>> from hrg_cli.physics.plant import Control, ThermalCourses, make_linear_plant
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> from hrg_cli.physics.slow_engine import run
     >>> from hrg_cli.physics.slow_motion import SlowTerms
-    >>> world = environment(constant(20.0), constant(0.0), 0.0, 1.0, 0.001)
+    >>> world = make_environment(hold_value(20.0), hold_value(0.0), 0.0, 1.0, 0.001)
     >>> def plant_at(there):
-    ...     return linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), there)
+    ...     return make_linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), there)
     >>> start = np.array([1.0, 0j])
     >>> block = next(run(world, plant_at, Control(), SlowTerms(), start, 0.001, 1000))
     >>> bool(abs(block.envelopes(np.array([999]))[0, 0] - np.exp(-0.5 * 0.999)) < 1e-3)
     True
     """
     motion = EnvelopeMotion(environment, plant_at, control, terms)
-    stride = samples_a_step(environment, motion.plant, control, step_s)
+    stride = count_step_samples(environment, motion.plant, control, step_s)
     memory = Memory(np.zeros(2), np.array([np.cos(start_angle_rad), np.sin(start_angle_rad)]))
     u = np.asarray(start, complex)
     for first in range(0, count, CHUNK):
@@ -140,14 +140,14 @@ def follow(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.environment import constant, environment
-    >>> from hrg_cli.physics.plant import Control, ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.environment import hold_value, make_environment
+    >>> from hrg_cli.physics.plant import Control, ThermalCourses, make_linear_plant
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> from hrg_cli.physics.slow_engine import follow
     >>> from hrg_cli.physics.slow_motion import EnvelopeMotion, Memory, SlowTerms
-    >>> world = environment(constant(20.0), constant(0.0), 0.0, 1.0, 0.001)
+    >>> world = make_environment(hold_value(20.0), hold_value(0.0), 0.0, 1.0, 0.001)
     >>> def plant_at(there):
-    ...     return linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), there)
+    ...     return make_linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), there)
     >>> motion = EnvelopeMotion(world, plant_at, Control(), SlowTerms())
     >>> memory = Memory(np.zeros(2), np.array([1.0, 0.0]))
     >>> path, last = follow(motion, np.array([0.0, 0.5, 1.0]), 0.5, np.array([1.0, 0j]), memory)
@@ -171,7 +171,7 @@ def follow(
         jumps=[],
     )
     for k in range(count):
-        now = row_of(at_nodes, k)
+        now = take_row(at_nodes, k)
         du, action, path.phase_rad[k] = motion.look(now, u, memory, corrections[k])
         path.envelopes[k], path.slope[k] = u, L[k] @ u + du
         if action is not None:
@@ -183,7 +183,7 @@ def follow(
         if len(switched):
             u = motion.across(t[k], t[k + 1], switched, u, memory)
         elif motion.lively:
-            moments = now, row_of(at_middles, k), row_of(at_nodes, k + 1)
+            moments = now, take_row(at_middles, k), take_row(at_nodes, k + 1)
             beside = corrections[k], middle[k], corrections[k + 1]
             u = motion.step(h, moments, (halves[0][k], halves[1][k]), beside, u, memory)
         else:
@@ -194,7 +194,7 @@ def follow(
                 path.jumps.append((k, instant, jump))
                 # The step went through as if nothing had been felt; the jump follows by the linear
                 # motion, whose error is the step's own.
-                u = u + exponential(L[k], t[k + 1] - instant) @ jump
+                u = u + exponentiate(L[k], t[k + 1] - instant) @ jump
     return path, u
 
 
@@ -224,14 +224,14 @@ def sample(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.physics.environment import constant, environment
-    >>> from hrg_cli.physics.plant import Control, ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.environment import hold_value, make_environment
+    >>> from hrg_cli.physics.plant import Control, ThermalCourses, make_linear_plant
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> from hrg_cli.physics.slow_engine import follow, sample
     >>> from hrg_cli.physics.slow_motion import EnvelopeMotion, Memory, SlowTerms
-    >>> world = environment(constant(20.0), constant(0.0), 0.0, 1.0, 0.001)
+    >>> world = make_environment(hold_value(20.0), hold_value(0.0), 0.0, 1.0, 0.001)
     >>> def plant_at(there):
-    ...     return linear_plant(Mechanics(100.0, 0.0), ThermalCourses(), there)
+    ...     return make_linear_plant(Mechanics(100.0, 0.0), ThermalCourses(), there)
     >>> motion = EnvelopeMotion(world, plant_at, Control(), SlowTerms())
     >>> memory = Memory(np.zeros(2), np.array([1.0, 0.0]))
     >>> path, _ = follow(motion, np.array([0.0, 0.01]), 0.01, np.array([1.0, 0j]), memory)
@@ -283,11 +283,11 @@ def _interpolate(path: EnvelopePath, times: Array, cell: Array, x: Array) -> Arr
     u, L, h = path.envelopes, path.generators, path.h
     values = _hermite(u, path.slope * h, cell, x)
     for k, instant, jump in path.jumps:
-        end, bent = _undo_jump(path, k, exponential(L[k], path.time_s[k + 1] - instant) @ jump)
+        end, bent = _undo_jump(path, k, exponentiate(L[k], path.time_s[k + 1] - instant) @ jump)
         own = cell == k
         values[own] = _hermite(end, bent * h, cell[own], x[own])
         late = own & (times >= instant)
-        values[late] += np.einsum("nij,j->ni", exponential(L[k], times[late] - instant), jump)
+        values[late] += np.einsum("nij,j->ni", exponentiate(L[k], times[late] - instant), jump)
     return values
 
 
@@ -308,7 +308,9 @@ def _hermite(path: Array, step: Array, cell: Array, x: Array) -> Array:
     return a + x * (da + x * (3 * (b - a) - 2 * da - db + x * (2 * (a - b) + da + db)))
 
 
-def samples_a_step(environment: Environment, plant: Plant, control: Control, step_s: float) -> int:
+def count_step_samples(
+    environment: Environment, plant: Plant, control: Control, step_s: float
+) -> int:
     """Samples a slow step: a power of two, so that a chunk holds whole steps.
 
     As many as the fastest rate, the environment's corners and the drive's log allow.
@@ -331,18 +333,18 @@ def samples_a_step(environment: Environment, plant: Plant, control: Control, ste
 
     Examples
     --------
-    >>> from hrg_cli.physics.environment import constant, environment
-    >>> from hrg_cli.physics.plant import Control, ThermalCourses, linear_plant
+    >>> from hrg_cli.physics.environment import hold_value, make_environment
+    >>> from hrg_cli.physics.plant import Control, ThermalCourses, make_linear_plant
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> from hrg_cli.physics.slow_engine import samples_a_step
-    >>> world = environment(constant(20.0), constant(0.0), 0.0, 1.0, 0.001)
-    >>> plant = linear_plant(Mechanics(1000.0, 0.5), ThermalCourses(), world)
-    >>> samples_a_step(world, plant, Control(), 1e-4)
+    >>> from hrg_cli.physics.slow_engine import count_step_samples
+    >>> world = make_environment(hold_value(20.0), hold_value(0.0), 0.0, 1.0, 0.001)
+    >>> plant = make_linear_plant(Mechanics(1000.0, 0.5), ThermalCourses(), world)
+    >>> count_step_samples(world, plant, Control(), 1e-4)
     128
     """
     table = Coefficients(environment, plant)
     t = np.asarray(environment.time_s, float)
-    L = solvent(
+    L = find_solvent(
         table.damping(t) - table.turning(t)[:, None, None] * J,
         table.stiffness(t),
         plant.mechanics.omega_rad_s,

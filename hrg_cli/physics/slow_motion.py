@@ -1,7 +1,7 @@
 """The right-hand side of the envelopes' equation u' = L(t) u + control + slow terms of the effects, and
 one step of it.
 
-L is the solvent of the second-order equation (`resonator.solvent`). The linear part is stepped by
+L is the solvent of the second-order equation (`resonator.find_solvent`). The linear part is stepped by
 its exact exponential, the rest by the Runge–Kutta rule of fourth order around it (Lawson).
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from .control import Drive, compute_drive, find_axes, is_on
 from .plant import Control, Environment, Plant, SlowState
-from .resonator import J, exponential, solvent
+from .resonator import J, exponentiate, find_solvent
 
 Array = np.ndarray
 SlowTerm = Callable[[Array, SlowState], Array]
@@ -132,7 +132,7 @@ class EnvelopeMotion:
                 )
             )
         (N, W, turning), before, after = matrices
-        L = solvent(N - turning, W, omega_r)
+        L = find_solvent(N - turning, W, omega_r)
         omega = np.sqrt((W[:, 0, 0] + W[:, 1, 1]) / 2)[:, None, None]
         moved = (1j * (after[1] - before[1]) / (2 * omega) - (after[0] - before[0])) / (
             2 * _DERIVATIVE_S
@@ -146,7 +146,7 @@ class EnvelopeMotion:
         # The Gauss points of a step lie h/2√3 on either side of its middle.
         offset = h / (2 * np.sqrt(3))
         L1, L2 = self.generators(t + h / 2 - offset)[0], self.generators(t + h / 2 + offset)[0]
-        return exponential((L1 + L2) / 2 + np.sqrt(3) * h / 12 * (L2 @ L1 - L1 @ L2), h)
+        return exponentiate((L1 + L2) / 2 + np.sqrt(3) * h / 12 * (L2 @ L1 - L1 @ L2), h)
 
     def _beside(
         self, on: bool, moment: SlowState, correction: Array, u: Array, integral: Array, near: Array
@@ -210,12 +210,17 @@ class EnvelopeMotion:
             states = self.state(t)
             halves = self.propagator(a + h * np.array([0.0, 0.5]), h / 2)
             u = self.step(
-                h, [row_of(states, k) for k in range(3)], list(halves), list(corrections), u, memory
+                h,
+                [take_row(states, k) for k in range(3)],
+                list(halves),
+                list(corrections),
+                u,
+                memory,
             )
         return u
 
 
-def row_of(state: SlowState, k: int) -> SlowState:
+def take_row(state: SlowState, k: int) -> SlowState:
     """One time's state, every column of length 1.
 
     Parameters
@@ -235,10 +240,10 @@ def row_of(state: SlowState, k: int) -> SlowState:
     >>> import numpy as np
     >>> from hrg_cli.physics.plant import SlowState
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> from hrg_cli.physics.slow_motion import row_of
+    >>> from hrg_cli.physics.slow_motion import take_row
     >>> t = np.array([0.0, 1.0])
     >>> rest = (20 + t, 0 * t, 0 * t, 0 * t, 0 * t, np.zeros((2, 2), complex), 0 * t, 0 * t, 6283.0)
-    >>> row_of(SlowState(Mechanics(1000.0, 0.5), t, *rest), 1).temperature_degc.tolist()
+    >>> take_row(SlowState(Mechanics(1000.0, 0.5), t, *rest), 1).temperature_degc.tolist()
     [21.0]
     """
     at = slice(k, k + 1)

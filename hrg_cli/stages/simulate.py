@@ -16,7 +16,7 @@ from ..effects.effect import no_term, same_signal, same_state
 from ..errors import HrgError, name_some
 from ..extras import warn_of_plain_python
 from ..physics import fast_engine, slow_engine, slow_motion
-from ..physics.plant import Block, Environment, Plant, Readout, linear_plant
+from ..physics.plant import Block, Environment, Plant, Readout, make_linear_plant
 from ..records import Recording
 from .simulation.blocks import record_blocks
 from .simulation.gyro import (
@@ -176,7 +176,7 @@ def _fast(
     world = environment_of(settings, bool(active))
     for effect, p in active:
         _call(effect, "environment", p, world)
-    plant = add_spring(settings, linear_plant(mechanics, courses, world))
+    plant = add_spring(settings, make_linear_plant(mechanics, courses, world))
     for effect, p in active:
         _call(effect, "plant", p, plant, world)
         _call(effect, "control", p, control)
@@ -232,7 +232,7 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
 
     def plant_at(world: Environment) -> Plant:
-        return add_spring(settings, linear_plant(mechanics, courses, world))
+        return add_spring(settings, make_linear_plant(mechanics, courses, world))
 
     start, angle = start_of(settings)
     return (

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from ..fitting.ellipse.closed_form import closed_form
 from ..fitting.ellipse.gauss_newton import gauss_newton, step
-from ..physics.signals import signals
+from ..physics.signals import make_signals
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,7 +79,7 @@ def _experiment(draw: Any, vectors: int, generator: np.random.Generator) -> dict
     closed_worst, most, slowest = 0.0, 0, [0.0]
     for first in range(0, vectors, CHUNK_VECTORS):
         x, start = draw(min(CHUNK_VECTORS, vectors - first), generator)
-        z = signals(x)
+        z = make_signals(x)
         found = gauss_newton(
             z,
             start,
@@ -94,7 +94,7 @@ def _experiment(draw: Any, vectors: int, generator: np.random.Generator) -> dict
         worst = int(np.argmax(found.evaluations))
         if found.evaluations[worst] > most:
             most, slowest = int(found.evaluations[worst]), misfits(z[worst], start[worst])
-        misfit = np.sqrt(((signals(closed_form(z)[0]) - z) ** 2).mean(axis=1))
+        misfit = np.sqrt(((make_signals(closed_form(z)[0]) - z) ** 2).mean(axis=1))
         closed_failures += int((misfit > TOLERANCE).sum())
         closed_worst = max(closed_worst, float(misfit.max()))
     evaluations = np.arange(len(counts))
@@ -122,7 +122,7 @@ def misfits(z: Array, start: Array) -> list[float]:
     (8), start (5)."""
     x, out = start[None], []
     for _ in range(MOST_EVALUATIONS):
-        out.append(float(np.sqrt(((z - signals(x)[0]) ** 2).sum() / 8)))
+        out.append(float(np.sqrt(((z - make_signals(x)[0]) ** 2).sum() / 8)))
         if out[-1] <= TOLERANCE:
             break
         x = step(z[None], x)

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from ..fitting.ellipse.closed_form import closed_form
-from ..physics.signals import from_sidebands, sidebands, signals
+from ..physics.signals import find_sidebands, from_sidebands, make_signals
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -118,7 +118,7 @@ def redundancy_study(
 
 
 def _with_defect(x: Array, apply: Defect, size: float) -> Array:
-    return from_sidebands(*apply(*sidebands(signals(x)), size))
+    return from_sidebands(*apply(*find_sidebands(make_signals(x)), size))
 
 
 def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:

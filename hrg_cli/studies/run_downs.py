@@ -174,7 +174,7 @@ def _simulate_envelopes(
     for i, (course, (angle, ratio)) in enumerate(zip(courses, starts, strict=True)):
         times = (np.arange(windows) + 0.5) * seconds / windows
         begin = np.array([1.0, ratio, angle, random.uniform(-3, 3)])
-        first = ellipse.envelopes(begin[0], begin[1], begin[2], begin[3], gyro.mode_number)
+        first = ellipse.compute_envelopes(begin[0], begin[1], begin[2], begin[3], gyro.mode_number)
         u = envelope(gyro, course, earth, times, first)
         u += noise * (random.standard_normal(u.shape) + 1j * random.standard_normal(u.shape))
         seen = noise * np.sqrt(random.chisquare(NOISE_SCATTER, windows) / NOISE_SCATTER)
@@ -191,7 +191,7 @@ def envelope(
     more than its course says."""
     if course.kind == "steady":
         rate = float(course.rate(np.zeros(1))[0]) + earth
-        return resonator.exponential(resonator.generator(gyro, rate), times) @ first
+        return resonator.exponentiate(resonator.build_generator(gyro, rate), times) @ first
     ends = np.concatenate([[0.0], times])
     fine = np.append(
         (ends[:-1, None] + np.diff(ends)[:, None] * np.arange(SUBSTEPS) / SUBSTEPS).ravel(),
@@ -200,7 +200,7 @@ def envelope(
     step = np.diff(fine)
     mean = np.diff(course.turned(fine)) / step + earth
     slope = np.diff(course.rate(fine)) / step
-    steps = resonator.exponential(_mean_generator(gyro, mean, slope, step), step)
+    steps = resonator.exponentiate(_mean_generator(gyro, mean, slope, step), step)
     out, u = np.empty((len(fine) - 1, 2), complex), first
     for k, matrix in enumerate(steps):
         u = out[k] = matrix @ u
@@ -214,8 +214,8 @@ def _mean_generator(gyro: Mechanics, mean: Array, slope: Array, step: Array) -> 
     within a step is h² Ω̇²/12, and the second term of Magnus' series (' is ∂/∂Ω). With L(Ω̄) alone a
     scale factor that is known to 1e-6 was off by 3 of its σ.
     """
-    still = resonator.generator(gyro, mean)
-    faster, slower = (resonator.generator(gyro, mean + change) for change in (1.0, -1.0))
+    still = resonator.build_generator(gyro, mean)
+    faster, slower = (resonator.build_generator(gyro, mean + change) for change in (1.0, -1.0))
     turning, bending = (faster - slower) / 2, faster - 2 * still + slower
     bracket = turning @ still - still @ turning
     within = step * slope
@@ -231,7 +231,7 @@ def _wave(
 ) -> Wave:
     """The record of envelopes (n, 2) whose windows state the noise `seen` (n,)."""
     mode, n = gyro.mode_number, len(times)
-    main, quadrature, angle, phase = ellipse.wave(u, mode)
+    main, quadrature, angle, phase = ellipse.find_wave(u, mode)
     angle, phase = ellipse.unwrap(angle, phase, mode)
     fill, none = np.full(n, std), np.zeros(n)
     return Wave(

@@ -9,8 +9,8 @@ import pytest
 from hrg_cli import effects
 from hrg_cli.effects import EFFECTS, nonlinear_damping
 from hrg_cli.physics import ellipse
-from hrg_cli.physics.environment import constant, environment, levels
-from hrg_cli.physics.plant import Environment, ThermalCourses, linear_plant
+from hrg_cli.physics.environment import follow_levels, hold_value, make_environment
+from hrg_cli.physics.plant import Environment, ThermalCourses, make_linear_plant
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
@@ -116,7 +116,7 @@ def envelopes(*waves):
     for w in waves:
         turn = 2 * np.pi * (w.reference_frequency_hz - 2000.0) * w.time_s
         out.append(
-            ellipse.envelopes(
+            ellipse.compute_envelopes(
                 w.main_amplitude, w.quadrature_amplitude, w.wave_angle_rad, w.phase_rad + turn, 2
             )[:rows]
         )
@@ -230,7 +230,7 @@ def test_parts_of_a_frequency_add_up(order):
     warm, t, still = np.array([0.0, 45.0]), np.array([0.0, 1.0]), np.zeros(2)
     mechanics = Mechanics(5000.0, 0.1, frequency_split_rad_s=0.3)
     world = Environment(t, warm, still, warm, still)
-    made = linear_plant(mechanics, ThermalCourses(), world)
+    made = make_linear_plant(mechanics, ThermalCourses(), world)
     given = {
         "thermal_frequency": {"relative_1_k": 9e-5, "reference_temperature_degc": 22.0},
         "thermal_frequency_curvature": {
@@ -250,11 +250,11 @@ def test_parts_of_a_frequency_add_up(order):
 def test_a_temperature_that_turns_corners_leaves_the_phase_of_its_whole_change():
     """The grid of a run is uneven at its corners; a slope weighed by the distances there, as is
     exact where nothing bends, missed a thousandth of the turn."""
-    soak = levels([20.0, 23.0, 21.0], dwell_s=1.0, transition_s=0.3)
-    world = environment(soak, constant(0.0), 0.0, 4.0, 5e-5)
+    soak = follow_levels([20.0, 23.0, 21.0], dwell_s=1.0, transition_s=0.3)
+    world = make_environment(soak, hold_value(0.0), 0.0, 4.0, 5e-5)
     assert len(np.unique(np.diff(world.time_s).round(12))) > 2
     mechanics = Mechanics(5000.0, 0.1)
-    made = linear_plant(mechanics, ThermalCourses(), world)
+    made = make_linear_plant(mechanics, ThermalCourses(), world)
     effects.find("thermal_gradient").plant(SIZES["thermal_gradient"], made, world)
     omega = np.sqrt(np.trace(made.stiffness, axis1=1, axis2=2) / 2)
     turned = np.concatenate(
@@ -321,7 +321,7 @@ def test_airy_precession_of_the_inertial_nonlinearity():
         Mechanics(1 / 9, 0.0, scale_factor=1.0, mode_number=1),
     )
     a, b, curvature = 1.0, 1e-3, 1e-7
-    u = ellipse.envelopes(np.array(a), np.array(b), np.array(0.3), np.array(0.0), 1)
+    u = ellipse.compute_envelopes(np.array(a), np.array(b), np.array(0.3), np.array(0.0), 1)
     zero = np.zeros(())
     du = effect.slow(
         {"inverse_length_squared": curvature},

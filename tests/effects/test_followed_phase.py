@@ -12,7 +12,7 @@ from hrg_cli.physics import ellipse
 def test_the_phase_is_continuous_through_blocks_and_turns_of_the_wave(samples_a_period):
     n = np.arange(9000)
     angle, phase = 0.4 + 3e-4 * n, 1.1 - 2e-4 * n  # two and a half half-turns of the wave
-    u = ellipse.envelopes(np.full(len(n), 1.0), np.full(len(n), 0.05), angle, phase)
+    u = ellipse.compute_envelopes(np.full(len(n), 1.0), np.full(len(n), 0.05), angle, phase)
     w = u * np.exp(2j * np.pi * n / samples_a_period)[:, None]
     last = []
     found = np.concatenate([followed(part, last) for part in np.split(w, (1, 5, 4000, 4001))])

@@ -61,14 +61,14 @@ def test_dry_friction_of_a_line_of_a_circle_and_of_an_ellipse():
     slope = 1e-3
     for a in (1.0, 0.01):
         for b, lost in ((0.0, (1.0, 0.0)), (a, (np.pi / 4, np.pi / 4))):
-            u = ellipse.envelopes(np.array(a), np.array(b), np.array(0.3), np.array(0.7))
+            u = ellipse.compute_envelopes(np.array(a), np.array(b), np.array(0.3), np.array(0.7))
             du = dry_friction.slow({"slope_1_s": slope}, u, state())
-            wanted = ellipse.envelopes(
+            wanted = ellipse.compute_envelopes(
                 np.array(-slope * lost[0]), np.array(-slope * lost[1]), np.array(0.3), np.array(0.7)
             )
             assert du == pytest.approx(wanted, abs=1e-9 * slope)
-    u = ellipse.envelopes(np.array(1.0), np.array(0.1), np.array(0.3), np.array(0.7))
-    after = ellipse.wave(u + 1e-3 * dry_friction.slow({"slope_1_s": slope}, u, state()), 2)
+    u = ellipse.compute_envelopes(np.array(1.0), np.array(0.1), np.array(0.3), np.array(0.7))
+    after = ellipse.find_wave(u + 1e-3 * dry_friction.slow({"slope_1_s": slope}, u, state()), 2)
     assert after[2] == pytest.approx(0.3, abs=1e-12) and after[3] == pytest.approx(0.7, abs=1e-12)
     assert after[1] / after[0] < 0.1 - 1e-8
 

@@ -31,7 +31,7 @@ def free(rate, start, ratio=0.0, gyro=GYRO, seconds=6.0, rows=400):
         change = slow_turned_axes(y[:2] + 1j * y[2:], gyro, rate_rad_s=float(rate(s)))
         return np.concatenate([change.real, change.imag])
 
-    first = ellipse.envelopes(1.0, ratio, start, 0.0, gyro.mode_number).astype(complex)
+    first = ellipse.compute_envelopes(1.0, ratio, start, 0.0, gyro.mode_number).astype(complex)
     out = solve_ivp(slope, (0, seconds), np.concatenate([first.real, first.imag]), "DOP853", t, rtol=1e-10, atol=1e-12)  # fmt: skip
     u = (out.y[:2] + 1j * out.y[2:]).T
     return EnvelopeRun("r", t, u, np.full(rows, 1e-9), 0 * t, None, 5000.0, gyro.mode_number, t[1])

@@ -81,7 +81,7 @@ def test_a_channel_that_stands_still_is_named_before_the_columns_made_of_it(chan
         rng.standard_normal((ROWS, 2)) + 1j * rng.standard_normal((ROWS, 2))
     )
     u[100:, channel] = level
-    a_A, a_B, angle, phase = ellipse.wave(u)
+    a_A, a_B, angle, phase = ellipse.find_wave(u)
     angle, phase = ellipse.unwrap(angle, phase)
     dead = wave().replace(
         main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase

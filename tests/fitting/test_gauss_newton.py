@@ -11,7 +11,7 @@ from hrg_cli.fitting.ellipse.gauss_newton import (
     model_signals,
     step,
 )
-from hrg_cli.physics.signals import signals
+from hrg_cli.physics.signals import make_signals
 
 
 def random_waves(n: int, seed: int) -> np.ndarray:
@@ -23,7 +23,9 @@ def random_waves(n: int, seed: int) -> np.ndarray:
 
 def jacobian(x: np.ndarray) -> np.ndarray:
     """∂F/∂x (8, 5) by central differences of F alone."""
-    columns = [(signals(x + 1e-6 * unit) - signals(x - 1e-6 * unit)) / 2e-6 for unit in np.eye(5)]
+    columns = [
+        (make_signals(x + 1e-6 * unit) - make_signals(x - 1e-6 * unit)) / 2e-6 for unit in np.eye(5)
+    ]
     return np.stack(columns, axis=-1)
 
 
@@ -34,7 +36,7 @@ def test_the_normal_matrix_has_the_stated_form():
         expected = 2 * np.diag([1, 1, power, power, power])
         expected[2, 3] = expected[3, 2] = 2 * twice
         np.testing.assert_allclose(jacobian(x).T @ jacobian(x), expected, atol=1e-8)
-        np.testing.assert_allclose(jacobian(x)[:, 2:].T @ signals(x), 0, atol=1e-8)
+        np.testing.assert_allclose(jacobian(x)[:, 2:].T @ make_signals(x), 0, atol=1e-8)
 
 
 @pytest.mark.parametrize("carrier_known", [False, True])
@@ -46,7 +48,7 @@ def test_one_step_is_the_pseudo_inverse_step(carrier_known):
         x[:2] = np.ravel(amplitudes(z[:, None], half_products(*x[2:, None])))
         free = slice(0, 4 if carrier_known else 5)
         expected = x.copy()
-        expected[free] += np.linalg.pinv(jacobian(x)[:, free]) @ (z - signals(x))
+        expected[free] += np.linalg.pinv(jacobian(x)[:, free]) @ (z - make_signals(x))
         found = step(z[None], x[None], carrier_known)[0]
         np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
 
@@ -54,21 +56,23 @@ def test_one_step_is_the_pseudo_inverse_step(carrier_known):
 def test_the_fast_model_is_the_model():
     x = random_waves(100, 4).T
     np.testing.assert_allclose(
-        model_signals(x[0], x[1], half_products(*x[2:])).T, signals(x.T), atol=1e-15
+        model_signals(x[0], x[1], half_products(*x[2:])).T, make_signals(x.T), atol=1e-15
     )
 
 
 def test_from_zero_every_exact_vector_is_solved():
     x = random_waves(20000, 5)
-    z = signals(x)
+    z = make_signals(x)
     found = gauss_newton(z, np.zeros_like(x), residual_tolerance=1e-6, step_tolerance=0.0)
     assert (found.evaluations > 0).all()
-    np.testing.assert_allclose(signals(found.x), z, atol=1e-5)
+    np.testing.assert_allclose(make_signals(found.x), z, atol=1e-5)
     assert found.evaluations.mean() == pytest.approx(5.736, abs=4 * 1.35 / np.sqrt(len(x)))
 
 
 def test_started_at_the_closed_form_it_stays_there():
-    z = signals(random_waves(5000, 6)) + 0.05 * np.random.default_rng(7).standard_normal((5000, 8))
+    z = make_signals(random_waves(5000, 6)) + 0.05 * np.random.default_rng(7).standard_normal(
+        (5000, 8)
+    )
     best, misfit = closed_form(z)
     found = gauss_newton(z, best, step_tolerance=1e-6)
     assert (found.evaluations == 1).mean() > 0.999
@@ -78,7 +82,7 @@ def test_started_at_the_closed_form_it_stays_there():
 def test_noisy_vectors_converge_to_the_least_misfit_from_nearby():
     truth = random_waves(3000, 8)
     truth[:, 0], truth[:, 1] = 1.0, 0.3 * truth[:, 1]
-    z = signals(truth) + 0.01 * np.random.default_rng(9).standard_normal((3000, 8))
+    z = make_signals(truth) + 0.01 * np.random.default_rng(9).standard_normal((3000, 8))
     best, misfit = closed_form(z)
     found = gauss_newton(z, truth + np.array([0, 0, 0.1, 0.1, 0.1]), carrier_known=False)
     assert (found.evaluations > 1).all()
@@ -87,7 +91,7 @@ def test_noisy_vectors_converge_to_the_least_misfit_from_nearby():
 
 
 def test_what_does_not_converge_says_so():
-    z = signals(random_waves(500, 10))
+    z = make_signals(random_waves(500, 10))
     found = gauss_newton(
         z, np.zeros((500, 5)), residual_tolerance=1e-6, step_tolerance=0.0, max_iterations=4
     )

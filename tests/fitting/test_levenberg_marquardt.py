@@ -6,7 +6,7 @@ import numpy as np
 
 from hrg_cli.fitting.ellipse.closed_form import choose_canonical, closed_form
 from hrg_cli.fitting.ellipse.levenberg_marquardt import levenberg_marquardt
-from hrg_cli.physics.signals import signals
+from hrg_cli.physics.signals import make_signals
 
 
 def random_waves(n: int, seed: int) -> np.ndarray:
@@ -18,14 +18,16 @@ def random_waves(n: int, seed: int) -> np.ndarray:
 
 def test_from_zero_every_exact_vector_is_solved():
     x = random_waves(20000, 1)
-    z = signals(x)
+    z = make_signals(x)
     found = levenberg_marquardt(z, np.zeros_like(x), residual_tolerance=1e-6, step_tolerance=0.0)
     assert (found.evaluations > 0).all()
-    np.testing.assert_allclose(signals(found.x), z, atol=1e-5)
+    np.testing.assert_allclose(make_signals(found.x), z, atol=1e-5)
 
 
 def test_more_iterations_never_leave_a_greater_misfit():
-    z = signals(random_waves(2000, 2)) + 0.2 * np.random.default_rng(3).standard_normal((2000, 8))
+    z = make_signals(random_waves(2000, 2)) + 0.2 * np.random.default_rng(3).standard_normal(
+        (2000, 8)
+    )
     ends = [
         levenberg_marquardt(z, np.zeros((2000, 5)), max_iterations=k).residual_rms
         for k in (1, 2, 4, 8, 16)
@@ -37,7 +39,7 @@ def test_more_iterations_never_leave_a_greater_misfit():
 def test_noisy_vectors_reach_the_closed_form():
     truth = random_waves(3000, 4)
     truth[:, 0], truth[:, 1] = 1.0, 0.5 * truth[:, 1]
-    z = signals(truth) + 0.02 * np.random.default_rng(5).standard_normal((3000, 8))
+    z = make_signals(truth) + 0.02 * np.random.default_rng(5).standard_normal((3000, 8))
     best, misfit = closed_form(z)
     found = levenberg_marquardt(z, truth + np.array([0, 0, 0.3, 0.3, 0.3]))
     assert (found.evaluations > 0).mean() > 0.99
@@ -49,6 +51,8 @@ def test_noisy_vectors_reach_the_closed_form():
 def test_known_carrier_phase_stays():
     x = random_waves(100, 6)
     x[:, 1] *= 0.3
-    found = levenberg_marquardt(signals(x), x + np.array([0, 0, 0.1, 0.1, 0]), carrier_known=True)
+    found = levenberg_marquardt(
+        make_signals(x), x + np.array([0, 0, 0.1, 0.1, 0]), carrier_known=True
+    )
     np.testing.assert_array_equal(found.x[:, 4], x[:, 4])
     assert found.residual_rms.max() < 1e-9

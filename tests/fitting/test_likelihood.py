@@ -26,11 +26,11 @@ def runs_of(waves):
 def test_coordinates_are_the_generator_of_the_resonator():
     p = coordinates.from_mechanics(GYRO)
     for rate in (0.0, 3.0, -7.0):
-        want = resonator.generator(GYRO, rate)
+        want = resonator.build_generator(GYRO, rate)
         assert np.allclose(
             coordinates.generator(p, np.array(rate), GYRO.omega_rad_s), want, atol=3e-9
         )
-        plain = resonator.generator(GYRO, rate, second_order=0.0)
+        plain = resonator.build_generator(GYRO, rate, second_order=0.0)
         assert np.allclose(
             coordinates.generator(np.append(p[:6], 0.0), np.array(rate), GYRO.omega_rad_s),
             plain,
@@ -93,7 +93,7 @@ def test_model_against_integration(rate):
     )
 
     def L(t):
-        return resonator.generator(GYRO, rate(t) if callable(rate) else rate)
+        return resonator.build_generator(GYRO, rate(t) if callable(rate) else rate)
 
     for number, run in enumerate(runs):
         t0 = run.time_s[0]
@@ -191,12 +191,12 @@ def test_averaging_along_the_motion_keeps_the_model_and_the_noise():
     run = runs_of([run_down(0.3, 3.0, std=1e-9, window=5e-4, second_order=0.0)])[0]
     p = coordinates.from_mechanics(GYRO)
     thin = envelope_runs.average_rows(run, 60, propagator.make_propagator(p, 0.0))
-    L = resonator.generator(GYRO, 3.0, second_order=0.0)
-    want = resonator.exponential(L, thin.time_s - run.time_s[0]) @ run.envelope[0]
+    L = resonator.build_generator(GYRO, 3.0, second_order=0.0)
+    want = resonator.exponentiate(L, thin.time_s - run.time_s[0]) @ run.envelope[0]
     assert len(thin) <= 60 and np.allclose(thin.envelope, want, atol=2e-5)
     noisy = runs_of([run_down(0.3, 3.0, std=1e-2, window=5e-4, seed=5, second_order=0.0)])[0]
     averaged = envelope_runs.average_rows(noisy, 60, propagator.make_propagator(p, 0.0))
-    clean = resonator.exponential(L, averaged.time_s - run.time_s[0]) @ run.envelope[0]
+    clean = resonator.exponentiate(L, averaged.time_s - run.time_s[0]) @ run.envelope[0]
     phase = np.vdot(clean, averaged.envelope) / np.vdot(clean, clean)
     chi2 = np.mean(np.abs((averaged.envelope - clean * phase) / averaged.std[:, None]) ** 2) / 2
     assert chi2 == pytest.approx(1.0, abs=4 * np.sqrt(2 / 240))

@@ -208,16 +208,19 @@ def forced(kind, rate=0.1, seconds=300.0, std=1e-5, seed=0):
     gyro = Mechanics(5000.0, 0.3, 0.02, 0.35, 0.06, 0.9, 0.55)
     rng = np.random.default_rng(seed)
     n, dt = 6000, seconds / 6000
-    step = resonator.exponential(resonator.generator(gyro, rate, second_order=0.0), dt / 2)
-    u, out = ellipse.envelopes(1.0, 0.0, 0.1, 0.0).astype(complex), np.empty((n, 2), complex)
+    step = resonator.exponentiate(resonator.build_generator(gyro, rate, second_order=0.0), dt / 2)
+    u, out = (
+        ellipse.compute_envelopes(1.0, 0.0, 0.1, 0.0).astype(complex),
+        np.empty((n, 2), complex),
+    )
     for k in range(n):
         u = step @ u
-        a, b, theta, phi = (float(x) for x in ellipse.wave(u))
+        a, b, theta, phi = (float(x) for x in ellipse.find_wave(u))
         target = 1.0
         b = (
             b * a / target if kind == "parametric" else b
         )  # a pump damps B as it feeds A; a force leaves it
-        u = step @ ellipse.envelopes(target, b, theta, phi)
+        u = step @ ellipse.compute_envelopes(target, b, theta, phi)
         out[k] = u
     times = (np.arange(n) + 1) * dt
     noise = std * (rng.standard_normal((n, 2)) + 1j * rng.standard_normal((n, 2)))

@@ -12,21 +12,21 @@ from hrg_cli.fitting.ellipse.uncertainty import (
     standard_deviations,
 )
 from hrg_cli.physics import ellipse
-from hrg_cli.physics.signals import envelopes_of_direct, signals
+from hrg_cli.physics.signals import compute_direct_envelopes, make_signals
 
 DRAWS = 4000
 NAMES = ("A", "B", "theta", "phi", "psi")
 
 
 def direct_signals(x: np.ndarray) -> np.ndarray:
-    u = ellipse.envelopes(x[:, 0], x[:, 1], x[:, 2], x[:, 3], 1)
+    u = ellipse.compute_envelopes(x[:, 0], x[:, 1], x[:, 2], x[:, 3], 1)
     return np.stack([u[:, 0].real, -u[:, 0].imag, u[:, 1].real, -u[:, 1].imag], axis=-1)
 
 
 def estimates(z: np.ndarray, carrier_phase_rad: float | None) -> np.ndarray:
     if z.shape[1] == 8:
         return closed_form(z, carrier_phase_rad)[0]
-    return np.stack([*ellipse.wave(envelopes_of_direct(z), 1), np.zeros(len(z))], axis=-1)
+    return np.stack([*ellipse.find_wave(compute_direct_envelopes(z), 1), np.zeros(len(z))], axis=-1)
 
 
 def difference(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
@@ -58,7 +58,7 @@ def test_errors_are_as_large_as_stated(readout, sigmas):
         "channels in common": np.repeat([1e-3, 2e-3], count // 2),
         "signals": 1e-3 * np.arange(1, count + 1),
     }[sigmas]
-    exact = signals(truth) if count == 8 else direct_signals(truth)
+    exact = make_signals(truth) if count == 8 else direct_signals(truth)
     common = 0.8 if sigmas == "channels in common" else 0.0
     noise = generator.standard_normal(exact.shape)
     of_s = slice(count // 2, None)
@@ -86,7 +86,7 @@ def test_every_signals_variance_counts_by_its_own_slope(readout):
     )
     if known:
         x[:, 4] = 0.7 if count == 8 else 0.0
-    z = signals(x) if count == 8 else direct_signals(x)
+    z = make_signals(x) if count == 8 else direct_signals(x)
     variances = 1e-12 * generator.uniform(0.1, 10, z.shape)
     expected = np.zeros((rows, 5))
     for k in range(count):

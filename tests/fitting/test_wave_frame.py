@@ -8,7 +8,7 @@ from hrg_cli.physics import ellipse
 
 
 def wave(angle, phase, quadrature, amplitude=1.3):
-    return ellipse.envelopes(
+    return ellipse.compute_envelopes(
         np.array(amplitude), np.array(quadrature), np.array(angle), np.array(phase)
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 from forced_runs import wave_of
 
 from hrg_cli.physics import ellipse
-from hrg_cli.physics.resonator import Mechanics, exponential, generator
+from hrg_cli.physics.resonator import Mechanics, build_generator, exponentiate
 from hrg_cli.records import Resonator
 
 DEVICE = Mechanics(5000.0, 0.02, 8e-4, 0.4, 4e-3, 0.15, 0.55)
@@ -51,13 +51,13 @@ def elliptic_run(
     """u' = L u from a wave angle and a quadrature, sampled; the amplitude falls, which no drift
     formula looks at."""
     t = np.arange(int(duration / dt)) * dt
-    L = generator(device, rate, reference_frequency_hz=device.frequency_hz, second_order=0)
+    L = build_generator(device, rate, reference_frequency_hz=device.frequency_hz, second_order=0)
     u = np.einsum(
         "nij,j->ni",
-        exponential(np.broadcast_to(L, (len(t), 2, 2)), t),
-        ellipse.envelopes(1.0, ratio, start, 0.0),
+        exponentiate(np.broadcast_to(L, (len(t), 2, 2)), t),
+        ellipse.compute_envelopes(1.0, ratio, start, 0.0),
     )
-    a, b, theta, phase = ellipse.wave(u)
+    a, b, theta, phase = ellipse.find_wave(u)
     theta, phase = ellipse.unwrap(theta, phase)
     draw = np.random.default_rng(seed)
     full = np.full(len(t), float(temperature))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hrg_cli.physics.resonator import Mechanics, exponential, generator
+from hrg_cli.physics.resonator import Mechanics, build_generator, exponentiate
 from hrg_cli.records import Recording
 
 RATE, FREQUENCY, SECONDS = 4000.0, 503.0, 2.0
@@ -21,7 +21,7 @@ def run_down(gyro: str, run: str, theta: float, split: float, seed: int) -> Reco
         scale_factor=0.55,
     )
     t = np.arange(int(SECONDS * RATE)) / RATE
-    u = exponential(generator(device), t) @ np.array([np.cos(2 * theta), np.sin(2 * theta)])
+    u = exponentiate(build_generator(device), t) @ np.array([np.cos(2 * theta), np.sin(2 * theta)])
     x = (u * np.exp(2j * np.pi * FREQUENCY * t)[:, None]).real + 5e-4 * rng.standard_normal(u.shape)
     return Recording(
         c=x[:, 0], s=x[:, 1], sample_rate_hz=RATE, mode="free", gyro_id=gyro, run_id=run

@@ -22,17 +22,21 @@ NAMES = (
 def envelope(mechanics, theta, rate, times, ratio=0.02, phase=0.0, second_order=1.0, amplitude=1.0):
     """Exact envelopes at times; `rate` a number or a function of time (then by fine midpoint
     steps)."""
-    u0 = ellipse.envelopes(amplitude, ratio * amplitude, theta, phase, mechanics.mode_number)
+    u0 = ellipse.compute_envelopes(
+        amplitude, ratio * amplitude, theta, phase, mechanics.mode_number
+    )
     if not callable(rate):
         return (
-            resonator.exponential(
-                resonator.generator(mechanics, rate, second_order=second_order), times
+            resonator.exponentiate(
+                resonator.build_generator(mechanics, rate, second_order=second_order), times
             )
             @ u0
         )
     fine = np.concatenate([[0.0], times])
-    steps = resonator.exponential(
-        resonator.generator(mechanics, rate((fine[1:] + fine[:-1]) / 2), second_order=second_order),
+    steps = resonator.exponentiate(
+        resonator.build_generator(
+            mechanics, rate((fine[1:] + fine[:-1]) / 2), second_order=second_order
+        ),
         np.diff(fine),
     )
     out, u = np.empty((len(times), 2), complex), u0
@@ -46,7 +50,7 @@ def as_wave(u, times, std, mechanics, rng, *, rate=None, run_id="run", flags=Non
     """A Wave of envelopes with Gaussian noise of `std` a component."""
     u = u + std * (rng.standard_normal(u.shape) + 1j * rng.standard_normal(u.shape))
     m, n = mechanics.mode_number, len(times)
-    a_A, a_B, theta, phi = ellipse.wave(u, m)
+    a_A, a_B, theta, phi = ellipse.find_wave(u, m)
     theta, phi = ellipse.unwrap(theta, phi, m)
     fill = np.full(n, float(std))
     return Wave(

@@ -43,9 +43,9 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         "tests/physics/test_resonator.py tests/physics/test_axes.py tests/fitting/test_likelihood.py",
         (
             ("J = np.array([[0.0, 1.0], [-1.0, 0.0]])", "J = np.array([[0.0, -1.0], [1.0, 0.0]])"),
-            ("reflection(2 * self.mode_number * self.damping_axis_rad)", "reflection(self.mode_number * self.damping_axis_rad)"),
+            ("make_reflection(2 * self.mode_number * self.damping_axis_rad)", "make_reflection(self.mode_number * self.damping_axis_rad)"),
             ("(omega**2 + split**2) * IDENTITY", "omega**2 * IDENTITY"),
-            ("+ 2 * omega * split * reflection", "- 2 * omega * split * reflection"),
+            ("+ 2 * omega * split * make_reflection", "- 2 * omega * split * make_reflection"),
             ("np.stack([sin, -cos], -1)", "np.stack([sin, cos], -1)"),
             ("damping = mechanics.damping_matrix() - turning", "damping = mechanics.damping_matrix() + turning"),
             ("(mechanics.omega_rad_s - omega_r) * IDENTITY", "(omega_r - mechanics.omega_rad_s) * IDENTITY"),

@@ -64,14 +64,16 @@ def test_fast_instrument_axes_are_the_matrices_of_the_resonator():
 
 
 def test_slow_models_agree_with_the_generator_and_each_other():
-    u0 = ellipse.envelopes(1.0, 0.2, 0.4, 0.3)
+    u0 = ellipse.compute_envelopes(1.0, 0.2, 0.4, 0.3)
     seconds = 1.5
     times, polar = integrate(
         lambda t, s: axes.slow_moving_axes_polar(s, GYRO, RATE), [1.0, 0.2, 0.4, 0.3], seconds
     )
-    exact = resonator.exponential(resonator.generator(GYRO, RATE, second_order=0.0), times) @ u0
+    exact = (
+        resonator.exponentiate(resonator.build_generator(GYRO, RATE, second_order=0.0), times) @ u0
+    )
     a_A, a_B, angle, phase = polar
-    assert np.allclose(ellipse.envelopes(a_A, a_B, angle, phase), exact, atol=1e-8)
+    assert np.allclose(ellipse.compute_envelopes(a_A, a_B, angle, phase), exact, atol=1e-8)
     _, fixed = integrate(lambda t, u: axes.slow_turned_axes(u, GYRO, 0.0, RATE), u0, seconds)
     assert np.allclose(fixed.T, exact, atol=1e-9)
     _, turned = integrate(
@@ -86,7 +88,8 @@ def test_slow_models_agree_with_the_generator_and_each_other():
     )
     times_half = np.linspace(0, 0.5, 40)
     exact_half = axes.turn(
-        resonator.exponential(resonator.generator(GYRO, RATE, second_order=0.0), times_half) @ u0,
+        resonator.exponentiate(resonator.build_generator(GYRO, RATE, second_order=0.0), times_half)
+        @ u0,
         0.8,
     )
     assert np.allclose(amplitude[:2] * np.exp(1j * amplitude[2:]), exact_half.T, atol=1e-8)
@@ -99,8 +102,8 @@ def test_slow_models_agree_with_the_generator_and_each_other():
 
 def test_slow_models_follow_the_fast_ones_to_first_order_in_their_smallness():
     gyro = Mechanics(400.0, 0.6, 0.1, 0.35, 0.9, 1.1, 0.55)
-    u0 = ellipse.envelopes(1.0, 0.1, 0.4, 0.0)
-    L = resonator.generator(gyro, RATE)
+    u0 = ellipse.compute_envelopes(1.0, 0.1, 0.4, 0.0)
+    L = resonator.build_generator(gyro, RATE)
     velocity = np.real(1j * gyro.omega_rad_s * u0 + L @ u0)
     times, fast = integrate(
         lambda t, z: axes.turned_axes(z, gyro, 0.0, RATE),
@@ -109,11 +112,13 @@ def test_slow_models_follow_the_fast_ones_to_first_order_in_their_smallness():
         400,
         1e-12,
     )
-    slow = resonator.exponential(L, times) @ u0
+    slow = resonator.exponentiate(L, times) @ u0
     assert np.allclose(
         fast[:2].T, np.real(slow * np.exp(1j * gyro.omega_rad_s * times)[:, None]), atol=2e-6
     )
-    averaged = resonator.exponential(resonator.generator(gyro, RATE, second_order=0.0), times) @ u0
+    averaged = (
+        resonator.exponentiate(resonator.build_generator(gyro, RATE, second_order=0.0), times) @ u0
+    )
     error = np.abs(
         fast[:2].T - np.real(averaged * np.exp(1j * gyro.omega_rad_s * times)[:, None])
     ).max()

@@ -25,9 +25,9 @@ def gyro(mode_number=2, **change):
 def measured_rates(mechanics, angle, ratio, force=lambda u: 0 * u, rate=0.0, h=1e-6):
     """(m dθ/dt, dφ/dt) by differencing the exact envelopes."""
     m = mechanics.mode_number
-    u = ellipse.envelopes(1.0, ratio, angle, 0.2, m)
-    du = resonator.generator(mechanics, rate, second_order=0.0) @ u + force(u)
-    before, after = ellipse.wave(u - h * du, m), ellipse.wave(u + h * du, m)
+    u = ellipse.compute_envelopes(1.0, ratio, angle, 0.2, m)
+    du = resonator.build_generator(mechanics, rate, second_order=0.0) @ u + force(u)
+    before, after = ellipse.find_wave(u - h * du, m), ellipse.find_wave(u + h * du, m)
     return m * (after[2] - before[2]) / (2 * h), (after[3] - before[3]) / (2 * h)
 
 
@@ -94,20 +94,20 @@ def test_quasi_static_quadrature_by_integration(drive):
             push = g.damping_rate_1_s * np.exp(2j * np.angle(A)) * np.conj(u)
         swing = measured(u) / m
         hold = m * swing * np.array([u[1], -u[0]])  # turns the frame with the wave
-        return resonator.generator(g, 0.0, second_order=0.0) @ u + push + hold
+        return resonator.build_generator(g, 0.0, second_order=0.0) @ u + push + hold
 
     def measured(u):
-        r = ellipse.wave(u, m)[1] / ellipse.wave(u, m)[0]
+        r = ellipse.find_wave(u, m)[1] / ellipse.find_wave(u, m)[0]
         return float(drift.compute_drift(g, angle, r))
 
     end = solve_ivp(
         rates,
         (0, 60.0),
-        ellipse.envelopes(1.0, 0.0, angle, 0.0).astype(complex),
+        ellipse.compute_envelopes(1.0, 0.0, angle, 0.0).astype(complex),
         rtol=1e-9,
         atol=1e-12,
     ).y[:, -1]
-    a_A, a_B, _, _ = ellipse.wave(end, m)
+    a_A, a_B, _, _ = ellipse.find_wave(end, m)
     assert a_B / a_A == pytest.approx(
         float(drift.compute_quasi_static_quadrature(g, angle, drive)), rel=0.02
     )
@@ -120,10 +120,10 @@ def test_tangent_law_is_the_exact_motion_at_rest():
     g = gyro(frequency_split_rad_s=0.0)
     times = np.linspace(0, 60, 30)
     for start in (0.4, 1.0, 1.7, -0.6):
-        u = resonator.exponential(
-            resonator.generator(g, 0.0, second_order=0.0), times
-        ) @ ellipse.envelopes(1.0, 0.0, start, 0.0)
-        angle, _ = ellipse.unwrap(*ellipse.wave(u, 2)[2:], 2)
+        u = resonator.exponentiate(
+            resonator.build_generator(g, 0.0, second_order=0.0), times
+        ) @ ellipse.compute_envelopes(1.0, 0.0, start, 0.0)
+        angle, _ = ellipse.unwrap(*ellipse.find_wave(u, 2)[2:], 2)
         angle += np.round((start - angle[0]) / (np.pi / 2)) * np.pi / 2
         assert np.allclose(drift.follow_tangent_law(g, start, times), angle, atol=1e-9)
 
@@ -153,9 +153,9 @@ def test_free_quadrature_grows_as_the_envelopes_say(ratio):
     grows, since a_A falls faster."""
     g, h = gyro(damping_split_1_s=0.1), 1e-6
     for angle in (0.05, g.damping_axis_rad, 0.7):
-        u = ellipse.envelopes(1.0, ratio, angle, 0.2, g.mode_number)
-        du = resonator.generator(g, 0.0, second_order=0.0) @ u
-        before, after = (ellipse.wave(u + sign * h * du, g.mode_number) for sign in (-1, 1))
+        u = ellipse.compute_envelopes(1.0, ratio, angle, 0.2, g.mode_number)
+        du = resonator.build_generator(g, 0.0, second_order=0.0) @ u
+        before, after = (ellipse.find_wave(u + sign * h * du, g.mode_number) for sign in (-1, 1))
         seen = (after[1] / after[0] - before[1] / before[0]) / (2 * h)
         assert seen == pytest.approx(
             drift.compute_quadrature_rate(g, angle, ratio, "free"), abs=1e-8

@@ -9,7 +9,7 @@ from hrg_cli.physics import ellipse, fast_engine
 from hrg_cli.physics.board_reading import round_to_step
 from hrg_cli.physics.electronics import Electronics
 from hrg_cli.physics.noise import Noise
-from hrg_cli.physics.plant import Control, Environment, ThermalCourses, linear_plant
+from hrg_cli.physics.plant import Control, Environment, ThermalCourses, make_linear_plant
 from hrg_cli.physics.resonator import Mechanics
 
 
@@ -28,10 +28,10 @@ def run(
 ):
     grid = np.array([0.0, 2 * seconds])
     world = Environment(grid, *[np.full(2, v) for v in (20.0, rate, 20.0, rate)])
-    u0 = ellipse.envelopes(start, quadrature, angle, 0.4, 2)
+    u0 = ellipse.compute_envelopes(start, quadrature, angle, 0.4, 2)
     blocks = list(
         fast_engine.run(
-            world, linear_plant(mechanics, ThermalCourses(), world), control, u0, 1 / fs, round(seconds * fs), 2 * angle,
+            world, make_linear_plant(mechanics, ThermalCourses(), world), control, u0, 1 / fs, round(seconds * fs), 2 * angle,
             electronics=electronics, noise=noise, random=np.random.default_rng(seed),
         )
     )  # fmt: skip
@@ -39,7 +39,7 @@ def run(
     drive = np.concatenate([b.samples.drive for b in blocks], axis=1)
     t = np.concatenate([b.samples.time_s for b in blocks])
     command = np.concatenate([b.command for b in blocks], axis=1)
-    a_A, a_B, th, ph = ellipse.wave(u, 2)
+    a_A, a_B, th, ph = ellipse.find_wave(u, 2)
     return t, a_A, a_B, *ellipse.unwrap(th, ph, 2), command, drive
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from hrg_cli.physics import ellipse, fast_engine, fast_loop, slow_engine, slow_motion
 from hrg_cli.physics.coefficients import Coefficients, compute_state
-from hrg_cli.physics.plant import Control, Environment, Plant, ThermalCourses, linear_plant
-from hrg_cli.physics.resonator import J, Mechanics, reflection
+from hrg_cli.physics.plant import Control, Environment, Plant, ThermalCourses, make_linear_plant
+from hrg_cli.physics.resonator import J, Mechanics, make_reflection
 
 PLAIN = ThermalCourses()
 
@@ -22,12 +22,14 @@ def world(rate=0.0, temperature=20.0, end=10.0, rows=2):
 
 
 def start(mode_number=2, amplitude=1.0, quadrature=0.0, angle=0.0, phase=0.0):
-    return ellipse.envelopes(*map(np.asarray, (amplitude, quadrature, angle, phase)), mode_number)
+    return ellipse.compute_envelopes(
+        *map(np.asarray, (amplitude, quadrature, angle, phase)), mode_number
+    )
 
 
 def fast(mechanics, environment, u0, fs, seconds, control=None, courses=PLAIN, change=None):
     """(time, z (2, n), envelopes (n, 2)) of the fast engine."""
-    plant = linear_plant(mechanics, courses, environment)
+    plant = make_linear_plant(mechanics, courses, environment)
     if change:
         change(plant)
     return _whole(
@@ -38,7 +40,7 @@ def fast(mechanics, environment, u0, fs, seconds, control=None, courses=PLAIN, c
 def slow(mechanics, environment, u0, fs, seconds, control=None, courses=PLAIN):
     blocks = slow_engine.run(
         environment,
-        lambda e: linear_plant(mechanics, courses, e),
+        lambda e: make_linear_plant(mechanics, courses, e),
         control or Control(),
         slow_motion.SlowTerms(),
         u0,
@@ -58,7 +60,7 @@ def _whole(blocks):
 
 
 def wave(u, mode_number=2):
-    a_A, a_B, angle, phase = ellipse.wave(u, mode_number)
+    a_A, a_B, angle, phase = ellipse.find_wave(u, mode_number)
     return a_A, a_B, *ellipse.unwrap(angle, phase, mode_number)
 
 
@@ -77,7 +79,7 @@ def test_a_million_periods_keep_their_phase():
     environment = world(end=1000.0)
     for block in fast_engine.run(
         environment,
-        linear_plant(mechanics, ThermalCourses(), environment),
+        make_linear_plant(mechanics, ThermalCourses(), environment),
         Control(),
         start(phase=0.3),
         1 / 4001.0,
@@ -193,21 +195,23 @@ def test_loops_null_the_quadrature():
     common = {"forced": True, "amplitude_gain_1_s": 20.0, "amplitude_integral_1_s2": 100.0}
     finite = Control(**common, quadrature_loop="finite", quadrature_gain_1_s=30.0)
     _, _, u = fast(mechanics, world(end=1.0), start(angle=0.3), 13_000.0, 1.0, finite)
-    assert (ellipse.wave(u[-500:])[1]).mean() == pytest.approx(0.1 * np.sin(zeta) / 31, rel=1e-2)
+    assert (ellipse.find_wave(u[-500:])[1]).mean() == pytest.approx(
+        0.1 * np.sin(zeta) / 31, rel=1e-2
+    )
     spring = Control(
         **common, quadrature_loop="spring", quadrature_gain_1_s=30.0, quadrature_integral_1_s2=225.0
     )
     parts = list(
         fast_engine.run(
             world(end=2.0),
-            linear_plant(mechanics, ThermalCourses(), world(end=2.0)),
+            make_linear_plant(mechanics, ThermalCourses(), world(end=2.0)),
             spring,
             start(angle=0.3),
             1 / 13_000,
             26_000,
         )
     )
-    assert abs(ellipse.wave(parts[-1].envelopes(np.arange(25_000, 26_000)))[1].mean()) < 1e-5
+    assert abs(ellipse.find_wave(parts[-1].envelopes(np.arange(25_000, 26_000)))[1].mean()) < 1e-5
     assert parts[-1].command[1, -1] == pytest.approx(-0.1 * np.sin(zeta), rel=1e-2)
 
 
@@ -260,7 +264,7 @@ def test_fast_engine_against_a_general_integrator(seed):
     from scipy.integrate import solve_ivp
 
     mechanics, environment, courses, u0 = random_case(seed)
-    plant = linear_plant(mechanics, courses, environment)
+    plant = make_linear_plant(mechanics, courses, environment)
     grid, K = environment.time_s, plant.scale_factor
     turn = K * environment.rate_rad_s
 
@@ -352,9 +356,9 @@ def test_plain_python_is_the_same_function(monkeypatch):
     )
     compiled = fast(mechanics, world(1.0), start(quadrature=0.1), 13_000.0, 0.1, control)[1]
     monkeypatch.setitem(sys.modules, "numba", None)
-    fast_loop.compiled.cache_clear()
+    fast_loop.compile_loop.cache_clear()
     plain = fast(mechanics, world(1.0), start(quadrature=0.1), 13_000.0, 0.1, control)[1]
-    fast_loop.compiled.cache_clear()
+    fast_loop.compile_loop.cache_clear()
     np.testing.assert_allclose(plain, compiled, atol=1e-12)
 
 
@@ -417,9 +421,9 @@ def test_stiffness_axes_turn_with_the_mode_number():
     for mode_number in (1, 2, 5):
         mechanics = Mechanics(3000.0, 0.2, 0.0, 0.0, 0.5, 0.3, 0.55, mode_number)
         _, _, u = fast(mechanics, world(), start(mode_number, angle=0.3), 13_000.0, 0.5)
-        assert np.abs(ellipse.wave(u, mode_number)[1]).max() < 1e-9
-        assert reflection(0.0)[1, 1] == -1
-    assert isinstance(linear_plant(mechanics, ThermalCourses(), world()), Plant)
+        assert np.abs(ellipse.find_wave(u, mode_number)[1]).max() < 1e-9
+        assert make_reflection(0.0)[1, 1] == -1
+    assert isinstance(make_linear_plant(mechanics, ThermalCourses(), world()), Plant)
 
 
 def test_engines_agree_as_well_at_a_high_gain_of_the_amplitude_loop():

@@ -12,10 +12,10 @@ from hrg_cli.physics.noise import (
     BOLTZMANN_J_K,
     Flicker,
     Noise,
-    angle_random_walk,
-    thermal_velocity2,
+    compute_angle_random_walk,
+    compute_thermal_velocity2,
 )
-from hrg_cli.physics.plant import Control, Environment, ThermalCourses, linear_plant
+from hrg_cli.physics.plant import Control, Environment, ThermalCourses, make_linear_plant
 from hrg_cli.physics.resonator import Mechanics
 
 
@@ -23,9 +23,9 @@ def run(mechanics, noise, seconds, fs, control=None, amplitude=1.0, seed=1, ever
     """(time, envelopes) of the fast engine with noise, every so many samples."""
     grid = np.array([0.0, 2 * seconds])
     world = Environment(grid, *[np.full(2, v) for v in (20.0, 0.0, 20.0, 0.0)])
-    u0 = ellipse.envelopes(amplitude, 0.0, 0.3, 0.0, 2)
+    u0 = ellipse.compute_envelopes(amplitude, 0.0, 0.3, 0.0, 2)
     blocks = fast_engine.run(
-        world, linear_plant(mechanics, ThermalCourses(), world), control or Control(), u0, 1 / fs, round(seconds * fs), 0.6,
+        world, make_linear_plant(mechanics, ThermalCourses(), world), control or Control(), u0, 1 / fs, round(seconds * fs), 0.6,
         noise=noise, random=np.random.default_rng(seed), **more,
     )  # fmt: skip
     parts = [
@@ -36,8 +36,10 @@ def run(mechanics, noise, seconds, fs, control=None, amplitude=1.0, seed=1, ever
 
 
 def test_thermal_velocity_is_that_of_a_body():
-    assert thermal_velocity2(300.0, 1e-3) == pytest.approx(BOLTZMANN_J_K * 300 / 1e-3)
-    assert thermal_velocity2(300.0, 1e-3, 1e-6) == pytest.approx(BOLTZMANN_J_K * 300 / 1e-3 * 1e12)
+    assert compute_thermal_velocity2(300.0, 1e-3) == pytest.approx(BOLTZMANN_J_K * 300 / 1e-3)
+    assert compute_thermal_velocity2(300.0, 1e-3, 1e-6) == pytest.approx(
+        BOLTZMANN_J_K * 300 / 1e-3 * 1e12
+    )
 
 
 def test_brownian_force_keeps_half_kt_in_each_mode():
@@ -61,12 +63,12 @@ def test_allan_deviation_of_a_driven_gyro_is_the_angle_random_walk(source):
         forced=True, amplitude_gain_1_s=2.0, quadrature_loop="finite", quadrature_gain_1_s=5.0
     )
     t, u = run(mechanics, noise, 600.0, 400.0, control, every=40)
-    angle, _ = ellipse.unwrap(*ellipse.wave(u, 2)[2:], 2)
+    angle, _ = ellipse.unwrap(*ellipse.find_wave(u, 2)[2:], 2)
     rate = -2 * np.diff(angle) / np.diff(t) / 0.55
     tau, deviation, relative = allan_deviation(rate, t[1] - t[0], points=12)
     known = (tau > 0.4) & (tau < 40)
     walk = deviation[known] * np.sqrt(tau[known])
-    expected = angle_random_walk(mechanics, noise, 1.0)
+    expected = compute_angle_random_walk(mechanics, noise, 1.0)
     assert np.all(np.abs(walk / expected - 1) < 4 * relative[known])
 
 
@@ -123,7 +125,7 @@ def test_readout_flicker_becomes_a_bias_instability_through_the_loops():
             electronics=Electronics(2, phase_loop_hz=2.0),
             seed=seed,
         )
-        a_A, _, angle, phase = ellipse.wave(u, 2)
+        a_A, _, angle, phase = ellipse.find_wave(u, 2)
         angle, _ = ellipse.unwrap(angle, phase, 2)
         rate = -2 * np.diff(angle) / np.diff(t) / 0.55
         tau, deviation, _ = allan_deviation(rate, t[1] - t[0], points=20)

@@ -71,10 +71,10 @@ def test_difference_of_two_waves_is_what_was_put_between_them():
     angle's half turns in between."""
     t = np.linspace(0, 8, 400)
     theta, drift = 0.3 + 0.9 * t, 100 * DEGREE_PER_HOUR
-    first = ellipse.envelopes(
+    first = ellipse.compute_envelopes(
         1.0003 * np.exp(-0.1 * t), 0.05, theta + drift * t / 2, 2 * np.pi * 2e-3 * t + 3.0, 2
     )
-    second = ellipse.envelopes(np.exp(-0.1 * t), 0.05, theta, np.full(len(t), 3.0), 2)
+    second = ellipse.compute_envelopes(np.exp(-0.1 * t), 0.05, theta, np.full(len(t), 3.0), 2)
     rows = [np.concatenate([u.real, u.imag], axis=1) for u in (first, second)]
     found = compute_departure_figures(compute_difference(*rows), np.zeros(len(t), int), t)
     assert found["drift_deg_h"] == pytest.approx(100, rel=1e-6)
@@ -83,7 +83,7 @@ def test_difference_of_two_waves_is_what_was_put_between_them():
 
 
 def test_a_round_wave_has_no_angle():
-    round_ = ellipse.envelopes(
+    round_ = ellipse.compute_envelopes(
         np.ones(50), np.full(50, 0.99), np.linspace(0, 1, 50), np.zeros(50), 2
     )
     rows = np.concatenate([round_.real, round_.imag], axis=1)

@@ -37,8 +37,10 @@ def test_a_known_difference_stands_in_its_own_figure(quantity, size, rms, mode_n
         "amplitude": (a * (1 + size), theta, phase),
         "phase": (a, theta, phase + size),
     }[quantity]
-    simulated = reals(ellipse.envelopes(a, 0.02 * a, theta, phase, mode_number))
-    measured = reals(ellipse.envelopes(changed[0], 0.02 * changed[0], *changed[1:], mode_number))
+    simulated = reals(ellipse.compute_envelopes(a, 0.02 * a, theta, phase, mode_number))
+    measured = reals(
+        ellipse.compute_envelopes(changed[0], 0.02 * changed[0], *changed[1:], mode_number)
+    )
     record = diagnosis().replace(
         run=np.zeros(len(t), "i4"), time_s=t, wave_angle_rad=theta, main_amplitude=a, temperature_degc=None,
         measured=measured, simulated_before=simulated, simulated_after=measured, residual_before=measured - simulated,

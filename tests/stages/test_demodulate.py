@@ -91,11 +91,11 @@ def test_a_turning_decaying_split_resonator_is_seen_without_bias(periods: float)
     rng = np.random.default_rng(2)
     rate, n, noise = 100_000.0, 200_000, 1e-5
     mechanics = resonator.Mechanics(5000.0, 0.35, 0.02, 0.3, 0.4, 0.1, 0.55)
-    generator = resonator.generator(mechanics, 3.0, 5000.0)
+    generator = resonator.build_generator(mechanics, 3.0, 5000.0)
     start = np.array([1, 0.01j])
 
     def envelope(time: np.ndarray) -> np.ndarray:
-        return resonator.exponential(generator, time) @ start
+        return resonator.exponentiate(generator, time) @ start
 
     time = np.arange(n) / rate
     z = (envelope(time) * np.exp(2j * np.pi * 5000.0 * time)[:, None]).real + noise * rng.normal(

@@ -7,7 +7,7 @@ import pytest
 from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.physics import ellipse
-from hrg_cli.physics.signals import signals
+from hrg_cli.physics.signals import make_signals
 from hrg_cli.records import (
     FLAG_CLIPPED,
     FLAG_GAP,
@@ -30,10 +30,10 @@ def periods(
     """Demodulated signals of a known wave (θ physical) with white noise."""
     a, b, theta, phi, psi = np.broadcast_arrays(a, b, theta, phi, psi)
     if readout == "direct":
-        u = ellipse.envelopes(a, b, theta, phi, m)
+        u = ellipse.compute_envelopes(a, b, theta, phi, m)
         z = np.stack([u[:, 0].real, -u[:, 0].imag, u[:, 1].real, -u[:, 1].imag], axis=-1)
     else:
-        z = signals(np.stack([a, b, m * theta, phi, psi], axis=-1))
+        z = make_signals(np.stack([a, b, m * theta, phi, psi], axis=-1))
     n = len(z)
     record = Periods(
         time_s=(np.arange(n) + 0.5) * WINDOW,
@@ -130,7 +130,7 @@ def test_the_recovered_parameters_give_back_the_signals():
     was unwrapped."""
     record, _ = turning(sigma=0.0)
     wave = collect(estimate(record))
-    u = ellipse.envelopes(
+    u = ellipse.compute_envelopes(
         wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad, 2
     )
     np.testing.assert_allclose(
@@ -150,7 +150,7 @@ def test_the_recovered_parameters_give_back_the_signals():
         ],
         axis=-1,
     )
-    np.testing.assert_allclose(signals(x), record.signals, atol=1e-11)
+    np.testing.assert_allclose(make_signals(x), record.signals, atol=1e-11)
 
 
 @pytest.mark.parametrize("start", ["previous", "closed-form", "fixed"])

@@ -48,10 +48,10 @@ def made(nu=0.02, split=0.004, spread=0.02, mode_number=2, **change):
 def envelopes_of(g, drive, gain, rate, start, ratio, times):
     """(θ, r) of the driven envelopes u' = L u + force by scipy, the force computed from u alone."""
     m = g.mode_number
-    L = resonator.generator(g, rate, second_order=0.0)
+    L = resonator.build_generator(g, rate, second_order=0.0)
 
     def slope(_, u):
-        s0, s1, s2, s3 = ellipse.stokes(u)
+        s0, s1, s2, s3 = ellipse.compute_stokes(u)
         a_A = np.sqrt((s0 + np.hypot(s1, s2)) / 2)
         a_B = s3 / (2 * a_A)
         half = np.arctan2(s2, s1) / 2
@@ -65,9 +65,9 @@ def envelopes_of(g, drive, gain, rate, start, ratio, times):
             return free - falls / a_A * turn**2 * np.conj(u)
         return free - falls * turn * e_A + 1j * turn * gain * a_B * e_B
 
-    u0 = ellipse.envelopes(1.0, ratio, start, 0.3, m)
+    u0 = ellipse.compute_envelopes(1.0, ratio, start, 0.3, m)
     u = solve_ivp(slope, (0, times[-1]), u0, t_eval=times, rtol=1e-10, atol=1e-13).y.T
-    a_A, a_B, angle, phase = ellipse.wave(u, m)
+    a_A, a_B, angle, phase = ellipse.find_wave(u, m)
     angle, _ = ellipse.unwrap(angle, phase, m)
     return angle + np.round((start - angle[0]) * m / np.pi) * np.pi / m, a_B / a_A
 
@@ -180,12 +180,12 @@ def test_a_course_ends_by_itself_and_not_with_those_of_other_starts():
     ended = forecast(resonator_, drive="free", wave_angle_rad=0.05 + np.pi / 8, duration_s=20.0)
     assert any("the forecast ends" in s for s in ended.status_reasons)
     g = mechanics_of(resonator_)
-    L = resonator.generator(g, 0.0, second_order=0.0)
+    L = resonator.build_generator(g, 0.0, second_order=0.0)
     start = np.array([np.cos(2 * 0.05), np.sin(2 * 0.05)], complex)
     u = solve_ivp(
         lambda _, y: L @ y, (0, 20), start, t_eval=table["time_s"], rtol=1e-9, atol=1e-12
     ).y.T
-    angle = ellipse.wave(u, 2)[2]
+    angle = ellipse.find_wave(u, 2)[2]
     assert table["wave_angle_rad"] == pytest.approx(angle, abs=1e-4)
 
 
@@ -195,7 +195,10 @@ def test_the_trim_leaves_a_round_resonator():
     trim = forecast(record, drive="free", duration_s=2.0).trim
     g = mechanics_of(record)
     soft = (
-        2 * g.omega_rad_s * trim.size_rad_s * (np.eye(2) + resonator.reflection(4 * trim.axis_rad))
+        2
+        * g.omega_rad_s
+        * trim.size_rad_s
+        * (np.eye(2) + resonator.make_reflection(4 * trim.axis_rad))
     )
     roots = np.sqrt(np.linalg.eigvalsh(g.stiffness_matrix() - soft)) / (2 * np.pi)
     assert np.ptp(roots) * 2 * np.pi < 1e-4 * 0.3
@@ -272,13 +275,13 @@ def test_a_wave_that_passes_a_circle_between_two_rows_has_ended():
     """Quick beating makes the wave nearly a circle for a tenth of a second at a time, which the
     table's rows miss: held against the exact envelopes at every moment, start by start."""
     record = made(nu=0.02, split=0.45, spread=1e-6, stiffness_axis_rad=0.05, damping_axis_rad=0.05)
-    L = resonator.generator(mechanics_of(record), 0.0, second_order=0.0)
+    L = resonator.build_generator(mechanics_of(record), 0.0, second_order=0.0)
     moments = np.linspace(0, 20, 40001)
     passed = 0
     for off in (0.3, 0.35, 0.36, 0.37, 0.372, 0.375):
         angle = 0.05 + off
         start = np.array([np.cos(2 * angle), np.sin(2 * angle)], complex)
-        a, b, _, _ = ellipse.wave(resonator.exponential(L, moments) @ start, 2)
+        a, b, _, _ = ellipse.find_wave(resonator.exponentiate(L, moments) @ start, 2)
         circle = np.abs(b / a) > 0.9
         found = forecast(record, drive="free", wave_angle_rad=angle, duration_s=20.0)
         if circle.any():

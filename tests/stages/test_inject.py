@@ -83,7 +83,7 @@ def recorded(effects, forced=False, **changes):
 def envelopes(recording):
     wave = collect(estimate(collect(demodulate(recording, periods_per_window=10.0))))
     turn = 2 * np.pi * (wave.reference_frequency_hz - 2000.0) * wave.time_s
-    return ellipse.envelopes(
+    return ellipse.compute_envelopes(
         wave.main_amplitude,
         wave.quadrature_amplitude,
         wave.wave_angle_rad,

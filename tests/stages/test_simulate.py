@@ -38,9 +38,9 @@ def run(config, **settings):
 
 def truth_envelopes(record, times):
     """Envelopes from the truth log, interpolated."""
-    from hrg_cli.physics.ellipse import envelopes
+    from hrg_cli.physics.ellipse import compute_envelopes
 
-    u = envelopes(
+    u = compute_envelopes(
         record.truth_main_amplitude,
         record.truth_quadrature_amplitude,
         record.truth_wave_angle_rad,
@@ -130,7 +130,9 @@ def test_carrier_gives_seed_b_coefficients():
     z = np.concatenate(
         [np.linalg.lstsq(basis, np.asarray(y), rcond=None)[0] for y in (record.c, record.s)]
     )
-    np.testing.assert_allclose(z, signals.signals(np.array([A, B, theta, phi, psi])), atol=1e-6)
+    np.testing.assert_allclose(
+        z, signals.make_signals(np.array([A, B, theta, phi, psi])), atol=1e-6
+    )
 
 
 @pytest.mark.parametrize(("law", "cubic"), [("alternating", 1), ("printed", 3)])

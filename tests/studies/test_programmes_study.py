@@ -52,10 +52,10 @@ def test_envelopes_of_a_changing_rate_are_those_of_the_samples(kind):
     gyro = run_downs._gyro(random, True)
     course = run_downs._course(kind, 0.8, 4.0, random)
     (wave,) = run_downs._simulate_samples(gyro, [course], [(0.3, 0.1)], 0.01, 4.0, 1e-7, random)
-    first = run_downs.ellipse.envelopes(1.0, 0.1, 0.3, 0.0, gyro.mode_number)
+    first = run_downs.ellipse.compute_envelopes(1.0, 0.1, 0.3, 0.0, gyro.mode_number)
     u = envelope(gyro, course, 0.01, np.asarray(wave.time_s), first)
     angle, _ = run_downs.ellipse.unwrap(
-        *run_downs.ellipse.wave(u, gyro.mode_number)[2:], gyro.mode_number
+        *run_downs.ellipse.find_wave(u, gyro.mode_number)[2:], gyro.mode_number
     )
     off = wave.wave_angle_rad - angle
     period = np.pi / gyro.mode_number

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...effects.effect import Effect, frame, no_term, same_signal, same_state
-from ...physics.resonator import exponential
+from ...physics.resonator import exponentiate
 from ..envelopes import coordinates
 from ..envelopes.coordinates import COUNT, SECOND_ORDER
 from .measured_runs import MeasuredRuns
@@ -170,7 +170,7 @@ def linearise_flow(prediction: Prediction) -> Propagation:
     slope_rows = apply_generators(L, u) + rows.beside(u)
     hh, half = series.step_s[..., None], series.step_s / 2
     # cubic Hermite interpolation of the midpoint, in the frame that moves with the steady part
-    ahead, back = exponential(steady, half), exponential(steady, -half)
+    ahead, back = exponentiate(steady, half), exponentiate(steady, -half)
     middle = (
         apply_generators(back, u[:, 1:]) + apply_generators(ahead, u[:, :-1])
     ) / 2 + hh / 8 * (
@@ -184,7 +184,7 @@ def linearise_flow(prediction: Prediction) -> Propagation:
     eye = np.eye(4)
 
     def flow(first: Array, mid: Array, last: Array, h: Array) -> Array:
-        E = real_matrix(exponential(steady, h[..., 0, 0] / 2))
+        E = real_matrix(exponentiate(steady, h[..., 0, 0] / 2))
         # the classical Runge–Kutta step of fourth order, the steady part E taken exactly (Lawson 1967)
         k1 = first
         k2 = mid @ E @ (eye + h / 2 * k1)

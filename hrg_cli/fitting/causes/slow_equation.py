@@ -24,7 +24,7 @@ import numpy as np
 from ...effects.effect import Effect, frame, no_term
 from ...effects.envelope_jumps import part_after
 from ...physics.plant import SlowState
-from ...physics.resonator import exponential
+from ...physics.resonator import exponentiate
 from ..envelopes import coordinates
 from .fast_march import Constants, Instants
 from .fit_point import Point, build_state
@@ -493,7 +493,7 @@ def predict_jumps(
     L = build_generators(series, point)[:, 1:]
     near = np.where(share != 0, t[:, 1:] - instant, 0.0)
     return share[..., None] * apply_generators(
-        exponential(L, near), np.broadcast_to(change, (*share.shape, 2))
+        exponentiate(L, near), np.broadcast_to(change, (*share.shape, 2))
     )
 
 

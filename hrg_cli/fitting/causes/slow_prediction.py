@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.resonator import exponential
+from ...physics.resonator import exponentiate
 from ..envelopes import channel_noise
 from . import fast_march
 from .fast_march import RuleSteps
@@ -124,7 +124,7 @@ class Rule:
             find_steady_generators(series, build_generators(series, point)),
         )
         self.L, self.M = L - steady[:, None], build_generators(centre, point) - steady[:, None]
-        self.h, self.E = series.step_s[..., None], exponential(steady[:, None], series.step_s / 2)
+        self.h, self.E = series.step_s[..., None], exponentiate(steady[:, None], series.step_s / 2)
         self.jumps = sum(
             (
                 predict_jumps(series, point, *pair)

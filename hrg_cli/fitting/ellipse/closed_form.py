@@ -11,7 +11,7 @@ of `physics.ellipse`.
 import numpy as np
 
 from ...physics import ellipse
-from ...physics.signals import sidebands
+from ...physics.signals import find_sidebands
 
 Array = np.ndarray
 CHUNK_ROWS = 8192
@@ -27,7 +27,7 @@ def split(
     ψ estimated lies in (−π/2, π/2]; (u, ψ) and (−u, ψ + π) are the same signals. The rms is
     √(Σr²/8).
     """
-    lower, upper = sidebands(signals)
+    lower, upper = find_sidebands(signals)
     if carrier_phase_rad is None:
         cross = upper * np.conj(lower)
         psi = np.angle(cross[..., 0] + cross[..., 1]) / 2
@@ -48,7 +48,7 @@ def closed_form(signals: Array, carrier_phase_rad: float | None = None) -> tuple
     for start in range(0, len(signals), CHUNK_ROWS):
         rows = slice(start, start + CHUNK_ROWS)
         u, x[rows, 4], misfit[rows] = split(signals[rows], carrier_phase_rad)
-        for column, values in enumerate(ellipse.wave(u, 1)):
+        for column, values in enumerate(ellipse.find_wave(u, 1)):
             x[rows, column] = values
     return x, misfit
 
@@ -61,4 +61,6 @@ def choose_canonical(x: Array, carrier_known: bool = False) -> Array:
         # −½ < ψ/π − half_turns ≤ ½, and (u, ψ) → (−u, ψ + π) takes φ along.
         half_turns = np.ceil(psi / np.pi - 0.5)
         phi, psi = phi - np.pi * half_turns, psi - np.pi * half_turns
-    return np.stack([*ellipse.wave(ellipse.envelopes(A, B, theta, phi, 1), 1), psi], axis=-1)
+    return np.stack(
+        [*ellipse.find_wave(ellipse.compute_envelopes(A, B, theta, phi, 1), 1), psi], axis=-1
+    )

@@ -183,7 +183,7 @@ def build_ellipse_course(run: EnvelopeRun) -> EllipseCourse:
     >>> round(float(np.tan(course.ellipticity[50])), 9), round(float(np.ptp(course.log_size)), 6)
     (0.2, 1.99)
     """
-    a, b, angle, phase = ellipse.wave(run.envelope, 1)
+    a, b, angle, phase = ellipse.find_wave(run.envelope, 1)
     power = np.maximum(a**2 + b**2 - 4 * run.std**2, run.std**2)
     step = np.diff(run.time_s)
     piece = np.append(0, np.cumsum(step > WIDE_STEP * np.median(step)))

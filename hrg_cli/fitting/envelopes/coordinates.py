@@ -74,7 +74,7 @@ def generator(p: Array, rate_rad_s: Array, omega: Array | float) -> Array:
     >>> from hrg_cli.physics import resonator
     >>> gyro = resonator.Mechanics(1000.0, 0.2, 0.01, 0.3, 0.05, 0.1)
     >>> L = generator(from_mechanics(gyro), np.array(1.0), gyro.omega_rad_s)
-    >>> bool(np.allclose(L, resonator.generator(gyro, 1.0), atol=1e-9))
+    >>> bool(np.allclose(L, resonator.build_generator(gyro, 1.0), atol=1e-9))
     True
     """
     parts = np.broadcast_arrays(*entries(p, np.asarray(rate_rad_s), np.asarray(omega, float)))

@@ -226,7 +226,7 @@ def compute_envelopes(wave: Wave, rows: Array | slice = slice(None)) -> Array:
     >>> (compute_envelopes(wave).round(9) + 0).tolist()
     [[0.1j, (1+0j)]]
     """
-    return ellipse.envelopes(
+    return ellipse.compute_envelopes(
         wave.main_amplitude[rows],
         wave.quadrature_amplitude[rows],
         wave.wave_angle_rad[rows],

@@ -161,7 +161,7 @@ def ellipse_of(run: EnvelopeRun) -> Ellipse:
     >>> round(float((found.a_dot / found.a)[50]), 5), round(float(found.angle[50]), 9)
     (-0.1, 0.3)
     """
-    a, b, angle, phase = ellipse.wave(run.envelope, 1)
+    a, b, angle, phase = ellipse.find_wave(run.envelope, 1)
     angle, phase = ellipse.unwrap(angle, phase, 1)
     t = run.time_s
     return Ellipse(

@@ -245,7 +245,7 @@ def choose_different(runs: Sequence[EnvelopeRun], count: int) -> list[int]:
     """
     features = []
     for run in runs:
-        s = ellipse.stokes(run.envelope).mean(axis=0)
+        s = ellipse.compute_stokes(run.envelope).mean(axis=0)
         rate = (
             np.ptp(run.turn_rad)
             / max(run.duration_s, 1e-300)

@@ -57,7 +57,7 @@ def measure_roundness(runs: Sequence[EnvelopeRun]) -> float:
     """
     worst = 0.0
     for run in runs:
-        a, b, _, _ = ellipse.wave(run.envelope, 1)
+        a, b, _, _ = ellipse.find_wave(run.envelope, 1)
         worst = max(worst, float(np.quantile(np.abs(b) / np.maximum(a, 1e-300), 0.95)))
     return worst
 
@@ -88,7 +88,7 @@ def measure_quadrature_significance(runs: Sequence[EnvelopeRun]) -> float:
     >>> round(measure_quadrature_significance([run]), 6)
     30.0
     """
-    x = np.concatenate([ellipse.wave(r.envelope, 1)[1] / r.std for r in runs])
+    x = np.concatenate([ellipse.find_wave(r.envelope, 1)[1] / r.std for r in runs])
     return float((np.mean(x**2) - 1) * np.sqrt(len(x) / 2))
 
 
@@ -207,7 +207,7 @@ def list_warnings(runs: Sequence[EnvelopeRun], method: str, eliminate_rate: bool
             " true rate"
         )
     turned = max(
-        float(np.ptp(ellipse.unwrap(*ellipse.wave(run.envelope, 1)[2:], 1)[0])) for run in runs
+        float(np.ptp(ellipse.unwrap(*ellipse.find_wave(run.envelope, 1)[2:], 1)[0])) for run in runs
     )
     if method == "frozen-axes" and turned > FROZEN:
         out.append(

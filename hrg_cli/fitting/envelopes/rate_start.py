@@ -50,7 +50,7 @@ def estimate_plain_rate(run: EnvelopeRun, grid: Array, scale_factor: float) -> A
     >>> estimate_plain_rate(run, np.linspace(0.0, 19.0, 4), 0.3).round(6).tolist()
     [1.0, 1.0, 1.0, 1.0]
     """
-    angle, _ = ellipse.unwrap(*ellipse.wave(run.envelope, 1)[2:], 1)
+    angle, _ = ellipse.unwrap(*ellipse.find_wave(run.envelope, 1)[2:], 1)
     turned = -_smooth(angle, max(1, len(run) // (4 * len(grid)))) / scale_factor
     return np.asarray(np.gradient(np.interp(grid, run.time_s, turned), grid))
 
@@ -89,7 +89,7 @@ def estimate_stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
     """
     run = run.rows(slice(None, None, -(-len(run) // START_ROWS)))
     t = run.time_s
-    s0, s1, s2, s3 = np.moveaxis(ellipse.stokes(run.envelope), -1, 0)
+    s0, s1, s2, s3 = np.moveaxis(ellipse.compute_stokes(run.envelope), -1, 0)
     nu, dc, ds, wc, ws, factor = p[:6]
     shape = 2 * factor * cardinal(t, grid)
     std = 2 * run.std * np.sqrt(np.maximum(s0, 4 * run.std**2))

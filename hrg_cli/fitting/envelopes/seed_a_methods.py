@@ -539,7 +539,7 @@ def build_stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
     [0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0]
     """
-    s0, s1, s2, s3 = np.moveaxis(ellipse.stokes(run.envelope), -1, 0)
+    s0, s1, s2, s3 = np.moveaxis(ellipse.compute_stokes(run.envelope), -1, 0)
     s0 = s0 - 4 * run.std**2
     rate, zero = find_table_rate(run), np.zeros_like(s0)
     std = 2 * run.std * np.sqrt(np.maximum(s0, 4 * run.std**2))

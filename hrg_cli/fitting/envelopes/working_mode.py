@@ -67,12 +67,12 @@ def monitor(runs: Sequence[EnvelopeRun], pushed: Sequence[Array] | None = None) 
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.working_mode import monitor
-    >>> from hrg_cli.physics.ellipse import envelopes
+    >>> from hrg_cli.physics.ellipse import compute_envelopes
     >>> t = np.arange(0.0, 100.0, 0.02)
     >>> r = np.imag(0.01 / (0.2 + 1j) * np.exp(1j * t)) + 0.05 * np.exp(-0.2 * t)
     >>> speed = (1 + r**2) / (1 - r**2) * 0.01 * np.cos(t)
     >>> phase = np.append(0.0, np.cumsum(speed[1:] + speed[:-1]) * 0.01)
-    >>> u = envelopes(1 + 0 * t, r, 0.25 * t, phase, 2)
+    >>> u = compute_envelopes(1 + 0 * t, r, 0.25 * t, phase, 2)
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, 0 * t, None, 5e3, 2, 0.02)
     >>> monitor([run]).value.round(4) + 0
     array([0.2 , 0.01, 0.  , 0.  , 0.  ])
@@ -97,7 +97,7 @@ def monitor(runs: Sequence[EnvelopeRun], pushed: Sequence[Array] | None = None) 
 
 
 def _ratio(run: EnvelopeRun) -> Array:
-    a, b, _, _ = ellipse.wave(run.envelope, 1)
+    a, b, _, _ = ellipse.find_wave(run.envelope, 1)
     return b / a
 
 
@@ -105,7 +105,7 @@ def _quadrature_rows(run: EnvelopeRun, pushed: Array) -> tuple[Array, Array]:
     """Increments of a_B over 8 rows, less what was pushed, against the integrals of −a_B, a_A sin 2mθ, −a_A cos 2mθ and,
     for the damping split, a_B cos, a_B sin.
     """
-    a, b, angle, phase = ellipse.wave(run.envelope, 1)
+    a, b, angle, phase = ellipse.find_wave(run.envelope, 1)
     angle, _ = ellipse.unwrap(angle, phase, 1)
     c, s = np.cos(2 * angle), np.sin(2 * angle)
     columns = np.stack([-b, a * s, -a * c, b * c, b * s], axis=-1)
@@ -115,7 +115,7 @@ def _quadrature_rows(run: EnvelopeRun, pushed: Array) -> tuple[Array, Array]:
 def _phase_rows(run: EnvelopeRun, count: int, number: int) -> tuple[Array, Array]:
     """Increments of φ against δω cos, δω sin, νδμ cos, νδμ sin, and this run's mean frequency and
     its drift."""
-    a, b, angle, phase = ellipse.wave(run.envelope, 1)
+    a, b, angle, phase = ellipse.find_wave(run.envelope, 1)
     angle, phase = ellipse.unwrap(angle, phase, 1)
     r = b / a
     up, down = (1 + r**2) / (1 - r**2), -2 * r / (1 - r**2)
@@ -181,17 +181,17 @@ def find_stiffness_axes(
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.working_mode import find_stiffness_axes
-    >>> from hrg_cli.physics.ellipse import envelopes
+    >>> from hrg_cli.physics.ellipse import compute_envelopes
     >>> t = np.arange(0.0, 120.0, 0.05)
     >>> angle = 0.025 * t
-    >>> u = envelopes(1 + 0 * t, 0.01 * np.sin(4 * (angle - 0.3)), angle, 0 * t, 2)
+    >>> u = compute_envelopes(1 + 0 * t, 0.01 * np.sin(4 * (angle - 0.3)), angle, 0 * t, 2)
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, 0 * t, None, 5e3, 2, 0.05)
     >>> [round(axis, 3) for axis, _ in find_stiffness_axes([run], 2)]
     [0.3, 0.3, 0.3, 0.3]
     """
     out = []
     for run in runs:
-        a, b, angle, phase = ellipse.wave(run.envelope, 1)
+        a, b, angle, phase = ellipse.find_wave(run.envelope, 1)
         angle, _ = ellipse.unwrap(angle, phase, 1)
         ratio = b / a
         speed = differentiate(angle, run.time_s)

@@ -68,7 +68,7 @@ def departure_plots(record: Diagnosis, mode_number: int) -> list[Plot]:
 
 def _motion(series: Array, mode_number: int) -> DepartureMotion:
     """The wave of rows Re C0, Re S0, Im C0, Im S0."""
-    a_A, a_B, angle, phase = ellipse.wave(series[:, :2] + 1j * series[:, 2:], mode_number)
+    a_A, a_B, angle, phase = ellipse.find_wave(series[:, :2] + 1j * series[:, 2:], mode_number)
     return DepartureMotion(a_A, a_B / np.where(a_A > 0, a_A, np.nan), angle, phase)
 
 

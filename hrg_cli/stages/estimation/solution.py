@@ -11,7 +11,7 @@ import numpy as np
 from ...fitting.ellipse.closed_form import choose_canonical, closed_form
 from ...fitting.ellipse.gauss_newton import gauss_newton
 from ...fitting.ellipse.levenberg_marquardt import levenberg_marquardt
-from ...physics.signals import envelopes_of_direct, from_sidebands
+from ...physics.signals import compute_direct_envelopes, from_sidebands
 from ...records import Array
 
 ITERATIVE = {"gauss-newton": gauss_newton, "levenberg-marquardt": levenberg_marquardt}
@@ -52,7 +52,7 @@ def solve_block(
         return x, misfit, iterations, last
     z = signals if finite.all() else signals[finite]
     if direct:
-        u = envelopes_of_direct(z)
+        u = compute_direct_envelopes(z)
         # Two equal sidebands at ψ = 0 are the direct signals: one solver serves both read-outs.
         z = from_sidebands(u, u)
     best, rms = closed_form(z, how.carrier_phase_rad)

@@ -83,7 +83,7 @@ def _is_unclear(found: rate_offset.RateOffset, std: float, held: bool) -> bool:
 def _add_closing_checks(verdict: Verdict, found: rate_offset.RateOffset, unclear: bool) -> None:
     """The closing checks of the rate into the verdict."""
     span = 2 * max(
-        float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0]))
+        float(np.ptp(ellipse.unwrap(*ellipse.find_wave(r.envelope, 1)[2:], 1)[0]))
         for r in found.fit.response.batch.runs
     )
     closing.close_verdict(

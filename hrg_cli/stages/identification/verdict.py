@@ -92,7 +92,8 @@ def is_one_rate(fit: Fit) -> bool:
     rates = np.concatenate([r[s > 0] for r, s in zip(data.step_rate, data.step_s)])
     differ = float(np.ptp(rates)) > 0.1 * float(np.abs(rates).max())
     spans = [
-        float(np.ptp(ellipse.unwrap(*ellipse.wave(r.envelope, 1)[2:], 1)[0])) * 2 for r in data.runs
+        float(np.ptp(ellipse.unwrap(*ellipse.find_wave(r.envelope, 1)[2:], 1)[0])) * 2
+        for r in data.runs
     ]
     factor, _ = inference.estimate_variance_inflation(fit)
     return not differ and max(spans) < 2 * np.pi and factor > 2

@@ -22,7 +22,7 @@ from ...fitting.causes.fit_point import Point
 from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.envelopes.base_freedom import nominal_scale_factor
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
-from ...physics.resonator import exponential
+from ...physics.resonator import exponentiate
 from ...records import Resonator, Wave
 from ..diagnosis.base.base_priors import choose_freedom
 from ..diagnosis.base.data import prepare
@@ -108,7 +108,7 @@ def _change_after(
     first = int(np.searchsorted(series.time_s[0], instant))
     rest = series.later(first)
     L = slow_equation.build_generators(series, point)[0, first]
-    carry = exponential(L, rest.time_s[0, 0] - instant)
+    carry = exponentiate(L, rest.time_s[0, 0] - instant)
     ends = [
         np.concatenate([[u], _predict_motion(rest, replace(point, start=(carry @ u)[None]))])
         for u in (changed, plain)

@@ -24,7 +24,7 @@ from ...fitting.causes.slow_prediction import predict
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
 from ...fitting.least_squares import invert_information
 from ...physics import ellipse, slow_engine, slow_motion
-from ...physics.plant import linear_plant
+from ...physics.plant import make_linear_plant
 from ...physics.resonator import Mechanics
 from ...records import Wave
 from .. import simulate
@@ -79,7 +79,7 @@ def wave_of(run: SimulationFile) -> Wave:
     step = table.duration_s / STEPS
     start, electrical = simulate.start_of(run)
     world = simulate.environment_of(run)
-    plant = partial(linear_plant, simulate.mechanics_of(run), simulate.courses_of(run))
+    plant = partial(make_linear_plant, simulate.mechanics_of(run), simulate.courses_of(run))
     blocks = slow_engine.run(
         world,
         plant,
@@ -94,7 +94,7 @@ def wave_of(run: SimulationFile) -> Wave:
     u = np.concatenate([block.envelopes(np.arange(block.samples.z.shape[1])) for block in made])
     command = np.concatenate([block.command for block in made], axis=1)
     t = np.arange(STEPS) * step
-    a_A, a_B, angle, phase = ellipse.wave(u, run.device.mode_number)
+    a_A, a_B, angle, phase = ellipse.find_wave(u, run.device.mode_number)
     angle, phase = ellipse.unwrap(angle, phase, run.device.mode_number)
     noise = float(np.hypot(run.readout.noise, _converter(run)))
     # Demodulating N samples of noise σ leaves σ√(2/N) on each of cosine and sine.

@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting.envelopes import free_windows
 from ...physics import ellipse
-from ...physics.resonator import Mechanics, exponential, generator
+from ...physics.resonator import Mechanics, build_generator, exponentiate
 from ...records import Wave
 from ..run_tables import describe_loops, rate_course, sample_noise, temperature_course
 from . import twin_mode
@@ -215,12 +215,14 @@ def _trace_back_start(
     main, quadrature, wave_angle, wave_phase = (
         np.asarray(column[row], float) for column in columns
     )
-    u = ellipse.envelopes(main, quadrature, wave_angle, wave_phase, wave.mode_number)
+    u = ellipse.compute_envelopes(main, quadrature, wave_angle, wave_phase, wave.mode_number)
     back = (
-        exponential(generator(device, rate_rad_s, wave.reference_frequency_hz), -wave.window_s / 2)
+        exponentiate(
+            build_generator(device, rate_rad_s, wave.reference_frequency_hz), -wave.window_s / 2
+        )
         @ u
     )
-    a_A, a_B, angle, phase = (float(value) for value in ellipse.wave(back, wave.mode_number))
+    a_A, a_B, angle, phase = (float(value) for value in ellipse.find_wave(back, wave.mode_number))
     return {
         "amplitude": a_A,
         "quadrature": float(np.clip(a_B, -a_A, a_A)),

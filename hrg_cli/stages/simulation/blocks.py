@@ -42,7 +42,7 @@ def record_blocks(
         n = len(block.samples.time_s)
         _need_finite(block, settings, watch)
         raw = readout.convert(pickoff, readout.measure(pickoff, block.samples, random))
-        keep = readout.kept_samples(pickoff, first, n, rate)
+        keep = readout.find_kept_samples(pickoff, first, n, rate)
         waiting.append(raw if keep is None else raw[:, keep])
         at = np.arange(-first % log_stride, n, log_stride)
         if len(at):
@@ -95,7 +95,7 @@ def _rows(
     }
     if settings.control.mode == "forced":
         rows |= {"drive_main": block.command[0, at], "drive_quadrature": block.command[1, at]}
-    a_A, a_B, angle, phase = ellipse.wave(block.envelopes(at), mode_number)
+    a_A, a_B, angle, phase = ellipse.find_wave(block.envelopes(at), mode_number)
     if last is None:
         turn = round((settings.start.wave_angle_rad - angle[0]) * mode_number / math.pi)
         start_phase = settings.start.phase_rad
@@ -126,7 +126,7 @@ def _recording(
 
 
 def _head(settings: SimulationFile, pickoff: Readout) -> dict[str, Any]:
-    least, units = readout.least_count(pickoff), settings.readout.units
+    least, units = readout.compute_least_count(pickoff), settings.readout.units
     return {
         "sample_rate_hz": settings.recording.sample_rate_hz,
         "mode": settings.control.mode,

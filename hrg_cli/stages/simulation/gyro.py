@@ -8,7 +8,7 @@ from ...physics import ellipse, readout
 from ...physics import noise as noises
 from ...physics.electronics import Electronics
 from ...physics.plant import Control, Plant, Readout, ThermalCourses
-from ...physics.resonator import IDENTITY, Mechanics, reflection
+from ...physics.resonator import IDENTITY, Mechanics, make_reflection
 from ..simulation_file import SimulationFile
 from .device_tables import Course
 
@@ -23,7 +23,7 @@ def start_of(settings: SimulationFile) -> tuple[Array, float]:
     )
     mode_number = settings.device.mode_number
     return (
-        ellipse.envelopes(a_A, a_B, angle, phase, mode_number),
+        ellipse.compute_envelopes(a_A, a_B, angle, phase, mode_number),
         mode_number * start.wave_angle_rad,
     )
 
@@ -89,7 +89,7 @@ def add_spring(settings: SimulationFile, plant: Plant) -> Plant:
     """The plant with [spring]: W less 2ωs(I + R(2mα)), a softening along α alone."""
     s = settings.spring
     if s is not None:
-        axis = IDENTITY + reflection(2 * settings.device.mode_number * s.axis_rad)
+        axis = IDENTITY + make_reflection(2 * settings.device.mode_number * s.axis_rad)
         plant.stiffness = plant.stiffness - 2 * plant.mechanics.omega_rad_s * s.size_rad_s * axis
     return plant
 
@@ -106,7 +106,7 @@ def electronics_of(settings: SimulationFile, pickoff: Readout) -> Electronics | 
         delay_periods=e.delay_periods,
         filter_hz=e.filter_hz or 0.0,
         phase_loop_hz=e.phase_loop_hz,
-        adc_step=readout.least_count(pickoff) if converter else 0.0,
+        adc_step=readout.compute_least_count(pickoff) if converter else 0.0,
         adc_limit=pickoff.full_scale if converter else 0.0,
         drive_step=step,
         drive_limit=e.drive_full_scale or 0.0,
@@ -121,7 +121,7 @@ def noise_of(settings: SimulationFile, pickoff: Readout) -> noises.Noise:
     warm = n.temperature_k is not None and n.effective_mass_kg is not None
     return noises.Noise(
         (
-            noises.thermal_velocity2(
+            noises.compute_thermal_velocity2(
                 n.temperature_k or 0.0, n.effective_mass_kg or 1.0, n.metres_per_unit
             )
             if warm

@@ -18,15 +18,15 @@ def environment_of(settings: SimulationFile, fine: bool = False) -> Environment:
     earth = (
         e.earth_rate_rad_s or 0.0
         if e.earth_latitude_rad is None
-        else bench.earth_rate(e.earth_latitude_rad)
+        else bench.compute_earth_rate(e.earth_latitude_rad)
     )
-    rate = bench.total([bench.constant(e.rate_rad_s + earth), *rates])
+    rate = bench.add_programmes([bench.hold_value(e.rate_rad_s + earth), *rates])
     temperature = (
         _temperature_programme(e.temperature, duration)
         if e.temperature
-        else bench.constant(e.temperature_degc)
+        else bench.hold_value(e.temperature_degc)
     )
-    return bench.environment(
+    return bench.make_environment(
         temperature,
         rate,
         0.0 if e.earth_logged else earth,
@@ -46,23 +46,23 @@ def _temperature_programme(
                 f"simulation: environment.temperature ends at {end:g} s, before it begins at"
                 f" {t.begin_s:g} s"
             )
-        return bench.polyline([t.begin_s, end], [t.start_degc, t.stop_degc])
+        return bench.follow_points([t.begin_s, end], [t.start_degc, t.stop_degc])
     if isinstance(t, TemperaturePoints):
-        return bench.polyline(t.time_s, t.temperature_degc)
+        return bench.follow_points(t.time_s, t.temperature_degc)
     if isinstance(t, Soak):
-        return bench.levels(t.levels_degc, t.dwell_s, t.transition_s)
+        return bench.follow_levels(t.levels_degc, t.dwell_s, t.transition_s)
     if t.shape == "triangle":
-        return bench.triangle(t.low_degc, t.high_degc, t.period_s, duration)
-    return bench.sine(
+        return bench.make_triangle(t.low_degc, t.high_degc, t.period_s, duration)
+    return bench.make_sine(
         (t.high_degc - t.low_degc) / 2, 1 / t.period_s, -math.pi / 2, (t.high_degc + t.low_degc) / 2
     )
 
 
 def _rate_programme(r: Steps | Sine | Sweep | RatePoints, duration: float) -> bench.Programme:
     if isinstance(r, RatePoints):
-        return bench.polyline(r.time_s, r.rate_rad_s)
+        return bench.follow_points(r.time_s, r.rate_rad_s)
     if isinstance(r, Steps):
-        return bench.levels(r.levels_rad_s, r.dwell_s, r.transition_s)
+        return bench.follow_levels(r.levels_rad_s, r.dwell_s, r.transition_s)
     if isinstance(r, Sine):
-        return bench.sine(r.amplitude_rad_s, r.frequency_hz, r.phase_rad)
-    return bench.sweep(r.maximum_rad_s, r.period_s or duration, duration)
+        return bench.make_sine(r.amplitude_rad_s, r.frequency_hz, r.phase_rad)
+    return bench.make_sweep(r.maximum_rad_s, r.period_s or duration, duration)

@@ -304,7 +304,7 @@ def _logged(wave: Wave, name: str, forced: Array) -> Impulse | None:
 
 
 def _amplitude(u: Array) -> Array:
-    return ellipse.wave(u, 1)[0]
+    return ellipse.find_wave(u, 1)[0]
 
 
 def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -> Array:

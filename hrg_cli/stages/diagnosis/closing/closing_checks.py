@@ -133,7 +133,7 @@ def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
     series = fit.series
     own = along_wave(fit, fit.residual)
     good = series.weight > 0
-    _, _, angle, _ = ellipse.wave(fit.prediction.seen, series.mode_number)
+    _, _, angle, _ = ellipse.find_wave(fit.prediction.seen, series.mode_number)
     amplitude = np.sqrt(np.sum(np.abs(fit.prediction.seen) ** 2, axis=-1))
     orders = {
         "time": series.time_s,

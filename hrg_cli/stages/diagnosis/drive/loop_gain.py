@@ -21,7 +21,7 @@ SIGMA = 2.0
 def bound_gains(series: MeasuredRuns) -> tuple[float, float]:
     """Greatest gains of the amplitude loop and of the quadrature loop that their logs and the waves
     allow, 1/s; 0 where a command stands still, infinite where any gain is possible."""
-    main, quadrature, _, _ = ellipse.wave(series.envelope)
+    main, quadrature, _, _ = ellipse.find_wave(series.envelope)
     return (
         _bound(series, main, series.main_drive),
         _bound(series, quadrature, series.quadrature_drive),

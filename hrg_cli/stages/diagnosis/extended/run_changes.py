@@ -19,7 +19,7 @@ from ....fitting.causes.sensitivities import find_base_sensitivities
 from ....fitting.causes.slow_equation import build_generators
 from ....fitting.causes.wave_frame import real_matrix, to_complex, to_reals
 from ....fitting.causes.whitened_rows import flatten_own
-from ....physics.resonator import exponential
+from ....physics.resonator import exponentiate
 
 Array = np.ndarray
 
@@ -58,7 +58,7 @@ def _carried(fit: ExtendedFit, first: int, pieces: Sequence[int]) -> dict[int, A
         if k > first:
             last = int(np.flatnonzero(series.weight[k - 1] > 0)[-1])
             gap_s = float(series.time_s[k, 0] - series.time_s[k - 1, last])
-            flow = real_matrix(exponential(L[k - 1, last], gap_s))
+            flow = real_matrix(exponentiate(L[k - 1, last], gap_s))
             for step in fit.flow.step[k - 1, :last][::-1]:
                 flow = flow @ step
             start = _turned_onto(flow @ start, motion[first, 0], motion[k, 0])

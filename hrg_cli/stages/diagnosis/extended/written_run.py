@@ -67,7 +67,7 @@ def run_table(
     clock = np.exp(-2j * np.pi * series.reference_frequency_hz * lost_s)
     a_A, a_B, angle, phase = (
         float(v)
-        for v in ellipse.wave(
+        for v in ellipse.find_wave(
             _start(fit, k, wave, way.straight, -lost_s) * clock + to_complex(change[:FREQUENCY]),
             series.mode_number,
         )
@@ -99,7 +99,7 @@ def _moving(fit: ExtendedFit, own: Sequence[int], wave: Wave) -> Wave:
     times = np.concatenate([fit.series.time_s[k][g] for k, g in zip(own, good, strict=True)])
     shown = fit.flow.rows.shown(fit.prediction.motion)
     u = np.concatenate([shown[k][g] for k, g in zip(own, good, strict=True)])
-    a_A, a_B = ellipse.wave(u, fit.series.mode_number)[:2]
+    a_A, a_B = ellipse.find_wave(u, fit.series.mode_number)[:2]
     t = np.asarray(wave.time_s, float)
     return wave.replace(
         main_amplitude=np.interp(t, times, a_A), quadrature_amplitude=np.interp(t, times, a_B)

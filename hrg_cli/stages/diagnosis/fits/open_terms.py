@@ -269,11 +269,11 @@ def _spread_over_runs(u: Array, values: Array) -> Array:
 
 
 def _amplitude(u: Array) -> Array:
-    return ellipse.wave(u, 1)[0]
+    return ellipse.find_wave(u, 1)[0]
 
 
 def _angle(u: Array) -> Array:
-    return ellipse.wave(u, 1)[2]
+    return ellipse.find_wave(u, 1)[2]
 
 
 def _pair(phase: Array) -> Array:

@@ -52,7 +52,7 @@ def compute_difference(first: Array, second: Array) -> DriftDifference:
     Of a circle neither angle nor phase is defined: their noise grows as 1/(1 − r²), r = a_B/a_A.
     """
     a, b = (
-        ellipse.wave(rows[:, :2] + 1j * rows[:, 2:], 1)
+        ellipse.find_wave(rows[:, :2] + 1j * rows[:, 2:], 1)
         for rows in (np.asarray(first), np.asarray(second))
     )
     turns = np.round((a[2] - b[2]) / np.pi)

@@ -334,8 +334,8 @@ def _root(covariance: Array) -> Array:
 
 def _parts(measured: Array, said: Array) -> Array:
     """Measured less said: δmθ, δ ln a, δr, δφ, (k, 4)."""
-    a, b, angle, phase = ellipse.wave(measured, 1)
-    a_said, b_said, angle_said, phase_said = ellipse.wave(said, 1)
+    a, b, angle, phase = ellipse.find_wave(measured, 1)
+    a_said, b_said, angle_said, phase_said = ellipse.find_wave(said, 1)
     turn = angle - angle_said
     half = np.round(turn / np.pi)  # (mθ + π, φ + π) is the same wave
     shift = phase - phase_said - np.pi * half

@@ -183,7 +183,7 @@ def _loop_gain(fit: ExtendedFit) -> tuple[float, float]:
     """Gain k of the logged command −k a_B of the forced runs, and its σ, 1/s."""
     good = (fit.series.weight > 0) & (fit.series.forced > 0)
     quadrature, command = (
-        ellipse.wave(fit.series.envelope[good], 1)[1],
+        ellipse.find_wave(fit.series.envelope[good], 1)[1],
         fit.series.quadrature_drive[good],
     )
     power = float(quadrature @ quadrature)

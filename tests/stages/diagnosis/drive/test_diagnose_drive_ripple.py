@@ -11,7 +11,7 @@ from hrg_cli.fitting.causes.fit_point import Point
 from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.fitting.samples.course import average_over_windows, integrate_means
-from hrg_cli.physics.ellipse import wave
+from hrg_cli.physics.ellipse import find_wave
 from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
 from hrg_cli.stages.diagnosis.drive.ripple import Ripple
 
@@ -47,7 +47,7 @@ def recorded(gain_1_s):
         return G - np.conj(G) * np.exp(-2j * OMEGA * t)
 
     for k in range(log.shape[1]):
-        quadrature = log[:, k] = -gain_1_s * wave(u, 1)[1]
+        quadrature = log[:, k] = -gain_1_s * find_wave(u, 1)[1]
         row, place = divmod(k, PERIODS * STEPS)
         if place == PERIODS * STEPS // 2:
             v = u

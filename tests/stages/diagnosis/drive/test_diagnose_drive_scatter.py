@@ -20,7 +20,7 @@ from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.causes.sensitivities import find_base_sensitivities
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.fitting.samples.course import average_over_windows, integrate_means, means_of_values
-from hrg_cli.physics.resonator import exponential
+from hrg_cli.physics.resonator import exponentiate
 from hrg_cli.stages.diagnosis.closing import closing_checks as closing
 from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
 from hrg_cli.stages.diagnosis.drive.scatter import Scatter
@@ -39,7 +39,7 @@ def loops(draws, loop_noise, seed):
     """Envelopes at the rows' middles (D, R, n, 2), and the commands of every tick (D, R, n, ticks,
     2): amplitude held by one loop, quadrature by another, both on noisy amplitudes."""
     random = np.random.default_rng(seed)
-    half = exponential(coordinates.generator(P, RATES, 1.0), TICK_S / 2)
+    half = exponentiate(coordinates.generator(P, RATES, 1.0), TICK_S / 2)
     angle, near = np.array([0.1, 0.7, 1.3]), np.zeros((draws, RUNS))
     u = np.stack([np.cos(angle), np.sin(angle)], -1) * np.ones((draws, RUNS, 2), complex)
     seen = np.zeros((draws, RUNS, ROWS, 2), complex)

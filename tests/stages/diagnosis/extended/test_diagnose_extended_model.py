@@ -11,7 +11,7 @@ from hrg_cli.physics import ellipse
 
 
 def envelopes(wave):
-    return ellipse.envelopes(
+    return ellipse.compute_envelopes(
         wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad
     )
 

@@ -221,11 +221,11 @@ def test_half_a_sample_is_none_where_sampling_is_even():
 
 def test_a_knock_is_no_lost_sample():
     wave = estimated(recordings(table_of(1, runs=1), 1))[0]
-    u = ellipse.envelopes(
+    u = ellipse.compute_envelopes(
         wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad
     )
     u[wave.time_s > 1.0] += 0.01 * np.exp(0.7j) * np.array([0.6, -0.8])
-    a_A, a_B, angle, phase = ellipse.wave(u)
+    a_A, a_B, angle, phase = ellipse.find_wave(u)
     angle, phase = ellipse.unwrap(angle, phase)
     struck = wave.replace(
         main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase

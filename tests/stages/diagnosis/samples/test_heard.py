@@ -102,10 +102,10 @@ def measured(heard, name, part=1.0):
     out = []
     for wave in waves:
         columns = ("main_amplitude", "quadrature_amplitude", "wave_angle_rad", "phase_rad")
-        u = ellipse.envelopes(*(np.asarray(getattr(wave, c)) for c in columns))
+        u = ellipse.compute_envelopes(*(np.asarray(getattr(wave, c)) for c in columns))
         values = {"step": 0.0} | {k: part * v for k, v in CURVES[name].items()}
         u = BY_NAME[name].slow_readout(values, u, None)
-        a_A, a_B, angle, phase = ellipse.wave(u)
+        a_A, a_B, angle, phase = ellipse.find_wave(u)
         angle, phase = ellipse.unwrap(angle, phase)
         out.append(
             wave.replace(

@@ -47,7 +47,7 @@ def test_a_rate_that_changes_within_some_windows_makes_no_jump(ratio, width_s):
     )
     u = np.empty((len(at), 2), complex)
     state = envelope(gyro, 0.3, 0.0, np.zeros(1), ratio=ratio)[0]
-    halves = expm(np.stack([resonator.generator(gyro, float(r)) for r in rate]) * step / 2)
+    halves = expm(np.stack([resonator.build_generator(gyro, float(r)) for r in rate]) * step / 2)
     for k, half in enumerate(halves):
         u[k], state = half @ state, half @ half @ state
     rows = np.arange(WINDOWS) * fine + fine // 2
@@ -79,7 +79,7 @@ def swinging(seed, lost_s, amplitude_rad_s=6.0, swings=1.7):
     rate = amplitude_rad_s * np.sin(2 * np.pi * swings * at / at[-1] + random.uniform(0, 6))
     u = np.empty((len(at), 2), complex)
     state = envelope(gyro, 0.3, 0.0, np.zeros(1), ratio=0.4)[0]
-    halves = expm(np.stack([resonator.generator(gyro, float(r)) for r in rate]) * step / 2)
+    halves = expm(np.stack([resonator.build_generator(gyro, float(r)) for r in rate]) * step / 2)
     for k, half in enumerate(halves):
         u[k], state = half @ state, half @ half @ state
     middle = WINDOWS // 2 * fine

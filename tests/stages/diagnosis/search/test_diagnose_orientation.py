@@ -12,7 +12,7 @@ OFFSET = {"in_phase_c": 1.5e-4, "in_phase_s": -5e-5, "quadrature_c": 4e-5, "quad
 
 
 def envelopes(wave):
-    return ellipse.envelopes(
+    return ellipse.compute_envelopes(
         wave.main_amplitude, wave.quadrature_amplitude, wave.wave_angle_rad, wave.phase_rad
     )
 
