@@ -20,7 +20,7 @@ import numpy as np
 from .errors import HrgError, UsageError
 from .extras import how_to_install
 from .records import Array, Calibration, Record, Recording
-from .reporting.text import spreadsheet
+from .reporting.text import escape_for_spreadsheet
 
 FORMATS = (".csv", ".json", ".parquet", ".xlsx", ".mat")
 HEADER = ".h"
@@ -196,7 +196,7 @@ def _frame(record: Record) -> Any:
 
     columns = columns_of(record)
     texts = {
-        name: [spreadsheet(value) for value in values.tolist()]
+        name: [escape_for_spreadsheet(value) for value in values.tolist()]
         for name, values in columns.items()
         if values.dtype.kind in "OU"
     }
@@ -232,5 +232,5 @@ def _safe(value: Any) -> Any:
     if isinstance(value, float) and not np.isfinite(value):
         return None
     if isinstance(value, str):
-        return spreadsheet(value)[:LONGEST_CELL]
+        return escape_for_spreadsheet(value)[:LONGEST_CELL]
     return value if isinstance(value, int | float | bool) or value is None else str(value)

@@ -18,7 +18,7 @@ from hrg_cli.errors import UsageError
 from hrg_cli.limit_values import limit_value, quantity_of, suggest, unit_of
 from hrg_cli.limits import Row
 from hrg_cli.records import Recording
-from hrg_cli.reporting.quantities import quantity
+from hrg_cli.reporting.quantities import format_quantity
 from hrg_cli.units import DEGREE_PER_HOUR
 
 
@@ -112,7 +112,7 @@ def test_a_part_of_nothing_ends_the_check(hrg, results):
     ],
 )
 def test_what_the_screen_shows_is_understood_as_a_limit(name, size):
-    shown = quantity(name, size, None, unit_of(name))
+    shown = format_quantity(name, size, None, unit_of(name))
     number, _, unit = shown.partition(" ")
     if "×10" in number:
         return  # powers of ten are written otherwise in a limit

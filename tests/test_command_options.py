@@ -13,7 +13,7 @@ from conftest import PACKAGE
 
 from hrg_cli import cli
 from hrg_cli.commands.options import column, flags_of, numbers, words
-from hrg_cli.reporting.text import first_paragraph
+from hrg_cli.reporting.text import take_first_paragraph
 from hrg_cli.settings import model_of
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.forecast import forecast
@@ -25,7 +25,7 @@ COMMANDS = typer.main.get_command(cli.app).commands
 
 @pytest.mark.parametrize("name", cli.COMMANDS)
 def test_the_list_of_commands_says_what_their_help_says(name):
-    assert cli.COMMANDS[name][1] == first_paragraph(COMMANDS[name].help)
+    assert cli.COMMANDS[name][1] == take_first_paragraph(COMMANDS[name].help)
     assert COMMANDS[name].name == name
 
 

@@ -9,7 +9,7 @@ from forced_runs import Truth, programme
 
 from hrg_cli.errors import HrgError, UsageError
 from hrg_cli.limits import MOST_LIMITS, Judged, check, rows_of, table_of
-from hrg_cli.reporting.lot_page import limits_of
+from hrg_cli.reporting.lot_page import find_limits
 from hrg_cli.settings import load_toml
 from hrg_cli.stages.calibrate import calibrate
 
@@ -128,4 +128,4 @@ def test_a_mistyped_bound_stays_one(limit):
 
 def test_a_lots_limit_needs_no_quotes():
     limits = tomllib.loads("[calibration]\ndrift_rms_rad_s.held_out = 1e-3\n")
-    assert limits_of("drift_rms_rad_s_held_out", limits) == (None, 1e-3)
+    assert find_limits("drift_rms_rad_s_held_out", limits) == (None, 1e-3)

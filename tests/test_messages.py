@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from hrg_cli import store
 from hrg_cli.errors import ROOM, name_some
-from hrg_cli.reporting.text import LONGEST_LINE, LONGEST_WORD, one_line, shorten
+from hrg_cli.reporting.text import LONGEST_LINE, LONGEST_WORD, fold_line, shorten
 from hrg_cli.store.atomic import write_error
 
 PACKAGE = Path(__file__).parent.parent / "hrg_cli"
@@ -64,14 +64,14 @@ def test_a_shortened_text_keeps_its_ends(text, most):
     ],
 )
 def test_foreign_words_do_not_fill_the_terminal(said):
-    line = one_line(said)
+    line = fold_line(said)
     assert len(line) <= LONGEST_LINE and line.endswith("; correct it") and "…" in line
     assert all(len(word) <= LONGEST_WORD for word in line.split())
 
 
 def test_a_path_is_told_whole():
     path = f"/{'/'.join(['folder'] * 60)}/g.h5"
-    assert one_line(f"{path}: no such file") == f"{path}: no such file"
+    assert fold_line(f"{path}: no such file") == f"{path}: no such file"
 
 
 @given(st.lists(st.text(min_size=1, max_size=12), max_size=200))

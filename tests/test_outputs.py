@@ -22,7 +22,7 @@ from hrg_cli.errors import HrgError, UsageError
 from hrg_cli.exporting import export
 from hrg_cli.exporting_records import export_record
 from hrg_cli.lots.lot_table import write_table
-from hrg_cli.reporting.text import c_comment, plain, spreadsheet
+from hrg_cli.reporting.text import clean_text, escape_c_comment, escape_for_spreadsheet
 
 ATTACKS = (
     "*/ int owned(void){return 1;} /*",
@@ -40,7 +40,7 @@ ATTACKS = (
 
 @pytest.mark.parametrize("attack", ATTACKS)
 def test_texts_stay_inside_a_comment_of_c(attack, tmp_path):
-    said = c_comment(attack)
+    said = escape_c_comment(attack)
     assert (
         "*/" not in said
         and "/*" not in said
@@ -88,16 +88,16 @@ def test_an_exported_file_holds_no_formulas(suffix, attack, tmp_path):
     if suffix == ".xlsx":
         tables.append(pd.read_excel(written, sheet_name="about", header=None))
     said = [cell for table in tables for cell in table.to_numpy().ravel() if isinstance(cell, str)]
-    assert sum(spreadsheet(attack) == cell for cell in said) == len(tables)
-    assert [cell for cell in said if spreadsheet(cell) != cell] == []
+    assert sum(escape_for_spreadsheet(attack) == cell for cell in said) == len(tables)
+    assert [cell for cell in said if escape_for_spreadsheet(cell) != cell] == []
 
 
 @pytest.mark.parametrize("attack", FORMULAS)
 def test_texts_are_no_formulas_in_a_spreadsheet(attack, tmp_path):
     assert (
-        spreadsheet(attack)[0] in ("'", "\ufffd")
-        and spreadsheet(-2.5) == -2.5
-        and spreadsheet("G-17") == "G-17"
+        escape_for_spreadsheet(attack)[0] in ("'", "\ufffd")
+        and escape_for_spreadsheet(-2.5) == -2.5
+        and escape_for_spreadsheet("G-17") == "G-17"
     )
     write_table(
         tmp_path, [{"gyro_id": attack, "status": "valid", "passed": True, "frequency_hz": -1.5}]
@@ -112,7 +112,7 @@ def test_texts_are_no_formulas_in_a_spreadsheet(attack, tmp_path):
 
 def test_no_text_of_a_file_reaches_the_terminal_unchanged(hrg, tmp_path):
     attack = "\x1b]0;owned\x07\x9b31m\u202e"
-    assert not set(plain(attack)) & set("\x1b\x07\x9b\u202e")
+    assert not set(clean_text(attack)) & set("\x1b\x07\x9b\u202e")
     path = tmp_path / "a\x1b[31m.h5"
     record = (
         records_by_hand.wave()

@@ -17,7 +17,7 @@ from ..lots.batch import choose_executor, run_lot
 from ..lots.lot_settings import PER_GYRO, PER_RECORDING, LotSettings, read_lot
 from ..pipeline import STAGES
 from ..reporting import console
-from ..reporting.text import number
+from ..reporting.text import format_number
 from .common import Common
 from .frame import OneFile, command, existing
 
@@ -78,7 +78,7 @@ def batch_file(
     folder = run.need_output("lot/")
     if ledger is not None:
         database.add(ledger, [])  # what cannot be written is said before the work, not after it
-    with console.progress_bar("batch", run.quiet or run.json) as progress:
+    with console.show_progress("batch", run.quiet or run.json) as progress:
         report = run_lot(
             path,
             folder,
@@ -99,13 +99,13 @@ def batch_file(
 def show(report: Mapping[str, Any], folder: Path) -> None:
     """The lot in a sentence, what its gyros have in common, the worst of them, and where the page
     is."""
-    from ..reporting.lot_words import sentence
+    from ..reporting.lot_words import make_sentence
 
-    console.say(sentence(report))
+    console.say(make_sentence(report))
     for one in report["lot_causes"]:
         unlike = ", ".join(one["indistinguishable_from"]).replace("_", " ")
         console.say(
-            f"{one['sentence']} ({number(abs(one['z']), 3)} σ from {one['gyros']} gyros"
+            f"{one['sentence']} ({format_number(abs(one['z']), 3)} σ from {one['gyros']} gyros"
             + (f"; cannot be told from {unlike}" if unlike else "")
             + ")"
         )

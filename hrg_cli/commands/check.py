@@ -132,8 +132,8 @@ def check_files(
             )
         found = _answer_one_gyro(done)
     for target, text in (
-        (junit, check_pages.junit(done, found)),
-        (markdown, check_pages.markdown(done, found)),
+        (junit, check_pages.write_junit(done, found)),
+        (markdown, check_pages.write_markdown(done, found)),
     ):
         if target is not None:
             with store.atomic_path(target, run.force) as temporary:
@@ -168,7 +168,7 @@ def _report(done: Sequence[Checked], found: Answer | None) -> dict[str, Any]:
         "status_reasons": [
             f"{one.name}: {reason}" if len(done) > 1 else reason
             for one in done
-            for reason in check_pages.why_missed(one)
+            for reason in check_pages.explain_missed(one)
         ],
         "passed": passed,
         "answer": found.json() if found else None,
@@ -192,7 +192,7 @@ def _report(done: Sequence[Checked], found: Answer | None) -> dict[str, Any]:
 def _show(done: Sequence[Checked]) -> None:
     """Every figure beside its limit, with its file where there are several."""
     head = ("figure", "value", "limit", "margin, σ", "passed")
-    lines = [(one.name, *check_pages.cells(row)) for one in done for row in one.rows]
+    lines = [(one.name, *check_pages.format_cells(row)) for one in done for row in one.rows]
     if len(done) > 1 and lines:
         console.print_table("", ("file", *head), lines)
     elif lines:

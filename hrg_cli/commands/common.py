@@ -133,7 +133,7 @@ class Common:
         with unread_is_no_failure():
             self._print(report, show)
         if self.verbose and not self.quiet and report.get("elapsed_s") is not None:
-            console.message(f"{report['kind']}: {report['elapsed_s']:g} s")
+            console.tell(f"{report['kind']}: {report['elapsed_s']:g} s")
         if not judged:
             return
         if not self.json and not (self.quiet and report["status"] == "valid"):
@@ -142,11 +142,11 @@ class Common:
                 # The words of an answer need the diagnosis' parts, which most commands never load.
                 from ..reporting import answer_text
 
-                reasons = answer_text.untold(reasons, report["answer"]["why"])
+                reasons = answer_text.list_untold(reasons, report["answer"]["why"])
             shown = () if self.quiet or self.piped else told
             for reason in reasons:
                 if reason not in shown:
-                    console.message(f"{report['status']}: {reason}")
+                    console.tell(f"{report['status']}: {reason}")
         if report.get("status") == "refused" or (self.strict and report.get("status") == "suspect"):
             raise typer.Exit(REFUSED)
 

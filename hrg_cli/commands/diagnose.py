@@ -48,7 +48,7 @@ def main(
 ) -> None:
     """What the simulation gets wrong: the cause, its size, the extended model
     (OUTPUT.extended.toml) and the gain."""
-    with console.progress_bar("diagnose", run.quiet or run.json) as progress:
+    with console.show_progress("diagnose", run.quiet or run.json) as progress:
         outcome = diagnose_files(waves or [], run, model, effects_from, flags, progress)
     run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
 

@@ -19,7 +19,7 @@ from ..errors import UsageError
 from ..records import Resonator
 from ..reporting import console
 from ..reporting.quantities import round_with_std
-from ..reporting.text import number
+from ..reporting.text import format_number
 from ..stages.forecast import Forecast, forecast, summary
 from ..units import DEGREE
 from .common import Common
@@ -84,12 +84,12 @@ def _write(made: Forecast, report: dict[str, Any], suffix: str, path: Path) -> N
             json.dumps(console.clean(report), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
         )
     else:
-        from ..reporting.figures.drawing import png, standalone_svg, style
-        from ..reporting.figures.drift_forecast import drift_forecast
+        from ..reporting.figures.drawing import use_style, write_png, write_standalone_svg
+        from ..reporting.figures.drift_forecast import plot_drift_forecast
 
-        with style():
-            plot = drift_forecast(made)
-        (standalone_svg if suffix == ".svg" else png)(plot, path)
+        with use_style():
+            plot = plot_drift_forecast(made)
+        (write_standalone_svg if suffix == ".svg" else write_png)(plot, path)
 
 
 def _csv(made: Forecast) -> str:
@@ -133,8 +133,8 @@ def _show(report: dict[str, Any]) -> None:
         time_s, way, spread, *others = (
             value / (1 if name == "time_s" else DEGREE) for name, value in row.items()
         )
-        said = (number(value, 3) if math.isfinite(value) else "–" for value in others)
-        table.append((number(time_s), round_with_std(way, spread), *said))
+        said = (format_number(value, 3) if math.isfinite(value) else "–" for value in others)
+        table.append((format_number(time_s), round_with_std(way, spread), *said))
     console.print_table("", head, table)
 
 

@@ -19,7 +19,7 @@ import typer.main
 
 from ..errors import InterruptedRunError, UsageError
 from ..extras import PlainPythonWarning
-from ..reporting.text import first_paragraph
+from ..reporting.text import take_first_paragraph
 from .common import Common
 from .guard import run_guarded
 
@@ -191,7 +191,7 @@ def command(
         )
         # given whole, it is wrapped in the list of commands; taken from the docstring, it would be
         # cut off there
-        summary = first_paragraph(function.__doc__)
+        summary = take_first_paragraph(function.__doc__)
         alone.command(name, epilog=f"Example: {example}", short_help=summary)(run)
         return typer.main.get_command(alone)
 

@@ -23,7 +23,7 @@ from ..errors import (
     is_no_memory,
 )
 from ..extras import how_to_install, optional
-from ..reporting.text import one_line
+from ..reporting.text import fold_line
 from ..streams import drop, result_stream
 
 DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
@@ -93,7 +93,7 @@ def run_guarded(body: Callable[[], None], verbose: bool = False) -> None:
     except UsageError as error:
         leave(str(error), USAGE)
     except DiskFullError as error:
-        print(f"hrg: {one_line(str(error))}", file=sys.stderr, flush=True)
+        print(f"hrg: {fold_line(str(error))}", file=sys.stderr, flush=True)
         sys.stdout.flush()
         os._exit(FAILED)  # HDF5 crashes at a normal exit after a full disk
     except InterruptedRunError as error:
@@ -167,5 +167,5 @@ def _folder_is_gone() -> bool:
 
 def leave(text: str, status: int) -> NoReturn:
     """One line on standard error, then the exit status."""
-    print(f"hrg: {one_line(text)}", file=sys.stderr, flush=True)
+    print(f"hrg: {fold_line(text)}", file=sys.stderr, flush=True)
     raise typer.Exit(status) from None

@@ -47,7 +47,7 @@ def info_file(
     started = time.monotonic()
     path = existing([file] if file else [], "an hrg file")[0]
     with store.open_record(path, store.kind_of(path)) as record:
-        facts = tables.facts(record)
+        facts = tables.list_facts(record)
     found = (
         answer([store.read_any(path)], (), {record.kind: path.name})
         if record.kind in RESULTS
@@ -71,13 +71,13 @@ def info_file(
         made = f"{provenance.generated_by or 'unknown'} {provenance.created}"
         console.say(f"{path}: {record.kind}, {record.status}, made by {made}")
         reasons = [f"{record.status}: {reason}" for reason in record.status_reasons]
-        for reason in answer_text.untold(reasons, found.why if found is not None else ()):
+        for reason in answer_text.list_untold(reasons, found.why if found is not None else ()):
             console.say(f"  {reason}")
         if found is not None:
             answer_text.show(found, path.parent)
         shown = {p.name for p in found.parameters} if found is not None else set()
         left = {name: value for name, value in facts.items() if name not in shown}
-        console.print_table("", ("figure", "value"), figures_in_words.told(left))
+        console.print_table("", ("figure", "value"), figures_in_words.list_told(left))
         history = provenance.history
         told = history if full else history[-LINES_OF_HISTORY:]
         if len(told) < len(history):

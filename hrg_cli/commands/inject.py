@@ -55,7 +55,7 @@ def main(
 ) -> None:
     """An effect of the catalogue hidden in measured samples, to see whether a diagnosis finds it
     there."""
-    with console.progress_bar("inject", run.quiet or run.json) as progress:
+    with console.show_progress("inject", run.quiet or run.json) as progress:
         outcome = inject_file(recording, run, effect or [], resonator, effects_from, progress)
     run.finish(outcome.json)
 

@@ -237,9 +237,9 @@ def show_ledger(
     report = _judge_overview(found, started, ledger) | of_overview(found)
 
     def page() -> str:
-        from ..reporting.ledger_page import overview_page
+        from ..reporting.ledger_page import make_overview_page
 
-        return overview_page(found, report["status"])
+        return make_overview_page(found, report["status"])
 
     return _hand_over(run, report, entries, page), lambda: ledger_tables.show_overview(found)
 
@@ -265,9 +265,9 @@ def show_history(
     report = _judge_overview(found, started, ledger) | of_history(found)
 
     def page() -> str:
-        from ..reporting.ledger_page import history_page
+        from ..reporting.ledger_page import make_history_page
 
-        return history_page(found, report["status"])
+        return make_history_page(found, report["status"])
 
     return _hand_over(run, report, found.entries, page), lambda: ledger_tables.show_history(found)
 

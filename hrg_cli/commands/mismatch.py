@@ -17,7 +17,7 @@ from .. import pipeline, store
 from ..errors import UsageError
 from ..records import Wave
 from ..reporting import console
-from ..reporting.text import number
+from ..reporting.text import format_number
 from ..stages.mismatch import Mismatch, mismatch
 from ..units import to_deg_per_hour
 from .common import Common
@@ -72,15 +72,17 @@ def _show(made: Mismatch, units: str) -> None:
         unit = "rad" if name.endswith("_rad") else "amplitude" if units == "1" else units
         size = float(np.sqrt(np.mean(made.columns[f"{name}_std"] ** 2)))
         words = name.removesuffix("_rad").replace("_", " ")
-        rows.append((words, f"{number(size, 3)} {unit}", f"{number(density, 3)} {unit}/√Hz"))
+        rows.append(
+            (words, f"{format_number(size, 3)} {unit}", f"{format_number(density, 3)} {unit}/√Hz")
+        )
     head = ("signal", "noise of a window", "density")
     console.print_table(f"known {made.delay_s:.4g} s after the wave was so", head, rows)
     slopes = [
         (
             int(row["windows"]),
-            number(row["latency_s"], 3),
+            format_number(row["latency_s"], 3),
             *(
-                number(to_deg_per_hour(row[key]), 3)
+                format_number(to_deg_per_hour(row[key]), 3)
                 for key in ("rate_noise_rad_s", "rate_noise_found_rad_s")
             ),
         )

@@ -27,7 +27,7 @@ def run_stage_on_files(
     values = run.settings(stage.function(), **flags)
     inputs = existing(inputs, f"a {stage.takes} file")
     output = run.need_output(f"{stage.gives}.h5")
-    with console.progress_bar(name, run.quiet or run.json) as progress:
+    with console.show_progress(name, run.quiet or run.json) as progress:
         outcome = run_stage(
             name,
             inputs,

@@ -15,8 +15,8 @@ from ..limit_values import unit_of
 from ..records import Diagnosis, Resonator, Wave
 from ..reporting import console
 from ..reporting.figure_names import name_of_figure
-from ..reporting.quantities import rounded
-from ..reporting.text import number
+from ..reporting.quantities import format_rounded
+from ..reporting.text import format_number
 from ..stages.plan import plan, summary
 from ..stages.planning.like_measured import menu_like
 from ..stages.planning.questions import in_words
@@ -60,7 +60,7 @@ def show(report: Mapping[str, Any]) -> None:
     told = [
         (
             " from ".join(map(in_words, row["causes"])),
-            *(f"{number(row[f'{when}_sigma'], 3)} σ" for when in ("before", "after")),
+            *(f"{format_number(row[f'{when}_sigma'], 3)} σ" for when in ("before", "after")),
         )
         for row in report["separations"]
     ]
@@ -80,7 +80,7 @@ def show(report: Mapping[str, Any]) -> None:
 
 def _write_std(name: str, std: float | None) -> str:
     """A standard deviation in the unit that its own size asks for."""
-    return "–" if std is None else rounded(name, std, unit_of(name), 3)
+    return "–" if std is None else format_rounded(name, std, unit_of(name), 3)
 
 
 def plan_files(

@@ -47,7 +47,7 @@ def main(
     FILE: a resonator, calibration or diagnosis file, whose waves are found in its folder by their SHA-256 or
     named beside it. The verdict is written into the file's status.
     """
-    with console.progress_bar("rehearse", run.quiet or run.json) as progress:
+    with console.show_progress("rehearse", run.quiet or run.json) as progress:
         report, show = rehearse_files(files or [], run, flags, keep_file, progress)
     run.finish(report, show)
 
@@ -95,7 +95,7 @@ def rehearse_files(
         with store.atomic_path(run.output, run.force) as temporary:
             _write(report, run.output.suffix, temporary)
     if not keep_file:
-        console.message(f"{results[0]}: the verdict ({told.status}) was written into its status")
+        console.tell(f"{results[0]}: the verdict ({told.status}) was written into its status")
     return report, lambda: show(told.table())
 
 
@@ -113,16 +113,16 @@ def _write(report: Mapping[str, Any], suffix: str, path: Path) -> None:
         )
         return
     if suffix == ".html":
-        from ..reporting.rehearsal_page import rehearsal_page
+        from ..reporting.rehearsal_page import make_rehearsal_page
 
-        path.write_text(rehearsal_page(report), encoding="utf-8")
+        path.write_text(make_rehearsal_page(report), encoding="utf-8")
         return
-    from ..reporting.figures.drawing import standalone_svg, style
-    from ..reporting.figures.rehearsal import rehearsal_plot
+    from ..reporting.figures.drawing import use_style, write_standalone_svg
+    from ..reporting.figures.rehearsal import plot_rehearsal
 
-    with style():
-        plot = rehearsal_plot(report)
-    standalone_svg(plot, path)
+    with use_style():
+        plot = plot_rehearsal(report)
+    write_standalone_svg(plot, path)
 
 
 def and_rehearse(
@@ -133,7 +133,7 @@ def and_rehearse(
     values = settings.check_settings(
         rehearse, {"times": times} | ({} if run.seed is None else {"seed": run.seed}), usage=True
     )
-    with console.progress_bar("rehearse", run.quiet or run.json) as progress:
+    with console.show_progress("rehearse", run.quiet or run.json) as progress:
         told = rehearse_file(
             output, inputs, values, run.jobs, progress, f"{command_line()} (its rehearsal)"
         )

@@ -78,7 +78,7 @@ def report_files(
     files: Sequence[Path], run: Common, limits: Path | None = None, **flags: Any
 ) -> dict[str, Any]:
     """Report on files; the command's JSON."""
-    from ..reporting.page import status_of
+    from ..reporting.page import find_worst_status
 
     started = time.monotonic()
     values = run.settings(report, **flags)
@@ -91,7 +91,7 @@ def report_files(
         settings.load_toml(limits) if limits is not None else None,
         **values,
     )
-    worst, reasons = status_of(paths)
+    worst, reasons = find_worst_status(paths)
     return {
         **pipeline.common_keys("report", "valid", (), output, started),
         "files": [str(path) for path in made],

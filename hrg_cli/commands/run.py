@@ -23,7 +23,7 @@ from ..pipeline import STAGES
 from ..records.doubts import is_inherited
 from ..reporting import answer_text, console
 from ..reporting.answer import Answer, answer
-from ..reporting.check_pages import why_not
+from ..reporting.check_pages import explain_figure
 from ..stages.demodulate import demodulate
 from .common import Common
 from .dry_run import say_by_hand
@@ -163,12 +163,12 @@ def _follow_chain(
 ) -> list[Step]:
     """The chain's steps, told on the screen as they are done."""
     quiet = run.quiet or run.json
-    with console.progress_bar(f"run {gyro}".strip(), quiet) as progress:
+    with console.show_progress(f"run {gyro}".strip(), quiet) as progress:
 
         def told(step: Step, share: float) -> None:
             progress(share)
             if run.verbose and not quiet:
-                console.message(f"{step.name} → {step.output}: {step.status}")
+                console.tell(f"{step.name} → {step.output}: {step.status}")
 
         return run_gyro(
             paths,
@@ -201,7 +201,7 @@ def _judge(steps: Sequence[Step], rows: Sequence[Row]) -> dict[str, Any]:
     deciding = (
         [step for step in steps if step.name != "identify"] if _is_explained(steps) else steps
     )
-    missed = [why_not(row) for row in rows if not row.passed]
+    missed = [explain_figure(row) for row in rows if not row.passed]
     failed = any(step.status == "failed" for step in steps)
     worst = "refused" if failed or missed else max((s.status for s in deciding), key=_ORDER.index)
     return {

@@ -44,7 +44,7 @@ def main(
     each."""
     started = time.monotonic()
     file = existing([config_file] if config_file else [], "a simulation file (TOML)")[0]
-    with console.progress_bar("simulate", run.quiet or run.json) as progress:
+    with console.show_progress("simulate", run.quiet or run.json) as progress:
         report = simulate_files(file, run, flags, effects_from, progress)
     run.finish({**report, "elapsed_s": round(time.monotonic() - started, 3)})
 

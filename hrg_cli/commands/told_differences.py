@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from ..comparing import Comparison, Difference
 from ..reporting.figure_names import name_of_figure
-from ..reporting.quantities import quantity, round_with_std, unit_for
-from ..reporting.text import number, plain
+from ..reporting.quantities import choose_unit, format_quantity, round_with_std
+from ..reporting.text import clean_text, format_number
 
 HEAD = ("figure", "old", "new", "change", "moved by, σ")
 
@@ -21,7 +21,7 @@ def told_differences(found: Sequence[Difference]) -> list[tuple[str, ...]]:
             _said(one, one.old, one.old_std),
             _said(one, one.new, one.new_std),
             _change(one),
-            number(one.sigma, 3),
+            format_number(one.sigma, 3),
         )
         if row not in rows:
             rows.append(row)
@@ -36,17 +36,19 @@ def told_beyond(found: Comparison, limit_sigma: float) -> list[str]:
         for name, _, _, change, sigma in told_differences(far)
     ]
     said += [f"cause {cause} is in the {place} result alone" for place, cause in told_lone(found)]
-    return said + [f"{name} was {plain(old)}, is {plain(new)}" for name, old, new in found.words]
+    return said + [
+        f"{name} was {clean_text(old)}, is {clean_text(new)}" for name, old, new in found.words
+    ]
 
 
 def told_lone(found: Comparison) -> list[tuple[str, str]]:
     """Causes that one result alone has, in words: "old" or "new", and the cause."""
-    return [(place, plain(cause.replace("_", " "))) for place, cause in found.lone_causes]
+    return [(place, clean_text(cause.replace("_", " "))) for place, cause in found.lone_causes]
 
 
 def _said(one: Difference, value: float, std: float | None) -> str:
     """A value of either result, both in the unit of the larger one."""
-    factor, unit = unit_for(one.name, max(abs(one.old), abs(one.new)), one.units or "1")
+    factor, unit = choose_unit(one.name, max(abs(one.old), abs(one.new)), one.units or "1")
     shown = round_with_std(value * factor, None if std is None else std * abs(factor))
     return f"{shown} {unit}".strip()
 
@@ -58,4 +60,4 @@ def _change(one: Difference) -> str:
     if one.name.rpartition(".")[2] == "scale_factor" and one.old:
         ppm = 1e6 / one.old
         return f"{round_with_std(one.difference * ppm, both and both * abs(ppm))} ppm"
-    return quantity(one.name, one.difference, both, one.units or "1")
+    return format_quantity(one.name, one.difference, both, one.units or "1")

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import HrgError
 from ..measured_export import c_measured
 from ..records import Calibration
-from ..reporting.text import c_comment
+from ..reporting.text import escape_c_comment
 from .c_deviations import c_deviations
 from .c_grid import bilinear, fixed_rounding, on_grid, probe, quantise, refine_grid
 
@@ -170,8 +170,8 @@ def _c_text(
         for v, n in ((calibration.node_min, -1e308), (calibration.node_max, 1e308))
     )
     return _C.format(
-        gyro=c_comment(calibration.gyro_id), model=c_comment(calibration.model), status=calibration.status,
-        mode=int(calibration.mode_number), correction=c_comment(calibration.correction),
+        gyro=escape_c_comment(calibration.gyro_id), model=escape_c_comment(calibration.model), status=calibration.status,
+        mode=int(calibration.mode_number), correction=escape_c_comment(calibration.correction),
         axis_words="temperature, degC" if calibration.axis == "temperature" else "frequency, Hz",
         low=low, high=high, rate_low=calibration.rate_min_rad_s, rate_high=calibration.rate_max_rad_s, e=errors,
         nodes=len(nodes), angles=angles,

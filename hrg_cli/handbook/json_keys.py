@@ -11,7 +11,7 @@ from typing import Any, Union
 from pydantic import TypeAdapter
 
 from ..reporting.json_shapes import SHAPES, Common
-from ..reporting.text import first_paragraph
+from ..reporting.text import take_first_paragraph
 
 WORDS = {
     "number": "number",
@@ -46,7 +46,9 @@ def commands() -> str:
     for command, shapes in SHAPES.items():
         parts.append(f"### hrg {command}")
         for shape in shapes:
-            about = re.sub(rf"`hrg {command}`[.:]?\s*", "", first_paragraph(shape.__doc__), count=1)
+            about = re.sub(
+                rf"`hrg {command}`[.:]?\s*", "", take_first_paragraph(shape.__doc__), count=1
+            )
             if about:
                 parts.append(f"{about[:1].upper()}{about[1:]}")
             own = shape.model_json_schema(by_alias=True)
@@ -61,7 +63,7 @@ def tables() -> str:
         for shape in shapes:
             found |= shape.model_json_schema(by_alias=True).get("$defs", {})
     return "\n\n".join(
-        f"### {name}\n\n{first_paragraph(found[name].get('description'))}\n\n"
+        f"### {name}\n\n{take_first_paragraph(found[name].get('description'))}\n\n"
         + _keys(found[name], set())
         for name in sorted(found)
     )
@@ -73,7 +75,7 @@ def _keys(table: Mapping[str, Any], without: set[str]) -> str:
         if name in without:
             continue
         absent = "" if name in table.get("required", []) else " (may be absent)"
-        meaning = first_paragraph(entry.get("description"))
+        meaning = take_first_paragraph(entry.get("description"))
         cells = (f"`{name}`{absent}", kind_of(entry), meaning)
         rows.append("| " + " | ".join(cell.replace("|", "&#124;") for cell in cells) + " |")
     return "\n".join(rows) if len(rows) > 2 else "The common keys alone."

@@ -14,7 +14,7 @@ from ..cli import app
 from ..effects import EFFECTS
 from ..fitting import checks
 from ..records import KINDS
-from ..reporting.text import first_paragraph
+from ..reporting.text import take_first_paragraph
 from ..stages.diagnosis import thresholds as diagnosis
 from . import json_keys, settings_keys
 from .man_page import commands_of
@@ -26,7 +26,7 @@ def commands() -> str:
     rows = ["| command | what it does | example |", "|---|---|---|"]
     for name, entry in commands_of(group).items():
         example = (entry.epilog or "").removeprefix("Example: ")
-        rows.append(f"| `{name}` | {first_paragraph(entry.help)} | `{example}` |")
+        rows.append(f"| `{name}` | {take_first_paragraph(entry.help)} | `{example}` |")
     return "\n".join(rows)
 
 

@@ -12,7 +12,7 @@ from ..formats import import_envelope, import_log
 from ..limit_values import QUANTITIES, SUFFIXES, UNITS
 from ..lots.lot_settings import LotSettings
 from ..pipeline import STAGES
-from ..reporting.text import first_paragraph
+from ..reporting.text import take_first_paragraph
 from ..settings import model_of
 from ..stages.calibrate import calibrate
 from ..stages.forecast import forecast
@@ -102,7 +102,7 @@ def _tables(model: Any) -> str:
     }
     parts = [_keys({**schema, "properties": top}, defs)] if top else []
     for place, table in tables:
-        text = first_paragraph(table.get("description")).replace(f"{place}: ", "", 1)
+        text = take_first_paragraph(table.get("description")).replace(f"{place}: ", "", 1)
         parts.append(f"### `{place}`\n\n{text[:1].upper()}{text[1:]}\n\n{_keys(table, defs)}")
     return "\n\n".join(parts)
 
@@ -140,7 +140,7 @@ def _keys(table: Mapping[str, Any], defs: Mapping[str, Any]) -> str:
     for name, entry in table["properties"].items():
         if (name == "kind" and "const" in entry) or list(_models(entry, defs, "")):
             continue
-        meaning = first_paragraph(entry.get("description"))
+        meaning = take_first_paragraph(entry.get("description"))
         cells = (f"`{name}`", value_of(entry), _default(entry, name in needed), meaning)
         rows.append("| " + " | ".join(cell.replace("|", "&#124;") for cell in cells) + " |")
     return "\n".join(rows) if len(rows) > 2 else "Tables alone."

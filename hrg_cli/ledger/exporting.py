@@ -11,7 +11,7 @@ from dataclasses import asdict
 from typing import Any
 
 from ..exporting_records import package_for
-from ..reporting.text import spreadsheet
+from ..reporting.text import escape_for_spreadsheet
 from .entry import Entry
 
 OF_ENTRY = (
@@ -68,4 +68,4 @@ def _rows(entries: Sequence[Entry]) -> list[list[Any]]:
         for entry in entries
         for name, f in entry.figures.items()
     )
-    return [[spreadsheet(value) for value in row] for row in rows]
+    return [[escape_for_spreadsheet(value) for value in row] for row in rows]

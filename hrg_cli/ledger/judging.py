@@ -10,7 +10,7 @@ from typing import Any
 
 from ..errors import HrgError
 from ..limits import Judged, Row, rows_of, table_of
-from ..reporting.answer import requirement
+from ..reporting.answer import describe_requirement
 from .entry import Entry
 from .guard import guard_limits, probability_outside
 
@@ -48,7 +48,7 @@ class Held:
 
     def sentence(self, k: float) -> str:
         """Why it does not pass, in people's names and units."""
-        shown = requirement(self.row)
+        shown = describe_requirement(self.row)
         if self.row.words is not None:
             return self.row.sentence()
         if self.row.value is None:

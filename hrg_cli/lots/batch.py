@@ -96,9 +96,9 @@ def run_lot(
             if (place / PAGE).is_file()
         }
         if not without_pages():
-            from ..reporting.lot_page import lot_page
+            from ..reporting.lot_page import make_lot_page
 
-            write_text(folder / "lot.html", lot_page(report, pages, lot.limits))
+            write_text(folder / "lot.html", make_lot_page(report, pages, lot.limits))
         write_text(
             folder / MARK, json.dumps(report, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
         )

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..effects import EFFECTS
-from ..reporting.answer_words import in_words
-from ..reporting.quantities import LABELS, RATE_OF_DECAY, unit_for
-from ..reporting.text import number, plain
+from ..reporting.answer_words import say_in_words
+from ..reporting.quantities import LABELS, RATE_OF_DECAY, choose_unit
+from ..reporting.text import clean_text, format_number
 from .common_causes import CommonCause, find_common_causes, gather_estimates
 from .groups import Group, Origin
 from .lot_table import NO_ORDER
@@ -79,12 +79,12 @@ def _cause(
     alone = [names[k] for k in one.alone]
     inside = set(one.group.members)
     others = [e for e in one.estimates if e[0] not in inside]
-    sentence = f"{one.group.words()}: {in_words(effect)} {size_cause(parameter, one.value, one.std, one.units)}"
+    sentence = f"{one.group.words()}: {say_in_words(effect)} {size_cause(parameter, one.value, one.std, one.units)}"
     return {
         "kind": "cause",
         "name": effect,
         "parameter": parameter,
-        "sentence": plain(sentence),
+        "sentence": clean_text(sentence),
         **_group(one.group, names),
         "value": one.value,
         "std": one.std,
@@ -116,7 +116,7 @@ def _shift(one: Shift, names: Sequence[str]) -> dict[str, Any]:
     words = (
         RATE_OF_DECAY
         if one.name == "damping_rate_1_s"
-        else LABELS.get(one.name, in_words(one.name))
+        else LABELS.get(one.name, say_in_words(one.name))
     )
     sign = "higher" if one.value > 0 else "lower"
     size = size_cause(one.name, abs(one.value), one.std, units)
@@ -125,7 +125,7 @@ def _shift(one: Shift, names: Sequence[str]) -> dict[str, Any]:
         "kind": "parameter",
         "name": one.name,
         "parameter": one.name,
-        "sentence": plain(sentence),
+        "sentence": clean_text(sentence),
         **_group(one.group, names),
         "value": one.value,
         "std": one.std,
@@ -163,12 +163,12 @@ def _mean(estimates: Sequence[tuple[int, float, float]]) -> dict[str, float] | N
 
 def size_cause(name: str, value: float, std: float, units: str) -> str:
     """A size with its σ as people read it: 0.050 ± 0.010 %."""
-    factor, unit = unit_for(name, value, units)
+    factor, unit = choose_unit(name, value, units)
     if not (math.isfinite(std) and std > 0):
-        return f"{number(value * factor, 4)} {unit}".strip()
+        return f"{format_number(value * factor, 4)} {unit}".strip()
     last = math.floor(math.log10(std * abs(factor))) - 1
     if abs(last) > 6:
-        text = f"{number(value * factor, 3)} ± {number(std * abs(factor), 2)}"
+        text = f"{format_number(value * factor, 3)} ± {format_number(std * abs(factor), 2)}"
     else:
         shown = [round(v, -last) for v in (value * factor, std * abs(factor))]
         text = " ± ".join(f"{v:.{max(0, -last)}f}" for v in shown)

@@ -10,7 +10,7 @@ from statistics import median
 from typing import Any
 
 from .. import store
-from ..reporting.text import number, signed, spreadsheet
+from ..reporting.text import escape_for_spreadsheet, format_number, format_signed
 from .gyro_page import label_figure
 from .lot_settings import LotSettings
 from .pooling import FEWEST, MAD, compute_far_limit
@@ -149,13 +149,13 @@ def _reason(row: Mapping[str, Any]) -> str:
         of = f" of {row['cause_size']}" if row["cause_size"] else ""
         said.append(row["cause"].replace("_", " ") + of)
         if math.isfinite(row["cause_share"]):
-            error = f"{number(row['error_before'], 3)} {row['error_of'].partition(', ')[2]}"
+            error = f"{format_number(row['error_before'], 3)} {row['error_of'].partition(', ')[2]}"
             said[-1] += f", {100 * row['cause_share']:.0f} % of {error}"
     elif row["health"] == "in doubt":
         said.append(f"{row['verdict']}: no known cause")
     said += [*row["failed"], *row["missed"], *row["lost"]]
     said += [
-        f"{label_figure(name)} {signed(row['distances'][name])} robust σ off the lot"
+        f"{label_figure(name)} {format_signed(row['distances'][name])} robust σ off the lot"
         for name in row["far"]
     ]
     return "; ".join(said)
@@ -213,7 +213,13 @@ def write_table(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     import pandas as pd
 
     table = pd.DataFrame(
-        [{spreadsheet(name): spreadsheet(value) for name, value in row.items()} for row in rows]
+        [
+            {
+                escape_for_spreadsheet(name): escape_for_spreadsheet(value)
+                for name, value in row.items()
+            }
+            for row in rows
+        ]
     ).convert_dtypes()
     table = table.drop(
         columns=[

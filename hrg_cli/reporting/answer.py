@@ -18,9 +18,15 @@ from ..units import DEGREE_PER_HOUR
 from . import answer_use, answer_words
 from .answer_words import Cause, Departure
 from .figure_names import name_figures, name_of_figure
-from .json_text import calibration_rms, entries, figure_of_merit, json_list, json_object
-from .quantities import label_of, parameter, quantity
-from .text import plain
+from .json_text import (
+    list_entries,
+    parse_list,
+    parse_object,
+    read_calibration_rms,
+    read_figure_of_merit,
+)
+from .quantities import format_parameter, format_quantity, label_of
+from .text import clean_text
 
 SURE = ("adequate", "explained")
 """Verdicts under which the extended model describes the runs."""
@@ -121,17 +127,19 @@ def answer(
     if not results.deciding:
         return None
     diagnosis, tables = results.diagnosis, results.tables
-    report = json_object(diagnosis.report) if diagnosis is not None else {}
-    departure = answer_words.departure_of(diagnosis) if diagnosis is not None else None
-    causes = answer_words.causes_of(report, departure)
-    verdict = plain(diagnosis.verdict) if diagnosis is not None else None
+    report = parse_object(diagnosis.report) if diagnosis is not None else {}
+    departure = answer_words.choose_departure(diagnosis) if diagnosis is not None else None
+    causes = answer_words.order_causes(report, departure)
+    verdict = clean_text(diagnosis.verdict) if diagnosis is not None else None
     examined = _examined(results.deciding)
     parameters, of = _parameters(diagnosis, results.resonator)
     moved = _moved(report)
     of_runs = None
     if diagnosis is not None:
-        runs = len(json_list(diagnosis.run_ids))
-        of_runs = answer_words.sentence(plain(diagnosis.verdict), report, departure, causes, runs)
+        runs = len(parse_list(diagnosis.run_ids))
+        of_runs = answer_words.make_sentence(
+            clean_text(diagnosis.verdict), report, departure, causes, runs
+        )
     farthest = "" if causes else _say_farthest(moved)
     return Answer(
         gyro_id=results.gyro_id,
@@ -146,13 +154,15 @@ def answer(
         parameters=parameters,
         parameters_of=of,
         moved=moved,
-        forecast=answer_words.forecast(report),
-        suspect_runs=tuple(answer_words.suspect_run(e) for e in entries(report, "suspect_runs")),
-        stability=answer_words.stability(report),
-        next_runs=answer_words.next_runs(report),
+        forecast=answer_words.say_forecast(report),
+        suspect_runs=tuple(
+            answer_words.say_suspect_run(e) for e in list_entries(report, "suspect_runs")
+        ),
+        stability=answer_words.say_stability(report),
+        next_runs=answer_words.list_next_runs(report),
         equation=_equation(results, causes),
-        snippet=answer_use.snippet(report, tables, parameters),
-        commands=answer_use.commands(_usable_files(results, names), diagnosis, tables),
+        snippet=answer_use.write_snippet(report, tables, parameters),
+        commands=answer_use.list_commands(_usable_files(results, names), diagnosis, tables),
     )
 
 
@@ -181,7 +191,7 @@ class Results:
     @property
     def gyro_id(self) -> str:
         """The first name that a result gives its gyro."""
-        return plain(next((g for r in self.deciding if (g := getattr(r, "gyro_id", ""))), ""))
+        return clean_text(next((g for r in self.deciding if (g := getattr(r, "gyro_id", ""))), ""))
 
     @property
     def one_signal(self) -> bool:
@@ -194,7 +204,7 @@ def _equation(results: Results, causes: Sequence[Cause]) -> str:
     equation of the rate could be of."""
     if results.one_signal and results.tables is None:
         return ""
-    return answer_use.equation(results.tables, [cause.name for cause in causes])
+    return answer_use.choose_equation(results.tables, [cause.name for cause in causes])
 
 
 def _usable_files(results: Results, names: Mapping[str, str] | None) -> dict[str, str]:
@@ -250,17 +260,17 @@ def _validity(verdict: str | None, examined: Sequence[Record]) -> str:
 
 
 def _why(report: Mapping[str, Any], examined: Sequence[Record]) -> tuple[str, ...]:
-    checks = entries(dict(report), "checks")
-    failed = [answer_words.failed_check(c) for c in checks if c.get("passed") is False]
+    checks = list_entries(dict(report), "checks")
+    failed = [answer_words.say_failed_check(c) for c in checks if c.get("passed") is False]
     if checks and not failed:
         failed = [f"all {len(checks)} closing checks passed"]
     reasons = [
-        plain(reason)
+        clean_text(reason)
         for record in examined
         if record.status != "valid"
         for reason in record.status_reasons
     ]
-    said = [plain(c.get("sentence") or "") for c in checks if c.get("passed") is False]
+    said = [clean_text(c.get("sentence") or "") for c in checks if c.get("passed") is False]
     reasons = [reason for reason in reasons if not any(one and one in reason for one in said)]
     return tuple(dict.fromkeys([*failed, *reasons]))
 
@@ -269,23 +279,31 @@ def _requirements(rows: Sequence[Row]) -> tuple[Requirement, ...]:
     """Rows of several files for people, by names that tell them apart; what several files of a
     kind say alike once."""
     names = name_figures({(row.kind, row.name) for row in rows})
-    return tuple(dict.fromkeys(requirement(row, names[row.kind, row.name]) for row in rows))
+    return tuple(
+        dict.fromkeys(describe_requirement(row, names[row.kind, row.name]) for row in rows)
+    )
 
 
-def requirement(row: Row, label: str = "") -> Requirement:
+def describe_requirement(row: Row, label: str = "") -> Requirement:
     """A row of `hrg check` for people."""
     label = label or name_of_figure(row.name)
     if row.words is not None:
         return Requirement(row.name, label, *row.words, None, row.passed)
     units = row.units
     bounds = (
-        [f"≥ {quantity(row.name, row.minimum, None, units)}"] if row.minimum is not None else []
+        [f"≥ {format_quantity(row.name, row.minimum, None, units)}"]
+        if row.minimum is not None
+        else []
     )
     bounds += (
-        [f"≤ {quantity(row.name, row.maximum, None, units)}"] if row.maximum is not None else []
+        [f"≤ {format_quantity(row.name, row.maximum, None, units)}"]
+        if row.maximum is not None
+        else []
     )
     value = (
-        "not in the file" if row.value is None else quantity(row.name, row.value, row.std, units)
+        "not in the file"
+        if row.value is None
+        else format_quantity(row.name, row.value, row.std, units)
     )
     return Requirement(row.name, label, value, " and ".join(bounds), row.margin_sigma, row.passed)
 
@@ -295,26 +313,26 @@ def _parameters(
 ) -> tuple[tuple[ShownParameter, ...], str]:
     """Those beside the causes where there is a diagnosis, else the identified ones; and whose they
     are."""
-    report = json_object(diagnosis.report) if isinstance(diagnosis, Diagnosis) else {}
-    if entries(report, "values"):
+    report = parse_object(diagnosis.report) if isinstance(diagnosis, Diagnosis) else {}
+    if list_entries(report, "values"):
         rows = [
             (str(v.get("name")), v.get("value"), v.get("std"), str(v.get("units", "")))
-            for v in entries(report, "values")
+            for v in list_entries(report, "values")
             if not v.get("assumed")
         ]
-        of = "extended model" if entries(report, "effects") else "model"
+        of = "extended model" if list_entries(report, "effects") else "model"
     elif isinstance(resonator, Resonator):
         rows, of = [(name, *row) for name, row in resonator.parameters().items()], "resonator"
     else:
         return (), ""
     found = [
         ShownParameter(
-            plain(name),
+            clean_text(name),
             label_of(name, float(value), float(std)),
-            parameter(name, value, std, units),
+            format_parameter(name, value, std, units),
             float(value),
             float(std),
-            plain(units),
+            clean_text(units),
         )
         for name, value, std, units in rows
         if isinstance(value, int | float) and isinstance(std, int | float)
@@ -327,22 +345,22 @@ def _say_farthest(moved: tuple[MovedFigure, ...]) -> str:
     if not moved:
         return ""
     far = max(moved, key=lambda m: abs(m.sigma))
-    return f" The supplied model's {far.label} is wrong by {answer_words.short(abs(far.sigma))} σ."
+    return f" The supplied model's {far.label} is wrong by {answer_words.format_short(abs(far.sigma))} σ."
 
 
 def _moved(report: Mapping[str, Any]) -> tuple[MovedFigure, ...]:
     found = []
-    for v in entries(dict(report), "values"):
+    for v in list_entries(dict(report), "values"):
         numbers = [v.get(key) for key in ("value", "std", "believed", "sigma")]
         if v.get("wrong") and all(isinstance(n, int | float) for n in numbers):
             name, units = str(v.get("name")), str(v.get("units", ""))
             value, std, believed, sigma = (float(n) for n in numbers)  # type: ignore[arg-type]
-            said = parameter(name, value, std, units)
+            said = format_parameter(name, value, std, units)
             found.append(
                 MovedFigure(
-                    plain(name),
+                    clean_text(name),
                     label_of(name, value, std),
-                    parameter(name, believed, 0.0, units),
+                    format_parameter(name, believed, 0.0, units),
                     said,
                     sigma,
                 )
@@ -352,7 +370,7 @@ def _moved(report: Mapping[str, Any]) -> tuple[MovedFigure, ...]:
 
 def _of_tables(calibration: Calibration) -> str:
     """What the tables gain, from the rms of the rate errors."""
-    said = _gains(*calibration_rms(calibration.details))
+    said = _gains(*read_calibration_rms(calibration.details))
     return (
         f"The tables take {' and '.join(said)} on data held out."
         if said
@@ -367,11 +385,11 @@ def _gains(drift: Mapping[str, Any], scale: Mapping[str, Any]) -> list[str]:
         (scale, "the scale factor's error", 1.0, "ppm"),
     ):
         before, after = (
-            figure_of_merit(rms.get(key))[0] * factor for key in ("before", "held_out")
+            read_figure_of_merit(rms.get(key))[0] * factor for key in ("before", "held_out")
         )
         if before == before and after == after:
             found.append(
-                f"{words} from {answer_words.short(before)} to {answer_words.short(after)} {unit}"
+                f"{words} from {answer_words.format_short(before)} to {answer_words.format_short(after)} {unit}"
             )
     return found
 
@@ -380,7 +398,7 @@ def _of_resonator(record: Record) -> str:
     if isinstance(record, Resonator):
         known = record.parameters()
         said = [
-            f"{label_of(name, *known[name][:2]).rsplit(' ', 1)[1]} = {parameter(name, *known[name])}"
+            f"{label_of(name, *known[name][:2]).rsplit(' ', 1)[1]} = {format_parameter(name, *known[name])}"
             for name in ("frequency_hz", "damping_rate_1_s", "frequency_split_rad_s")
             if name in known
         ]
@@ -398,7 +416,7 @@ def _of_resonator(record: Record) -> str:
     return ""
 
 
-def groups(records: Sequence[Record]) -> dict[str, list[Record]]:
+def group_records(records: Sequence[Record]) -> dict[str, list[Record]]:
     """Records by gyro, in the order they came."""
     found: dict[str, list[Record]] = {}
     for record in records:

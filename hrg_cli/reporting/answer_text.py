@@ -9,7 +9,7 @@ from pathlib import Path
 
 from .answer import Answer
 from .console import print_table, say
-from .text import drop_empty_columns, number
+from .text import drop_empty_columns, format_number
 
 
 def show(found: Answer, folder: Path = Path()) -> None:
@@ -34,7 +34,7 @@ def show(found: Answer, folder: Path = Path()) -> None:
                 c.size,
                 _share(c.drift_deg_h),
                 _share(c.amplitude_ppm),
-                number(abs(c.z), 3),
+                format_number(abs(c.z), 3),
                 ", ".join(c.rivals).replace("_", " "),
             )
             for c in found.causes
@@ -46,7 +46,7 @@ def show(found: Answer, folder: Path = Path()) -> None:
             "", (f"{found.parameters_of}", ""), [(p.label, p.text) for p in found.parameters]
         )
     if found.moved:
-        moved = [(m.label, m.believed, m.measured, number(m.sigma, 3)) for m in found.moved]
+        moved = [(m.label, m.believed, m.measured, format_number(m.sigma, 3)) for m in found.moved]
         print_table("", ("wrong in the supplied model", "believed", "measured", "σ"), moved)
     for line in (found.forecast, *found.suspect_runs, *found.stability):
         if line:
@@ -61,7 +61,7 @@ def show(found: Answer, folder: Path = Path()) -> None:
 VERDICT = re.compile(r'the verdict is "[^"]*": (.*)', re.S)
 
 
-def untold(reasons: Sequence[str], why: Sequence[str]) -> list[str]:
+def list_untold(reasons: Sequence[str], why: Sequence[str]) -> list[str]:
     """The reasons ("FILE: …") that the answer's own, `why`, do not tell."""
     shown = [line.removeprefix("check failed: ") for line in why]
 
@@ -75,8 +75,8 @@ def untold(reasons: Sequence[str], why: Sequence[str]) -> list[str]:
 
 
 def _share(value: float | None) -> str:
-    return "–" if value is None else number(value, 3)
+    return "–" if value is None else format_number(value, 3)
 
 
 def _margin(value: float | None) -> str:
-    return "–" if value is None else number(value, 2)
+    return "–" if value is None else format_number(value, 2)

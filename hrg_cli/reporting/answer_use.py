@@ -17,7 +17,7 @@ from ..records import Calibration, Diagnosis
 from ..stages.calibration.table import read_measured_part
 from ..stages.planning.like_measured import menu_like
 from ..stages.rate_table import is_rate_table
-from .json_text import as_float, child, entries
+from .json_text import list_entries, read_float, take_child
 
 Array = np.ndarray
 
@@ -34,7 +34,7 @@ MEASURED = {
 """What a drift model computes in operation, in words."""
 
 
-def equation(calibration: Calibration | None, causes: Sequence[str]) -> str:
+def choose_equation(calibration: Calibration | None, causes: Sequence[str]) -> str:
     """The equation that the result gives the numbers of."""
     if calibration is not None and is_rate_table(calibration):
         return "Ω = (output/nominal_scale + D(T) − Σ c_p·Ω^p)/K(T)"
@@ -47,11 +47,11 @@ def equation(calibration: Calibration | None, causes: Sequence[str]) -> str:
             f" {MEASURED[part['kind']]}"
         )
     first = "m·dθ/dt = −K·Ω + D(θ), D(θ) = ν·δμ·sin 2m(θ − θ_μ)"
-    seen = [name for name in causes if matrix_of({name: {}}) is not None]
+    seen = [name for name in causes if build_matrix({name: {}}) is not None]
     return f"{first}; channels first: (C, S) = (1 + E)⁻¹ (C, S) measured" if seen else first
 
 
-def matrix_of(found: Mapping[str, Mapping[str, float]]) -> Array | None:
+def build_matrix(found: Mapping[str, Mapping[str, float]]) -> Array | None:
     """1 + E (2, 2) of the linear read-out causes among these, names with values; None where there
     is none.
 
@@ -93,7 +93,7 @@ def _seen(effect: Any, values: Mapping[str, float], u: Array) -> Array | None:
         return None
 
 
-def snippet(
+def write_snippet(
     report: Mapping[str, Any], calibration: Calibration | None, parameters: Sequence[Any]
 ) -> str:
     """C with the numbers: the tables, which were made of the channels as they are; else the
@@ -120,12 +120,12 @@ def _rate_by_tables(calibration: Calibration) -> str:
 def _channels_put_right(report: Mapping[str, Any]) -> list[str]:
     """C that undoes a read-out's fault; nothing where none was found that a real matrix undoes."""
     found = {}
-    for cause in entries(dict(report), "effects"):
-        parameters = child(cause, "parameters").items()
+    for cause in list_entries(dict(report), "effects"):
+        parameters = take_child(cause, "parameters").items()
         found[str(cause.get("name"))] = {
-            name: as_float(p.get("value")) for name, p in parameters if isinstance(p, dict)
+            name: read_float(p.get("value")) for name, p in parameters if isinstance(p, dict)
         }
-    matrix = matrix_of(found)
+    matrix = build_matrix(found)
     # a read-out that takes all of a channel away is not undone by a matrix
     if matrix is None or not np.linalg.cond(matrix) < SINGULAR:
         return []
@@ -148,7 +148,7 @@ def _rate_by_drift(report: Mapping[str, Any], parameters: Sequence[Any]) -> list
     known = {p.name: p.value for p in parameters}
     if not {"damping_split_1_s", "damping_axis_rad", "scale_factor"} <= set(known):
         return []
-    m = int(as_float(report.get("mode_number"))) if report.get("mode_number") else 2
+    m = int(read_float(report.get("mode_number"))) if report.get("mode_number") else 2
     split, axis = known["damping_split_1_s"], known["damping_axis_rad"]
     return [
         f"double drift = {split:.9g} * sin({2 * m} * (theta - {axis:.9g}));  /* rad/s */",
@@ -156,7 +156,7 @@ def _rate_by_drift(report: Mapping[str, Any], parameters: Sequence[Any]) -> list
     ]
 
 
-def commands(
+def list_commands(
     names: Mapping[str, str], diagnosis: Diagnosis | None, calibration: Calibration | None
 ) -> tuple[str, ...]:
     """What to type next: each runs as it stands, beside the files."""

@@ -17,9 +17,9 @@ import numpy as np
 from ..effects import EFFECTS
 from ..records import Diagnosis
 from ..stages.diagnosis.report.shares import compute_departure_figures, compute_difference
-from .json_text import as_float, child, entries
-from .quantities import quantity
-from .text import number, plain
+from .json_text import list_entries, read_float, take_child
+from .quantities import format_quantity
+from .text import clean_text, format_number
 
 FAMILY = {effect.name: effect.family for effect in EFFECTS}
 BETTER = 1.3
@@ -69,18 +69,18 @@ QUANTITIES = (
 change is told."""
 
 
-def short(value: float) -> str:
+def format_short(value: float) -> str:
     """A figure without its σ: three digits, or four where the first is a one."""
-    return number(value, 3)
+    return format_number(value, 3)
 
 
-def departure_of(record: Diagnosis) -> Departure | None:
+def choose_departure(record: Diagnosis) -> Departure | None:
     """The quantity that tells most: held-out errors where the file has them, else those of the
     fitted rows."""
-    from .json_text import json_object
+    from .json_text import parse_object
 
-    report = json_object(record.report)
-    gain = child(report, "gain")
+    report = parse_object(record.report)
+    gain = take_child(report, "gain")
     fitted: list[dict[str, float | None]] = []
     if len(record) and np.ndim(record.measured) == 2 and np.shape(record.measured)[1] == 4:
         run, time_s = np.asarray(record.run), np.asarray(record.time_s)
@@ -91,31 +91,32 @@ def departure_of(record: Diagnosis) -> Departure | None:
         ]
     found = []
     for key, words, unit, held in QUANTITIES:
-        out = child(gain, held) if held else {}
-        before, after = as_float(out.get("before")), as_float(out.get("after"))
+        out = take_child(gain, held) if held else {}
+        before, after = read_float(out.get("before")), read_float(out.get("after"))
         known = math.isfinite(before) and math.isfinite(after)
         if not known and fitted:
-            before, after = (as_float(of[key]) for of in fitted)
+            before, after = (read_float(of[key]) for of in fitted)
         if math.isfinite(before) and math.isfinite(after):
             found.append(Departure(key, words, unit, before, after, known))
     return next((d for d in found if d.before > BETTER * d.after), found[0] if found else None)
 
 
-def causes_of(report: Mapping[str, Any], departure: Departure | None) -> tuple[Cause, ...]:
+def order_causes(report: Mapping[str, Any], departure: Departure | None) -> tuple[Cause, ...]:
     """The causes, largest share of the departure first; where that of one is not known (without it the
     fit does not settle, as without the largest), in the order of their evidence."""
     found = []
-    for effect in entries(dict(report), "effects"):
-        share = child(effect, "share")
+    for effect in list_entries(dict(report), "effects"):
+        share = take_child(effect, "share")
         parts = {
-            key: None if math.isnan(v := as_float(share.get(key))) else v for key, *_ in QUANTITIES
+            key: None if math.isnan(v := read_float(share.get(key))) else v
+            for key, *_ in QUANTITIES
         }
-        name = plain(effect.get("name"))
+        name = clean_text(effect.get("name"))
         rivals = effect.get("indistinguishable_from")
-        others = tuple(plain(r) for r in rivals) if isinstance(rivals, list) else ()
-        family, z = FAMILY.get(name, "own"), as_float(effect.get("z"))
+        others = tuple(clean_text(r) for r in rivals) if isinstance(rivals, list) else ()
+        family, z = FAMILY.get(name, "own"), read_float(effect.get("z"))
         found.append(
-            Cause(name, in_words(name), size_of(effect), family, z, rivals=others, **parts)
+            Cause(name, say_in_words(name), say_size(effect), family, z, rivals=others, **parts)
         )
     key = departure.key if departure else "drift_deg_h"
     shares = {cause.name: getattr(cause, key) for cause in found}
@@ -124,40 +125,42 @@ def causes_of(report: Mapping[str, Any], departure: Departure | None) -> tuple[C
     return tuple(sorted(found, key=lambda cause: -shares[cause.name]))
 
 
-def in_words(name: str) -> str:
+def say_in_words(name: str) -> str:
     """An effect's name as words."""
     return name.replace("_", " ")
 
 
-def size_of(effect: Mapping[str, Any]) -> str:
+def say_size(effect: Mapping[str, Any]) -> str:
     """The fitted size: one parameter as it is, two components as they are, of more the one that stands
     clearest off zero; where a sign or a phase was not measured, what was."""
     if magnitude := _magnitude(effect):
         return magnitude
     shown = [
-        (name, as_float(p.get("value")), as_float(p.get("std")), str(p.get("units", "")))
-        for name, p in child(effect, "parameters").items()
+        (name, read_float(p.get("value")), read_float(p.get("std")), str(p.get("units", "")))
+        for name, p in take_child(effect, "parameters").items()
         if isinstance(p, dict)
     ]
     if len(shown) > 2:
         # of several units the largest number would say nothing
         shown = [max(shown, key=lambda row: abs(row[1]) / row[2] if row[2] > 0 else 0.0)]
-    return ", ".join(plain(quantity(name, value, std, units)) for name, value, std, units in shown)
+    return ", ".join(
+        clean_text(format_quantity(name, value, std, units)) for name, value, std, units in shown
+    )
 
 
 def _magnitude(effect: Mapping[str, Any]) -> str:
     """The largest of the sizes that the samples show without sign or phase."""
-    stds, parameters = child(effect, "magnitude_std"), child(effect, "parameters")
-    sizes = {name: as_float(value) for name, value in child(effect, "magnitude").items()}
+    stds, parameters = take_child(effect, "magnitude_std"), take_child(effect, "parameters")
+    sizes = {name: read_float(value) for name, value in take_child(effect, "magnitude").items()}
     if not sizes:
         return ""
     name = max(sizes, key=lambda one: sizes[one])
     of: Mapping[str, Any] = parameters.get(name) or next(iter(parameters.values()), {})
-    size = quantity(name, sizes[name], as_float(stds.get(name)), str(of.get("units", "")))
-    return f"± {plain(size)}" if name in parameters else plain(size)
+    size = format_quantity(name, sizes[name], read_float(stds.get(name)), str(of.get("units", "")))
+    return f"± {clean_text(size)}" if name in parameters else clean_text(size)
 
 
-def sentence(
+def make_sentence(
     verdict: str,
     report: Mapping[str, Any],
     departure: Departure | None,
@@ -168,7 +171,7 @@ def sentence(
     them = f"all {runs} runs" if runs > 1 else "the run"
     if verdict == "adequate":
         left = (
-            f" the {departure.words} error left is {short(departure.after)} {departure.unit}."
+            f" the {departure.words} error left is {format_short(departure.after)} {departure.unit}."
             if departure
             else ""
         )
@@ -178,7 +181,7 @@ def sentence(
             else f"The model describes {them}."
         )
     off = (
-        f"The {departure.words} is {short(departure.before)} {departure.unit} off"
+        f"The {departure.words} is {format_short(departure.before)} {departure.unit} off"
         if departure
         else "The runs depart from the model"
     )
@@ -193,7 +196,9 @@ def sentence(
         if len(causes) == 2
         else f"with all {len(causes)} taken in"
     )
-    left = f"; {taken} {short(departure.after)} {departure.unit} are left" if departure else ""
+    left = (
+        f"; {taken} {format_short(departure.after)} {departure.unit} are left" if departure else ""
+    )
     close = (
         ", which is the noise"
         if verdict == "explained"
@@ -238,45 +243,45 @@ def _named(causes: Sequence[Cause], departure: Departure | None) -> str:
 
 def _left(report: Mapping[str, Any]) -> str:
     """What stays open, in the remainder's own words, cut to fit."""
-    words = plain(child(report, "remainder").get("description") or "")
+    words = clean_text(take_child(report, "remainder").get("description") or "")
     return words if len(words) <= 90 else words[:89].rsplit(" ", 1)[0] + " …"
 
 
-def forecast(report: Mapping[str, Any]) -> str:
+def say_forecast(report: Mapping[str, Any]) -> str:
     """What the model is worth on data the causes were not chosen by."""
-    told = child(report, "forecast")
-    ratio, low, high = (as_float(told.get(key)) for key in ("ratio", "low", "high"))
-    before, after = (as_float(told.get(key)) for key in ("before", "after"))
+    told = take_child(report, "forecast")
+    ratio, low, high = (read_float(told.get(key)) for key in ("ratio", "low", "high"))
+    before, after = (read_float(told.get(key)) for key in ("before", "after"))
     if math.isfinite(before) and math.isfinite(after) and told.get("unit"):
-        unit = plain(str(told["unit"]).replace("deg_h", "°/h"))
+        unit = clean_text(str(told["unit"]).replace("deg_h", "°/h"))
         unit = "" if unit == "1" else unit
         factor, unit = (1e6, f"µ{unit}") if unit == "V" and before < 1e-2 else (1.0, unit)
         by = (
-            f", {short(ratio)} times smaller ({short(low)} … {short(high)})"
+            f", {format_short(ratio)} times smaller ({format_short(low)} … {format_short(high)})"
             if all(map(math.isfinite, (ratio, low, high)))
             else ""
         )
         return (
-            f"forecast of data left out: error {short(before * factor)} → {short(after * factor)}"
+            f"forecast of data left out: error {format_short(before * factor)} → {format_short(after * factor)}"
             f"{f' {unit}' if unit else ''}{by}"
         )
     if isinstance(told.get("sentence"), str):
-        return plain(told["sentence"])
-    gain = child(report, "gain")
-    ratio, std = as_float(gain.get("ratio")), as_float(gain.get("std"))
+        return clean_text(told["sentence"])
+    gain = take_child(report, "gain")
+    ratio, std = read_float(gain.get("ratio")), read_float(gain.get("std"))
     if math.isfinite(ratio) and ratio > 1 and math.isfinite(std):
         return (
-            f"{plain(gain.get('held_out', 'data'))} left out of the fit are predicted"
-            f" {short(ratio)} ± {number(std, 2)} times better"
+            f"{clean_text(gain.get('held_out', 'data'))} left out of the fit are predicted"
+            f" {format_short(ratio)} ± {format_number(std, 2)} times better"
         )
     return ""
 
 
-def failed_check(check: Mapping[str, Any]) -> str:
+def say_failed_check(check: Mapping[str, Any]) -> str:
     """A closing check that failed: its own sentence where it has one, else its figure."""
-    name = in_words(plain(check.get("name")))
+    name = say_in_words(clean_text(check.get("name")))
     figures = f"{name} is {_value(check.get('value'))}, the limit is {_value(check.get('limit'))}"
-    said = plain(check.get("sentence") or "")
+    said = clean_text(check.get("sentence") or "")
     if not said:
         return f"check failed: {figures}"
     return (
@@ -288,51 +293,51 @@ def failed_check(check: Mapping[str, Any]) -> str:
 
 def _value(value: Any) -> str:
     return (
-        short(float(value))
+        format_short(float(value))
         if isinstance(value, int | float) and not isinstance(value, bool)
-        else plain(value)
+        else clean_text(value)
     )
 
 
-def suspect_run(run: Mapping[str, Any]) -> str:
+def say_suspect_run(run: Mapping[str, Any]) -> str:
     """A run that stands out, and by what."""
     evidence = run.get("evidence")
-    return f"run {plain(run.get('run_id'))}: {plain(run.get('what', 'stands out'))}" + (
+    return f"run {clean_text(run.get('run_id'))}: {clean_text(run.get('what', 'stands out'))}" + (
         f" ({_value(evidence)})" if evidence else ""
     )
 
 
-def stability(report: Mapping[str, Any]) -> tuple[str, ...]:
+def say_stability(report: Mapping[str, Any]) -> tuple[str, ...]:
     """Where the causes' names change with the windows or on a shortened record; one sentence where
     none does."""
-    rows = entries(dict(report), "stability")
+    rows = list_entries(dict(report), "stability")
     # what the runs' frequencies show is not sought again in a part of them
-    between = child(report, "frequencies").get("follow")
+    between = take_child(report, "frequencies").get("follow")
     apart = set(map(str, between)) if isinstance(between, list) else set()
-    usual = sorted({str(e.get("name")) for e in entries(dict(report), "effects")} - apart)
+    usual = sorted({str(e.get("name")) for e in list_entries(dict(report), "effects")} - apart)
     changed = []
     for row in rows:
         names = row.get("effects")
         there = sorted({str(n) for n in names} - apart) if isinstance(names, list) else []
         if there != usual:
             changed.append(
-                f"with {plain(row.get('change'))} the causes are"
-                f" {', '.join(map(plain, map(in_words, there))) or 'none'}"
+                f"with {clean_text(row.get('change'))} the causes are"
+                f" {', '.join(map(clean_text, map(say_in_words, there))) or 'none'}"
             )
     if rows and not changed:
         return (f"the same causes under all {len(rows)} changes of the evaluation",)
     return tuple(dict.fromkeys(changed))
 
 
-def next_runs(report: Mapping[str, Any]) -> tuple[str, ...]:
+def list_next_runs(report: Mapping[str, Any]) -> tuple[str, ...]:
     """What to run next: what would tell a cause found from its rivals; else what would pin it down;
     each sentence once."""
     found = []
-    for effect in entries(dict(report), "effects"):
+    for effect in list_entries(dict(report), "effects"):
         rivals, run = effect.get("indistinguishable_from"), effect.get("next_experiment")
         if isinstance(rivals, list) and rivals and run:
-            names = " or ".join(in_words(plain(n)) for n in (effect.get("name"), *rivals))
-            found.append(f"to tell {names}: {plain(str(run).split(';')[0])}")
+            names = " or ".join(say_in_words(clean_text(n)) for n in (effect.get("name"), *rivals))
+            found.append(f"to tell {names}: {clean_text(str(run).split(';')[0])}")
     if not found and str(report.get("verdict")) in ("partly explained", "unexplained"):
         found.append(
             "repeat the run whose residual is largest; what comes back is the gyro's, what does not"

@@ -10,22 +10,22 @@ from typing import Any
 from ..units import to_deg_per_hour
 from .console import print_table, say
 from .quantities import round_with_std
-from .text import number
+from .text import format_number
 
 
 def show(report: Mapping[str, Any]) -> None:
     """Print the tables of a calibration's JSON that it holds."""
     for head, rows in (
-        variants(report),
+        tabulate_variants(report),
         show_bought(report),
-        stability(report),
-        coefficients(report),
+        tabulate_stability(report),
+        tabulate_coefficients(report),
         show_moved(report),
     ):
         if rows:
             print_table("", head, rows)
     if hour := report.get("hour"):
-        say(an_hour(hour))
+        say(tabulate_hour_more(hour))
     choice = report.get("choice")
     if choice:
         say(choice["why"].split("; ")[0])  # the table above has the rest
@@ -41,7 +41,7 @@ def show(report: Mapping[str, Any]) -> None:
         say(f"noise: {noise['white_over_stated']:.3g} times what the windows state{beside}")
 
 
-def variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def tabulate_variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Every model tried: what it leaves of data left out, its coefficients, and whether it passes
     its checks."""
     rows = []
@@ -50,9 +50,9 @@ def variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any
         rows.append(
             (
                 row["model"] + (" *" if row["model"] == report.get("model") else ""),
-                None if drift is None else number(to_deg_per_hour(drift)),
-                number(row["scale_factor_rms_ppm"]),
-                number(row["held_out_chi2_per_row"]),
+                None if drift is None else format_number(to_deg_per_hour(drift)),
+                format_number(row["scale_factor_rms_ppm"]),
+                format_number(row["held_out_chi2_per_row"]),
                 row["coefficients"],
                 "fits" if row["passed"] else _shorten_reason(row["why_not"][0]),
             )
@@ -76,9 +76,9 @@ def show_bought(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[
         rows.append(
             (
                 row["name"],
-                None if drift is None else number(to_deg_per_hour(drift), 3),
-                number(row["scale_bought_ppm"], 3),
-                number(row["z"], 3),
+                None if drift is None else format_number(to_deg_per_hour(drift), 3),
+                format_number(row["scale_bought_ppm"], 3),
+                format_number(row["z"], 3),
                 row.get("needs"),
             )
         )
@@ -90,7 +90,7 @@ def _shorten_reason(reason: str) -> str:
     return re.split(r"[,;:(]", reason, maxsplit=1)[0].strip()
 
 
-def an_hour(hour: Mapping[str, float]) -> str:
+def tabulate_hour_more(hour: Mapping[str, float]) -> str:
     """What one hour more of recordings brings."""
     drift = [to_deg_per_hour(hour[f"drift_std_{when}rad_s"]) for when in ("", "with_it_")]
     scale = [hour[f"scale_factor_std_{when}ppm"] for when in ("", "with_it_")]
@@ -101,7 +101,7 @@ def an_hour(hour: Mapping[str, float]) -> str:
     )
 
 
-def stability(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def tabulate_stability(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Harmonics between programmes: own size, scatter, and the chance of that scatter if they
     repeat."""
     found = report.get("stability") or {}
@@ -115,9 +115,9 @@ def stability(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[An
         rows.append(
             (
                 row["name"],
-                *(number(size, 3) for size in sizes),
+                *(format_number(size, 3) for size in sizes),
                 "°/h" if drift else "ppm",
-                number(row["p_value"], 2),
+                format_number(row["p_value"], 2),
                 "repeats" if row["repeats"] else "does not repeat",
             )
         )
@@ -141,7 +141,9 @@ COEFFICIENTS = {
 """What each coefficient stands before in D, r = a_B/a_A, and its unit on the screen."""
 
 
-def coefficients(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def tabulate_coefficients(
+    report: Mapping[str, Any],
+) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """The resonators' coefficients over temperature or frequency, a row each."""
     rows = []
     for row in report.get("resonator") or []:
@@ -168,6 +170,6 @@ def show_moved(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[A
         each = ((before, row["before_std"]), (now, row["now_std"]), (change, row["std"]))
         said = (_said(row["name"], *value) for value in each)
         rows.append(
-            (COEFFICIENTS[row["name"]], *said, number(row["moved_sigma"], 2), row["tables"])
+            (COEFFICIENTS[row["name"]], *said, format_number(row["moved_sigma"], 2), row["tables"])
         )
     return ("drift coefficient", "before", "now", "change", "moved, σ", "tables"), rows

@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 
 from ..limits import Row
 from ..records import Record
-from .answer import Answer, requirement
-from .text import number, plain
+from .answer import Answer, describe_requirement
+from .text import clean_text, format_number
 
 
 class JudgedFile(Protocol):
@@ -38,37 +38,37 @@ class JudgedFile(Protocol):
         """What is too far from the baseline; None: not compared."""
 
 
-def why_missed(one: JudgedFile) -> list[str]:
+def explain_missed(one: JudgedFile) -> list[str]:
     """Why a file does not pass."""
-    return [why_not(row) for row in one.rows if not row.passed] + list(one.moved or [])
+    return [explain_figure(row) for row in one.rows if not row.passed] + list(one.moved or [])
 
 
-def why_not(row: Row) -> str:
+def explain_figure(row: Row) -> str:
     """Why a figure does not pass, in the units of the screen."""
     if row.words is not None or row.value is None:
         return row.sentence()
-    shown = requirement(row)
-    return f"{plain(shown.name)} is {shown.value}, the limit is {shown.limit}"
+    shown = describe_requirement(row)
+    return f"{clean_text(shown.name)} is {shown.value}, the limit is {shown.limit}"
 
 
-def cells(row: Row) -> tuple[str, str, str, str, str]:
+def format_cells(row: Row) -> tuple[str, str, str, str, str]:
     """Figure, value, limit, margin in σ, passed."""
-    shown = requirement(row)
+    shown = describe_requirement(row)
     return (
-        plain(shown.name),
+        clean_text(shown.name),
         shown.value,
         shown.limit,
-        number(shown.margin_sigma, 2),
+        format_number(shown.margin_sigma, 2),
         "yes" if shown.passed else "NO",
     )
 
 
-def junit(files: Sequence[JudgedFile], found: Answer | None) -> str:
+def write_junit(files: Sequence[JudgedFile], found: Answer | None) -> str:
     """JUnit XML: a suite a file, a case a figure and one for the baseline; the sentence as the
     suite's output."""
     root = ElementTree.Element("testsuites", name="hrg check")
     for one in files:
-        cases = [(row.name, None if row.passed else why_not(row)) for row in one.rows]
+        cases = [(row.name, None if row.passed else explain_figure(row)) for row in one.rows]
         if one.moved is not None:
             cases.append(("baseline", "; ".join(one.moved) or None))
         failures = sum(why is not None for _, why in cases)
@@ -82,22 +82,27 @@ def junit(files: Sequence[JudgedFile], found: Answer | None) -> str:
         )
         for name, why in cases:
             case = ElementTree.SubElement(
-                suite, "testcase", classname=f"{one.record.kind}.{one.path.stem}", name=plain(name)
+                suite,
+                "testcase",
+                classname=f"{one.record.kind}.{one.path.stem}",
+                name=clean_text(name),
             )
             if why is not None:
-                ElementTree.SubElement(case, "failure", message=plain(why)).text = plain(why)
+                ElementTree.SubElement(case, "failure", message=clean_text(why)).text = clean_text(
+                    why
+                )
         if found is not None and one.record.kind in ("diagnosis", "resonator", "calibration"):
             said = [found.sentence, f"gyro: {found.health}; fit: {found.validity}", *found.why]
-            ElementTree.SubElement(suite, "system-out").text = "\n".join(map(plain, said))
+            ElementTree.SubElement(suite, "system-out").text = "\n".join(map(clean_text, said))
     for key in ("tests", "failures"):
         root.set(key, str(sum(int(suite.get(key, "0")) for suite in root)))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def markdown(files: Sequence[JudgedFile], found: Answer | None) -> str:
+def write_markdown(files: Sequence[JudgedFile], found: Answer | None) -> str:
     """A summary for a merge request."""
-    passed = not any(why_missed(one) for one in files)
+    passed = not any(explain_missed(one) for one in files)
     lines = [f"### hrg check: {'passed' if passed else 'FAILED'}", ""]
     if found is not None:
         lines += [
@@ -106,7 +111,7 @@ def markdown(files: Sequence[JudgedFile], found: Answer | None) -> str:
             f"gyro: **{found.health}**; fit: **{found.validity}**",
             "",
         ]
-    rows = [(one.name, *cells(row)) for one in files for row in one.rows]
+    rows = [(one.name, *format_cells(row)) for one in files for row in one.rows]
     if rows:
         lines += [
             "| file | figure | value | limit | margin, σ | passed |",
@@ -122,4 +127,4 @@ def markdown(files: Sequence[JudgedFile], found: Answer | None) -> str:
 def _escaped(text: str) -> str:
     for mark in ("\\", "|", "<", "*", "_", "`"):
         text = text.replace(mark, f"\\{mark}" if mark != "<" else "&lt;")
-    return plain(text)
+    return clean_text(text)

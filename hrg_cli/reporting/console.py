@@ -12,20 +12,20 @@ from contextlib import contextmanager
 from typing import Any
 
 from ..pipeline import Progress
-from .text import one_line, plain
+from .text import clean_text, fold_line
 
 NUMERAL = re.compile(r"(?:[−+-]?\d[\d.]*(?:\(\d+\))?(?:×10[⁻⁰¹²³⁴-⁹]+)?|–)?")
 """A number as `text.number` and `quantities.round_with_std` write it, a dash, or nothing."""
 
 
-def message(text: str) -> None:
+def tell(text: str) -> None:
     """One line on standard error."""
-    print(one_line(text), file=sys.stderr, flush=True)
+    print(fold_line(text), file=sys.stderr, flush=True)
 
 
 def say(text: str) -> None:
     """A line on standard output, without what would steer the terminal."""
-    print(plain(text))
+    print(clean_text(text))
 
 
 def print_json(report: Mapping[str, Any]) -> None:
@@ -58,7 +58,7 @@ def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) 
         )
         table.add_column(name, justify="left" if words else "right", overflow="fold")
     for row in rows:
-        table.add_row(*(cell(v) for v in row))
+        table.add_row(*(format_cell(v) for v in row))
     console = Console(
         markup=False, highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 160
     )
@@ -68,17 +68,17 @@ def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) 
         raise BrokenPipeError from None
 
 
-def cell(value: Any) -> str:
+def format_cell(value: Any) -> str:
     """A number with as many digits as a person reads, anything else as text."""
     if value is None:
         return "–"
     if isinstance(value, float):
         return f"{value:.6g}" if math.isfinite(value) else "–"
-    return plain(value)
+    return clean_text(value)
 
 
 @contextmanager
-def progress_bar(title: str, quiet: bool) -> Iterator[Progress]:
+def show_progress(title: str, quiet: bool) -> Iterator[Progress]:
     """A bar on a terminal, a plain line a tenth otherwise, nothing when quiet."""
     if quiet:
         yield lambda share: None
@@ -96,6 +96,6 @@ def progress_bar(title: str, quiet: bool) -> Iterator[Progress]:
             tenth = 0 if share is None else int(share * 10)
             if tenth > said[0] and tenth < 10:
                 said[0] = tenth
-                message(f"{title}: {tenth * 10} %")
+                tell(f"{title}: {tenth * 10} %")
 
         yield line

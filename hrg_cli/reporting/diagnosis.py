@@ -10,8 +10,8 @@ from typing import Any
 from ..records import Diagnosis
 from . import answer_text
 from .answer import answer
-from .json_text import as_float, child
-from .text import number
+from .json_text import read_float, take_child
+from .text import format_number
 
 Rows = list[tuple[Any, ...]]
 QUANTITIES = (
@@ -29,22 +29,22 @@ def show(record: Diagnosis, report: Mapping[str, Any]) -> None:
     answer_text.show(found, file.parent)
 
 
-def gains(gain: Mapping[str, Any]) -> Rows:
+def tabulate_gains(gain: Mapping[str, Any]) -> Rows:
     """Held-out errors before and after in physical units, with their standard deviations."""
     return [
         (
             words,
             *(
-                f"{number(part.get(when), 4)} ± {number(part.get(f'{when}_std'), 2)}"
+                f"{format_number(part.get(when), 4)} ± {format_number(part.get(f'{when}_std'), 2)}"
                 for when in ("before", "after")
             ),
         )
         for key, words in QUANTITIES
-        if (part := child(gain, key))
+        if (part := take_child(gain, key))
     ]
 
 
 def score_left(tested: Mapping[str, Any]) -> float:
     """|z| of a cause that was looked for, beside those that were found; NaN where the file does not
     know it."""
-    return abs(as_float(tested.get("z_left")))
+    return abs(read_float(tested.get("z_left")))

@@ -9,7 +9,7 @@ from collections.abc import Collection
 from ..limit_values import SUFFIXES
 from .figures_in_words import WORDS
 from .quantities import LABELS, RATE_OF_DECAY
-from .text import plain
+from .text import clean_text
 
 OF_PARAMETERS = LABELS | {"damping_rate_1_s": RATE_OF_DECAY}
 """The damping stays a rate: a decay time would move against its own sign."""
@@ -37,7 +37,7 @@ def name_figures(figures: Collection[tuple[str, str]]) -> dict[tuple[str, str], 
     """(kind, key) -> the figure in words; where several would be called alike, with the kind of
     their file, and with the key where that does not tell them apart."""
     said = {(kind, key): name_of_figure(key) for kind, key in figures}
-    for more in (lambda kind, key: f", {kind}", lambda kind, key: f" ({plain(key)})"):
+    for more in (lambda kind, key: f", {kind}", lambda kind, key: f" ({clean_text(key)})"):
         alike = defaultdict(list)
         for figure, words in said.items():
             alike[words].append(figure)
@@ -50,4 +50,4 @@ def name_figures(figures: Collection[tuple[str, str]]) -> dict[tuple[str, str], 
 def _words(part: str) -> str:
     unit = next((end for end, _ in SUFFIXES if part.endswith(end)), "")
     bare = re.sub(r"_ppm$", "", part.removesuffix(unit))
-    return plain(" ".join(WORDS.get(word, word) for word in bare.split("_")))
+    return clean_text(" ".join(WORDS.get(word, word) for word in bare.split("_")))

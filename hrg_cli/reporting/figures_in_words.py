@@ -11,8 +11,8 @@ from numbers import Real
 from typing import Any
 
 from ..limit_values import SUFFIXES, unit_of
-from .quantities import unit_for
-from .text import number, plain
+from .quantities import choose_unit
+from .text import clean_text, format_number
 
 Pairs = list[tuple[str, str]]
 DIGITS = 6
@@ -31,35 +31,35 @@ NONE_AT_ZERO = ("residual_rms", "c_add_offset", "s_add_offset")
 WORDS = {"chi2": "χ²", "std": "σ"}
 
 
-def told(figures: Mapping[str, Any], digits: int = DIGITS) -> Pairs:
+def list_told(figures: Mapping[str, Any], digits: int = DIGITS) -> Pairs:
     """Figure and value of each that says something: no time of the computer, no count of what did
     not happen, no empty text, no JSON."""
     return [
-        (words_of(key), said(key, value, digits))
+        (say_key(key), say_value(key, value, digits))
         for key, value in figures.items()
         if key != "elapsed_s" and not _is_empty(key, value)
     ]
 
 
-def words_of(key: str) -> str:
+def say_key(key: str) -> str:
     """A key without its unit, in words."""
     unit = next((end for end, _ in SUFFIXES if key.endswith(end)), "")
     parts = re.split(r"[._]", key.removesuffix(unit))
-    return plain(" ".join(WORDS.get(part, part) for part in parts))
+    return clean_text(" ".join(WORDS.get(part, part) for part in parts))
 
 
-def said(key: str, value: Any, digits: int = DIGITS) -> str:
+def say_value(key: str, value: Any, digits: int = DIGITS) -> str:
     """A value in the unit people use for what its key names."""
     if isinstance(value, list | tuple):
-        return ", ".join(said(key, one, digits) for one in value)
+        return ", ".join(say_value(key, one, digits) for one in value)
     if isinstance(value, bool) or not isinstance(value, Real):
-        return plain(value)
+        return clean_text(value)
     if not math.isfinite(float(value)) or isinstance(value, int):
-        return plain(value) if isinstance(value, int) else "–"
+        return clean_text(value) if isinstance(value, int) else "–"
     if not SPREADS.isdisjoint(re.split(r"[._]", key)):
         digits = min(digits, DIGITS_OF_SPREAD)
-    factor, unit = unit_for(key, float(value), unit_of(key))
-    return f"{number(float(value) * factor, digits)} {unit}".strip()
+    factor, unit = choose_unit(key, float(value), unit_of(key))
+    return f"{format_number(float(value) * factor, digits)} {unit}".strip()
 
 
 def _is_empty(key: str, value: Any) -> bool:

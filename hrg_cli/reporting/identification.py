@@ -8,8 +8,8 @@ from typing import Any
 
 from ..limit_values import unit_of
 from .console import print_table, say
-from .figures_in_words import words_of
-from .quantities import quantity, round_with_std, unit_for
+from .figures_in_words import say_key
+from .quantities import choose_unit, format_quantity, round_with_std
 
 Rows = list[tuple[Any, ...]]
 
@@ -18,7 +18,7 @@ def show(report: Mapping[str, Any]) -> None:
     """Print the further tables and sentences of a resonator's JSON."""
     details = report.get("details", {})
     if details.get("methods"):
-        print_table("", *methods(details["methods"], report["parameters"]))
+        print_table("", *tabulate_methods(details["methods"], report["parameters"]))
         for row in details["methods"]:
             said = [*row["warnings"], *row.get("weak_splits", [])]
             for sentence in [row["refused"]] if row["refused"] else said:
@@ -42,7 +42,7 @@ def show(report: Mapping[str, Any]) -> None:
         say(sentence)
 
 
-def methods(
+def tabulate_methods(
     table: list[dict[str, Any]], parameters: Mapping[str, Mapping[str, Any]]
 ) -> tuple[tuple[str, ...], Rows]:
     """Head and rows of the comparison: every parameter that a method gives, rounded by its standard
@@ -55,19 +55,21 @@ def methods(
             (
                 row["method"],
                 *(
-                    quantity(n, cells[n]["value"], cells[n]["std"], units) if n in cells else None
+                    format_quantity(n, cells[n]["value"], cells[n]["std"], units)
+                    if n in cells
+                    else None
                     for n, units in shown.items()
                 ),
             )
         )
-    return ("method", *(words_of(n) for n in shown)), rows
+    return ("method", *(say_key(n) for n in shown)), rows
 
 
 def _interval(name: str, bounds: Mapping[str, Any], units: str) -> tuple[str, str, str]:
     """A row of intervals: lower and upper ends, 68 … 95 %, in the unit that fits the larger."""
-    factor, unit = unit_for(name, float(bounds["68"][1]), units)
+    factor, unit = choose_unit(name, float(bounds["68"][1]), units)
     ends = (f"{bounds['68'][k] * factor:.6g} … {bounds['95'][k] * factor:.6g}" for k in (0, 1))
-    return f"{words_of(name)}, {unit}".removesuffix(", "), *ends  # type: ignore[return-value]
+    return f"{say_key(name)}, {unit}".removesuffix(", "), *ends  # type: ignore[return-value]
 
 
 def _facts(details: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -90,13 +92,13 @@ def _facts(details: Mapping[str, Any]) -> list[tuple[str, str]]:
             if "side" in axis
             else "stiffness axis where a_B changes sign"
         )
-        found.append((where, quantity("axis_rad", axis["value"], axis["std"], "rad")))
+        found.append((where, format_quantity("axis_rad", axis["value"], axis["std"], "rad")))
     whole = details.get("stiffness_axis_of_crossings")
     if whole:
         found.append(
             (
                 "stiffness axis of all crossings",
-                quantity("axis_rad", whole["value"], whole["std"], "rad"),
+                format_quantity("axis_rad", whole["value"], whole["std"], "rad"),
             )
         )
     for key, words in (
@@ -105,5 +107,5 @@ def _facts(details: Mapping[str, Any]) -> list[tuple[str, str]]:
     ):
         if key in details:
             of = details[key]
-            found.append((words, quantity(key, of["value"], of["std"], unit_of(key))))
+            found.append((words, format_quantity(key, of["value"], of["std"], unit_of(key))))
     return found

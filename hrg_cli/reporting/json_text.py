@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from typing import Any
 
 
-def json_object(text: str) -> dict[str, Any]:
+def parse_object(text: str) -> dict[str, Any]:
     """A record's JSON text as an object; anything else is an empty one."""
     value = _json(text)
     return value if isinstance(value, dict) else {}
 
 
-def json_list(text: str) -> list[Any]:
+def parse_list(text: str) -> list[Any]:
     """A record's JSON text as a list; anything else is an empty one."""
     value = _json(text)
     return value if isinstance(value, list) else []
@@ -26,19 +26,19 @@ def _json(text: str) -> Any:
         return None
 
 
-def entries(report: dict[str, Any], key: str) -> list[dict[str, Any]]:
+def list_entries(report: dict[str, Any], key: str) -> list[dict[str, Any]]:
     """The objects in a list of a JSON object."""
     value = report.get(key)
     return [e for e in value if isinstance(e, dict)] if isinstance(value, list) else []
 
 
-def child(report: Mapping[str, Any], key: str) -> dict[str, Any]:
+def take_child(report: Mapping[str, Any], key: str) -> dict[str, Any]:
     """The object of that key, or an empty one."""
     value = report.get(key)
     return value if isinstance(value, dict) else {}
 
 
-def as_float(value: Any) -> float:
+def read_float(value: Any) -> float:
     """A JSON number; anything else is NaN."""
     return (
         float(value)
@@ -47,22 +47,26 @@ def as_float(value: Any) -> float:
     )
 
 
-def figure_of_merit(value: Any) -> tuple[float, float, float]:
+def read_figure_of_merit(value: Any) -> tuple[float, float, float]:
     """Value, low and high of a figure kept as a number or as {value, low, high}; NaN where
     unknown."""
     if isinstance(value, dict):
-        return as_float(value.get("value")), as_float(value.get("low")), as_float(value.get("high"))
-    return as_float(value), float("nan"), float("nan")
+        return (
+            read_float(value.get("value")),
+            read_float(value.get("low")),
+            read_float(value.get("high")),
+        )
+    return read_float(value), float("nan"), float("nan")
 
 
-def calibration_rms(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
+def read_calibration_rms(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """rms drift [rad/s] and scale factor [ppm] left before, after and held out, from a
     calibration's details."""
-    content = json_object(text)
-    figures = child(content, "figures")
+    content = parse_object(text)
+    figures = take_child(content, "figures")
     drift = (
-        child(content, "drift_rms_rad_s")
-        or child(figures, "drift")
-        or child(content, "residual_rms_rad_s")
+        take_child(content, "drift_rms_rad_s")
+        or take_child(figures, "drift")
+        or take_child(content, "residual_rms_rad_s")
     )
-    return drift, child(content, "scale_factor_rms_ppm") or child(figures, "scale")
+    return drift, take_child(content, "scale_factor_rms_ppm") or take_child(figures, "scale")

@@ -17,7 +17,7 @@ from ..ledger.history import FigureHistory, History
 from ..ledger.overview import FigureReport, Overview, Standing
 from ..ledger.times import iso
 from .figure_names import name_figures, name_of_figure
-from .figures.drawing import Plot, style, svg
+from .figures.drawing import Plot, use_style, write_svg
 from .figures.ledger import ChartedFigure, draw_capability, draw_course
 from .ledger_tables import (
     say_sigma,
@@ -29,7 +29,7 @@ from .ledger_tables import (
 )
 from .page_table import PageTable
 from .templates import render_page
-from .text import number, plain
+from .text import clean_text, format_number
 
 MOST = 24
 """Charts on one page; the rest is asked for by name."""
@@ -48,7 +48,7 @@ class GyroRow:
     shade: str
 
 
-def overview_page(found: Overview, status: str) -> str:
+def make_overview_page(found: Overview, status: str) -> str:
     """The page of all gyros.
 
     Parameters
@@ -60,7 +60,7 @@ def overview_page(found: Overview, status: str) -> str:
     rows = [_gyro_row(row, cells) for row, cells in zip(found.standings, table.rows, strict=True)]
     courses = _courses_of_overview(found)
     names = name_figures([(row.kind, row.name) for row in found.figures])
-    with style():
+    with use_style():
         capability = draw_capability(found.figures, [names[f.kind, f.name] for f in found.figures])
     return _render(
         title=f"Ledger: {say_what_counts(found)}",
@@ -77,7 +77,7 @@ def overview_page(found: Overview, status: str) -> str:
     )
 
 
-def history_page(found: History, status: str) -> str:
+def make_history_page(found: History, status: str) -> str:
     """The page of one gyro over time.
 
     Parameters
@@ -90,7 +90,7 @@ def history_page(found: History, status: str) -> str:
     moves, results = tabulate_courses(found), tabulate_results(found)
     count = len(found.entries)
     return _render(
-        title=f"{plain(found.gyro_id)}: {count} result{'' if count == 1 else 's'}",
+        title=f"{clean_text(found.gyro_id)}: {count} result{'' if count == 1 else 's'}",
         status=status,
         missed=found.missed,
         doubts=found.doubts,
@@ -123,7 +123,7 @@ def _most_moved(found: Overview) -> str:
         return ""
     row = max(moved, key=lambda row: abs(row.moved_sigma or 0.0))
     name = name_of_figure(row.moved_figure)
-    return f"; most moved {plain(row.entry.gyro_id)}: {name} {say_sigma(row.moved_sigma)}"
+    return f"; most moved {clean_text(row.entry.gyro_id)}: {name} {say_sigma(row.moved_sigma)}"
 
 
 def _largest_move(found: History) -> str:
@@ -143,7 +143,7 @@ def _render(*, courses: Sequence[ChartedFigure], **content: Any) -> str:
     # a single point has no course: its value stands in the table
     charted = [course for course in courses if len(course.values) > 1]
     first = sorted(charted, key=lambda c: c.chart is None or not c.chart.out_of_control)
-    with style():
+    with use_style():
         plots = [draw_course(course) for course in first[:MOST]]
         pictures = [(plot, _svg(plot)) for plot in plots]
     return render_page(
@@ -153,13 +153,13 @@ def _render(*, courses: Sequence[ChartedFigure], **content: Any) -> str:
         pictures=pictures,
         untold=len(charted) - len(pictures),
         measured=bool(courses),
-        number=number,
+        number=format_number,
         zip=zip,
     )
 
 
 def _svg(plot: Plot) -> Markup:
-    return Markup(svg(plot, plot.key))
+    return Markup(write_svg(plot, plot.key))
 
 
 def _gyro_row(row: Standing, cells: Sequence[str]) -> GyroRow:
@@ -178,7 +178,7 @@ def _gyro_row(row: Standing, cells: Sequence[str]) -> GyroRow:
     keys[2] = str(row.results)
     keys[6] = repr(moved) if row.moved_figure else ""
     shade = "refused" if missed else row.entry.status
-    return GyroRow([plain(cell) for cell in cells], keys, " ".join(tags), shade)
+    return GyroRow([clean_text(cell) for cell in cells], keys, " ".join(tags), shade)
 
 
 def _courses_of_overview(found: Overview) -> list[ChartedFigure]:
@@ -194,7 +194,7 @@ def _courses_of_overview(found: Overview) -> list[ChartedFigure]:
         courses.append(
             ChartedFigure(
                 key=f"golden-{k}",
-                title=plain(f"{of_golden[row.kind, row.name]}, golden unit{where}"),
+                title=clean_text(f"{of_golden[row.kind, row.name]}, golden unit{where}"),
                 name=row.name,
                 units=row.units,
                 times=row.measured.times,

@@ -13,8 +13,8 @@ from ..ledger.trend import Move
 from .console import print_table, say
 from .figure_names import name_figures, name_of_figure
 from .page_table import PageTable
-from .quantities import quantity, unit_for
-from .text import number
+from .quantities import choose_unit, format_quantity
+from .text import format_number
 
 Names = Mapping[tuple[str, str], str]
 """(kind, key) of a figure -> what it is called."""
@@ -25,7 +25,9 @@ def show_overview(found: Overview) -> None:
     say(say_what_counts(found))
     _print([tabulate_gyros(found), *tabulate_figures(found)])
     if found.false_alarms_expected:
-        say(f"points beyond 3 σ expected by chance: {number(found.false_alarms_expected, 2)}")
+        say(
+            f"points beyond 3 σ expected by chance: {format_number(found.false_alarms_expected, 2)}"
+        )
 
 
 def show_history(found: History) -> None:
@@ -142,7 +144,7 @@ def _population(row: FigureReport, names: Names) -> tuple[str, ...]:
     return (
         names[row.kind, row.name],
         str(row.gyros),
-        quantity(row.name, row.mean, row.mean_std, row.units),
+        format_quantity(row.name, row.mean, row.mean_std, row.units),
         _spread(row, row.std),
         _chart(row.chart),
         cp,
@@ -153,7 +155,7 @@ def _population(row: FigureReport, names: Names) -> tuple[str, ...]:
 def _study(row: FigureReport, names: Names) -> tuple[str, ...]:
     study = row.gauge
     assert isinstance(study, GaugeStudy)
-    risk = "–" if row.risks is None else f"{number(100 * row.risks.false_acceptance, 2)} %"
+    risk = "–" if row.risks is None else f"{format_number(100 * row.risks.false_acceptance, 2)} %"
     return (
         names[row.kind, row.name],
         *(
@@ -161,7 +163,7 @@ def _study(row: FigureReport, names: Names) -> tuple[str, ...]:
             for name in ("gyro", "station", "interaction", "repeat")
         ),
         _spread(row, study.own_std),
-        f"{number(100 * study.share_of_variance, 2)} %",
+        f"{format_number(100 * study.share_of_variance, 2)} %",
         risk,
     )
 
@@ -171,12 +173,12 @@ def _golden(row: Golden, names: Names) -> tuple[str, ...]:
         names[row.kind, row.name],
         row.station or "–",
         str(row.measurements),
-        quantity(row.name, row.mean, row.mean_std, row.units),
+        format_quantity(row.name, row.mean, row.mean_std, row.units),
         _moved(row.name, row.from_others, row.units),
         _moved(row.name, row.since_first, row.units),
         "–"
         if row.trend is None
-        else quantity(row.name, row.trend.slope_per_day, row.trend.slope_std, row.units),
+        else format_quantity(row.name, row.trend.slope_per_day, row.trend.slope_std, row.units),
         _chart(row.chart),
     )
 
@@ -185,15 +187,15 @@ def _course(row: FigureHistory, names: Names) -> tuple[str, ...]:
     return (
         names[row.kind, row.name],
         str(len(row.values)),
-        quantity(row.name, row.values[-1], row.stds[-1], row.units),
+        format_quantity(row.name, row.values[-1], row.stds[-1], row.units),
         _moved(row.name, row.since_before, row.units),
         _share(row.share_before),
         _moved(row.name, row.since_first, row.units),
         _share(row.share_first),
         "–"
         if row.trend is None
-        else quantity(row.name, row.trend.slope_per_day, row.trend.slope_std, row.units),
-        "–" if row.days_to_limit is None else f"{number(row.days_to_limit, 2)} d",
+        else format_quantity(row.name, row.trend.slope_per_day, row.trend.slope_std, row.units),
+        "–" if row.days_to_limit is None else f"{format_number(row.days_to_limit, 2)} d",
         _chart(row.chart),
     )
 
@@ -203,9 +205,9 @@ def _moved(name: str, move: Move | None, units: str) -> str:
     if move is None:
         return "–"
     if move.sigma is None:
-        return quantity(name, move.change, None, units)
+        return format_quantity(name, move.change, None, units)
     std = abs(move.change / move.sigma) if move.sigma else None
-    return f"{quantity(name, move.change, std, units)}, {say_sigma(move.sigma)}"
+    return f"{format_quantity(name, move.change, std, units)}, {say_sigma(move.sigma)}"
 
 
 def say_sigma(value: float | None) -> str:
@@ -221,22 +223,22 @@ def _spread(row: FigureReport, std: float | None) -> str:
     """A standard deviation, in the unit that its own size asks for."""
     if std is None:
         return "–"
-    factor, unit = unit_for(row.name, std, row.units)
-    return f"{number(std * factor, 3)} {unit}".strip()
+    factor, unit = choose_unit(row.name, std, row.units)
+    return f"{format_number(std * factor, 3)} {unit}".strip()
 
 
 def _component(row: FigureReport, found: Component | None) -> str:
     if found is None:
         return "–"
-    factor, unit = unit_for(row.name, found.std or found.high, row.units)
-    low, high = number(found.low * factor, 2), number(found.high * factor, 2)
-    return f"{number(found.std * factor, 3)} [{low}, {high}] {unit}".strip()
+    factor, unit = choose_unit(row.name, found.std or found.high, row.units)
+    low, high = format_number(found.low * factor, 2), format_number(found.high * factor, 2)
+    return f"{format_number(found.std * factor, 3)} [{low}, {high}] {unit}".strip()
 
 
 def _interval(value: float | None, interval: tuple[float, float] | None) -> str:
     if value is None or interval is None:
         return "–"
-    return f"{number(value, 3)} [{number(interval[0], 3)}, {number(interval[1], 3)}]"
+    return f"{format_number(value, 3)} [{format_number(interval[0], 3)}, {format_number(interval[1], 3)}]"
 
 
 def _chart(chart: Chart | None) -> str:

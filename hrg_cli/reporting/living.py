@@ -16,9 +16,9 @@ from ..fitting.tables.allan import allan_deviation
 from ..records import Array, Diagnosis
 from ..stages.diagnosis.report.shares import compute_departure_figures, compute_difference
 from ..units import DEGREE_PER_HOUR
-from .answer_words import in_words
-from .json_text import entries, json_list, json_object
-from .text import plain
+from .answer_words import say_in_words
+from .json_text import list_entries, parse_list, parse_object
+from .text import clean_text
 
 POINTS = 150
 """Points of a run that are drawn."""
@@ -28,11 +28,11 @@ FEWEST = 9
 """Rows of a run from which it has an Allan deviation."""
 
 
-def living_data(record: Diagnosis) -> dict[str, Any] | None:
+def gather_living_data(record: Diagnosis) -> dict[str, Any] | None:
     """Causes, and for every set of causes taken in: the angle's residual a run, rms figures, Allan
     deviation; None without causes."""
     sets = [
-        tuple(map(str, names)) for names in json_list(record.left_out) if isinstance(names, list)
+        tuple(map(str, names)) for names in parse_list(record.left_out) if isinstance(names, list)
     ]
     if (
         record.simulated_without is None
@@ -41,7 +41,7 @@ def living_data(record: Diagnosis) -> dict[str, Any] | None:
         or not len(record)
     ):
         return None
-    found = [str(e.get("name")) for e in entries(json_object(record.report), "effects")]
+    found = [str(e.get("name")) for e in list_entries(parse_object(record.report), "effects")]
     causes = [name for name in found if any(name in names for names in sets)]
     run, time_s = np.asarray(record.run), np.asarray(record.time_s)
     rows: dict[tuple[str, ...], Array] = {(): np.asarray(record.simulated_after)}
@@ -59,16 +59,18 @@ def living_data(record: Diagnosis) -> dict[str, Any] | None:
             "tau": _numbers(tau),
             "allan": _numbers(deviation),
         }
-    run_ids = json_list(record.run_ids)
+    run_ids = parse_list(record.run_ids)
     return {
-        "causes": [{"name": plain(name), "words": plain(in_words(name))} for name in causes],
-        "runs": [plain(run_ids[k]) if k < len(run_ids) else str(k) for k in shown],
+        "causes": [
+            {"name": clean_text(name), "words": clean_text(say_in_words(name))} for name in causes
+        ],
+        "runs": [clean_text(run_ids[k]) if k < len(run_ids) else str(k) for k in shown],
         "times": [_numbers(_thin(time_s[run == k] - time_s[run == k][0])) for k in shown],
         "states": states,
     }
 
 
-def as_text(data: dict[str, Any]) -> str:
+def dump_text(data: dict[str, Any]) -> str:
     """JSON for an attribute of the page, which escapes it."""
     return json.dumps(data, ensure_ascii=False, allow_nan=False)
 

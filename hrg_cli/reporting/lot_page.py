@@ -17,13 +17,20 @@ from markupsafe import Markup
 from ..limit_values import whole_names
 from ..limits import bounds
 from ..lots.groups import GROUPED_BY
-from .figures.drawing import Plot, style, svg
-from .figures.lot import Limits, caterpillar, distribution, in_words, pareto, unit_of
-from .lot_words import WORST, sentence
+from .figures.drawing import Plot, use_style, write_svg
+from .figures.lot import (
+    Limits,
+    choose_figure_unit,
+    plot_caterpillar,
+    plot_distribution,
+    plot_pareto,
+    say_in_words,
+)
+from .lot_words import WORST, make_sentence
 from .page import SHADES
-from .quantities import round_with_std, unit_for
+from .quantities import choose_unit, round_with_std
 from .templates import render_page
-from .text import number, plain, signed
+from .text import clean_text, format_number, format_signed
 
 LONGEST = 220
 """Characters of a reason before it is folded."""
@@ -58,7 +65,7 @@ class GyroLine:
     cells: list[Cell]
 
 
-def lot_page(
+def make_lot_page(
     report: Mapping[str, Any],
     pages: Mapping[str, str],
     limits: Mapping[str, Any] | None = None,
@@ -66,18 +73,18 @@ def lot_page(
     """The page of a lot's report (`hrg_cli.lots.batch.run_lot`); pages: the page of each gyro,
     relative to this one; limits: tables a kind of file."""
     rows: Sequence[Row] = report["rows"]
-    names = parameters(rows)
+    names = list_parameters(rows)
     keys = [key for key in (*GROUPED_BY, "day") if any(row.get(key) for row in rows)]
     lines = [_line(row, pages.get(row["gyro_id"]), names, keys) for row in rows]
     lines.sort(key=lambda line: line.row["rank"])
     causes = _causes(rows)
     gyros = sum(bool(row["gyro_id"]) for row in rows)
     common = report.get("lot_causes", [])
-    with style():
-        drawn = [distribution(rows, name, limits_of(name, limits or {})) for name in names]
+    with use_style():
+        drawn = [plot_distribution(rows, name, find_limits(name, limits or {})) for name in names]
         pictures = [(plot, _svg(plot)) for plot in drawn if plot is not None]
-        bars = pareto([(name, count) for name, count, _ in causes], gyros)
-        whole = [caterpillar(one, f"common-{k}") for k, one in enumerate(common, start=1)]
+        bars = plot_pareto([(name, count) for name, count, _ in causes], gyros)
+        whole = [plot_caterpillar(one, f"common-{k}") for k, one in enumerate(common, start=1)]
         shown = [
             (one, plot, None if plot is None else _svg(plot)) for one, plot in zip(common, whole)
         ]
@@ -87,7 +94,10 @@ def lot_page(
         ("page.js", "lot.js"),
         report=report,
         gyros=gyros,
-        names=[(name, in_words(name), unit_of(name, _middle(rows, name))[1]) for name in names],
+        names=[
+            (name, say_in_words(name), choose_figure_unit(name, _middle(rows, name))[1])
+            for name in names
+        ],
         keys=keys,
         lines=lines,
         worst=[line for line in lines if line.row["reason"]][:WORST],
@@ -95,24 +105,26 @@ def lot_page(
         common=shown,
         pareto=pareto_picture,
         pictures=pictures,
-        sentence=sentence(report),
+        sentence=make_sentence(report),
         unreadable=report.get("unreadable", []),
         populations=_populations(report.get("populations", {})),
         tests=report.get("lot_tests"),
         shade=defaultdict(str, SHADES),
         zip=zip,
-        number=lambda value, digits=6: "–" if value is None else number(float(value), digits),
+        number=lambda value, digits=6: (
+            "–" if value is None else format_number(float(value), digits)
+        ),
         cut=_cut,
     )
 
 
-def parameters(rows: Sequence[Row]) -> list[str]:
+def list_parameters(rows: Sequence[Row]) -> list[str]:
     """Names of the figures that gyros were compared by, in the order of the table."""
     names = dict.fromkeys(key for row in rows for key in row if f"{key}_z" in row)
     return [name for name in names if any(row[name] is not None for row in rows)]
 
 
-def limits_of(name: str, limits: Mapping[str, Any]) -> Limits:
+def find_limits(name: str, limits: Mapping[str, Any]) -> Limits:
     """Minimum and maximum of a column of the table, in the figure's own unit; None where none is
     set."""
     spelt = {("resonator", name), ("diagnosis", f"values.{name}")}
@@ -130,7 +142,7 @@ def limits_of(name: str, limits: Mapping[str, Any]) -> Limits:
 
 
 def _svg(plot: Plot) -> Markup:
-    return Markup(svg(plot, plot.key))
+    return Markup(write_svg(plot, plot.key))
 
 
 def _line(row: Row, page: str | None, names: Sequence[str], keys: Sequence[str]) -> GyroLine:
@@ -141,11 +153,11 @@ def _line(row: Row, page: str | None, names: Sequence[str], keys: Sequence[str])
         "valid" if row["passed"] else "refused",
         "passed" if row["passed"] else "not passed",
         row["health"] or ("no result" if row["status"] == "failed" else row["status"]),
-        plain(row["cause"]).replace("_", " "),
-        plain(row["cause_size"]),
+        clean_text(row["cause"]).replace("_", " "),
+        clean_text(row["cause_size"]),
         share,
         row["reason"].partition("; ")[2] if row["cause"] else row["reason"],
-        [plain(row.get(key) or "") for key in keys],
+        [clean_text(row.get(key) or "") for key in keys],
         [_cell(row, name) for name in names],
     )
 
@@ -154,10 +166,10 @@ def _cell(row: Row, name: str) -> Cell:
     value, std = row[name], row[f"{name}_std"]
     if value is None:
         return Cell("–", "", "")
-    factor, unit = unit_of(name, value)
+    factor, unit = choose_figure_unit(name, value)
     text = round_with_std(value * factor, None if std is None else std * abs(factor))
     z = row[f"{name}_z"]
-    far = signed(z) if name in row["outliers"].split() and z is not None else ""
+    far = format_signed(z) if name in row["outliers"].split() and z is not None else ""
     return Cell(f"{text} {unit}".strip(), repr(float(value)), far)
 
 
@@ -172,9 +184,9 @@ def _causes(rows: Sequence[Row]) -> list[tuple[str, int, list[str]]]:
     ranked = sorted(rows, key=lambda row: row["rank"])
     return [
         (
-            plain(name).replace("_", " "),
+            clean_text(name).replace("_", " "),
             count,
-            [plain(row["gyro_id"]) for row in ranked if name in row["causes"].split()][:WORST],
+            [clean_text(row["gyro_id"]) for row in ranked if name in row["causes"].split()][:WORST],
         )
         for name, count in sorted(counts.items(), key=lambda pair: (-pair[1], pair[0]))
     ]
@@ -186,24 +198,26 @@ def _populations(found: Mapping[str, Any]) -> list[tuple[str, list[str], bool]]:
     for name, one in found.items():
         cause = "." in name
         if cause:
-            factor, unit = unit_for(
+            factor, unit = choose_unit(
                 name.partition(".")[2], one["mean"] or one["measured_std"], one["units"]
             )
         else:
-            factor, unit = unit_of(name, one["mean"])
+            factor, unit = choose_figure_unit(name, one["mean"])
         size = abs(factor)
         spread = (
             f"{round_with_std(one['spread'] * size, one['spread_std'] * size)} {unit}"
             if one["spread"] > one["spread_std"]
-            else f"less than {number((one['spread'] + 2 * one['spread_std']) * size, 2)} {unit}"
+            else f"less than {format_number((one['spread'] + 2 * one['spread_std']) * size, 2)} {unit}"
         )
         words = (
-            plain(in_words(name)) if not cause else plain(name.replace("_", " ").replace(".", ": "))
+            clean_text(say_in_words(name))
+            if not cause
+            else clean_text(name.replace("_", " ").replace(".", ": "))
         )
         cells = [
             f"{round_with_std(one['mean'] * factor, one['mean_std'] * size)} {unit}".strip(),
             spread.strip(),
-            f"{number(one['measured_std'] * size, 2)} {unit}".strip(),
+            f"{format_number(one['measured_std'] * size, 2)} {unit}".strip(),
             str(one["gyros"]),
         ]
         out.append((words, cells, cause))
@@ -212,5 +226,5 @@ def _populations(found: Mapping[str, Any]) -> list[tuple[str, list[str], bool]]:
 
 def _cut(text: str) -> str:
     """A reason short enough for a card or a cell."""
-    text = plain(text)
+    text = clean_text(text)
     return text if len(text) <= LONGEST else text[: LONGEST - 1].rsplit(" ", 1)[0] + " …"

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .text import plain
+from .text import clean_text
 
 WORST = 3
 """Gyros that are told first."""
 
 
-def sentence(report: Mapping[str, Any]) -> str:
+def make_sentence(report: Mapping[str, Any]) -> str:
     """The lot in one or two sentences."""
     rows, passed = report["rows"], report["passed"]
     known = [row for row in rows if row["gyro_id"]]
@@ -33,7 +33,7 @@ def sentence(report: Mapping[str, Any]) -> str:
         text += f"; {off} {'stands' if off == 1 else 'stand'} off the lot"
     text += "."
     common = report.get("lot_causes", [])
-    told = "; ".join(plain(one["sentence"]) for one in common[:3])
+    told = "; ".join(clean_text(one["sentence"]) for one in common[:3])
     if common:
         text += f" In common: {told}{f' and {len(common) - 3} more' if len(common) > 3 else ''}."
     elif (report.get("lot_tests") or {}).get("gyros_diagnosed", 0) and report["lot_tests"]["pairs"]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from ..records import Calibration, Diagnosis, Record, Resonator
 from ..stages.rate_table import is_rate_table
 from ..version import __version__
-from .json_text import entries, json_list, json_object
+from .json_text import list_entries, parse_list, parse_object
 
 CITATIONS = (
     (
@@ -34,7 +34,7 @@ class Methods:
     citations: tuple[str, ...]
 
 
-def methods(records: Sequence[Record], counts: Mapping[str, int]) -> Methods:
+def write_methods(records: Sequence[Record], counts: Mapping[str, int]) -> Methods:
     """The paragraph; only what these records were made by is in it."""
     of = {record.kind: record for record in records}
     runs = counts.get("wave") or counts.get("recording") or 0
@@ -74,9 +74,9 @@ def _of_resonator(resonator: Record | None) -> list[str]:
 def _of_diagnosis(diagnosis: Record | None) -> list[str]:
     if not isinstance(diagnosis, Diagnosis):
         return []
-    report = json_object(diagnosis.report)
-    tested, found = len(entries(report, "tested")), len(entries(report, "effects"))
-    taken = len(json_list(diagnosis.run_ids))
+    report = parse_object(diagnosis.report)
+    tested, found = len(list_entries(report, "tested")), len(list_entries(report, "effects"))
+    taken = len(parse_list(diagnosis.run_ids))
     held = f"The same model was held against {taken} run{'s' if taken != 1 else ''} for {tested}"
     if not found:
         return [

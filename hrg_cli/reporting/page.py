@@ -16,14 +16,14 @@ from .. import store
 from ..errors import HrgError
 from ..limits import Row
 from ..records import KINDS
-from .figures.drawing import png
-from .living import as_text
+from .figures.drawing import write_png
+from .living import dump_text
 from .page_answers import Shown, answer_gyros, draw_answer
 from .page_content import STEPS, ShownStep, list_steps
 from .page_figures import draw_file, draw_files, look_beside
-from .page_files import PageEntry, describe_file, each_once
+from .page_files import PageEntry, describe_file, drop_repeats
 from .templates import render_page
-from .text import number, plain
+from .text import clean_text, format_number
 
 SCRIPTS = ("page.js", "plots.js", "living.js", "surface.js")
 SHADES = {
@@ -47,10 +47,10 @@ def build_report(
     limits. HrgError: no file, a file is missing, damaged or not an hrg file.
     """
     full = full or truth
-    entries = [describe_file(path, index, full) for index, path in enumerate(each_once(paths))]
-    answers = answer_gyros(each_once(paths), entries, rows)
+    entries = [describe_file(path, index, full) for index, path in enumerate(drop_repeats(paths))]
+    answers = answer_gyros(drop_repeats(paths), entries, rows)
     if full:
-        draw_files(each_once(paths), entries, truth)
+        draw_files(drop_repeats(paths), entries, truth)
     _link_sources(entries)
     return _render(entries, answers, truth, full)
 
@@ -59,7 +59,7 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
     """Every figure as PNG in `folder` (made when missing), named FILE-FIGURE.png; the paths
     written. HrgError: as `build_report`."""
     folder = Path(folder)
-    entries = [describe_file(path, index, False) for index, path in enumerate(each_once(paths))]
+    entries = [describe_file(path, index, False) for index, path in enumerate(drop_repeats(paths))]
     beside = look_beside(paths, entries, truth)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -70,7 +70,7 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
         ) from error
     written: list[Path] = []
     used: set[str] = set()
-    for path in each_once(paths):
+    for path in drop_repeats(paths):
         for plot in itertools.chain(draw_answer(path), draw_file(path, beside)):
             name = re.sub(r"[^A-Za-z0-9._-]", "_", f"{path.stem}-{plot.key}").lstrip(".")[:120]
             while name in used:
@@ -78,16 +78,16 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
             used.add(name)
             target = folder / f"{name}.png"
             with store.atomic_path(target, force=True) as temporary:
-                png(plot, temporary)
+                write_png(plot, temporary)
             written.append(target)
     return written
 
 
-def status_of(paths: Sequence[Path]) -> tuple[str, list[str]]:
+def find_worst_status(paths: Sequence[Path]) -> tuple[str, list[str]]:
     """Worst status of these files and every reason, each with its file's name."""
     order = ["valid", "suspect", "refused"]
     worst, reasons = "valid", []
-    for path in each_once(paths):
+    for path in drop_repeats(paths):
         with store.open_record(path, store.kind_of(path)) as record:
             worst = max(worst, record.status, key=order.index)
             reasons += [f"{path.name}: {reason}" for reason in record.status_reasons]
@@ -105,11 +105,11 @@ def _link_sources(entries: list[PageEntry]) -> None:
             else:
                 said = (
                     "a file of this name on this page has other content"
-                    if plain(source.name) in names
+                    if clean_text(source.name) in names
                     else "not on this page"
                 )
             entry.sources.append(
-                (plain(source.name), plain(source.kind), plain(source.sha256), said)
+                (clean_text(source.name), clean_text(source.kind), clean_text(source.sha256), said)
             )
 
 
@@ -121,17 +121,17 @@ def _render(entries: list[PageEntry], answers: list[Shown], truth: bool, full: b
     chain: list[ShownStep] = list_steps(
         [(e.record.kind, e.record.status) for e in entries], history
     )
-    gyros = sorted({plain(getattr(e.record, "gyro_id", "")) for e in entries} - {""})
+    gyros = sorted({clean_text(getattr(e.record, "gyro_id", "")) for e in entries} - {""})
     return render_page(
         "page.html",
         SCRIPTS,
         entries=entries,
         answers=answers,
-        as_text=as_text,
+        as_text=dump_text,
         shade=SHADES,
         full=full,
         reasons=_reasons(entries),
-        number=number,
+        number=format_number,
         groups=[(kind, found) for kind, found in groups if found],
         step_of={kind: name for kind, _, name in STEPS},
         chain=chain,
@@ -148,7 +148,7 @@ def _reasons(entries: list[PageEntry]) -> list[tuple[str, str, list[str]]]:
     doubted = {entry.name for entry in entries if entry.record.status != "valid"}
     found: dict[tuple[str, str], list[str]] = {}
     for entry in entries:
-        for reason in map(plain, entry.record.status_reasons):
+        for reason in map(clean_text, entry.record.status_reasons):
             if reason.split(" is ", 1)[0] not in doubted:
                 found.setdefault((entry.record.status, reason), []).append(entry.name)
     return [(status, reason, names) for (status, reason), names in found.items()]

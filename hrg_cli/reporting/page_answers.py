@@ -13,13 +13,13 @@ from ..limits import Row
 from ..records import Calibration, Diagnosis, Record, Resonator
 from .answer import Answer, answer
 from .figures import calibration
-from .figures.answer import before_and_after
-from .figures.drawing import Plot, style
-from .living import living_data
-from .methods import Methods, methods
-from .page_figures import picture_of
+from .figures.answer import plot_before_and_after
+from .figures.drawing import Plot, use_style
+from .living import gather_living_data
+from .methods import Methods, write_methods
+from .page_figures import make_picture
 from .page_files import PageEntry, Picture
-from .surface import surface_data
+from .surface import gather_surface_data
 
 ANSWERING = ("diagnosis", "calibration", "resonator", "compensated")
 """Kinds of files that are a result."""
@@ -67,15 +67,17 @@ def _show(
         return None
     drawn: list[Plot | None] = []
     living, surface = None, None
-    with style():
+    with use_style():
         if isinstance(told := records.get("diagnosis"), Diagnosis):
-            drawn.append(before_and_after(told, made.departure, made.causes))
-            living = living_data(told)
+            drawn.append(plot_before_and_after(told, made.departure, made.causes))
+            living = gather_living_data(told)
         if isinstance(tables_of := records.get("calibration"), Calibration):
-            drawn += calibration.calibration_plots(tables_of, first_only=True)
-            surface = surface_data(tables_of)
-        pictures = [picture_of(plot, f"{anchor}-{plot.key}") for plot in drawn if plot is not None]
-    paragraph = methods(list(records.values()), counts)
+            drawn += calibration.plot_calibration(tables_of, first_only=True)
+            surface = gather_surface_data(tables_of)
+        pictures = [
+            make_picture(plot, f"{anchor}-{plot.key}") for plot in drawn if plot is not None
+        ]
+    paragraph = write_methods(list(records.values()), counts)
     return Shown(made, anchor, pictures, living, surface, paragraph)
 
 
@@ -89,9 +91,11 @@ def draw_answer(path: Path) -> Iterator[Plot]:
     if store.kind_of(path) is Diagnosis:
         record = store.read(path, Diagnosis)
         made = answer([record])
-        with style():
+        with use_style():
             plot = (
-                before_and_after(record, made.departure, made.causes) if made is not None else None
+                plot_before_and_after(record, made.departure, made.causes)
+                if made is not None
+                else None
             )
             if plot is not None:
                 yield plot

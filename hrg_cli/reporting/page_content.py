@@ -10,10 +10,10 @@ from typing import Any
 
 from ..records import Calibration, Compensated, Diagnosis, Record, Resonator, Status
 from ..units import DEGREE_PER_HOUR
-from .json_text import calibration_rms, figure_of_merit, json_list, json_object
+from .json_text import parse_list, parse_object, read_calibration_rms, read_figure_of_merit
 from .page_diagnosis import list_diagnosis
 from .page_table import PageTable, list_figures
-from .text import number, plain
+from .text import clean_text, format_number
 
 STEPS = (
     ("recording", ("import", "simulate"), "record, import or simulate"),
@@ -66,11 +66,13 @@ def translate_parameter(name: str, value: float, std: float, frequency_hz: float
     """A resonator parameter in the units people use."""
 
     def pair(factor: float, unit: str) -> str:
-        return f"{number(value * factor, 5)} ± {number(std * factor, 2)} {unit}"
+        return f"{format_number(value * factor, 5)} ± {format_number(std * factor, 2)} {unit}"
 
     if name == "damping_rate_1_s" and value > 0:
-        quality = f", Q = {number(math.pi * frequency_hz / value, 4)}" if frequency_hz else ""
-        return f"τ = {number(1 / value, 5)} ± {number(std / value / value, 2)} s{quality}"
+        quality = (
+            f", Q = {format_number(math.pi * frequency_hz / value, 4)}" if frequency_hz else ""
+        )
+        return f"τ = {format_number(1 / value, 5)} ± {format_number(std / value / value, 2)} s{quality}"
     if name == "damping_split_1_s":
         return f"{pair(1 / DEGREE_PER_HOUR, '°/h')} of drift D"
     if name == "frequency_split_rad_s":
@@ -78,9 +80,9 @@ def translate_parameter(name: str, value: float, std: float, frequency_hz: float
     if name.endswith("_axis_rad"):
         return pair(180 / math.pi, "°")
     if name == "scale_factor" and value:
-        return f"σ = {number(abs(std / value) * 1e6, 2)} ppm"
+        return f"σ = {format_number(abs(std / value) * 1e6, 2)} ppm"
     if name.endswith("_hz"):
-        return f"σ = {number(std * 1e3, 2)} mHz"
+        return f"σ = {format_number(std * 1e3, 2)} mHz"
     if name.endswith("_rad_s"):
         return pair(1 / DEGREE_PER_HOUR, "°/h")
     return ""
@@ -95,7 +97,7 @@ def list_tables(record: Record) -> list[PageTable]:
     if isinstance(record, Diagnosis):
         return list_diagnosis(record)
     if isinstance(record, Compensated):
-        return list_figures("Figures", json_object(record.details))
+        return list_figures("Figures", parse_object(record.details))
     return []
 
 
@@ -103,7 +105,13 @@ def _list_resonator(record: Resonator) -> list[PageTable]:
     parameters = record.parameters()
     frequency = parameters.get("frequency_hz", (None,))[0]
     rows = [
-        (plain(n), number(v, 8), number(s, 2), plain(u), translate_parameter(n, v, s, frequency))
+        (
+            clean_text(n),
+            format_number(v, 8),
+            format_number(s, 2),
+            clean_text(u),
+            translate_parameter(n, v, s, frequency),
+        )
         for n, (v, s, u) in parameters.items()
     ]
     found = [
@@ -113,20 +121,20 @@ def _list_resonator(record: Resonator) -> list[PageTable]:
             rows,
         )
     ]
-    flat = json_list(record.flat_directions)
+    flat = parse_list(record.flat_directions)
     if flat:
         found.append(
             PageTable(
                 "What these runs cannot tell",
                 ("direction",),
-                [(plain(sentence),) for sentence in flat],
+                [(clean_text(sentence),) for sentence in flat],
             )
         )
-    return found + list_figures("Details", json_object(record.details))
+    return found + list_figures("Details", parse_object(record.details))
 
 
 def _list_calibration(record: Calibration) -> list[PageTable]:
-    drift, scale = calibration_rms(record.details)
+    drift, scale = read_calibration_rms(record.details)
     found = []
     if drift or scale:
         rows = [
@@ -141,7 +149,7 @@ def _list_calibration(record: Calibration) -> list[PageTable]:
     shown = ("drift_rms_rad_s", "scale_factor_rms_ppm", "figures", "ladder", "harmonics")
     left = {
         k: [_with_units(row) for row in v] if k == "variants" and isinstance(v, list) else v
-        for k, v in json_object(record.details).items()
+        for k, v in parse_object(record.details).items()
         if k not in (*shown, "band_limit_scores")
     }
     return found + list_figures("Details", left)
@@ -164,5 +172,5 @@ def _with_units(row: Any) -> Any:
 
 
 def _write_range(value: Any, factor: float) -> str:
-    middle, low, high = (number(part * factor) for part in figure_of_merit(value))
+    middle, low, high = (format_number(part * factor) for part in read_figure_of_merit(value))
     return middle if low == "–" else f"{middle} ({low} … {high})"

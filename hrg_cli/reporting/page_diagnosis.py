@@ -8,28 +8,28 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..records import Diagnosis
-from .answer_words import in_words
-from .diagnosis import gains, score_left
+from .answer_words import say_in_words
+from .diagnosis import score_left, tabulate_gains
 from .figure_names import name_of_figure
-from .figures_in_words import words_of
-from .json_text import child, entries, json_object
-from .page_table import PageTable, cell
-from .quantities import quantity, rounded
-from .text import drop_empty_columns, number, plain
+from .figures_in_words import say_key
+from .json_text import list_entries, parse_object, take_child
+from .page_table import PageTable, format_cell
+from .quantities import format_quantity, format_rounded
+from .text import clean_text, drop_empty_columns, format_number
 
 
 def list_diagnosis(record: Diagnosis) -> list[PageTable]:
     """All of them; one in which nothing would stand is left out."""
-    report = json_object(record.report)
-    remainder = child(report, "remainder")
-    left = [(words_of(k), cell(v)) for k, v in remainder.items()]
+    report = parse_object(record.report)
+    remainder = take_child(report, "remainder")
+    left = [(say_key(k), format_cell(v)) for k, v in remainder.items()]
     return [
-        *_list_supplied(entries(report, "values")),
-        *_list_causes(entries(report, "effects")),
+        *_list_supplied(list_entries(report, "values")),
+        *_list_causes(list_entries(report, "effects")),
         *_list_gains(report),
         *([PageTable("What is left unexplained", ("", ""), left)] if left else []),
-        *_list_inseparable(entries(report, "not_separable")),
-        *_list_tested(entries(report, "tested")),
+        *_list_inseparable(list_entries(report, "not_separable")),
+        *_list_tested(list_entries(report, "tested")),
     ]
 
 
@@ -40,7 +40,7 @@ def _list_supplied(values: Sequence[dict[str, Any]]) -> list[PageTable]:
             name_of_figure(str(v.get("name"))),
             _write_parameter(v, v["believed"], None),
             _write_parameter(v, v.get("value"), v.get("std")),
-            number(v.get("sigma"), 3),
+            format_number(v.get("sigma"), 3),
             "wrong" if v.get("wrong") else "agrees",
         )
         for v in values
@@ -56,13 +56,13 @@ def _list_causes(effects: Sequence[dict[str, Any]]) -> list[PageTable]:
         return []
     rows = [
         (
-            in_words(plain(effect.get("name"))),
-            plain(_write_sizes(child(effect, "parameters"))),
-            number(effect.get("z")),
-            number(effect.get("p_value"), 2),
-            number(effect.get("delta_bic")),
-            in_words(cell(effect.get("indistinguishable_from") or None)),
-            plain(effect.get("next_experiment") or "–"),
+            say_in_words(clean_text(effect.get("name"))),
+            clean_text(_write_sizes(take_child(effect, "parameters"))),
+            format_number(effect.get("z")),
+            format_number(effect.get("p_value"), 2),
+            format_number(effect.get("delta_bic")),
+            say_in_words(format_cell(effect.get("indistinguishable_from") or None)),
+            clean_text(effect.get("next_experiment") or "–"),
         )
         for effect in effects
     ]
@@ -73,14 +73,14 @@ def _list_causes(effects: Sequence[dict[str, Any]]) -> list[PageTable]:
 def _write_sizes(parameters: Mapping[str, Any]) -> str:
     """The parameters of a cause with their standard deviations."""
     return "; ".join(
-        f"{words_of(k)} {quantity(k, p.get('value'), p.get('std'), str(p.get('units', '')))}"
+        f"{say_key(k)} {format_quantity(k, p.get('value'), p.get('std'), str(p.get('units', '')))}"
         for k, p in parameters.items()
         if isinstance(p, dict)
     )
 
 
 def _write_parameter(row: Mapping[str, Any], value: Any, std: Any) -> str:
-    return quantity(str(row.get("name")), value, std, str(row.get("units", "")))
+    return format_quantity(str(row.get("name")), value, std, str(row.get("units", "")))
 
 
 def _list_inseparable(groups: Sequence[dict[str, Any]]) -> list[PageTable]:
@@ -89,9 +89,9 @@ def _list_inseparable(groups: Sequence[dict[str, Any]]) -> list[PageTable]:
         return []
     rows = [
         (
-            in_words(cell(group.get("effects"))),
-            plain(cell(group.get("base"))),
-            plain(cell(group.get("next_experiment"))),
+            say_in_words(format_cell(group.get("effects"))),
+            clean_text(format_cell(group.get("base"))),
+            clean_text(format_cell(group.get("next_experiment"))),
         )
         for group in groups
     ]
@@ -104,8 +104,8 @@ def _list_tested(tested: Sequence[dict[str, Any]]) -> list[PageTable]:
     it can be at most."""
     rows = [
         (
-            in_words(plain(e.get("name"))),
-            "found" if e.get("upper_limit") is None else number(score_left(e), 3),
+            say_in_words(clean_text(e.get("name"))),
+            "found" if e.get("upper_limit") is None else format_number(score_left(e), 3),
             _round_limit(e.get("upper_limit"), str(e.get("units", ""))),
         )
         for e in tested
@@ -119,7 +119,7 @@ def _round_limit(limit: Any, units: str) -> str:
     """A limit in the unit of its size, in two digits."""
     if not isinstance(limit, int | float) or isinstance(limit, bool):
         return "–"
-    return rounded("", float(limit), units, 2)
+    return format_rounded("", float(limit), units, 2)
 
 
 FORECAST = (
@@ -132,22 +132,22 @@ FORECAST = (
 def _list_gains(report: dict[str, Any]) -> list[PageTable]:
     """What the extended model gains where it was not fitted: held-out errors in physical units, the
     forecast cause by cause."""
-    found, gain, forecast = [], child(report, "gain"), child(report, "forecast")
-    rows = gains(gain)
+    found, gain, forecast = [], take_child(report, "gain"), take_child(report, "forecast")
+    rows = tabulate_gains(gain)
     if rows:
         found.append(
             PageTable(
-                f"Errors on held-out {plain(gain.get('held_out', 'data'))}, rms",
+                f"Errors on held-out {clean_text(gain.get('held_out', 'data'))}, rms",
                 ("quantity", "before", "after"),
                 rows,
             )
         )
     if forecast:
         rows = [
-            (name, *(cell(part.get(key)) for key, _ in FORECAST))
+            (name, *(format_cell(part.get(key)) for key, _ in FORECAST))
             for name, part in _split_forecast(forecast)
         ]
-        held = plain(forecast.get("held_out", "time"))
+        held = clean_text(forecast.get("held_out", "time"))
         found.append(
             PageTable(
                 f"Forecast of {held} left out, rms errors",
@@ -160,8 +160,8 @@ def _list_gains(report: dict[str, Any]) -> list[PageTable]:
 
 def _split_forecast(forecast: Mapping[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     """The forecast's errors by the wave's quantities, without and with the causes."""
-    parts = child(forecast, "parts") or forecast
+    parts = take_child(forecast, "parts") or forecast
     return [
-        (words, child(parts, when))
+        (words, take_child(parts, when))
         for words, when in (("without the causes", "before"), ("with the causes", "after"))
     ]

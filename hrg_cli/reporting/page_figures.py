@@ -21,9 +21,9 @@ from ..records import (
     Wave,
 )
 from .figures import calibration, diagnosis, periods, recording, result, wave
-from .figures.drawing import Plot, style, svg
-from .page_files import PageEntry, Picture, each_once, thin_out
-from .text import plain
+from .figures.drawing import Plot, use_style, write_svg
+from .page_files import PageEntry, Picture, drop_repeats, thin_out
+from .text import clean_text
 
 PAGE_BYTES = 2_600_000
 """Figures beyond this are left out of the page, least important first, and the page says so."""
@@ -63,7 +63,7 @@ def draw_files(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> 
             entry.left_out = -1
             continue
         for plot in draw_file(paths[index], beside):
-            picture = picture_of(plot, f"f{index}-{plot.key}")
+            picture = make_picture(plot, f"f{index}-{plot.key}")
             if len(picture.svg) > room:
                 entry.left_out += 1
                 continue
@@ -71,15 +71,17 @@ def draw_files(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> 
             entry.pictures.append(picture)
 
 
-def picture_of(plot: Plot, anchor: str) -> Picture:
+def make_picture(plot: Plot, anchor: str) -> Picture:
     """A figure as the page holds it."""
-    return Picture(anchor, plain(plot.title), plain(plot.caption), Markup(svg(plot, anchor)))
+    return Picture(
+        anchor, clean_text(plot.title), clean_text(plot.caption), Markup(write_svg(plot, anchor))
+    )
 
 
 def look_beside(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> Beside:
     """The truths of recordings, where asked for, and the runs that have periods."""
     truths = {}
-    for path, entry in zip(each_once(paths), entries):
+    for path, entry in zip(drop_repeats(paths), entries):
         if truth and isinstance(entry.record, Recording):
             with store.open_record(path, Recording) as record:
                 if record.truth_time_s is not None and len(record.truth_time_s):
@@ -94,20 +96,20 @@ def look_beside(paths: Sequence[Path], entries: list[PageEntry], truth: bool) ->
 
 def draw_file(path: Path, beside: Beside) -> Iterator[Plot]:
     """The figures of a file, drawn one after another."""
-    with store.open_record(path, store.kind_of(path)) as record, style():
+    with store.open_record(path, store.kind_of(path)) as record, use_style():
         record = thin_out(record)
         draw = _DRAW[type(record)]
         yield from draw(record, beside)
 
 
 _DRAW: dict[type[Record], Callable[..., list[Plot]]] = {
-    Recording: lambda r, beside: recording.plots(r, bool(beside.truths)),
-    Periods: lambda r, _: periods.period_plots(r),
-    Wave: lambda r, beside: wave.plots(
+    Recording: lambda r, beside: recording.plot_recording(r, bool(beside.truths)),
+    Periods: lambda r, _: periods.plot_periods(r),
+    Wave: lambda r, beside: wave.plot_wave(
         r, beside.truths.get(r.run_id), r.run_id not in beside.demodulated
     ),
-    Resonator: lambda r, _: result.resonator_plots(r),
-    Calibration: lambda r, _: calibration.calibration_plots(r),
-    Compensated: lambda r, _: result.compensated_plots(r),
-    Diagnosis: lambda r, _: diagnosis.diagnosis_plots(r),
+    Resonator: lambda r, _: result.plot_resonator(r),
+    Calibration: lambda r, _: calibration.plot_calibration(r),
+    Compensated: lambda r, _: result.plot_compensated(r),
+    Diagnosis: lambda r, _: diagnosis.plot_diagnosis(r),
 }

@@ -13,11 +13,11 @@ from markupsafe import Markup
 from .. import store
 from ..errors import HrgError
 from ..records import Periods, Record, Recording, Wave
-from .figures_in_words import told
+from .figures_in_words import list_told
 from .page_content import list_tables
 from .page_table import PageTable
-from .tables import facts
-from .text import plain
+from .tables import list_facts
+from .text import clean_text
 
 ROWS_HELD = 200_000
 """Rows of a series held in memory for its figures; of longer ones every k-th is taken."""
@@ -55,14 +55,14 @@ class PageEntry:
         """Provenance as text."""
         p = self.record.provenance
         return {
-            "history": [plain(h) for h in p.history],
-            "settings": plain(p.settings),
-            "created": plain(p.created),
-            "generated_by": plain(p.generated_by),
+            "history": [clean_text(h) for h in p.history],
+            "settings": clean_text(p.settings),
+            "created": clean_text(p.created),
+            "generated_by": clean_text(p.generated_by),
         }
 
 
-def each_once(paths: Sequence[Path]) -> list[Path]:
+def drop_repeats(paths: Sequence[Path]) -> list[Path]:
     """The paths without repeats. HrgError: there is none."""
     found = list(dict.fromkeys(Path(p) for p in paths))
     if not found:
@@ -74,12 +74,12 @@ def describe_file(path: Path, index: int, full: bool) -> PageEntry:
     """What the page tells of a file; its tables where it tells all (`full`)."""
     with store.open_record(path, store.kind_of(path)) as record:
         record = thin_out(record) if full or not isinstance(record, Periods | Wave) else record
-        shown = told(facts(record))
+        shown = list_told(list_facts(record))
         kept = record
         found_tables = list_tables(kept) if full else []
     bare = _bare(kept)
     return PageEntry(
-        plain(path.name),
+        clean_text(path.name),
         f"file-{index + 1}",
         bare,
         path.stat().st_size,

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..limit_values import unit_of
 from .figure_names import name_of_figure
-from .figures_in_words import said, words_of
-from .quantities import quantity, rounded, unit_for
-from .text import number, plain
+from .figures_in_words import say_key, say_value
+from .quantities import choose_unit, format_quantity, format_rounded
+from .text import clean_text, format_number
 
 DIGITS = 4
 """Of a value without a σ."""
@@ -32,15 +32,15 @@ class PageTable:
     rows: Sequence[Sequence[str]]
 
 
-def cell(value: Any) -> str:
+def format_cell(value: Any) -> str:
     """A value without a name as a person reads it."""
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, float | np.floating):
-        return number(float(value), DIGITS)
+        return format_number(float(value), DIGITS)
     if isinstance(value, list | tuple):
-        return plain(", ".join(cell(v) for v in value)) or "–"
-    return "–" if value is None else plain(value)
+        return clean_text(", ".join(format_cell(v) for v in value)) or "–"
+    return "–" if value is None else clean_text(value)
 
 
 def list_figures(caption: str, content: Any, depth: int = 0) -> list[PageTable]:
@@ -52,7 +52,7 @@ def list_figures(caption: str, content: Any, depth: int = 0) -> list[PageTable]:
     for key, value in content.items():
         if value is None or value == [] or value == {} or _is_std(key, content):
             continue
-        title = words_of(str(key))
+        title = say_key(str(key))
         if isinstance(value, Mapping) and all(isinstance(v, Mapping) for v in value.values()):
             found.append(_compare(title, list(value.values()), [str(name) for name in value]))
         elif _are_objects(value):
@@ -66,7 +66,7 @@ def list_figures(caption: str, content: Any, depth: int = 0) -> list[PageTable]:
             found += list_figures(title, value, depth + 1)
         elif isinstance(value, Mapping) and "value" not in value:
             single += [
-                (f"{title}: {words_of(str(k))}", _tell(str(k), value, within=str(key)))
+                (f"{title}: {say_key(str(k))}", _tell(str(k), value, within=str(key)))
                 for k, v in value.items()
                 if v is not None and not _is_std(k, value)
             ]
@@ -83,9 +83,9 @@ def _compare(
     keys = list(dict.fromkeys(str(k) for one in objects for k in one if not _is_std(k, one)))
     keys = [k for k in keys if any(one.get(k) is not None for one in objects)][:MOST_COLUMNS]
     rows = [tuple(_tell(k, one) if _is_said(k, one) else "–" for k in keys) for one in objects]
-    head = [words_of(k) for k in keys]
+    head = [say_key(k) for k in keys]
     if names:
-        rows = [(words_of(name), *row) for name, row in zip(names, rows, strict=True)]
+        rows = [(say_key(name), *row) for name, row in zip(names, rows, strict=True)]
         head = ["", *head]
     return PageTable(title, head, rows[:MOST_ROWS])
 
@@ -118,38 +118,38 @@ def _tell(key: str, beside: Mapping[str, Any], within: str = "") -> str:
     if isinstance(value, Mapping):
         return _tell_mapping(key, value)
     if key.endswith("_rad2_s") and isinstance(value, int | float):
-        return f"{number(value, 3)} rad²/s"
+        return f"{format_number(value, 3)} rad²/s"
     std = beside.get(f"{key}_std")
     name = within if within and not unit_of(key) else key
     if isinstance(value, float) and isinstance(std, int | float) and not isinstance(std, bool):
-        return quantity(name, value, std, unit_of(name))
+        return format_quantity(name, value, std, unit_of(name))
     if isinstance(value, bool | np.bool_) or value is None:
-        return cell(value)
+        return format_cell(value)
     if key == "name" and isinstance(value, str) and " " not in value:
         return name_of_figure(value)
     if isinstance(value, list) and len(value) > 12:
         return f"{len(value)} values, {_tell(key, {key: value[:3]})} …"
     if isinstance(value, list) and not all(isinstance(v, int | float) for v in value):
-        text = cell(value)
+        text = format_cell(value)
     else:
-        text = said(name, float(value) if _is_huge(value) else value, DIGITS) or "–"
+        text = say_value(name, float(value) if _is_huge(value) else value, DIGITS) or "–"
     return text if len(text) <= LONGEST else text[:LONGEST] + "…"
 
 
 def _tell_mapping(key: str, value: Mapping[str, Any]) -> str:
     """A figure with its own σ and unit, or a few of them in one cell."""
     if "value" not in value:
-        return "; ".join(f"{words_of(str(k))} {_tell(str(k), value)}" for k in list(value)[:8])
+        return "; ".join(f"{say_key(str(k))} {_tell(str(k), value)}" for k in list(value)[:8])
     units = value.get("units")
-    unit = plain(units) if units else unit_of(key)
+    unit = clean_text(units) if units else unit_of(key)
     if value["value"] == 0 and isinstance(value.get("high"), int | float):
-        return f"below {rounded(key, float(value['high']), unit, 2)}"
+        return f"below {format_rounded(key, float(value['high']), unit, 2)}"
     ends = value.get("low"), value.get("high")
     if value.get("std") is None and all(isinstance(end, int | float) for end in ends):
-        factor, shown = unit_for(key, _size(value["value"]), unit)
-        middle, low, high = (number(_size(v) * factor, 3) for v in (value["value"], *ends))
+        factor, shown = choose_unit(key, _size(value["value"]), unit)
+        middle, low, high = (format_number(_size(v) * factor, 3) for v in (value["value"], *ends))
         return f"{middle} {shown} ({low} … {high})".replace("  ", " ")
-    return quantity(key, value["value"], value.get("std"), unit)
+    return format_quantity(key, value["value"], value.get("std"), unit)
 
 
 def _size(value: Any) -> float:

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..units import DEGREE, DEGREE_PER_HOUR
-from .text import number, plain, ten
+from .text import clean_text, format_number, format_power_of_ten
 
 TWO_DIGITS = 354
 """Three leading digits of σ up to which two of them are kept; beyond, one, which for 950 and more
@@ -28,14 +28,14 @@ def round_with_std(value: Any, std: Any) -> str:
         return "–"
     known = isinstance(std, int | float) and math.isfinite(std) and std >= sys.float_info.min
     if not known:
-        return number(float(value), 6)
+        return format_number(float(value), 6)
     last = _last_digit(std)
     biggest = max(abs(value), std)
     power = math.floor(math.log10(biggest))
     if -5 < power < 7 and last <= 1:
         return _concise(value, std, last).replace("-", "−")
     shift = power
-    return f"{_concise(value / 10.0**shift, std / 10.0**shift, last - shift)}×{ten(shift)}".replace(
+    return f"{_concise(value / 10.0**shift, std / 10.0**shift, last - shift)}×{format_power_of_ten(shift)}".replace(
         "-", "−"
     )
 
@@ -54,23 +54,23 @@ def _concise(value: float, std: float, last: int) -> str:
     return f"{value:.{-last}f}({bracket})"
 
 
-def quantity(name: str, value: Any, std: Any, units: str) -> str:
+def format_quantity(name: str, value: Any, std: Any, units: str) -> str:
     """A value as people say it: unit and power chosen by what it is and how large it is, rounded by
     its σ."""
     if not isinstance(value, int | float) or not math.isfinite(value):
         return "–"
-    factor, unit = unit_for(name, float(value), units)
+    factor, unit = choose_unit(name, float(value), units)
     shown = round_with_std(value * factor, None if std is None else std * abs(factor))
     return f"{shown} {unit}".strip()
 
 
-def rounded(name: str, value: float, units: str, digits: int) -> str:
+def format_rounded(name: str, value: float, units: str, digits: int) -> str:
     """A value of which no σ is known in so many digits, in the unit that its size asks for."""
-    factor, unit = unit_for(name, value, units)
-    return f"{number(value * factor, digits)} {unit}".strip()
+    factor, unit = choose_unit(name, value, units)
+    return f"{format_number(value * factor, digits)} {unit}".strip()
 
 
-def unit_for(name: str, value: float, units: str) -> tuple[float, str]:
+def choose_unit(name: str, value: float, units: str) -> tuple[float, str]:
     """Factor and unit in which people say a quantity of this name, size and unit."""
     size = abs(value)
     name = next((n for n in reversed(name.split(".")) if n not in ("value", "std")), name)
@@ -87,7 +87,7 @@ def unit_for(name: str, value: float, units: str) -> tuple[float, str]:
         return 1.0, ""
     if units == "rad" and name.endswith("axis_rad"):
         return 1 / DEGREE, "°"
-    return choose(size) if choose is not None else (1.0, readable(units))
+    return choose(size) if choose is not None else (1.0, format_unit(units))
 
 
 def _plain_number(size: float) -> tuple[float, str]:
@@ -125,7 +125,7 @@ _BY_UNIT: dict[str, Callable[[float], tuple[float, str]]] = {
 }
 
 
-def readable(units: str) -> str:
+def format_unit(units: str) -> str:
     """A unit as it is printed: rad s-1 K-1 as rad/(s·K)."""
     above, below = [], []
     for part in units.split():
@@ -164,13 +164,13 @@ what may be none says nothing."""
 
 
 def label_of(name: str, value: float, std: float) -> str:
-    """A parameter in words, as `parameter` tells its value."""
+    """A parameter in words, as `format_parameter` tells its value."""
     if name == "damping_rate_1_s" and not value > DECAYS * std:
         return RATE_OF_DECAY
-    return LABELS.get(name, plain(name))
+    return LABELS.get(name, clean_text(name))
 
 
-def parameter(name: str, value: float, std: float, units: str) -> str:
+def format_parameter(name: str, value: float, std: float, units: str) -> str:
     """A resonator's parameter for people: the damping as decay time, the damping split as the drift
     it makes."""
     if name == "damping_rate_1_s" and value > DECAYS * std:
@@ -179,4 +179,4 @@ def parameter(name: str, value: float, std: float, units: str) -> str:
         return f"{round_with_std(value / DEGREE_PER_HOUR, std / DEGREE_PER_HOUR)} °/h of drift"
     if name == "frequency_hz":
         return f"{round_with_std(value, std)} Hz"
-    return quantity(name, value, std, units)
+    return format_quantity(name, value, std, units)

@@ -8,29 +8,29 @@ from typing import Any
 
 from markupsafe import Markup
 
-from .figures.drawing import style, svg
-from .figures.good_and_bad import how_to_read
-from .figures.rehearsal import rehearsal_plot
+from .figures.drawing import use_style, write_svg
+from .figures.good_and_bad import explain_reading
+from .figures.rehearsal import plot_rehearsal
 from .rehearsal_tables import tabulate_rehearsal
 from .templates import render_page
-from .text import plain
+from .text import clean_text
 
 
-def rehearsal_page(report: Mapping[str, Any]) -> str:
+def make_rehearsal_page(report: Mapping[str, Any]) -> str:
     """The HTML of a rehearsal's JSON."""
     file = Path(str(report["file"])).name
-    with style():
-        plot = rehearsal_plot(report)
-        picture = Markup(svg(plot, plot.key))
+    with use_style():
+        plot = plot_rehearsal(report)
+        picture = Markup(write_svg(plot, plot.key))
     return render_page(
         "rehearsal.html",
         ("page.js",),
-        title=f"Rehearsal of {plain(file)}",
+        title=f"Rehearsal of {clean_text(file)}",
         file=file,
         status=report["status"],
         reasons=report["status_reasons"],
         plot=plot,
         picture=picture,
-        how=how_to_read(plot.key),
+        how=explain_reading(plot.key),
         tables=tabulate_rehearsal(report),
     )

@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .answer_words import in_words
+from .answer_words import say_in_words
 from .figure_names import name_of_figure
 from .page_table import PageTable
-from .text import hundredths
+from .text import format_hundredths
 
 HEAD = ("figure", "bias/σ", "error/σ, rms", "within 68 %", "within 95 %")
 
@@ -28,14 +28,14 @@ def tabulate_rehearsal(told: Mapping[str, Any]) -> list[PageTable]:
     rows = [
         (
             name_of_figure(f["name"]),
-            *(hundredths(f[key]) for key in ("bias_over_std", "error_over_std_rms")),
+            *(format_hundredths(f[key]) for key in ("bias_over_std", "error_over_std_rms")),
             *(f"{100 * f[key]:.0f} %" for key in ("coverage_68", "coverage_95")),
         )
         for f in told["figures"]
     ]
     found = [PageTable(f"{told['times']} rehearsals, truth: {told['truth']}", HEAD, rows)]
     causes = [
-        (in_words(c["name"]), "yes" if c["held"] else "no", f"{c['named']} of {c['times']}")
+        (say_in_words(c["name"]), "yes" if c["held"] else "no", f"{c['named']} of {c['times']}")
         for c in told["causes"]
     ]
     if causes:

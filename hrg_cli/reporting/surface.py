@@ -10,13 +10,13 @@ import numpy as np
 from ..records import Array, Calibration
 from ..units import DEGREE, DEGREE_PER_HOUR
 from .quantities import round_with_std
-from .text import plain
+from .text import clean_text
 
 ANGLES, NODES = 49, 25
 """Most angles and nodes that are drawn."""
 
 
-def surface_data(record: Calibration) -> dict[str, Any] | None:
+def gather_surface_data(record: Calibration) -> dict[str, Any] | None:
     """Drift and scale factor over the nodes and wave angles of the tables; None where one of both
     is a single one."""
     node, angle = np.asarray(record.node, float), np.asarray(record.wave_angle_rad, float) / DEGREE
@@ -36,7 +36,7 @@ def surface_data(record: Calibration) -> dict[str, Any] | None:
         }
 
     return {
-        "axis": plain(record.axis),
+        "axis": clean_text(record.axis),
         "unit": "T, °C" if warm else "f, Hz",
         "angle": _numbers(angle[columns]),
         "node": _numbers(node[rows]),

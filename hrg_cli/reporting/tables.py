@@ -20,9 +20,9 @@ from ..records import (
 from ..units import DEGREE_PER_HOUR, to_deg_per_hour, to_trade
 from . import calibration, diagnosis, figures_in_words, identification
 from .console import print_table
-from .json_text import json_object
-from .quantities import label_of, parameter, quantity
-from .text import number
+from .json_text import parse_object
+from .quantities import format_parameter, format_quantity, label_of
+from .text import format_number
 
 SMALLEST = 1e-3
 """Of a °/h or a ppm."""
@@ -32,7 +32,7 @@ def show(record: Record, report: Mapping[str, Any]) -> None:
     """Print the table of a record; `report` is the command's JSON."""
     if isinstance(record, Diagnosis):
         return diagnosis.show(record, report)
-    head, rows = table(record, report)
+    head, rows = tabulate(record, report)
     if rows:
         print_table("", head, rows)
     if isinstance(record, Resonator):
@@ -44,13 +44,13 @@ def show(record: Record, report: Mapping[str, Any]) -> None:
             print_table("", head, rows)
 
 
-def table(
+def tabulate(
     record: Record, report: Mapping[str, Any]
 ) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Head and rows of a record's table."""
     if isinstance(record, Resonator):
         return ("parameter", "value", "in files and limits"), [
-            (label_of(n, v, s), parameter(n, v, s, u), n)
+            (label_of(n, v, s), format_parameter(n, v, s, u), n)
             for n, (v, s, u) in record.parameters().items()
         ]
     if isinstance(record, Calibration):
@@ -62,7 +62,7 @@ def table(
         and not isinstance(value, dict | list)
     }
     return ("figure", "value"), [
-        *figures_in_words.told(own),
+        *figures_in_words.list_told(own),
         *_list_differences(report),
         *(_trade(key, value) for key, value in (report.get("trade") or {}).items() if value),
     ]
@@ -71,13 +71,13 @@ def table(
 def _list_differences(report: Mapping[str, Any]) -> list[tuple[str, str]]:
     """How far the tables' rate is from the reference model's."""
     return [
-        (f"tables less model, {key.split('_')[1]}", figures_in_words.said(key, value))
+        (f"tables less model, {key.split('_')[1]}", figures_in_words.say_value(key, value))
         for key, value in (report.get("tables") or {}).items()
         if value is not None
     ]
 
 
-def facts(record: Record) -> dict[str, Any]:
+def list_facts(record: Record) -> dict[str, Any]:
     """The figures `hrg info` prints of a record."""
     found: dict[str, Any] = {"rows": len(record)} if len(record) else {}
     for name, spec in record.columns().items():
@@ -108,11 +108,13 @@ def facts(record: Record) -> dict[str, Any]:
         found |= {name: value for name, (value, _, _) in record.parameters().items()}
     if isinstance(record, Calibration):
         found |= {
-            k: v for k, v in json_object(record.details).items() if isinstance(v, int | float | str)
+            k: v
+            for k, v in parse_object(record.details).items()
+            if isinstance(v, int | float | str)
         }
     if isinstance(record, Compensated):
         found["duration_s"] = float(record.time_s[-1]) if len(record) else 0.0
-        trade = json_object(record.details).get("trade") or {}
+        trade = parse_object(record.details).get("trade") or {}
         found |= {name: value for name, value in trade.items() if value is not None}
     return found
 
@@ -158,7 +160,11 @@ def _faults(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any,
         if name in seen
     ]
     return ("fault looked for", "value", "σ"), [
-        (figures_in_words.words_of(name), quantity(name, value, std, units), number(value / std, 2))
+        (
+            figures_in_words.say_key(name),
+            format_quantity(name, value, std, units),
+            format_number(value / std, 2),
+        )
         for name, value, std, units in rows
         if std > 0
     ]
@@ -171,13 +177,13 @@ def _rms_rate(rate_rad_s: float | None) -> str | None:
 def _rms(value: float | None) -> str | None:
     """An rms, which is known to a few per cent, in four digits; below a thousandth of its unit it
     is none."""
-    return None if value is None else "0" if abs(value) < SMALLEST else number(value)
+    return None if value is None else "0" if abs(value) < SMALLEST else format_number(value)
 
 
 def _trade(key: str, value: float) -> tuple[str, str]:
     """A figure of the trade in its own unit."""
     words, size, unit = to_trade(key, value)
-    return words, f"{number(size)} {unit}".strip()
+    return words, f"{format_number(size)} {unit}".strip()
 
 
 def _allan(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
@@ -189,7 +195,7 @@ def _allan(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, 
             words, value, unit = to_trade(key, found["value"])
             low, high = (to_trade(key, found[end])[1] for end in ("low", "high"))
             sizes = (value, low, high) if value > 0 else (None, None, high)
-            rows.append((words, *(None if s is None else number(s, 3) for s in sizes), unit))
+            rows.append((words, *(None if s is None else format_number(s, 3) for s in sizes), unit))
     return ("noise of the rate (IEEE 952)", "value", "95 % from", "to", "unit"), rows
 
 

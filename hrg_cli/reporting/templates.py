@@ -16,7 +16,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..version import __version__
-from .text import plain
+from .text import clean_text
 
 FOLDER = Path(__file__).parent
 
@@ -38,7 +38,7 @@ def render_page(template: str, scripts: Sequence[str], **content: Any) -> str:
         css=Markup((FOLDER / "page.css").read_text(encoding="utf-8")),
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        plain=plain,
+        plain=clean_text,
         **content,
     )
 

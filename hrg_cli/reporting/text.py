@@ -24,7 +24,7 @@ LONGEST_PATH, LONGEST_WORD, LONGEST_LINE = 1024, 80, 400
 """Characters of a file's path, of any other word, of the words beside the paths."""
 
 
-def plain(value: Any) -> str:
+def clean_text(value: Any) -> str:
     """Text in which unreadable characters are a replacement mark."""
     return UNREADABLE.sub("\ufffd", str(value))
 
@@ -36,33 +36,33 @@ def shorten(text: str, most: int) -> str:
     return text if len(text) <= most else f"{text[:head]}…{text[-tail:]}"
 
 
-def one_line(text: str) -> str:
+def fold_line(text: str) -> str:
     """A message as one line; a foreign word (a key of a damaged file) that would fill it is shown
     by its ends, and so is what is too long for a message."""
     most = [LONGEST_PATH if os.sep in word else LONGEST_WORD for word in text.split()]
     words = [shorten(word, room) for word, room in zip(text.split(), most, strict=True)]
     paths = sum(len(word) for word in words if os.sep in word)
-    return plain(shorten(" ".join(words), LONGEST_LINE + paths))
+    return clean_text(shorten(" ".join(words), LONGEST_LINE + paths))
 
 
-def first_paragraph(text: str | None) -> str:
+def take_first_paragraph(text: str | None) -> str:
     """What a docstring or a help text says first, in one line."""
     return " ".join((text or "").strip().split("\n\n")[0].split())
 
 
-def spreadsheet(value: Any) -> Any:
+def escape_for_spreadsheet(value: Any) -> Any:
     """A cell for a spreadsheet: text that it would take for a formula gets an apostrophe before it,
     which shows it as text."""
     if not isinstance(value, str):
         return value
-    text = plain(value)
+    text = clean_text(value)
     return f"'{text}" if text.lstrip()[:1] in FORMULA or text[:1] in ("\t", "\r", "\n") else text
 
 
-def c_comment(value: Any) -> str:
+def escape_c_comment(value: Any) -> str:
     """Text that stays inside a C comment: one line of ASCII that neither ends the comment nor opens
     another."""
-    text = " ".join(plain(value).split())[:LONGEST_COMMENT]
+    text = " ".join(clean_text(value).split())[:LONGEST_COMMENT]
     text = re.sub(r"/(?=\*)", "/ ", text)
     text = text.replace("\\", "/ ").encode("ascii", "replace").decode().replace("*/", "* /")
     return re.sub(r"\?(?=\?)", "? ", text)  # two in a row begin a trigraph
@@ -76,18 +76,18 @@ def drop_empty_columns(
     return [head[k] for k in kept], [[row[k] for k in kept] for row in rows]
 
 
-def signed(value: Any, digits: int = 3) -> str:
-    """`number` with its sign, plus too."""
-    text = number(value, digits)
+def format_signed(value: Any, digits: int = 3) -> str:
+    """`format_number` with its sign, plus too."""
+    text = format_number(value, digits)
     return text if text[0] in "–−0" and not text.startswith("0.") else f"+{text}"
 
 
-def hundredths(value: float) -> str:
+def format_hundredths(value: float) -> str:
     """A number of the size of one with two decimals."""
     return f"{value:.2f}".replace("-", "−")
 
 
-def number(value: Any, digits: int = 4) -> str:
+def format_number(value: Any, digits: int = 4) -> str:
     """A number as a person reads it: plain between 1e-4 and 1e7, else as a power of ten; a dash for
     anything else."""
     if not isinstance(value, Real) or not math.isfinite(value):
@@ -101,10 +101,10 @@ def number(value: Any, digits: int = 4) -> str:
         text = text.rstrip("0").rstrip(".") if "." in text else text
     else:
         mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
-        text = f"{mantissa}×{ten(power)}"
+        text = f"{mantissa}×{format_power_of_ten(power)}"
     return text.replace("-", "−")
 
 
-def ten(power: int) -> str:
+def format_power_of_ten(power: int) -> str:
     """10 to a whole power, with raised digits."""
     return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -576,8 +576,8 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "exporting_records.py": (
         "tests/test_outputs.py",
         (
-            ("[spreadsheet(value) for value in values.tolist()]", "values.tolist()"),
-            ("return spreadsheet(value)[:LONGEST_CELL]", "return value[:LONGEST_CELL]"),
+            ("[escape_for_spreadsheet(value) for value in values.tolist()]", "values.tolist()"),
+            ("return escape_for_spreadsheet(value)[:LONGEST_CELL]", "return value[:LONGEST_CELL]"),
         ),
     ),
     "exporting/tables.py": (
@@ -597,8 +597,8 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "exporting/c_header.py": (
         "tests/exporting/test_exporting.py tests/exporting/test_exporting_variants.py tests/test_outputs.py",
         (
-            ("gyro=c_comment(calibration.gyro_id)", "gyro=calibration.gyro_id"),
-            ("correction=c_comment(calibration.correction)", "correction=calibration.correction"),
+            ("gyro=escape_c_comment(calibration.gyro_id)", "gyro=calibration.gyro_id"),
+            ("correction=escape_c_comment(calibration.correction)", "correction=calibration.correction"),
             ("+ errors[\"drift_rad_s_rounding\"]", ""),
             ("+ errors[\"scale_factor_rounding\"]", ""),
             ("(int64_t)(u * 32768.0), k", "(int64_t)(u * 16384.0), k"),

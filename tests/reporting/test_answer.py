@@ -14,12 +14,18 @@ from hrg_cli.limits import Row, check
 from hrg_cli.physics import ellipse
 from hrg_cli.records import Diagnosis, Resonator, Wave, collect
 from hrg_cli.reporting.answer import answer
-from hrg_cli.reporting.answer_text import untold
-from hrg_cli.reporting.answer_use import matrix_of, snippet
-from hrg_cli.reporting.answer_words import causes_of, size_of
-from hrg_cli.reporting.figures.answer import before_and_after
-from hrg_cli.reporting.methods import CITATIONS, methods
-from hrg_cli.reporting.quantities import label_of, parameter, quantity, readable, round_with_std
+from hrg_cli.reporting.answer_text import list_untold
+from hrg_cli.reporting.answer_use import build_matrix, write_snippet
+from hrg_cli.reporting.answer_words import order_causes, say_size
+from hrg_cli.reporting.figures.answer import plot_before_and_after
+from hrg_cli.reporting.methods import CITATIONS, write_methods
+from hrg_cli.reporting.quantities import (
+    format_parameter,
+    format_quantity,
+    format_unit,
+    label_of,
+    round_with_std,
+)
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
 from hrg_cli.stages.diagnosis.report.shares import (
@@ -175,17 +181,17 @@ def test_a_sound_gyro_is_the_answer(sound):
 
 def test_the_snippet_undoes_the_readout(two_faults):
     """C put right by (1 + E)⁻¹: what the snippet multiplies by takes a gain mismatch away."""
-    matrix = matrix_of({"gain_mismatch": {"gain": GAIN}})
+    matrix = build_matrix({"gain_mismatch": {"gain": GAIN}})
     assert matrix == pytest.approx(np.diag([1 + GAIN / 2, 1 - GAIN / 2]))
     assert (
-        matrix_of({"pickoff_nonlinearity": {"cubic": 1e-3}}) is None
-        and matrix_of({"converter_nonlinearity": {"mid_scale": 60.0, "step": 0.0}}) is None
-        and matrix_of({"nonlinear_damping": {"damping_1_s": 1e-3}}) is None
+        build_matrix({"pickoff_nonlinearity": {"cubic": 1e-3}}) is None
+        and build_matrix({"converter_nonlinearity": {"mid_scale": 60.0, "step": 0.0}}) is None
+        and build_matrix({"nonlinear_damping": {"damping_1_s": 1e-3}}) is None
     )
     found = answer([two_faults])
     size = json.loads(two_faults.report)["effects"][0]["parameters"]
     assert "double c1 = 0.99" in found.snippet and "rate_rad_s" in found.snippet and size
-    assert snippet({}, None, ()) == ""
+    assert write_snippet({}, None, ()) == ""
     tables = answer([two_faults, by_hand.calibration()])
     assert "c1" not in tables.snippet and "hrg_rate_rad_s" in tables.snippet, (
         "the tables were made of the channels as they are"
@@ -224,9 +230,10 @@ def test_a_size_of_many_parameters_is_the_one_that_stands_clearest_off_zero():
         "s_velocity_over_omega": {"value": -1.4e-6, "std": 5e-6, "units": "amplitude"},
         "phase_rad": {"value": 2e-3, "std": 5e-3, "units": "rad"},
     }
-    assert size_of({"parameters": knock}) == "995(8) ppm of the unit amplitude"
+    assert say_size({"parameters": knock}) == "995(8) ppm of the unit amplitude"
     assert (
-        size_of({"parameters": dict(reversed(knock.items()))}) == "995(8) ppm of the unit amplitude"
+        say_size({"parameters": dict(reversed(knock.items()))})
+        == "995(8) ppm of the unit amplitude"
     )
 
 
@@ -239,8 +246,8 @@ def test_a_size_without_a_sign_is_given_by_its_magnitude():
         "magnitude": {"cubic": 0.07},
         "magnitude_std": {"cubic": 0.007},
     }
-    assert size_of(sized).startswith("± 0.070(7)")
-    assert size_of({"parameters": sized["parameters"]}).startswith("0.07(7)")
+    assert say_size(sized).startswith("± 0.070(7)")
+    assert say_size({"parameters": sized["parameters"]}).startswith("0.07(7)")
 
 
 def test_what_later_versions_write_is_said():
@@ -365,19 +372,21 @@ def test_rounded_by_sigma(value, std, text):
 
 def test_units_of_people():
     assert (
-        quantity("gain", 0.004, 1.5e-5, "1") == "0.4000(15) %"
-        and quantity("gain", 4e-4, 1.5e-6, "1") == "400.0(15) ppm"
+        format_quantity("gain", 0.004, 1.5e-5, "1") == "0.4000(15) %"
+        and format_quantity("gain", 4e-4, 1.5e-6, "1") == "400.0(15) ppm"
     )
     assert (
-        quantity("rate_rad_s", 5 * DEGREE_PER_HOUR, 0.1 * DEGREE_PER_HOUR, "rad s-1")
+        format_quantity("rate_rad_s", 5 * DEGREE_PER_HOUR, 0.1 * DEGREE_PER_HOUR, "rad s-1")
         == "5.00(10) °/h"
     )
     assert (
-        quantity("frequency_split_rad_s", np.pi, 0.0, "rad s-1") == "1000 mHz"
-        and quantity("x_axis_rad", np.pi / 2, None, "rad") == "90 °"
+        format_quantity("frequency_split_rad_s", np.pi, 0.0, "rad s-1") == "1000 mHz"
+        and format_quantity("x_axis_rad", np.pi / 2, None, "rad") == "90 °"
     )
     assert (
-        readable("rad s-1 K-1") == "rad/(s·K)" and readable("s-2") == "1/s²" and readable("1") == ""
+        format_unit("rad s-1 K-1") == "rad/(s·K)"
+        and format_unit("s-2") == "1/s²"
+        and format_unit("1") == ""
     )
 
 
@@ -409,7 +418,7 @@ def test_tables_that_measure_the_quadrature_say_so_in_equation_and_snippet():
 )
 def test_a_damping_that_may_be_none_is_no_decay_time(value, std, label, said):
     assert label_of("damping_rate_1_s", value, std) == label
-    assert parameter("damping_rate_1_s", value, std, "s-1") == said
+    assert format_parameter("damping_rate_1_s", value, std, "s-1") == said
 
 
 def test_reasons_that_the_answer_tells_are_not_told_again():
@@ -421,7 +430,7 @@ def test_reasons_that_the_answer_tells_are_not_told_again():
         "run.periods.h5: channel S is all zero",
         "frequency_split_rad_s is 0.4, at most 0.3 was wanted",
     ]
-    assert untold(reasons, why) == reasons[2:]
+    assert list_untold(reasons, why) == reasons[2:]
 
 
 def test_tables_of_dwells_have_their_own_equation_and_no_c(tmp_path, hrg):
@@ -455,10 +464,10 @@ def test_one_signal_has_no_equation_of_a_wave_and_only_what_is_cited_is_listed()
     )  # fmt: skip
     assert modes.modes_alone
     assert answer([modes]).equation == ""
-    paragraph = methods([modes], {"recording": 1})
+    paragraph = write_methods([modes], {"recording": 1})
     assert "axes and the scale factor" not in paragraph.text
     assert paragraph.citations == (CITATIONS[2],) and "[1]" in paragraph.text
-    both = methods([by_hand.resonator(), by_hand.diagnosis()], {"wave": 4})
+    both = write_methods([by_hand.resonator(), by_hand.diagnosis()], {"wave": 4})
     assert both.citations == (CITATIONS[0], CITATIONS[2])
     assert re.findall(r"\[(\d)\]", both.text) == ["1", "2"], "no number is left out"
 
@@ -469,13 +478,13 @@ def test_without_causes_nothing_is_said_of_them():
     record = by_hand.diagnosis()
     report = json.loads(record.report) | {"effects": [], "verdict": "adequate"}
     sound = record.replace(report=json.dumps(report), verdict="adequate")
-    told = methods([sound], {"wave": 4}).text
+    told = write_methods([sound], {"wave": 4}).text
     assert "none was" in told and "share" not in told and "0 were" not in told
     made = answer([sound])
-    plot = before_and_after(sound, made.departure, made.causes)
+    plot = plot_before_and_after(sound, made.departure, made.causes)
     assert len(plot.figure.axes) == 1 and plot.title == "What is left"
     found = answer([record])
-    plot = before_and_after(record, found.departure, found.causes)
+    plot = plot_before_and_after(record, found.departure, found.causes)
     assert len(plot.figure.axes) == 2 and plot.title == "Before and after"
 
 
@@ -494,8 +503,13 @@ def test_requirements_of_two_files_are_told_apart_in_words():
 
 
 def test_a_large_split_is_told_in_hertz():
-    assert quantity("frequency_split_rad_s", 10.1 * np.pi, 0.06 * np.pi, "rad s-1") == "10.10(6) Hz"
-    assert quantity("frequency_split_rad_s", 0.1 * np.pi, 1e-4 * np.pi, "rad s-1").endswith("mHz")
+    assert (
+        format_quantity("frequency_split_rad_s", 10.1 * np.pi, 0.06 * np.pi, "rad s-1")
+        == "10.10(6) Hz"
+    )
+    assert format_quantity("frequency_split_rad_s", 0.1 * np.pi, 1e-4 * np.pi, "rad s-1").endswith(
+        "mHz"
+    )
 
 
 @pytest.mark.parametrize(
@@ -509,4 +523,4 @@ def test_the_largest_cause_comes_first_though_its_share_is_not_known(weak, stron
         {"name": name, "z": z, "share": None if part is None else {"drift_deg_h": part}}
         for name, (z, part) in shares.items()
     ]
-    assert causes_of({"effects": effects}, None)[0].name == first
+    assert order_causes({"effects": effects}, None)[0].name == first

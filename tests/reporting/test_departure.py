@@ -8,8 +8,8 @@ import pytest
 from records_by_hand import diagnosis
 
 from hrg_cli.physics import ellipse
-from hrg_cli.reporting.figures.departure import departure_plots
-from hrg_cli.reporting.figures.drawing import style
+from hrg_cli.reporting.figures.departure import plot_departure
+from hrg_cli.reporting.figures.drawing import use_style
 
 RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
 
@@ -46,8 +46,8 @@ def test_a_known_difference_stands_in_its_own_figure(quantity, size, rms, mode_n
         measured=measured, simulated_before=simulated, simulated_after=measured, residual_before=measured - simulated,
         residual_after=0 * measured,
     )  # fmt: skip
-    with style():
-        plots = {p.key: p.words for p in departure_plots(record, mode_number)}
+    with use_style():
+        plots = {p.key: p.words for p in plot_departure(record, mode_number)}
     for key, words in plots.items():
         if not key.startswith("departure-"):
             continue

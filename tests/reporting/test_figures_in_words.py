@@ -6,7 +6,7 @@ import records_by_hand as by_hand
 
 from hrg_cli import store
 from hrg_cli.reporting.console import NUMERAL
-from hrg_cli.reporting.figures_in_words import told
+from hrg_cli.reporting.figures_in_words import list_told
 
 TWO_LINES = 200
 """Characters."""
@@ -30,7 +30,7 @@ TWO_LINES = 200
     ],
 )
 def test_a_figure_has_words_and_its_unit(key, value, words, said):
-    assert told({key: value}) == [(words, said)]
+    assert list_told({key: value}) == [(words, said)]
 
 
 def test_what_is_not_there_is_not_told():
@@ -41,7 +41,7 @@ def test_what_is_not_there_is_not_told():
         "rate": None,
         "elapsed_s": 2.0,
     }
-    assert told(nothing) == [] == told({"residual_rms": 0.0})
+    assert list_told(nothing) == [] == list_told({"residual_rms": 0.0})
 
 
 @pytest.mark.parametrize("text", ["10.01", "−1.7", "3.66×10⁻⁵", "4.1(3)", "–", ""])

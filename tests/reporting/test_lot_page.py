@@ -14,9 +14,9 @@ from hrg_cli.lots.lot_diagnosis import diagnose_lot
 from hrg_cli.lots.lot_report import MOST_TOLD, make_lot_report, read_measured
 from hrg_cli.lots.lot_settings import LotSettings
 from hrg_cli.lots.lot_table import judge_rows
-from hrg_cli.reporting.figures.lot import distribution, pareto
-from hrg_cli.reporting.lot_page import limits_of, lot_page, parameters, sentence
-from hrg_cli.reporting.text import signed
+from hrg_cli.reporting.figures.lot import plot_distribution, plot_pareto
+from hrg_cli.reporting.lot_page import find_limits, list_parameters, make_lot_page, make_sentence
+from hrg_cli.reporting.text import format_signed
 
 HOSTILE = '../<script>alert("x")</script>\x1b[31m'
 GYROS = 60
@@ -84,7 +84,7 @@ def drawn(report):
         for k, row in enumerate(report["rows"])
         if row["gyro_id"]
     }
-    return lot_page(report, pages, LIMITS)
+    return make_lot_page(report, pages, LIMITS)
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +156,7 @@ def test_a_lost_recording_is_told_with_its_gyro(page, report):
 def test_the_common_cause_is_the_second_half_of_the_sentence(page, report):
     (one,) = report["lot_causes"]
     assert one["sentence"].startswith("all gyros of station 2: gain mismatch")
-    assert sentence(report).endswith(f"In common: {one['sentence']}.")
+    assert make_sentence(report).endswith(f"In common: {one['sentence']}.")
     assert 'id="common-1"' in page and "none of them show it alone" in page
     assert "is 2 % at most" in page or "is 2 % at most" in page.replace("\n", " ")
 
@@ -171,12 +171,12 @@ def test_hostile_names_are_text(page):
 
 
 def test_every_distribution_has_its_limits(report):
-    names = parameters(report["rows"])
+    names = list_parameters(report["rows"])
     assert names[:2] == ["frequency_hz", "damping_rate_1_s"] and len(names) == 7
-    plot = distribution(
+    plot = plot_distribution(
         report["rows"],
         "frequency_split_rad_s",
-        limits_of("frequency_split_rad_s", LIMITS),
+        find_limits("frequency_split_rad_s", LIMITS),
     )
     assert "Limit ≤ 95.493 mHz: 1 outside." in plot.words and "1 outlier: SN-007." in plot.words
     (axis,) = plot.figure.axes
@@ -184,24 +184,26 @@ def test_every_distribution_has_its_limits(report):
     assert any(
         abs(line.get_xdata()[0] - 95.493) < 1e-3 for line in axis.lines if len(line.get_xdata())
     )
-    far = distribution(report["rows"], "frequency_hz", limits_of("frequency_hz", LIMITS))
+    far = plot_distribution(report["rows"], "frequency_hz", find_limits("frequency_hz", LIMITS))
     assert "Limit ≥ 3000 Hz: none outside." in far.words
     assert far.figure.axes[0].get_xlim()[0] > 4900  # an arrow, so that the gyros stay apart
-    assert "No limit is set." in distribution(report["rows"], "scale_factor").words
+    assert "No limit is set." in plot_distribution(report["rows"], "scale_factor").words
 
 
 def test_limits_are_found_by_the_columns_name():
     limits = {
         "calibration": {"drift_rms_rad_s.held_out": "5 deg/h", "scale_factor": {"minimum": 0.5}}
     }
-    assert limits_of("drift_rms_rad_s_held_out", limits)[1] == pytest.approx(5 * np.pi / 180 / 3600)
-    assert limits_of("calibrated_scale_factor", limits) == (0.5, None)
-    assert limits_of("frequency_hz", limits) == (None, None)
+    assert find_limits("drift_rms_rad_s_held_out", limits)[1] == pytest.approx(
+        5 * np.pi / 180 / 3600
+    )
+    assert find_limits("calibrated_scale_factor", limits) == (0.5, None)
+    assert find_limits("frequency_hz", limits) == (None, None)
 
 
 def test_pareto_counts_gyros(report, page):
-    assert pareto([], 3) is None
-    plot = pareto([("phase mismatch", 2), ("nonlinear damping", 1)], 60)
+    assert plot_pareto([], 3) is None
+    plot = plot_pareto([("phase mismatch", 2), ("nonlinear damping", 1)], 60)
     assert "phase mismatch is the most frequent, in 2 of 60 gyros" in plot.words
     assert "2 (67 % so far)" in page and 'data-filter="phase mismatch"' in page
 
@@ -212,7 +214,7 @@ def test_same_rows_same_bytes(page, report):
 
 def test_a_recording_of_no_known_gyro_is_no_gyro(report, page):
     """60 gyros and a recording that nobody can attribute: of 60, not of 61."""
-    told = sentence(report)
+    told = make_sentence(report)
     assert f" of {GYROS} gyros did not pass; 1 recording is of no known gyro" in told
     assert (
         f"{report['passed']} of {GYROS} gyros passed" in page
@@ -233,7 +235,7 @@ def test_one_gyro_has_and_two_have(faulty):
     said = "has a fault or is in doubt" if faulty == 1 else "have a fault or are in doubt"
     names = ", ".join(f"G{k}" for k in range(faulty))
     assert told["status_reasons"] == [f"{faulty} of 3 gyros {said}: {names}"]
-    assert f"; {faulty} {said}." in sentence(told)
+    assert f"; {faulty} {said}." in make_sentence(told)
 
 
 def test_no_gyro_is_missed_in_words():
@@ -259,10 +261,10 @@ def test_no_gyro_is_missed_in_words():
 
 def test_lots_without_results_have_a_page(report):
     empty = {**report, "rows": [], "gyros": 0, "passed": 0, "outliers": [], "lot_causes": []}
-    assert "No gyro has a parameter." in lot_page({**empty, "populations": {}}, {})
-    assert sentence({**empty, "lot_tests": None}).startswith("No gyro is known")
+    assert "No gyro has a parameter." in make_lot_page({**empty, "populations": {}}, {})
+    assert make_sentence({**empty, "lot_tests": None}).startswith("No gyro is known")
     few = {**report, "rows": [r for r in report["rows"] if not r["gyro_id"]], "lot_causes": []}
-    Tags(lot_page(few, {}))
+    Tags(make_lot_page(few, {}))
 
 
 def test_a_page_of_many_gyros_takes_time_in_proportion():
@@ -277,7 +279,7 @@ def test_a_page_of_many_gyros_takes_time_in_proportion():
             for row in report["rows"]
         ]
         started = time.process_time()
-        lot_page({**report, "rows": rows}, {})
+        make_lot_page({**report, "rows": rows}, {})
         return time.process_time() - started
 
     taken(1)
@@ -402,4 +404,9 @@ def test_labels_of_a_figure_do_not_overlap(window):
 
 
 def test_a_distance_is_said_alike_in_the_reason_and_on_its_badge_without_an_exponent():
-    assert [signed(z) for z in (1439.7, -17.23, 0.52, 0.0)] == ["+1440", "−17.2", "+0.52", "0"]
+    assert [format_signed(z) for z in (1439.7, -17.23, 0.52, 0.0)] == [
+        "+1440",
+        "−17.2",
+        "+0.52",
+        "0",
+    ]

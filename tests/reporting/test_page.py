@@ -15,7 +15,7 @@ from hrg_cli.errors import HrgError
 from hrg_cli.records import Provenance
 from hrg_cli.reporting import page, page_figures
 from hrg_cli.reporting.page_content import list_steps, translate_parameter
-from hrg_cli.reporting.surface import surface_data
+from hrg_cli.reporting.surface import gather_surface_data
 from hrg_cli.units import DEGREE_PER_HOUR
 
 
@@ -345,7 +345,7 @@ def test_the_same_source_is_named(whole):
 
 def test_the_surface_holds_the_tables_of_the_calibration(files):
     record = by_hand.calibration()
-    data = surface_data(record)
+    data = gather_surface_data(record)
     drift, scale = data["quantities"]
     rows, columns = len(data["node"]), len(data["angle"])
     assert (rows, columns) == np.shape(drift["values"]) == np.shape(scale["values"])
@@ -353,4 +353,4 @@ def test_the_surface_holds_the_tables_of_the_calibration(files):
     assert drift["values"][3][20] == pytest.approx(
         record.drift_rad_s[3, at] / DEGREE_PER_HOUR, rel=1e-5
     )
-    assert surface_data(by_hand.calibration(nodes=1)) is None  # a line is no surface
+    assert gather_surface_data(by_hand.calibration(nodes=1)) is None  # a line is no surface

@@ -9,7 +9,7 @@ import pytest
 import records_by_hand as by_hand
 
 from hrg_cli import store
-from hrg_cli.reporting.figures.good_and_bad import how_to_read
+from hrg_cli.reporting.figures.good_and_bad import explain_reading
 from hrg_cli.reporting.page_answers import draw_answer
 from hrg_cli.reporting.page_diagnosis import list_diagnosis
 from hrg_cli.reporting.page_figures import draw_file, look_beside
@@ -92,4 +92,6 @@ def test_every_figure_says_what_good_and_bad_look_like(tmp_path, kind):
 
 
 def test_what_is_told_by_the_figure_itself_is_not_told_again():
-    assert how_to_read("answer") == "" and how_to_read("departure-phase").startswith("Good: ")
+    assert explain_reading("answer") == "" and explain_reading("departure-phase").startswith(
+        "Good: "
+    )

@@ -8,13 +8,24 @@ import numpy as np
 from ...records import Diagnosis
 from ...stages.diagnosis.report.shares import compute_difference
 from ..answer_words import QUANTITIES, Cause, Departure
-from ..text import number
-from .drawing import INK, MUTED, SERIES, Plot, binned, dots, labels, note, panels, time_unit
+from ..text import format_number
+from .drawing import (
+    INK,
+    MUTED,
+    SERIES,
+    Plot,
+    average_bins,
+    choose_time_unit,
+    draw_dots,
+    make_panels,
+    note,
+    set_labels,
+)
 
 BINS = 40
 
 
-def before_and_after(
+def plot_before_and_after(
     record: Diagnosis, departure: Departure | None, causes: tuple[Cause, ...]
 ) -> Plot | None:
     """Measured less simulated against time, before and after; beside it the shares; without causes
@@ -23,8 +34,8 @@ def before_and_after(
         return None
     amplitude = departure is not None and departure.key == "amplitude_ppm"
     run, time_s = np.asarray(record.run), np.asarray(record.time_s)
-    factor, unit = time_unit(float(np.ptp(time_s)))
-    figure, axes = panels(1, 2 if causes else 1, height=2.7, width=8.2)
+    factor, unit = choose_time_unit(float(np.ptp(time_s)))
+    figure, axes = make_panels(1, 2 if causes else 1, height=2.7, width=8.2)
     ax = axes[0, 0]
     pairs = [
         ("without the causes", record.simulated_before, 1),
@@ -33,14 +44,14 @@ def before_and_after(
     for words, simulated, colour in pairs if causes else pairs[1:]:
         left = compute_difference(record.measured, simulated)
         values = left.amplitude * 1e6 if amplitude else left.angle * 1e3
-        dots(ax, time_s * factor, values, colour, points=500, alpha=0.3, size=1.7)
+        draw_dots(ax, time_s * factor, values, colour, points=500, alpha=0.3, size=1.7)
         for k in np.unique(run):
-            at, mean, _ = binned(time_s[run == k] * factor, values[run == k], BINS)
+            at, mean, _ = average_bins(time_s[run == k] * factor, values[run == k], BINS)
             ax.plot(at, mean, color=SERIES[colour], lw=1.2, label=words if causes else None)
             words = "_nolegend_"
     ax.axhline(0, color=INK, lw=0.6)
     quantity = "amplitude, ppm" if amplitude else "wave angle m·θ, mrad"
-    labels(ax, x=f"time, {unit}", y=quantity, title="Measured less modelled")
+    set_labels(ax, x=f"time, {unit}", y=quantity, title="Measured less modelled")
     if causes:
         ax.legend(loc="best")
     shown = _shares(axes[0, 1], departure, causes) if causes else _left(departure)
@@ -62,7 +73,9 @@ def _left(departure: Departure | None) -> str:
         return "No figure of the error is known."
     words = next(w for key, w, *_ in QUANTITIES if key == departure.key)
     where = " on data left out" if departure.held_out else ""
-    return f"{words.capitalize()} error{where}: {number(departure.after, 3)} {departure.unit}."
+    return (
+        f"{words.capitalize()} error{where}: {format_number(departure.after, 3)} {departure.unit}."
+    )
 
 
 def _shares(ax: object, departure: Departure | None, causes: tuple[Cause, ...]) -> str:
@@ -85,7 +98,7 @@ def _shares(ax: object, departure: Departure | None, causes: tuple[Cause, ...]) 
     ax.set_xlim(0, top * 1.22)
     for k, (_, value, _) in enumerate(rows):
         ax.annotate(
-            number(value, 3),
+            format_number(value, 3),
             (value, k),
             xytext=(4, 0),
             textcoords="offset points",
@@ -93,10 +106,10 @@ def _shares(ax: object, departure: Departure | None, causes: tuple[Cause, ...]) 
             fontsize=8.5,
         )
     words = next(w for key, w, *_ in QUANTITIES if key == departure.key)
-    labels(ax, x=f"{words} error, {departure.unit}", title="Whose it is")
+    set_labels(ax, x=f"{words} error, {departure.unit}", title="Whose it is")
     note(ax, "on data left out" if departure.held_out else "")
-    left = f"{number(departure.after, 3)} {departure.unit}"
+    left = f"{format_number(departure.after, 3)} {departure.unit}"
     return (
-        f"{words.capitalize()} error {number(departure.before, 3)} {departure.unit} without the"
+        f"{words.capitalize()} error {format_number(departure.before, 3)} {departure.unit} without the"
         f" causes, {left} with them."
     )

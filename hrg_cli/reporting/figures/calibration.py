@@ -9,23 +9,23 @@ import numpy as np
 
 from ...records import Array, Calibration
 from ...units import DEGREE_PER_HOUR
-from ..json_text import entries, figure_of_merit, json_object
+from ..json_text import list_entries, parse_object, read_figure_of_merit
 from ..quantities import round_with_std
+from ..text import format_number
 from .drawing import (
     INK,
     MUTED,
     SERIES,
     Plot,
-    labels,
-    legend,
-    log_axis,
-    number,
-    panels,
-    spread,
+    draw_legend,
+    make_panels,
+    say_spread,
+    set_labels,
+    set_log_axis,
 )
 
 
-def calibration_plots(record: Calibration, first_only: bool = False) -> list[Plot]:
+def plot_calibration(record: Calibration, first_only: bool = False) -> list[Plot]:
     """Maps of D and K, their harmonics with σ, and the ladder; or the map of D alone."""
     mean = float(np.nanmean(record.scale_factor_harmonics[:, 0])) or 1.0
     drift = _draw_map(
@@ -45,12 +45,12 @@ def calibration_plots(record: Calibration, first_only: bool = False) -> list[Plo
             (record.scale_factor / mean - 1) * 1e6,
             record.scale_factor_std / abs(mean) * 1e6,
             "K",
-            f"K/{number(mean, 6)} − 1, ppm",
+            f"K/{format_number(mean, 6)} − 1, ppm",
             "scale-factor-map",
         ),
         _harmonics(record, mean),
     ]
-    ladder = entries(json_object(record.details), "ladder")
+    ladder = list_entries(parse_object(record.details), "ladder")
     if ladder:
         found.append(_ladder(ladder))
     return found
@@ -64,7 +64,11 @@ def _at_nodes(record: Calibration, label: str) -> str:
     """What a table holds and at which nodes, as the beginning of a sentence."""
     node = np.asarray(record.node, float)
     unit = "°C" if record.axis == "temperature" else "Hz"
-    nodes = f"{len(node)} nodes from {spread(node)}" if len(node) > 1 else number(float(node[0]))
+    nodes = (
+        f"{len(node)} nodes from {say_spread(node)}"
+        if len(node) > 1
+        else format_number(float(node[0]))
+    )
     return f"{label[:1].upper()}{label[1:]}, at {nodes} {unit}"
 
 
@@ -72,7 +76,7 @@ def _draw_over_nodes(
     record: Calibration, values: Array, deviation: Array, symbol: str, label: str, key: str
 ) -> Plot:
     """Of a gyro without a wave angle bias and scale factor stand over the nodes."""
-    figure, axes = panels(1, 1, height=2.9, width=7.2)
+    figure, axes = make_panels(1, 1, height=2.9, width=7.2)
     ax = axes[0, 0]
     ax.errorbar(
         np.asarray(record.node),
@@ -84,11 +88,11 @@ def _draw_over_nodes(
         capsize=2,
         color=SERIES[0],
     )
-    labels(ax, x=_node_axis(record), y=label, title=f"{symbol} with ±σ")
+    set_labels(ax, x=_node_axis(record), y=label, title=f"{symbol} with ±σ")
     return Plot(
         key,
         f"{'Bias' if symbol == 'D' else 'Scale factor'} {symbol} against {record.axis}",
-        f"{_at_nodes(record, label)}: {spread(values)}.",
+        f"{_at_nodes(record, label)}: {say_spread(values)}.",
         figure,
     )
 
@@ -125,7 +129,7 @@ def _draw_map(
         return _draw_over_nodes(record, values[:, 0], deviation[:, 0], symbol, label, key)
     node, angle = np.asarray(record.node), np.degrees(np.asarray(record.wave_angle_rad))
     several = len(node) > 1
-    figure, axes = panels(1, 2 if several else 1, height=2.9, width=8.2 if several else 7.2)
+    figure, axes = make_panels(1, 2 if several else 1, height=2.9, width=8.2 if several else 7.2)
     ax = axes[0, 0]
     picked = np.unique(np.linspace(0, len(node) - 1, min(5, len(node))).round().astype(int))
     for k, i in enumerate(picked):
@@ -134,27 +138,28 @@ def _draw_map(
             angle,
             values[i],
             color=colour,
-            label=f"{number(float(node[i]), 6)} {'°C' if record.axis == 'temperature' else 'Hz'}",
+            label=f"{format_number(float(node[i]), 6)} {'°C' if record.axis == 'temperature' else 'Hz'}",
         )
         ax.fill_between(
             angle, values[i] - deviation[i], values[i] + deviation[i], color=colour, alpha=0.2, lw=0
         )
-    labels(ax, x="wave angle θ, °", y=label, title=f"{symbol} against θ with ±σ")
+    set_labels(ax, x="wave angle θ, °", y=label, title=f"{symbol} against θ with ±σ")
     low_end, high_end = ax.get_ylim()
     ax.set_ylim(low_end, high_end + 0.3 * (high_end - low_end))
-    legend(ax, loc="upper center", ncols=3, fontsize=7.5)
+    draw_legend(ax, loc="upper center", ncols=3, fontsize=7.5)
     if several:
         mesh = _shade_map(axes[0, 1], node, angle, values)
         figure.colorbar(mesh, ax=axes[0, 1], label=label)
-        labels(axes[0, 1], x="wave angle θ, °", y=_node_axis(record), title=f"Map of {symbol}")
+        set_labels(axes[0, 1], x="wave angle θ, °", y=_node_axis(record), title=f"Map of {symbol}")
     low, high = (
         np.unravel_index(np.nanargmin(values), values.shape),
         np.unravel_index(np.nanargmax(values), values.shape),
     )
     words = (
-        f"{_at_nodes(record, label)} and {len(angle)} angles: lowest {number(float(values[low]))} at {number(float(angle[low[1]]), 3)}°,"
-        f" highest {number(float(values[high]))} at {number(float(angle[high[1]]), 3)}°; median σ"
-        f" {number(float(np.nanmedian(deviation)), 2)}."
+        f"{_at_nodes(record, label)} and {len(angle)} angles: lowest"
+        f" {format_number(float(values[low]))} at {format_number(float(angle[low[1]]), 3)}°,"
+        f" highest {format_number(float(values[high]))} at {format_number(float(angle[high[1]]), 3)}°; median σ"
+        f" {format_number(float(np.nanmedian(deviation)), 2)}."
     )
     return Plot(
         key,
@@ -178,12 +183,12 @@ def _errors_a_harmonic(ax: Any, values: Array, deviation: Array, node: Array) ->
             lw=1.1,
             capsize=2,
             color=SERIES[k % len(SERIES)],
-            label=number(float(node[i]), 6),
+            label=format_number(float(node[i]), 6),
         )
 
 
 def _harmonics(record: Calibration, mean: float) -> Plot:
-    figure, axes = panels(2, 1, height=2.3)
+    figure, axes = make_panels(2, 1, height=2.3)
     said = []
     scale = record.scale_factor_harmonics - mean * (
         np.arange(record.scale_factor_harmonics.shape[1]) == 0
@@ -199,11 +204,11 @@ def _harmonics(record: Calibration, mean: float) -> Plot:
     )
     for ax, (values, deviation, label, first) in zip(axes[:, 0], parts):
         names = _harmonic_names(values.shape[1], record.mode_number)
-        less = f" less {number(mean, 6)}" if first else ""  # of the constant, in the title
+        less = f" less {format_number(mean, 6)}" if first else ""  # of the constant, in the title
         _errors_a_harmonic(ax, values, deviation, np.asarray(record.node))
         ax.axhline(0, color=INK, lw=0.5)
         ax.set_xticks(range(len(names)), names)
-        labels(ax, y=label, title=f"Harmonics of {label[0]}{less} with ±σ")
+        set_labels(ax, y=label, title=f"Harmonics of {label[0]}{less} with ±σ")
         middle = values[len(values) // 2]
         sigma = deviation[len(values) // 2]
         said.append(
@@ -231,23 +236,21 @@ def _harmonic_names(count: int, mode: int) -> list[str]:
 
 def _ladder(steps: list[dict[str, Any]]) -> Plot:
     names = [fill(str(step.get("stage", i + 1)), 30) for i, step in enumerate(steps)]
-    figure, axes = panels(1, 2, height=0.9 + 0.3 * len(steps), width=8.2, sharey=True)
+    figure, axes = make_panels(1, 2, height=0.9 + 0.3 * len(steps), width=8.2, sharey=True)
     columns = (
         ("drift_rms_rad_s", "drift", "drift left, °/h rms", 1 / DEGREE_PER_HOUR),
         ("scale_factor_rms_ppm", "scale", "scale factor left, ppm rms", 1.0),
     )
     said = []
     for ax, (key, short, label, factor), colour in zip(axes[0], columns, SERIES):
-        parts = (
-            np.array([figure_of_merit(step.get(key, step.get(short))) for step in steps]) * factor
-        )
-        values, low, high = parts.T
+        found = [read_figure_of_merit(step.get(key, step.get(short))) for step in steps]
+        values, low, high = (np.array(found) * factor).T
         shown = np.nan_to_num(values)
         finite = shown[shown > 0]
         wide = len(finite) > 0 and finite.max() > 20 * finite.min()
         if wide:
             ax.set_xscale("log")
-            log_axis(ax.xaxis)
+            set_log_axis(ax.xaxis)
             ax.set_xlim(finite.min() / 3, finite.max() * 6)
         else:
             ax.set_xlim(0, (finite.max() if len(finite) else 1) * 1.3)
@@ -258,16 +261,17 @@ def _ladder(steps: list[dict[str, Any]]) -> Plot:
         for i, value in enumerate(values):
             end = np.nanmax([shown[i], high[i], start])
             ax.annotate(
-                number(float(value), 3),
+                format_number(float(value), 3),
                 (end, i),
                 xytext=(4, 0),
                 textcoords="offset points",
                 va="center",
                 fontsize=8,
             )
-        labels(ax, x=label)
+        set_labels(ax, x=label)
         said.append(
-            f"{label}: " + ", ".join(f"{n} {number(float(v), 3)}" for n, v in zip(names, values))
+            f"{label}: "
+            + ", ".join(f"{n} {format_number(float(v), 3)}" for n, v in zip(names, values))
         )
     axes[0, 0].set_yticks(range(len(steps)), names)
     axes[0, 0].invert_yaxis()

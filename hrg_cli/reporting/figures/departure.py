@@ -9,19 +9,19 @@ import numpy as np
 
 from ...physics import ellipse
 from ...records import Array, Diagnosis
-from ..json_text import json_list
-from ..text import number
+from ..json_text import parse_list
+from ..text import format_number
 from .drawing import (
     INK,
     SERIES,
     Plot,
-    dots,
-    labels,
-    legend,
+    choose_time_unit,
+    draw_dots,
+    draw_legend,
+    draw_scatter_with_mean,
+    make_panels,
     note,
-    panels,
-    scatter_with_mean,
-    time_unit,
+    set_labels,
 )
 
 SPREAD = 1e-9
@@ -37,7 +37,7 @@ class DepartureMotion(NamedTuple):
     phase: Array
 
 
-def departure_plots(record: Diagnosis, mode_number: int) -> list[Plot]:
+def plot_departure(record: Diagnosis, mode_number: int) -> list[Plot]:
     """The worst run measured and simulated, then amplitude, wave angle, quadrature and phase
     measured less simulated."""
     measured, before, after = (
@@ -80,11 +80,11 @@ def _worst_run(
     squares = np.sum(np.asarray(record.residual_before) ** 2, axis=1)
     worst = max(np.unique(runs), key=lambda k: float(np.nanmean(squares[runs == k])))
     rows = runs == worst
-    names = json_list(record.run_ids)
+    names = parse_list(record.run_ids)
     name = str(names[worst]) if worst < len(names) else str(worst)
     t = np.asarray(record.time_s)[rows]
-    factor, unit = time_unit(float(np.ptp(t)))
-    figure, axes = panels(1, 3, height=2.4, width=8.2)
+    factor, unit = choose_time_unit(float(np.ptp(t)))
+    figure, axes = make_panels(1, 3, height=2.4, width=8.2)
     for ax, label, pick in (
         (axes[0, 0], "main amplitude", lambda m: m.amplitude),
         (axes[0, 1], "wave angle, °", lambda m: np.degrees(m.angle)),
@@ -98,9 +98,9 @@ def _worst_run(
             if label.startswith("wave angle"):
                 values[1:][np.abs(np.diff(values)) > 45] = np.nan
             ax.plot(t * factor, values, color=SERIES[colour], lw=1.0, label=words)
-        dots(ax, t * factor, pick(measured)[rows], 2, size=2.2, alpha=0.8)
-        labels(ax, x=f"time, {unit}", y=label)
-    legend(axes[0, 2], above=True)
+        draw_dots(ax, t * factor, pick(measured)[rows], 2, size=2.2, alpha=0.8)
+        set_labels(ax, x=f"time, {unit}", y=label)
+    draw_legend(axes[0, 2], above=True)
     note(axes[0, 0], f"run {name}, dots: measured")
     words = (
         f"Run {name}, which the base model fits worst: measured (dots) and simulated before and"
@@ -110,7 +110,7 @@ def _worst_run(
 
 
 def _difference(record: Diagnosis, name: str, unit: str, before: Array, after: Array) -> Plot:
-    factor, time = time_unit(float(np.ptp(record.time_s)))
+    factor, time = choose_time_unit(float(np.ptp(record.time_s)))
     against: list[tuple[str, Array]] = [
         ("θ modulo 180°", np.degrees(np.asarray(record.wave_angle_rad)) % 180),
         (f"time, {time}", np.asarray(record.time_s) * factor),
@@ -124,18 +124,18 @@ def _difference(record: Diagnosis, name: str, unit: str, before: Array, after: A
             np.abs(values)
         ):
             against.append((label, np.asarray(values) * scale))
-    figure, axes = panels(1, len(against), height=2.3, width=8.2, sharey=True)
+    figure, axes = make_panels(1, len(against), height=2.3, width=8.2, sharey=True)
     for ax, (label, x) in zip(axes[0], against):
-        scatter_with_mean(ax, x, before, 1, "before")
-        scatter_with_mean(ax, x, after, 0, "after")
+        draw_scatter_with_mean(ax, x, before, 1, "before")
+        draw_scatter_with_mean(ax, x, after, 0, "after")
         ax.axhline(0, color=INK, lw=0.5)
-        labels(ax, x=label)
+        set_labels(ax, x=label)
     low, high = np.nanpercentile(np.concatenate([before, after]), [0.5, 99.5])
     if high > low:
         axes[0, 0].set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
     axes[0, 0].set_ylabel(f"{name}, {unit}")
-    legend(axes[0, -1], above=True)
-    rms = [number(float(np.sqrt(np.nanmean(r**2)))) for r in (before, after)]
+    draw_legend(axes[0, -1], above=True)
+    rms = [format_number(float(np.sqrt(np.nanmean(r**2)))) for r in (before, after)]
     words = (
         f"Measured less simulated {name}: {rms[0]} {unit} rms before, {rms[1]} {unit} rms after the"
         " extended model."

@@ -10,42 +10,42 @@ from matplotlib.colors import LinearSegmentedColormap, to_rgba
 from matplotlib.ticker import MaxNLocator
 
 from ...records import Array, Diagnosis
-from ..answer_words import in_words
+from ..answer_words import say_in_words
 from ..diagnosis import score_left
-from ..json_text import as_float, child, entries, json_object
-from .departure import departure_plots
+from ..json_text import list_entries, parse_object, read_float, take_child
+from ..text import format_number
+from .departure import plot_departure
 from .drawing import (
     MUTED,
     SERIES,
     Plot,
-    chosen,
-    labels,
-    log_axis,
+    make_panels,
     note,
-    number,
-    panels,
+    set_labels,
+    set_log_axis,
+    shorten_list,
 )
-from .forecast import forecast_plots
+from .forecast import plot_forecast
 
 ALIKE = 0.9
 """Correlation from which two causes are named as alike."""
 
 
-def diagnosis_plots(record: Diagnosis) -> list[Plot]:
+def plot_diagnosis(record: Diagnosis) -> list[Plot]:
     """Ranking of the causes, gain, forecast, measured beside simulated against everything, and the
     map of what looks alike."""
-    report = json_object(record.report)
+    report = parse_object(record.report)
     found = []
-    if entries(report, "effects") or entries(report, "tested"):
+    if list_entries(report, "effects") or list_entries(report, "tested"):
         found.append(_ranking(report))
     if isinstance(report.get("gain"), dict):
         found.append(_gain(report))
-    found += forecast_plots(report)
+    found += plot_forecast(report)
     if len(record) and record.measured.shape[1] == 4:
-        found += departure_plots(record, int(as_float(report.get("mode_number", 2))))
+        found += plot_departure(record, int(read_float(report.get("mode_number", 2))))
     names, matrix = (
-        child(report, "correlations").get("names", []),
-        child(report, "correlations").get("matrix", []),
+        take_child(report, "correlations").get("names", []),
+        take_child(report, "correlations").get("matrix", []),
     )
     if len(names) > 1 and np.shape(matrix) == (len(names), len(names)):
         found.append(_correlation_map(names, np.array(matrix, float)))
@@ -60,14 +60,14 @@ def _scores(report: dict[str, Any]) -> tuple[list[Score], list[Score]]:
     """The causes found, in the order found, and what scores of the others that these runs can show are
     left beside them, the strongest first."""
     found: list[Score] = [
-        (in_words(str(e.get("name"))), abs(as_float(e.get("z"))), 0)
-        for e in entries(report, "effects")
+        (say_in_words(str(e.get("name"))), abs(read_float(e.get("z"))), 0)
+        for e in list_entries(report, "effects")
     ]
     named = {name for name, _, _ in found}
     tested: list[Score] = [
-        (in_words(str(e.get("name"))), score_left(e), 5)
-        for e in entries(report, "tested")
-        if in_words(str(e.get("name"))) not in named and e.get("visible", True)
+        (say_in_words(str(e.get("name"))), score_left(e), 5)
+        for e in list_entries(report, "tested")
+        if say_in_words(str(e.get("name"))) not in named and e.get("visible", True)
     ]
     tested = [score for score in tested if np.isfinite(score[1])]
     return found, sorted(tested, key=lambda e: -e[1])
@@ -76,19 +76,19 @@ def _scores(report: dict[str, Any]) -> tuple[list[Score], list[Score]]:
 def _say_ranking(report: dict[str, Any], found: list[Score], tested: list[Score]) -> str:
     said = f"Verdict: {report.get('verdict')}. "
     if found:
-        said += "Found: " + ", ".join(f"{n} at {number(z, 3)} σ" for n, z, _ in found) + ". "
+        said += "Found: " + ", ".join(f"{n} at {format_number(z, 3)} σ" for n, z, _ in found) + ". "
     else:
         said += "No cause was found. "
     if tested:
-        scores = [f"{n} {number(z, 2)} σ" for n, z, _ in tested]
-        said += f"Beside {'them' if found else 'nothing'}, not found: {chosen(scores, 8)}."
+        scores = [f"{n} {format_number(z, 2)} σ" for n, z, _ in tested]
+        said += f"Beside {'them' if found else 'nothing'}, not found: {shorten_list(scores, 8)}."
     return said
 
 
 def _ranking(report: dict[str, Any]) -> Plot:
     effects, tested = _scores(report)
     rows = (effects + tested)[:24]
-    figure, axes = panels(1, 1, height=0.8 + 0.24 * len(rows))
+    figure, axes = make_panels(1, 1, height=0.8 + 0.24 * len(rows))
     ax = axes[0, 0]
     values = np.array([np.nan_to_num(z) for _, z, _ in rows])
     ax.barh(
@@ -100,12 +100,12 @@ def _ranking(report: dict[str, Any]) -> Plot:
     if values.max(initial=1.0) > 50:
         ax.set_xscale("log")
         ax.set_xlim(0.3, values.max() * 3)
-        log_axis(ax.xaxis)
+        set_log_axis(ax.xaxis)
     else:
         ax.set_xlim(0, max(5.0, values.max(initial=1.0)) * 1.15)
     for i, z in enumerate(values):
         ax.annotate(
-            number(float(z), 3),
+            format_number(float(z), 3),
             (max(z, ax.get_xlim()[0]), i),
             xytext=(4, 0),
             textcoords="offset points",
@@ -114,7 +114,7 @@ def _ranking(report: dict[str, Any]) -> Plot:
         )
     ax.set_yticks(range(len(rows)), [name for name, _, _ in rows])
     ax.invert_yaxis()
-    labels(ax, x="|z|, standard deviations")
+    set_labels(ax, x="|z|, standard deviations")
     note(ax, "blue: found, in the order found; grey: what is left of the others beside them")
     words = _say_ranking(report, effects, tested)
     return Plot("ranking", "Causes by significance", words, figure)
@@ -122,17 +122,19 @@ def _ranking(report: dict[str, Any]) -> Plot:
 
 def _gain(report: dict[str, Any]) -> Plot:
     gain = report["gain"]
-    figure, axes = panels(1, 2, height=2.1, width=7.2)
-    fitted = [as_float(child(report, part).get("chi2_per_dof")) for part in ("baseline", "after")]
-    held_out = [as_float(gain.get(part)) for part in ("before", "after")]
+    figure, axes = make_panels(1, 2, height=2.1, width=7.2)
+    fitted = [
+        read_float(take_child(report, part).get("chi2_per_dof")) for part in ("baseline", "after")
+    ]
+    held_out = [read_float(gain.get(part)) for part in ("before", "after")]
     held = f"residual on held-out {gain.get('held_out', 'data')}"
     said = [
         _draw_fall(axes[0, 0], fitted, "χ² per degree of freedom", SERIES[4]),
         _draw_fall(axes[0, 1], held_out, held, SERIES[2]),
     ]
-    ratio, std = as_float(gain.get("ratio")), as_float(gain.get("std"))
+    ratio, std = read_float(gain.get("ratio")), read_float(gain.get("std"))
     if np.isfinite(ratio):
-        words = f"ratio {number(ratio, 3)} ± {number(std, 2)}"
+        words = f"ratio {format_number(ratio, 3)} ± {format_number(std, 2)}"
         note(axes[0, 1], words)
         said.append(words)
     return Plot("gain", "Gain of the extended model", "; ".join(said) + ".", figure)
@@ -147,15 +149,15 @@ def _draw_fall(ax: Axes, values: list[float], label: str, colour: str) -> str:
     ax.yaxis.set_major_locator(MaxNLocator(5))
     for i, value in enumerate(values):
         ax.annotate(
-            number(value),
+            format_number(value),
             (i, np.nan_to_num(value)),
             xytext=(0, 3),
             textcoords="offset points",
             ha="center",
             fontsize=8.5,
         )
-    labels(ax, y=label)
-    return f"{label} {number(values[0])} before and {number(values[1])} after"
+    set_labels(ax, y=label)
+    return f"{label} {format_number(values[0])} before and {format_number(values[1])} after"
 
 
 def _correlation_map(names: list[Any], matrix: Array) -> Plot:
@@ -165,13 +167,13 @@ def _correlation_map(names: list[Any], matrix: Array) -> Plot:
     shade = LinearSegmentedColormap.from_list(
         "alike", [to_rgba(SERIES[0], 0.0), to_rgba(SERIES[0], 1.0)]
     )
-    figure, axes = panels(1, 1, height=1.5 + 0.2 * count, width=2.6 + 0.26 * count)
+    figure, axes = make_panels(1, 1, height=1.5 + 0.2 * count, width=2.6 + 0.26 * count)
     ax = axes[0, 0]
     ax.pcolormesh(
         np.arange(count + 1), np.arange(count + 1), np.abs(matrix), cmap=shade, vmin=0, vmax=1
     )
     middle = np.arange(count) + 0.5
-    names = [in_words(str(n)) for n in names]
+    names = [say_in_words(str(n)) for n in names]
     ax.set_xticks(middle, names, rotation=90)
     ax.set_yticks(middle, names)
     ax.grid(False)
@@ -180,7 +182,7 @@ def _correlation_map(names: list[Any], matrix: Array) -> Plot:
     pairs = [(abs(matrix[i, j]), names[j], names[i]) for i in range(count) for j in range(i)]
     alike = [f"{a} and {b} {c:.3f}" for c, a, b in sorted(pairs, reverse=True) if c > ALIKE]
     words = (
-        f"Correlations above {ALIKE}: {chosen(alike, 8)}."
+        f"Correlations above {ALIKE}: {shorten_list(alike, 8)}."
         if alike
         else f"No two causes have a correlation above {ALIKE}."
     )

@@ -25,8 +25,8 @@ from matplotlib.path import Path as Outline
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from ...records import Array
-from ..text import number, ten
-from .good_and_bad import how_to_read
+from ..text import format_number, format_power_of_ten
+from .good_and_bad import explain_reading
 
 INK, MUTED, GRID, PAPER = "#1a2028", "#5b6673", "#d9dee4", "#fdfefe"
 SERIES = ("#0067a5", "#c8500a", "#00806a", "#a3418f", "#8a6d00", "#47617d")
@@ -102,15 +102,15 @@ class Plot:
     @property
     def caption(self) -> str:
         """The words, and what good and bad look like."""
-        return f"{self.words} {how_to_read(self.key)}".strip()
+        return f"{self.words} {explain_reading(self.key)}".strip()
 
 
-def style() -> Any:
+def use_style() -> Any:
     """Context in which figures are made and saved."""
     return mpl.rc_context(STYLE)
 
 
-def panels(
+def make_panels(
     rows: int = 1,
     columns: int = 1,
     *,
@@ -125,7 +125,7 @@ def panels(
     return figure, axes
 
 
-def time_unit(duration_s: float) -> tuple[float, str]:
+def choose_time_unit(duration_s: float) -> tuple[float, str]:
     """Factor and unit a person reads a duration in."""
     for factor, unit in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
         if duration_s >= 4 * factor:
@@ -133,7 +133,7 @@ def time_unit(duration_s: float) -> tuple[float, str]:
     return (1.0, "s") if duration_s >= 0.1 else (1e3, "ms")
 
 
-def envelope(x: Array, y: Array, points: int = POINTS) -> tuple[Array, Array]:
+def thin_envelope(x: Array, y: Array, points: int = POINTS) -> tuple[Array, Array]:
     """At most about `points` of a line that look the same: the lowest and highest of each bin, in
     their order; NaN breaks it."""
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
@@ -153,7 +153,7 @@ def envelope(x: Array, y: Array, points: int = POINTS) -> tuple[Array, Array]:
     return x[pick], y[pick]
 
 
-def line(
+def draw_line(
     ax: Axes,
     x: Array,
     y: Array,
@@ -164,7 +164,7 @@ def line(
 ) -> None:
     """A decimated line in a colour of the palette; what moves by no more than its rounding stays
     still."""
-    ax.plot(*envelope(x, y, points), color=SERIES[colour % len(SERIES)], label=label, **more)
+    ax.plot(*thin_envelope(x, y, points), color=SERIES[colour % len(SERIES)], label=label, **more)
     known = y[np.isfinite(y)]
     size = float(np.abs(known).max(initial=0.0))
     if size and 0 < float(np.ptp(known)) < ROUNDING * size:
@@ -180,7 +180,7 @@ def _dash_length(ax: Axes, x: Array) -> float:
     return 1e-3 * span or 4 * float(np.spacing(np.abs(x).max()))
 
 
-def dots(
+def draw_dots(
     ax: Axes,
     x: Array,
     y: Array,
@@ -219,7 +219,7 @@ BRIDGED = 2
 """Empty bins across which a line of means is drawn."""
 
 
-def binned(x: Array, y: Array, bins: int = 36) -> tuple[Array, Array, Array]:
+def average_bins(x: Array, y: Array, bins: int = 36) -> tuple[Array, Array, Array]:
     """Mean of y and its standard error in equal bins of x; only bins with three values or more. Where
     more than `BRIDGED` bins are empty a NaN stands, so that a line breaks off there."""
     keep = np.isfinite(x) & np.isfinite(y)
@@ -241,13 +241,13 @@ def binned(x: Array, y: Array, bins: int = 36) -> tuple[Array, Array, Array]:
     return broken_x, broken_mean, broken_error
 
 
-def scatter_with_mean(
+def draw_scatter_with_mean(
     ax: Axes, x: Array, y: Array, colour: int = 0, label: str | None = None
 ) -> None:
     """Dots behind, the mean of bins with its standard error in front; the range is that of 99 % of
     the dots."""
-    dots(ax, x, y, colour, alpha=0.3, size=1.6, points=300)
-    centre, mean, error = binned(x, y)
+    draw_dots(ax, x, y, colour, alpha=0.3, size=1.6, points=300)
+    centre, mean, error = average_bins(x, y)
     ax.errorbar(
         centre,
         mean,
@@ -266,7 +266,7 @@ def note(ax: Axes, text: str) -> None:
     ax.set_title(text, loc="right", fontsize=8.0, fontweight="normal", color=MUTED)
 
 
-def legend(ax: Axes, *, above: bool = False, **more: Any) -> None:
+def draw_legend(ax: Axes, *, above: bool = False, **more: Any) -> None:
     """A legend where there is something to tell apart; `above` puts it over the frame, right of the
     title."""
     options: dict[str, Any] = {"loc": "best", "borderaxespad": 0.3, "handlelength": 1.6}
@@ -289,11 +289,11 @@ def _settle(figure: Figure) -> None:
         figure.set_layout_engine(None)
 
 
-def svg(plot: Plot, prefix: str) -> str:
+def write_svg(plot: Plot, prefix: str) -> str:
     """The figure as one <svg> element: no date, ids that start with `prefix`, colours as CSS
     variables, role img with its words."""
     buffer = io.StringIO()
-    with style():
+    with use_style():
         _settle(plot.figure)
         plot.figure.savefig(
             buffer,
@@ -322,9 +322,9 @@ def svg(plot: Plot, prefix: str) -> str:
     )
 
 
-def standalone_svg(plot: Plot, path: Path) -> None:
+def write_standalone_svg(plot: Plot, path: Path) -> None:
     """The figure as an SVG file of its own on white, without a date."""
-    with style():
+    with use_style():
         _settle(plot.figure)
         plot.figure.savefig(
             path,
@@ -334,37 +334,39 @@ def standalone_svg(plot: Plot, path: Path) -> None:
         )
 
 
-def png(plot: Plot, path: Path) -> None:
+def write_png(plot: Plot, path: Path) -> None:
     """The figure as PNG on white, without a date."""
-    with style():
+    with use_style():
         _settle(plot.figure)
         plot.figure.savefig(
             path, format="png", dpi=150, facecolor="white", metadata={"Software": None}
         )
 
 
-def log_axis(axis: Axis) -> None:
+def set_log_axis(axis: Axis) -> None:
     """Decades named as 0.01 … 1000 or as raised powers, without math text."""
 
     def name(value: float, _: int | None = None) -> str:
         power = np.log10(value) if value > 0 else np.nan
         if abs(power - round(power)) > 1e-6:
             return ""
-        return f"{value:g}" if -3 < power < 5 else ten(round(power))
+        return f"{value:g}" if -3 < power < 5 else format_power_of_ten(round(power))
 
     axis.set_major_formatter(FuncFormatter(name))
     axis.set_minor_formatter(NullFormatter())
 
 
-def spread(values: Array) -> str:
+def say_spread(values: Array) -> str:
     """Lowest to highest, for words."""
     finite = np.asarray(values)[np.isfinite(values)]
     return (
-        f"{number(finite.min())} to {number(finite.max())}" if len(finite) else "no finite values"
+        f"{format_number(finite.min())} to {format_number(finite.max())}"
+        if len(finite)
+        else "no finite values"
     )
 
 
-def labels(ax: Axes, x: str = "", y: str = "", title: str = "") -> None:
+def set_labels(ax: Axes, x: str = "", y: str = "", title: str = "") -> None:
     """Labels and title of an axes."""
     ax.set_xlabel(x)
     ax.set_ylabel(y)
@@ -372,7 +374,7 @@ def labels(ax: Axes, x: str = "", y: str = "", title: str = "") -> None:
         ax.set_title(title)
 
 
-def chosen(names: Sequence[str], limit: int) -> str:
+def shorten_list(names: Sequence[str], limit: int) -> str:
     """A list cut for words."""
     return ", ".join(names[:limit]) + (
         f" and {len(names) - limit} more" if len(names) > limit else ""

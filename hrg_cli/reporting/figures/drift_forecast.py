@@ -11,14 +11,14 @@ import numpy as np
 from ...records import Array
 from ...stages.forecast import Forecast
 from ...units import DEGREE, DEGREE_PER_HOUR
-from ..text import number
-from .drawing import INK, SERIES, Plot, labels, legend, log_axis, panels
+from ..text import format_number
+from .drawing import INK, SERIES, Plot, draw_legend, make_panels, set_labels, set_log_axis
 
 
-def drift_forecast(made: Forecast) -> Plot:
+def plot_drift_forecast(made: Forecast) -> Plot:
     """D(θ) with its band and its two parts; θ(t) beside the tangent law; accumulated error against
     the time since a fix."""
-    figure, axes = panels(1, 3, height=2.9, width=11.0)
+    figure, axes = make_panels(1, 3, height=2.9, width=11.0)
     _draw_drift(axes[0, 0], made)
     _draw_way(axes[0, 1], made.table)
     _draw_error(axes[0, 2], made.table)
@@ -30,8 +30,8 @@ def drift_forecast(made: Forecast) -> Plot:
     )
     largest = float(np.abs(made.map["drift_rad_s"] / DEGREE_PER_HOUR).max())
     words = (
-        f"Drift up to {number(largest, 3)} °/h; {number(float(table['time_s'][last]), 3)}"
-        f" s after a fix the angle is wrong by {number(worst, 3)} ° at worst, {number(left, 2)} °"
+        f"Drift up to {format_number(largest, 3)} °/h; {format_number(float(table['time_s'][last]), 3)}"
+        f" s after a fix the angle is wrong by {format_number(worst, 3)} ° at worst, {format_number(left, 2)} °"
         " rms after compensation with this resonator."
     )
     return Plot("drift-forecast", "Drift expected of this resonator", words, figure)
@@ -54,8 +54,8 @@ def _draw_drift(ax: Any, made: Forecast) -> None:
         ax.plot(angle, made.map[name] / DEGREE_PER_HOUR, color=SERIES[k], ls=dashes, label=said)
     ax.axhline(0, color=INK, lw=0.5)
     when = "after one time constant" if made.drive == "free" else f"{made.drive} drive"
-    labels(ax, x="wave angle, °", y="drift of mθ, °/h", title=f"Drift, {when}")
-    legend(ax)
+    set_labels(ax, x="wave angle, °", y="drift of mθ, °/h", title=f"Drift, {when}")
+    draw_legend(ax)
 
 
 def _draw_way(ax: Any, table: Mapping[str, Array]) -> None:
@@ -68,9 +68,9 @@ def _draw_way(ax: Any, table: Mapping[str, Array]) -> None:
         ax.semilogx(
             time, table["tangent_law_rad"] / DEGREE, color=SERIES[1], ls="--", label="tangent law"
         )
-    labels(ax, x="time, s", y="wave angle, °", title="Way of the wave")
-    log_axis(ax.xaxis)
-    legend(ax)
+    set_labels(ax, x="time, s", y="wave angle, °", title="Way of the wave")
+    set_log_axis(ax.xaxis)
+    draw_legend(ax)
 
 
 def _draw_error(ax: Any, table: Mapping[str, Array]) -> None:
@@ -83,10 +83,10 @@ def _draw_error(ax: Any, table: Mapping[str, Array]) -> None:
     for k, (name, said) in enumerate(curves):
         error = np.maximum(table[name] / DEGREE, 1e-12)
         ax.loglog(table["time_s"], error, "o-", ms=2.5, color=SERIES[k], label=said)
-    labels(
+    set_labels(
         ax, x="time since a fix, s", y="error of the input angle, °", title="Error between fixes"
     )
     ax.grid(True, which="both")
-    log_axis(ax.xaxis)
-    log_axis(ax.yaxis)
-    legend(ax)
+    set_log_axis(ax.xaxis)
+    set_log_axis(ax.yaxis)
+    draw_legend(ax)

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from .. import answer_words
-from ..json_text import as_float, child, entries
-from ..text import number, plain
-from .drawing import INK, SERIES, Plot, labels, legend, note, panels, time_unit
+from ..json_text import list_entries, read_float, take_child
+from ..text import clean_text, format_number
+from .drawing import INK, SERIES, Plot, choose_time_unit, draw_legend, make_panels, note, set_labels
 
 QUANTITIES = (
     ("amplitude_percent", "error of the amplitude, %"),
@@ -18,25 +18,25 @@ QUANTITIES = (
 )
 
 
-def forecast_plots(report: dict[str, Any]) -> list[Plot]:
+def plot_forecast(report: dict[str, Any]) -> list[Plot]:
     """Measured less predicted against time for the linear and the extended model, and the signals'
     error of both."""
-    forecast = child(report, "forecast")
-    courses = entries(forecast, "course")
+    forecast = take_child(report, "forecast")
+    courses = list_entries(forecast, "course")
     if not courses:
         return []
     times = [_numbers(course.get("time_s")) for course in courses]
-    factor, unit = time_unit(
+    factor, unit = choose_time_unit(
         max((float(np.nanmax(t)) for t in times if np.isfinite(t).any()), default=1.0)
     )
-    figure, axes = panels(1, 4, height=2.5, width=10.0)
+    figure, axes = make_panels(1, 4, height=2.5, width=10.0)
     for ax, (key, label) in zip(axes[0], QUANTITIES):
         for k, (t, course) in enumerate(zip(times, courses)):
             for when, colour, name in (("before", 1, "linear"), ("after", 0, "extended")):
-                error = _numbers(child(course, when).get(key))
+                error = _numbers(take_child(course, when).get(key))
                 if len(error) == len(t):
                     ax.plot(t * factor, error, color=SERIES[colour], label=name if k == 0 else None)
-            std = _numbers(child(course, "after_std").get(key))
+            std = _numbers(take_child(course, "after_std").get(key))
             if len(std) == len(t):
                 ax.fill_between(
                     t * factor,
@@ -48,15 +48,15 @@ def forecast_plots(report: dict[str, Any]) -> list[Plot]:
                     label="expected, 95 %" if k == 0 else None,
                 )
         ax.axhline(0, color=INK, lw=0.5)
-        labels(ax, x=f"time, {unit}", y=label)
-    legend(axes[0, 0])
-    said = answer_words.forecast(report)
+        set_labels(ax, x=f"time, {unit}", y=label)
+    draw_legend(axes[0, 0])
+    said = answer_words.say_forecast(report)
     ax = axes[0, 3]
-    values = [as_float(forecast.get(when)) for when in ("before", "after")]
+    values = [read_float(forecast.get(when)) for when in ("before", "after")]
     ax.bar([0, 1], np.nan_to_num(values), color=[SERIES[1], SERIES[0]], width=0.55)
     ax.set_xticks([0, 1], ["linear", "extended"])
-    labels(ax, y=f"error of the signals, {plain(forecast.get('unit', '1'))}")
-    note(ax, f"{number(as_float(forecast.get('ratio')), 3)} times smaller")
+    set_labels(ax, y=f"error of the signals, {clean_text(forecast.get('unit', '1'))}")
+    note(ax, f"{format_number(read_float(forecast.get('ratio')), 3)} times smaller")
     return [
         Plot(
             "forecast",
@@ -69,4 +69,6 @@ def forecast_plots(report: dict[str, Any]) -> list[Plot]:
 
 def _numbers(values: Any) -> np.ndarray:
     """The numbers of a JSON list; NaN for anything else in it."""
-    return np.array([as_float(v) for v in values] if isinstance(values, list) else [], dtype=float)
+    return np.array(
+        [read_float(v) for v in values] if isinstance(values, list) else [], dtype=float
+    )

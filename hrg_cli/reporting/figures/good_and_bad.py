@@ -107,7 +107,7 @@ FAMILIES = {
 """Part of a key -> the same, of figures of one kind."""
 
 
-def how_to_read(key: str) -> str:
+def explain_reading(key: str) -> str:
     """What good and bad look like; empty where the figure says it itself.
 
     Examples

@@ -15,9 +15,19 @@ from ...ledger.overview import FigureReport
 from ...ledger.series import DAY_S
 from ...ledger.times import iso
 from ...records import Array
-from ..quantities import quantity, unit_for
-from ..text import number, plain
-from .drawing import INK, MUTED, SERIES, Plot, chosen, dots, labels, note, panels
+from ..quantities import choose_unit, format_quantity
+from ..text import clean_text, format_number
+from .drawing import (
+    INK,
+    MUTED,
+    SERIES,
+    Plot,
+    draw_dots,
+    make_panels,
+    note,
+    set_labels,
+    shorten_list,
+)
 
 BARS = 200
 """Points up to which standard deviations are drawn."""
@@ -56,9 +66,9 @@ def draw_course(course: ChartedFigure) -> Plot:
     next: in σ of both for one gyro, else the moving range with its limit."""
     values = np.asarray(course.values, float)
     middle = float(np.median(values)) if course.chart is None else course.chart.centre
-    factor, unit = unit_for(course.name, middle, course.units)
+    factor, unit = choose_unit(course.name, middle, course.units)
     two = len(values) > 1
-    figure, axes = panels(rows=2 if two else 1, height=2.1, sharex=True)
+    figure, axes = make_panels(rows=2 if two else 1, height=2.1, sharex=True)
     at, said = _abscissa(course)
     origin = _origin(values * factor)
     _individuals(axes[0, 0], course, at, factor, origin, unit)
@@ -108,13 +118,13 @@ def _individuals(
     warned = np.array([k in rules for k in range(len(y))]) & ~beyond
     kinds = ((~beyond & ~warned, 0, ""), (warned, 4, "warned of"), (beyond, 1, BEYOND))
     for which, colour, label in kinds:
-        dots(ax, at[which], y[which], colour, points=len(y), size=4.5, alpha=1.0)
+        draw_dots(ax, at[which], y[which], colour, points=len(y), size=4.5, alpha=1.0)
         if label and which.any():
             ax.plot([], [], "o", color=SERIES[colour], ms=4, label=label)
     for k in np.flatnonzero(beyond)[:NAMED] if not course.own else ():
         left = at[k] < (at[0] + at[-1]) / 2
         ax.annotate(
-            plain(course.points[k])[:24],
+            clean_text(course.points[k])[:24],
             (at[k], y[k]),
             xytext=(6 if left else -6, 0),
             ha="left" if left else "right",
@@ -129,8 +139,8 @@ def _individuals(
             ax.axhline(edge * factor - origin, color=MUTED, lw=0.9, ls="--")
         ax.plot([], [], color=MUTED, lw=0.9, ls="--", label="mean ± 3 σ between neighbours")
     _draw_limits(ax, course, factor, origin)
-    less = f" less {number(origin, 12)}" if origin else ""
-    labels(ax, "", f"{unit}{less}".strip(), "Individuals")
+    less = f" less {format_number(origin, 12)}" if origin else ""
+    set_labels(ax, "", f"{unit}{less}".strip(), "Individuals")
 
 
 def _draw_limits(ax: Axes, course: ChartedFigure, factor: float, origin: float) -> None:
@@ -140,7 +150,7 @@ def _draw_limits(ax: Axes, course: ChartedFigure, factor: float, origin: float) 
     for limit, sign in zip(course.bounds, ("≥", "≤"), strict=True):
         if limit is None:
             continue
-        words = f"limit {sign} {quantity(course.name, limit, None, course.units)}"
+        words = f"limit {sign} {format_quantity(course.name, limit, None, course.units)}"
         at = limit * factor - origin
         if first - ROOM * height <= at <= last + ROOM * height:
             ax.axhline(at, color=SERIES[3], lw=1.4, ls=(0, (6, 2)), label=words)
@@ -172,9 +182,9 @@ def _changes(ax: Axes, course: ChartedFigure, at: Array, factor: float, unit: st
             highest = max(highest, top)
         ax.set_ylim(0, 1.1 * highest or 1.0)
     ax.vlines(at[1:], 0, y, color=SERIES[0], lw=0.9, alpha=0.7)
-    dots(ax, at[1:][~far], y[~far], 0, points=len(y), size=3.5, alpha=1.0)
-    dots(ax, at[1:][far], y[far], 1, points=len(y), size=4.5, alpha=1.0)
-    labels(ax, "", name, "Against the one before")
+    draw_dots(ax, at[1:][~far], y[~far], 0, points=len(y), size=3.5, alpha=1.0)
+    draw_dots(ax, at[1:][far], y[far], 1, points=len(y), size=4.5, alpha=1.0)
+    set_labels(ax, "", name, "Against the one before")
 
 
 def _words(course: ChartedFigure, middle: float) -> str:
@@ -184,7 +194,7 @@ def _words(course: ChartedFigure, middle: float) -> str:
         ("measurement", "measurements") if course.own else ("gyro", "gyros, one value each")
     )
     what = one if count == 1 else several
-    shown = quantity(course.name, middle, _std(course), course.units)
+    shown = format_quantity(course.name, middle, _std(course), course.units)
     words = f"{count} {what}, middle {shown}."
     if course.chart is None:
         words += (
@@ -208,7 +218,7 @@ def _say_control(course: ChartedFigure, found: Chart) -> str:
     warned = len({v.point for v in found.violations} - set(beyond))
     said = f"{len(beyond) or 'None'} beyond 3 σ"
     if beyond:
-        said += f" ({chosen([plain(course.points[k]) for k in beyond], NAMED)})"
+        said += f" ({shorten_list([clean_text(course.points[k]) for k in beyond], NAMED)})"
     return f"{said}, {warned or 'none'} warned of by the other rules."
 
 
@@ -219,7 +229,7 @@ def draw_capability(figures: Sequence[FigureReport], names: Sequence[str]) -> Pl
         return None
     cpk = np.array([found.cpk for _, found in rows])
     low, high = np.array([found.cpk_interval for _, found in rows]).T
-    figure, axes = panels(height=0.34 * len(rows) + 0.9)
+    figure, axes = make_panels(height=0.34 * len(rows) + 0.9)
     ax = axes[0, 0]
     place = np.arange(len(rows))
     poor = cpk < CAPABLE
@@ -232,17 +242,17 @@ def draw_capability(figures: Sequence[FigureReport], names: Sequence[str]) -> Pl
         )
     ax.axvline(1, color=MUTED, lw=0.9, ls="--")
     ax.axvline(CAPABLE, color=MUTED, lw=0.9)
-    ax.set_yticks(place, [plain(name)[:40] for name, _ in rows])
+    ax.set_yticks(place, [clean_text(name)[:40] for name, _ in rows])
     ax.set_ylim(len(rows) - 0.5, -0.5)
     ax.grid(False, axis="y")
     ax.set_xlim(right=max(float(high.max()) * 1.05, 1.5))
-    labels(ax, "Cpk", title="Capability against the limits")
+    set_labels(ax, "Cpk", title="Capability against the limits")
     note(ax, "bars: 95 %; dashed 1, full 1.33")
     worst = int(np.argmin(cpk))
     words = (
         f"Cpk, the distance from the mean to the nearer limit over 3 spreads; the lowest is"
-        f" {plain(rows[worst][0])} with {number(cpk[worst], 3)}"
-        f" ({number(low[worst], 3)} to {number(high[worst], 3)} at 95 %), of"
+        f" {clean_text(rows[worst][0])} with {format_number(cpk[worst], 3)}"
+        f" ({format_number(low[worst], 3)} to {format_number(high[worst], 3)} at 95 %), of"
         f" {rows[worst][1].gyros} gyros. Good: bars right of 1.33. Bad: bars that reach below 1."
     )
     return Plot("capability", "Capability", words, figure)

@@ -13,9 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from ...records import Array
-from ..quantities import LABELS, RATE_OF_DECAY, unit_for
-from ..text import number, plain
-from .drawing import INK, MUTED, SERIES, Plot, dots, labels, legend, note, panels
+from ..quantities import LABELS, RATE_OF_DECAY, choose_unit
+from ..text import clean_text, format_number
+from .drawing import INK, MUTED, SERIES, Plot, draw_dots, draw_legend, make_panels, note, set_labels
 
 NAMED = 8
 """Outliers that a figure names one by one."""
@@ -33,7 +33,7 @@ Row = Mapping[str, Any]
 Limits = tuple[float | None, float | None]
 
 
-def in_words(name: str) -> str:
+def say_in_words(name: str) -> str:
     """A figure's name in words."""
     if name in LABELS and name != "damping_rate_1_s":
         return LABELS[name]
@@ -46,22 +46,22 @@ def in_words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def unit_of(name: str, value: float) -> tuple[float, str]:
+def choose_figure_unit(name: str, value: float) -> tuple[float, str]:
     """Factor and unit in which people read a figure of this name and size."""
     if name.startswith("scale_factor_rms"):
         return 1.0, "ppm"
     for end, units in (("_1_s", "s-1"), ("_hz", "Hz"), ("axis_rad", "rad")):
         if name.endswith(end):
-            return unit_for(name, value, units)
+            return choose_unit(name, value, units)
     if "_rad_s" in name or name == "damping_split_1_s":
-        return unit_for(name, value, "rad s-1")
+        return choose_unit(name, value, "rad s-1")
     return 1.0, ""
 
 
 def _say_outliers(far: Sequence[Row]) -> str:
     if not far:
         return "no outlier."
-    named = ", ".join(plain(row["gyro_id"]) for row in far)
+    named = ", ".join(clean_text(row["gyro_id"]) for row in far)
     return f"{len(far)} outlier{'s' if len(far) > 1 else ''}: {named}."
 
 
@@ -78,7 +78,7 @@ def _name_outliers(ax: Any, outliers: list[tuple[Row, float, float]], middle: fl
     for row, x, y in _choose_apart(outliers):
         left = x < middle
         ax.annotate(
-            plain(row["gyro_id"])[:24],
+            clean_text(row["gyro_id"])[:24],
             (x, y),
             xytext=(6, 0) if left else (-6, 0),
             ha="left" if left else "right",
@@ -103,13 +103,13 @@ def _draw_normal(ax: Axes, middle: float, spread: float) -> None:
     )
 
 
-def distribution(rows: Sequence[Row], name: str, limits: Limits = (None, None)) -> Plot | None:
+def plot_distribution(rows: Sequence[Row], name: str, limits: Limits = (None, None)) -> Plot | None:
     """The share of gyros at or below each value, with standard deviations and limits, against a
     normal distribution of the same median and MAD."""
     known = sorted((row for row in rows if row.get(name) is not None), key=lambda row: row[name])
     if not known:
         return None
-    factor, unit = unit_of(name, median(row[name] for row in known))
+    factor, unit = choose_figure_unit(name, median(row[name] for row in known))
     value = factor * np.array([row[name] for row in known], dtype=float)
     std = abs(factor) * np.array([row.get(f"{name}_std") or math.nan for row in known], dtype=float)
     low, high = (None if limit is None else factor * limit for limit in limits)
@@ -119,7 +119,7 @@ def distribution(rows: Sequence[Row], name: str, limits: Limits = (None, None)) 
     spread = SPREAD * median(np.abs(value - middle))
     digits = _digits(middle, spread)
     origin = float(f"{middle:.{digits}g}") if 0 < spread < NARROW * abs(middle) else 0.0
-    figure, axes = panels(height=2.4)
+    figure, axes = make_panels(height=2.4)
     ax = axes[0, 0]
     if spread > 0:
         _draw_normal(ax, middle - origin, spread)
@@ -127,24 +127,25 @@ def distribution(rows: Sequence[Row], name: str, limits: Limits = (None, None)) 
     if len(value) <= BARS:
         bars = np.where(np.isfinite(std), std, 0.0)
         ax.errorbar(off, share, xerr=bars, fmt="none", ecolor=MUTED, elinewidth=0.7)
-    dots(ax, off[~far], share[~far], 0, points=len(value), size=4.0, alpha=0.9)
-    dots(ax, off[far], share[far], 1, points=len(value), size=6.0, alpha=1.0)
+    draw_dots(ax, off[~far], share[~far], 0, points=len(value), size=4.0, alpha=0.9)
+    draw_dots(ax, off[far], share[far], 1, points=len(value), size=6.0, alpha=1.0)
     ax.plot([], [], "o", color=SERIES[0], ms=3, label="gyro")
     if far.any():
         ax.plot([], [], "o", color=SERIES[1], ms=4, label="outlier")
     outliers = [(r, x, y) for r, x, y, out in zip(known, off, share, far) if out]
     _name_outliers(ax, outliers, middle - origin)
     said_limits = _limits(ax, origin, low, high, unit)
-    ax.xaxis.set_major_formatter(lambda x, _: number(x, 6))
-    from_where = f" less {number(origin, digits)}" if origin else ""
-    title = in_words(name)
-    labels(ax, f"{title}{from_where}, {unit}".removesuffix(", "), "gyros at or below, %", title)
+    ax.xaxis.set_major_formatter(lambda x, _: format_number(x, 6))
+    from_where = f" less {format_number(origin, digits)}" if origin else ""
+    title = say_in_words(name)
+    set_labels(ax, f"{title}{from_where}, {unit}".removesuffix(", "), "gyros at or below, %", title)
     said = f" {unit}" if unit else ""
-    note(ax, f"median {number(middle, digits)}{said}, 1.4826·MAD {number(spread, 2)}{said}")
-    legend(ax, loc="center right" if far.any() and value[far].max() < middle else "best")
+    centre, width = format_number(middle, digits), format_number(spread, 2)
+    note(ax, f"median {centre}{said}, 1.4826·MAD {width}{said}")
+    draw_legend(ax, loc="center right" if far.any() and value[far].max() < middle else "best")
     words = (
-        f"{len(value)} gyros from {number(value[0], digits)} to {number(value[-1], digits)}{said},"
-        f" median {number(middle, digits)}, robust spread {number(spread, 2)}; "
+        f"{len(value)} gyros from {format_number(value[0], digits)} to {format_number(value[-1], digits)}{said},"
+        f" median {centre}, robust spread {width}; "
         + _say_outliers([row for row, out in zip(known, far) if out])
         + _say_limits(said_limits, value, low, high)
         + " Good: dots along the dashed line. Bad: dots far to one side, or a step."
@@ -169,7 +170,7 @@ def _limits(ax: Axes, origin: float, low: float | None, high: float | None, unit
     for limit, sign, side in ((low, "≥", "left"), (high, "≤", "right")):
         if limit is None:
             continue
-        words = f"{sign} {number(limit, 5)} {unit}".strip()
+        words = f"{sign} {format_number(limit, 5)} {unit}".strip()
         said.append(words)
         at = limit - origin
         if first - ROOM * width <= at <= last + ROOM * width:
@@ -189,7 +190,7 @@ def _digits(value: float, std: float) -> int:
     return min(15, max(2, math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2))
 
 
-def pareto(counts: Sequence[tuple[str, int]], gyros: int) -> Plot | None:
+def plot_pareto(counts: Sequence[tuple[str, int]], gyros: int) -> Plot | None:
     """Gyros a cause, most frequent first, and the share of all causes up to there."""
     if not counts:
         return None
@@ -198,11 +199,11 @@ def pareto(counts: Sequence[tuple[str, int]], gyros: int) -> Plot | None:
     if rest:
         shown.append(("others", rest))
     total = sum(count for _, count in counts)
-    figure, axes = panels(height=max(1.5, 0.34 * len(shown) + 0.6))
+    figure, axes = make_panels(height=max(1.5, 0.34 * len(shown) + 0.6))
     ax = axes[0, 0]
     at = np.arange(len(shown))
     ax.barh(at, [count for _, count in shown], color=SERIES[0], height=0.62)
-    ax.set_yticks(at, [plain(name)[:40] for name, _ in shown])
+    ax.set_yticks(at, [clean_text(name)[:40] for name, _ in shown])
     ax.invert_yaxis()
     ax.grid(False, axis="y")
     ax.set_xlim(0, max(count for _, count in shown) * 1.35)
@@ -218,34 +219,34 @@ def pareto(counts: Sequence[tuple[str, int]], gyros: int) -> Plot | None:
             va="center",
             fontsize=8.5,
         )
-    labels(ax, "gyros", title="Causes by the gyros that have them")
+    set_labels(ax, "gyros", title="Causes by the gyros that have them")
     words = (
-        f"{plain(shown[0][0])} is the most frequent, in {shown[0][1]} of {gyros} gyros; a gyro with two"
+        f"{clean_text(shown[0][0])} is the most frequent, in {shown[0][1]} of {gyros} gyros; a gyro with two"
         " causes counts for both. In brackets: the share of all causes down to this one."
     )
     return Plot("pareto", "Pareto of causes", words, figure)
 
 
-def caterpillar(cause: Mapping[str, Any], key: str) -> Plot | None:
+def plot_caterpillar(cause: Mapping[str, Any], key: str) -> Plot | None:
     """A common cause as every gyro's own diagnosis sees it, those of the group apart, with the
     common value."""
     rows = list(cause["estimates"])
     if not rows:
         return None
     rows.sort(key=lambda row: (not row["in_group"], row["day"], row["gyro_id"]))
-    factor, unit = unit_for(cause["parameter"], cause["value"], cause["units"])
+    factor, unit = choose_unit(cause["parameter"], cause["value"], cause["units"])
     value = factor * np.array([row["value"] for row in rows])
     std = abs(factor) * np.array([row["std"] for row in rows])
     inside = np.array([row["in_group"] for row in rows])
     place = np.arange(1, len(rows) + 1)
-    figure, axes = panels(height=2.5)
+    figure, axes = make_panels(height=2.5)
     ax = axes[0, 0]
     for own, colour, label in ((inside, 0, "gyro of the group"), (~inside, 2, "other gyro")):
         if own.any():
             ax.errorbar(
                 place[own], value[own], std[own], fmt="none", ecolor=SERIES[colour], elinewidth=0.8
             )
-            dots(ax, place[own], value[own], colour, points=len(rows), size=4.0, alpha=1.0)
+            draw_dots(ax, place[own], value[own], colour, points=len(rows), size=4.0, alpha=1.0)
             ax.plot([], [], "o", color=SERIES[colour], ms=3, label=label)
     mean, error = factor * cause["value"], abs(factor) * cause["std"]
     ends = [place[inside].min() - 0.5, place[inside].max() + 0.5]
@@ -258,14 +259,16 @@ def caterpillar(cause: Mapping[str, Any], key: str) -> Plot | None:
         max(float((value - std).min()), -reach) - 0.05 * reach,
         min(float((value + std).max()), reach) + 0.05 * reach,
     )
-    title = plain(f"{cause['name']}".replace("_", " "))
+    title = clean_text(f"{cause['name']}".replace("_", " "))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    labels(ax, "gyros, by day and name", f"{title}, {unit}".removesuffix(", "), title)
-    legend(ax, loc="best")
+    set_labels(ax, "gyros, by day and name", f"{title}, {unit}".removesuffix(", "), title)
+    draw_legend(ax, loc="best")
     sure = abs(cause["value"]) / float(np.median(std[inside]) / abs(factor))
     words = (
-        f"{plain(cause['sentence'])}; {number(sure, 2)} σ in one gyro; that {cause['gyros']} of them"
-        f" have it in common is as sure as {number(abs(cause['z']), 3)} σ. Bars: σ of one gyro's own runs. Good: bars that cover zero."
+        f"{clean_text(cause['sentence'])}; {format_number(sure, 2)} σ in one gyro;"
+        f" that {cause['gyros']} of them"
+        f" have it in common is as sure as {format_number(abs(cause['z']), 3)} σ."
+        " Bars: σ of one gyro's own runs. Good: bars that cover zero."
         " Bad: a group that lies beside it as a whole."
     )
     return Plot(key, f"Common cause: {title}", words, figure)

@@ -5,24 +5,24 @@ from __future__ import annotations
 import numpy as np
 
 from ...records import Periods, Wave
-from ..text import number
+from ..text import format_number
 from .drawing import (
     INK,
     MUTED,
     SERIES,
     Plot,
-    labels,
-    legend,
-    line,
-    log_axis,
-    panels,
-    spread,
-    time_unit,
+    choose_time_unit,
+    draw_legend,
+    draw_line,
+    make_panels,
+    say_spread,
+    set_labels,
+    set_log_axis,
 )
-from .recording import thin_line, unit_of_channels
+from .recording import name_channel_unit, thin_line
 
 
-def period_plots(record: Periods) -> list[Plot]:
+def plot_periods(record: Periods) -> list[Plot]:
     """Every figure of demodulated periods: the signals against time, and the residual's spectrum
     with its lines."""
     found = [_signals(record)] if len(record) else []
@@ -31,7 +31,7 @@ def period_plots(record: Periods) -> list[Plot]:
         and record.spectrum_density is not None
         and len(record.spectrum_frequency_hz)
     ):
-        found.append(residual_spectrum(record))
+        found.append(plot_residual_spectrum(record))
     return found
 
 
@@ -39,22 +39,22 @@ def _signals(record: Periods) -> Plot:
     time, signals, residual = (
         np.asarray(a[:]) for a in (record.time_s, record.signals, record.residual_rms)
     )
-    factor, unit = time_unit(float(time[-1]))
+    factor, unit = choose_time_unit(float(time[-1]))
     names = (
         ("C cos", "C sin", "S cos", "S sin")
         if signals.shape[1] == 4
         else ("a_c⁻", "a_c⁺", "b_c⁻", "b_c⁺", "a_s⁻", "a_s⁺", "b_s⁻", "b_s⁺")
     )
-    figure, axes = panels(3, 1, height=1.8, sharex=True)
+    figure, axes = make_panels(3, 1, height=1.8, sharex=True)
     half = signals.shape[1] // 2
     for k, name in enumerate(names):
         ax = axes[k // half, 0]
-        line(ax, time * factor, signals[:, k], k % half, name)
+        draw_line(ax, time * factor, signals[:, k], k % half, name)
     for ax, channel in zip(axes[:2, 0], "CS"):
-        labels(ax, y=unit_of_channels(record.units), title=f"Signals of channel {channel}")
+        set_labels(ax, y=name_channel_unit(record.units), title=f"Signals of channel {channel}")
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.2)
     for k, channel in enumerate("CS"):
-        line(axes[2, 0], time * factor, residual[:, k], k, channel)
+        draw_line(axes[2, 0], time * factor, residual[:, k], k, channel)
     flags = np.asarray(record.flags[:]) != 0
     if flags.any():
         axes[2, 0].plot(
@@ -65,29 +65,29 @@ def _signals(record: Periods) -> Plot:
             ms=4,
             label="flagged",
         )
-    labels(
+    set_labels(
         axes[2, 0],
         x=f"time, {unit}",
-        y=unit_of_channels(record.units),
+        y=name_channel_unit(record.units),
         title="rms of what the fit leaves a window",
     )
     axes[2, 0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.2)
     words = (
-        f"{len(time)} windows of {number(record.window_s)} s over {number(time[-1] * factor)}"
-        f" {unit} against {number(record.reference_frequency_hz, 8)} Hz; signals {spread(signals)},"
-        f" residual rms {spread(residual)} {unit_of_channels(record.units)}; {int(flags.sum())} windows are"
+        f"{len(time)} windows of {format_number(record.window_s)} s over {format_number(time[-1] * factor)}"
+        f" {unit} against {format_number(record.reference_frequency_hz, 8)} Hz; signals {say_spread(signals)},"
+        f" residual rms {say_spread(residual)} {name_channel_unit(record.units)}; {int(flags.sum())} windows are"
         " flagged."
     )
     return Plot("signals", "Demodulated signals", words, figure)
 
 
-def residual_spectrum(record: Periods | Wave) -> Plot:
+def plot_residual_spectrum(record: Periods | Wave) -> Plot:
     """Averaged spectrum of the demodulation's residual with the lines that stand out of it."""
     frequency, density = (
         np.asarray(record.spectrum_frequency_hz, dtype=float),
         np.asarray(record.spectrum_density, dtype=float),
     )
-    figure, axes = panels(1, 1, height=2.4)
+    figure, axes = make_panels(1, 1, height=2.4)
     ax = axes[0, 0]
     keep = frequency > 0
     for k, channel in enumerate("CS"):
@@ -99,15 +99,15 @@ def residual_spectrum(record: Periods | Wave) -> Plot:
         )
     median = float(np.sqrt(np.median(density[keep])))
     words = (
-        f"Residual amplitude density from 0 to {number(frequency[-1])} Hz, median"
-        f" {number(median, 3)} {unit_of_channels(record.units)}/√Hz."
+        f"Residual amplitude density from 0 to {format_number(frequency[-1])} Hz, median"
+        f" {format_number(median, 3)} {name_channel_unit(record.units)}/√Hz."
     )
     if record.spectrum_line_frequency_hz is not None and len(record.spectrum_line_frequency_hz):
         at = np.asarray(record.spectrum_line_frequency_hz)[:12]
         top = np.sqrt(np.interp(at, frequency, density.max(1)))
         ax.plot(at, top * 1.4, "v", color=MUTED, ms=4, label="stands out")
-        words += " Lines stand out at " + ", ".join(f"{number(f, 5)} Hz" for f in at) + "."
-    labels(ax, x="frequency, Hz", y=f"{unit_of_channels(record.units)}/√Hz")
-    log_axis(ax.yaxis)
-    legend(ax, above=True)
+        words += " Lines stand out at " + ", ".join(f"{format_number(f, 5)} Hz" for f in at) + "."
+    set_labels(ax, x="frequency, Hz", y=f"{name_channel_unit(record.units)}/√Hz")
+    set_log_axis(ax.yaxis)
+    draw_legend(ax, above=True)
     return Plot("residual-spectrum", "Spectrum of the demodulation's residual", words, figure)

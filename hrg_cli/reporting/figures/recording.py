@@ -12,20 +12,20 @@ import numpy as np
 
 from ...fitting.least_squares import fit_columns
 from ...records import Array, Recording
-from ..text import number
+from ..text import format_number
 from .drawing import (
     MUTED,
     SERIES,
     Plot,
-    dots,
-    labels,
-    legend,
-    line,
-    log_axis,
+    choose_time_unit,
+    draw_dots,
+    draw_legend,
+    draw_line,
+    make_panels,
     note,
-    panels,
-    spread,
-    time_unit,
+    say_spread,
+    set_labels,
+    set_log_axis,
 )
 
 LOOKS, LOOK_SAMPLES = 48, 1 << 13
@@ -42,7 +42,7 @@ class RecordingLook:
     rate_hz: float
 
 
-def plots(record: Recording, truth: bool) -> list[Plot]:
+def plot_recording(record: Recording, truth: bool) -> list[Plot]:
     """Every figure of a recording."""
     looks = _looks(record)
     if not looks:
@@ -108,8 +108,8 @@ def _strongest(signal: Array, rate_hz: float) -> float:
 
 
 def _overview(record: Recording, looks: list[RecordingLook]) -> Plot:
-    figure, axes = panels(2, 1, height=1.75, sharex=True)
-    factor, unit = time_unit(looks[-1].time_s[-1])
+    figure, axes = make_panels(2, 1, height=1.75, sharex=True)
+    factor, unit = choose_time_unit(looks[-1].time_s[-1])
     pieces = max(1, 200 // len(looks))
     centre = (
         np.concatenate(
@@ -127,26 +127,26 @@ def _overview(record: Recording, looks: list[RecordingLook]) -> Plot:
         ax.plot(centre, low, color=SERIES[i], lw=0.8)
         ax.plot(centre, high, color=SERIES[i], lw=0.8)
         said.append(
-            f"channel {channel} runs from {spread(np.concatenate([low, high]))} {unit_of_channels(units)}"
+            f"channel {channel} runs from {say_spread(np.concatenate([low, high]))} {name_channel_unit(units)}"
         )
-        labels(ax, y=f"{channel}, {unit_of_channels(units)}", title=f"Channel {channel}")
+        set_labels(ax, y=f"{channel}, {name_channel_unit(units)}", title=f"Channel {channel}")
     axes[1, 0].set_xlabel(f"time, {unit}")
     note(
         axes[0, 0], f"lowest and highest, from {len(looks)} looks of {len(looks[0].time_s)} samples"
     )
-    words = f"Both channels over {number(looks[-1].time_s[-1] * factor)} {unit}: {'; '.join(said)}."
+    words = f"Both channels over {format_number(looks[-1].time_s[-1] * factor)} {unit}: {'; '.join(said)}."
     return Plot("channels", "Channels against time", words, figure)
 
 
-def unit_of_channels(units: str) -> str:
+def name_channel_unit(units: str) -> str:
     """The channels' unit as an axis names it."""
     return "full scale" if units in ("", "1") else units
 
 
 def _orbit(record: Recording, looks: list[RecordingLook], frequency: float) -> Plot:
     """A few periods of S against C at the start, the middle and the end."""
-    figure, axes = panels(1, 3, height=2.85, sharey=True, sharex=True)
-    factor, unit = time_unit(looks[-1].time_s[-1])
+    figure, axes = make_panels(1, 3, height=2.85, sharey=True, sharex=True)
+    factor, unit = choose_time_unit(looks[-1].time_s[-1])
     said = []
     reach = 1e-300
     for ax, look, i in zip(axes[0], (looks[0], looks[len(looks) // 2], looks[-1]), range(3)):
@@ -154,7 +154,7 @@ def _orbit(record: Recording, looks: list[RecordingLook], frequency: float) -> P
         samples = max(240, round(4 * a_period))
         middle = len(look.time_s) // 2
         part = look.signal[:, max(0, middle - samples // 2) : middle + samples // 2 + 1]
-        dots(ax, part[0], part[1], i, size=2.2, alpha=0.7)
+        draw_dots(ax, part[0], part[1], i, size=2.2, alpha=0.7)
         if a_period > 12:
             ax.plot(*part[:, :600], color=SERIES[i], lw=0.5, alpha=0.5)
         centred = part - part.mean(1, keepdims=True)
@@ -162,22 +162,22 @@ def _orbit(record: Recording, looks: list[RecordingLook], frequency: float) -> P
         angle = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])) % 180 / record.mode_number
         ratio = np.sqrt(max(values[0], 0.0) / values[1]) if values[1] > 0 else 0.0
         ax.set_aspect("equal", adjustable="box")
-        labels(
+        set_labels(
             ax,
-            x=f"C, {unit_of_channels(record.c_units)}",
+            x=f"C, {name_channel_unit(record.c_units)}",
             title=(
-                f"at {number(look.time_s[middle] * factor, 3)} {unit}\nθ {angle:.1f}°, axes 1 :"
-                f" {number(ratio, 2)}"
+                f"at {format_number(look.time_s[middle] * factor, 3)} {unit}\nθ {angle:.1f}°, axes 1 :"
+                f" {format_number(ratio, 2)}"
             ),
         )
         said.append(
-            f"at {number(look.time_s[middle] * factor, 3)} {unit} the main axis lies at a wave"
+            f"at {format_number(look.time_s[middle] * factor, 3)} {unit} the main axis lies at a wave"
             f" angle of {angle:.1f}° and the minor axis is {ratio:.2g} of it"
         )
         reach = max(reach, 1.08 * float(np.abs(part).max()))
     axes[0, 0].set_xlim(-reach, reach)
     axes[0, 0].set_ylim(-reach, reach)
-    axes[0, 0].set_ylabel(f"S, {unit_of_channels(record.s_units)}")
+    axes[0, 0].set_ylabel(f"S, {name_channel_unit(record.s_units)}")
     return Plot(
         "orbit",
         "Orbit: S against C",
@@ -200,26 +200,26 @@ def _spectrum(record: Recording, looks: list[RecordingLook], frequency: float) -
         raw += np.abs(np.fft.rfft(signal * window)) ** 2 * scale / len(looks)
         left += np.abs(np.fft.rfft(residual * window)) ** 2 * scale / len(looks)
     axis = np.fft.rfftfreq(size, 1 / rate)
-    figure, axes = panels(2, 1, height=2.1, sharex=True)
+    figure, axes = make_panels(2, 1, height=2.1, sharex=True)
     floor = np.sqrt(np.median(left[:, 1:], axis=1))
     for i, (ax, channel) in enumerate(zip(axes[:, 0], "CS")):
         x, top = thin_line(axis[1:], np.sqrt(raw[i, 1:]))
         ax.semilogy(x, top, color=SERIES[i], lw=1.0, label="raw")
         x, top = thin_line(axis[1:], np.sqrt(left[i, 1:]))
         ax.semilogy(x, top, color=MUTED, lw=0.8, label="residual of a local fit")
-        log_axis(ax.yaxis)
-        labels(
+        set_log_axis(ax.yaxis)
+        set_labels(
             ax,
-            y=f"{channel}, {unit_of_channels(record.c_units if i == 0 else record.s_units)}/√Hz",
+            y=f"{channel}, {name_channel_unit(record.c_units if i == 0 else record.s_units)}/√Hz",
             title=f"Channel {channel}",
         )
-        legend(ax, above=True)
+        draw_legend(ax, above=True)
     axes[1, 0].set_xlabel("frequency, Hz")
     axes[1, 0].set_xlim(0, rate / 2)
     words = (
-        f"Amplitude spectral density from 0 to {number(rate / 2)} Hz: the strongest line is at"
-        f" {number(frequency, 7)} Hz; the median of the residual is {number(floor[0], 3)} (C) and"
-        f" {number(floor[1], 3)} (S) {unit_of_channels(record.c_units)}/√Hz."
+        f"Amplitude spectral density from 0 to {format_number(rate / 2)} Hz: the strongest line is at"
+        f" {format_number(frequency, 7)} Hz; the median of the residual is {format_number(floor[0], 3)} (C) and"
+        f" {format_number(floor[1], 3)} (S) {name_channel_unit(record.c_units)}/√Hz."
     )
     return Plot("spectrum", "Raw spectrum with its residual", words, figure)
 
@@ -267,14 +267,14 @@ def _log(record: Recording) -> Plot | None:
     if not rows:
         return None
     time = np.asarray(record.auxiliary_time_s)
-    to_unit, unit = time_unit(float(time[-1] - time[0]))
-    figure, axes = panels(len(rows), 1, height=1.45, sharex=True)
+    to_unit, unit = choose_time_unit(float(time[-1] - time[0]))
+    figure, axes = make_panels(len(rows), 1, height=1.45, sharex=True)
     said = []
     for i, (ax, (name, label, factor)) in enumerate(zip(axes[:, 0], rows)):
         values = np.asarray(getattr(record, name)) * factor
-        line(ax, time * to_unit, values, i)
-        labels(ax, y=label)
-        said.append(f"{label} {spread(values)}")
+        draw_line(ax, time * to_unit, values, i)
+        set_labels(ax, y=label)
+        said.append(f"{label} {say_spread(values)}")
     axes[-1, 0].set_xlabel(f"time, {unit}")
     return Plot("log", "Log beside the samples", "Auxiliary log: " + "; ".join(said) + ".", figure)
 
@@ -282,22 +282,22 @@ def _log(record: Recording) -> Plot | None:
 def _truth(record: Recording) -> Plot:
     assert record.truth_time_s is not None
     time = np.asarray(record.truth_time_s)
-    to_unit, unit = time_unit(float(time[-1] - time[0]))
+    to_unit, unit = choose_time_unit(float(time[-1] - time[0]))
     named = (
         ("truth_wave_angle_rad", "θ, °", np.degrees(1.0)),
-        ("truth_main_amplitude", f"a_A, {unit_of_channels(record.c_units)}", 1.0),
-        ("truth_quadrature_amplitude", f"a_B, {unit_of_channels(record.c_units)}", 1.0),
+        ("truth_main_amplitude", f"a_A, {name_channel_unit(record.c_units)}", 1.0),
+        ("truth_quadrature_amplitude", f"a_B, {name_channel_unit(record.c_units)}", 1.0),
         ("truth_phase_rad", "φ, rad", 1.0),
     )
     rows = [
         (name, label, factor) for name, label, factor in named if getattr(record, name) is not None
     ]
-    figure, axes = panels(len(rows), 1, height=1.4, sharex=True)
+    figure, axes = make_panels(len(rows), 1, height=1.4, sharex=True)
     said = []
     for ax, (name, label, factor) in zip(axes[:, 0], rows):
         values = np.asarray(getattr(record, name)) * factor
-        line(ax, time * to_unit, values, 3)
-        labels(ax, y=label)
-        said.append(f"{label} {spread(values)}")
+        draw_line(ax, time * to_unit, values, 3)
+        set_labels(ax, y=label)
+        said.append(f"{label} {say_spread(values)}")
     axes[-1, 0].set_xlabel(f"time, {unit}")
     return Plot("truth", "Truth of the simulation", "True values: " + "; ".join(said) + ".", figure)

@@ -9,15 +9,17 @@ from typing import Any
 import numpy as np
 
 from ..figure_names import name_of_figure
-from ..text import hundredths
-from .drawing import GRID, INK, SERIES, Plot, labels, legend, panels
+from ..text import format_hundredths
+from .drawing import GRID, INK, SERIES, Plot, draw_legend, make_panels, set_labels
 
 
-def rehearsal_plot(report: Mapping[str, Any]) -> Plot:
+def plot_rehearsal(report: Mapping[str, Any]) -> Plot:
     """Bias and rms (left) and coverage (right), one row a figure."""
     figures = report["figures"]
     place = np.arange(len(figures))
-    figure, axes = panels(1, 2, height=max(2.0, 0.28 * len(figures) + 0.8), width=9.0, sharey=True)
+    figure, axes = make_panels(
+        1, 2, height=max(2.0, 0.28 * len(figures) + 0.8), width=9.0, sharey=True
+    )
     left, right = axes[0]
     bias, rms = (
         np.array([f[key] for f in figures]) for key in ("bias_over_std", "error_over_std_rms")
@@ -31,8 +33,8 @@ def rehearsal_plot(report: Mapping[str, Any]) -> Plot:
     left.set_xscale("symlog", linthresh=3) if reach > 30 else left.set_xlim(-reach, reach)
     left.set_yticks(place, [name_of_figure(f["name"]) for f in figures])
     left.invert_yaxis()
-    labels(left, x="error, standard deviations")
-    legend(left, above=True)
+    set_labels(left, x="error, standard deviations")
+    draw_legend(left, above=True)
     for key, expected, colour in (
         ("coverage_68", 68.3, SERIES[2]),
         ("coverage_95", 95.0, SERIES[3]),
@@ -42,11 +44,11 @@ def rehearsal_plot(report: Mapping[str, Any]) -> Plot:
             [100 * f[key] for f in figures], place, "o", color=colour, label=f"{expected:.0f} %"
         )
     right.set_xlim(0, 102)
-    labels(right, x="true value within the interval, %")
-    legend(right, above=True)
+    set_labels(right, x="true value within the interval, %")
+    draw_legend(right, above=True)
     words = (
         f"{report['times']} rehearsals on a simulated twin: errors of {rms.min():.2f} to"
-        f" {rms.max():.2f} standard deviations, bias of {hundredths(bias.min())} to"
-        f" {hundredths(bias.max())}."
+        f" {rms.max():.2f} standard deviations, bias of {format_hundredths(bias.min())} to"
+        f" {format_hundredths(bias.max())}."
     )
     return Plot("rehearsal", "Rehearsal", words, figure)

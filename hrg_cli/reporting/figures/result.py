@@ -9,25 +9,24 @@ from ...fitting.tables.allan import allan_deviation
 from ...records import Array, Compensated, Resonator
 from ...units import DEGREE_PER_HOUR
 from ..figure_names import name_of_figure
-from ..text import hundredths
+from ..text import format_hundredths, format_number
 from .drawing import (
     INK,
     SERIES,
     Plot,
-    binned,
-    labels,
-    legend,
-    line,
-    log_axis,
+    average_bins,
+    choose_time_unit,
+    draw_legend,
+    draw_line,
+    make_panels,
     note,
-    number,
-    panels,
-    spread,
-    time_unit,
+    say_spread,
+    set_labels,
+    set_log_axis,
 )
 
 
-def resonator_plots(record: Resonator) -> list[Plot]:
+def plot_resonator(record: Resonator) -> list[Plot]:
     """Correlations of the parameters, and how each run agrees."""
     found = []
     deviation = np.sqrt(np.clip(np.diag(record.covariance), 0, None))
@@ -48,7 +47,9 @@ def _correlation(names: list[str], covariance: Array) -> Plot:
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(deviation, deviation)
     n = len(names)
-    figure, axes = panels(1, 1, height=min(6.5, 1.4 + 0.42 * n), width=min(8.2, 3.4 + 0.52 * n))
+    figure, axes = make_panels(
+        1, 1, height=min(6.5, 1.4 + 0.42 * n), width=min(8.2, 3.4 + 0.52 * n)
+    )
     ax = axes[0, 0]
     ax.grid(False)
     image = ax.imshow(
@@ -60,7 +61,7 @@ def _correlation(names: list[str], covariance: Array) -> Plot:
             ax.text(
                 j,
                 i,
-                hundredths(value),
+                format_hundredths(value),
                 ha="center",
                 va="center",
                 fontsize=7.5,
@@ -75,7 +76,8 @@ def _correlation(names: list[str], covariance: Array) -> Plot:
     words = (
         "Correlation of the estimates; strongest: "
         + ", ".join(
-            f"{names[i]} with {names[j]} {number(float(correlation[i, j]), 2)}" for _, i, j in pairs
+            f"{names[i]} with {names[j]} {format_number(float(correlation[i, j]), 2)}"
+            for _, i, j in pairs
         )
         + "."
     )
@@ -85,7 +87,7 @@ def _correlation(names: list[str], covariance: Array) -> Plot:
 def _runs(record: Resonator) -> Plot:
     assert record.run is not None and record.run_chi2_per_dof is not None
     names, values = [str(r) for r in record.run], np.asarray(record.run_chi2_per_dof)
-    figure, axes = panels(1, 1, height=2.3)
+    figure, axes = make_panels(1, 1, height=2.3)
     ax = axes[0, 0]
     ax.bar(np.arange(len(names)), values, color=SERIES[0], width=0.65)
     ax.axhline(1, color=INK, lw=0.8, ls="--")
@@ -96,16 +98,16 @@ def _runs(record: Resonator) -> Plot:
         rotation=38 if len(names) > 6 else 0,
         ha="right" if len(names) > 6 else "center",
     )
-    labels(ax, x="run", y="χ² per degree of freedom")
+    set_labels(ax, x="run", y="χ² per degree of freedom")
     worst = int(np.nanargmax(values)) if np.isfinite(values).any() else 0
     words = (
-        f"χ² per degree of freedom of {len(names)} runs: {spread(values)}; the worst is"
+        f"χ² per degree of freedom of {len(names)} runs: {say_spread(values)}; the worst is"
         f" {names[worst]}. One is expected of noise alone."
     )
     return Plot("runs", "How each run agrees with the fit", words, figure)
 
 
-def compensated_plots(record: Compensated) -> list[Plot]:
+def plot_compensated(record: Compensated) -> list[Plot]:
     """The rate and what was left of it before and after the tables, and the Allan deviation."""
     if len(record) < 2:
         return []
@@ -126,15 +128,15 @@ def compensated_plots(record: Compensated) -> list[Plot]:
 
 
 def _compensated(record: Compensated) -> Plot:
-    factor, unit = time_unit(float(record.time_s[-1] - record.time_s[0]))
+    factor, unit = choose_time_unit(float(record.time_s[-1] - record.time_s[0]))
     known = record.residual_after_rad_s is not None
-    figure, axes = panels(3 if known else 2, 1, height=1.75, sharex=True)
+    figure, axes = make_panels(3 if known else 2, 1, height=1.75, sharex=True)
     time = np.asarray(record.time_s) * factor
-    line(axes[0, 0], time, np.degrees(np.asarray(record.rate_estimate_rad_s)), 0)
-    labels(axes[0, 0], y="°/s", title="Rate estimate")
-    line(axes[1, 0], time, np.degrees(np.asarray(record.angle_estimate_rad)), 2)
-    labels(axes[1, 0], y="°", title="Angle estimate")
-    words = f"Rate estimate {spread(np.degrees(np.asarray(record.rate_estimate_rad_s)))} °/s"
+    draw_line(axes[0, 0], time, np.degrees(np.asarray(record.rate_estimate_rad_s)), 0)
+    set_labels(axes[0, 0], y="°/s", title="Rate estimate")
+    draw_line(axes[1, 0], time, np.degrees(np.asarray(record.angle_estimate_rad)), 2)
+    set_labels(axes[1, 0], y="°", title="Angle estimate")
+    words = f"Rate estimate {say_spread(np.degrees(np.asarray(record.rate_estimate_rad_s)))} °/s"
     if known:
         ax = axes[2, 0]
         for y, name, k in (
@@ -143,25 +145,25 @@ def _compensated(record: Compensated) -> Plot:
         ):
             if y is not None:
                 error = np.asarray(y) / DEGREE_PER_HOUR
-                line(ax, time, error, k, alpha=0.25, lw=0.6, points=700)
+                draw_line(ax, time, error, k, alpha=0.25, lw=0.6, points=700)
                 ax.plot(
-                    *binned(time, error, 120)[:2],
+                    *average_bins(time, error, 120)[:2],
                     color=SERIES[k],
                     lw=1.4,
                     label=f"{name} the tables",
                 )
                 words += (
                     f"; residual {name}"
-                    f" {number(float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR)} °/h rms"
+                    f" {format_number(float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR)} °/h rms"
                 )
-        labels(ax, y="°/h", title="Rate error and its running mean")
-        legend(ax, above=True)
+        set_labels(ax, y="°/h", title="Rate error and its running mean")
+        draw_legend(ax, above=True)
     axes[-1, 0].set_xlabel(f"time, {unit}")
     return Plot("compensated", "Rate after the tables", words + ".", figure)
 
 
 def _allan(series: list[tuple[Array, str, int]], interval_s: float) -> Plot:
-    figure, axes = panels(1, 1, height=3.0)
+    figure, axes = make_panels(1, 1, height=3.0)
     ax = axes[0, 0]
     said = []
     for rate, name, k in series:
@@ -177,13 +179,13 @@ def _allan(series: list[tuple[Array, str, int]], interval_s: float) -> Plot:
         )
         best = int(np.argmin(deviation))
         said.append(
-            f"{name}: {number(float(deviation[0]), 3)} °/h at {number(float(tau[0]), 3)} s, "
-            f"lowest {number(float(deviation[best]), 3)} °/h at {number(float(tau[best]), 3)} s"
+            f"{name}: {format_number(float(deviation[0]), 3)} °/h at {format_number(float(tau[0]), 3)} s, "
+            f"lowest {format_number(float(deviation[best]), 3)} °/h at {format_number(float(tau[best]), 3)} s"
         )
-    labels(ax, x="averaging time τ, s", y="Allan deviation, °/h")
+    set_labels(ax, x="averaging time τ, s", y="Allan deviation, °/h")
     ax.grid(True, which="both")
-    log_axis(ax.xaxis)
-    log_axis(ax.yaxis)
-    legend(ax)
+    set_log_axis(ax.xaxis)
+    set_log_axis(ax.yaxis)
+    draw_legend(ax)
     note(ax, "band: ± standard error")
     return Plot("allan", "Allan deviation of the rate error", "; ".join(said) + ".", figure)

@@ -11,22 +11,22 @@ import numpy as np
 from ...fitting.least_squares import fit_columns
 from ...records import Array, Recording, Wave
 from ...units import DEGREE_PER_HOUR
-from ..text import number
+from ..text import format_number
 from .drawing import (
     INK,
     SERIES,
     Plot,
-    envelope,
-    labels,
-    legend,
-    line,
+    choose_time_unit,
+    draw_legend,
+    draw_line,
+    draw_scatter_with_mean,
+    make_panels,
     note,
-    panels,
-    scatter_with_mean,
-    spread,
-    time_unit,
+    say_spread,
+    set_labels,
+    thin_envelope,
 )
-from .periods import residual_spectrum
+from .periods import plot_residual_spectrum
 
 INCREMENTS = 900
 """Increments a run is cut into for its rates."""
@@ -46,13 +46,13 @@ class Rates:
     quadrature_1_s: Array
 
 
-def plots(record: Wave, truth: Recording | None, spectrum: bool = True) -> list[Plot]:
+def plot_wave(record: Wave, truth: Recording | None, spectrum: bool = True) -> list[Plot]:
     """Every figure of a wave; `truth` is the simulated recording of its run where it may be shown,
     `spectrum` asks for the residual's."""
     if not len(record):
         return []
     found = [_course(record, truth)]
-    rates = increments(record)
+    rates = compute_increments(record)
     if rates is not None:
         found.append(_rates(record, rates))
     if (
@@ -61,14 +61,14 @@ def plots(record: Wave, truth: Recording | None, spectrum: bool = True) -> list[
         and record.spectrum_density is not None
         and len(record.spectrum_frequency_hz)
     ):
-        found.append(residual_spectrum(record))
+        found.append(plot_residual_spectrum(record))
     return found
 
 
 def _rows_of_course(record: Wave) -> list[tuple[str, str, float, str]]:
     """Column, axis label, factor from SI and title of every row of the course."""
     amplitude = "full scale" if record.units in ("", "1") else record.units
-    reference = f"{number(record.reference_frequency_hz, 8)} Hz"
+    reference = f"{format_number(record.reference_frequency_hz, 8)} Hz"
     rows = [
         ("wave_angle_rad", "θ, °", float(np.degrees(1.0)), "Wave angle θ"),
         ("main_amplitude", f"a_A, {amplitude}", 1.0, "Main amplitude a_A"),
@@ -92,10 +92,10 @@ def _draw_truth(
     if expected is None or truth.truth_time_s is None:
         return False
     time, at = np.asarray(record.time_s[:]), np.asarray(truth.truth_time_s)
-    factor, _ = time_unit(float(time[-1] - time[0]))
+    factor, _ = choose_time_unit(float(time[-1] - time[0]))
     shift = _branch(record, name, values, time, at, np.asarray(expected) * scale, scale)
     ax.plot(
-        *envelope(at * factor, np.asarray(expected) * scale + shift),
+        *thin_envelope(at * factor, np.asarray(expected) * scale + shift),
         color=INK,
         lw=1.2,
         ls=(0, (3, 4)),
@@ -107,29 +107,29 @@ def _draw_truth(
 def _course(record: Wave, truth: Recording | None) -> Plot:
     time = np.asarray(record.time_s[:])
     good = record.good()
-    factor, unit = time_unit(float(time[-1] - time[0]))
+    factor, unit = choose_time_unit(float(time[-1] - time[0]))
     rows = _rows_of_course(record)
-    figure, axes = panels(len(rows), 1, height=1.35, sharex=True)
+    figure, axes = make_panels(len(rows), 1, height=1.35, sharex=True)
     said = []
     for k, (ax, (name, label, scale, title)) in enumerate(zip(axes[:, 0], rows)):
         values = np.where(good, np.asarray(getattr(record, name)[:], dtype=float), np.nan) * scale
-        line(ax, time * factor, values, k, "estimate")
+        draw_line(ax, time * factor, values, k, "estimate")
         deviation = getattr(record, f"{name}_std", None)
         if deviation is not None and np.isfinite(deviation[:]).any():
             unit_of = label.partition(", ")[2]
             note(
                 ax,
                 "median σ"
-                f" {number(float(np.nanmedian(deviation[:])) * scale, 2)}{'' if unit_of == '°' else ' '}{unit_of}",
+                f" {format_number(float(np.nanmedian(deviation[:])) * scale, 2)}{'' if unit_of == '°' else ' '}{unit_of}",
             )
         if truth is not None and _draw_truth(ax, record, truth, name, values, scale) and k == 0:
-            legend(ax, above=True, bbox_to_anchor=(0.8, 1.0))
-        labels(ax, y=label, title=title)
-        said.append(f"{title} {spread(values)} {label.partition(', ')[2]}")
+            draw_legend(ax, above=True, bbox_to_anchor=(0.8, 1.0))
+        set_labels(ax, y=label, title=title)
+        said.append(f"{title} {say_spread(values)} {label.partition(', ')[2]}")
     axes[-1, 0].set_xlabel(f"time, {unit}")
     bad = int(len(time) - good.sum())
     words = (
-        f"Run over {number((time[-1] - time[0]) * factor)} {unit}, {len(time)} windows of which"
+        f"Run over {format_number((time[-1] - time[0]) * factor)} {unit}, {len(time)} windows of which"
         f" {bad} are flagged or failed: " + "; ".join(said) + "."
     )
     return Plot("wave", "Wave against time: θ, a_A, a_B, φ", words, figure)
@@ -157,7 +157,7 @@ def _branch(
     )
 
 
-def increments(record: Wave) -> Rates | None:
+def compute_increments(record: Wave) -> Rates | None:
     """Rates over increments of a run: differences of the means of neighbouring blocks, only where
     windows are good."""
     good = record.good()
@@ -193,7 +193,7 @@ def increments(record: Wave) -> Rates | None:
     )
 
 
-def without_constants(rates: Rates) -> tuple[Array, str]:
+def remove_constants(rates: Rates) -> tuple[Array, str]:
     """m·dθ/dt less a constant drift and, where the rate turns enough, a constant scale factor times
     it; and what was taken out in words."""
     y = rates.precession_rad_s
@@ -208,11 +208,11 @@ def without_constants(rates: Rates) -> tuple[Array, str]:
     basis = np.stack(columns, 1)
     solution = fit_columns(basis, y)
     said = (
-        f"mean {number(solution[0] / DEGREE_PER_HOUR)} °/h"
+        f"mean {format_number(solution[0] / DEGREE_PER_HOUR)} °/h"
         if not turning
         else (
-            f"K = {number(-solution[1], 5)} and a drift of"
-            f" {number(solution[0] / DEGREE_PER_HOUR)} °/h"
+            f"K = {format_number(-solution[1], 5)} and a drift of"
+            f" {format_number(solution[0] / DEGREE_PER_HOUR)} °/h"
         )
     )
     return y - basis @ solution, said
@@ -221,10 +221,13 @@ def without_constants(rates: Rates) -> tuple[Array, str]:
 def _abscissae_of_rates(record: Wave, rates: Rates) -> list[tuple[str, Array]]:
     """(label, values) of all that the wave's rates may follow."""
     period = np.pi / record.mode_number
-    factor, unit = time_unit(float(rates.time_s[-1] - rates.time_s[0]))
+    factor, unit = choose_time_unit(float(rates.time_s[-1] - rates.time_s[0]))
     amplitude_unit = "full scale" if record.units in ("", "1") else record.units
     against = [
-        (f"θ modulo {number(np.degrees(period), 3)}°", np.degrees(rates.wave_angle_rad % period)),
+        (
+            f"θ modulo {format_number(np.degrees(period), 3)}°",
+            np.degrees(rates.wave_angle_rad % period),
+        ),
         (f"time, {unit}", rates.time_s * factor),
         (f"a_A, {amplitude_unit}", rates.main_amplitude),
     ]
@@ -234,19 +237,19 @@ def _abscissae_of_rates(record: Wave, rates: Rates) -> list[tuple[str, Array]]:
 
 
 def _rates(record: Wave, rates: Rates) -> Plot:
-    left, constants = without_constants(rates)
+    left, constants = remove_constants(rates)
     against = _abscissae_of_rates(record, rates)
     decay = rates.decay_1_s - rates.decay_1_s.mean()
     rows = (
         ("m·dθ/dt, °/h", left / DEGREE_PER_HOUR, f"less {constants}"),
-        ("−d ln a_A/dt, 1/s", decay, f"less {number(rates.decay_1_s.mean())} 1/s"),
+        ("−d ln a_A/dt, 1/s", decay, f"less {format_number(rates.decay_1_s.mean())} 1/s"),
         ("d(a_B/a_A)/dt, 1/s", rates.quadrature_1_s, ""),
     )
-    figure, axes = panels(3, len(against), height=1.8, width=8.2, sharex="col", sharey="row")
+    figure, axes = make_panels(3, len(against), height=1.8, width=8.2, sharex="col", sharey="row")
     for i, (label, y, taken) in enumerate(rows):
         low, high = np.nanpercentile(y, [0.5, 99.5])
         for j, (_, x) in enumerate(against):
-            scatter_with_mean(axes[i, j], x, y, i)
+            draw_scatter_with_mean(axes[i, j], x, y, i)
             axes[i, j].axhline(0, color=INK, lw=0.5)
         if high > low:
             axes[i, 0].set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
@@ -258,9 +261,9 @@ def _rates(record: Wave, rates: Rates) -> Plot:
     scatter = float(np.std(left)) / DEGREE_PER_HOUR
     words = (
         f"Rates over {len(left)} increments. Precession m·dθ/dt less {constants} scatters by"
-        f" {number(scatter)} °/h rms; the decay rate is {number(rates.decay_1_s.mean())} 1/s and"
-        f" scatters by {number(float(np.std(decay)))} 1/s; the quadrature ratio moves by"
-        f" {number(float(np.mean(rates.quadrature_1_s)))} 1/s on average."
+        f" {format_number(scatter)} °/h rms; the decay rate is {format_number(rates.decay_1_s.mean())} 1/s and"
+        f" scatters by {format_number(float(np.std(decay)))} 1/s; the quadrature ratio moves by"
+        f" {format_number(float(np.mean(rates.quadrature_1_s)))} 1/s on average."
     )
     return Plot(
         "rates",
