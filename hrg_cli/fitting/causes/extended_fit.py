@@ -204,13 +204,20 @@ def unsettled_part(fit: ExtendedFit) -> Array:
 
     Examples
     --------
+    Of 4 σ along a direction that may be off by √3 σ, three are most likely that and one is noise:
+
     >>> from types import SimpleNamespace
     >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.designs import Softened
     >>> from hrg_cli.fitting.causes.extended_fit import unsettled_part
-    >>> series, seen = SimpleNamespace(unsettled=None, scatter=None), np.ones((1, 2, 2))
-    >>> fit = SimpleNamespace(series=series, prediction=SimpleNamespace(seen=seen))
+    >>> scatter = Softened(((slice(0, 4), np.eye(4)[:, :1], np.array([3.0])),))
+    >>> residual, weight = np.array([[[4.0, 0.0, 0.0, 0.0]]]), np.ones((1, 1))
+    >>> series = SimpleNamespace(unsettled=None, scatter=scatter, weight=weight, in_units=lambda u: u)
+    >>> prediction = SimpleNamespace(residual=lambda: residual)
+    >>> whitened, rows = scatter.off(residual.ravel()), np.argwhere(np.ones((1, 1, 4)))
+    >>> fit = SimpleNamespace(series=series, prediction=prediction, residual=whitened, rows=rows)
     >>> unsettled_part(fit).tolist()
-    [[[0.0, 0.0], [0.0, 0.0]]]
+    [[[(3+0j), 0j]]]
     """
     series = fit.series
     if series.unsettled is None and series.scatter is None:

@@ -185,10 +185,29 @@ def find_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Arra
 
     Examples
     --------
-    >>> from types import SimpleNamespace
+    A step's size does not matter to a read-out that is linear in its gain:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli.effects import EFFECTS
+    >>> from hrg_cli.fitting.causes.fit_point import Point
+    >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
+    >>> from hrg_cli.fitting.causes.sensitivities import linearise_flow
+    >>> from hrg_cli.fitting.causes.slow_prediction import predict
     >>> from hrg_cli.fitting.causes.whitened_rows import find_sensitivities
-    >>> find_sensitivities(SimpleNamespace(prediction=SimpleNamespace(series=None)), [])
-    []
+    >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
+    >>> t, none = np.linspace(0.0, 10.0, 101)[None], np.zeros((1, 101))
+    >>> series = MeasuredRuns(**dict.fromkeys(needed, none) | dict(
+    ...     names=("left",), time_s=t, weight=none + 1e3, reference_frequency_hz=5e3, mode_number=2,
+    ...     turn_rad_s=np.zeros(1), held_amplitude=none + np.nan,
+    ... ))
+    >>> point = Point(np.array([0.1, 0, 0, 0, 0, 0.5, 0]), np.array([[1.0, 0.2j]]), np.zeros(1))
+    >>> flow = linearise_flow(predict(series, point))
+    >>> gain = next(one for one in EFFECTS if one.name == "gain_mismatch")
+    >>> wanted = [(gain, {"gain": 0.0}, {"gain": step}) for step in (1e-3, 1e-2)]
+    >>> fine, coarse = find_sensitivities(flow, wanted)
+    >>> fine.shape, bool(np.allclose(fine, coarse))
+    ((404, 1), True)
     """
     return [
         flatten_rows(flow.prediction.series, columns)
