@@ -17,11 +17,11 @@ from pydantic import Field
 from ..errors import HrgError
 from ..fitting.checks import Check, check_at_most, check_covariance, list_failures
 from ..fitting.envelopes.resonator_spread import (
+    compute_vector_covariance,
     from_vector,
-    mechanics_of,
+    make_mechanics,
+    make_vector,
     spread_points,
-    vector_covariance,
-    vector_of,
 )
 from ..physics import drift as law
 from ..physics.resonator import Mechanics
@@ -137,8 +137,8 @@ def forecast(
     ('valid', True)
     """
     _usable(resonator, scale_factor, drive, quadrature_gain_1_s)
-    whole = mechanics_of(resonator, scale_factor)
-    x, covariance = vector_of(whole), vector_covariance(resonator)
+    whole = make_mechanics(resonator, scale_factor)
+    x, covariance = make_vector(whole), compute_vector_covariance(resonator)
     spring, trimmed = trim_of(whole, x, covariance, drive, quadrature_gain_1_s, trim_step_rad_s)
     x = trimmed if trim else x
     points = spread_points(x, covariance)

@@ -7,7 +7,10 @@ import pytest
 from scipy.stats import norm
 
 from hrg_cli.fitting.envelopes import coordinates, inference
-from hrg_cli.fitting.envelopes.resonator_spread import slope_covariance, vector_covariance
+from hrg_cli.fitting.envelopes.resonator_spread import (
+    compute_slope_covariance,
+    compute_vector_covariance,
+)
 from hrg_cli.records import Resonator
 
 UNIFORM = np.pi / 2 / np.sqrt(12)
@@ -127,5 +130,5 @@ def test_what_is_computed_from_a_resonator_moves_with_the_components_and_not_wit
         units=np.array(["1"] * 6, dtype=object), covariance=covariance, mode_number=2,
         details=json.dumps({"split_components": components}),
     )  # fmt: skip
-    assert slope_covariance(record) == pytest.approx(slope, rel=1e-6, abs=1e-18)
-    assert vector_covariance(record) == pytest.approx(cov_p[:6, :6], rel=1e-6, abs=1e-18)
+    assert compute_slope_covariance(record) == pytest.approx(slope, rel=1e-6, abs=1e-18)
+    assert compute_vector_covariance(record) == pytest.approx(cov_p[:6, :6], rel=1e-6, abs=1e-18)

@@ -28,18 +28,18 @@ def stated(covariance):
 @pytest.mark.parametrize("c, s", [(3, 1), (0.01, 0.1), (1, 40)])
 def test_whitened_noise_is_white_and_its_mean_variance_is_kept(c, s, angle):
     covariance = turned(c, s, angle)
-    W = channel_noise.whitening(*stated(covariance))
+    W = channel_noise.compute_whitening(*stated(covariance))
     relative = covariance / (np.trace(covariance) / 2)
     np.testing.assert_allclose(W @ relative @ W.T, np.eye(2), atol=1e-9)
     np.testing.assert_allclose(
-        channel_noise.spread(W[None])[0], np.sqrt(np.diag(relative)), rtol=1e-9
+        channel_noise.compute_spread(W[None])[0], np.sqrt(np.diag(relative)), rtol=1e-9
     )
 
 
 @pytest.mark.parametrize("c, s", [(1, 1), (1.08, 1), (1, 0), (1, 1e-5), (np.nan, 1)])
 def test_equal_noise_and_a_dead_channel_are_weighed_as_one(c, s):
-    assert channel_noise.whitening(np.array([[c, s]] * 9), 0.0) is None
-    assert channel_noise.whitening(None, None) is None
+    assert channel_noise.compute_whitening(np.array([[c, s]] * 9), 0.0) is None
+    assert channel_noise.compute_whitening(None, None) is None
 
 
 def test_a_ratio_that_the_rows_contradict_is_theirs():
@@ -48,18 +48,18 @@ def test_a_ratio_that_the_rows_contradict_is_theirs():
     t = np.linspace(0, 1, 400)[:, None]
     wave = 1e3 * np.exp(-t) * np.exp(2j * t) * np.array([1.0, 0.5])
     spoilt = np.array([[5.0, 2.0]] * 400)  # what a jump leaves in both, more where more is seen
-    assert channel_noise.whitening(spoilt, None) is not None
-    W = channel_noise.whitening(spoilt, None, wave + noise)
+    assert channel_noise.compute_whitening(spoilt, None) is not None
+    W = channel_noise.compute_whitening(spoilt, None, wave + noise)
     assert W is None or np.linalg.cond(W) < 1.2
     # rows between which the wave moves by more than its noise say nothing of that
     fast = wave * np.exp(300j * t)
-    kept = channel_noise.whitening(spoilt, None, fast + noise)
-    np.testing.assert_array_equal(kept, channel_noise.whitening(spoilt, None))
+    kept = channel_noise.compute_whitening(spoilt, None, fast + noise)
+    np.testing.assert_array_equal(kept, channel_noise.compute_whitening(spoilt, None))
 
 
 def test_reals_are_whitened_as_envelopes_are_and_back():
     random = np.random.default_rng(0)
-    W = np.stack([channel_noise.whitening(*stated(turned(3, 1, a))) for a in (0.2, 1.0)])
+    W = np.stack([channel_noise.compute_whitening(*stated(turned(3, 1, a))) for a in (0.2, 1.0)])
     u = random.standard_normal((2, 5, 2)) + 1j * random.standard_normal((2, 5, 2))
     white = channel_noise.whiten(W, u)
     reals = np.concatenate([u.real, u.imag], axis=-1)[..., None]

@@ -28,11 +28,11 @@ def test_coordinates_are_the_generator_of_the_resonator():
     for rate in (0.0, 3.0, -7.0):
         want = resonator.build_generator(GYRO, rate)
         assert np.allclose(
-            coordinates.generator(p, np.array(rate), GYRO.omega_rad_s), want, atol=3e-9
+            coordinates.build_generator(p, np.array(rate), GYRO.omega_rad_s), want, atol=3e-9
         )
         plain = resonator.build_generator(GYRO, rate, second_order=0.0)
         assert np.allclose(
-            coordinates.generator(np.append(p[:6], 0.0), np.array(rate), GYRO.omega_rad_s),
+            coordinates.build_generator(np.append(p[:6], 0.0), np.array(rate), GYRO.omega_rad_s),
             plain,
             atol=1e-12,
         )
@@ -57,9 +57,9 @@ def test_the_axis_of_a_split_lost_in_noise_is_as_uncertain_as_its_components():
         draws = np.array(components) + np.array(stds) * rng.standard_normal((200_000, 2))
         turned = np.angle((draws[:, 0] + 1j * draws[:, 1]) * complex(components[0], -components[1]))
         want = min(np.sqrt(np.mean(turned**2)) / 4, np.pi / 2 / np.sqrt(12))
-        assert coordinates.axis_spread(np.array(components), covariance, 2) == pytest.approx(
-            want, rel=0.05
-        )
+        assert coordinates.compute_axis_spread(
+            np.array(components), covariance, 2
+        ) == pytest.approx(want, rel=0.05)
 
 
 def test_chain_is_the_running_product():

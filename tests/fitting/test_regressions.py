@@ -17,7 +17,7 @@ from hrg_cli.fitting.envelopes import (
     working_mode,
 )
 from hrg_cli.fitting.envelopes.base_fit import fit_base_model, start_from_propagator
-from hrg_cli.fitting.envelopes.base_freedom import Known, freedom
+from hrg_cli.fitting.envelopes.base_freedom import Known, make_freedom
 from hrg_cli.physics import ellipse, resonator
 from hrg_cli.physics.resonator import Mechanics
 
@@ -63,7 +63,7 @@ def test_with_noise_within_its_own_errors(method, noisy):
 def test_stated_errors_are_the_scatter(method):
     """Over draws of the noise (error/σ)² is χ², although neighbouring differences share their
     noise."""
-    space = freedom(Known(), TRUE, 2, 4.0)
+    space = make_freedom(Known(), TRUE, 2, 4.0)
     squares = []
     for seed in range(8):
         waves = [

@@ -11,12 +11,12 @@ from scipy.integrate import solve_ivp
 from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.envelopes.resonator_spread import (
+    compute_vector_covariance,
     find_deviation,
     from_vector,
-    mechanics_of,
+    make_mechanics,
+    make_vector,
     spread_points,
-    vector_covariance,
-    vector_of,
 )
 from hrg_cli.physics import drift, ellipse, resonator
 from hrg_cli.physics.resonator import PARAMETERS
@@ -89,7 +89,7 @@ def test_the_way_of_the_wave_is_that_of_the_driven_envelopes(drive, gain, rate, 
         duration_s=120.0,
         quadrature_gain_1_s=gain,
     )
-    t, g = found.table["time_s"], mechanics_of(record)
+    t, g = found.table["time_s"], make_mechanics(record)
     r0 = 0.0 if drive == "free" else float(drift.find_settled_quadrature(g, 0.7, drive, gain))
     angle, _ = envelopes_of(g, drive, gain, rate, 0.7, r0, np.concatenate([[0.0], t]))
     moved_by = np.abs(angle[1:] - 0.7).max()
@@ -104,7 +104,7 @@ def test_the_way_of_the_wave_is_that_of_the_driven_envelopes(drive, gain, rate, 
 def test_the_map_is_the_drift_of_a_settled_wave_whatever_the_split(drive):
     """r settles where the envelopes do, far beyond δω ≪ ν, where seed A's sum errs."""
     record = made(split=0.012)
-    g = mechanics_of(record)
+    g = make_mechanics(record)
     angles = np.array([0.2, 0.63, 1.1])
     slope = drift.make_motion(g, 0.0, drive)
     held = drift.integrate_by_adams(
@@ -119,8 +119,8 @@ def test_deviations_are_those_of_draws_also_where_the_split_is_lost_in_noise():
     rng = np.random.default_rng(3)
     for split, spread in ((0.004, 0.05), (1e-5, 20.0)):
         record = made(split=split, spread=spread, damping_axis_rad=1e-4, stiffness_axis_rad=1e-3)
-        g = mechanics_of(record)
-        x, covariance = vector_of(g), vector_covariance(record)
+        g = make_mechanics(record)
+        x, covariance = make_vector(g), compute_vector_covariance(record)
         angle = np.linspace(0.1, 1.4, 7)
         std = find_deviation(
             drift.compute_quasi_static_drift(from_vector(spread_points(x, covariance), g), angle)
@@ -179,7 +179,7 @@ def test_a_course_ends_by_itself_and_not_with_those_of_other_starts():
     assert {c.name: c.passed for c in found.checks}["integration"]
     ended = forecast(resonator_, drive="free", wave_angle_rad=0.05 + np.pi / 8, duration_s=20.0)
     assert any("the forecast ends" in s for s in ended.status_reasons)
-    g = mechanics_of(resonator_)
+    g = make_mechanics(resonator_)
     L = resonator.build_generator(g, 0.0, second_order=0.0)
     start = np.array([np.cos(2 * 0.05), np.sin(2 * 0.05)], complex)
     u = solve_ivp(
@@ -193,7 +193,7 @@ def test_the_trim_leaves_a_round_resonator():
     """The spring's −2ωs(I + R(2mα)) added to W leaves equal frequencies, lower by s."""
     record = made(split=0.3, spread=1e-3)
     trim = forecast(record, drive="free", duration_s=2.0).trim
-    g = mechanics_of(record)
+    g = make_mechanics(record)
     soft = (
         2
         * g.omega_rad_s
@@ -275,7 +275,7 @@ def test_a_wave_that_passes_a_circle_between_two_rows_has_ended():
     """Quick beating makes the wave nearly a circle for a tenth of a second at a time, which the
     table's rows miss: held against the exact envelopes at every moment, start by start."""
     record = made(nu=0.02, split=0.45, spread=1e-6, stiffness_axis_rad=0.05, damping_axis_rad=0.05)
-    L = resonator.build_generator(mechanics_of(record), 0.0, second_order=0.0)
+    L = resonator.build_generator(make_mechanics(record), 0.0, second_order=0.0)
     moments = np.linspace(0, 20, 40001)
     passed = 0
     for off in (0.3, 0.35, 0.36, 0.37, 0.372, 0.375):

@@ -275,8 +275,8 @@ def test_the_derivative_of_the_exponential_is_exact_however_far_it_turns():
     p, dt = rng.standard_normal(7), np.array([1e-6, 0.01, 0.5, 7.0, 60.0])
     p[6] = 0.0
     rate = np.full(len(dt), 3.0)
-    _, L = matrices.split_trace(coordinates.entries(p, rate, np.ones(1)))
-    whole, even, third, slope = matrices.exponential_slopes(L, dt)
+    _, L = matrices.split_trace(coordinates.compute_entries(p, rate, np.ones(1)))
+    whole, even, third, slope = matrices.compute_exponential_slopes(L, dt)
     for got, want in zip(whole, matrices.exponentiate(L, dt), strict=True):
         assert np.allclose(got, want, rtol=1e-10)
     step = 1e-6

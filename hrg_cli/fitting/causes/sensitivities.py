@@ -204,8 +204,8 @@ def _base_sources(
     8): u' is linear in all but the scale of the second order, which is differenced."""
     point, hz = flow.prediction.point, series.reference_frequency_hz
     omega = 2 * np.pi * hz + point.offset_rad_s[:, None]
-    plain = coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
-    full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
+    plain = coordinates.build_generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
+    full = coordinates.build_generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
     turning = series.rate_rad_s[..., None] * np.stack([u[..., 1], -u[..., 0]], -1)
     columns = [apply_generators(b, u) for b in coordinates.BASIS] + [
         turning,

@@ -383,13 +383,13 @@ def _orders(series: MeasuredRuns, point: Point) -> tuple[Array, Array]:
     """L by plain averaging, and what the second order changes of it, (R, n, 2, 2)."""
     omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
     plain = _plain(series, point)
-    full = coordinates.generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
+    full = coordinates.build_generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
     return plain, point.p[coordinates.SECOND_ORDER] * (full - plain)
 
 
 def _plain(series: MeasuredRuns, point: Point) -> Array:
     """L by plain averaging, (R, n, 2, 2)."""
-    return coordinates.generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
+    return coordinates.build_generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
 
 
 def find_jump_times(series: MeasuredRuns, point: Point) -> list[float]:

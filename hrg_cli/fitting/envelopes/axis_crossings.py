@@ -39,7 +39,7 @@ from .coordinates import (
 from .envelope_runs import EnvelopeRun
 from .inference import widen_axes
 from .method_ranges import USES_AXES, find_refusal, list_warnings
-from .normal_equations import Normal, add_normals, normal, take_means_off
+from .normal_equations import Normal, add_normals, build_normal, take_means_off
 from .regressions import CORRECTIONS, SETTLED, WIDE_STEP, Noiseless, Regression
 
 Array = np.ndarray
@@ -224,7 +224,7 @@ def build_decay_equations(w: EllipseCourse) -> Normal:
     >>> np.linalg.lstsq(found.information[2:, 2:], found.product[2:])[0].round(6) + 0
     array([0.02, 0.  ])
     """
-    return normal(w.decay_columns(), w.log_size - w.log_size_left, w.std, w.piece, own=1)
+    return build_normal(w.decay_columns(), w.log_size - w.log_size_left, w.std, w.piece, own=1)
 
 
 def bound_damping_split(runs: Sequence[EnvelopeRun]) -> Normal:
@@ -308,7 +308,7 @@ def find_sides(w: EllipseCourse, number: int, axis: float) -> list[Side]:
     for parity, side in enumerate(SIDES):
         own = long & (nearest % 2 == parity)
         if own.any():
-            rows = normal(columns[own], target[own], w.std[own], passage[own])
+            rows = build_normal(columns[own], target[own], w.std[own], passage[own])
             crossed = np.sum((np.diff(over) != 0) & (nearest[1:] % 2 == parity))
             angle_std = 2 * w.std[own] / np.cos(2 * w.ellipticity[own])
             design = take_means_off(columns[own], w.std[own], passage[own])
@@ -353,10 +353,10 @@ def fit_crossings(
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.axis_crossings import fit_crossings
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> t, p = np.arange(0.0, 20.0, 0.02), np.array([0.1, 0.0, 0.0, 0.05, 0.0, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.0])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.02)
     >>> fit_crossings([run]).answer[:2].round(5) + 0
@@ -412,10 +412,10 @@ def list_axes(found: Crossings, runs: Sequence[EnvelopeRun]) -> list[dict[str, A
     --------
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.axis_crossings import fit_crossings, list_axes
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> t, p = np.arange(0.0, 20.0, 0.02), np.array([0.1, 0.0, 0.0, 0.0, 0.05, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.0])
     >>> run = EnvelopeRun("left", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.02)
     >>> [(one["side"], round(one["value"], 3)) for one in list_axes(fit_crossings([run]), [run])]

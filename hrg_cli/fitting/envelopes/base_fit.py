@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import HrgError
 from . import phase_course, propagator, rows
-from .base_freedom import Known, freedom, nominal_scale_factor, without_second_order
+from .base_freedom import Known, choose_scale_factor, hold_second_order, make_freedom
 from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
 from .likelihood import Batch, Fit, Freedom, fit, make_batch
@@ -99,10 +99,10 @@ def start_from_propagator(
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.base_fit import start_from_propagator
     >>> from hrg_cli.fitting.envelopes.base_freedom import Known
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> t, p = np.arange(0.0, 20.0, 0.05), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 1.0, 3e4) + 0.7j * np.eye(2))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 1.0, 3e4) + 0.7j * np.eye(2))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, t, None, 5e3, 2, 0.05)
     >>> found, offsets, _, _ = start_from_propagator([run], Known())
@@ -115,7 +115,7 @@ def start_from_propagator(
         p[SCALE_FACTOR] = known.scale_factor
     most = max(propagator.START_BLOCKS, rows.MOST_ROWS // len(runs))
     thin = propagator.thin_to_beats(runs, p, offsets, propagator.START_BLOCKS, most)
-    space = freedom(known, p, runs[0].mode_number, span)
+    space = make_freedom(known, p, runs[0].mode_number, span)
     p = space.origin + space.directions @ np.linalg.pinv(space.directions) @ (p - space.origin)
     p, offsets, covariance = propagator.identify(thin, space, p, offsets, from_shortest)
     return p, offsets, covariance, space
@@ -151,10 +151,10 @@ def fit_base_model(
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.base_fit import fit_base_model
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> t, p = np.arange(0.0, 20.0, 0.05), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 1.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 1.0, 2 * np.pi * 5e3))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 1.0, 2 * np.pi * 5e3))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
     >>> u = u * np.exp(-0.1j * t**2)[:, None]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, t, None, 5e3, 2, 0.05)
@@ -210,7 +210,7 @@ def _advice(runs: Sequence[EnvelopeRun], known: Known) -> str:
     factor = (
         known.scale_factor
         if known.scale_factor is not None
-        else nominal_scale_factor(runs[0].mode_number)
+        else choose_scale_factor(runs[0].mode_number)
     )
     turning = [rows.estimate_speed(r, np.eye(COUNT)[5] * factor) * r.window_s for r in runs]
     worst = int(np.argmax(turning))
@@ -244,7 +244,7 @@ def _fit_free_runs(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fi
     result = settle_averages(runs, grow_phase_orders(result), blocks)
     held = None if has_run_away(result) else decide_second_order(result)
     if held is not None:
-        space = without_second_order(result.freedom, held)
+        space = hold_second_order(result.freedom, held)
         state = result.response.state
         result = settle_averages(
             runs,
@@ -499,7 +499,7 @@ def _fit_from_start(
     """
     if not (np.all(np.isfinite(p)) and np.all(np.isfinite(offsets))):
         return None
-    space = freedom(known, p, runs[0].mode_number, max(r.duration_s for r in runs))
+    space = make_freedom(known, p, runs[0].mode_number, max(r.duration_s for r in runs))
     p = p.copy()
     p[SECOND_ORDER] = 1.0
     data = make_batch(propagator.thin_rows(runs, p, offsets, rows.count_rows(p, runs, blocks)))
@@ -507,7 +507,7 @@ def _fit_from_start(
     start, phase = data.envelope[:, 0], (offsets * data.span_s)[:, None]
     try:
         if held_first:
-            near = grow_phase_orders(solve(data, without_second_order(space), z[:-1], start, phase))
+            near = grow_phase_orders(solve(data, hold_second_order(space), z[:-1], start, phase))
             state = near.response.state
             z, start, phase = np.append(near.z, 1.0), state.start, state.phase
         result = solve(data, space, z, start, phase)

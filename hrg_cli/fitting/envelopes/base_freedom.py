@@ -16,7 +16,7 @@ WIDTH = {"damping": 2.0, "split": 30.0, "scale_factor": 3.0}
 scales."""
 
 
-def nominal_scale_factor(mode_number: int) -> float:
+def choose_scale_factor(mode_number: int) -> float:
     """K where it is neither known nor measurable: 1 for a Foucault pendulum (m = 1), 0.55 for a shell.
 
     Parameters
@@ -31,14 +31,14 @@ def nominal_scale_factor(mode_number: int) -> float:
 
     Examples
     --------
-    >>> from hrg_cli.fitting.envelopes.base_freedom import nominal_scale_factor
-    >>> nominal_scale_factor(1), nominal_scale_factor(2)
+    >>> from hrg_cli.fitting.envelopes.base_freedom import choose_scale_factor
+    >>> choose_scale_factor(1), choose_scale_factor(2)
     (1.0, 0.55)
     """
     return 1.0 if mode_number == 1 else 0.55
 
 
-def scale_factor_spread(mode_number: int) -> float:
+def choose_scale_factor_spread(mode_number: int) -> float:
     """Standard deviation to which the nominal K is known: shells and rings have 0.25 to 0.85, a pendulum
     1 but for its pivot.
 
@@ -54,8 +54,8 @@ def scale_factor_spread(mode_number: int) -> float:
 
     Examples
     --------
-    >>> from hrg_cli.fitting.envelopes.base_freedom import scale_factor_spread
-    >>> scale_factor_spread(1), scale_factor_spread(2)
+    >>> from hrg_cli.fitting.envelopes.base_freedom import choose_scale_factor_spread
+    >>> choose_scale_factor_spread(1), choose_scale_factor_spread(2)
     (0.05, 0.2)
     """
     return 0.05 if mode_number == 1 else 0.2
@@ -71,7 +71,7 @@ class Known:
     stiffness_axis_rad: float | None = None
 
 
-def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
+def make_freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
     """What is fitted, with weak priors sized by a first estimate.
 
     Parameters
@@ -93,16 +93,16 @@ def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.base_freedom import Known, freedom
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known, make_freedom
     >>> p = np.array([0.2, 0.0, 0.0, 0.1, 0.0, 0.55, 1.0])
-    >>> "scale_factor" in freedom(Known(scale_factor=0.55), p, 2, 10.0).names
+    >>> "scale_factor" in make_freedom(Known(scale_factor=0.55), p, 2, 10.0).names
     False
     """
     base = free_coordinates(COORDINATES, np.zeros(COUNT))
     directions, origin = base.directions.copy(), np.zeros(COUNT)
     damping = max(abs(float(p[DAMPING])), 0.01 / span_s)
     split = max(float(np.hypot(*p[FREQUENCY_SPLIT])), damping, 1 / span_s)
-    mean = np.array([p[DAMPING], 0, 0, 0, 0, nominal_scale_factor(mode_number), 0.5])
+    mean = np.array([p[DAMPING], 0, 0, 0, 0, choose_scale_factor(mode_number), 0.5])
     # the last is 0 or 1: mean and spread of the two
     std = np.array(
         [np.inf]
@@ -123,7 +123,7 @@ def freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Freedom:
     )
 
 
-def without_second_order(space: Freedom, value: float = 1.0) -> Freedom:
+def hold_second_order(space: Freedom, value: float = 1.0) -> Freedom:
     """The same freedom with the second-order correction held.
 
     Parameters
@@ -141,9 +141,9 @@ def without_second_order(space: Freedom, value: float = 1.0) -> Freedom:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.base_freedom import Known, freedom, without_second_order
-    >>> space = freedom(Known(), np.array([0.2, 0.0, 0.0, 0.1, 0.0, 0.55, 1.0]), 2, 10.0)
-    >>> len(space.names), len(without_second_order(space).names)
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known, make_freedom, hold_second_order
+    >>> space = make_freedom(Known(), np.array([0.2, 0.0, 0.0, 0.1, 0.0, 0.55, 1.0]), 2, 10.0)
+    >>> len(space.names), len(hold_second_order(space).names)
     (7, 6)
     """
     origin = space.origin.copy()

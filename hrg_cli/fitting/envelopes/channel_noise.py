@@ -26,7 +26,7 @@ FEWEST, MOVING, CONTRADICTED = 32, 1.5, 12.0
 √n times the logarithm of the ratio by which it contradicts what is stated: four σ."""
 
 
-def whitening(
+def compute_whitening(
     channel_std: Array | None, correlation: float | None, envelope: Array | None = None
 ) -> Array | None:
     """W of a run, which makes the noise of its channels white.
@@ -49,8 +49,8 @@ def whitening(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.channel_noise import whitening
-    >>> W = whitening(np.array([[3.0, 1.0]]), None)  # variances 9 and 1, 5 in the mean
+    >>> from hrg_cli.fitting.envelopes.channel_noise import compute_whitening
+    >>> W = compute_whitening(np.array([[3.0, 1.0]]), None)  # variances 9 and 1, 5 in the mean
     >>> np.round(np.diag(W) ** -2, 6).tolist()
     [1.8, 0.2]
     """
@@ -228,7 +228,7 @@ def invert(matrices: Array | None) -> Array | None:
     return None if matrices is None else np.asarray(np.linalg.inv(matrices))
 
 
-def spread(matrices: Array | None) -> Array:
+def compute_spread(matrices: Array | None) -> Array:
     """σ of either channel over that of both in the mean.
 
     Parameters
@@ -244,8 +244,8 @@ def spread(matrices: Array | None) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.channel_noise import spread
-    >>> spread(np.diag([2.0, 1.0])[None]).tolist(), spread(None).tolist()
+    >>> from hrg_cli.fitting.envelopes.channel_noise import compute_spread
+    >>> compute_spread(np.diag([2.0, 1.0])[None]).tolist(), compute_spread(None).tolist()
     ([[0.5, 1.0]], [[1.0, 1.0]])
     """
     if matrices is None:

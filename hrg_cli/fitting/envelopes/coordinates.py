@@ -50,8 +50,8 @@ BASIS = np.array([-np.eye(2), -R_COS, -R_SIN, 1j * R_COS, 1j * R_SIN])
 """∂L/∂p of the first five coordinates, (5, 2, 2); of the sixth it is ΩJ."""
 
 
-def generator(p: Array, rate_rad_s: Array, omega: Array | float) -> Array:
-    """L of coordinates, against the run's own frequency: `entries` side by side.
+def build_generator(p: Array, rate_rad_s: Array, omega: Array | float) -> Array:
+    """L of coordinates, against the run's own frequency: `compute_entries` side by side.
 
     Parameters
     ----------
@@ -70,18 +70,20 @@ def generator(p: Array, rate_rad_s: Array, omega: Array | float) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import from_mechanics, generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import from_mechanics, build_generator
     >>> from hrg_cli.physics import resonator
     >>> gyro = resonator.Mechanics(1000.0, 0.2, 0.01, 0.3, 0.05, 0.1)
-    >>> L = generator(from_mechanics(gyro), np.array(1.0), gyro.omega_rad_s)
+    >>> L = build_generator(from_mechanics(gyro), np.array(1.0), gyro.omega_rad_s)
     >>> bool(np.allclose(L, resonator.build_generator(gyro, 1.0), atol=1e-9))
     True
     """
-    parts = np.broadcast_arrays(*entries(p, np.asarray(rate_rad_s), np.asarray(omega, float)))
+    parts = np.broadcast_arrays(
+        *compute_entries(p, np.asarray(rate_rad_s), np.asarray(omega, float))
+    )
     return np.stack(parts, axis=-1).reshape(*parts[0].shape, 2, 2)
 
 
-def entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:
+def compute_entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:
     """The four entries of L, second order times p₆ (PHYSICS §0 and §5).
 
     The correction is −(L² + 2ΓL)/2jω three times over, Γ = −Re L₀, from L₀ with the mean of (ω ±
@@ -102,9 +104,9 @@ def entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import entries
+    >>> from hrg_cli.fitting.envelopes.coordinates import compute_entries
     >>> p = np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0])
-    >>> [float(np.real(part)) for part in entries(p, np.array(1.0), np.array(6283.0))]
+    >>> [float(np.real(part)) for part in compute_entries(p, np.array(1.0), np.array(6283.0))]
     [-0.2, 0.5, -0.5, -0.2]
     """
     along, across, turning = -p[1] + 1j * p[3], -p[2] + 1j * p[4], p[5] * rate_rad_s
@@ -291,7 +293,7 @@ def is_shown(components: Array, covariance: Array) -> bool:
     return bool(np.sum(across) >= SHOWN**2)
 
 
-def axis_spread(components: Array, covariance: Array, mode_number: int) -> float:
+def compute_axis_spread(components: Array, covariance: Array, mode_number: int) -> float:
     """Standard deviation of the axis of normal components.
 
     A uniform one's where they show no split (`is_shown`), else that of the components about their own,
@@ -317,8 +319,8 @@ def axis_spread(components: Array, covariance: Array, mode_number: int) -> float
     Far from 0 it is the slope's, σ/2m|p|:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import axis_spread
-    >>> round(axis_spread(np.array([100.0, 0.0]), np.eye(2), 2), 6)
+    >>> from hrg_cli.fitting.envelopes.coordinates import compute_axis_spread
+    >>> round(compute_axis_spread(np.array([100.0, 0.0]), np.eye(2), 2), 6)
     0.0025
     """
     uniform = np.pi / mode_number / np.sqrt(12)

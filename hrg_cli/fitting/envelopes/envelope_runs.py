@@ -295,7 +295,7 @@ def select_good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -
         window_s=float(wave.window_s),
         phase_known=not len(chosen)
         or not np.all(np.asarray(wave.phase_rad_std, float)[chosen] > PHASE_UNKNOWN_RAD),
-        whitening=channel_noise.whitening(channel_std, wave.noise_correlation, u),
+        whitening=channel_noise.compute_whitening(channel_std, wave.noise_correlation, u),
         shares=channel_noise.find_shares(channel_std),
     )
 

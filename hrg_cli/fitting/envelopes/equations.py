@@ -132,7 +132,7 @@ def find_table_rate(run: EnvelopeRun) -> Array:
     return differentiate(run.turn_rad, run.time_s)
 
 
-def ellipse_of(run: EnvelopeRun) -> Ellipse:
+def build_ellipse(run: EnvelopeRun) -> Ellipse:
     """The wave in moving axes, continuous in sign and angle.
 
     (mθ, φ) and (mθ + π, φ + π) are one wave: without a choice that goes on from row to row the
@@ -154,10 +154,10 @@ def ellipse_of(run: EnvelopeRun) -> Ellipse:
 
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.equations import ellipse_of
+    >>> from hrg_cli.fitting.envelopes.equations import build_ellipse
     >>> t = np.linspace(0.0, 1.0, 101)
     >>> u = np.exp(-0.1 * t)[:, None] * np.array([np.cos(0.3), np.sin(0.3)]).astype(complex)
-    >>> found = ellipse_of(SimpleNamespace(envelope=u, time_s=t, turn_rad=0 * t))
+    >>> found = build_ellipse(SimpleNamespace(envelope=u, time_s=t, turn_rad=0 * t))
     >>> round(float((found.a_dot / found.a)[50]), 5), round(float(found.angle[50]), 9)
     (-0.1, 0.3)
     """

@@ -284,7 +284,7 @@ def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> N
         tangent = 2 * mode_number * np.sqrt(size2) * std
         if size2 > 0 and tangent < HELD * np.sqrt(np.trace(part)):
             continue
-        spread = coordinates.axis_spread(split, part, mode_number)
+        spread = coordinates.compute_axis_spread(split, part, mode_number)
         wider = spread / std if np.isfinite(std) and std > 0 else 0.0
         covariance[axis] *= wider
         covariance[:, axis] *= wider

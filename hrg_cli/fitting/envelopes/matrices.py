@@ -65,7 +65,7 @@ def apply(m: Matrix, v: Vector) -> Vector:
     return m[0] * v[0] + m[1] * v[1], m[2] * v[0] + m[3] * v[1]
 
 
-def columns(m: Matrix, part: slice) -> Matrix:
+def take_columns(m: Matrix, part: slice) -> Matrix:
     """Some of the columns of matrices that stand in rows.
 
     Parameters
@@ -83,8 +83,8 @@ def columns(m: Matrix, part: slice) -> Matrix:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.matrices import columns
-    >>> columns((np.arange(6).reshape(2, 3),) * 4, slice(1, 2))[0].tolist()
+    >>> from hrg_cli.fitting.envelopes.matrices import take_columns
+    >>> take_columns((np.arange(6).reshape(2, 3),) * 4, slice(1, 2))[0].tolist()
     [[1], [4]]
     """
     return m[0][:, part], m[1][:, part], m[2][:, part], m[3][:, part]
@@ -199,7 +199,7 @@ def exponentiate(m: Matrix, time_s: Array) -> Matrix:
     return even + slope * m[0], slope * m[1], slope * m[2], even - slope * m[0]
 
 
-def exponential_slopes(m: Matrix, time_s: Array) -> tuple[Matrix, Array, Array, Array]:
+def compute_exponential_slopes(m: Matrix, time_s: Array) -> tuple[Matrix, Array, Array, Array]:
     """exp(m·t) of traceless m, and what its exact derivative along any traceless E is made of.
 
     The derivative is (f I + g m)·tr(mE) + s E. exp(mt) = c I + s m with d² = tr(m²)/2, so ∂d²/∂E =
@@ -221,9 +221,9 @@ def exponential_slopes(m: Matrix, time_s: Array) -> tuple[Matrix, Array, Array, 
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.matrices import exponentiate, exponential_slopes
+    >>> from hrg_cli.fitting.envelopes.matrices import exponentiate, compute_exponential_slopes
     >>> m, t = (np.array([0.3]), np.array([1.0]), np.array([0.5]), np.array([-0.3])), np.array([1.0])
-    >>> whole, f, g, s = exponential_slopes(m, t)
+    >>> whole, f, g, s = compute_exponential_slopes(m, t)
     >>> bool(np.allclose(whole, exponentiate(m, t)))
     True
     """

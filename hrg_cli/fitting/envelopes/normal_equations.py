@@ -65,7 +65,7 @@ def add_normals(parts: Iterable[Normal]) -> Normal:
     return reduce(Normal.__add__, parts)
 
 
-def normal(columns: Array, target: Array, std: Array, group: Array, own: int = 0) -> Normal:
+def build_normal(columns: Array, target: Array, std: Array, group: Array, own: int = 0) -> Normal:
     """Normal equations of a target by columns, each group of rows with a constant of its own.
 
     Parameters
@@ -87,9 +87,9 @@ def normal(columns: Array, target: Array, std: Array, group: Array, own: int = 0
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.normal_equations import normal
+    >>> from hrg_cli.fitting.envelopes.normal_equations import build_normal
     >>> rows = np.random.default_rng(1).standard_normal((50, 4))
-    >>> found = normal(rows, rows @ [1.0, 2.0, 3.0, 4.0] + 7.0, np.ones(50), np.zeros(50))
+    >>> found = build_normal(rows, rows @ [1.0, 2.0, 3.0, 4.0] + 7.0, np.ones(50), np.zeros(50))
     >>> found.solved()[0].round(9).tolist(), found.freedom
     ([1.0, 2.0, 3.0, 4.0], 49)
     """

@@ -123,7 +123,7 @@ def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
     return OneMode(decay, frequency, rows)
 
 
-def misfit(run: EnvelopeRun, z: Array, rows: slice) -> tuple[Array, Array]:
+def measure_misfit(run: EnvelopeRun, z: Array, rows: slice) -> tuple[Array, Array]:
     """Squared misfit, on every row, of what the laws of some rows foretell.
 
     Parameters
@@ -146,12 +146,12 @@ def misfit(run: EnvelopeRun, z: Array, rows: slice) -> tuple[Array, Array]:
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
-    >>> from hrg_cli.fitting.envelopes.one_mode import misfit
+    >>> from hrg_cli.fitting.envelopes.one_mode import measure_misfit
     >>> t = np.linspace(0.0, 20.0, 401)
     >>> z = np.exp(-0.1 * t) * np.where(t > 10.0, 0.5, 1.0) + 0j
     >>> u = np.stack([z, 0 * z], axis=1)
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-3, 0 * t, None, 5e3, 2, 0.05)
-    >>> _, relative = misfit(run, z, slice(0, 200))
+    >>> _, relative = measure_misfit(run, z, slice(0, 200))
     >>> bool(relative[199] < 1e-6), round(float(relative[-1]), 2)  # ln² 2
     (True, 0.48)
     """

@@ -215,7 +215,9 @@ def compute_propagator(p: Array, dt: Array, turn: Array, offset_rad_s: Array | f
     True
     """
     rate = np.divide(turn, dt, out=np.zeros(len(dt)), where=dt != 0)
-    mean, L = matrices.split_trace(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
+    mean, L = matrices.split_trace(
+        coordinates.compute_entries(np.append(p[:6], 0.0), rate, np.ones(1))
+    )
     factor = np.exp((mean + 1j * offset_rad_s) * dt)
     m = matrices.exponentiate(L, dt)
     return m[0] * factor, m[1] * factor, m[2] * factor, m[3] * factor
@@ -332,10 +334,12 @@ def _predict(data: Pairs, p: Array, offsets: Array) -> tuple[Array, Array]:
     """e^{jδh} exp(Lh) u(t) of every pair (n, 2), and its derivatives by the first six coordinates
     over σ (6, n, 2)."""
     dt, rate = data.dt, data.turn / data.dt
-    mean, L = matrices.split_trace(coordinates.entries(np.append(p[:6], 0.0), rate, np.ones(1)))
+    mean, L = matrices.split_trace(
+        coordinates.compute_entries(np.append(p[:6], 0.0), rate, np.ones(1))
+    )
     factor = np.exp((mean + 1j * offsets[data.run]) * dt)
     before = data.before[:, 0] * factor, data.before[:, 1] * factor
-    whole, even, third, slope = matrices.exponential_slopes(L, dt)
+    whole, even, third, slope = matrices.compute_exponential_slopes(L, dt)
     flow, turned = apply(whole, before), apply(L, before)
     columns = np.empty((6, len(dt), 2), complex)
     columns[0, :, 0], columns[0, :, 1] = -dt * flow[0], -dt * flow[1]  # ν alone commutes

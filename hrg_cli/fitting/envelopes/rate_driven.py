@@ -21,9 +21,15 @@ from ...errors import HrgError
 from ...physics import drift as law
 from ...physics.resonator import Mechanics
 from ...records import Resonator, Wave
-from .rate_estimate import MOST_NODES, RateEstimate, integrals
+from .rate_estimate import MOST_NODES, RateEstimate, integrate_cardinals
 from .rate_from_model import ROWS_A_FINER_NODE, TOO_COARSE, count_nodes
-from .resonator_spread import from_vector, mechanics_of, spread_points, vector_covariance, vector_of
+from .resonator_spread import (
+    compute_vector_covariance,
+    from_vector,
+    make_mechanics,
+    make_vector,
+    spread_points,
+)
 
 Array = np.ndarray
 ROWS = 4000
@@ -107,7 +113,7 @@ def fit_driven_rate(
             f"{resonator.gyro_id or 'the resonator'}: has no scale_factor, which a rate needs;"
             " identify it with rotated runs"
         )
-    g = mechanics_of(resonator)
+    g = make_mechanics(resonator)
     run = _run(wave, g, loop_delay_s)
     windows = len(run.time_s)
     count, most = count_nodes(wave.run_id or "the run", windows, float(wave.window_s), nodes)
@@ -184,7 +190,7 @@ def _fit_nodes(
 
     std = np.sqrt(mean(run.turned_std**2)[:, 0] / size)
     design = (
-        np.column_stack([np.ones(len(size)), -g.scale_factor * mean(integrals(grid, t))])
+        np.column_stack([np.ones(len(size)), -g.scale_factor * mean(integrate_cardinals(grid, t))])
         / std[:, None]
     )
     operator = np.linalg.pinv(design)
@@ -226,7 +232,7 @@ def _propagate_ratio_noise(run: _Run, g: Mechanics, rows: Array, groups: Array) 
 def _propagate_resonator(run, resonator, g, operator, mean, std, errors):  # type: ignore[no-untyped-def]
     """Covariance of the nodes by the resonator's: the fit with the resonator moved along each of
     its uncertain directions."""
-    gyros = from_vector(spread_points(vector_of(g), vector_covariance(resonator)), g)
+    gyros = from_vector(spread_points(make_vector(g), compute_vector_covariance(resonator)), g)
     data = run.turned + run.taken_back - _cumulate(_drift(gyros, run, errors), run.time_s)
     rates = (operator @ (mean(data) / std[:, None]))[1:] * (
         g.scale_factor / np.ravel(gyros.scale_factor)

@@ -49,13 +49,13 @@ class RateEstimate:
     def turned(self) -> tuple[Array, Array]:
         """Angle [rad] from the first node to each (k,), with its standard deviation: Ω is a spline
         of its nodes, so its integral is ∫Ω = WΩ, with the covariance W cov Wᵀ."""
-        whole = integrals(self.time_s, self.time_s).T
+        whole = integrate_cardinals(self.time_s, self.time_s).T
         # rounding may leave a variance just below 0 where nothing is turned
         variance = np.maximum(np.einsum("ij,jk,ik->i", whole, self.covariance, whole), 0.0)
         return whole @ self.rate_rad_s, np.sqrt(variance)
 
 
-def cardinal(time_s: Array, grid: Array) -> Array:
+def build_cardinals(time_s: Array, grid: Array) -> Array:
     """Cubic splines that are 1 at one node and 0 at the others.
 
     Parameters
@@ -73,9 +73,9 @@ def cardinal(time_s: Array, grid: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.rate_estimate import cardinal
+    >>> from hrg_cli.fitting.envelopes.rate_estimate import build_cardinals
     >>> grid = np.arange(5.0)
-    >>> bool(np.allclose(grid**3 @ cardinal(np.array([2.5]), grid), 2.5**3))
+    >>> bool(np.allclose(grid**3 @ build_cardinals(np.array([2.5]), grid), 2.5**3))
     True
     """
     from scipy.interpolate import CubicSpline
@@ -83,8 +83,8 @@ def cardinal(time_s: Array, grid: Array) -> Array:
     return np.asarray(CubicSpline(grid, np.eye(len(grid)))(time_s)).T
 
 
-def integrals(grid: Array, time_s: Array) -> Array:
-    """The integrals of `cardinal` from the first node.
+def integrate_cardinals(grid: Array, time_s: Array) -> Array:
+    """The integrals of `build_cardinals` from the first node.
 
     Parameters
     ----------
@@ -101,8 +101,8 @@ def integrals(grid: Array, time_s: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.rate_estimate import integrals
-    >>> round(float(np.ones(5) @ integrals(np.arange(5.0), np.array([3.0]))[:, 0]), 9)
+    >>> from hrg_cli.fitting.envelopes.rate_estimate import integrate_cardinals
+    >>> round(float(np.ones(5) @ integrate_cardinals(np.arange(5.0), np.array([3.0]))[:, 0]), 9)
     3.0
     """
     from scipy.interpolate import CubicSpline

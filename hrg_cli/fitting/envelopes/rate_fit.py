@@ -19,9 +19,9 @@ from . import coordinates, rows
 from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
 from .likelihood import triangularise
-from .rate_estimate import RateEstimate, cardinal
+from .rate_estimate import RateEstimate, build_cardinals
 from .rate_start import estimate_mean_offset
-from .resonator_spread import vector_covariance
+from .resonator_spread import compute_vector_covariance
 from .response import Response, State, make_batch, respond, stack_reals
 from .trapezium import integrate
 
@@ -88,7 +88,7 @@ def make_reference(resonator: Resonator, mechanics: Mechanics) -> Reference:
     """
     p = coordinates.from_mechanics(mechanics)
     p[SECOND_ORDER] = details_number(resonator.details, "second_order", "value", default=1.0)
-    size, direction = np.linalg.eigh(vector_covariance(resonator))
+    size, direction = np.linalg.eigh(compute_vector_covariance(resonator))
     doubted = size > 1e-24 * np.sum(p[:SECOND_ORDER] ** 2)
     spread = np.zeros((COUNT, int(doubted.sum())))
     spread[:SECOND_ORDER] = direction[:, doubted] * np.sqrt(size[doubted])
@@ -138,7 +138,7 @@ def fit_rate(
     """
     result, moved = None, np.inf
     for _ in range(AVERAGINGS):
-        turn = integrate(cardinal(whole.time_s, grid).T @ rate, whole.time_s)
+        turn = integrate(build_cardinals(whole.time_s, grid).T @ rate, whole.time_s)
         run = replace(whole, turn_rad=turn)
         offset = estimate_mean_offset(run, known.p)
         count = min(
@@ -198,8 +198,8 @@ class _Problem:
     def of(cls, run: EnvelopeRun, grid: Array, known: Reference) -> _Problem:
         """The problem of a run's averaged rows."""
         step = np.diff(run.time_s)
-        begin, end = cardinal(run.time_s[:-1], grid), cardinal(run.time_s[1:], grid)
-        middle = cardinal(run.time_s[:-1] + step / 2, grid)
+        begin, end = build_cardinals(run.time_s[:-1], grid), build_cardinals(run.time_s[1:], grid)
+        middle = build_cardinals(run.time_s[:-1] + step / 2, grid)
         turning = _turning(run.time_s, begin, middle, end)
         return cls(run, grid, known, begin, middle, end, turning)
 

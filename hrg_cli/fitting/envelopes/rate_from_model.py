@@ -17,7 +17,7 @@ from ...errors import HrgError
 from ...physics.resonator import PARAMETERS, Mechanics
 from ...records import Resonator, Wave
 from .envelope_runs import EnvelopeRun, from_wave
-from .rate_estimate import MOST_NODES, RateEstimate, cardinal
+from .rate_estimate import MOST_NODES, RateEstimate, build_cardinals
 from .rate_fit import Reference, fit_rate, make_reference
 from .rate_start import estimate_plain_rate, estimate_stokes_start
 
@@ -218,6 +218,6 @@ def _refine_grid(
     grid = np.linspace(run.time_s[0], run.time_s[-1], nodes)
     return (
         grid,
-        found.rate_rad_s @ cardinal(grid, found.time_s),
+        found.rate_rad_s @ build_cardinals(grid, found.time_s),
         estimate_plain_rate(run, grid, known.scale_factor),
     )

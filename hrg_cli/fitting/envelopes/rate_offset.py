@@ -78,12 +78,12 @@ def fit_rate_offset(
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.base_freedom import Known
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.rate_offset import fit_rate_offset
     >>> t, p, runs = np.arange(0.0, 10.0, 0.05), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 1.0]), []
     >>> for rate in (1.0, -1.0):
-    ...     grow, mode = np.linalg.eig(generator(p, rate + 0.01, 2 * np.pi * 5e3))
+    ...     grow, mode = np.linalg.eig(build_generator(p, rate + 0.01, 2 * np.pi * 5e3))
     ...     u = (mode * np.exp(np.outer(t, grow))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
     ...     runs.append(EnvelopeRun("", t, u, 0 * t + 1e-4, rate * t, None, 5e3, 2, 0.05))
     >>> found = fit_rate_offset(runs, Known(), 100)

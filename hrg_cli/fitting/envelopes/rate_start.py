@@ -11,7 +11,7 @@ import numpy as np
 from ...physics import ellipse
 from ..least_squares import fit_columns
 from .envelope_runs import EnvelopeRun
-from .rate_estimate import cardinal
+from .rate_estimate import build_cardinals
 from .response import State, make_batch, respond
 from .trapezium import integrate
 
@@ -77,11 +77,11 @@ def estimate_stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
     A table at 1 rad/s under a resonator whose splits make the wave drift as well:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.rate_start import estimate_stokes_start
     >>> t, p = np.arange(0.0, 10.0, 0.02), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 1.0, 3e4))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 1.0, 3e4))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.5j])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, 0 * t, None, 5e3, 2, 0.02)
     >>> estimate_stokes_start(run, np.linspace(0.0, 9.98, 4), p).round(4).tolist()
@@ -91,7 +91,7 @@ def estimate_stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
     t = run.time_s
     s0, s1, s2, s3 = np.moveaxis(ellipse.compute_stokes(run.envelope), -1, 0)
     nu, dc, ds, wc, ws, factor = p[:6]
-    shape = 2 * factor * cardinal(t, grid)
+    shape = 2 * factor * build_cardinals(t, grid)
     std = 2 * run.std * np.sqrt(np.maximum(s0, 4 * run.std**2))
     design, target = [], []
     for value, known, turning in (
@@ -137,11 +137,11 @@ def estimate_mean_offset(run: EnvelopeRun, p: Array) -> float:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.rate_start import estimate_mean_offset
     >>> t, p = np.arange(0.0, 10.0, 0.02), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 1.0, 3e4) + 0.7j * np.eye(2))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 1.0, 3e4) + 0.7j * np.eye(2))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.5j])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, t, None, 5e3, 2, 0.02)
     >>> round(estimate_mean_offset(run, p), 6)

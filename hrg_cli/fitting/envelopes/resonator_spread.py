@@ -28,7 +28,7 @@ UNIFORM = 0.999
 """Part of a uniform axis's deviation from which the stated one says that nothing is known of it."""
 
 
-def mechanics_of(resonator: Resonator, scale_factor: float | None = None) -> Mechanics:
+def make_mechanics(resonator: Resonator, scale_factor: float | None = None) -> Mechanics:
     """A resonator's values.
 
     Parameters
@@ -48,10 +48,10 @@ def mechanics_of(resonator: Resonator, scale_factor: float | None = None) -> Mec
     --------
     >>> import numpy as np
     >>> from hrg_cli import Resonator
-    >>> from hrg_cli.fitting.envelopes.resonator_spread import mechanics_of
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import make_mechanics
     >>> held = dict(name=np.array(["frequency_hz", "damping_rate_1_s"]), units=np.array(["Hz", "s-1"]))
     >>> found = Resonator(value=np.array([1000.0, 0.2]), std=np.zeros(2), covariance=np.eye(2), **held)
-    >>> mechanics_of(found).scale_factor, mechanics_of(found, 0.55).scale_factor
+    >>> make_mechanics(found).scale_factor, make_mechanics(found, 0.55).scale_factor
     (0.0, 0.55)
     """
     given = {name: value for name, (value, _, _) in resonator.parameters().items()}
@@ -68,7 +68,7 @@ def mechanics_of(resonator: Resonator, scale_factor: float | None = None) -> Mec
     )
 
 
-def vector_of(mechanics: Mechanics) -> Array:
+def make_vector(mechanics: Mechanics) -> Array:
     """A resonator as a vector in which errors are normal, even of splits that are lost in noise.
 
     Parameters
@@ -83,9 +83,9 @@ def vector_of(mechanics: Mechanics) -> Array:
 
     Examples
     --------
-    >>> from hrg_cli.fitting.envelopes.resonator_spread import vector_of
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import make_vector
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> vector_of(Mechanics(1000.0, 0.2, 0.01)).tolist()
+    >>> make_vector(Mechanics(1000.0, 0.2, 0.01)).tolist()
     [0.2, 0.01, 0.0, 0.0, 0.0, 0.55]
     """
     a, b = (
@@ -115,7 +115,7 @@ def from_vector(x: Array, mechanics: Mechanics) -> Mechanics:
     Parameters
     ----------
     x
-        (..., 6), as `vector_of` has them.
+        (..., 6), as `make_vector` has them.
     mechanics
         What the vector does not hold: frequency and mode number.
 
@@ -127,10 +127,10 @@ def from_vector(x: Array, mechanics: Mechanics) -> Mechanics:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.resonator_spread import from_vector, vector_of
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import from_vector, make_vector
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> gyro = Mechanics(1000.0, 0.2, 0.01, 0.1)
-    >>> bool(np.isclose(from_vector(vector_of(gyro), gyro).damping_axis_rad[0], 0.1))
+    >>> bool(np.isclose(from_vector(make_vector(gyro), gyro).damping_axis_rad[0], 0.1))
     True
     """
     nu, mc, ms, wc, ws, factor = np.moveaxis(np.asarray(x, float)[..., None], -2, 0)
@@ -146,7 +146,7 @@ def from_vector(x: Array, mechanics: Mechanics) -> Mechanics:
     )
 
 
-def slope_covariance(resonator: Resonator) -> Array:
+def compute_slope_covariance(resonator: Resonator) -> Array:
     """Covariance of a resonator's parameters with its axes as the slopes of their splits make them: what
     anything computed from it moves with.
 
@@ -168,9 +168,9 @@ def slope_covariance(resonator: Resonator) -> Array:
     --------
     >>> import numpy as np
     >>> from hrg_cli import Resonator
-    >>> from hrg_cli.fitting.envelopes.resonator_spread import slope_covariance
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import compute_slope_covariance
     >>> held = dict(name=np.array(["damping_rate_1_s"]), units=np.array(["s-1"]), value=np.ones(1))
-    >>> slope_covariance(Resonator(std=np.ones(1), covariance=np.eye(1), **held)).tolist()
+    >>> compute_slope_covariance(Resonator(std=np.ones(1), covariance=np.eye(1), **held)).tolist()
     [[1.0]]
     """
     values = resonator.parameters()
@@ -201,8 +201,8 @@ def _stated_trace(resonator: Resonator, components: tuple[str, ...]) -> float | 
     return float(np.sum(np.square(stds))) if min(stds) >= 0 else None
 
 
-def vector_covariance(resonator: Resonator) -> Array:
-    """Covariance of `vector_of` a resonator.
+def compute_vector_covariance(resonator: Resonator) -> Array:
+    """Covariance of `make_vector` a resonator.
 
     Parameters
     ----------
@@ -218,17 +218,17 @@ def vector_covariance(resonator: Resonator) -> Array:
     --------
     >>> import numpy as np
     >>> from hrg_cli import Resonator
-    >>> from hrg_cli.fitting.envelopes.resonator_spread import vector_covariance
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import compute_vector_covariance
     >>> held = dict(name=np.array(["damping_rate_1_s"]), units=np.array(["s-1"]), value=np.ones(1))
     >>> found = Resonator(std=np.array([0.5]), covariance=np.array([[0.25]]), **held)
-    >>> np.diag(vector_covariance(found)).tolist()
+    >>> np.diag(compute_vector_covariance(found)).tolist()
     [0.25, 0.0, 0.0, 0.0, 0.0, 0.0]
     """
     m = resonator.mode_number
     values = resonator.parameters()
     order = [name for name in OF_GENERATOR if name in values and np.isfinite(values[name][1])]
     at = [[str(n) for n in resonator.name].index(name) for name in order]
-    covariance = slope_covariance(resonator)[np.ix_(at, at)]
+    covariance = compute_slope_covariance(resonator)[np.ix_(at, at)]
     J = np.zeros((6, len(order)))
     for column, name in enumerate(order):
         for row, slope in _slopes(name, values, m):

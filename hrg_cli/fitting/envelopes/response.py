@@ -206,7 +206,10 @@ class Response:
         np.multiply(out[1:3], -1j, out=out[3:5])  # a frequency split is −j times a damping split
         ends = []
         for part in (slice(None, -1), slice(1, None)):
-            back, (x, y) = matrices.invert_unimodular(matrices.columns(self.phi, part)), self.flow
+            back, (x, y) = (
+                matrices.invert_unimodular(matrices.take_columns(self.phi, part)),
+                self.flow,
+            )
             ends.append(apply(back, apply(self.second, (x[:, part], y[:, part]))))
         out[6] = self._carried(
             ends[0],
@@ -287,8 +290,8 @@ def respond(data: Batch, state: State) -> Response:
     ) + state.offsets_rad_s(data.span_s)
     steady = data.steady_rate
     rate = data.step_rate if steady is None else steady[:, None]
-    plain = coordinates.entries(np.append(state.p[:6], 0.0), rate, omega[:, None])
-    full = coordinates.entries(np.append(state.p[:6], 1.0), rate, omega[:, None])
+    plain = coordinates.compute_entries(np.append(state.p[:6], 0.0), rate, omega[:, None])
+    full = coordinates.compute_entries(np.append(state.p[:6], 1.0), rate, omega[:, None])
     second = _apply_to_entries(lambda a, b: a - b, full, plain)
     mean, L = matrices.split_trace(
         _apply_to_entries(lambda a, b: a + state.p[SECOND_ORDER] * b, plain, second)
@@ -309,7 +312,7 @@ def respond(data: Batch, state: State) -> Response:
         )
         half = matrices.exponentiate(L, data.step_s / 2)
         phi = matrices.chain(multiply(half, half))
-        middle = multiply(half, matrices.columns(phi, slice(None, -1)))
+        middle = multiply(half, matrices.take_columns(phi, slice(None, -1)))
         growth = np.concatenate(
             [np.zeros((len(data.runs), 1)), np.cumsum(mean * data.step_s, axis=1)], axis=1
         )

@@ -19,7 +19,7 @@ import numpy as np
 from . import noise_propagation
 from .coordinates import COUNT, SCALE_FACTOR
 from .envelope_runs import EnvelopeRun
-from .equations import Ellipse, ellipse_of
+from .equations import Ellipse, build_ellipse
 from .method_ranges import USES_AXES, find_refusal, measure_quadrature_significance
 from .regressions import CORRECTIONS, Noiseless, Regression
 
@@ -50,11 +50,11 @@ def solve(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.rotation_integrals import solve
     >>> t, p = np.arange(0.0, 20.0, 0.02), np.array([0.1, 0.02, 0.01, 0.03, 0.02, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 1.0, 3e4))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 1.0, 3e4))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.0])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, t, None, 5e3, 2, 0.02)
     >>> solve([run]).p[:6].round(4).tolist()
@@ -151,7 +151,7 @@ class _FullTurns:
     @classmethod
     def of(cls, run: EnvelopeRun) -> _FullTurns | None:
         """None without a full turn or when the wave does not turn one way."""
-        w = ellipse_of(run)
+        w = build_ellipse(run)
         alpha = 2 * w.angle * np.sign(w.angle[-1] - w.angle[0])
         turns = int((alpha[-1] - alpha[0]) / (2 * np.pi))
         # Integrals over 2mθ want it to rise: a wave that swings back would count an angle twice.
@@ -207,7 +207,7 @@ def _solve_integrals(
         before = p
         if model is not None and start is not None:
             at = np.append(p, 0.0) if trial else start
-            left_out = data.misfit(ellipse_of(model(at)), at[:6])
+            left_out = data.misfit(build_ellipse(model(at)), at[:6])
         here = data.misfit(data.wave, p) - left_out
         slope = np.stack(
             [data.influence @ (data.misfit(data.wave, p + e) - here - left_out) for e in np.eye(6)],
@@ -265,7 +265,7 @@ def integrate_run(
     left = data.misfit(data.wave, solved.p) - solved.left_out
     covariance, variance = noise_propagation.propagate_noise(
         run,
-        lambda moved: data.misfit(ellipse_of(moved), solved.p),
+        lambda moved: data.misfit(build_ellipse(moved), solved.p),
         np.tile(np.arange(n) - 1, 3),
         3,
         -np.linalg.solve(solved.slope, data.influence),

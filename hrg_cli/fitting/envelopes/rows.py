@@ -205,7 +205,7 @@ def list_motions(
 def _carry(p: Array, omega: float) -> Carry:
     def carry(dt: Array, turn: Array) -> Matrix:
         rate = np.divide(turn, dt, out=np.zeros(len(dt)), where=dt != 0)
-        mean, L = matrices.split_trace(coordinates.entries(p, rate, np.array([omega])))
+        mean, L = matrices.split_trace(coordinates.compute_entries(p, rate, np.array([omega])))
         growth, m = np.exp(mean * dt), matrices.exponentiate(L, dt)
         return m[0] * growth, m[1] * growth, m[2] * growth, m[3] * growth
 

@@ -18,8 +18,8 @@ from ...physics import ellipse
 from .envelope_runs import EnvelopeRun
 from .equations import (
     Equations,
+    build_ellipse,
     differentiate,
-    ellipse_of,
     find_gap_rows,
     find_table_rate,
     integrate_equations,
@@ -65,18 +65,18 @@ def build_moving_axes(
     The exact motion of a resonator solves them:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_moving_axes
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_moving_axes(run)
     >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
     [0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0]
     """
-    w = ellipse_of(run)
+    w = build_ellipse(run)
     angle = np.full_like(w.angle, w.angle.mean()) if frozen else w.angle
     c, s, zero = np.cos(2 * angle), np.sin(2 * angle), np.zeros_like(w.a)
     cross = 0.0 if small else 1.0
@@ -142,11 +142,11 @@ def build_moving_axes_small_quadrature(run: EnvelopeRun, eliminate_rate: bool = 
     At a_B/a_A of a tenth and more the splits are off:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_moving_axes_small_quadrature
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_moving_axes_small_quadrature(run)
@@ -214,11 +214,11 @@ def build_fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equation
     The exact motion of a resonator solves them:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_fixed_axes
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_fixed_axes(run)
@@ -230,7 +230,7 @@ def build_fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equation
     rate = find_table_rate(run)
     known = np.zeros_like(rate)
     if eliminate_rate:
-        known, rate = -ellipse_of(run).angle_dot, np.zeros_like(rate)
+        known, rate = -build_ellipse(run).angle_dot, np.zeros_like(rate)
     parts = []
     for this, other, sign in ((0, 1, 1.0), (1, 0, -1.0)):
         turn = np.exp(-1j * np.angle(u[:, this]))
@@ -269,11 +269,11 @@ def build_fixed_axes_weighted(run: EnvelopeRun, eliminate_rate: bool = False) ->
     The exact motion of a resonator solves them:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_fixed_axes_weighted
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_fixed_axes_weighted(run)
@@ -307,11 +307,11 @@ def build_fixed_axes_groups(run: EnvelopeRun, eliminate_rate: bool = False) -> E
     A turning wave with little quadrature is in either group nearly all the time:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_fixed_axes_groups
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.0, 0.0, 0.002, 0.0, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.01j])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> phase = build_fixed_axes_groups(run).weight[-998:]
@@ -344,7 +344,7 @@ class _Products:
         cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
         c2, s2 = (np.abs(run.envelope[:, k]) ** 2 - noise2 for k in (0, 1))
         rate = find_table_rate(run)
-        known = -ellipse_of(run).angle_dot if eliminate_rate else np.zeros_like(rate)
+        known = -build_ellipse(run).angle_dot if eliminate_rate else np.zeros_like(rate)
         if eliminate_rate:
             rate = np.zeros_like(rate)
         size = np.sqrt(np.maximum(c2 + s2, 1e-300))
@@ -437,11 +437,11 @@ def build_products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     The motion of a resonator solves them, but for the noise's power that this run has not:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_products
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_products(run)
@@ -475,18 +475,18 @@ def build_increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equation
     The exact motion of a resonator solves them:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_increments
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_increments(run)
     >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
     [0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0]
     """
-    w = ellipse_of(run)
+    w = build_ellipse(run)
     c, s, zero = np.cos(2 * w.angle), np.sin(2 * w.angle), np.zeros_like(w.a)
     r = w.b / w.a
     up, down = (1 + r**2) / (1 - r**2), 1 / (1 - r**2)
@@ -528,11 +528,11 @@ def build_stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     A wave that is a circle to begin with has no axes, but solves them:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.coordinates import generator
+    >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_stokes
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(generator(p, 0.5, 3e4))
+    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
     >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 1.0j])
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_stokes(run)

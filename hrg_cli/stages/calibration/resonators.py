@@ -15,7 +15,7 @@ import numpy as np
 
 from ...errors import HrgError
 from ...fitting.checks import Check, check_goodness
-from ...fitting.envelopes.resonator_spread import slope_covariance
+from ...fitting.envelopes.resonator_spread import compute_slope_covariance
 from ...fitting.tables.table_layout import TableLayout
 from ...fourier import node_weights
 from ...records import Resonator
@@ -102,7 +102,7 @@ def compute_coefficients(resonator: Resonator, partly: bool = False) -> tuple[Ar
                 f"the resonator file of gyro {resonator.gyro_id or '?'} has no {name} (it was not"
                 " determined); identify free runs at both signs of rotation"
             )
-    covariance = slope_covariance(resonator)
+    covariance = compute_slope_covariance(resonator)
     if not np.isfinite(covariance).all():
         raise HrgError(
             "the resonator file's covariance is not finite: its runs do not tell all parameters;"

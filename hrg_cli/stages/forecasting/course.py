@@ -9,7 +9,7 @@ from itertools import islice
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.envelopes.resonator_spread import find_deviation, from_vector, vector_of
+from ...fitting.envelopes.resonator_spread import find_deviation, from_vector, make_vector
 from ...physics import drift as law
 from ...physics.resonator import Mechanics
 
@@ -69,7 +69,7 @@ def follow_wave(
     followed = np.where(alive[:, None, None, :], followed, np.nan)
     error = -(m * (followed[:, 0] - angles) / K + rate * times[:, None, None])
     told = slice(None) if alive[-1].all() else slice(1)  # the last row's courses
-    alone = from_vector(vector_of(mechanics)[None], mechanics)
+    alone = from_vector(make_vector(mechanics)[None], mechanics)
     coarse, _ = _follow(alone, angles, run, times[-1:], STEP_ANGLE)
     off = float(np.max(np.abs(coarse[0, 0, 0] - followed[-1, 0, 0])[told])) * m / K / 15
 

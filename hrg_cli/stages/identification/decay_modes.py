@@ -54,7 +54,9 @@ class Seen:
 def find_modes(run: EnvelopeRun, thin: EnvelopeRun, u: Array) -> Seen:
     """The decay's rows and its modes: two where they are apart and leave less than one whose decay
     and frequency follow its amplitude; one where no phase tells them apart."""
-    from_one = find_decay_stretch(thin, u[:, 0], lambda rows: one_mode.misfit(thin, u[:, 0], rows))
+    from_one = find_decay_stretch(
+        thin, u[:, 0], lambda rows: one_mode.measure_misfit(thin, u[:, 0], rows)
+    )
     from_two = (
         find_decay_stretch(thin, u[:, 0], lambda rows: _misfit_of_two(thin, u, rows))
         if run.phase_known

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fitting.envelopes import coordinates, propagator
-from ...fitting.envelopes.base_freedom import Known, freedom, nominal_scale_factor
+from ...fitting.envelopes.base_freedom import Known, choose_scale_factor, make_freedom
 from ...fitting.envelopes.coordinates import SECOND_ORDER
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit, Freedom, fit
@@ -83,7 +83,7 @@ def prepare_rows(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepar
     `beside` have one more of it taken off.
     """
     if known.scale_factor is None and max(float(np.ptp(r.turn_rad)) for r in runs) == 0:
-        known = dataclasses.replace(known, scale_factor=nominal_scale_factor(runs[0].mode_number))
+        known = dataclasses.replace(known, scale_factor=choose_scale_factor(runs[0].mode_number))
     ready = _take_off_second_order(runs, known, best, float(best.p[SECOND_ORDER]))
     std = read_second_order_std(best)
     if std == 0 or _weigh_second_order(best) * std < closing.SETTLED:
@@ -127,7 +127,7 @@ def _take_off_second_order(
         )
         for i, r in enumerate(data.runs)
     ]
-    space = freedom(known, best.p, runs[0].mode_number, max(r.duration_s for r in runs))
+    space = make_freedom(known, best.p, runs[0].mode_number, max(r.duration_s for r in runs))
     p, _, covariance = propagator.identify(
         thin, space, np.append(best.p[:6], 0.0), np.zeros(len(thin))
     )

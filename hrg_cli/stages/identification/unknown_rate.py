@@ -15,7 +15,7 @@ import numpy as np
 from ...fitting import checks
 from ...fitting.envelopes import envelope_runs, inference, rate_offset
 from ...fitting.envelopes.base_fit import fit_base_model
-from ...fitting.envelopes.base_freedom import Known, nominal_scale_factor
+from ...fitting.envelopes.base_freedom import Known, choose_scale_factor
 from ...fitting.envelopes.coordinates import DAMPING, SCALE_FACTOR
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...physics import ellipse
@@ -37,7 +37,7 @@ def identify_with_unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks
     mode = runs[0].mode_number
     told = known.scale_factor is not None
     if not told and not _rates_differ(runs):
-        known = dataclasses.replace(known, scale_factor=nominal_scale_factor(mode))
+        known = dataclasses.replace(known, scale_factor=choose_scale_factor(mode))
     found = rate_offset.fit_rate_offset(runs, known, blocks, _start(runs, known, blocks))
     noise = inference.estimate_variance_inflation(found.fit)[0]
     turned = [envelope_runs.turn_table(r, found.value) for r in runs]
@@ -66,7 +66,7 @@ def _start(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> float:
     mode = runs[0].mode_number
     turning = [dataclasses.replace(r, turn_rad=r.time_s - r.time_s[0]) for r in runs]
     fit = fit_base_model(turning, dataclasses.replace(known, scale_factor=None), blocks)
-    nominal = nominal_scale_factor(mode)
+    nominal = choose_scale_factor(mode)
     return float(fit.p[SCALE_FACTOR]) / (
         nominal if known.scale_factor is None else known.scale_factor
     )

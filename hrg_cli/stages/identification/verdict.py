@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting import checks
 from ...fitting.envelopes import inference
-from ...fitting.envelopes.base_freedom import Known, nominal_scale_factor, scale_factor_spread
+from ...fitting.envelopes.base_freedom import Known, choose_scale_factor, choose_scale_factor_spread
 from ...fitting.envelopes.coordinates import SCALE_FACTOR, SECOND_ORDER
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
@@ -57,7 +57,7 @@ def judge_fit(
     if known.scale_factor is None and (
         turning == 0 or _flat_in(fit, "scale_factor") or is_one_rate(fit)
     ):
-        nominal = nominal_scale_factor(mode)
+        nominal = choose_scale_factor(mode)
         why = (
             "no run was rotated"
             if turning == 0
@@ -73,8 +73,8 @@ def judge_fit(
         known = dataclasses.replace(known, scale_factor=nominal)
         fit = again(known)
         if turning:
-            beside = inference.widen_by_held(fit, SCALE_FACTOR, scale_factor_spread(mode))
-            spread = f"{nominal:g} ± {scale_factor_spread(mode):g}"
+            beside = inference.widen_by_held(fit, SCALE_FACTOR, choose_scale_factor_spread(mode))
+            spread = f"{nominal:g} ± {choose_scale_factor_spread(mode):g}"
             notes[-1] += f"; the other errors hold for K = {spread}"
     verdict = judge_parameters(fit, runs, known, beside)
     if notes:

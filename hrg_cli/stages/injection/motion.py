@@ -20,7 +20,7 @@ from ...fitting.causes import extended_fit, fit_point, slow_equation, slow_predi
 from ...fitting.causes.coordinate_priors import CoordinatePriors
 from ...fitting.causes.fit_point import Point
 from ...fitting.causes.measured_runs import MeasuredRuns
-from ...fitting.envelopes.base_freedom import nominal_scale_factor
+from ...fitting.envelopes.base_freedom import choose_scale_factor
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics
 from ...physics.resonator import exponentiate
 from ...records import Resonator, Wave
@@ -146,7 +146,7 @@ def _fit_model(wave: Wave, resonator: Resonator | None) -> tuple[MeasuredRuns, P
         if resonator is None and not fit.coordinate_std("scale_factor") < KNOWN * abs(
             fit.coordinate("scale_factor")
         ):
-            nominal = nominal_scale_factor(wave.mode_number)
+            nominal = choose_scale_factor(wave.mode_number)
             fit = extended_fit.fit(series, point, free.holding("scale_factor", nominal))
         return series, fit.point
     except extended_fit.DivergedError as error:

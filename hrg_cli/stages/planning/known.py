@@ -10,9 +10,9 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import HrgError
-from ...fitting.envelopes.base_freedom import nominal_scale_factor
+from ...fitting.envelopes.base_freedom import choose_scale_factor
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics, to_parameters
-from ...fitting.envelopes.resonator_spread import slope_covariance
+from ...fitting.envelopes.resonator_spread import compute_slope_covariance
 from ...physics.resonator import PARAMETERS, Mechanics
 from ...records import Diagnosis, Resonator, Wave
 from ...settings import parse_toml
@@ -32,7 +32,7 @@ def mechanics_of(known: Resonator | Diagnosis) -> Mechanics:
     values = {name: given[name] for name, _ in PARAMETERS if name in given}
     if "frequency_hz" not in values or "damping_rate_1_s" not in values:
         raise HrgError("the resonator holds neither frequency nor damping; identify it first")
-    values.setdefault("scale_factor", nominal_scale_factor(mode_number))
+    values.setdefault("scale_factor", choose_scale_factor(mode_number))
     return Mechanics(**values, mode_number=mode_number)
 
 
@@ -97,7 +97,7 @@ def information_of(known: Resonator | Diagnosis, m: Mechanics, layout: Informati
         ]
         rows, covariance = (
             [order.index(str(known.name[k])) for k in there],
-            slope_covariance(known)[np.ix_(there, there)],
+            compute_slope_covariance(known)[np.ix_(there, there)],
         )
     else:
         stds = {row["name"]: float(row["std"]) for row in known.told("values")}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.envelopes.base_freedom import nominal_scale_factor
+from ...fitting.envelopes.base_freedom import choose_scale_factor
 from ...physics.resonator import Mechanics
 from ...records import Calibration, Resonator
 from ..earth_rate import earth_rate_of
@@ -47,7 +47,7 @@ def build_resonator(
             f"holds no {lacking[0]}: these are modes, not a whole resonator; a twin cannot be made"
             " of them"
         )
-    values.setdefault("scale_factor", nominal_scale_factor(truth.mode_number))
+    values.setdefault("scale_factor", choose_scale_factor(truth.mode_number))
     values.setdefault(
         "damping_rate_1_s", max(_find_decay(inputs), abs(values["damping_split_1_s"]))
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...effects.effect import Effect, Values
 from ...errors import HrgError
-from ...fitting.envelopes.base_freedom import nominal_scale_factor
+from ...fitting.envelopes.base_freedom import choose_scale_factor
 from ...fitting.envelopes.one_mode import DECAY_POWERS, FREQUENCY_POWERS
 from ...physics.plant import Readout, Samples, SlowState
 from ...physics.resonator import Mechanics
@@ -44,7 +44,7 @@ def device(truth: Resonator) -> Mechanics:
         0.0,
         0.0,
         0.0,
-        nominal_scale_factor(truth.mode_number),
+        choose_scale_factor(truth.mode_number),
         truth.mode_number,
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 from ....fitting.causes.coordinate_priors import CoordinatePriors
 from ....fitting.causes.fit_point import Point
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.envelopes.base_freedom import nominal_scale_factor
+from ....fitting.envelopes.base_freedom import choose_scale_factor
 from ....fitting.envelopes.coordinates import DAMPING, FREQUENCY_SPLIT, SCALE_FACTOR, SECOND_ORDER
 from ....fitting.envelopes.envelope_runs import EnvelopeRun
 from ....records import Wave
@@ -35,7 +35,7 @@ def choose_freedom(
     span = float(series.time_s.max())
     damping = max(abs(float(point.p[DAMPING])), 0.01 / span)
     split = max(float(np.hypot(*point.p[FREQUENCY_SPLIT])), damping, 1 / span)
-    nominal = nominal_scale_factor(series.mode_number) if scale_factor is None else scale_factor
+    nominal = choose_scale_factor(series.mode_number) if scale_factor is None else scale_factor
     # wide enough to bend nothing that a passive resonator can be: |νδμ| ≤ ν costs 0.01 of χ² at
     # most, the first guess's frequency split a thousandth
     std = np.array([np.inf, 10 * damping, 10 * damping, 30 * split, 30 * split, 0.0, 0.0])
@@ -78,6 +78,6 @@ def choose_held_scale_factor(
         return scale_factor
     logs = [np.asarray(w.rate_rad_s, float) for w in waves if w.rate_rad_s is not None]
     rates = np.concatenate([np.zeros(0), *(log[np.isfinite(log)] for log in logs)])
-    nominal = nominal_scale_factor(waves[0].mode_number)
+    nominal = choose_scale_factor(waves[0].mode_number)
     turned = [float(np.ptp(run.turn_rad)) for run in runs]
     return None if _tell(rates, turned, nominal) else nominal

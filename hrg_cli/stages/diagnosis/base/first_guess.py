@@ -20,7 +20,7 @@ from ....fitting.causes.slow_equation import apply_generators
 from ....fitting.causes.wave_frame import to_reals
 from ....fitting.envelopes import coordinates, propagator, rows
 from ....fitting.envelopes.base_fit import start_from_propagator
-from ....fitting.envelopes.base_freedom import Known, freedom
+from ....fitting.envelopes.base_freedom import Known, make_freedom
 from ....fitting.envelopes.coordinates import COUNT, DAMPING, SCALE_FACTOR, SECOND_ORDER
 from ....fitting.envelopes.envelope_runs import EnvelopeRun
 from ....fitting.least_squares import solve
@@ -68,7 +68,7 @@ def guess(
         p[DAMPING] = max(p[DAMPING], 0.0)
         # of runs that do not turn, the nominal one: prior_mean is (…, K, second order)
         p[SCALE_FACTOR] = (
-            p[SCALE_FACTOR] or freedom(known, p, runs[0].mode_number, 1.0).prior_mean[-2]
+            p[SCALE_FACTOR] or make_freedom(known, p, runs[0].mode_number, 1.0).prior_mean[-2]
         )
     p[SECOND_ORDER] = 1.0
     return p, offsets

@@ -15,7 +15,7 @@ import numpy as np
 from ....fitting import checks
 from ....fitting.causes.extended_fit import ExtendedFit, along_wave
 from ....fitting.checks import Check
-from ....fitting.envelopes.base_freedom import nominal_scale_factor
+from ....fitting.envelopes.base_freedom import choose_scale_factor
 from ....fitting.least_squares import invert_information
 from ....physics import ellipse
 from ..drive.scatter import TOLD, Scatter
@@ -306,7 +306,7 @@ def _physics(fit: ExtendedFit) -> Iterator[Check]:
         "the damping stands at the bound of a passive resonator and would be beyond it",
     )
     if fit.layout.coordinate("scale_factor") is not None:
-        nominal = nominal_scale_factor(fit.series.mode_number)
+        nominal = choose_scale_factor(fit.series.mode_number)
         value, std = fit.coordinate("scale_factor"), fit.coordinate_std("scale_factor")
         low, high = (part * nominal for part in SCALE_FACTORS)
         # beyond three σ: a scale factor that is merely not known is no finding

@@ -127,7 +127,7 @@ def find_strongest_tone(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
     gain = float(np.sum(np.abs(vector) ** 2 / std[:, None] ** 2))
     whitening = fit.series.whitening
     vector = channel_noise.whiten(channel_noise.invert(whitening), vector[:, None])[:, 0]
-    std = std[:, None] * channel_noise.spread(whitening)
+    std = std[:, None] * channel_noise.compute_spread(whitening)
     return Tone(best + fit.series.reference_frequency_hz, vector, std, gain, _stands(data, best))
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.envelopes.base_freedom import nominal_scale_factor
+from ....fitting.envelopes.base_freedom import choose_scale_factor
 from ....records import Wave
 from ..samples.lines import find_median_frequency
 from ..thresholds import GROSS
@@ -38,7 +38,7 @@ def has_usual_scale_factor(fit: ExtendedFit) -> bool:
     K, std, usual = (
         fit.coordinate(SCALE_FACTOR),
         fit.coordinate_std(SCALE_FACTOR),
-        nominal_scale_factor(fit.series.mode_number),
+        choose_scale_factor(fit.series.mode_number),
     )
     return usual / RANGE - SURE * std < K < usual * RANGE + SURE * std
 
@@ -52,7 +52,7 @@ def _rates(fit: ExtendedFit) -> list[Suspicion]:
         fit.coordinate(SCALE_FACTOR),
         fit.coordinate_std(SCALE_FACTOR) * float(np.sqrt(max(1.0, fit.chi2 / fit.dof))),
     )
-    usual = nominal_scale_factor(fit.series.mode_number)
+    usual = choose_scale_factor(fit.series.mode_number)
     if not abs(K) > SURE * std:
         return []
     for factor, unit in UNITS:

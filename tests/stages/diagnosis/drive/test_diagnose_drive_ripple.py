@@ -30,7 +30,7 @@ def recorded(gain_1_s):
     The drive holds the amplitude by what it loses and nulls the quadrature with a gain, both along
     the state of the instant, the command held over a step.
     """
-    L = coordinates.generator(P, RATES, 1.0)
+    L = coordinates.build_generator(P, RATES, 1.0)
     angle, near = np.array([0.1, 0.7, 1.3]), np.zeros(len(RATES))
     u = np.stack([np.cos(angle), np.sin(angle)], -1).astype(complex)
     seen = np.zeros((len(RATES), ROWS, 2), complex)

@@ -39,7 +39,7 @@ def loops(draws, loop_noise, seed):
     """Envelopes at the rows' middles (D, R, n, 2), and the commands of every tick (D, R, n, ticks,
     2): amplitude held by one loop, quadrature by another, both on noisy amplitudes."""
     random = np.random.default_rng(seed)
-    half = exponentiate(coordinates.generator(P, RATES, 1.0), TICK_S / 2)
+    half = exponentiate(coordinates.build_generator(P, RATES, 1.0), TICK_S / 2)
     angle, near = np.array([0.1, 0.7, 1.3]), np.zeros((draws, RUNS))
     u = np.stack([np.cos(angle), np.sin(angle)], -1) * np.ones((draws, RUNS, 2), complex)
     seen = np.zeros((draws, RUNS, ROWS, 2), complex)
