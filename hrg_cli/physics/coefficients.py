@@ -175,7 +175,8 @@ def compute_analytic(table: Coefficients, t: Array, z: Array, w: Array, omega_r:
     >>> from hrg_cli.physics.plant import ThermalCourses, make_linear_plant
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> world = make_environment(hold_value(20.0), hold_value(1.0), 0.0, 1.0, 0.001)
-    >>> table = Coefficients(world, make_linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), world))
+    >>> plant = make_linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), world)
+    >>> table = Coefficients(world, plant)
     >>> t, q = np.zeros(1), np.array([[1.0 + 0.5j, 0.2j]])
     >>> bool(np.allclose(compute_analytic(table, t, *compute_state(table, t, q, 628.0), 628.0), q))
     True

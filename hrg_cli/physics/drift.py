@@ -83,7 +83,9 @@ def compute_quasi_static_quadrature(
     drive: str = "force",
     quadrature_gain_1_s: float = 0.0,
 ) -> Array:
-    """r once it follows the wave angle: δω sin ζ/λ (seed A after (9)), λ of `compute_quadrature_decay`.
+    """r once it follows the wave angle: δω sin ζ/λ, seed A after (9).
+
+    λ is that of `compute_quadrature_decay`.
 
     For νt ≫ 1, δω ≪ ν and a wave that moves slowly against ν only.
 
@@ -268,7 +270,8 @@ def find_settled_quadrature(
     >>> from hrg_cli.physics.drift import find_settled_quadrature
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> gyro = Mechanics(1000.0, 0.2, frequency_split_rad_s=0.15)
-    >>> [round(float(find_settled_quadrature(gyro, np.pi / 8, d)), 4) for d in ("force", "parametric")]
+    >>> found = [find_settled_quadrature(gyro, np.pi / 8, d) for d in ("force", "parametric")]
+    >>> [round(float(one), 4) for one in found]
     [0.75, 0.3333]
     """
     chi, zeta = _angles(mechanics, wave_angle_rad)
@@ -355,7 +358,8 @@ def make_motion(
     >>> import numpy as np
     >>> from hrg_cli.physics.drift import make_motion
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> make_motion(Mechanics(1000.0, 0.2, scale_factor=0.5), 1.0, "free")(0.0, np.zeros(2)).tolist()
+    >>> motion = make_motion(Mechanics(1000.0, 0.2, scale_factor=0.5), 1.0, "free")
+    >>> motion(0.0, np.zeros(2)).tolist()
     [-0.25, 0.0]
     """
 
@@ -509,7 +513,8 @@ def step_by_adams(
     >>> from itertools import islice
     >>> import numpy as np
     >>> from hrg_cli.physics.drift import step_by_adams
-    >>> [round(float(y), 6) for y in islice(step_by_adams(lambda t, y: 2 * t, np.zeros(()), 1.0), 4)]
+    >>> steps = step_by_adams(lambda t, y: 2 * t, np.zeros(()), 1.0)
+    >>> [round(float(y), 6) for y in islice(steps, 4)]
     [1.0, 4.0, 9.0, 16.0]
     """
     y, k = np.asarray(start, float), 0

@@ -230,7 +230,8 @@ def add_programmes(parts: Sequence[Programme]) -> Programme:
     --------
     >>> import numpy as np
     >>> from hrg_cli.physics.environment import hold_value, follow_points, add_programmes
-    >>> add_programmes([hold_value(1.0), follow_points([0.0, 1.0], [0.0, 2.0])]).value(np.array([0.5])).tolist()
+    >>> ramp = follow_points([0.0, 1.0], [0.0, 2.0])
+    >>> add_programmes([hold_value(1.0), ramp]).value(np.array([0.5])).tolist()
     [2.0]
     """
     return Programme(

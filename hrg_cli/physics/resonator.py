@@ -143,7 +143,8 @@ def build_generator(
 
     >>> import numpy as np
     >>> from hrg_cli.physics.resonator import Mechanics, build_generator
-    >>> np.round(build_generator(Mechanics(1000.0, 0.1, scale_factor=0.5), 1.0, second_order=0).real, 9).tolist()
+    >>> gyro = Mechanics(1000.0, 0.1, scale_factor=0.5)
+    >>> np.round(build_generator(gyro, 1.0, second_order=0).real, 9).tolist()
     [[-0.1, 0.5], [-0.5, -0.1]]
     """
     omega_r = (

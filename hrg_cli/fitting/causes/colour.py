@@ -62,7 +62,7 @@ class ColouredNoise:
 
 
 def resolve_components(x: Array, along: Array) -> Array:
-    """Reals turned into the wave's frame: along it, its phase, across it (angle), and its quadrature.
+    """Reals turned into the wave's frame: along it, its phase, across it (angle), its quadrature.
 
     Parameters
     ----------

@@ -212,7 +212,8 @@ def unsettled_part(fit: ExtendedFit) -> Array:
     >>> from hrg_cli.fitting.causes.extended_fit import unsettled_part
     >>> scatter = Softened(((slice(0, 4), np.eye(4)[:, :1], np.array([3.0])),))
     >>> residual, weight = np.array([[[4.0, 0.0, 0.0, 0.0]]]), np.ones((1, 1))
-    >>> series = SimpleNamespace(unsettled=None, scatter=scatter, weight=weight, in_units=lambda u: u)
+    >>> known = dict(unsettled=None, scatter=scatter, weight=weight, in_units=lambda u: u)
+    >>> series = SimpleNamespace(**known)
     >>> prediction = SimpleNamespace(residual=lambda: residual)
     >>> whitened, rows = scatter.off(residual.ravel()), np.argwhere(np.ones((1, 1, 4)))
     >>> fit = SimpleNamespace(series=series, prediction=prediction, residual=whitened, rows=rows)

@@ -107,7 +107,7 @@ def _carry(E: Array, c: complex, s: complex) -> tuple[complex, complex]:
 def march(
     rows: Instants, middles: Instants, steps: RuleSteps, shared: Constants, out: Array
 ) -> None:
-    """Fill the motion behind its start by the rule of Runge and Kutta, the steady part taken exactly.
+    """Fill the motion behind its start by Runge and Kutta's rule, the steady part taken exactly.
 
     Parameters
     ----------

@@ -306,7 +306,7 @@ def _starts(runs: Sequence[EnvelopeRun], known: Known) -> Iterator[tuple[Array, 
 
 
 def grow_phase_orders(result: Fit) -> Fit:
-    """The fit with further orders of the runs' phases as long as one of them gains much by two more.
+    """The fit with further orders of the runs' phases as long as a run gains much by two more.
 
     Parameters
     ----------
@@ -524,7 +524,7 @@ def _rate_varies(data: Batch) -> bool:
 
 
 def solve(data: Batch, space: Freedom, z: Array, first: Array, phase: Array) -> Fit:
-    """Gauss–Newton; where it does not settle, again over growing parts of the runs from their begin.
+    """Gauss–Newton; where it does not settle, again over growing parts of the runs.
 
     First with straight phases alone: higher orders that a tenth of a run fixes lead anywhere beyond
     it. A phase that bends by turns needs them all the same.

@@ -50,7 +50,7 @@ PASSES = 3
 def read_runs(
     waves: Sequence[Wave], rate_rad_s: float | None, earth_rad_s: float, known: Known, blocks: int
 ) -> list[EnvelopeRun]:
-    """Every wave's run: all its windows where they are few, else averages along the motion they show.
+    """Every wave's run: all its windows where they are few, else averages along their motion.
 
     Parameters
     ----------

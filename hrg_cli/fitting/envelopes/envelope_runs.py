@@ -195,7 +195,7 @@ def from_wave(wave: Wave, rate_rad_s: float | None = None) -> EnvelopeRun:
 
 
 def compute_envelopes(wave: Wave, rows: Array | slice = slice(None)) -> Array:
-    """Complex envelopes of the channels C and S in a wave's rows, against its own reference frequency.
+    """Complex envelopes of the channels C and S in a wave's rows, against its own reference.
 
     C = e^{jφ}(a_A cos mθ + j a_B sin mθ), S = e^{jφ}(a_A sin mθ − j a_B cos mθ).
 
@@ -392,7 +392,7 @@ def average_rows(
     grid: tuple[float, float] | None = None,
     beside: Array | None = None,
 ) -> EnvelopeRun:
-    """A run's rows averaged by blocks, each carried to its block's mean time with a motion known nearly.
+    """A run's rows averaged by blocks, each carried to its block's mean time along a known motion.
 
     The mean time is the weighted one, so an error δL of that motion enters only as
     (δL² + [δL, L])dt²/24 of the row: averaging along the motion that is fitted to the rows, until

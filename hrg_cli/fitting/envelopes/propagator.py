@@ -48,7 +48,7 @@ LARGEST_STEP = 10.0
 
 
 def estimate_mean_frequency(run: EnvelopeRun) -> float:
-    """Mean angular frequency above the reference from neighbouring rows; safe below half a turn a row.
+    """Mean angular frequency above the reference from neighbouring rows, half a turn apart at most.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def guess_roughly(runs: Sequence[EnvelopeRun]) -> tuple[Array, Array]:
 
 
 def compute_propagator(p: Array, dt: Array, turn: Array, offset_rad_s: Array | float) -> Matrix:
-    """exp of the plain generator, without its second order, with a frequency offset: e^{jδt} exp(Lt).
+    """exp of the generator without its second order, with a frequency offset: e^{jδt} exp(Lt).
 
     Parameters
     ----------

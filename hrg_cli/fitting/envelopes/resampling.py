@@ -30,7 +30,7 @@ PROFILE_STEPS = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
 
 
 def bootstrap(best: Fit, draws: int, seed: int) -> Array:
-    """Coordinates whose scatter is the fit's error, by drawing each run's residuals again in 16 blocks.
+    """Coordinates whose scatter is the fit's error, each run's residuals drawn again in 16 blocks.
 
     Each draw is one Gauss–Newton step from the optimum.
 

@@ -192,7 +192,7 @@ def build_frozen_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equatio
 
 
 def build_fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """Seed A (17) in the instrument axes with the true rate: amplitudes and phases of both channels.
+    """Seed A (17) in the instrument axes with the true rate: amplitudes and phases of the channels.
 
     Of a channel u = a e^{jφ} the real and the imaginary part of u̇ e^{−jφ} are ȧ and aφ̇, and L
     gives them; K and the run's own frequency are among the unknowns.
@@ -416,7 +416,7 @@ def _fixed_axes(run: EnvelopeRun, eliminate_rate: bool, grouped: bool = False) -
 
 
 def build_products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """The same from the time averages 2⟨C²⟩, 2⟨S²⟩, 2⟨CS⟩, −2⟨C·S(t − t₃)⟩ alone; no A, B, θ is formed.
+    """Fixed axes from the averages 2⟨C²⟩, 2⟨S²⟩, 2⟨CS⟩, −2⟨C·S(t − t₃)⟩; no A, B, θ is formed.
 
     The noise's own power is taken off the squares.
 
@@ -505,7 +505,7 @@ def build_increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equation
 
 
 def build_stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
-    """The exact linear four-vector form Ṡ = M S (PHYSICS §0), integrated; circular orbits do no harm.
+    """The exact linear four-vector form Ṡ = M S (PHYSICS §0), integrated; circles do no harm.
 
     Ṡ₁ = −2νS₁ − 2νδμ_c S₀ + 2δω_s S₃ + 2KΩS₂, Ṡ₂ = −2νS₂ − 2νδμ_s S₀ − 2δω_c S₃ − 2KΩS₁,
     Ṡ₃ = −2νS₃ + 2δω_c S₂ − 2δω_s S₁; the noise's power is taken off S₀. S₀ = |(S₁, S₂, S₃)| of one
