@@ -139,7 +139,7 @@ def direction_of(
 ) -> dict[str, float]:
     """A random direction of the parameters, its length one σ; parameters that these runs do not
     show stay neutral."""
-    steps = scales.steps_of(effect, fit.series)
+    steps = scales.list_steps(effect, fit.series)
     S = whitened_rows.find_sensitivity(fit.flow, effect, neutral, steps)
     free = information(fit, S)
     whole, size = np.sum(S**2, axis=0), np.maximum(np.diag(free), 0.0)

@@ -101,7 +101,7 @@ def beside_model(fit: ExtendedFit, columns: Array) -> Array:
 
 def need_thinkable(effect: Effect, values: dict[str, float], size: float, fit: ExtendedFit) -> None:
     """HrgError: the size is beyond what such a cause can have."""
-    amplitude, frequency = scales.amplitude_of(fit.series), fit.series.reference_frequency_hz
+    amplitude, frequency = scales.measure_amplitude(fit.series), fit.series.reference_frequency_hz
     for p in effect.fitted():
         typical = scales.find_typical_size(p, amplitude, frequency)
         if not effect.whole_samples and abs(values[p.name] - p.neutral) > LARGEST * typical:

@@ -150,7 +150,10 @@ def test_the_smooth_part_in_blocks_is_the_score_of_the_whole():
     for k, (rows, S) in enumerate(smooth):
         whole[rows, 6 * k : 6 * k + 6] = S
     one = evidence.score("smooth", r, whole, basis)
-    assert evidence.smooth_power(r, basis, smooth) == (pytest.approx(one.gain, rel=1e-9), one.rank)
+    assert evidence.measure_smooth_power(r, basis, smooth) == (
+        pytest.approx(one.gain, rel=1e-9),
+        one.rank,
+    )
     assert one.rank == 22
 
 

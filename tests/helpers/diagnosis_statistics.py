@@ -102,7 +102,7 @@ def sized(effect, fit, z, random):
             size = np.linalg.norm(beside(whitened_rows.flatten_rows(fit.series, change)))
             low, high = (middle, high) if size < z else (low, middle)
         return {"inverse_level": low}
-    steps = scales.steps_of(effect, fit.series)
+    steps = scales.list_steps(effect, fit.series)
     S = whitened_rows.find_sensitivity(fit.flow, effect, values, steps)
     free, whole = beside(S), np.linalg.norm(S, axis=0)
     size = np.linalg.norm(free, axis=0)

@@ -60,7 +60,7 @@ def test_a_size_is_what_an_ideal_detector_measures():
     one = hidden.hide("gain_mismatch", np.random.default_rng(4), 3e-4)
     for seed in range(8):
         fit = hidden.base_fit(one.measured(size, seed), None, {})
-        step = scales.steps_of(one.effect, fit.series)
+        step = scales.list_steps(one.effect, fit.series)
         direction = hidden._project_base(
             whitened_rows.find_sensitivity(fit.flow, one.effect, one.neutral, step), fit
         )[:, 0]

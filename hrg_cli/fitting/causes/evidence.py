@@ -238,7 +238,7 @@ def _project_candidates(P: Array, c: Array, size: Array) -> Iterator[tuple[Any, 
         )
 
 
-def gains(P: Array, c: Array) -> tuple[Array, Array]:
+def compute_gains(P: Array, c: Array) -> tuple[Array, Array]:
     """Falls of χ² and numbers of parameters of many candidates, from their products alone.
 
     Parameters
@@ -258,8 +258,8 @@ def gains(P: Array, c: Array) -> tuple[Array, Array]:
     Two columns apart, each with 2 σ of the residual; then twice the same column:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.evidence import gains
-    >>> gain, rank = gains(np.array([np.eye(2), np.ones((2, 2))]), np.full((2, 2), 2.0))
+    >>> from hrg_cli.fitting.causes.evidence import compute_gains
+    >>> gain, rank = compute_gains(np.array([np.eye(2), np.ones((2, 2))]), np.full((2, 2), 2.0))
     >>> gain.round(6).tolist(), rank.tolist()
     ([8.0, 4.0], [2, 1])
     """
@@ -267,7 +267,7 @@ def gains(P: Array, c: Array) -> tuple[Array, Array]:
     return np.sum(np.einsum("nij,ni->nj", directions, c) ** 2, axis=1), np.sum(s > BLIND, axis=1)
 
 
-def chances(gain: Array, rank: Array) -> Array:
+def compute_chances(gain: Array, rank: Array) -> Array:
     """Probabilities that noise makes χ² fall by as much with so many parameters.
 
     Parameters
@@ -285,8 +285,8 @@ def chances(gain: Array, rank: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.evidence import chances
-    >>> chances(np.array([9.0, 9.0, 9.0]), np.array([1, 2, 0])).round(4).tolist()
+    >>> from hrg_cli.fitting.causes.evidence import compute_chances
+    >>> compute_chances(np.array([9.0, 9.0, 9.0]), np.array([1, 2, 0])).round(4).tolist()
     [0.0027, 0.0111, 1.0]
     """
     return _significance(gain, rank)[1]
@@ -335,7 +335,7 @@ def _significance(gain: Array, rank: Array) -> tuple[Array, Array]:
     return np.where(p > 1e-280, np.maximum(0.0, -ndtri(p / 2)), np.sqrt(gain)), p
 
 
-def both(p: float, q: float) -> float:
+def combine_chances(p: float, q: float) -> float:
     """Chance that two independent tests together come out so small.
 
     −2 ln pq is χ² with four degrees of freedom (Fisher 1925), so that it is pq (1 − ln pq).
@@ -352,8 +352,8 @@ def both(p: float, q: float) -> float:
 
     Examples
     --------
-    >>> from hrg_cli.fitting.causes.evidence import both
-    >>> round(both(0.05, 0.05), 4), both(1.0, 1.0)
+    >>> from hrg_cli.fitting.causes.evidence import combine_chances
+    >>> round(combine_chances(0.05, 0.05), 4), combine_chances(1.0, 1.0)
     (0.0175, 1.0)
     """
     product = max(p, 1e-300) * max(q, 1e-300)
@@ -476,7 +476,7 @@ def correlate_spaces(a: Score, b: Score) -> float:
     return float(np.linalg.svd(a.space.T @ b.space, compute_uv=False)[0])
 
 
-def correlations(scores: Sequence[Score]) -> Array:
+def correlate_all_spaces(scores: Sequence[Score]) -> Array:
     """`correlate_spaces` of all pairs.
 
     Parameters
@@ -495,11 +495,11 @@ def correlations(scores: Sequence[Score]) -> Array:
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.causes.designs import Basis
-    >>> from hrg_cli.fitting.causes.evidence import correlations, score
+    >>> from hrg_cli.fitting.causes.evidence import correlate_all_spaces, score
     >>> mean, sides = Basis((), np.full((4, 1), 0.5)), np.array([[1.0], [-1.0], [1.0], [-1.0]])
     >>> half, r = np.array([[1.0], [1.0], [0.0], [0.0]]), np.zeros(4)
     >>> scores = [score("sides", r, sides, mean), score("half", r, half, mean)]
-    >>> correlations(scores).round(9).tolist()
+    >>> correlate_all_spaces(scores).round(9).tolist()
     [[1.0, 0.0], [0.0, 1.0]]
     """
     out = np.eye(len(scores))
@@ -509,7 +509,7 @@ def correlations(scores: Sequence[Score]) -> Array:
     return out
 
 
-def smooth_power(
+def measure_smooth_power(
     residual: Array, basis: Basis, smooth: Sequence[tuple[slice, Array]]
 ) -> tuple[float, int]:
     """Omnibus test: χ² of a residual along smooth columns beside the base model.
@@ -537,10 +537,10 @@ def smooth_power(
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.causes.designs import Basis
-    >>> from hrg_cli.fitting.causes.evidence import smooth_power
+    >>> from hrg_cli.fitting.causes.evidence import measure_smooth_power
     >>> rows, line = slice(0, 4), np.array([[-3.0], [-1.0], [1.0], [3.0]])
     >>> basis = Basis(((rows, np.full((4, 1), 0.5)),), np.zeros((4, 0)))
-    >>> power, degrees = smooth_power(line[:, 0], basis, [(rows, line)])
+    >>> power, degrees = measure_smooth_power(line[:, 0], basis, [(rows, line)])
     >>> round(power, 9), degrees
     (20.0, 1)
     """

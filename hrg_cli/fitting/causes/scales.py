@@ -23,7 +23,7 @@ SMALL_PART = 1e-2
 """Difference step as a part of the typical size."""
 
 
-def seconds_in(units: str) -> int:
+def count_seconds(units: str) -> int:
     """Power of the second in a unit.
 
     Parameters
@@ -38,8 +38,8 @@ def seconds_in(units: str) -> int:
 
     Examples
     --------
-    >>> from hrg_cli.fitting.causes.scales import seconds_in
-    >>> [seconds_in(units) for units in ("rad s-1", "s-2", "s K-1", "Hz", "1")]
+    >>> from hrg_cli.fitting.causes.scales import count_seconds
+    >>> [count_seconds(units) for units in ("rad s-1", "s-2", "s K-1", "Hz", "1")]
     [-1, -2, 1, -1, 0]
     """
     power = 0
@@ -81,11 +81,11 @@ def find_typical_size(parameter: Parameter, amplitude: float, frequency_hz: floa
     >>> round(find_typical_size(rate, 1.0, 500.0), 9)
     0.0001
     """
-    in_time = (frequency_hz / CATALOGUE_HZ) ** -seconds_in(parameter.units)
+    in_time = (frequency_hz / CATALOGUE_HZ) ** -count_seconds(parameter.units)
     return parameter.typical * amplitude**parameter.amplitude_power * in_time
 
 
-def amplitude_of(series: MeasuredRuns) -> float:
+def measure_amplitude(series: MeasuredRuns) -> float:
     """Root mean square amplitude of the data.
 
     Parameters
@@ -102,16 +102,16 @@ def amplitude_of(series: MeasuredRuns) -> float:
     --------
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.scales import amplitude_of
+    >>> from hrg_cli.fitting.causes.scales import measure_amplitude
     >>> u = np.array([[[3.0, 4.0], [30.0, 40.0]]])
-    >>> amplitude_of(SimpleNamespace(envelope=u, weight=np.array([[1.0, 0.0]])))
+    >>> measure_amplitude(SimpleNamespace(envelope=u, weight=np.array([[1.0, 0.0]])))
     5.0
     """
     power = np.sum(np.abs(series.envelope) ** 2, axis=-1)
     return float(np.sqrt(power[series.weight > 0].mean()))
 
 
-def steps_of(effect: Effect, series: MeasuredRuns) -> dict[str, float]:
+def list_steps(effect: Effect, series: MeasuredRuns) -> dict[str, float]:
     """Difference steps of an effect's fitted parameters for these data.
 
     Parameters
@@ -130,15 +130,15 @@ def steps_of(effect: Effect, series: MeasuredRuns) -> dict[str, float]:
     --------
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.scales import steps_of
+    >>> from hrg_cli.fitting.causes.scales import list_steps
     >>> rate = SimpleNamespace(name="rate", units="s-1", typical=1e-3, amplitude_power=0)
     >>> data = SimpleNamespace(
     ...     envelope=np.ones((1, 1, 2)), weight=np.ones((1, 1)), reference_frequency_hz=5000.0
     ... )
-    >>> {n: round(s, 9) for n, s in steps_of(SimpleNamespace(fitted=lambda: [rate]), data).items()}
+    >>> {n: round(s, 9) for n, s in list_steps(SimpleNamespace(fitted=lambda: [rate]), data).items()}
     {'rate': 1e-05}
     """
-    amplitude = amplitude_of(series)
+    amplitude = measure_amplitude(series)
     return {
         p.name: SMALL_PART * find_typical_size(p, amplitude, series.reference_frequency_hz)
         for p in effect.fitted()

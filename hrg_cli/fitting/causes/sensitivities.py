@@ -23,7 +23,7 @@ from .slow_equation import (
 )
 from .slow_prediction import Near, Prediction, accumulate_steps
 from .turned_motion import find_slope
-from .wave_frame import real_matrix, to_reals
+from .wave_frame import make_real_matrix, to_reals
 
 Array = np.ndarray
 ORDER_STEP = 1e-2
@@ -176,7 +176,7 @@ def linearise_flow(prediction: Prediction) -> Propagation:
     ) / 2 + hh / 8 * (
         apply_generators(ahead, slope_rows[:, :-1]) - apply_generators(back, slope_rows[:, 1:])
     )
-    A, B = real_matrix(L), real_matrix(M)
+    A, B = make_real_matrix(L), make_real_matrix(M)
     view = None
     if not rows.idle:
         A, B = A + find_slope(rows.beside, u), B + find_slope(halves.beside, middle)
@@ -184,7 +184,7 @@ def linearise_flow(prediction: Prediction) -> Propagation:
     eye = np.eye(4)
 
     def flow(first: Array, mid: Array, last: Array, h: Array) -> Array:
-        E = real_matrix(exponentiate(steady, h[..., 0, 0] / 2))
+        E = make_real_matrix(exponentiate(steady, h[..., 0, 0] / 2))
         # the classical Runge–Kutta step of fourth order, the steady part E taken exactly (Lawson 1967)
         k1 = first
         k2 = mid @ E @ (eye + h / 2 * k1)

@@ -27,7 +27,7 @@ from .slow_equation import (
     predict_jumps,
 )
 from .turned_motion import find_slope, turn_motion
-from .wave_frame import real_matrix, to_complex, to_reals
+from .wave_frame import make_real_matrix, to_complex, to_reals
 
 Array = np.ndarray
 CLEAR = 10.0
@@ -313,7 +313,7 @@ def predict(series: MeasuredRuns, point: Point, near: Near | None = None) -> Pre
             u[:, k + 1] = apply_generators(propagators[:, k], u[:, k])
         if rule.rows.idle:
             return Prediction(series, point, u, rule.rows.seen(u))
-        near = u, real_matrix(propagators)
+        near = u, make_real_matrix(propagators)
     found = rule.settle(near, point.start)
     motion = rule.marched(point.start) if found is None else found
     return Prediction(series, point, motion, rule.rows.seen(motion))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .wave_frame import real_matrix, to_complex, to_reals
+from .wave_frame import make_real_matrix, to_complex, to_reals
 
 Array = np.ndarray
 LARGEST_GROWTH = 1.0
@@ -85,7 +85,7 @@ def turn_motion(u: Array, change: Array, step: Array) -> tuple[Array, Array]:
     log = np.clip(along.real, -LARGEST_GROWTH, LARGEST_GROWTH) + 1j * along.imag
     there, back = _turn(log, angle), _turn(-log, -angle)
     moved = (there @ (u + rest)[..., None])[..., 0]
-    return moved, real_matrix(there)[:, 1:] @ step @ real_matrix(back)[:, :-1]
+    return moved, make_real_matrix(there)[:, 1:] @ step @ make_real_matrix(back)[:, :-1]
 
 
 def _turn(log: Array, angle: Array) -> Array:

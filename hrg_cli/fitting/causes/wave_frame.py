@@ -54,7 +54,7 @@ def to_complex(x: Array) -> Array:
     return x[..., :2] + 1j * x[..., 2:]
 
 
-def real_matrix(L: Array) -> Array:
+def make_real_matrix(L: Array) -> Array:
     """The real matrix that does to `to_reals` vectors what a complex one does to envelopes.
 
     Parameters
@@ -72,9 +72,9 @@ def real_matrix(L: Array) -> Array:
     A turn of the phase by 90° is a turn in the plane of Re and Im:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.wave_frame import real_matrix, to_reals
+    >>> from hrg_cli.fitting.causes.wave_frame import make_real_matrix, to_reals
     >>> u = np.array([1.0 + 0j, 2.0])
-    >>> (real_matrix(1j * np.eye(2)) @ to_reals(u)).tolist() == to_reals(1j * u).tolist()
+    >>> (make_real_matrix(1j * np.eye(2)) @ to_reals(u)).tolist() == to_reals(1j * u).tolist()
     True
     """
     top = np.concatenate([L.real, -L.imag], axis=-1)

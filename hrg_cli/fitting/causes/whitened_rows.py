@@ -14,7 +14,7 @@ from .designs import Design
 from .fit_point import Point
 from .layout import FitColumns
 from .measured_runs import MeasuredRuns
-from .scales import steps_of
+from .scales import list_steps
 from .sensitivities import Propagation, Wanted, find_base_sensitivities, find_effect_sensitivities
 
 Array = np.ndarray
@@ -315,5 +315,5 @@ def _fitted_steps(
     return {
         # a thousandth of the value, in which every term is as good as linear; its own size at 0
         name: 1e-3 * abs(values[name]) or size
-        for name, size in steps_of(effect, series).items()
+        for name, size in list_steps(effect, series).items()
     }

@@ -158,7 +158,9 @@ def information(
                 | dict(layout.acting.get(cause.name, {}))
             )
             columns.append(
-                whitened_rows.find_sensitivity(flow, cause, values, scales.steps_of(cause, series))
+                whitened_rows.find_sensitivity(
+                    flow, cause, values, scales.list_steps(cause, series)
+                )
             )
         # A cause may have no slope at some rows (no log of what it follows): these tell nothing of it.
         A = np.nan_to_num(np.concatenate(columns, axis=1))

@@ -15,7 +15,7 @@ import numpy as np
 
 from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.scales import amplitude_of
+from ....fitting.causes.scales import measure_amplitude
 
 SHAPE = "power"
 """Name of a parameter that sets a cause's shape and not its size."""
@@ -49,7 +49,7 @@ def _refit_with_power(fit: ExtendedFit, name: str, power: float) -> ExtendedFit 
     """The model refitted with another power of a cause."""
     effect, values = next(pair for pair in fit.point.active if pair[0].name == name)
     # begun at the same strength at the runs' own amplitude, whatever that is in its unit
-    more = amplitude_of(fit.series) ** (values[SHAPE] - power)
+    more = measure_amplitude(fit.series) ** (values[SHAPE] - power)
     start = {
         p.name: values[p.name] * (more if p.amplitude_power else 1.0) for p in effect.parameters
     }

@@ -17,7 +17,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.layout import FREQUENCY, OWN
 from ....fitting.causes.sensitivities import find_base_sensitivities
 from ....fitting.causes.slow_equation import build_generators
-from ....fitting.causes.wave_frame import real_matrix, to_complex, to_reals
+from ....fitting.causes.wave_frame import make_real_matrix, to_complex, to_reals
 from ....fitting.causes.whitened_rows import flatten_own
 from ....physics.resonator import exponentiate
 
@@ -58,7 +58,7 @@ def _carried(fit: ExtendedFit, first: int, pieces: Sequence[int]) -> dict[int, A
         if k > first:
             last = int(np.flatnonzero(series.weight[k - 1] > 0)[-1])
             gap_s = float(series.time_s[k, 0] - series.time_s[k - 1, last])
-            flow = real_matrix(exponentiate(L[k - 1, last], gap_s))
+            flow = make_real_matrix(exponentiate(L[k - 1, last], gap_s))
             for step in fit.flow.step[k - 1, :last][::-1]:
                 flow = flow @ step
             start = _turned_onto(flow @ start, motion[first, 0], motion[k, 0])
@@ -76,4 +76,4 @@ def _turned_onto(carried: Array, before: Array, after: Array) -> Array:
     arrived = to_complex(carried @ to_reals(before))
     turn = np.vdot(arrived, after)
     phase = turn / abs(turn) if abs(turn) > 0 else 1.0
-    return np.asarray(real_matrix(phase * np.eye(2)) @ carried)
+    return np.asarray(make_real_matrix(phase * np.eye(2)) @ carried)

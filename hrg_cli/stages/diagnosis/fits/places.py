@@ -110,7 +110,7 @@ def _clearest(
     """The place of a run from which on the columns (4n, m) lower χ² least by chance; `only`: that row
     alone."""
     gain, rank = compute_place_gains(S, fit, run)
-    p = evidence.chances(gain / slow, rank)
+    p = evidence.compute_chances(gain / slow, rank)
     # nearer to an end another start of the few rows there does the same
     rows = np.arange(len(p))[FEWEST:-FEWEST]
     tried = float(np.count_nonzero(fit.series.weight))
@@ -136,7 +136,7 @@ def compute_place_gains(S: Array, fit: ExtendedFit, run: int) -> tuple[Array, Ar
     square = _from_row_on(np.einsum("nij,nik->njk", S, S)) - np.swapaxes(B, 1, 2) @ B
     along = _from_row_on(np.einsum("nim,ni->nm", S, left.reshape(by_row)))
     unit = np.where(size > 0, size, 1.0)
-    return evidence.gains(square / unit[:, :, None] / unit[:, None, :], along / unit)
+    return evidence.compute_gains(square / unit[:, :, None] / unit[:, None, :], along / unit)
 
 
 def _from_row_on(values: Array) -> Array:

@@ -85,7 +85,7 @@ def is_small(effect: Effect, values: Mapping[str, float], fit: ExtendedFit) -> b
     allow.
     """
     for p in effect.fitted():
-        pure = p.amplitude_power == 0 and scales.seconds_in(p.units) == 0
+        pure = p.amplitude_power == 0 and scales.count_seconds(p.units) == 0
         if pure and not p.sets_in and abs(values[p.name] - p.neutral) > MOST_TYPICAL * p.typical:
             return False
     u = fit.prediction.motion

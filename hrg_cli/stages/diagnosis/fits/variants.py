@@ -47,7 +47,7 @@ def list_variants(effects: Sequence[Effect], fit: ExtendedFit) -> list[Variant]:
         values = effect.values()
         if effect.follows_temperature:
             values[REFERENCE_TEMPERATURE] = middle
-        steps = scales.steps_of(effect, series)
+        steps = scales.list_steps(effect, series)
         if effect.in_the_log and np.any(getattr(series, effect.in_the_log)):
             continue
         if not set(effect.needs) <= there:

@@ -124,7 +124,7 @@ def _correlations(search: Search) -> dict[str, Any]:
     visible = [s for s in search.first if s.visible]
     return {
         "names": [s.name for s in visible],
-        "matrix": np.round(evidence.correlations(visible), 4).tolist(),
+        "matrix": np.round(evidence.correlate_all_spaces(visible), 4).tolist(),
     }
 
 

@@ -88,7 +88,7 @@ def take_better_form(case: Case) -> Case:
         # physics allows has to be beaten
         if not _forbidden(search.final, noise) and compute_bic(fit) > compute_bic(search.final):
             return case
-        amplitude = scales.amplitude_of(old.series)
+        amplitude = scales.measure_amplitude(old.series)
         final = to_catalogue(fit, better.shape, amplitude)
         effect = make_damping_effect(better.shape)
         variant = Variant(
@@ -144,7 +144,7 @@ def _describe_form(
     rivals: tuple[str, ...],
 ) -> Form:
     """What the report says of the form, every σ that of wandering noise."""
-    shape, amplitude = better.shape, scales.amplitude_of(old.series)
+    shape, amplitude = better.shape, scales.measure_amplitude(old.series)
     inflate = noise.slow**0.5
 
     def inflated(value: float, std: float) -> tuple[float, float]:

@@ -362,5 +362,5 @@ def judge_adequacy(fit: ExtendedFit) -> tuple[float, float]:
     is left but white noise."""
     from scipy.special import chdtrc
 
-    power, rank = evidence.smooth_power(fit.residual, fit.basis, smooth_columns(fit))
+    power, rank = evidence.measure_smooth_power(fit.residual, fit.basis, smooth_columns(fit))
     return (power / rank, float(chdtrc(rank, power))) if rank else (1.0, 1.0)

@@ -185,7 +185,7 @@ def _pattern(variant: Variant, known: Knowledge, offsets: Offsets, stands: bool)
     p = float(fdtrc(rank, dof, (before - after) / rank / max(1.0, after / dof)))
     size, covariance = left.follow(known.response, wander)
     if known.shift.any() or float(np.sum(known.information * size**2)) > TELLING:
-        p = evidence.both(p, known.chance)
+        p = evidence.combine_chances(p, known.chance)
     quiet = float(chdtrc(dof, left.misfit(0.0, known.response)[0]))
     allowed = _agrees(known, size, covariance)
     return Pattern(variant, known, left, p, before - after, wander, quiet, allowed, stands)

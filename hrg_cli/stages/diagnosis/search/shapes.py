@@ -53,7 +53,7 @@ SUPPLIED = (
 def fit_shape(fit: ExtendedFit, shape: DampingShape) -> ExtendedFit | None:
     """A fit with the catalogue's damping, fitted again with that damping in another shape; None
     where it finds no such fit."""
-    amplitude = scales.amplitude_of(fit.series)
+    amplitude = scales.measure_amplitude(fit.series)
     level, power = _stands(fit, amplitude)
     p, std = fit.point.p.copy(), fit.freedom.std.copy()
     if not shape.linear:

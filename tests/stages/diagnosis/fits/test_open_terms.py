@@ -34,7 +34,7 @@ def test_a_terms_columns_are_the_sensitivities_of_the_effect_it_becomes(fit):
         for place in PLACES:
             ((_, columns, _),) = compute_term_columns(fit, [(place, some[name])])
             effect = make_open_effect(place, some[name], "open")
-            steps = scales.steps_of(effect, fit.series)
+            steps = scales.list_steps(effect, fit.series)
             own = whitened_rows.find_sensitivity(fit.flow, effect, effect.values(), steps)
             assert np.allclose(columns, own, rtol=0, atol=1e-3 * np.abs(columns).max()), (
                 place.name,
