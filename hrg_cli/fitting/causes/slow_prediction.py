@@ -105,6 +105,7 @@ class Prediction:
                 out[k] = np.interp(
                     np.arange(len(good)), rows, np.unwrap(np.angle(overlap[k, rows]))
                 )
+        # up to 0.02 rad the plain difference is linear but for ψ²/2 = 2e-4 of the wave
         return np.where(np.abs(out).max(axis=1, keepdims=True) > 0.02, out, 0.0)
 
 

@@ -165,7 +165,7 @@ def turn_from(run: EnvelopeRun, rate_rad_s: float, first_s: float) -> EnvelopeRu
 
 def _one_signal(run: EnvelopeRun) -> bool:
     power = np.sum(np.abs(run.envelope / run.std[:, None]) ** 2, axis=0)
-    return bool(power.min() < 3 * len(run))
+    return bool(power.min() < 3 * len(run))  # noise alone has 2 a row
 
 
 def _number_rows(pieces: Iterator[EnvelopeRun]) -> Iterator[tuple[int, EnvelopeRun]]:

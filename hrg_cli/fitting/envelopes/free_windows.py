@@ -206,6 +206,7 @@ def find_decay(amplitude: Array, good: Array) -> Array:
     fall = -np.diff(level)
     typical = float(np.median(np.sort(fall)[-max(1, len(fall) // 10) :]))
     spread = float(np.median(np.abs(np.diff(fall)))) + 1e-300
+    # a decay is steady: its fall stands clear of the error that its scatter leaves in the mean
     if typical < 5 * spread / np.sqrt(max(1, len(fall) // 10)):
         return np.zeros(n, bool)
     falling = (fall > typical / 2) & (fall < 2 * typical)

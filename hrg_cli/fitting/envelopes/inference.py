@@ -418,7 +418,7 @@ def measure_run_shifts(fit: Fit, factor: float) -> Array:
     out = np.zeros(len(parts))
     size = np.sqrt(np.maximum(np.diag(total), 1e-300))
     value, vector = np.linalg.eigh(total / np.outer(size, size))
-    if len(parts) < 2 or value[0] < 1e-12:
+    if len(parts) < 2 or value[0] < 1e-12:  # a direction that no run knows has no others
         return out
     whiten = vector / np.sqrt(value) / size[:, None]
     for i, (information, gradient) in enumerate(parts):
@@ -479,7 +479,7 @@ def compute_between_runs(fit: Fit) -> Array:
     for information, gradient in parts:
         rest = (total - information) / np.outer(size, size)
         value, vector = np.linalg.eigh(rest)
-        if value[0] < 1e-6 / count:
+        if value[0] < 1e-6 / count:  # this run alone knows a direction: all count as like it
             value, vector = np.linalg.eigh(total / np.outer(size, size) * (count - 1) / count)
         # without the run the gradient of the others is minus its own; the sign drops out in d dᵀ
         shift = vector @ ((vector.T @ (gradient / size)) / np.maximum(value, 1e-12)) / size

@@ -80,6 +80,7 @@ def _bend(run: EnvelopeRun, scale_factor: float) -> Course:
         return Course([0.0])
     t = run.time_s - run.time_s[0]
     step = np.diff(t)
+    # over a gap the phase may have turned by any number of turns
     near = (step < 1.5 * np.median(step)) & clear[1:] & clear[:-1]
     turn = scale_factor * np.diff(run.turn_rad)[:, None]
     later = run.envelope[1:]
@@ -88,6 +89,7 @@ def _bend(run: EnvelopeRun, scale_factor: float) -> Course:
     mean = np.angle(np.sum(product[near]))
     rate = np.angle(product * np.exp(-1j * mean)) / step
     middle = (t[1:] + t[:-1]) / 2
+    # a phase has the noise σ/|u|; the strongest row counts for ten usual ones at most
     weight = np.sqrt(np.abs(product)) / run.std[1:]
     weight = np.minimum(weight, 10 * np.median(weight[near]))
     fitted = Course.fit(middle[near], rate[near], DEGREE, w=weight[near]).convert()

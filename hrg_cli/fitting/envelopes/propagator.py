@@ -294,6 +294,7 @@ def pair_rows(runs: Sequence[EnvelopeRun], lag_s: float, all_rows: bool = False)
     """
     parts = []
     for number, run in enumerate(runs):
+        # less a little: rounding must not make a lag of whole rows one row longer
         end = np.searchsorted(run.time_s, run.time_s + lag_s * (1 - 1e-9))
         begin = np.flatnonzero(end < len(run))
         if not all_rows:

@@ -106,6 +106,7 @@ def estimate_stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
         rows -= np.outer(level, level @ rows)  # the first value is free
         design.append(rows[:, :-1])
         target.append(rows[:, -1])
+    # what no row tells, as the rate at a node in a gap, stays at 0: the fit that follows finds it
     return fit_columns(np.concatenate(design), np.concatenate(target), 1e-6)
 
 

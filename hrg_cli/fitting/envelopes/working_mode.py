@@ -132,6 +132,7 @@ def _phase_rows(run: EnvelopeRun, count: int, number: int) -> tuple[Array, Array
 def _increments(columns: Array, quantity: Array, run: EnvelopeRun) -> tuple[Array, Array]:
     step = np.diff(run.time_s)[:, None]
     slope = differentiate(columns, run.time_s)
+    # the trapezium rule with the slopes at both ends (Euler and Maclaurin), of fourth order
     pieces = (columns[1:] + columns[:-1]) / 2 * step - np.diff(slope, axis=0) * step**2 / 12
     area = np.concatenate([np.zeros((1, columns.shape[1])), np.cumsum(pieces, axis=0)])
     picked = np.arange(0, len(quantity), BLOCK_ROWS)
@@ -142,6 +143,7 @@ def _increments(columns: Array, quantity: Array, run: EnvelopeRun) -> tuple[Arra
 def _regression(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
     x, y = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
     value, covariance = solve(x, y, 1e-10)
+    # the weights hold the envelopes' noise alone; what the loops do beside it shows in the scatter
     residual = y - x @ value
     return value, covariance * float(residual @ residual) / max(1, len(y) - len(value))
 
