@@ -107,6 +107,46 @@ def invert_information(information: Array, rcond: float = 1e-12) -> Array:
     return np.asarray(np.linalg.pinv(information / scale, rcond=rcond, hermitian=True) / scale)
 
 
+def invert_definite(matrix: Array) -> Array:
+    """The inverse of a symmetric positive definite matrix, itself symmetric to the last digit.
+
+    C = (L⁻¹)ᵀ L⁻¹ of the Cholesky factor L, on a diagonal of ones: a general inverse of a nearly
+    singular matrix differs from its own transpose by as much as from the truth.
+
+    Parameters
+    ----------
+    matrix
+        (k, k).
+
+    Returns
+    -------
+    ndarray
+        (k, k).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Not positive definite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.least_squares import invert_definite
+    >>> steps = np.vander(np.linspace(0.0, 1.0, 50), 8) * 10.0 ** np.arange(8)
+    >>> A = steps.T @ steps
+    >>> C, general = invert_definite(A), np.linalg.inv(A)
+    >>> bool(np.all(C == C.T)), bool(np.all(general == general.T))
+    (True, False)
+    """
+    from scipy.linalg import solve_triangular
+
+    size = np.sqrt(np.diag(matrix))
+    scale = np.outer(size, size)
+    factor = np.linalg.cholesky(matrix / scale)
+    inverse = solve_triangular(factor, np.eye(len(size)), lower=True)
+    return np.asarray(inverse.T @ inverse / scale)
+
+
 def square_over_covariance(offset: Array, covariance: Array, rcond: float = 1e-12) -> float:
     """An offset's square in standard deviations, aᵀ C⁺ a (Wald 1943; Mahalanobis's distance squared).
 

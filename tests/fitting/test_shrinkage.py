@@ -109,3 +109,21 @@ def test_over_gyros_as_they_are_the_error_is_as_stated():
     assert 0.85 < np.sqrt(np.mean(_scale_factors(250, None, 3) ** 2)) < 1.2
     held = np.sqrt(np.mean(_scale_factors(100, (2.0, 0.0), 4) ** 2, axis=(0, 2)))
     assert 1.4 < held[0] < 2.3 and held[1] < 0.7
+
+
+def test_the_covariance_of_columns_hardly_apart_is_symmetric():
+    """Sweeps over temperature hardly tell two nodes' coefficients apart: a general inverse was uneven
+    by 8e-5 of its own σ, and no table was written."""
+    rng = np.random.default_rng(4)
+    layout = TableLayout(np.array([0.0, 40.0]), "temperature", 2, 1, 1)
+    design = rng.standard_normal((400, layout.size))
+    for near in range(0, layout.size - 1, 2):
+        design[:, near + 1] = design[:, near] + 1e-5 * rng.standard_normal(400)
+    information = design.T @ design
+    doubtful = doubtful_harmonics(layout, ["drift", "scale"], 0.3)
+    found = average_over_doubt(
+        information, design.T @ rng.standard_normal(400), np.eye(layout.size), doubtful, 0
+    )
+    std = np.sqrt(np.diag(found.covariance))
+    uneven = (found.covariance - found.covariance.T) / np.outer(std, std)
+    assert np.abs(uneven).max() < 1e-10

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..least_squares import invert_definite
 from .normal_pieces import TableSolution
 from .table_layout import TableLayout
 
@@ -168,9 +169,15 @@ def average_over_doubt(
     prior = np.kron(one, np.eye(2))
     inverse_prior = np.linalg.inv(prior)
 
-    precision = A.copy()
-    for g, grid, i in zip(groups, grids, scale):
-        precision[np.ix_(g.ravel(), g.ravel())] += inverse_prior / grid[i]
+    def invert_without(n: int) -> Array:
+        """Covariance with the priors of all harmonics but one; summed anew, since what a narrow
+        prior adds and takes off again would leave its rounding."""
+        precision = A.copy()
+        for k, (g, grid, i) in enumerate(zip(groups, grids, scale)):
+            if k != n:
+                precision[np.ix_(g.ravel(), g.ravel())] += inverse_prior / grid[i]
+        return invert_definite(precision)
+
     passes: list[list[_Moments]] = [[] for _ in groups]
     for sweep in range(sweeps):
         # Gibbs: the harmonic's own prior is taken out, its sizes weighed by what all others leave,
@@ -178,14 +185,12 @@ def average_over_doubt(
         # dozen sweeps do; their order is drawn, since harmonics in a fixed one follow each other
         for n in generator.permutation(len(groups)):
             own = groups[n].ravel()
-            precision[np.ix_(own, own)] -= inverse_prior / grids[n][scale[n]]
-            covariance = np.linalg.inv(precision)
+            covariance = invert_without(n)
             mean, gain = covariance @ b, covariance[:, own]
             weights, steps = _weigh_sizes(mean, gain, own, grids[n], prior, doubtful[n].odds)
             if sweep >= BURN_IN:
                 passes[n].append(_sum_mixture(mean - flat, covariance, weights, steps))
             scale[n] = int(generator.choice(len(weights), p=weights))
-            precision[np.ix_(own, own)] += inverse_prior / grids[n][scale[n]]
     away, spread = _combine(passes, groups)
     coefficients, covariance = np.zeros(len(vector)), np.zeros_like(information)
     coefficients[active] = flat + away
