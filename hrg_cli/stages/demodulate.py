@@ -127,12 +127,14 @@ def demodulate(
 
 def demodulate_quiet(recording: Recording, *, periods_per_window: float) -> Iterator[Periods]:
     """As `demodulate`, of simulated samples (n,) without noise, of which the envelopes alone are
-    asked: without a search for lines, ends and the noise's colour.
+    asked: without a search for lines, ends and the noise's colour. Harmonics are fitted beside,
+    whether there are any or not.
 
     HrgError: as `demodulate`.
     """
     name = check_recording(recording)
-    run = Demodulator(recording, survey_quiet(recording, name), name, periods_per_window, None)
+    quiet = survey_quiet(recording, name)
+    run = Demodulator(recording, quiet, name, periods_per_window, None, every_harmonic=True)
     yield from _rows_of(run, None, 0.0, 1 << 20)
 
 

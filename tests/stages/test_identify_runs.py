@@ -9,10 +9,16 @@ from synthetic_waves import GYRO, NAMES, PROGRAMME, errors, programme, run_down
 
 from hrg_cli import store
 from hrg_cli.errors import HrgError
+from hrg_cli.fitting.causes.evidence import find_significance
+from hrg_cli.fitting.envelopes import inference
+from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
+from hrg_cli.fitting.envelopes.response import make_batch
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.records import Resonator, collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
+from hrg_cli.stages.identification.verdict import DISAGREES
 from hrg_cli.stages.identify import identify
 from hrg_cli.stages.rate import rate, summary
 from hrg_cli.stages.simulate import simulate
@@ -215,3 +221,26 @@ def test_a_run_begins_and_ends_without_error_where_the_envelope_moves():
     assert slow.status == "suspect" and any(
         "use periods_per_window" in s for s in slow.status_reasons
     )
+
+
+def test_one_number_that_a_run_tells_is_no_easier_to_disagree_with_than_six():
+    """χ² a direction of one direction exceeds 6 in one run of seventy: clean runs were suspect."""
+    rng, t, space = (
+        np.random.default_rng(8),
+        np.linspace(0.0, 10.0, 41),
+        free_coordinates(["damping"], np.zeros(7)),
+    )
+    moved = []
+    for _ in range(200):
+        runs = []
+        for _ in range(3):
+            noise = rng.standard_normal((2, 41, 2)) * 0.01
+            u = np.outer(np.exp(-0.1 * t), [1, 0j]) + noise[0] + 1j * noise[1]
+            runs.append(EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1))
+        start = np.array([[1, 0j]] * 3)
+        best = fit(make_batch(runs), space, np.array([0.1]), start, np.zeros((3, 1)))
+        moved.append(inference.measure_run_shifts(best, 1.0)[0])
+    sigma = [find_significance(one, 1)[0] for one in np.ravel(moved)]
+    assert np.mean(np.max(moved, axis=1) > 6) > 0.01, "the average alone was no test"
+    assert max(sigma) < DISAGREES
+    assert np.mean(np.square(sigma)) == pytest.approx(1.0, abs=0.2)

@@ -376,11 +376,11 @@ def compute_parameter_covariance(
     return values, covariance
 
 
-def measure_run_shifts(fit: Fit, factor: float) -> Array:
+def measure_run_shifts(fit: Fit, factor: float) -> tuple[Array, Array]:
     """How far each run alone pulls z from what the other runs say.
 
     In directions of unit total information, the others having λ of it: (gradient of the run)²/λ(1 −
-    λ), averaged over those in which both a run and the others have something to say.
+    λ), summed over those in which both a run and the others have something to say.
 
     Parameters
     ----------
@@ -391,8 +391,8 @@ def measure_run_shifts(fit: Fit, factor: float) -> Array:
 
     Returns
     -------
-    ndarray
-        (R,) χ² a direction, 1 by chance; 0 where the others say nothing.
+    tuple of ndarray
+        χ² (R,), and of how many directions (R,): none where the others say nothing.
 
     Examples
     --------
@@ -409,17 +409,19 @@ def measure_run_shifts(fit: Fit, factor: float) -> Array:
     ...     runs.append(EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1))
     >>> start, space = np.array([[1, 0j]] * 4), free_coordinates(["damping"], np.zeros(7))
     >>> best = fit(make_batch(runs), space, np.array([0.1]), start, np.zeros((4, 1)))
-    >>> shifts = measure_run_shifts(best, 1.0)
+    >>> shifts, directions = measure_run_shifts(best, 1.0)
     >>> int(np.argmax(shifts)), bool(shifts[3] > 20), bool(shifts[0] < shifts[3] / 5)
     (3, True, True)
+    >>> directions.tolist()
+    [1, 1, 1, 1]
     """
     parts = _run_information(fit)
     total = _prior_information(fit) + sum(information for information, _ in parts)
-    out = np.zeros(len(parts))
+    out, directions = np.zeros(len(parts)), np.zeros(len(parts), int)
     size = np.sqrt(np.maximum(np.diag(total), 1e-300))
     value, vector = np.linalg.eigh(total / np.outer(size, size))
     if len(parts) < 2 or value[0] < 1e-12:  # a direction that no run knows has no others
-        return out
+        return out, directions
     whiten = vector / np.sqrt(value) / size[:, None]
     for i, (information, gradient) in enumerate(parts):
         share, direction = np.linalg.eigh(whiten.T @ information @ whiten)
@@ -428,9 +430,9 @@ def measure_run_shifts(fit: Fit, factor: float) -> Array:
         # −pull/(1 − share); they differ by pull/share(1 − share), whose variance is 1/share + 1/(1 −
         # share) = 1/share(1 − share).
         both = (share > LEAST_SHARE) & (share < 1 - LEAST_SHARE)
-        if both.any():
-            out[i] = float(np.mean(pull[both] ** 2 / (share * (1 - share))[both])) / factor
-    return out
+        directions[i] = int(both.sum())
+        out[i] = float(np.sum(pull[both] ** 2 / (share * (1 - share))[both])) / factor
+    return out, directions
 
 
 def compute_between_runs(fit: Fit) -> Array:

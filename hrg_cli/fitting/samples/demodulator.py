@@ -55,6 +55,8 @@ class Demodulator:
     notes: list[str] = field(default_factory=list)
     judged_s: tuple[float, float] = (-np.inf, np.inf)
     """Times between which the envelope's motion is judged: of a struck body, its run-down."""
+    every_harmonic: bool = False
+    """Whether even windows fit the first harmonics though no spectrum was asked for them."""
 
     def __post_init__(self) -> None:
         carrier = self.survey.carrier_hz
@@ -101,6 +103,10 @@ class Demodulator:
                 windows, max(8, int(DRIFT_RAD / (np.pi * max(drift, 1e-30) * self.window_s**2)))
             )
         return pool * max(1, windows // pool)
+
+    def fit_beside(self, tone_hz: tuple[float, ...]) -> None:
+        """Give tones columns of their own in every window, beside the signals."""
+        self.nuisance, self._basis = (*self.nuisance, *tone_hz), None
 
     @property
     def takes_bends_off(self) -> bool:

@@ -11,6 +11,7 @@ from ...records import FLAG_CLIPPED, FLAG_NOT_FINITE
 from .basis import WindowBasis, window_basis
 from .demodulator import Demodulator
 from .envelope_motion import NEIGHBOURS, estimate_curvatures, estimate_slopes, motion_counts
+from .harmonic_leaks import find_leaking_harmonics, list_harmonics
 from .looks import Look
 from .signal_rows import Rows
 from .windows import Fits, fit_even, pool_rows
@@ -30,6 +31,12 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     samples = _window_samples(run, rate)
     run.window_s = samples / rate
     total = len(recording.c) // samples
+    basis = run.basis(samples, rate, run.reference_hz)
+    run.fit_beside(
+        list_harmonics(run.survey, basis, samples, run.moving)
+        if run.every_harmonic
+        else find_leaking_harmonics(run.survey, basis, samples, total, run.moving)
+    )
     _learn(run, samples, rate)
     pool = pool_rows(samples - run.spent())
     chunk = run.chunk_windows(samples, pool)

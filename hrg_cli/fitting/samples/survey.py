@@ -21,7 +21,7 @@ from .looks import (
     take_looks,
 )
 from .oscillation_search import SpectralPeak, follow_frequency, search_oscillation
-from .spectrum import AveragedSpectrum, correlation, lines, look_residual
+from .spectrum import AveragedSpectrum, correlation, floor, lines, look_residual
 
 Array = np.ndarray
 
@@ -77,6 +77,10 @@ class Survey:
     def frequency_hz(self, time_s: float) -> float:
         """Local frequency, interpolated between the looks."""
         return float(np.interp(time_s, self.track_s, self.track_hz))
+
+    def spectrum_floor(self) -> Array:
+        """Mean over frequency of each channel's density (channels,) without its lines."""
+        return np.asarray(floor(self.spectrum_density).mean(axis=0))
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...errors import HrgError
 from ...fitting import checks
+from ...fitting.causes.evidence import find_significance
 from ...fitting.envelopes import inference
 from ...fitting.envelopes.base_freedom import Known, choose_scale_factor, choose_scale_factor_spread
 from ...fitting.envelopes.coordinates import SCALE_FACTOR, SECOND_ORDER
@@ -29,8 +30,9 @@ POOR_FIT = 1.5
 CONTRADICTION = 30.0
 """χ² a degree of freedom from which single runs are left out to see whether one contradicts the
 rest, and the fall that shows it."""
-DISAGREES = 6
-"""Shift of the answer by one run, in σ, above which it disagrees with the rest."""
+DISAGREES = 5.0
+"""Shift of the answer by one run, as improbable as so many σ of a single number, above which it
+disagrees with the rest: six in ten million runs by chance, however many numbers a run tells."""
 CANDIDATES = 3
 """Runs at most that are left out one at a time."""
 ORDER = tuple(name for name, _ in PARAMETERS)
@@ -227,16 +229,17 @@ def _check_fit(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: 
 
 def _disagreements(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun]) -> list[str]:
     """A sentence for each run that moves the answer or fits far worse than the rest."""
-    shifts = inference.measure_run_shifts(fit, verdict.details["variance_factor"])
+    moved, directions = inference.measure_run_shifts(fit, verdict.details["variance_factor"])
+    shifts = np.array([find_significance(*one)[0] for one in zip(moved, directions, strict=True)])
     typical = np.median(verdict.run_chi2_per_dof)
     if len(runs) == 2 and shifts.max() > DISAGREES:
         return [
-            f"the two runs disagree (pull {shifts.max():.2g}); two cannot tell which is wrong:"
+            f"the two runs disagree (by {shifts.max():.2g} σ); two cannot tell which is wrong:"
             " check both rate logs, or add a third run"
         ]
     return [
-        f"{run.run_id or 'a run'} disagrees with the rest (χ²/dof {chi2:.3g}, pull"
-        f" {shift:.2g}); leave it out and compare"
+        f"{run.run_id or 'a run'} disagrees with the rest (χ²/dof {chi2:.3g}, shift"
+        f" {shift:.2g} σ); leave it out and compare"
         for run, shift, chi2 in zip(runs, shifts, verdict.run_chi2_per_dof)
         if shift > DISAGREES or (len(runs) > 2 and chi2 > 3 * typical and chi2 > POOR_FIT)
     ]
