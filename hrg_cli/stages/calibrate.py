@@ -24,6 +24,7 @@ from .calibration.prices import forecast_hour_more
 from .calibration.repeatability import say_unstable
 from .calibration.summary import summary as summary
 from .calibration.table import check_between
+from .calibration.thermal_memory import find_shown_memory, tell_one_way
 from .calibration.trials import (
     FullFit,
     add_loop_columns,
@@ -197,7 +198,7 @@ def calibrate(
         details |= _climb_all_stages(chosen, whole, bootstrap, seed)
     record = chosen.record(runs.usable.waves, runs.valid, details)
     if not refusals:
-        record = _with_between(_with_use(record, details, fitted))
+        record = _with_notes(_with_use(record, details, fitted), chosen)
     return runs.judge(record, refusals, remarks)
 
 
@@ -215,6 +216,7 @@ def _doubts_of(chosen: Chosen, strays: Sequence[Mapping[str, Any]]) -> list[str]
     return [
         *find_noisy_angles(chosen.fitted, chosen.answer.limits[0]),
         *(s["sentence"] for s in strays if s["significant"]),
+        *find_shown_memory(chosen.thermal_memory),
         *say_unstable(chosen.stability, chosen.dropped),
     ]
 
@@ -228,12 +230,15 @@ def _with_use(record: Calibration, details: dict[str, Any], fitted: Fitted) -> C
     return record.replace(details=json.dumps(details | use))
 
 
-def _with_between(record: Calibration) -> Calibration:
-    """The record with the checks of what its tables do not know between nodes; it stays valid, since
-    its standard deviations hold it."""
+def _with_notes(record: Calibration, chosen: Chosen) -> Calibration:
+    """The record with the checks of what its tables do not know between nodes, and what they take for
+    granted of the thermometer; it stays valid, since its standard deviations hold the one, and the
+    other is said."""
     between, details = check_between(record), json.loads(record.details)
     details["checks"] += [check.table() for check in between]
     told = list(dict.fromkeys(list_failures(between)))
+    if not find_shown_memory(chosen.thermal_memory):
+        told += tell_one_way(chosen.fitted, chosen.answer.tried.solution.coefficients)
     return record.replace(details=json.dumps(details)).judged(told, "valid")
 
 

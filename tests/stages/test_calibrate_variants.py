@@ -259,6 +259,30 @@ def test_one_sweep_speed_cannot_tell_lag_from_hysteresis():
     assert found["lag"]["value"] == pytest.approx(2.0, abs=5 * found["lag"]["std"])
 
 
+@pytest.mark.parametrize("one_way", [(1.0,), (-1.0, -0.7)])
+def test_sweeps_one_way_say_what_a_lag_would_be_worth(one_way):
+    """A resonator 2 s behind its thermometer in a single ramp is tables shifted by 2 °C: nothing shows
+    it, so it is said (PHYSICS §2 iv)."""
+    record = calibrate(sweeps(speeds=one_way), harmonics=2, scale_factor_harmonics=2, bootstrap=0)
+    said = [reason for reason in record.status_reasons if "no lag of the thermometer" in reason]
+    assert len(said) == 1 and "°/h" in said[0]
+    assert ("all runs warm" if one_way[0] > 0 else "all runs cool") in said[0]
+    assert not any("lags by" in reason for reason in record.status_reasons)
+
+
+@pytest.mark.parametrize(("lag", "hysteresis"), [(0.3, 0.0), (0.0, 0.3), (0.0, 0.0)])
+def test_a_memory_of_the_thermometer_that_shows_is_doubted(lag, hysteresis):
+    record = calibrate(
+        sweeps(lag, hysteresis, speeds=(1.5, -1.5, 0.5, -0.5)), harmonics=2, scale_factor_harmonics=2,
+        bootstrap=0,
+    )  # fmt: skip
+    told = [reason for reason in record.status_reasons if reason.startswith("the thermometer ")]
+    assert len(told) == (lag + hysteresis > 0)
+    assert all(("lags by 0.3" if lag else "hysteresis of 0.3") in reason for reason in told)
+    assert not told or record.status == "suspect"
+    assert not any("no lag of the thermometer" in reason for reason in record.status_reasons)
+
+
 @pytest.mark.parametrize(("lag", "hysteresis"), [(2.0, 0.0), (0.0, 1.5)])
 def test_two_sweep_speeds_tell_lag_from_hysteresis(lag, hysteresis):
     waves = sweeps(lag, hysteresis, speeds=(1.5, -1.5, 0.5, -0.5))

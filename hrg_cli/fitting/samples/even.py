@@ -31,12 +31,7 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     samples = _window_samples(run, rate)
     run.window_s = samples / rate
     total = len(recording.c) // samples
-    basis = run.basis(samples, rate, run.reference_hz)
-    run.fit_beside(
-        list_harmonics(run.survey, basis, samples, run.moving)
-        if run.every_harmonic
-        else find_leaking_harmonics(run.survey, basis, samples, total, run.moving)
-    )
+    _fit_harmonics_beside(run, samples, rate, total)
     _learn(run, samples, rate)
     pool = pool_rows(samples - run.spent())
     chunk = run.chunk_windows(samples, pool)
@@ -141,6 +136,16 @@ def _window_samples(run: Demodulator, rate: float) -> int:
             return samples
         samples += max(1, samples // 16)
     raise run.too_short()
+
+
+def _fit_harmonics_beside(run: Demodulator, samples: int, rate: float, windows: int) -> None:
+    """Give harmonics that would leak into the signals columns of their own."""
+    basis = run.basis(samples, rate, run.reference_hz)
+    run.fit_beside(
+        list_harmonics(run.survey, basis, samples, run.moving)
+        if run.every_harmonic
+        else find_leaking_harmonics(run.survey, basis, samples, windows, run.moving)
+    )
 
 
 def _learn(run: Demodulator, samples: int, rate: float) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -125,6 +126,14 @@ class Chosen:
         names = [stage.name for stage in stages]
         return tabulate_model_figures(names, used, unseen, self.scale_factor, draws, seed)
 
+    @cached_property
+    def thermal_memory(self) -> dict[str, Any] | None:
+        """Lag and hysteresis of the thermometer beside the tables; None where they do not show."""
+        tried = self.answer.tried
+        if tried.model.start is not None:
+            return None
+        return compare_thermal_memory(self.fitted, tried.model, tried.solution.coefficients)
+
     def details(self, draws: int, seed: int) -> dict[str, Any]:
         """What the record keeps of the answer itself."""
         fitted, answer, steps = self.fitted, self.answer, self.steps(draws, seed)
@@ -141,11 +150,7 @@ class Chosen:
             "noise": say_noise(fitted),
             "stability": self.stability,
             "dropped": list(self.dropped),
-            "thermal_memory": (
-                compare_thermal_memory(fitted, model, solution.coefficients)
-                if model.start is None
-                else None
-            ),
+            "thermal_memory": self.thermal_memory,
             "interpolation_std": estimate_interpolation_doubt(
                 fitted, solution, self.inflation, *answer.stored
             ),

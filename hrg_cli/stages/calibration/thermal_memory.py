@@ -6,7 +6,7 @@ iv): then it is said so.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from ...fitting.tables.joint import Fitted, fit
 from ...fitting.tables.normal_pieces import solve
 from ...fitting.tables.table_layout import Model, TableLayout
 from ...fourier import coefficients_at
+from ...units import DEGREE_PER_HOUR
 from .column_spaces import solve_columns
 from .repeatability import LEAST_SWEEP_DEGC_S, compute_sweep
 
@@ -26,6 +27,8 @@ INSEPARABLE = 0.98
 """Correlation of two thermal factors above which this programme does not separate them."""
 LEAST_INDEPENDENT = 0.02
 """Part of a factor's columns that the tables must leave for it to be told at all."""
+SHOWN = 6.0
+"""Standard deviations from which a lag or a hysteresis is told: the tables hold neither."""
 STEP = 0.05
 """Step of the tables' derivative, as a part of the nodes' range."""
 
@@ -66,6 +69,57 @@ def compare_thermal_memory(
         out[name] |= _size(refitted, both, name) | {"assuming": "nothing of the other"}
     out["separable"] = True
     return out
+
+
+def find_shown_memory(memory: Mapping[str, Any] | None) -> list[str]:
+    """What of `compare_thermal_memory` stands out of its error; where the two are not told apart, the
+    one that stands out more.
+
+    Such runs follow the resonator's temperature before or behind the thermometer's, and so do tables
+    made of them: at rest they are of another temperature than they say.
+    """
+    if memory is None:
+        return []
+    clear = {
+        name: abs(memory[name]["value"]) / memory[name]["std"]
+        for name in UNITS
+        if memory[name]["std"] > 0
+    }
+    shown = sorted((name for name in clear if clear[name] > SHOWN), key=lambda name: -clear[name])
+    words = {"lag": "lags by {} s", "hysteresis": "has a hysteresis of {} °C"}
+    told = [
+        words[name].format(f"{memory[name]['value']:.3g} ± {memory[name]['std']:.1g}")
+        for name in (shown if memory["separable"] else shown[:1])
+    ]
+    rest = "" if memory["separable"] else " (lag or hysteresis is not told)"
+    return [
+        f"the thermometer {one}{rest}, which the tables do not hold: sweep slower both ways, or dwell"
+        for one in told
+    ]
+
+
+def tell_one_way(fitted: Fitted, coefficients: Array) -> list[str]:
+    """What is taken for granted where all runs only warm, or only cool: no lag of the thermometer shows
+    there; what a second of it would be worth."""
+    layout = fitted.layout
+    if len(layout.nodes) < 2 or layout.axis != "temperature":
+        return []
+    sweeps = [compute_sweep(path) for path in fitted.paths]
+    speeds = np.concatenate(sweeps)
+    moving = speeds[np.abs(speeds) > LEAST_SWEEP_DEGC_S]
+    if not len(moving) or (moving > 0).any() == (moving < 0).any():
+        return []
+    slope = _slope_over_temperature(layout, coefficients)
+    turn = max(
+        float(np.abs(slope(path) * sweep).max())
+        for path, sweep in zip(fitted.paths, sweeps, strict=True)
+    )
+    rate = turn / max(abs(layout.mean_scale_factor(coefficients)), 1e-300)
+    return [
+        f"all runs {'warm' if moving.mean() > 0 else 'cool'}, where no lag of the thermometer shows:"
+        f" each second of it makes the drift wrong by up to {rate / DEGREE_PER_HOUR:.2g} °/h; sweep"
+        " both ways"
+    ]
 
 
 def _with_memory(layout: TableLayout, coefficients: Array) -> TableLayout:
