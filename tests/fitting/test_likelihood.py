@@ -13,7 +13,9 @@ from hrg_cli.fitting.envelopes import coordinates, envelope_runs, phase_course, 
 from hrg_cli.fitting.envelopes.base_fit import fit_base_model, start_from_propagator
 from hrg_cli.fitting.envelopes.base_freedom import Known
 from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+from hrg_cli.fitting.envelopes.likelihood import fit, free_coordinates
 from hrg_cli.fitting.envelopes.matrices import chain
+from hrg_cli.fitting.envelopes.resampling import profile
 from hrg_cli.fitting.envelopes.response import State, make_batch, respond
 from hrg_cli.physics import resonator
 from hrg_cli.physics.resonator import Mechanics
@@ -317,3 +319,28 @@ def test_modes_that_decay_unequally_need_no_course_taken_off(monkeypatch):
     std = np.sqrt(np.diag(fit.covariance_z()))
     want = coordinates.from_mechanics(gyro)
     assert np.all(np.abs(fit.p[:5] - want[:5]) < 4.5 * std[:5])
+
+
+def test_a_single_free_number_has_a_profile():
+    """Held, it leaves nothing free; of a linear fit the ends are ±1 and ±1.96 σ."""
+    t = np.linspace(0.0, 10.0, 101)
+    u = np.outer(np.exp(-0.1 * t), [1, 0j])
+    run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1)
+    space = free_coordinates(["damping"], np.zeros(7))
+    best = fit(make_batch([run]), space, np.array([0.1]), u[:1], np.zeros((1, 1)))
+    std = float(np.sqrt(best.covariance_z()[0, 0]))
+    ends = profile(best, 2, {"damping_rate_1_s": std}, 1.0)["damping_rate_1_s"]
+    found = (np.array([*ends["68"], *ends["95"]]) - 0.1) / std
+    assert found == pytest.approx([-1, 1, -1.96, 1.96], abs=0.02)
+
+
+@pytest.mark.parametrize("step_rad", [0.0, 0.2, 1.4])
+def test_the_first_guess_of_the_scale_factor_does_not_hang_on_the_phase(step_rad):
+    """Rows apart by a phase of δ made K low by cos δ."""
+    t = np.arange(0.0, 20.0, 0.1)
+    u = (
+        np.stack([np.cos(0.03 * t), -np.sin(0.03 * t)], axis=1)
+        * np.exp(10j * step_rad * t)[:, None]
+    )
+    run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.1 * t, None, 5e3, 2, 0.1)
+    assert propagator.estimate_scale_factor([run]) == pytest.approx(0.3, rel=1e-4)

@@ -166,7 +166,8 @@ def eliminate_nuisances(response: Response, freedom: Freedom) -> SharedRows:
     R = triangularise(np.moveaxis(columns.reshape(*columns.shape[:2], -1).view(float), 0, 2))
     rows = R[:, k : k + s]
     return SharedRows(
-        design=rows[..., k : k + s].reshape(-1, s),
+        # -1 would be undefined where nothing is free
+        design=rows[..., k : k + s].reshape(rows.shape[0] * rows.shape[1], s),
         residual=rows[..., -1].ravel(),
         back=R[:, :k, [*range(k + s), -1]],
         gain=np.sum(R[:, k + s : -1, -1] ** 2, axis=1),

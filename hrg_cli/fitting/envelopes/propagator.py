@@ -113,7 +113,8 @@ def estimate_mean_damping(run: EnvelopeRun) -> float:
 
 
 def estimate_scale_factor(runs: Sequence[EnvelopeRun]) -> float:
-    """K from the turning between neighbouring rows: C·S' − S·C' = −KΩ(C² + S²).
+    """K from the turning between neighbouring rows: C·S' − S·C' = −KΩ(C² + S²), the common phase's
+    step taken off first.
 
     Parameters
     ----------
@@ -123,18 +124,19 @@ def estimate_scale_factor(runs: Sequence[EnvelopeRun]) -> float:
     Returns
     -------
     float
-        0 without rotation; low by cos δh where the phase turns by δh from row to row.
+        0 without rotation.
 
     Examples
     --------
-    A wave that turns back by 0.3 of what its table turns; steps of 0.01 rad are straight to 2e-6:
+    A wave that turns back by 0.3 of what its table turns, while its phase runs by 2 rad/s; steps of
+    0.01 rad are straight to 2e-6:
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.propagator import estimate_scale_factor
     >>> t = np.arange(0.0, 20.0, 0.1)
-    >>> u = np.stack([np.cos(0.03 * t), -np.sin(0.03 * t)], axis=1)
-    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.1 * t, None, 5e3, 2, 0.1)
+    >>> u = np.stack([np.cos(0.03 * t), -np.sin(0.03 * t)]) * np.exp(2j * t)
+    >>> run = EnvelopeRun("", t, u.T, 0 * t + 1e-4, 0.1 * t, None, 5e3, 2, 0.1)
     >>> round(estimate_scale_factor([run]), 5)
     0.3
     """
@@ -143,8 +145,11 @@ def estimate_scale_factor(runs: Sequence[EnvelopeRun]) -> float:
         before, after = run.envelope[:-1], run.envelope[1:]
         turn = np.diff(run.turn_rad)
         slow = np.diff(run.time_s) < 1.5 * np.median(np.diff(run.time_s))
+        along = np.sum(np.conj(before) * after, axis=1)
+        # a phase that turns by δ from row to row would take 1 − cos δ of K away
+        after = after * np.exp(-1j * np.angle(along))[:, None]
         cross = np.real(np.conj(before[:, 0]) * after[:, 1] - np.conj(before[:, 1]) * after[:, 0])
-        dot = np.abs(np.sum(np.conj(before) * after, axis=1))
+        dot = np.abs(along)
         # least squares of cross = −K·turn·dot with weights 1/dot: rows count by their energy
         top -= float(np.sum((turn * cross)[slow]))
         bottom += float(np.sum((turn**2 * dot)[slow]))
