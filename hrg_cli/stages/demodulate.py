@@ -18,13 +18,13 @@ import numpy as np
 from pydantic import Field
 
 from ..fitting.samples.demodulator import Demodulator
-from ..fitting.samples.even import even_rows
+from ..fitting.samples.even import make_even_rows
 from ..fitting.samples.looks import take_looks
-from ..fitting.samples.run_down import RunDown, run_down
+from ..fitting.samples.run_down import RunDown, find_run_down
 from ..fitting.samples.signal_rows import Rows
 from ..fitting.samples.survey import survey, survey_quiet
-from ..fitting.samples.uneven import uneven_rows
-from ..fitting.samples.wild import without_wild
+from ..fitting.samples.uneven import make_uneven_rows
+from ..fitting.samples.wild import mask_wild
 from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Periods, Recording
 from ..records.clock import from_first_sample
 from .demodulation.judge import StreamJudge
@@ -115,9 +115,9 @@ def demodulate(
         notes.append(f"its clock had run {origin_s:.15g} s; times count from the first sample on")
     if nominal_frequency_hz is not None:
         recording = recording.replace(nominal_frequency_hz=nominal_frequency_hz)
-    recording = without_wild(recording, take_looks(recording, recording.time_s is None, name))
+    recording = mask_wild(recording, take_looks(recording, recording.time_s is None, name))
     looked = survey(recording, name)
-    found = run_down(recording, looked)
+    found = find_run_down(recording, looked)
     if found is not None:
         notes.extend(found.notes)
         looked = survey_run_down(recording, looked, found, name)
@@ -149,14 +149,16 @@ def _rows_of(
         ends = (max(ends[0], found.begin_s), min(ends[1], found.end_s))
     judge = StreamJudge(run, float(ends[0]), float(ends[1]), found)
     held: Periods | None = None
-    for rows in (even_rows if recording.time_s is None else uneven_rows)(run, block_samples):
+    for rows in (make_even_rows if recording.time_s is None else make_uneven_rows)(
+        run, block_samples
+    ):
         # One block is held back: the last one carries spectrum and status, and which is last is
         # known behind it.
         if held is not None:
             yield held
         held = _write_periods(run, rows, judge)
     if held is None:
-        raise run.too_short()
+        raise run.tell_too_short()
     yield judge.judge(
         held.replace(
             spectrum_frequency_hz=looked.spectrum_hz,
@@ -246,7 +248,7 @@ def _write_periods(run: Demodulator, rows: Rows, judge: StreamJudge) -> Periods:
         lot_id=recording.lot_id,
         start_time=recording.start_time,
         units=recording.c_units,
-        least_count=run.least_count(),
-        quantisation_share=run.quantisation_share(),
+        least_count=run.find_least_count(),
+        quantisation_share=run.estimate_quantisation_share(),
         noise_correlation=run.survey.noise_correlation,
     )

@@ -114,7 +114,7 @@ def chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], list[l
     values = []
     for log in logs:
         value = log.at(corner)
-        excess = h * (value[1:] + value[:-1]) / 2 - np.diff(log.area_to(corner))
+        excess = h * (value[1:] + value[:-1]) / 2 - np.diff(log.integrate_to(corner))
         value -= (np.append(0.0, excess) + np.append(excess, 0.0)) / (
             np.append(0.0, h) + np.append(h, 0.0)
         )

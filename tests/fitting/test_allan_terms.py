@@ -4,7 +4,7 @@ there."""
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.samples.envelope_motion import estimate_curvatures, gain_at_middle
+from hrg_cli.fitting.samples.envelope_motion import compute_gain_at_middle, estimate_curvatures
 from hrg_cli.fitting.tables.allan import allan_deviation
 from hrg_cli.fitting.tables.allan_terms import (
     LONGEST,
@@ -192,9 +192,9 @@ def test_gain_at_middle_is_that_of_the_bend_taken_off():
         taken = tone - bend[0, :, 0] * window**2 / 24
         middle = slice(20, -20)
         gain = (taken[middle] @ tone[middle]) / (tone[middle] @ tone[middle])
-        assert gain.real == pytest.approx(float(gain_at_middle(turns)), rel=1e-9)
+        assert gain.real == pytest.approx(float(compute_gain_at_middle(turns)), rel=1e-9)
     slow = 0.02
-    assert np.sinc(slow) * gain_at_middle(slow) == pytest.approx(1, abs=2e-6)
+    assert np.sinc(slow) * compute_gain_at_middle(slow) == pytest.approx(1, abs=2e-6)
     assert np.sinc(slow) < 1 - 6e-4
 
 

@@ -4,7 +4,7 @@ against direct fits."""
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.samples.basis import build_columns, window_basis
+from hrg_cli.fitting.samples.basis import build_columns, build_window_basis
 
 
 @pytest.mark.parametrize("moving", [False, True])
@@ -14,7 +14,7 @@ def test_a_steady_oscillation_is_fitted_exactly_in_any_window(moving: bool) -> N
         rate = rng.uniform(1e3, 1e6)
         frequency = rate / rng.uniform(2.3, 40)
         samples = int(rng.uniform(3, 12) * rate / frequency) + 12
-        basis = window_basis(samples, rate, (frequency,), (), moving)
+        basis = build_window_basis(samples, rate, (frequency,), (), moving)
         assert basis is not None
         tau = (np.arange(samples) - (samples - 1) / 2) / rate
         p, q, offset = rng.normal(size=3)
@@ -34,7 +34,7 @@ def test_the_pull_of_slope_and_curvature_is_what_a_fit_of_a_moving_envelope_show
     rng = np.random.default_rng(2)
     rate, samples = 51_234.0, 73
     nuisance = () if len(bands) == 1 else (6000.0,)
-    basis = window_basis(samples, rate, bands, nuisance)
+    basis = build_window_basis(samples, rate, bands, nuisance)
     assert basis is not None
     tau = (np.arange(samples) - (samples - 1) / 2) / rate
     motion = rng.normal(size=len(bands)) + 1j * rng.normal(size=len(bands))
@@ -55,13 +55,13 @@ def test_the_pull_of_slope_and_curvature_is_what_a_fit_of_a_moving_envelope_show
 
 def test_variance_is_that_of_the_fit() -> None:
     rng = np.random.default_rng(3)
-    basis = window_basis(14, 1.0, (0.11,))
+    basis = build_window_basis(14, 1.0, (0.11,))
     assert basis is not None
     fits = rng.normal(size=(40_000, 14)) @ basis.orthonormal @ basis.triangle
     np.testing.assert_allclose(fits.var(0), basis.variance, rtol=0.04)
 
 
 def test_a_window_that_cannot_tell_its_unknowns_apart_has_no_basis() -> None:
-    assert window_basis(2, 1000.0, (100.0,)) is None
-    assert window_basis(20, 1000.0, (500.0,)) is None
-    assert window_basis(20, 1000.0, (100.0, 100.0)) is None
+    assert build_window_basis(2, 1000.0, (100.0,)) is None
+    assert build_window_basis(20, 1000.0, (500.0,)) is None
+    assert build_window_basis(20, 1000.0, (100.0, 100.0)) is None

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hrg_cli.fitting.envelopes import channel_noise
-from hrg_cli.fitting.samples.spectrum import AveragedSpectrum, correlation
+from hrg_cli.fitting.samples.spectrum import AveragedSpectrum, estimate_correlation
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnosis.suspects import transformations
@@ -83,7 +83,7 @@ def test_spectra_show_what_the_channels_noise_has_in_common(common):
     mix = np.linalg.cholesky(np.array([[1.0, common], [common, 1.0]]))
     noise = np.array([[5.0], [1.0]]) * (mix @ random.standard_normal((2, 40 * 256)))
     noise += np.sin(2 * np.pi * 260.0 * np.arange(40 * 256) * 1e-3)  # a line is no noise
-    found = correlation(averaged(noise), (250.0,), 100.0, ((245.0, 255.0),))
+    found = estimate_correlation(averaged(noise), (250.0,), 100.0, ((245.0, 255.0),))
     assert found == pytest.approx(common, abs=0.06)
 
 

@@ -8,8 +8,8 @@ from hrg_cli.fitting.samples.course import (
     average_over_windows,
     build_course,
     build_from_means,
+    estimate_means,
     integrate_means,
-    means_of_values,
 )
 
 Q = np.linspace(0.0, 3.0, 4001)
@@ -36,7 +36,7 @@ def test_a_smooth_course_is_followed_far_better_than_by_lines(f) -> None:
 def test_the_integral_is_that_of_the_cubic() -> None:
     t = rows()
     whole = t + t**2 / 2 - t**3 / 3 + t**4 / 12
-    assert build_course(t, 1 + t - t**2 + t**3 / 3).integral() == pytest.approx(
+    assert build_course(t, 1 + t - t**2 + t**3 / 3).integrate() == pytest.approx(
         whole - whole[0], abs=1e-11
     )
 
@@ -47,12 +47,12 @@ def test_the_integral_through_six_rows_keeps_the_size_of_a_quick_swing(turn: flo
     191x⁶/60480; at steps the lines stay."""
     t = np.arange(400) * turn
     both = np.stack([np.sin(t), np.cos(t), np.ones_like(t)], 1)
-    off = build_course(t, np.cos(t + 0.3)).integral() - np.sin(t + 0.3)
+    off = build_course(t, np.cos(t + 0.3)).integrate() - np.sin(t + 0.3)
     lost = float(np.hypot(*np.linalg.lstsq(both, off, rcond=None)[0][:2]))
     assert lost < 1.2 * 191 * turn**6 / 60480
     steps = np.where(np.sin(t / 5 + 1) > 0, 1.0, -1.0)
     lines = np.concatenate([[0.0], np.cumsum((steps[1:] + steps[:-1]) / 2 * turn)])
-    assert np.allclose(build_course(t, steps).integral(), lines, atol=1e-12 * t[-1])
+    assert np.allclose(build_course(t, steps).integrate(), lines, atol=1e-12 * t[-1])
 
 
 def test_a_cubic_is_met_between_uneven_rows_exactly() -> None:
@@ -130,12 +130,12 @@ def test_a_log_of_single_values_of_a_smooth_command_gives_its_means() -> None:
     """Loops that settle as e^{−8t} beside twenty rows a second: taken for means, the values would
     miss h²·64/24 = 0.7 %."""
     t, step = np.arange(0.0, 2.0, 0.05), 0.05
-    means = means_of_values(t, np.exp(-8 * t))
+    means = estimate_means(t, np.exp(-8 * t))
     exact = (np.exp(-8 * (t - step / 2)) - np.exp(-8 * (t + step / 2))) / (8 * step)
     plain = np.abs(np.exp(-8 * t) / exact - 1)[1:-1]
     assert plain.min() > 5e-3 and np.abs(means / exact - 1)[1:-1].max() < 8e-4
     noise = np.random.default_rng(3).normal(size=300)
-    np.testing.assert_allclose(means_of_values(np.arange(300.0), noise), noise, atol=0.3)
+    np.testing.assert_allclose(estimate_means(np.arange(300.0), noise), noise, atol=0.3)
 
 
 def test_values_at_uneven_instants_give_the_means_of_their_surroundings() -> None:
@@ -144,11 +144,11 @@ def test_values_at_uneven_instants_give_the_means_of_their_surroundings() -> Non
     t = (np.arange(100)[:, None] + [3.5 / 16, 12.5 / 16]).ravel() * 0.015
     border = np.concatenate([[t[0] - 3.28125e-3], (t[1:] + t[:-1]) / 2, [t[-1] + 3.28125e-3]])
     exact = -np.diff(np.exp(-20 * border)) / 20 / np.diff(border)
-    means = means_of_values(t, np.exp(-20 * t))
+    means = estimate_means(t, np.exp(-20 * t))
     assert np.abs(np.exp(-20 * t) / exact - 1)[1:-1].min() > 8e-3
     assert np.abs(means / exact - 1)[1:-1].max() < 5e-4
     noisy = np.exp(-20 * t) + 1e-3 * np.random.default_rng(4).normal(size=len(t))
-    left = np.sum(np.abs(means_of_values(t, noisy) - noisy - exact + np.exp(-20 * t))[1:30])
+    left = np.sum(np.abs(estimate_means(t, noisy) - noisy - exact + np.exp(-20 * t))[1:30])
     assert left < 0.3 * np.sum(np.abs(exact - np.exp(-20 * t))[1:30])
 
 

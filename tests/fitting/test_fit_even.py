@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.samples.basis import window_basis
+from hrg_cli.fitting.samples.basis import build_window_basis
 from hrg_cli.fitting.samples.windows import fit_even
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
@@ -17,7 +17,7 @@ def test_residual_at_any_noise(noise, samples):
     """Against the same fit in extended precision: within 1 %; the difference of sums loses up to 44
     % at 1e-7 of the wave."""
     rng = np.random.default_rng(0)
-    basis = window_basis(samples, RATE, (HZ,))
+    basis = build_window_basis(samples, RATE, (HZ,))
     t = np.arange(50 * samples) / RATE
     y = (3.0 + np.cos(2 * np.pi * HZ * t + 0.3) + noise * rng.standard_normal(len(t))).reshape(
         50, samples

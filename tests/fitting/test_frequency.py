@@ -8,8 +8,8 @@ from hrg_cli.fitting.samples import frequency as finding
 
 
 def start(time: np.ndarray, y: np.ndarray, rate: float) -> float:
-    grid, power = finding.even_power(y, rate)
-    return finding.peak(grid, power, 2 * rate / len(time), rate / 2)[0]
+    grid, power = finding.compute_even_power(y, rate)
+    return finding.find_peak(grid, power, 2 * rate / len(time), rate / 2)[0]
 
 
 def test_refined_frequency_errs_like_the_cramer_rao_bound() -> None:
@@ -25,7 +25,7 @@ def test_refined_frequency_errs_like_the_cramer_rao_bound() -> None:
             + noise * rng.normal(size=(2, n))
             + rng.normal(size=(2, 1)) * 3
         )
-        errors.append(finding.refine(time, y, start(time, y, rate)) - frequency)
+        errors.append(finding.refine_frequency(time, y, start(time, y, rate)) - frequency)
     bound = np.sqrt(6 * 2 * noise**2 / (1.25 * n)) / (np.pi * np.sqrt(2) * n / rate)
     assert np.sqrt(np.mean(np.square(errors))) < 1.6 * bound
     assert bound < 1e-3 * rate / n
@@ -39,9 +39,9 @@ def test_refined_frequency_of_a_carriers_side_bands() -> None:
     y = np.stack([envelope, 0.4 * envelope]) * np.sin(
         2 * np.pi * carrier * time + 0.3
     ) + 1e-3 * rng.normal(size=(2, n))
-    grid, power = finding.fold_carrier(*finding.even_power(y, rate), carrier)
-    rough = finding.peak(grid, power, 50, rate / 2 - carrier)[0]
-    assert finding.refine(time, y, rough, carrier) == pytest.approx(frequency, abs=2e-3)
+    grid, power = finding.fold_carrier(*finding.compute_even_power(y, rate), carrier)
+    rough = finding.find_peak(grid, power, 50, rate / 2 - carrier)[0]
+    assert finding.refine_frequency(time, y, rough, carrier) == pytest.approx(frequency, abs=2e-3)
 
 
 def test_least_squares_power_is_what_lstsq_explains() -> None:
@@ -49,7 +49,7 @@ def test_least_squares_power_is_what_lstsq_explains() -> None:
     time = np.sort(rng.uniform(5, 9, 300))
     y = rng.normal(size=(2, 300)) + np.array([[3.0], [-2.0]])
     grid = np.arange(0.4, 30, 0.1)
-    power = finding.least_squares_power(time, y, grid)
+    power = finding.compute_least_squares_power(time, y, grid)
     for k in (0, 7, 150, 295):
         basis = np.stack(
             [np.cos(2 * np.pi * grid[k] * time), np.sin(2 * np.pi * grid[k] * time), np.ones(300)],
@@ -69,8 +69,8 @@ def test_uneven_times_find_the_frequency_within_a_thousandth_of_a_bin() -> None:
         [np.cos(2 * np.pi * frequency * time), 0.2 * np.sin(2 * np.pi * frequency * time)]
     ) + 1e-3 * rng.normal(size=(2, 1000))
     grid = np.arange(2, 400) / 4 / (time[-1] - time[0])
-    rough = finding.peak(grid, finding.least_squares_power(time, y, grid), 0, 10)[0]
-    assert finding.refine(time, y, rough) == pytest.approx(
+    rough = finding.find_peak(grid, finding.compute_least_squares_power(time, y, grid), 0, 10)[0]
+    assert finding.refine_frequency(time, y, rough) == pytest.approx(
         frequency, abs=1e-3 / (time[-1] - time[0])
     )
 
@@ -80,8 +80,8 @@ def test_noise_rarely_passes_for_an_oscillation() -> None:
     passed = 0
     for n in (64, 500, 4000):
         for _ in range(100):
-            grid, power = finding.even_power(rng.normal(size=(2, n)), 1.0)
-            passed += finding.peak(grid, power, 1.5 / n, 0.5)[1] > finding.detection_ratio(
-                1, len(grid) // finding.PADDING
-            )
+            grid, power = finding.compute_even_power(rng.normal(size=(2, n)), 1.0)
+            passed += finding.find_peak(grid, power, 1.5 / n, 0.5)[
+                1
+            ] > finding.compute_detection_ratio(1, len(grid) // finding.PADDING)
     assert passed <= 1

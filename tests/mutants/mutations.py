@@ -235,7 +235,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "fitting/samples/demodulator.py": (
         "tests/stages/test_demodulate.py",
         (
-            ("return max(least, self.scale(k) ** 2 / 12)", "return max(least, self.scale(k) ** 2)"),
+            ("return max(least, self.find_scale(k) ** 2 / 12)", "return max(least, self.find_scale(k) ** 2)"),
             ("self.survey.least_count[k] ** 2 / 12", "self.survey.least_count[k] ** 2"),
             ("self.recording.c_scale_factor if k == 0 else self.recording.s_scale_factor", "self.recording.s_scale_factor if k == 0 else self.recording.c_scale_factor"),
         ),

@@ -8,7 +8,7 @@ from forced_runs import Truth, forced_run
 from synthetic_waves import errors, run_down
 
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting.samples.rate_log import BRIDGED, covered
+from hrg_cli.fitting.samples.rate_log import BRIDGED, find_covered
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.records import Wave, collect
 from hrg_cli.stages.calibrate import calibrate
@@ -43,14 +43,14 @@ def runs():
 
 def test_the_longest_stretch_between_known_rates_is_covered():
     wave = run_down(0.3, 1.0, seconds=2.0, window=1e-2)
-    assert covered(wave).all()
-    assert covered(wave.replace(rate_rad_s=None)).all()
+    assert find_covered(wave).all()
+    assert find_covered(wave.replace(rate_rad_s=None)).all()
     rate = wave.rate_rad_s.copy()
     rate[:7] = rate[60 : 60 + BRIDGED] = rate[140:160] = np.nan
-    inside = covered(wave.replace(rate_rad_s=rate))
+    inside = find_covered(wave.replace(rate_rad_s=rate))
     assert np.flatnonzero(inside).tolist() == list(range(7, 140))
     rate[60 + BRIDGED] = np.nan
-    inside = covered(wave.replace(rate_rad_s=rate))
+    inside = find_covered(wave.replace(rate_rad_s=rate))
     assert np.flatnonzero(inside).tolist() == list(range(66, 140))
 
 

@@ -329,7 +329,7 @@ def integrate_rate(time_s: Array, rate_rad_s: Array | None) -> Array:
         return np.zeros(len(time_s))
     finite = np.isfinite(rate_rad_s)
     rate = np.interp(time_s, time_s[finite], np.asarray(rate_rad_s, float)[finite])
-    return build_course(time_s, rate).integral()
+    return build_course(time_s, rate).integrate()
 
 
 def pool_std(std: Array, u: Array) -> Array:

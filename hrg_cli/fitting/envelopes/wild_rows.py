@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...records import FLAG_NOT_FINITE, Wave
-from ..samples.wild import ABOUT, WILD, find_lonely, size_of_tame
+from ..samples.wild import ABOUT, WILD, find_lonely, measure_tame
 
 Array = np.ndarray
 
@@ -118,7 +118,7 @@ def find_wild_rows(values: Array) -> tuple[Array, float]:
         return np.zeros(0, int), 0.0
     middle = float(np.median(values[known]))
     off = np.abs(np.where(known, values, middle) - middle)
-    size = max(size_of_tame(off[known]), abs(middle))
+    size = max(measure_tame(off[known]), abs(middle))
     if size == 0 or not off.max() > WILD * size:
         return np.zeros(0, int), 0.0
     places = find_lonely(off > WILD * size)

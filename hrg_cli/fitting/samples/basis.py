@@ -92,7 +92,7 @@ def build_rotations(time_s: Array, frequency_hz: Array) -> Array:
     return out
 
 
-def pull(coefficients: Array, left: Array) -> Pull:
+def compute_pull(coefficients: Array, left: Array) -> Pull:
     """The pull of a motion whose unit (p, q) put `coefficients` (..., 2F, 2F) into (p, q) and
     `left` into the residual."""
     m00, m01 = coefficients[..., 0::2, 0::2], coefficients[..., 0::2, 1::2]
@@ -100,7 +100,7 @@ def pull(coefficients: Array, left: Array) -> Pull:
     return Pull((m00 + m11 + 1j * (m01 - m10)) / 2, (m00 - m11 - 1j * (m10 + m01)) / 2, left)
 
 
-def window_basis(
+def build_window_basis(
     samples: int,
     sample_rate_hz: float,
     frequency_hz: tuple[float, ...],
@@ -123,7 +123,9 @@ def window_basis(
     pulls = []
     for motion in (tau[:, None] * matrix[:, :tones], tau[:, None] ** 2 / 2 * matrix[:, :tones]):
         taken = q.T @ motion
-        pulls.append(pull((inverse @ taken)[None], (motion.T @ motion - taken.T @ taken)[None]))
+        pulls.append(
+            compute_pull((inverse @ taken)[None], (motion.T @ motion - taken.T @ taken)[None])
+        )
     sloping = _sloping(q, motion if moving else tau[:, None] * matrix[:, :tones])
     taken = sloping.T @ motion
     return WindowBasis(

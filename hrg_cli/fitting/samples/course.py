@@ -80,14 +80,14 @@ class Course:
         bent = bool(self.alpha[end] and self.alpha[next_one])
         return abs(float(self.time_s[next_one] - self.time_s[end])) if steady or bent else 0.0
 
-    def integral(self) -> Array:
+    def integrate(self) -> Array:
         """∫ from the first row to each row, (n,)."""
         h = np.diff(self.time_s)
         # ∫₀ʰ x(x − h)(α + βx) dx = −h³(α/6 + βh/12), beside the trapezium of the line
         bent = h**3 * (self.alpha / 6 + self.beta * h / 12)
         return np.concatenate([[0.0], np.cumsum(h * (self.value[1:] + self.value[:-1]) / 2 - bent)])
 
-    def area_to(self, time_s: Array) -> Array:
+    def integrate_to(self, time_s: Array) -> Array:
         """∫ from the first row to any times, by Simpson's rule from the row before each, exact on the
         cubics; beyond the ends from the end."""
         t = self.time_s
@@ -99,7 +99,7 @@ class Course:
             / 6
             * (self.at(t[k]) + 4 * self.at((t[k] + time_s) / 2) + self.at(time_s))
         )
-        return np.asarray(self.integral()[k] + part)
+        return np.asarray(self.integrate()[k] + part)
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def integrate_means(time_s: Array, mean: Array) -> Impulse:
     return Impulse(through, float(y[0]), float(y[-1]))
 
 
-def means_of_values(time_s: Array, value: Array) -> Array:
+def estimate_means(time_s: Array, value: Array) -> Array:
     """Means (n,) about a log's rows of which it has the values at single instants.
 
     A row stands for its surroundings, half way to its neighbours: of length h, their centre c off
@@ -170,7 +170,7 @@ def build_from_means(time_s: Array, mean: Array, width_s: float) -> Course:
     found = build_course(time_s, mean)
     for _ in range(SHARPENINGS):
         t, half = found.time_s, width_s / 2
-        area = found.area_to(t + half) - found.area_to(t - half)
+        area = found.integrate_to(t + half) - found.integrate_to(t - half)
         found = build_course(time_s, found.value + mean - area / width_s)
     return found
 
@@ -229,7 +229,7 @@ def _through_six(cubics: Course) -> Course:
     bent = (around(cubics.alpha, 5) != 0).sum(1) >= 4
     middle = h[2:-2]
     through = middle * (around(cubics.value, 6) @ THROUGH_SIX)
-    missed = np.where(even & bent, through - np.diff(cubics.integral())[2:-2], 0.0)
+    missed = np.where(even & bent, through - np.diff(cubics.integrate())[2:-2], 0.0)
     alpha = cubics.alpha.copy()
     alpha[2:-2] -= 6 * missed / middle**3
     return Course(cubics.time_s, cubics.value, alpha, cubics.beta)

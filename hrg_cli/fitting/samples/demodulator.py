@@ -10,15 +10,15 @@ import numpy as np
 
 from ...errors import HrgError
 from ...records import FLAG_CLIPPED, Recording
-from .basis import WindowBasis, build_columns, window_basis
+from .basis import WindowBasis, build_columns, build_window_basis
 from .frequency import list_bands, list_nuisances
 from .gaps import Gaps
 from .scatter import estimate_scattered_variance, settle_by_scatter
-from .signal_rows import Rows, Variances, empty_rows, write_signals
-from .spectrum import Colour, colour
+from .signal_rows import Rows, Variances, make_rows, write_signals
+from .spectrum import Colour, estimate_colour
 from .still_envelopes import MotionWithin, Still
 from .survey import Survey
-from .windows import Fits, pooled_variance, sum_energy
+from .windows import Fits, pool_variance, sum_energy
 
 Array = np.ndarray
 
@@ -86,7 +86,7 @@ class Demodulator:
         self._course = np.zeros((0, 1), complex)
         self._colour: Colour | None = None
 
-    def chunk_windows(self, window_samples: float, pool: int) -> int:
+    def count_windows(self, window_samples: float, pool: int) -> int:
         """Windows that share one basis: a multiple of `pool`, so few that the frequency's drift
         turns none by `DRIFT_RAD`."""
         windows = max(
@@ -113,50 +113,50 @@ class Demodulator:
         """Whether every window's bend is taken off; of shorter ones only where it counts."""
         return self.periods_asked >= MOVING_PERIODS
 
-    def empty(self, rows: int) -> Rows:
+    def make_block(self, rows: int) -> Rows:
         """A block's columns, to be filled."""
-        return empty_rows(rows, len(self.reference))
+        return make_rows(rows, len(self.reference))
 
-    def columns(self) -> int:
+    def count_columns(self) -> int:
         """Unknowns of a window."""
         return build_columns(np.zeros(1), tuple(self.reference), self.nuisance, self.moving).shape[
             1
         ]
 
-    def spent(self) -> int:
+    def count_spent(self) -> int:
         """Degrees of freedom of a window that its residual does not have."""
-        return self.columns() + (2 * len(self.reference) if self.apart else 0)
+        return self.count_columns() + (2 * len(self.reference) if self.apart else 0)
 
-    def scale(self, k: int) -> float:
+    def find_scale(self, k: int) -> float:
         """Unit of a channel a raw count."""
         return float(self.recording.c_scale_factor if k == 0 else self.recording.s_scale_factor)
 
-    def least_variance(self, k: int) -> float:
+    def find_least_variance(self, k: int) -> float:
         """Least variance a sample: a converter's rounding, 1/12 of a count squared; for floats
         their own rounding."""
         dtype = (self.recording.c if k == 0 else self.recording.s).dtype
         least = self.survey.least_count[k] ** 2 / 12
         if np.issubdtype(dtype, np.integer):
-            return max(least, self.scale(k) ** 2 / 12)
+            return max(least, self.find_scale(k) ** 2 / 12)
         return max(least, self.survey.strength2 * float(np.finfo(dtype).eps) ** 2, 1e-300)
 
-    def least_count(self) -> float | None:
+    def find_least_count(self) -> float | None:
         """The coarser channel's least count, unit of the signals; None where the values are a
         continuum."""
         return max(self.survey.least_count) or None
 
-    def quantisation_share(self) -> float | None:
+    def estimate_quantisation_share(self) -> float | None:
         """Part of the residual variance (median over the looks) that rounding makes: Σ least
         count²/12 over both channels'."""
         power = self.calm[0]
         if not max(self.survey.least_count) or not np.isfinite(power):
             return None
         samples = self.window_s / self.survey.step_s
-        power *= samples / max(1.0, samples - self.spent())
+        power *= samples / max(1.0, samples - self.count_spent())
         rounding = sum(step**2 for step in self.survey.least_count) / 12
         return float(min(1.0, rounding / max(power, 1e-300)))
 
-    def too_short(self) -> HrgError:
+    def tell_too_short(self) -> HrgError:
         """The sentence for a recording that holds no window."""
         return HrgError(
             f"{self.name}: its {len(self.recording.c)} samples do not hold one window of"
@@ -164,13 +164,13 @@ class Demodulator:
             " periods_per_window lower"
         )
 
-    def local_hz(self, time_s: float) -> float:
+    def find_hz(self, time_s: float) -> float:
         """Frequency of the basis at a time: the survey's course, corrected by what the chunk before
         has shown."""
         step = FREQUENCY_STEP / self.window_s
         return float(round((self.survey.frequency_hz(time_s) + self._ahead_hz) / step) * step)
 
-    def local_bands(self, local_hz: float) -> tuple[float, ...]:
+    def list_bands(self, local_hz: float) -> tuple[float, ...]:
         """Frequencies of the signals where the oscillation is at `local_hz`."""
         return list_bands(local_hz, self.survey.carrier_hz)
 
@@ -187,14 +187,14 @@ class Demodulator:
             seen = self.reference_hz + float(np.angle(total)) / (2 * np.pi * self.window_s)
             self._ahead_hz = seen - self.survey.frequency_hz(time_s)
 
-    def basis(self, samples: int, rate_hz: float, local_hz: float) -> WindowBasis:
+    def build_basis(self, samples: int, rate_hz: float, local_hz: float) -> WindowBasis:
         """The shared basis of even windows at a local frequency, kept while that stays the same."""
         if self._basis is None or self._basis[0] != local_hz:
-            basis = window_basis(
-                samples, rate_hz, self.local_bands(local_hz), self.nuisance, self.moving
+            basis = build_window_basis(
+                samples, rate_hz, self.list_bands(local_hz), self.nuisance, self.moving
             )
             if basis is None:
-                raise self.too_short()
+                raise self.tell_too_short()
             self._basis = (local_hz, basis)
         return self._basis[1]
 
@@ -203,7 +203,7 @@ class Demodulator:
         found = self.survey
         if found.spectrum_segments == 0 or len(found.spectrum_hz) < 16:
             return
-        noise = colour(
+        noise = estimate_colour(
             found.spectrum_hz,
             found.spectrum_density,
             found.spectrum_segments,
@@ -220,7 +220,7 @@ class Demodulator:
                 f"({worst[0]:.2g} and {worst[1]:.2g} times those of white noise, C and S)"
             )
 
-    def turns(self, start_s: float, rows: int) -> Array:
+    def compute_turns(self, start_s: float, rows: int) -> Array:
         """e^{−jω_r t} (rows, F) at windows one after another from a centre; the course within a
         chunk is computed once."""
         if len(self._course) < rows:
@@ -249,7 +249,7 @@ class Demodulator:
     def _unheld(self, fits: Fits, times: Array, local_hz: float, noise2: Array) -> float:
         """Rms over the wave's of what windows of one look leave beside its noise (channels,), the
         motion that their neighbours foretell taken off."""
-        turn = self.turns(float(times[0]), len(times))
+        turn = self.compute_turns(float(times[0]), len(times))
         still = self._still(fits, turn, times, local_hz)
         known = 0.0 if still.known_residual2 is None else still.known_residual2
         left2 = np.nanmedian((fits.residual2 - known) / np.maximum(fits.freedom, 1), axis=1)
@@ -277,7 +277,7 @@ class Demodulator:
     ) -> None:
         """Fill `rows` of a block from a chunk: reference phase, standard deviations; `keep` drops
         neighbours fitted only for the slopes."""
-        turn = self.turns(float(times[0]), len(times))
+        turn = self.compute_turns(float(times[0]), len(times))
         still = self._still(fits, turn, times, local_hz)
         self.follow(still.envelope[:, keep], float(times[0] + times[-1]) / 2)
         clipped = out["flags"][rows] & FLAG_CLIPPED != 0
@@ -303,12 +303,12 @@ class Demodulator:
         least count leaves."""
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[keep]
         known = None if still.known_residual2 is None else still.known_residual2[k, keep]
-        pooled = pooled_variance(fits.residual2[k, keep], freedom, known)
+        pooled = pool_variance(fits.residual2[k, keep], freedom, known)
         if known is not None:
             own = (fits.variance if len(fits.variance) == 1 else fits.variance[keep]).mean(1)
             seen = estimate_scattered_variance(still.envelope[k, keep], own * still.noisier**2)
             pooled = settle_by_scatter(pooled, known / np.maximum(freedom, 1), freedom, seen)
-        return np.asarray(np.maximum(pooled, self.least_variance(k))[:, None])
+        return np.asarray(np.maximum(pooled, self.find_least_variance(k))[:, None])
 
     def _own_variance(
         self, fits: Fits, still: Still, k: int, keep: slice, sample2: Array, clipped: Array
@@ -321,7 +321,9 @@ class Demodulator:
             return np.asarray(own)
         # rounding to the least count is white whatever the noise's colour: the colour does not take
         # it below that
-        white = self.least_variance(k) / np.nanmean(sample2) if np.isfinite(sample2).any() else 0.0
-        coloured = np.maximum(self._colour.of_windows(k, sample2), white)
+        white = (
+            self.find_least_variance(k) / np.nanmean(sample2) if np.isfinite(sample2).any() else 0.0
+        )
+        coloured = np.maximum(self._colour.take_windows(k, sample2), white)
         # a clipped top bends the signal itself, not its harmonics alone: the colour takes nothing off
         return np.asarray(own * np.where(clipped[:, None], np.maximum(coloured, 1.0), coloured))

@@ -14,7 +14,7 @@ NEIGHBOURS = 4
 """Windows on either side between which the envelope's slope is taken; it adds 0.07 % to the
 variance at one period a window."""
 SLOPE_NOISE = 0.1143
-"""Variance of `fine_slopes` over that of a row, in 1/T²; plain ones have less."""
+"""Variance of `estimate_fine_slopes` over that of a row, in 1/T²; plain ones have less."""
 BEND = 2
 """Windows on either side between which the curvature is taken; it adds 4 % to the variance."""
 CURVED = 1 / 3 + 7 / 240
@@ -40,7 +40,9 @@ def estimate_slopes(u: Array, local_less_reference_rad_s: Array, window_s: float
     )
 
 
-def fine_slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Array | None:
+def estimate_fine_slopes(
+    u: Array, local_less_reference_rad_s: Array, window_s: float
+) -> Array | None:
     """Slope of the envelopes u (channel, rows, F) in the local frame, that of the cubic nearest to
     2·`NEIGHBOURS` + 1 rows; at the ends of the quintic through the first and the last. None with
     fewer rows.
@@ -77,10 +79,12 @@ def _derivative(place: Array, degree: int) -> Array:
     return np.asarray(rise @ np.linalg.pinv(powers)[1:])
 
 
-def better_slopes(u: Array, local_less_reference_rad_s: Array, window_s: float) -> Array | None:
+def estimate_better_slopes(
+    u: Array, local_less_reference_rad_s: Array, window_s: float
+) -> Array | None:
     """Slopes of envelopes without the first ones' pull: fine ones, plain ones where rows are few;
     None where they are too few for any."""
-    fine = fine_slopes(u, local_less_reference_rad_s, window_s)
+    fine = estimate_fine_slopes(u, local_less_reference_rad_s, window_s)
     return estimate_slopes(u, local_less_reference_rad_s, window_s) if fine is None else fine
 
 
@@ -130,7 +134,7 @@ def estimate_curvatures(
     return out, doubt
 
 
-def gain_at_middle(turns: Array | float) -> Array:
+def compute_gain_at_middle(turns: Array | float) -> Array:
     """What taking the bend off makes of a motion that turns so often a window: 1 + (s/24)(1 + 0.36 s),
     s = (2/h)² sin² πhx, beside the sinc x of the mean itself (see `estimate_curvatures`).
 
@@ -140,7 +144,9 @@ def gain_at_middle(turns: Array | float) -> Array:
     return np.asarray(1 + s / 24 * (1 + CURVED * s))
 
 
-def bend_power(u: Array, local_less_reference_rad_s: Array, window_s: float, every: int) -> Array:
+def measure_bend_power(
+    u: Array, local_less_reference_rad_s: Array, window_s: float, every: int
+) -> Array:
     """Mean square of the curvature's second difference D (channel,), see `estimate_curvatures`, at one row
     of `every`: enough to judge by."""
     h = min(BEND, (u.shape[1] - 1) // 2)
@@ -189,7 +195,7 @@ def take_off_pull(u: Array, motion: Array, turn: Array, by: Pull) -> Array:
     )
 
 
-def pull_noise(slope: Pull, curvature: Pull | None, window_s: float) -> float:
+def compute_pull_noise(slope: Pull, curvature: Pull | None, window_s: float) -> float:
     """Factor by which taking the pulls out raises the standard deviation: √(1 + 0.114 (|α1|² +
     |β1|²)/T²), times 1 + 2α2/(hT)²."""
     strength = (
@@ -203,7 +209,7 @@ def pull_noise(slope: Pull, curvature: Pull | None, window_s: float) -> float:
     return factor
 
 
-def motion_counts(residual2: Array, motion: Array, by: Pull, part: float = 1e-3) -> bool:
+def does_motion_count(residual2: Array, motion: Array, by: Pull, part: float = 1e-3) -> bool:
     """Whether a motion puts more than a part into the residual's sums of squares (channel,
     rows)."""
     mean = float(np.trace(by.left.mean(0))) / by.left.shape[-1]
@@ -216,7 +222,7 @@ def motion_counts(residual2: Array, motion: Array, by: Pull, part: float = 1e-3)
     return False
 
 
-def motion_residual(motion: Array, turn: Array, by: Pull) -> Array:
+def compute_motion_residual(motion: Array, turn: Array, by: Pull) -> Array:
     """What a known motion puts into the residual's sums of squares (channel, rows)."""
     own = motion * turn.conj()
     parts = np.empty((*own.shape[:2], 2 * own.shape[2]))

@@ -8,13 +8,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ...records import FLAG_CLIPPED, FLAG_NOT_FINITE
-from .basis import WindowBasis, window_basis
+from .basis import WindowBasis, build_window_basis
 from .demodulator import Demodulator
-from .envelope_motion import NEIGHBOURS, estimate_curvatures, estimate_slopes, motion_counts
+from .envelope_motion import NEIGHBOURS, does_motion_count, estimate_curvatures, estimate_slopes
 from .harmonic_leaks import find_leaking_harmonics, list_harmonics
 from .looks import Look
 from .signal_rows import Rows
-from .windows import Fits, fit_even, pool_rows
+from .windows import Fits, count_pooled_rows, fit_even
 
 Array = np.ndarray
 
@@ -25,16 +25,17 @@ CONDITION, CONDITION_SHORT = 5.0, 1e3
 """Highest condition of a window's basis; windows asked to be shorter than a period may be worse."""
 
 
-def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
+def make_even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     """Blocks of rows. HrgError: too short for one window."""
     recording, rate = run.recording, float(run.recording.sample_rate_hz or 0)
     samples = _window_samples(run, rate)
     run.window_s = samples / rate
     total = len(recording.c) // samples
-    _fit_harmonics_beside(run, samples, rate, total)
+    basis = run.build_basis(samples, rate, run.reference_hz)
+    run.fit_beside(_choose_harmonics(run, basis, samples, total))
     _learn(run, samples, rate)
-    pool = pool_rows(samples - run.spent())
-    chunk = run.chunk_windows(samples, pool)
+    pool = count_pooled_rows(samples - run.count_spent())
+    chunk = run.count_windows(samples, pool)
     step = chunk * max(1, block_samples // (chunk * samples))
     for first in range(0, total, step):
         last = min(first + step, total)
@@ -46,15 +47,15 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
             for channel in (recording.c, recording.s)
         ]
         touching = [_touches(raw[k], run.survey.rails[k]) for k in range(2)]
-        block = run.empty(last - first)
+        block = run.make_block(last - first)
         for start in range(first, last, chunk):
             stop = min(start + chunk, last)
             low, high = max(0, start - NEIGHBOURS), min(stop + NEIGHBOURS, total)
             times = (
                 recording.first_sample + np.arange(low, high) * samples + (samples - 1) / 2
             ) / rate
-            local = run.local_hz((recording.first_sample + (start + chunk / 2) * samples) / rate)
-            basis = run.basis(samples, rate, local)
+            local = run.find_hz((recording.first_sample + (start + chunk / 2) * samples) / rate)
+            basis = run.build_basis(samples, rate, local)
             keep, rows = slice(start - low, stop - low), slice(start - first, stop - first)
             pieces = [
                 channel[(low - lead) * samples : (high - lead) * samples].reshape(-1, samples)
@@ -72,6 +73,15 @@ def even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
         yield block
 
 
+def _choose_harmonics(
+    run: Demodulator, basis: WindowBasis, samples: int, windows: int
+) -> tuple[float, ...]:
+    """Folded harmonics [Hz] that get columns of their own beside the signals."""
+    if run.every_harmonic:
+        return list_harmonics(run.survey, basis, samples, run.moving)
+    return find_leaking_harmonics(run.survey, basis, samples, windows, run.moving)
+
+
 def _fits(
     run: Demodulator, envelope: Array, residual2: Array, basis: WindowBasis, samples: int
 ) -> Fits:
@@ -79,7 +89,7 @@ def _fits(
     return Fits(
         envelope,
         residual2,
-        np.asarray(samples - run.spent()),
+        np.asarray(samples - run.count_spent()),
         np.asarray(samples),
         basis.variance[None],
         basis.slope,
@@ -97,8 +107,8 @@ def _fit_channels(run: Demodulator, pieces: list[Array], basis: WindowBasis) -> 
         fitted, left = fit_even(piece, basis, run.apart)
         # raw values are fitted as they are: a factor on a few coefficients is cheaper than on all
         # samples
-        np.multiply(fitted, run.scale(k), out=envelope[k])
-        np.multiply(left, run.scale(k) ** 2, out=residual2[k])
+        np.multiply(fitted, run.find_scale(k), out=envelope[k])
+        np.multiply(left, run.find_scale(k) ** 2, out=residual2[k])
         if not np.isfinite(left.sum()):
             bad = ~np.isfinite(left)
             envelope[k, bad] = np.nan
@@ -120,12 +130,12 @@ def _window_samples(run: Demodulator, rate: float) -> int:
     degrees of freedom to spare."""
     n = len(run.recording.c)
     asked = max(1, round(run.periods_asked * rate / run.reference_hz))
-    if run.moving and run.moving_asked is None and asked < 3 * run.columns():
+    if run.moving and run.moving_asked is None and asked < 3 * run.count_columns():
         run.moving = False
     worst = CONDITION if run.periods_asked >= 0.9 and not run.moving_asked else CONDITION_SHORT
     samples = asked
     while samples <= n:
-        basis = window_basis(samples, rate, tuple(run.reference), run.nuisance, run.moving)
+        basis = build_window_basis(samples, rate, tuple(run.reference), run.nuisance, run.moving)
         if basis is not None and basis.freedom >= 2 and basis.condition <= worst:
             if samples > asked:
                 run.notes.append(
@@ -135,17 +145,7 @@ def _window_samples(run: Demodulator, rate: float) -> int:
                 )
             return samples
         samples += max(1, samples // 16)
-    raise run.too_short()
-
-
-def _fit_harmonics_beside(run: Demodulator, samples: int, rate: float, windows: int) -> None:
-    """Give harmonics that would leak into the signals columns of their own."""
-    basis = run.basis(samples, rate, run.reference_hz)
-    run.fit_beside(
-        list_harmonics(run.survey, basis, samples, run.moving)
-        if run.every_harmonic
-        else find_leaking_harmonics(run.survey, basis, samples, windows, run.moving)
-    )
+    raise run.tell_too_short()
 
 
 def _learn(run: Demodulator, samples: int, rate: float) -> None:
@@ -154,7 +154,7 @@ def _learn(run: Demodulator, samples: int, rate: float) -> None:
     found = list(zip(run.survey.looks, run.survey.look_noise2, strict=True))
     found = [(look, noise2) for look, noise2 in found[1:] or found if look.y.shape[1] >= samples]
     looks = [look for look, _ in found]
-    bases = [run.basis(samples, rate, run.local_hz(float(x.time_s.mean()))) for x in looks]
+    bases = [run.build_basis(samples, rate, run.find_hz(float(x.time_s.mean()))) for x in looks]
     run.apart = _motion_counts(run, looks, bases, samples)
     seen = []
     for (look, noise2), basis in zip(found, bases, strict=True):
@@ -163,10 +163,10 @@ def _learn(run: Demodulator, samples: int, rate: float) -> None:
         envelope, left = zip(*(fit_even(piece, basis, run.apart) for piece in pieces), strict=True)
         fits = _fits(run, np.stack(envelope), np.stack(left), basis, samples)
         centres = look.time_s[0] + ((samples - 1) / 2 + np.arange(count) * samples) / rate
-        seen.append((fits, centres, run.local_hz(float(look.time_s.mean())), noise2))
+        seen.append((fits, centres, run.find_hz(float(look.time_s.mean())), noise2))
     run.learn_calm(seen)
     run.learn_colour(
-        run.basis(samples, rate, run.local_hz(float(run.survey.looks[0].time_s.mean()))), rate
+        run.build_basis(samples, rate, run.find_hz(float(run.survey.looks[0].time_s.mean()))), rate
     )
 
 
@@ -181,7 +181,7 @@ def _motion_counts(
         if not basis.sloping.shape[1]:
             return False
         count = look.y.shape[1] // samples
-        turn = run.turns(float(look.time_s[0]) + run.window_s / 2, count)
+        turn = run.compute_turns(float(look.time_s[0]) + run.window_s / 2, count)
         for y in look.y[:, : count * samples].reshape(2, count, samples):
             envelope, left = fit_even(y, basis)
             u = (envelope * turn)[None]
@@ -192,6 +192,6 @@ def _motion_counts(
                 )
             else:
                 motion, pull = estimate_slopes(u, still, run.window_s), basis.slope
-            if motion is not None and motion_counts(left[None], motion, pull, SLOPING):
+            if motion is not None and does_motion_count(left[None], motion, pull, SLOPING):
                 return True
     return False

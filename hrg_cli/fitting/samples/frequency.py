@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from .basis import build_columns, build_rotations
-from .spectrum import chi_square_excess
+from .spectrum import compute_chi_square_excess
 
 Array = np.ndarray
 
@@ -33,7 +33,7 @@ def list_nuisances(carrier_hz: float | None) -> tuple[float, ...]:
     return () if carrier_hz is None else (carrier_hz,)
 
 
-def even_power(y: Array, sample_rate_hz: float) -> tuple[Array, Array]:
+def compute_even_power(y: Array, sample_rate_hz: float) -> tuple[Array, Array]:
     """Frequencies [Hz] and power, summed over the channels, of evenly sampled y (channels, n): mean
     removed, Hann window, zero padded."""
     n = y.shape[-1]
@@ -45,7 +45,7 @@ def even_power(y: Array, sample_rate_hz: float) -> tuple[Array, Array]:
     return np.fft.rfftfreq(size, 1 / sample_rate_hz), power
 
 
-def least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
+def compute_least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
     """Power explained by cos, sin and a constant, summed over the channels y (channels, n), on an
     even grid of frequencies (k,).
 
@@ -88,7 +88,9 @@ def fold_carrier(frequency_hz: Array, power: Array, carrier_hz: float) -> tuple[
     return grid, np.sqrt(low * high)
 
 
-def peak(frequency_hz: Array, power: Array, low_hz: float, high_hz: float) -> tuple[float, float]:
+def find_peak(
+    frequency_hz: Array, power: Array, low_hz: float, high_hz: float
+) -> tuple[float, float]:
     """Frequency of the highest local maximum of a spectrum in [low, high], by a parabola through
     its logarithm; its power over the floor.
 
@@ -115,15 +117,15 @@ def peak(frequency_hz: Array, power: Array, low_hz: float, high_hz: float) -> tu
     return float(frequency_hz[top] + offset * (frequency_hz[1] - frequency_hz[0])), ratio
 
 
-def detection_ratio(segments: int, bins: int) -> float:
+def compute_detection_ratio(segments: int, bins: int) -> float:
     """Peak over median above which noise alone passes once in about 10⁵ recordings (χ² of two
     channels' averaged spectra)."""
     # 4.3 σ is one in 10⁵ for a single bin; a decade more of bins wants half a σ more.
     sigmas = 4.3 + 0.5 * np.log10(max(10, bins))
-    return 1.3 * chi_square_excess(4 * max(1, segments), sigmas)
+    return 1.3 * compute_chi_square_excess(4 * max(1, segments), sigmas)
 
 
-def refine(
+def refine_frequency(
     time_s: Array, y: Array, frequency_hz: float, carrier_hz: float | None = None, rounds: int = 3
 ) -> float:
     """Frequency [Hz] of y (channels, n) near a start that is right within half of 1/duration.
@@ -192,7 +194,7 @@ def _scan(time_s: Array, y: Array, frequency_hz: float, width_hz: float, rounds:
     for _ in range(rounds):
         grid = frequency_hz + np.linspace(-1, 1, 17) * width_hz
         grid = grid[grid > 0]
-        power = least_squares_power(time_s, y, grid)
+        power = compute_least_squares_power(time_s, y, grid)
         frequency_hz = float(grid[np.argmax(power)])
         # Sixteen intervals narrowed by five: the next grid reaches over more than one of this
         # one's.

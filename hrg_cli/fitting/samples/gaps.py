@@ -33,7 +33,7 @@ class Gaps:
         """Length from which a stretch is a gap to short windows."""
         return max(STEPS * self.step_s, PERIODS / self.frequency_hz)
 
-    def touched(self, time_s: Array, low: int, high: int) -> Array:
+    def find_touched(self, time_s: Array, low: int, high: int) -> Array:
         """Windows (of low … high − 1, whose samples' times are `time_s`) touched by a gap: bool."""
         self._count(time_s)
         rows = np.zeros(high - low, bool)
@@ -54,7 +54,7 @@ class Gaps:
             self.count, self.total_s = self.count + len(long), self.total_s + float(long.sum())
             self._last_s = float(new[-1])
 
-    def shorter_periods(self, span_s: float, share: float) -> float | None:
+    def find_shorter_periods(self, span_s: float, share: float) -> float | None:
         """Periods per window, fewer than there are, of which gaps touch no more than a share; None
         where windows of one period are touched more often.
 

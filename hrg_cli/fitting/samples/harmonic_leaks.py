@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .basis import WindowBasis, window_basis
+from .basis import WindowBasis, build_window_basis
 from .survey import Survey
 
 Array = np.ndarray
@@ -63,7 +63,7 @@ def find_leaking_harmonics(
 
     >>> import numpy as np
     >>> from hrg_cli import Recording
-    >>> from hrg_cli.fitting.samples.basis import window_basis
+    >>> from hrg_cli.fitting.samples.basis import build_window_basis
     >>> from hrg_cli.fitting.samples.harmonic_leaks import find_leaking_harmonics
     >>> from hrg_cli.fitting.samples.survey import survey
     >>> t = np.arange(60000) / 2700
@@ -71,7 +71,7 @@ def find_leaking_harmonics(
     >>> noise = 1e-4 * np.random.default_rng(0).standard_normal((2, len(t)))
     >>> x = np.stack([c + 2e-3 * c**2, 0.5 * c]) + noise
     >>> found = survey(Recording(c=x[0], s=x[1], sample_rate_hz=2700.0, mode="free"), "")
-    >>> basis = window_basis(27, 2700.0, (1000.0,), moving=True)
+    >>> basis = build_window_basis(27, 2700.0, (1000.0,), moving=True)
     >>> [round(hz) for hz in find_leaking_harmonics(found, basis, 27, 2222, True)]
     [700]
     """
@@ -112,12 +112,12 @@ def list_harmonics(
     --------
     >>> import numpy as np
     >>> from hrg_cli import Recording
-    >>> from hrg_cli.fitting.samples.basis import window_basis
+    >>> from hrg_cli.fitting.samples.basis import build_window_basis
     >>> from hrg_cli.fitting.samples.harmonic_leaks import list_harmonics
     >>> from hrg_cli.fitting.samples.survey import survey_quiet
     >>> c = np.cos(2 * np.pi * 1000 * np.arange(60000) / 2700)
     >>> found = survey_quiet(Recording(c=c, s=c, sample_rate_hz=2700.0, mode="free"), "")
-    >>> basis = window_basis(27, 2700.0, (1000.0,), moving=True)
+    >>> basis = build_window_basis(27, 2700.0, (1000.0,), moving=True)
     >>> [round(hz) for hz in list_harmonics(found, basis, 27, True)]
     [700, 300, 1300, 400]
     """
@@ -131,7 +131,9 @@ def choose_apart(
     more than `DEARER` of a signal's variance and half of the samples."""
     taken: tuple[float, ...] = ()
     for hz in wanted:
-        own = window_basis(samples, 1 / survey.step_s, (survey.reference_hz,), (*taken, hz), moving)
+        own = build_window_basis(
+            samples, 1 / survey.step_s, (survey.reference_hz,), (*taken, hz), moving
+        )
         if own is None or own.freedom < samples / 2:
             continue
         if (own.variance / basis.variance).max() < DEARER:

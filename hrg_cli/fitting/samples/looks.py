@@ -110,7 +110,7 @@ def _longest(good: Array) -> slice:
     return slice(int(edges[2 * k]), int(edges[2 * k + 1]))
 
 
-def span_of(look: Look) -> float:
+def measure_span(look: Look) -> float:
     """Seconds from its first sample to its last."""
     return float(look.time_s[-1] - look.time_s[0])
 

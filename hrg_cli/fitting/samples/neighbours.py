@@ -26,7 +26,7 @@ def find_local_median(values: Array, reach: int) -> Array:
     return np.asarray(np.median(rows, axis=1))
 
 
-def from_neighbours(
+def estimate_from_neighbours(
     motion: Callable[[Array], Motion | None],
     u: Array,
     local_less_reference_rad_s: Array | float,
@@ -40,7 +40,7 @@ def from_neighbours(
     found: list[Array] | None = None
     for rows in find_stretches(known):
         turn = np.exp(1j * np.multiply(local_less_reference_rad_s, window_s))
-        part = motion(bridge(u[:, rows], known[rows], turn))
+        part = motion(bridge_unknown(u[:, rows], known[rows], turn))
         if part is None:
             continue
         if found is None:
@@ -65,7 +65,7 @@ def find_stretches(known: Array) -> Iterator[slice]:
         yield slice(int(first), int(last) + 1)
 
 
-def bridge(u: Array, known: Array, turn: Array | complex) -> Array:
+def bridge_unknown(u: Array, known: Array, turn: Array | complex) -> Array:
     """The rows u (channel, n, F) with the unknown ones between the others filled in, in a frame that
     turns by `turn` a row: by the line through two, the parabola through three, else the spline."""
     from scipy.interpolate import CubicSpline

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import HrgError
 from . import frequency as finding
-from .looks import Look, span_of
+from .looks import Look, measure_span
 
 Array = np.ndarray
 
@@ -51,15 +51,15 @@ def search_oscillation(
     top = nyquist if carrier_hz is None else nyquist - carrier_hz
     _need_within_band(carrier_hz, nominal_hz, nyquist, name)
     grid, power = _power_of_all(looks, spectra, step_s, carrier_hz, nominal_hz)
-    resolution = 1 / span_of(looks[0])
-    limit = finding.detection_ratio(len(looks), len(grid) // finding.PADDING)
+    resolution = 1 / measure_span(looks[0])
+    limit = finding.compute_detection_ratio(len(looks), len(grid) // finding.PADDING)
     if nominal_hz is not None:
-        found, ratio = finding.peak(
+        found, ratio = finding.find_peak(
             grid, power, (1 - NOMINAL_BAND) * nominal_hz, (1 + NOMINAL_BAND) * nominal_hz
         )
         if ratio > limit:
             return SpectralPeak(found, ratio, limit)
-        hint, _ = finding.peak(grid, power, 1.5 * resolution, top)
+        hint, _ = finding.find_peak(grid, power, 1.5 * resolution, top)
         doubt = (
             f"nothing stands out within 10 % of the nominal frequency of {nominal_hz:g} Hz;"
             f" the highest peak lies at {hint:.6g} Hz"
@@ -67,9 +67,9 @@ def search_oscillation(
         return SpectralPeak(found if np.isfinite(found) else nominal_hz, ratio, limit, (doubt,))
     # below 1.5 lines the leakage of a constant offset is higher than a weak oscillation; only a record
     # of hardly a period leaves nothing else
-    found, ratio = finding.peak(grid, power, 1.5 * resolution, top)
+    found, ratio = finding.find_peak(grid, power, 1.5 * resolution, top)
     if not np.isfinite(found):
-        found, ratio = finding.peak(grid, power, 0.5 * resolution, top)
+        found, ratio = finding.find_peak(grid, power, 0.5 * resolution, top)
     if not np.isfinite(found):
         raise HrgError(
             f"{name}: no oscillation between 0 and {top:g} Hz in either channel; several periods"
@@ -114,15 +114,17 @@ def _power_of_all(
         grid, power = spectra[0][0], np.sum([p for _, p in spectra], 0)
     else:
         # direct sums are dear: the shortest looks alone, on the coarsest grid that misses no line
-        some = sorted(looks, key=span_of)[:3]
-        span = min(span_of(some[0]), 4 * len(some[0].time_s) * step_s)
+        some = sorted(looks, key=measure_span)[:3]
+        span = min(measure_span(some[0]), 4 * len(some[0].time_s) * step_s)
         band = (
             (0.9 * nominal_hz, 1.1 * nominal_hz)
             if nominal_hz is not None and carrier_hz is None
             else (0.5 / span, 0.5 / step_s)
         )
         grid = np.arange(max(0.5, band[0] * span), band[1] * span, 0.5) / span
-        power = np.sum([finding.least_squares_power(look.time_s, look.y, grid) for look in some], 0)
+        power = np.sum(
+            [finding.compute_least_squares_power(look.time_s, look.y, grid) for look in some], 0
+        )
     if carrier_hz is not None:
         grid, power = finding.fold_carrier(grid, power, carrier_hz)
     return grid, power
@@ -136,7 +138,7 @@ def follow_frequency(
     for number, look in enumerate(looks):
         # A look with a gap in it resolves no better than its samples, were they together; four
         # times that bounds the grid.
-        span = min(span_of(look), 4 * len(look.time_s) * step_s)
+        span = min(measure_span(look), 4 * len(look.time_s) * step_s)
         # A run's frequency moves by less than 1 % (1e-4/K over 100 K), and noise moves a peak by a
         # line or two.
         reach = 0.01 * found + 2 / span
@@ -146,13 +148,13 @@ def follow_frequency(
                 grid, power = finding.fold_carrier(grid, power, carrier_hz)
         else:
             grid = np.arange(max(0.5 / span, found - 4 * reach), found + 4 * reach, 0.5 / span)
-            power = finding.least_squares_power(look.time_s, look.y, grid)
-        local, ratio = finding.peak(grid, power, found - reach, found + reach)
+            power = finding.compute_least_squares_power(look.time_s, look.y, grid)
+        local, ratio = finding.find_peak(grid, power, found - reach, found + reach)
         if not np.isfinite(local):
             local, ratio = found, 0.0
         if ratio > CLEAR or len(looks) == 1:
             times.append(float(look.time_s.mean()))
-            frequencies.append(finding.refine(look.time_s, look.y, local, carrier_hz))
+            frequencies.append(finding.refine_frequency(look.time_s, look.y, local, carrier_hz))
     if not times:
         return np.array([0.0]), np.array([found])
     return np.array(times), np.array(frequencies)

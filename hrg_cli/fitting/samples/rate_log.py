@@ -34,7 +34,7 @@ def find_stretches(wave: Wave) -> Array:
     return out
 
 
-def covered(wave: Wave) -> Array:
+def find_covered(wave: Wave) -> Array:
     """Windows (n,) bool in the longest stretch of a run's rate log; all of them where none was
     kept."""
     stretch = find_stretches(wave)
@@ -45,7 +45,7 @@ def restrict_to_log(wave: Wave, inside: Array | None = None) -> Wave:
     """The wave with the windows outside one stretch of its rate log flagged as not finite, and
     their rates unknown; of a file nothing but rates and flags is read. inside (n,): the stretch,
     by default the longest."""
-    inside = covered(wave) if inside is None else inside
+    inside = find_covered(wave) if inside is None else inside
     if inside.all() or wave.rate_rad_s is None:
         return wave
     flags, rate = np.asarray(wave.flags[:]), np.asarray(wave.rate_rad_s[:], float)

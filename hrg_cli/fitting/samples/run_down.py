@@ -71,7 +71,7 @@ class _Course:
     rest: Array
 
 
-def run_down(recording: Recording, survey: Survey) -> RunDown | None:
+def find_run_down(recording: Recording, survey: Survey) -> RunDown | None:
     """Where the run-down of a free recording begins and ends; None where all of it is one."""
     if recording.mode != "free" or recording.readout != "direct" or survey.refused:
         return None

@@ -10,7 +10,7 @@ Array = np.ndarray
 Rows = dict[str, Array]
 
 
-def empty_rows(rows: int, tones: int) -> Rows:
+def make_rows(rows: int, tones: int) -> Rows:
     """A block's columns, to be filled: cos and sin of both channels for each tone."""
     shapes = {
         "time_s": (rows,),

@@ -27,7 +27,7 @@ LEAST_RESIDUAL = 1e-7
 """A residual of this part of the signal is rounding."""
 
 
-def look_residual(
+def compute_look_residual(
     time_s: Array, y: Array, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...] = ()
 ) -> tuple[Array, float]:
     """y (channels, n) less its oscillation, whose envelope moves as freely as it must (`MOTIONS`),
@@ -136,7 +136,7 @@ class AveragedSpectrum:
         return self.density / max(1, self.segments)
 
 
-def floor(density: Array, bins: int = 65) -> Array:
+def find_floor(density: Array, bins: int = 65) -> Array:
     """Running median over frequency (frequencies, channels), of blocks of bins, joined linearly."""
     n = len(density)
     starts = np.arange(0, max(1, n - bins // 2), bins)
@@ -154,7 +154,7 @@ UNCORRELATED = 0.1
 """Correlation up to which noise counts as each channel's own: it moves a σ by a twentieth."""
 
 
-def correlation(
+def estimate_correlation(
     averaged: AveragedSpectrum,
     about_hz: tuple[float, ...],
     reach_hz: float,
@@ -169,7 +169,7 @@ def correlation(
     of two independent normal numbers over N bins scatters by 1/√(2N), its median by √(π/2) more.
     """
     hz, density = averaged.frequency_hz, averaged.mean()
-    level = floor(density) if len(hz) else density
+    level = find_floor(density) if len(hz) else density
     near = np.abs(hz[:, None] - np.array(about_hz)).min(axis=-1) < reach_hz
     seen = near & (level > 0).all(axis=-1)
     for low, high in blind_hz:
@@ -185,14 +185,14 @@ def correlation(
     return found if abs(found) > max(UNCORRELATED, 4 / np.sqrt(count)) else 0.0
 
 
-def chi_square_excess(freedom: float, sigmas: float) -> float:
+def compute_chi_square_excess(freedom: float, sigmas: float) -> float:
     """χ²/freedom that is exceeded as seldom as a normal number exceeds `sigmas` (Wilson and
     Hilferty)."""
     c = 2 / (9 * freedom)
     return float((1 - c + sigmas * np.sqrt(c)) ** 3)
 
 
-def lines(
+def find_lines(
     frequency_hz: Array,
     density: Array,
     segments: int,
@@ -206,12 +206,12 @@ def lines(
     A line is a local maximum of the larger of both channels' ratios; its amplitude is √(2 × power
     above the floor within two bins).
     """
-    below = np.maximum(floor(density), 1e-300)
+    below = np.maximum(find_floor(density), 1e-300)
     ratio = (density / below).max(1)
     step = frequency_hz[1] - frequency_hz[0]
     # a segment's power in a bin is χ² of two degrees; the floor is a median, which lies up to 1/ln 2
     # = 1.44 times below the mean (one segment): 1.5 covers that
-    limit = 1.5 * chi_square_excess(2 * max(1, segments), 6.0)
+    limit = 1.5 * compute_chi_square_excess(2 * max(1, segments), 6.0)
     inner = np.arange(2, len(ratio) - 2)
     top = inner[
         (ratio[inner] > limit)
@@ -257,7 +257,7 @@ class Colour:
         """Whether no channel departs from white noise."""
         return bool((self.whole == 1).all())
 
-    def of_windows(self, channel: int, sample2: Array) -> Array:
+    def take_windows(self, channel: int, sample2: Array) -> Array:
         """The same of windows (n, 2F) whose samples leave variances (n, 1).
 
         Lines that not all windows hold, as of a wave that is clipped at its top, make up none of
@@ -271,7 +271,7 @@ class Colour:
         return np.fmax(whole, self.steady[channel] * share)
 
 
-def colour(
+def estimate_colour(
     frequency_hz: Array,
     density: Array,
     segments: int,
@@ -333,7 +333,7 @@ def _fill_blind_bins(
 ) -> tuple[Array, Array]:
     """The density (n, channels) and its floor, where the oscillation itself was taken out filled
     with the level beside."""
-    filled, below = density.copy(), floor(density)
+    filled, below = density.copy(), find_floor(density)
     for low, high in blind_hz:
         first, last = (
             np.searchsorted(frequency_hz, low),

@@ -1,7 +1,7 @@
 """Envelopes without what their own motion within a window pulls them by.
 
 A window's fit takes the envelope for constant (or for a straight line); a slope or a bend that it does
-not hold moves the coefficients by a known factor times itself (`basis.pull`), and slope and bend are
+not hold moves the coefficients by a known factor times itself (`basis.compute_pull`), and slope and bend are
 known from the neighbouring windows.
 """
 
@@ -13,16 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from .envelope_motion import (
-    bend_power,
-    better_slopes,
+    compute_motion_residual,
+    compute_pull_noise,
+    does_motion_count,
+    estimate_better_slopes,
     estimate_curvatures,
     estimate_slopes,
-    motion_counts,
-    motion_residual,
-    pull_noise,
+    measure_bend_power,
     take_off_pull,
 )
-from .neighbours import from_neighbours
+from .neighbours import estimate_from_neighbours
 from .scatter import estimate_scattered_variance
 from .windows import Fits
 
@@ -72,20 +72,20 @@ class MotionWithin:
         bend = doubt = None
         judged = self._keep_judged(smooth, times)
         if self.takes_bends_off or self._bends(judged, offset, fits):
-            bends = from_neighbours(
+            bends = estimate_from_neighbours(
                 lambda rows: estimate_curvatures(rows, offset, self.window_s),
                 judged,
                 offset,
                 self.window_s,
             )
             bend, doubt = bends or (None, None)
-        noisier = pull_noise(
+        noisier = compute_pull_noise(
             fits.slope, fits.curvature if bend is not None else None, self.window_s
         )
         if bend is not None:
             smooth = take_off_pull(smooth, bend, turn, fits.curvature)
-            if motion_counts(fits.residual2, bend, fits.curvature):
-                more = motion_residual(bend, turn, fits.curvature)
+            if does_motion_count(fits.residual2, bend, fits.curvature):
+                more = compute_motion_residual(bend, turn, fits.curvature)
                 known = more + (0.0 if known is None else known)
         doubt2 = None
         if doubt is not None:
@@ -102,12 +102,12 @@ class MotionWithin:
         if slope is None:
             return u, None
         known = None
-        if fits.apart or motion_counts(fits.residual2, slope, fits.slope):
+        if fits.apart or does_motion_count(fits.residual2, slope, fits.slope):
             for _ in range(TAKEN_OFF):
                 still = take_off_pull(u, slope, turn, fits.slope)
-                better = self._seen_beside(better_slopes, still, offset)
+                better = self._seen_beside(estimate_better_slopes, still, offset)
                 slope = slope if better is None else better
-            known = None if fits.apart else motion_residual(slope, turn, fits.slope)
+            known = None if fits.apart else compute_motion_residual(slope, turn, fits.slope)
         return take_off_pull(u, slope, turn, fits.slope), known
 
     def _seen_beside(
@@ -119,14 +119,14 @@ class MotionWithin:
             slope = slope_of(rows, offset, self.window_s)
             return None if slope is None else (slope,)
 
-        found = from_neighbours(motion, u, offset, self.window_s)
+        found = estimate_from_neighbours(motion, u, offset, self.window_s)
         return None if found is None else found[0]
 
     def _bends(self, u: Array, offset: Array, fits: Fits) -> bool:
         """Whether the envelopes' curvature moves a short window by more than a tenth of its noise,
         judged by one row of `PROBE`."""
         pull2 = (
-            bend_power(u, offset, self.window_s, PROBE)
+            measure_bend_power(u, offset, self.window_s, PROBE)
             * float(np.abs(fits.curvature.alpha[::PROBE]).mean(0).max()) ** 2
         )
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[::PROBE]

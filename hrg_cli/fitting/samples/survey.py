@@ -21,7 +21,13 @@ from .looks import (
     take_looks,
 )
 from .oscillation_search import SpectralPeak, follow_frequency, search_oscillation
-from .spectrum import AveragedSpectrum, correlation, floor, lines, look_residual
+from .spectrum import (
+    AveragedSpectrum,
+    compute_look_residual,
+    estimate_correlation,
+    find_floor,
+    find_lines,
+)
 
 Array = np.ndarray
 
@@ -80,7 +86,7 @@ class Survey:
 
     def spectrum_floor(self) -> Array:
         """Mean over frequency of each channel's density (channels,) without its lines."""
-        return np.asarray(floor(self.spectrum_density).mean(axis=0))
+        return np.asarray(find_floor(self.spectrum_density).mean(axis=0))
 
 
 @dataclass(frozen=True)
@@ -104,7 +110,7 @@ class FrequencyCourse:
         step = float(np.median(np.concatenate([np.diff(look.time_s) for look in looks])))
         if not even:
             _need_rising_times(recording, looks, step, name)
-        spectra = [finding.even_power(look.y, 1 / step) for look in looks] if even else []
+        spectra = [finding.compute_even_power(look.y, 1 / step) for look in looks] if even else []
         nominal = recording.nominal_frequency_hz
         found = search_oscillation(looks, spectra, step, carrier, nominal, name)
         track = follow_frequency(looks, spectra, step, found.frequency_hz, carrier)
@@ -119,7 +125,7 @@ class FrequencyCourse:
         away = rest.blind_hz
         at = finding.list_bands(reference, self.carrier_hz)
         skip = tuple((f - away, f + away) for f in (*at, 0.0))
-        line_hz, line_amplitude, line_ratio = rest.lines(skip)
+        line_hz, line_amplitude, line_ratio = rest.find_lines(skip)
         return Survey(
             reference_hz=reference,
             carrier_hz=self.carrier_hz,
@@ -143,7 +149,7 @@ class FrequencyCourse:
             suspect=self.dead + self.found.suspect,
             refused=_refuse_noise(self.found),
             least_count=least_count,
-            noise_correlation=correlation(rest.spectrum, at, ABOUT * reference, skip),
+            noise_correlation=estimate_correlation(rest.spectrum, at, ABOUT * reference, skip),
         )
 
 
@@ -221,13 +227,13 @@ class Residual:
     strength2: float
     noise2: Array
 
-    def lines(self, skip_hz: tuple[tuple[float, float], ...]) -> tuple[Array, Array, Array]:
+    def find_lines(self, skip_hz: tuple[tuple[float, float], ...]) -> tuple[Array, Array, Array]:
         """Frequencies, amplitudes (lines, channels) and power ratios of what stands out of it."""
         seen = self.spectrum
         if not seen.segments:
             return np.zeros(0), np.zeros((0, 2)), np.zeros(0)
         least = LINE_LEAST * np.sqrt(max(self.strength2, 0.0))
-        return lines(seen.frequency_hz, seen.mean(), seen.segments, skip_hz, least=least)
+        return find_lines(seen.frequency_hz, seen.mean(), seen.segments, skip_hz, least=least)
 
 
 def _average_residual(
@@ -246,7 +252,9 @@ def _average_residual(
     middles = [look.time_s.mean() for look in looks]
     for look, local in zip(looks, np.interp(middles, *track), strict=True):
         f = finding.list_bands(float(local), carrier_hz)
-        residual, reach = look_residual(look.time_s, look.y, f, finding.list_nuisances(carrier_hz))
+        residual, reach = compute_look_residual(
+            look.time_s, look.y, f, finding.list_nuisances(carrier_hz)
+        )
         blind = max(blind, reach)
         noise2.append((residual**2).mean(-1))
         strength.append(look.y.var(-1) - noise2[-1])

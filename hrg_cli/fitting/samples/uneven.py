@@ -10,30 +10,30 @@ import numpy as np
 
 from ...errors import HrgError
 from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Recording
-from .basis import Pull, build_columns, build_pairs, pull, window_basis
+from .basis import Pull, build_columns, build_pairs, build_window_basis, compute_pull
 from .demodulator import Demodulator
 from .envelope_motion import NEIGHBOURS
 from .gaps import Gaps
 from .signal_rows import Rows
-from .windows import Fits, pool_rows
+from .windows import Fits, count_pooled_rows
 
 Array = np.ndarray
 
 
-def uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
+def make_uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     """Blocks of rows. HrgError: times that do not increase or jump; too short for one window."""
     recording, n, step = run.recording, len(run.recording.c), run.survey.step_s
     begin, end = (float(recording.times(a, a + 1)[0]) for a in (0, n - 1))
     span = end - begin + step
     if run.periods_asked / run.reference_hz > span:
-        raise run.too_short()
+        raise run.tell_too_short()
     width = _window_width(run, step)
     run.window_s = width
     total = int(span / width + 1e-9)
     if total < 1:
-        raise run.too_short()
-    pool = pool_rows(width / step - run.columns())
-    chunk = run.chunk_windows(width / step, pool)
+        raise run.tell_too_short()
+    pool = count_pooled_rows(width / step - run.count_columns())
+    chunk = run.count_windows(width / step, pool)
     _learn(run, width, step)
     run.gaps = Gaps(begin, width, step, run.reference_hz)
     reader = _Reader(recording, begin, width, block_samples, run.name)
@@ -44,20 +44,20 @@ def uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
         low, high = max(0, first - NEIGHBOURS), min(last + NEIGHBOURS, total)
         time, raw, window = reader.windows(low, high)
         centre = begin + (np.arange(low, high) + 0.5) * width
-        local = run.local_hz(begin + (first + chunk / 2) * width)
-        y = np.stack([raw[0] * run.scale(0), raw[1] * run.scale(1)])
+        local = run.find_hz(begin + (first + chunk / 2) * width)
+        y = np.stack([raw[0] * run.find_scale(0), raw[1] * run.find_scale(1)])
         fits = fit_uneven(
-            time, y, window - low, centre, width, run.local_bands(local), run.nuisance, run.moving
+            time, y, window - low, centre, width, run.list_bands(local), run.nuisance, run.moving
         )
         flags = np.zeros(high - low, "u1")
-        flags[run.gaps.touched(time, low, high)] |= FLAG_GAP
+        flags[run.gaps.find_touched(time, low, high)] |= FLAG_GAP
         flags[window[~np.isfinite(y).all(0)] - low] |= FLAG_NOT_FINITE
         flags[~np.isfinite(fits.residual2).all(0) & (flags & FLAG_NOT_FINITE == 0)] |= FLAG_GAP
         for k in range(2):
             lowest, highest = run.survey.rails[k]
             flags[window[(raw[k] >= highest) | (raw[k] <= lowest)] - low] |= FLAG_CLIPPED
         keep = slice(first - low, last - low)
-        block = run.empty(last - first)
+        block = run.make_block(last - first)
         block["flags"][:] = flags[keep]
         run.fill(fits, centre, local, keep, block, slice(None))
         yield block
@@ -116,7 +116,7 @@ def _pull(motion: Array, sums: _Sums, fit: Array, cross: Array, good: Array) -> 
         square2[sums.present] = _squares(motion, sums.starts)
     # what the fit leaves of the motion's own squares: that part raises the residual
     left = square2 - fit.transpose(0, 2, 1) @ cross
-    return pull(
+    return compute_pull(
         np.where(good[:, None, None], fit[:, :tones], 0.0),
         np.where(good[:, None, None], left, 0.0),
     )
@@ -168,9 +168,9 @@ def _window_width(run: Demodulator, step: float) -> float:
     """Duration of a window: as asked, or as long as its unknowns need at the usual step, with two
     samples to spare."""
     width = run.periods_asked / run.reference_hz
-    if run.moving and run.moving_asked is None and width < 3 * run.columns() * step:
+    if run.moving and run.moving_asked is None and width < 3 * run.count_columns() * step:
         run.moving = False
-    least = (run.columns() + 2) * step
+    least = (run.count_columns() + 2) * step
     if run.periods_asked >= 0.9:
         while least < 64 / run.reference_hz and not _regular(run, max(width, least), step):
             least = 1.1 * max(width, least)
@@ -184,7 +184,7 @@ def _window_width(run: Demodulator, step: float) -> float:
 
 
 def _regular(run: Demodulator, width: float, step: float) -> bool:
-    basis = window_basis(
+    basis = build_window_basis(
         int(width / step), 1 / step, tuple(run.reference), run.nuisance, run.moving
     )
     return basis is not None and basis.condition < 10
@@ -203,21 +203,25 @@ def _learn(run: Demodulator, width: float, step: float) -> None:
         inside = look.time_s < start + count * width
         window = ((look.time_s[inside] - start) / width).astype(int)
         centre = start + (np.arange(count) + 0.5) * width
-        local = run.local_hz(float(look.time_s.mean()))
+        local = run.find_hz(float(look.time_s.mean()))
         fits = fit_uneven(
             look.time_s[inside],
             look.y[:, inside],
             window,
             centre,
             width,
-            run.local_bands(local),
+            run.list_bands(local),
             run.nuisance,
             run.moving,
         )
         seen.append((fits, centre, local, noise2))
     run.learn_calm(seen)
-    basis = window_basis(
-        int(width / step), 1 / step, run.local_bands(run.reference_hz), run.nuisance, run.moving
+    basis = build_window_basis(
+        int(width / step),
+        1 / step,
+        run.list_bands(run.reference_hz),
+        run.nuisance,
+        run.moving,
     )
     if basis is not None:
         run.learn_colour(basis, 1 / step)

@@ -72,12 +72,12 @@ def find_lonely(beyond: Array) -> Array:
     return np.asarray(places[about <= MOST_TOGETHER])
 
 
-def size_of_tame(off: Array) -> float:
+def measure_tame(off: Array) -> float:
     """The largest of the distances from the middle, but for as many as may be wild together."""
     return float(np.partition(off, -MOST_TOGETHER - 1)[-MOST_TOGETHER - 1])
 
 
-def without_wild(recording: Recording, looks: Sequence[Look]) -> Recording:
+def mask_wild(recording: Recording, looks: Sequence[Look]) -> Recording:
     """The recording with its wild samples as NaN, by what its looks hold."""
     channels = [_tame(recording.c, looks, 0), _tame(recording.s, looks, 1)]
     return dataclasses.replace(recording, c=channels[0], s=channels[1])
@@ -93,7 +93,7 @@ def _tame(values: Any, looks: Sequence[Look], k: int) -> Any:
     middle = float(np.median([np.median(raw) for raw in raws]))
     with np.errstate(over="ignore"):
         sizes = [np.abs(raw - middle) for raw in raws]
-    tame = max(size_of_tame(off) for off in sizes)
+    tame = max(measure_tame(off) for off in sizes)
     return TameChannel(values, middle, tame) if 0 < WILD * tame < _reach(values.dtype) else values
 
 

@@ -108,7 +108,7 @@ def sum_energy(u: Array) -> float:
     return float(np.einsum("i,i->", parts, parts))
 
 
-def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None) -> Array:
+def pool_variance(residual2: Array, freedom: Array, known: Array | None = None) -> Array:
     """Variance a sample (rows,) pooled over neighbouring rows until `POOL_FREEDOM` degrees of
     freedom; rows that are not finite stay so.
 
@@ -118,7 +118,7 @@ def pooled_variance(residual2: Array, freedom: Array, known: Array | None = None
     since motion times noise scatters more than noise alone. Beside a jump a row's slope is the
     jump's, not its own: a share that stands as far above the neighbours is not taken out.
     """
-    group = pool_rows(float(freedom if np.ndim(freedom) == 0 else np.median(freedom))) * (
+    group = count_pooled_rows(float(freedom if np.ndim(freedom) == 0 else np.median(freedom))) * (
         1 if known is None else POOL_KNOWN
     )
     starts = np.arange(0, len(residual2), group)
@@ -184,6 +184,6 @@ def _subtract_motion(level: Array, share: Array) -> Array:
     return np.asarray(np.maximum(level - share, KNOWN * np.minimum(share, level)))
 
 
-def pool_rows(freedom: float) -> int:
+def count_pooled_rows(freedom: float) -> int:
     """Rows pooled where each has so many degrees of freedom."""
     return max(1, int(np.ceil(POOL_FREEDOM / max(1.0, freedom))))

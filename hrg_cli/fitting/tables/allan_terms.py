@@ -25,7 +25,7 @@ import numpy as np
 
 from ...records import Array
 from ..least_squares import fit_columns, invert_information
-from ..samples.envelope_motion import gain_at_middle
+from ..samples.envelope_motion import compute_gain_at_middle
 from .allan import allan_deviation
 
 NAMES = ("quantization", "angle_random_walk", "bias_instability", "rate_random_walk")
@@ -223,7 +223,7 @@ def through_windows(time_s: Array, window_s: float, bend_off_s: float = 0.0) -> 
 
     ∫f^−p sin⁴(πfτ)/(πfτ)² sinc²(πfw) g²(fh) df over the same without the box, p = 0, 1, 2 for
     white, flicker and random-walk rate noise; g of windows h that stand for their middle
-    (`gain_at_middle`), else 1.
+    (`compute_gain_at_middle`), else 1.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ def through_windows(time_s: Array, window_s: float, bend_off_s: float = 0.0) -> 
     time = np.asarray(time_s, float)
     x = np.geomspace(SLOWEST, QUICKEST, FREQUENCIES)
     f = x / time[:, None]
-    box, middle = np.sinc(f * window_s) ** 2, gain_at_middle(f * bend_off_s) ** 2
+    box, middle = np.sinc(f * window_s) ** 2, compute_gain_at_middle(f * bend_off_s) ** 2
     white = np.sin(np.pi * x) ** 4 / x**2
     # of white noise the box keeps 1 − w/2τ of the filter's π²/4, in closed form
     more = np.trapezoid(white * box * (middle - 1), x, axis=1) * 4 / np.pi**2
@@ -313,7 +313,9 @@ def _covariance(
     of_rate = n + b / (2 * np.pi * f) + k / (2 * np.pi * f) ** 2
     # of white noise, aliases included: the sum of sinc² of interval and window over them
     seen = 1 - min(window_s / interval_s, 1.0) * 2 / 3 * half**2
-    seen = seen * gain_at_middle(f * bend_off_s) ** 2  # that of the aliases where windows adjoin
+    seen = (
+        seen * compute_gain_at_middle(f * bend_off_s) ** 2
+    )  # that of the aliases where windows adjoin
     two_sided = q * interval_s * (2 * half / interval_s) ** 2 + of_rate * seen
     weighted = h2 * (2 * two_sided) * np.sqrt(width)
     return np.asarray(weighted @ weighted.T)

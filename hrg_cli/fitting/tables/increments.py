@@ -24,7 +24,7 @@ from ...errors import HrgError
 from ...fourier import harmonic_basis
 from ...records import Wave
 from ..samples.course import build_course
-from ..samples.rate_log import covered, describe_left_out, restrict_to_log
+from ..samples.rate_log import describe_left_out, find_covered, restrict_to_log
 
 Array = np.ndarray
 LARGEST_PHASE_STEP = 0.6
@@ -242,7 +242,7 @@ def _restrict_to_rate_log(wave: Wave) -> Wave:
             f"run {wave.run_id or '?'}: no rate log (rate_rad_s) and no constant rate was"
             " given; log the table's rate or give it with rate_rad_s or rates_rad_s"
         )
-    inside = covered(wave)
+    inside = find_covered(wave)
     if not inside.any():
         told = describe_left_out(wave, inside)
         raise HrgError(f"{told}; log the table's rate or give it with rate_rad_s")
@@ -269,7 +269,7 @@ def _read_blocks(
                 f"run {wave.run_id or '?'}: time_s stands or goes back at"
                 f" {time[1 + int(np.argmax(standing))]:g} s; times must increase"
             )
-        integral = build_course(time, _rate(log, constant_rate) + earth_rate).integral()
+        integral = build_course(time, _rate(log, constant_rate) + earth_rate).integrate()
         before = integral[start - first - 1] if start else 0.0
         integral = turned + integral[start - first : stop - first] - before
         turned = float(integral[-1])

@@ -61,7 +61,7 @@ class StreamJudge:
         power, relative = self.run.calm
         residual2 = (rows["residual_rms"] ** 2).sum(1)
         wave2 = (rows["signals"] ** 2).sum(1) / 2
-        least2 = max(self.run.least_variance(0), self.run.least_variance(1))
+        least2 = max(self.run.find_least_variance(0), self.run.find_least_variance(1))
         far = (residual2 > SETTLING_FACTOR**2 * max(power, least2)) & (
             residual2 > SETTLING_FACTOR**2 * relative * wave2
         )
@@ -119,7 +119,7 @@ class StreamJudge:
         gaps = self.run.gaps
         if gaps is None or flagged <= GAPS_SHARE * self.rows:
             return ""
-        periods = gaps.shorter_periods(self.end_s - self.begin_s, GAPS_SHARE)
+        periods = gaps.find_shorter_periods(self.end_s - self.begin_s, GAPS_SHARE)
         return "" if periods is None else f"; use periods_per_window of at most {periods:.2g}"
 
     def _note_ends(self, notes: list[str]) -> None:

@@ -15,8 +15,8 @@ from ...fitting.samples.course import (
     average_over_windows,
     build_course,
     build_from_means,
+    estimate_means,
     integrate_means,
-    means_of_values,
 )
 from ...records import Array, Recording
 
@@ -54,7 +54,7 @@ class WindowLog:
             values = getattr(recording, key)
             if values is not None:
                 self.courses[key] = (
-                    integrate_means(self.time_s, means_of_values(self.time_s, values))
+                    integrate_means(self.time_s, estimate_means(self.time_s, values))
                     if key in COMMANDS
                     else build_course(self.time_s, values)
                 )
@@ -92,6 +92,6 @@ class WindowLog:
         if known.any():
             within = wider[known]
             borders = np.append(within, within[-1] + window_s) - half
-            means = np.diff(series.area_to(borders)) / window_s
+            means = np.diff(series.integrate_to(borders)) / window_s
             value[known] = build_from_means(within, means, window_s).value
         return value[BESIDE:-BESIDE]

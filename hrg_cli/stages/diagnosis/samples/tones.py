@@ -10,7 +10,7 @@ import numpy as np
 
 from ....fitting.causes.extended_fit import DivergedError, ExtendedFit
 from ....fitting.envelopes.envelope_runs import compute_envelopes
-from ....fitting.samples.spectrum import floor
+from ....fitting.samples.spectrum import find_floor
 from ....physics import ellipse
 from ....records import Wave
 from .tone import Tone
@@ -59,7 +59,7 @@ def _std_without(wave: Wave, vector: Array) -> dict[str, Array]:
         return {}
     frequency = np.asarray(wave.spectrum_frequency_hz, float)
     density = np.asarray(wave.spectrum_density, float)
-    level = floor(density)
+    level = find_floor(density)
     at = int(np.argmin(np.abs(frequency - wave.reference_frequency_hz)))
     white = level[at] * _mean_over_median(density / level) / wave.window_s
     tone = np.abs(vector) ** 2 / 2

@@ -19,7 +19,7 @@ from hrg_cli.fitting.causes.fit_point import Point
 from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.causes.sensitivities import find_base_sensitivities
 from hrg_cli.fitting.envelopes import coordinates
-from hrg_cli.fitting.samples.course import average_over_windows, integrate_means, means_of_values
+from hrg_cli.fitting.samples.course import average_over_windows, estimate_means, integrate_means
 from hrg_cli.physics.resonator import exponentiate
 from hrg_cli.stages.diagnosis.closing import closing_checks as closing
 from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
@@ -75,7 +75,7 @@ def measured(seen, commands, logged, seed):
     mean, area = np.zeros((2, 2, RUNS, ROWS))
     for run in range(RUNS):
         for n in range(2):
-            values = means_of_values(log_time, commands[run][:, logged, n].ravel())
+            values = estimate_means(log_time, commands[run][:, logged, n].ravel())
             course = integrate_means(log_time, values)
             mean[n, run], area[n, run] = average_over_windows(course, t, ROW_S), course.at(t)
     random = np.random.default_rng(seed)
