@@ -77,6 +77,13 @@ HELD = (
         )
     ),
     *(
+        f"fitting.samples.{name}"
+        for name in (
+            *("basis", "course", "envelope_motion", "frequency", "gaps", "harmonic_leaks"),
+            *("least_count", "spectrum", "windows"),
+        )
+    ),
+    *(
         f"fitting.tables.{name}"
         for name in (
             *("allan", "allan_terms", "bends", "common_walk", "dwells", "increment_noise"),

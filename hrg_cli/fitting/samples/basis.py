@@ -61,8 +61,36 @@ def build_columns(
     moving: bool = False,
     scale_s: float = 1.0,
 ) -> Array:
-    """Basis (n, k) at times from the centre: the wanted pairs, a constant, nuisance pairs, and with
-    `moving` (τ/scale)·the wanted pairs."""
+    """Columns of a window's least squares at times from its centre: the wanted pairs, a constant,
+    nuisance pairs, and where asked (τ/scale)·the wanted pairs.
+
+    Parameters
+    ----------
+    tau_s
+        Times (n,) from the window's centre, s.
+    frequency_hz
+        Of the wanted signals, F of them.
+    nuisance_hz
+        Of what is fitted beside them.
+    moving
+        Whether the wanted envelopes may be straight lines of time.
+    scale_s
+        Time at which the factor τ/scale of those columns is one, s.
+
+    Returns
+    -------
+    ndarray
+        (n, k), k = 2F + 1 + 2·nuisances, 2F more where `moving`.
+
+    Examples
+    --------
+    A quarter of a period before and behind the centre:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.basis import build_columns
+    >>> build_columns(np.array([-0.25, 0.0, 0.25]), (1.0,), moving=True).round(12).tolist()
+    [[0.0, -1.0, 1.0, -0.0, 0.25], [1.0, 0.0, 1.0, 0.0, 0.0], [0.0, 1.0, 1.0, 0.0, 0.25]]
+    """
     wanted = build_pairs(tau_s, frequency_hz)
     parts = [wanted, np.ones((len(tau_s), 1)), build_pairs(tau_s, nuisance_hz)]
     if moving:
@@ -71,14 +99,55 @@ def build_columns(
 
 
 def build_pairs(tau_s: Array, frequency_hz: tuple[float, ...]) -> Array:
-    """cos, sin of each frequency in turn, (n, 2F)."""
+    """Values of cos ωτ and sin ωτ of each frequency in turn.
+
+    Parameters
+    ----------
+    tau_s
+        Times (n,), s.
+    frequency_hz
+        ω/2π of each, F of them.
+
+    Returns
+    -------
+    ndarray
+        (n, 2F): cos, sin of the first, of the second, …
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.basis import build_pairs
+    >>> build_pairs(np.array([0.0, 0.25]), (1.0, 2.0)).round(12).tolist()
+    [[1.0, 0.0, 1.0, 0.0], [0.0, 1.0, -1.0, 0.0]]
+    """
     phase = 2 * np.pi * np.multiply.outer(tau_s, np.asarray(frequency_hz, float))
     return np.stack([np.cos(phase), np.sin(phase)], -1).reshape(len(tau_s), 2 * len(frequency_hz))
 
 
 def build_rotations(time_s: Array, frequency_hz: Array) -> Array:
-    """e^{2πjft} (frequencies, times) on an even grid of frequencies, by doubling: one product a
-    value instead of a sine and a cosine."""
+    """Rotations e^{2πjft} on an even grid of frequencies, by doubling: one product a value instead
+    of a sine and a cosine.
+
+    Parameters
+    ----------
+    time_s
+        Times (n,), s.
+    frequency_hz
+        The grid (k,), rising by equal steps.
+
+    Returns
+    -------
+    ndarray
+        (k, n), complex.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.basis import build_rotations
+    >>> t, hz = np.linspace(0, 2, 50), np.arange(100.0, 140.0, 0.5)
+    >>> bool(np.abs(build_rotations(t, hz) - np.exp(2j * np.pi * np.outer(hz, t))).max() < 1e-11)
+    True
+    """
     out = np.empty((len(frequency_hz), len(time_s)), complex)
     out[0] = np.exp(2j * np.pi * frequency_hz[0] * time_s)
     if len(frequency_hz) > 1:
@@ -93,8 +162,38 @@ def build_rotations(time_s: Array, frequency_hz: Array) -> Array:
 
 
 def compute_pull(coefficients: Array, left: Array) -> Pull:
-    """The pull of a motion whose unit (p, q) put `coefficients` (..., 2F, 2F) into (p, q) and
-    `left` into the residual."""
+    """The pull of a motion from what its unit (p, q) puts into a window's coefficients and
+    residual.
+
+    With the fitted (p′, q′) = [[m00, m01], [m10, m11]]·(p, q), U = p − jq and M = p − jq of the
+    motion, ΔU = α M + β M* has α = (m00 + m11 + j(m01 − m10))/2 and β = (m00 − m11 − j(m10 +
+    m01))/2.
+
+    Parameters
+    ----------
+    coefficients
+        (rows or 1, 2F, 2F): coefficients p, q of each tone, for a unit p or q of each tone's
+        motion.
+    left
+        (rows or 1, 2F, 2F): what these leave in the residual, as a quadratic form.
+
+    Returns
+    -------
+    Pull
+        Of every row.
+
+    Examples
+    --------
+    A fit that gives the motion back as it is, and one that mirrors it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.basis import compute_pull
+    >>> for matrix in (np.eye(2), np.diag([1.0, -1.0])):
+    ...     pull = compute_pull(matrix[None], np.zeros((1, 2, 2)))
+    ...     print(pull.alpha[0, 0, 0].real, pull.beta[0, 0, 0].real)
+    1.0 0.0
+    0.0 1.0
+    """
     m00, m01 = coefficients[..., 0::2, 0::2], coefficients[..., 0::2, 1::2]
     m10, m11 = coefficients[..., 1::2, 0::2], coefficients[..., 1::2, 1::2]
     return Pull((m00 + m11 + 1j * (m01 - m10)) / 2, (m00 - m11 - 1j * (m10 + m01)) / 2, left)
@@ -108,7 +207,38 @@ def build_window_basis(
     moving: bool = False,
 ) -> WindowBasis | None:
     """The basis of a window of evenly spaced samples about its centre; None where it is singular or
-    has more columns than samples."""
+    has more columns than samples.
+
+    Parameters
+    ----------
+    samples
+        Of a window.
+    sample_rate_hz
+        Of them.
+    frequency_hz
+        Of the wanted signals, F of them.
+    nuisance_hz
+        Of what is fitted beside them.
+    moving
+        Whether t·cos and t·sin of the wanted signals are fitted too.
+
+    Returns
+    -------
+    WindowBasis or None
+        Shared by all windows of that length.
+
+    Examples
+    --------
+    Over whole periods a coefficient has the variance 2/N of N samples (Rife and Boorstyn 1974);
+    half the sampling rate has no sine:
+
+    >>> from hrg_cli.fitting.samples.basis import build_window_basis
+    >>> basis = build_window_basis(100, 1000.0, (50.0,))
+    >>> basis.variance.round(12).tolist(), basis.freedom
+    ([0.02, 0.02], 97)
+    >>> build_window_basis(100, 1000.0, (500.0,)) is None
+    True
+    """
     tau = (np.arange(samples) - (samples - 1) / 2) / sample_rate_hz
     matrix = build_columns(tau, frequency_hz, nuisance_hz, moving, samples / sample_rate_hz / 2)
     norm = np.sqrt((matrix**2).sum(0))

@@ -20,7 +20,26 @@ bin."""
 
 
 def list_bands(frequency_hz: float, carrier_hz: float | None) -> tuple[float, ...]:
-    """Frequencies of the signals: f itself, or the difference and sum with a carrier."""
+    """Frequencies of the signals: f itself, or the difference and sum with a carrier.
+
+    Parameters
+    ----------
+    frequency_hz
+        Of the oscillation.
+    carrier_hz
+        None: the oscillation is read directly.
+
+    Returns
+    -------
+    tuple of float
+        One or two, Hz.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.samples.frequency import list_bands
+    >>> list_bands(5e3, None), list_bands(5e3, 40e3)
+    ((5000.0,), (35000.0, 45000.0))
+    """
     return (
         (frequency_hz,)
         if carrier_hz is None
@@ -29,13 +48,53 @@ def list_bands(frequency_hz: float, carrier_hz: float | None) -> tuple[float, ..
 
 
 def list_nuisances(carrier_hz: float | None) -> tuple[float, ...]:
-    """Frequencies fitted beside the signals: the carrier's own leakage."""
+    """Frequencies fitted beside the signals: the carrier's own leakage.
+
+    Parameters
+    ----------
+    carrier_hz
+        None: the oscillation is read directly.
+
+    Returns
+    -------
+    tuple of float
+        Hz.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.samples.frequency import list_nuisances
+    >>> list_nuisances(None), list_nuisances(40e3)
+    ((), (40000.0,))
+    """
     return () if carrier_hz is None else (carrier_hz,)
 
 
 def compute_even_power(y: Array, sample_rate_hz: float) -> tuple[Array, Array]:
-    """Frequencies [Hz] and power, summed over the channels, of evenly sampled y (channels, n): mean
-    removed, Hann window, zero padded."""
+    """Power of evenly sampled channels, summed over them: mean removed, Hann window, zero padded.
+
+    Parameters
+    ----------
+    y
+        Samples (channels, n).
+    sample_rate_hz
+        Of them.
+
+    Returns
+    -------
+    frequency_hz : ndarray
+        (k,), from 0 to half the sampling rate.
+    power : ndarray
+        (k,), unit of the samples squared, not normalised.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.frequency import compute_even_power
+    >>> t = np.arange(1000) / 1000
+    >>> hz, power = compute_even_power(np.cos(2 * np.pi * 125 * t)[None], 1000.0)
+    >>> float(hz[np.argmax(power)])
+    125.0
+    """
     n = y.shape[-1]
     window = np.hanning(n + 2)[1:-1]
     mean = (y * window).sum(-1, keepdims=True) / window.sum()
@@ -46,12 +105,38 @@ def compute_even_power(y: Array, sample_rate_hz: float) -> tuple[Array, Array]:
 
 
 def compute_least_squares_power(time_s: Array, y: Array, frequency_hz: Array) -> Array:
-    """Power explained by cos, sin and a constant, summed over the channels y (channels, n), on an
-    even grid of frequencies (k,).
+    """Power explained by cos, sin and a constant, summed over the channels, on an even grid of
+    frequencies.
 
     Lomb's periodogram with a floating mean: true least squares, for uneven times and few periods
     alike. All sums follow from E = e^{jωt}: Σcos² and Σcos·sin from ΣE², the mean from ΣE, the
     right side from ΣyE.
+
+    Parameters
+    ----------
+    time_s
+        Of the samples (n,), s.
+    y
+        Samples (channels, n).
+    frequency_hz
+        The grid (k,), rising by equal steps.
+
+    Returns
+    -------
+    ndarray
+        (k,): by how much the sum of squares about the mean falls.
+
+    Examples
+    --------
+    A cosine of amplitude 2 at uneven times has 2²/2 a sample:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.frequency import compute_least_squares_power
+    >>> t = np.sort(np.random.default_rng(0).uniform(0, 10, 5000))
+    >>> y = 2 * np.cos(2 * np.pi * 7 * t + 0.4)[None] + 5
+    >>> power = compute_least_squares_power(t, y, np.array([6.0, 7.0, 8.0]))
+    >>> (power / len(t)).round(2).tolist()
+    [0.0, 2.0, 0.0]
     """
     n = len(time_s)
     centred = time_s - time_s.mean()
@@ -77,8 +162,39 @@ def compute_least_squares_power(time_s: Array, y: Array, frequency_hz: Array) ->
 
 
 def fold_carrier(frequency_hz: Array, power: Array, carrier_hz: float) -> tuple[Array, Array]:
-    """Power against the oscillation's frequency f of the side bands |f_c ∓ f|: their geometric
-    mean, so that a lone line counts little."""
+    """Power against the oscillation's frequency of its side bands about a carrier.
+
+    At f it is the geometric mean of that at |f_c − f| and at f_c + f, so that a lone line counts
+    little.
+
+    Parameters
+    ----------
+    frequency_hz
+        Even grid (n,), from 0.
+    power
+        On it (n,).
+    carrier_hz
+        f_c.
+
+    Returns
+    -------
+    frequency_hz : ndarray
+        Of the oscillation (k,), up to the grid's end less f_c.
+    power : ndarray
+        (k,).
+
+    Examples
+    --------
+    A pair of side bands 5 Hz from a carrier of 40 Hz, beside a stronger lone line:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.frequency import fold_carrier
+    >>> power = np.ones(61)
+    >>> power[[35, 45, 52]] = 100, 100, 1000
+    >>> hz, folded = fold_carrier(np.arange(61.0), power, 40.0)
+    >>> float(hz[np.argmax(folded)]), float(folded.max())
+    (5.0, 100.0)
+    """
     step = frequency_hz[1] - frequency_hz[0]
     grid = np.arange(1, int((float(frequency_hz[-1]) - carrier_hz) / step)) * step
     low, high = (
@@ -91,11 +207,36 @@ def fold_carrier(frequency_hz: Array, power: Array, carrier_hz: float) -> tuple[
 def find_peak(
     frequency_hz: Array, power: Array, low_hz: float, high_hz: float
 ) -> tuple[float, float]:
-    """Frequency of the highest local maximum of a spectrum in [low, high], by a parabola through
-    its logarithm; its power over the floor.
+    """Frequency of the highest local maximum of a spectrum in a band, by a parabola through its
+    logarithm, and its power over the floor.
 
     The floor is the median within a factor two of the peak's frequency, so that a noise that falls
     with frequency does not pass for a line.
+
+    Parameters
+    ----------
+    frequency_hz
+        Even grid (n,).
+    power
+        On it (n,).
+    low_hz, high_hz
+        The band.
+
+    Returns
+    -------
+    frequency_hz : float
+        NaN where there is no maximum.
+    ratio : float
+        0 there.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.frequency import find_peak
+    >>> hz = np.arange(100.0)
+    >>> frequency, ratio = find_peak(hz, 1 + 1e4 * np.exp(-((hz - 40.3) ** 2)), 10.0, 90.0)
+    >>> round(frequency, 3), round(ratio)
+    (40.3, 9140)
     """
     inside = np.flatnonzero((frequency_hz >= low_hz) & (frequency_hz <= high_hz))
     inside = inside[(inside > 0) & (inside < len(power) - 1)]
@@ -119,7 +260,26 @@ def find_peak(
 
 def compute_detection_ratio(segments: int, bins: int) -> float:
     """Peak over median above which noise alone passes once in about 10⁵ recordings (χ² of two
-    channels' averaged spectra)."""
+    channels' averaged spectra).
+
+    Parameters
+    ----------
+    segments
+        Spectra that are averaged.
+    bins
+        Independent ones, of which the highest is taken.
+
+    Returns
+    -------
+    float
+        Falls towards 1.3 with the segments.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.samples.frequency import compute_detection_ratio
+    >>> [round(compute_detection_ratio(segments, 1000), 2) for segments in (1, 16)]
+    [16.06, 3.12]
+    """
     # 4.3 σ is one in 10⁵ for a single bin; a decade more of bins wants half a σ more.
     sigmas = 4.3 + 0.5 * np.log10(max(10, bins))
     return 1.3 * compute_chi_square_excess(4 * max(1, segments), sigmas)
@@ -128,11 +288,38 @@ def compute_detection_ratio(segments: int, bins: int) -> float:
 def refine_frequency(
     time_s: Array, y: Array, frequency_hz: float, carrier_hz: float | None = None, rounds: int = 3
 ) -> float:
-    """Frequency [Hz] of y (channels, n) near a start that is right within half of 1/duration.
+    """Frequency of an oscillation near a start that is right within half of 1/duration.
 
     Sub-windows are fitted at their true times; the phase between the record's halves, weighted by
     power over both channels and side bands, arg Σ u(t + T/2) u*(t), corrects the frequency. With
     too few sub-windows, a narrowing least-squares scan.
+
+    Parameters
+    ----------
+    time_s
+        Of the samples (n,), s.
+    y
+        Samples (channels, n).
+    frequency_hz
+        The start.
+    carrier_hz
+        None: the oscillation is read directly.
+    rounds
+        Corrections, each from the frequency of the one before.
+
+    Returns
+    -------
+    float
+        Hz.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.frequency import refine_frequency
+    >>> t = np.arange(10000) / 10000
+    >>> y = np.cos(2 * np.pi * 1234.5678 * t)[None]
+    >>> round(refine_frequency(t, y, 1234.2), 4)
+    1234.5678
     """
     n = y.shape[-1]
     duration = float(time_s[-1] - time_s[0]) * n / max(1, n - 1)

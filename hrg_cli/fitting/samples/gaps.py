@@ -34,7 +34,20 @@ class Gaps:
         return max(STEPS * self.step_s, PERIODS / self.frequency_hz)
 
     def find_touched(self, time_s: Array, low: int, high: int) -> Array:
-        """Windows (of low … high − 1, whose samples' times are `time_s`) touched by a gap: bool."""
+        """Windows that are touched by a gap.
+
+        Parameters
+        ----------
+        time_s
+            Of the windows' samples (n,), s.
+        low, high
+            Numbers of the first window and of the one behind the last.
+
+        Returns
+        -------
+        ndarray
+            (high − low,), bool.
+        """
         self._count(time_s)
         rows = np.zeros(high - low, bool)
         # Half a step out: samples that begin or end exactly at a border leave no gap there.
@@ -55,10 +68,21 @@ class Gaps:
             self._last_s = float(new[-1])
 
     def find_shorter_periods(self, span_s: float, share: float) -> float | None:
-        """Periods per window, fewer than there are, of which gaps touch no more than a share; None
-        where windows of one period are touched more often.
+        """Periods per window, fewer than there are, of which gaps touch no more than a share.
 
         A gap of length L touches windows of L + width on average.
+
+        Parameters
+        ----------
+        span_s
+            Of the run.
+        share
+            Of the windows.
+
+        Returns
+        -------
+        float or None
+            None where windows of one period are touched more often.
         """
         width = (share * span_s - self.total_s) / self.count if self.count else 0.0
         return width * self.frequency_hz if 1 / self.frequency_hz <= width < self.width_s else None

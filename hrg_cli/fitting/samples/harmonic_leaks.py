@@ -127,8 +127,38 @@ def list_harmonics(
 def choose_apart(
     survey: Survey, basis: WindowBasis, samples: int, wanted: Sequence[float], moving: bool
 ) -> tuple[float, ...]:
-    """The tones, the first first, that can have columns of their own beside the oscillation's at no
-    more than `DEARER` of a signal's variance and half of the samples."""
+    """Tones that can have columns of their own beside the oscillation's, the first first.
+
+    They cost no more than `DEARER` of a signal's variance and half of a window's samples.
+
+    Parameters
+    ----------
+    survey, basis, samples, moving
+        As in `find_leaking_harmonics`.
+    wanted
+        Frequencies of the tones, Hz.
+
+    Returns
+    -------
+    tuple of float
+        Those of them that are taken.
+
+    Examples
+    --------
+    Ten periods of 27 samples tell a tone at 700 Hz from the oscillation at 1 kHz, but none at 1001
+    Hz:
+
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.basis import build_window_basis
+    >>> from hrg_cli.fitting.samples.harmonic_leaks import choose_apart
+    >>> from hrg_cli.fitting.samples.survey import survey_quiet
+    >>> c = np.cos(2 * np.pi * 1000 * np.arange(60000) / 2700)
+    >>> found = survey_quiet(Recording(c=c, s=c, sample_rate_hz=2700.0, mode="free"), "")
+    >>> basis = build_window_basis(27, 2700.0, (1000.0,), moving=True)
+    >>> choose_apart(found, basis, 27, (1001.0, 700.0), True)
+    (700.0,)
+    """
     taken: tuple[float, ...] = ()
     for hz in wanted:
         own = build_window_basis(

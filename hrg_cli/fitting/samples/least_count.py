@@ -26,20 +26,61 @@ ROUNDINGS = 4.0
 
 
 def count_values(values: Array) -> tuple[Array, Array]:
-    """The distinct values (k,), rising, and how often each stands; numpy's own `unique` loads
-    masked arrays, which costs a command time."""
+    """The distinct values and how often each stands; numpy's own `unique` loads masked arrays,
+    which costs a command time.
+
+    Parameters
+    ----------
+    values
+        Of any order (n,).
+
+    Returns
+    -------
+    values : ndarray
+        (k,), rising.
+    count : ndarray
+        (k,), of each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.least_count import count_values
+    >>> [part.tolist() for part in count_values(np.array([3, 1, 3, 7]))]
+    [[1, 3, 7], [1, 2, 1]]
+    """
     ordered = np.sort(values)
     first = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]])[: len(ordered)])
     return ordered[first], np.diff(np.append(first, len(ordered)))
 
 
 def find_least_count(parts: Iterable[Array]) -> float:
-    """Smallest step on which all values of the arrays lie, in their own unit; 0 where there is
-    none.
+    """Smallest step on which all values of some arrays lie.
 
     Integers: the greatest common divisor of the differences. Floats: the smallest difference of two
     distinct values, refined over all neighbours (values printed with a few digits are off the
     lattice by their rounding), and held against all of them.
+
+    Parameters
+    ----------
+    parts
+        Arrays of values of one type.
+
+    Returns
+    -------
+    float
+        In the values' own unit; 0 where there is none. Of fewer than `FEWEST_VALUES` integers it is
+        1.
+
+    Examples
+    --------
+    A converter of 12 bits over ±10 V, and a continuum:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.least_count import find_least_count
+    >>> swing = 3 * np.cos(0.1 * np.arange(2000))
+    >>> step = 20 / 4096
+    >>> [round(find_least_count([part]) / step, 6) for part in (step * np.round(swing / step), swing)]
+    [1.0, 0.0]
     """
     arrays = [np.asarray(part).ravel() for part in parts]
     values: Any = count_values(np.concatenate(arrays))[0] if arrays else np.zeros(0)

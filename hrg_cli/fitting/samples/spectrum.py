@@ -30,11 +30,42 @@ LEAST_RESIDUAL = 1e-7
 def compute_look_residual(
     time_s: Array, y: Array, frequency_hz: tuple[float, ...], nuisance_hz: tuple[float, ...] = ()
 ) -> tuple[Array, float]:
-    """y (channels, n) less its oscillation, whose envelope moves as freely as it must (`MOTIONS`),
-    and how far from it in Hz that reaches.
+    """A look's samples less its oscillation, whose envelope moves as freely as it must (`MOTIONS`),
+    and how far from the oscillation that reaches.
 
     A wave that turns by many radians within a look, or two modes that beat, would else fill the
     spectrum beside the oscillation.
+
+    Parameters
+    ----------
+    time_s
+        Of the samples (n,), s.
+    y
+        Samples (channels, n).
+    frequency_hz
+        Of the oscillation, or of its side bands.
+    nuisance_hz
+        Of what is taken out beside it with a constant envelope.
+
+    Returns
+    -------
+    residual : ndarray
+        (channels, n).
+    reach_hz : float
+        Distance from the oscillation within which the residual says nothing.
+
+    Examples
+    --------
+    A wave that rings down to a third within the look, and noise of 1e-3:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.spectrum import compute_look_residual
+    >>> t = np.arange(8000) / 8000
+    >>> y = np.exp(-1.1 * t) * np.cos(2 * np.pi * 1000 * t)
+    >>> y = y + 1e-3 * np.random.default_rng(0).standard_normal((2, 8000))
+    >>> residual, reach_hz = compute_look_residual(t, y, (1000.0,))
+    >>> residual.std(axis=1).round(5).tolist(), round(reach_hz, 2)
+    ([0.00101, 0.001], 3.0)
     """
     n, span = len(time_s), max(float(time_s[-1] - time_s[0]), 1e-300)
     pairs_of = 2 * len(frequency_hz)
@@ -113,7 +144,17 @@ class AveragedSpectrum:
         self.density = np.zeros((len(self.frequency_hz), 2))
 
     def add(self, time_s: Array, residual: Array, even: bool) -> None:
-        """One segment (channels, n) more; at uneven times the transform is summed directly."""
+        """Add one segment; at uneven times the transform is summed directly.
+
+        Parameters
+        ----------
+        time_s
+            Of the samples (n,), s.
+        residual
+            Samples (2, n).
+        even
+            Whether their times are even.
+        """
         # Hann's window without its two zeros: every sample of the segment counts
         window = np.hanning(residual.shape[-1] + 2)[1:-1]
         # Welch: one-sided density 2Δt·|Σ w y e^{−jωt}|² / Σ w², unit²/Hz
@@ -132,12 +173,42 @@ class AveragedSpectrum:
         self.segments += 1
 
     def mean(self) -> Array:
-        """The averaged density (frequencies, channels)."""
+        """The averaged density.
+
+        Returns
+        -------
+        ndarray
+            (frequencies, 2), one-sided, unit²/Hz.
+        """
         return self.density / max(1, self.segments)
 
 
 def find_floor(density: Array, bins: int = 65) -> Array:
-    """Running median over frequency (frequencies, channels), of blocks of bins, joined linearly."""
+    """Running median over frequency, of blocks of bins, joined linearly.
+
+    Parameters
+    ----------
+    density
+        Powers (frequencies, channels).
+    bins
+        Of a block.
+
+    Returns
+    -------
+    ndarray
+        As the density.
+
+    Examples
+    --------
+    A single line is not in the floor:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.spectrum import find_floor
+    >>> density = np.ones((500, 2))
+    >>> density[200] = 1e6
+    >>> float(find_floor(density).max())
+    1.0
+    """
     n = len(density)
     starts = np.arange(0, max(1, n - bins // 2), bins)
     centres = np.array([(a + min(a + bins, n) - 1) / 2 for a in starts.tolist()])
@@ -160,13 +231,43 @@ def estimate_correlation(
     reach_hz: float,
     blind_hz: tuple[tuple[float, float], ...],
 ) -> float | None:
-    """Correlation of the channels' noise about some frequencies: the co-spectrum over both
-    densities' roots, each bin over its floor, the median over the segments; 0 where chance or next
-    to nothing makes it, None without a spectrum.
+    """Correlation of the channels' noise about some frequencies.
 
-    Channels of unequal noise that were turned into one another afterwards share noise, and so do
-    channels behind one reference. A segment in which the oscillation jumps shares that. The product
-    of two independent normal numbers over N bins scatters by 1/√(2N), its median by √(π/2) more.
+    It is the co-spectrum over both densities' roots, each bin over its floor, the median over the
+    segments. Channels of unequal noise that were turned into one another afterwards share noise,
+    and so do channels behind one reference. A segment in which the oscillation jumps shares that.
+    The product of two independent normal numbers over N bins scatters by 1/√(2N), its median by
+    √(π/2) more.
+
+    Parameters
+    ----------
+    averaged
+        Spectrum of both channels, with its segments.
+    about_hz
+        Frequencies about which it is asked.
+    reach_hz
+        On either side of them.
+    blind_hz
+        Bands that do not count.
+
+    Returns
+    -------
+    float or None
+        0 where chance or next to nothing makes it, None without a spectrum.
+
+    Examples
+    --------
+    Half of both channels' power is one noise:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.spectrum import AveragedSpectrum, estimate_correlation
+    >>> t, rng = np.arange(1024) / 1024, np.random.default_rng(0)
+    >>> averaged = AveragedSpectrum(np.fft.rfftfreq(1024, 1 / 1024))
+    >>> for _ in range(16):
+    ...     own, common = rng.standard_normal((2, 1024)), rng.standard_normal(1024)
+    ...     averaged.add(t, own + common, even=True)
+    >>> round(estimate_correlation(averaged, (250.0,), 100.0, ()), 1)
+    0.5
     """
     hz, density = averaged.frequency_hz, averaged.mean()
     level = find_floor(density) if len(hz) else density
@@ -186,8 +287,31 @@ def estimate_correlation(
 
 
 def compute_chi_square_excess(freedom: float, sigmas: float) -> float:
-    """χ²/freedom that is exceeded as seldom as a normal number exceeds `sigmas` (Wilson and
-    Hilferty)."""
+    """χ²/freedom that is exceeded as seldom as a normal number exceeds so many σ (Wilson and
+    Hilferty 1931).
+
+    With c = 2/(9·freedom) it is (1 − c + sigmas·√c)³.
+
+    Parameters
+    ----------
+    freedom
+        Degrees of freedom.
+    sigmas
+        Of the normal number.
+
+    Returns
+    -------
+    float
+        Nears 1 as the freedom grows.
+
+    Examples
+    --------
+    χ² of 10 degrees exceeds 23.2 once in a hundred, as a normal number 2.326 σ:
+
+    >>> from hrg_cli.fitting.samples.spectrum import compute_chi_square_excess
+    >>> round(10 * compute_chi_square_excess(10, 2.326), 1)
+    23.2
+    """
     c = 2 / (9 * freedom)
     return float((1 - c + sigmas * np.sqrt(c)) ** 3)
 
@@ -200,11 +324,46 @@ def find_lines(
     most: int = 32,
     least: float = 0.0,
 ) -> tuple[Array, Array, Array]:
-    """Frequencies, amplitudes (lines, channels) and power ratios to the floor of the lines that
-    stand out by six σ; strongest first; amplitudes under `least` (rounding) are left out.
+    """Lines that stand out of a spectrum's floor by six σ, strongest first.
 
     A line is a local maximum of the larger of both channels' ratios; its amplitude is √(2 × power
     above the floor within two bins).
+
+    Parameters
+    ----------
+    frequency_hz
+        Even grid (n,).
+    density
+        Averaged, one-sided (n, 2), unit²/Hz.
+    segments
+        Averaged in it.
+    skip_hz
+        Bands whose lines are left out.
+    most
+        Lines at most.
+    least
+        Amplitude below which a line is left out as rounding.
+
+    Returns
+    -------
+    frequency_hz : ndarray
+        (lines,).
+    amplitude : ndarray
+        (lines, 2), unit of the samples.
+    ratio : ndarray
+        (lines,), power over the floor.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.spectrum import AveragedSpectrum, find_lines
+    >>> t = np.arange(4096) / 4096
+    >>> noise = 1e-3 * np.random.default_rng(0).standard_normal((2, 4096))
+    >>> averaged = AveragedSpectrum(np.fft.rfftfreq(4096, 1 / 4096))
+    >>> averaged.add(t, noise + np.array([[0.02], [0.01]]) * np.cos(2 * np.pi * 500 * t), even=True)
+    >>> hz, amplitude, _ = find_lines(averaged.frequency_hz, averaged.mean(), averaged.segments)
+    >>> hz.round(1).tolist(), amplitude.round(3).tolist()
+    ([500.0], [[0.02, 0.01]])
     """
     below = np.maximum(find_floor(density), 1e-300)
     ratio = (density / below).max(1)
@@ -258,10 +417,22 @@ class Colour:
         return bool((self.whole == 1).all())
 
     def take_windows(self, channel: int, sample2: Array) -> Array:
-        """The same of windows (n, 2F) whose samples leave variances (n, 1).
+        """The variance factors of windows whose samples leave variances of their own.
 
         Lines that not all windows hold, as of a wave that is clipped at its top, make up none of
         what the others leave: these have at least the steady spectrum's part of their own residual.
+
+        Parameters
+        ----------
+        channel
+            0 or 1.
+        sample2
+            Variance a sample of each window (n, 1).
+
+        Returns
+        -------
+        ndarray
+            (n, 2F).
         """
         whole = np.broadcast_to(self.whole[channel], (len(sample2), self.whole.shape[1]))
         if not (self.whole[channel] < 1).any():
@@ -280,14 +451,49 @@ def estimate_colour(
     blind_hz: tuple[tuple[float, float], ...],
     apart: bool = False,
 ) -> Colour:
-    """Variance of the coefficients p, q (channels, 2F) over what the residual would promise if it
-    were white; apart: a residual without the envelope's first motion that the basis lacks.
+    """Variance of a window's coefficients over what the residual would promise if it were white.
 
     A tone of density S adds S|H(f)|² to a coefficient, H its row's transfer function, and S(n −
     Σ|Q_j(f)|²) to the residual of the basis Q; so κ = ∫S|H|² / (variance · ∫S(n −
     Σ|Q_j|²)/freedom). Bins where the oscillation itself was taken out are filled from beside. κ
     within four of its own standard deviations of 1, or within a tenth, is 1; lines are no chance
     and add no doubt.
+
+    Parameters
+    ----------
+    frequency_hz
+        Even grid (k,), from 0 to half the sampling rate.
+    density
+        Of the residual, averaged, one-sided (k, 2), unit²/Hz.
+    segments
+        Averaged in it.
+    basis
+        Of a window.
+    sample_rate_hz
+        Of the samples.
+    blind_hz
+        Bands where the oscillation itself was taken out.
+    apart
+        Whether the residual is without the envelope's first motion that the basis lacks.
+
+    Returns
+    -------
+    Colour
+        Of both channels; ones where the noise is white.
+
+    Examples
+    --------
+    White noise, and noise that has ten times the power in a band about the oscillation that the
+    window passes:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.basis import build_window_basis
+    >>> from hrg_cli.fitting.samples.spectrum import estimate_colour
+    >>> basis = build_window_basis(100, 1000.0, (50.0,))
+    >>> hz, density = np.linspace(0, 500, 501), np.ones((501, 2))
+    >>> density[(hz > 20) & (hz < 80), 1] = 10
+    >>> estimate_colour(hz, density, 100, basis, 1000.0, ()).whole.round(1).tolist()
+    [[1.0, 1.0], [5.1, 5.1]]
     """
     n = len(basis.orthonormal)
     filled, below = _fill_blind_bins(frequency_hz, density, blind_hz)

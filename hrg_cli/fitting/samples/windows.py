@@ -56,16 +56,40 @@ class Fits:
 
 
 def fit_even(raw: Array, basis: WindowBasis, apart: bool = False) -> tuple[Array, Array]:
-    """Envelope (rows, F) and residual sum of squares (rows,) of one channel's windows (rows,
-    samples), in raw units.
-
-    apart: what the envelope's slope (its curvature, where the slope is fitted) puts into the
-    residual is taken out of it, by columns of its own, and the envelope stays that of the basis
-    without them.
+    """Envelopes and residuals of one channel's evenly sampled windows.
 
     One matrix product for each stretch that fits the cache; the residual is |y|² less the power in
     the orthonormal basis q, and where that difference has lost its digits (below `LOST` of |y|²)
     the sum of (y − Qq)² itself, while the stretch is in the cache.
+
+    Parameters
+    ----------
+    raw
+        Windows (rows, samples), in raw units.
+    basis
+        Of a window.
+    apart
+        Whether what the envelope's slope (its curvature, where the slope is fitted) puts into the
+        residual is taken out of it, by columns of its own; the envelope stays that of the basis
+        without them.
+
+    Returns
+    -------
+    envelope : ndarray
+        (rows, F), p − jq of each tone, raw unit.
+    residual2 : ndarray
+        (rows,), sum of squares that is left, raw unit².
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.basis import build_window_basis
+    >>> from hrg_cli.fitting.samples.windows import fit_even
+    >>> tau = (np.arange(20) - 9.5) / 1000
+    >>> y = 0.3 * np.cos(2 * np.pi * 90 * tau) + 0.1 * np.sin(2 * np.pi * 90 * tau) + 5
+    >>> envelope, left = fit_even(y[None], build_window_basis(20, 1000.0, (90.0,)))
+    >>> envelope.round(12).tolist(), bool(left[0] < 1e-25)
+    ([[(0.3-0.1j)]], True)
     """
     rows, samples = raw.shape
     # Raw samples are read from memory once: the second pass finds them in the cache.
@@ -102,21 +126,64 @@ def _squares(y: Array) -> Array:
 
 
 def sum_energy(u: Array) -> float:
-    """Σ|u|² of complex values, in this thread: a BLAS shares so short a sum among threads that then
-    wait for each other."""
+    """Sum Σ|u|² of complex values, in this thread: a BLAS shares so short a sum among threads that
+    then wait for each other.
+
+    Parameters
+    ----------
+    u
+        Complex, of any shape.
+
+    Returns
+    -------
+    float
+        Their unit squared.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.windows import sum_energy
+    >>> sum_energy(np.array([[3 + 4j, 1j]]))
+    26.0
+    """
     parts = np.ascontiguousarray(u).view(float).ravel()
     return float(np.einsum("i,i->", parts, parts))
 
 
 def pool_variance(residual2: Array, freedom: Array, known: Array | None = None) -> Array:
-    """Variance a sample (rows,) pooled over neighbouring rows until `POOL_FREEDOM` degrees of
-    freedom; rows that are not finite stay so.
+    """Variances a sample, pooled over neighbouring rows until there are `POOL_FREEDOM` degrees of
+    freedom.
 
     A row far above its neighbours (a burst, a clipped top, lost samples) keeps its own variance and
-    does not spoil theirs. `known` (rows,) is the motion's share of the sums of squares, known to
-    `KNOWN` of itself; it is taken out of the pooled values, over `POOL_KNOWN` times as many rows,
-    since motion times noise scatters more than noise alone. Beside a jump a row's slope is the
-    jump's, not its own: a share that stands as far above the neighbours is not taken out.
+    does not spoil theirs. The motion's share is known to `KNOWN` of itself; it is taken out of the
+    pooled values, over `POOL_KNOWN` times as many rows, since motion times noise scatters more than
+    noise alone. Beside a jump a row's slope is the jump's, not its own: a share that stands as far
+    above the neighbours is not taken out.
+
+    Parameters
+    ----------
+    residual2
+        Sums of squares (rows,) that the windows' fits leave.
+    freedom
+        Degrees of freedom, one number or (rows,).
+    known
+        The motion's share of the sums of squares (rows,); None: there is none.
+
+    Returns
+    -------
+    ndarray
+        (rows,); rows that are not finite stay so.
+
+    Examples
+    --------
+    Windows of 40 degrees of freedom and unit noise, one of them with a burst:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.windows import pool_variance
+    >>> left = np.full(20, 40.0)
+    >>> left[7] = 4000.0
+    >>> pool_variance(left, np.array(40)).tolist()[5:10]
+    [1.0, 1.0, 100.0, 1.0, 1.0]
     """
     group = count_pooled_rows(float(freedom if np.ndim(freedom) == 0 else np.median(freedom))) * (
         1 if known is None else POOL_KNOWN
@@ -185,5 +252,22 @@ def _subtract_motion(level: Array, share: Array) -> Array:
 
 
 def count_pooled_rows(freedom: float) -> int:
-    """Rows pooled where each has so many degrees of freedom."""
+    """Number of rows that are pooled where each has so many degrees of freedom.
+
+    Parameters
+    ----------
+    freedom
+        Of a row.
+
+    Returns
+    -------
+    int
+        One at least.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.samples.windows import count_pooled_rows
+    >>> [count_pooled_rows(freedom) for freedom in (17.0, 400.0, 1e5)]
+    [24, 1, 1]
+    """
     return max(1, int(np.ceil(POOL_FREEDOM / max(1.0, freedom))))
