@@ -79,8 +79,10 @@ HELD = (
     *(
         f"fitting.samples.{name}"
         for name in (
-            *("basis", "course", "envelope_motion", "frequency", "gaps", "harmonic_leaks"),
-            *("least_count", "spectrum", "windows"),
+            *("basis", "course", "demodulator", "envelope_motion", "even", "frequency", "gaps"),
+            *("harmonic_leaks", "least_count", "looks", "neighbours", "oscillation_search"),
+            *("rate_log", "run_down", "scatter", "signal_rows", "spectrum", "still_envelopes"),
+            *("stretches", "survey", "uneven", "wild", "windows"),
         )
     ),
     *(

@@ -88,7 +88,20 @@ class Demodulator:
 
     def count_windows(self, window_samples: float, pool: int) -> int:
         """Windows that share one basis: a multiple of `pool`, so few that the frequency's drift
-        turns none by `DRIFT_RAD`."""
+        turns none by `DRIFT_RAD`.
+
+        Parameters
+        ----------
+        window_samples
+            Of one window, a mean where they differ.
+        pool
+            Windows whose noise is pooled.
+
+        Returns
+        -------
+        int
+            `pool` at least.
+        """
         windows = max(
             1,
             int(
@@ -105,7 +118,13 @@ class Demodulator:
         return pool * max(1, windows // pool)
 
     def fit_beside(self, tone_hz: tuple[float, ...]) -> None:
-        """Give tones columns of their own in every window, beside the signals."""
+        """Give tones columns of their own in every window, beside the signals.
+
+        Parameters
+        ----------
+        tone_hz
+            Their frequencies.
+        """
         self.nuisance, self._basis = (*self.nuisance, *tone_hz), None
 
     @property
@@ -114,26 +133,71 @@ class Demodulator:
         return self.periods_asked >= MOVING_PERIODS
 
     def make_block(self, rows: int) -> Rows:
-        """A block's columns, to be filled."""
+        """A block's columns, to be filled.
+
+        Parameters
+        ----------
+        rows
+            Windows of the block.
+
+        Returns
+        -------
+        dict of ndarray
+            As `make_rows` makes them.
+        """
         return make_rows(rows, len(self.reference))
 
     def count_columns(self) -> int:
-        """Unknowns of a window."""
+        """Unknowns of a window.
+
+        Returns
+        -------
+        int
+            Of wanted signals, constant, nuisances and their motion.
+        """
         return build_columns(np.zeros(1), tuple(self.reference), self.nuisance, self.moving).shape[
             1
         ]
 
     def count_spent(self) -> int:
-        """Degrees of freedom of a window that its residual does not have."""
+        """Degrees of freedom of a window that its residual does not have.
+
+        Returns
+        -------
+        int
+            Its unknowns, and two a tone more where the slope is taken out of the residual.
+        """
         return self.count_columns() + (2 * len(self.reference) if self.apart else 0)
 
     def find_scale(self, k: int) -> float:
-        """Unit of a channel a raw count."""
+        """Unit of a channel a raw count.
+
+        Parameters
+        ----------
+        k
+            0 or 1.
+
+        Returns
+        -------
+        float
+            1 of values that are recorded as they are.
+        """
         return float(self.recording.c_scale_factor if k == 0 else self.recording.s_scale_factor)
 
     def find_least_variance(self, k: int) -> float:
         """Least variance a sample: a converter's rounding, 1/12 of a count squared; for floats
-        their own rounding."""
+        their own rounding.
+
+        Parameters
+        ----------
+        k
+            Channel, 0 or 1.
+
+        Returns
+        -------
+        float
+            Unit of the signals squared.
+        """
         dtype = (self.recording.c if k == 0 else self.recording.s).dtype
         least = self.survey.least_count[k] ** 2 / 12
         if np.issubdtype(dtype, np.integer):
@@ -141,13 +205,24 @@ class Demodulator:
         return max(least, self.survey.strength2 * float(np.finfo(dtype).eps) ** 2, 1e-300)
 
     def find_least_count(self) -> float | None:
-        """The coarser channel's least count, unit of the signals; None where the values are a
-        continuum."""
+        """The coarser channel's least count.
+
+        Returns
+        -------
+        float or None
+            Unit of the signals; None where the values are a continuum.
+        """
         return max(self.survey.least_count) or None
 
     def estimate_quantisation_share(self) -> float | None:
         """Part of the residual variance (median over the looks) that rounding makes: Σ least
-        count²/12 over both channels'."""
+        count²/12 over both channels'.
+
+        Returns
+        -------
+        float or None
+            From 0 to 1; None where the values are a continuum or the residual is not known.
+        """
         power = self.calm[0]
         if not max(self.survey.least_count) or not np.isfinite(power):
             return None
@@ -157,7 +232,13 @@ class Demodulator:
         return float(min(1.0, rounding / max(power, 1e-300)))
 
     def tell_too_short(self) -> HrgError:
-        """The sentence for a recording that holds no window."""
+        """Tell that a recording holds no window.
+
+        Returns
+        -------
+        HrgError
+            To be raised.
+        """
         return HrgError(
             f"{self.name}: its {len(self.recording.c)} samples do not hold one window of"
             f" {self.periods_asked:g} periods at {self.reference_hz:.6g} Hz; record longer or set"
@@ -166,17 +247,49 @@ class Demodulator:
 
     def find_hz(self, time_s: float) -> float:
         """Frequency of the basis at a time: the survey's course, corrected by what the chunk before
-        has shown."""
+        has shown.
+
+        Parameters
+        ----------
+        time_s
+            On the samples' clock.
+
+        Returns
+        -------
+        float
+            Hz, a multiple of `FREQUENCY_STEP` over the window's length.
+        """
         step = FREQUENCY_STEP / self.window_s
         return float(round((self.survey.frequency_hz(time_s) + self._ahead_hz) / step) * step)
 
     def list_bands(self, local_hz: float) -> tuple[float, ...]:
-        """Frequencies of the signals where the oscillation is at `local_hz`."""
+        """Frequencies of the signals where the oscillation is at a local frequency.
+
+        Parameters
+        ----------
+        local_hz
+            Of the oscillation.
+
+        Returns
+        -------
+        tuple of float
+            One or two, Hz.
+        """
         return list_bands(local_hz, self.survey.carrier_hz)
 
     def follow(self, u: Array, time_s: float) -> None:
-        """Learn from a chunk's envelopes u (channel, rows, F) by how much the frequency differs
-        from the survey's course."""
+        """Learn from a chunk's envelopes by how much the frequency differs from the survey's
+        course.
+
+        The phase from row to row, each weighted by its power, is (f − f_r)·2πT.
+
+        Parameters
+        ----------
+        u
+            Envelopes (channels, rows, F) in reference phase.
+        time_s
+            Middle of the chunk.
+        """
         if u.shape[1] <= 8:
             return
         # Phase from row to row, each weighted by its power.
@@ -188,7 +301,27 @@ class Demodulator:
             self._ahead_hz = seen - self.survey.frequency_hz(time_s)
 
     def build_basis(self, samples: int, rate_hz: float, local_hz: float) -> WindowBasis:
-        """The shared basis of even windows at a local frequency, kept while that stays the same."""
+        """The shared basis of even windows at a local frequency, kept while that stays the same.
+
+        Parameters
+        ----------
+        samples
+            Of a window.
+        rate_hz
+            Of the samples.
+        local_hz
+            Of the oscillation.
+
+        Returns
+        -------
+        WindowBasis
+            Of all windows of the chunk.
+
+        Raises
+        ------
+        HrgError
+            A window of that length does not tell its unknowns apart.
+        """
         if self._basis is None or self._basis[0] != local_hz:
             basis = build_window_basis(
                 samples, rate_hz, self.list_bands(local_hz), self.nuisance, self.moving
@@ -199,7 +332,15 @@ class Demodulator:
         return self._basis[1]
 
     def learn_colour(self, basis: WindowBasis, rate_hz: float) -> None:
-        """Take the residual's spectrum into the standard deviations, where it is not white."""
+        """Take the residual's spectrum into the standard deviations, where it is not white.
+
+        Parameters
+        ----------
+        basis
+            Of a window, or of one alike.
+        rate_hz
+            Of the samples.
+        """
         found = self.survey
         if found.spectrum_segments == 0 or len(found.spectrum_hz) < 16:
             return
@@ -221,8 +362,21 @@ class Demodulator:
             )
 
     def compute_turns(self, start_s: float, rows: int) -> Array:
-        """e^{−jω_r t} (rows, F) at windows one after another from a centre; the course within a
-        chunk is computed once."""
+        """Turns e^{−jω_r t} of windows one after another; the course within a chunk is computed
+        once.
+
+        Parameters
+        ----------
+        start_s
+            Centre of the first window.
+        rows
+            Of them.
+
+        Returns
+        -------
+        ndarray
+            (rows, F), complex.
+        """
         if len(self._course) < rows:
             self._course = np.exp(
                 -2j
@@ -232,8 +386,14 @@ class Demodulator:
         return self._course[:rows] * np.exp(-2j * np.pi * np.fmod(start_s * self.reference, 1.0))
 
     def learn_calm(self, seen: Sequence[tuple[Fits, Array, float, Array]]) -> None:
-        """What windows leave at each look: their fits, centres (n,), local frequency, and the
-        samples' own noise there (channels,)."""
+        """Learn what windows leave at each look.
+
+        Parameters
+        ----------
+        seen
+            Of each look: its fits, their centres (n,) in s, the local frequency in Hz, and the
+            variance of the samples' own noise there (channels,).
+        """
         levels = []
         for fits, times, local_hz, noise2 in seen:
             left2 = fits.residual2.sum(0) / np.maximum(fits.samples, 1)
@@ -275,8 +435,23 @@ class Demodulator:
     def fill(
         self, fits: Fits, times: Array, local_hz: float, keep: slice, out: Rows, rows: slice
     ) -> None:
-        """Fill `rows` of a block from a chunk: reference phase, standard deviations; `keep` drops
-        neighbours fitted only for the slopes."""
+        """Fill rows of a block from a chunk: reference phase, standard deviations.
+
+        Parameters
+        ----------
+        fits
+            Of the chunk's windows and of neighbours.
+        times
+            Their centres (n,), s.
+        local_hz
+            Of the oscillation in the basis.
+        keep
+            The chunk's own windows among them; the others are fitted only for the slopes.
+        out
+            The block's columns.
+        rows
+            Those of the chunk in the block.
+        """
         turn = self.compute_turns(float(times[0]), len(times))
         still = self._still(fits, turn, times, local_hz)
         self.follow(still.envelope[:, keep], float(times[0] + times[-1]) / 2)

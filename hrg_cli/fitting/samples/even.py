@@ -26,7 +26,42 @@ CONDITION, CONDITION_SHORT = 5.0, 1e3
 
 
 def make_even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
-    """Blocks of rows. HrgError: too short for one window."""
+    """Blocks of rows from even sampling, in the order of time.
+
+    Parameters
+    ----------
+    run
+        The recording on its way through; its window is set here.
+    block_samples
+        Samples, about, that a block is made of.
+
+    Returns
+    -------
+    Iterator of dict
+        Columns by name, as `make_rows` makes them.
+
+    Raises
+    ------
+    HrgError
+        The recording is too short for one window.
+
+    Examples
+    --------
+    Five periods a window:
+
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.demodulator import Demodulator
+    >>> from hrg_cli.fitting.samples.even import make_even_rows
+    >>> from hrg_cli.fitting.samples.survey import survey
+    >>> c = np.cos(2 * np.pi * 1000 * np.arange(60_000) / 20e3)
+    >>> c = c + 1e-3 * np.random.default_rng(0).standard_normal((2, 60_000))
+    >>> one = Recording(c=c[0], s=0.5 * c[1], sample_rate_hz=20e3, mode="free")
+    >>> run = Demodulator(one, survey(one, "run"), "run", 5.0, None)
+    >>> (block,) = make_even_rows(run, 1 << 20)
+    >>> block["signals"].shape, block["signals"].mean(0).round(3).tolist()
+    ((600, 4), [1.0, 0.0, 0.5, 0.0])
+    """
     recording, rate = run.recording, float(run.recording.sample_rate_hz or 0)
     samples = _window_samples(run, rate)
     run.window_s = samples / rate

@@ -79,7 +79,8 @@ def find_least_count(parts: Iterable[Array]) -> float:
     >>> from hrg_cli.fitting.samples.least_count import find_least_count
     >>> swing = 3 * np.cos(0.1 * np.arange(2000))
     >>> step = 20 / 4096
-    >>> [round(find_least_count([part]) / step, 6) for part in (step * np.round(swing / step), swing)]
+    >>> rounded = step * np.round(swing / step)
+    >>> [round(find_least_count([part]) / step, 6) for part in (rounded, swing)]
     [1.0, 0.0]
     """
     arrays = [np.asarray(part).ravel() for part in parts]

@@ -38,10 +38,39 @@ class Look:
 
 
 def take_looks(recording: Recording, even: bool, name: str) -> list[Look]:
-    """Looks spread evenly along the recording: those without a bad sample; else the longest finite
-    stretches, cut to one length; else, few samples being bad, looks whose bad samples hold the mean.
+    """Looks spread evenly along a recording.
 
-    HrgError: hardly any finite sample, or too few at all.
+    Those without a bad sample; else the longest finite stretches, cut to one length; else, few
+    samples being bad, looks whose bad samples hold the mean.
+
+    Parameters
+    ----------
+    recording
+        Of both channels.
+    even
+        Whether it is sampled evenly; looks at uneven times are more and shorter.
+    name
+        Of the recording, for what is said of it.
+
+    Returns
+    -------
+    list of Look
+        One at least, in the order of time.
+
+    Raises
+    ------
+    HrgError
+        Hardly any finite sample, or fewer than six of any kind.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.looks import take_looks
+    >>> c = np.cos(0.7 * np.arange(100_000))
+    >>> looks = take_looks(Recording(c=c, s=c, sample_rate_hz=1e5, mode="free"), True, "run")
+    >>> len(looks), looks[0].y.shape
+    (6, (2, 16384))
     """
     n = len(recording.c)
     most, length = (LOOKS, min(n, LOOK_SAMPLES)) if even else (UNEVEN_LOOKS, min(n, UNEVEN_SAMPLES))
@@ -111,14 +140,61 @@ def _longest(good: Array) -> slice:
 
 
 def measure_span(look: Look) -> float:
-    """Seconds from its first sample to its last."""
+    """Time from a look's first sample to its last.
+
+    Parameters
+    ----------
+    look
+        One stretch of samples.
+
+    Returns
+    -------
+    float
+        s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.looks import Look, measure_span
+    >>> t = np.arange(2.0, 3.01, 0.1)
+    >>> round(measure_span(Look(t, np.zeros((2, 11)), (t, t))), 9)
+    1.0
+    """
     return float(look.time_s[-1] - look.time_s[0])
 
 
 def find_dead_channels(looks: Sequence[Look], name: str, known: Sequence[str]) -> tuple[str, ...]:
-    """A sentence for every channel that does not move; an S that was not recorded is no dead one.
+    """Sentences, one for every channel that does not move; an S that was not recorded is no dead
+    one.
 
-    known: the recording's own reasons. HrgError: both are dead.
+    Parameters
+    ----------
+    looks
+        Along the recording.
+    name
+        Of the recording, for what is said of it.
+    known
+        The recording's own reasons, of which one may tell that S was not recorded.
+
+    Returns
+    -------
+    tuple of str
+        Mostly empty.
+
+    Raises
+    ------
+    HrgError
+        Both channels are dead.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.looks import find_dead_channels, take_looks
+    >>> c = np.cos(0.7 * np.arange(1000))
+    >>> run = Recording(c=c, s=np.full(1000, 2.5), sample_rate_hz=1e5, mode="free")
+    >>> find_dead_channels(take_looks(run, True, "run"), "run", ())
+    ('channel S is constant at 2.5; it may be dead',)
     """
     spread = np.array([max(float(np.ptp(look.y[k])) for look in looks) for k in range(2)])
     level = [float(looks[0].y[k, 0]) for k in range(2)]
@@ -140,8 +216,33 @@ def find_dead_channels(looks: Sequence[Look], name: str, known: Sequence[str]) -
 
 
 def find_least_counts(recording: Recording, looks: Sequence[Look]) -> tuple[float, float]:
-    """Step of each channel's values in their unit, 0 where they are a continuum: as the recording
-    says, or as its values show."""
+    """Step of each channel's values, as the recording says or as its values show.
+
+    Parameters
+    ----------
+    recording
+        Of both channels.
+    looks
+        Along it; about `STEP_LOOKS` of them are asked.
+
+    Returns
+    -------
+    tuple of float
+        Of C and S, unit of the signals; 0 where the values are a continuum.
+
+    Examples
+    --------
+    Counts of 0.1 mV:
+
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.looks import find_least_counts, take_looks
+    >>> c = np.round(1000 * np.cos(0.7 * np.arange(5000))).astype("i2")
+    >>> run = Recording(c=c, s=c, c_scale_factor=1e-4, s_scale_factor=1e-4, sample_rate_hz=1e5,
+    ...                 mode="free")
+    >>> find_least_counts(run, take_looks(run, True, "run"))
+    (0.0001, 0.0001)
+    """
     if recording.least_count:
         return recording.least_count, recording.least_count
     scales = (recording.c_scale_factor, recording.s_scale_factor)
@@ -151,8 +252,30 @@ def find_least_counts(recording: Recording, looks: Sequence[Look]) -> tuple[floa
 
 
 def find_rails(channel: Array, raws: list[Array]) -> tuple[float, float]:
-    """Raw values (low, high) at which samples are stuck; infinite where none is. An integer's own
-    range counts always."""
+    """Raw values at which samples are stuck; an integer's own range counts always.
+
+    Parameters
+    ----------
+    channel
+        The recorded values, for their type.
+    raws
+        Stretches of them.
+
+    Returns
+    -------
+    tuple of float
+        Lowest and highest; infinite where none is.
+
+    Examples
+    --------
+    A sine of amplitude 1 clipped at 0.8:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.looks import find_rails
+    >>> c = np.minimum(np.cos(0.0123 * np.arange(20_000)), 0.8)
+    >>> find_rails(c, [c])
+    (-inf, 0.8)
+    """
     low, high = -np.inf, np.inf
     if np.issubdtype(channel.dtype, np.integer):
         info = np.iinfo(channel.dtype)

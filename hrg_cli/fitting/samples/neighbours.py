@@ -20,7 +20,27 @@ MOST_BRIDGED = 4
 
 
 def find_local_median(values: Array, reach: int) -> Array:
-    """Median (n,) of the rows ± `reach` about each, mirrored at the ends."""
+    """Medians of the rows about each, mirrored at the ends.
+
+    Parameters
+    ----------
+    values
+        (n,), more than `reach`.
+    reach
+        Rows on either side.
+
+    Returns
+    -------
+    ndarray
+        (n,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.neighbours import find_local_median
+    >>> find_local_median(np.array([1.0, 1.0, 50.0, 2.0, 2.0, 2.0]), 1).tolist()
+    [1.0, 1.0, 2.0, 2.0, 2.0, 2.0]
+    """
     padded = np.pad(values, reach, mode="reflect")
     rows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
     return np.asarray(np.median(rows, axis=1))
@@ -32,8 +52,36 @@ def estimate_from_neighbours(
     local_less_reference_rad_s: Array | float,
     window_s: float,
 ) -> Motion | None:
-    """What `motion` finds of envelopes u (channel, rows, F), each an array of their shape: 0 in
-    stretches of which it finds nothing; None where it finds nothing at all."""
+    """What a function finds of envelopes, past windows that hold no number.
+
+    Parameters
+    ----------
+    motion
+        Makes of envelopes (channels, rows, F) arrays of their shape; None where it finds nothing.
+    u
+        Envelopes (channels, rows, F) in reference phase, NaN in windows without a number.
+    local_less_reference_rad_s
+        By what the local frame turns, of each tone (F,), or one, rad/s.
+    window_s
+        From row to row.
+
+    Returns
+    -------
+    tuple of ndarray or None
+        As u each: 0 in stretches of which nothing is found; None where nothing is found at all.
+
+    Examples
+    --------
+    The slope of a straight line, past one window without a number:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.neighbours import estimate_from_neighbours
+    >>> u = np.arange(9.0)[None, :, None] * (1 + 0j)
+    >>> u[0, 4] = np.nan
+    >>> (slope,) = estimate_from_neighbours(lambda one: (np.gradient(one, axis=1),), u, 0.0, 1.0)
+    >>> slope.real[0, :, 0].round(9).tolist()
+    [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    """
     known = np.isfinite(u).all(axis=(0, 2))
     if known.all():
         return motion(u)
@@ -51,8 +99,28 @@ def estimate_from_neighbours(
 
 
 def find_stretches(known: Array) -> Iterator[slice]:
-    """Rows (n,) from known ones to known ones, with no more than `MOST_BRIDGED` unknown ones in a
-    row between."""
+    """Rows from known ones to known ones, with no more than `MOST_BRIDGED` unknown ones in a row
+    between.
+
+    Parameters
+    ----------
+    known
+        (n,) bool.
+
+    Returns
+    -------
+    Iterator of slice
+        Of rows, in order, none of them empty.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.neighbours import find_stretches
+    >>> known = np.ones(30, bool)
+    >>> known[5:8] = known[15:25] = False
+    >>> list(find_stretches(known))
+    [slice(0, 15, None), slice(25, 30, None)]
+    """
     rows = np.flatnonzero(known)
     if not len(rows):
         return
@@ -66,8 +134,35 @@ def find_stretches(known: Array) -> Iterator[slice]:
 
 
 def bridge_unknown(u: Array, known: Array, turn: Array | complex) -> Array:
-    """The rows u (channel, n, F) with the unknown ones between the others filled in, in a frame that
-    turns by `turn` a row: by the line through two, the parabola through three, else the spline."""
+    """Envelopes with the unknown rows between the others filled in, in a frame that turns with
+    them.
+
+    They are filled by the line through two rows, the parabola through three, else the spline.
+
+    Parameters
+    ----------
+    u
+        Envelopes (channels, n, F).
+    known
+        (n,) bool, the first and the last of them True.
+    turn
+        e^{jΔT} by which the frame turns a row, of each tone (F,), or one.
+
+    Returns
+    -------
+    ndarray
+        As u.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.neighbours import bridge_unknown
+    >>> u = np.exp(0.5j * np.arange(10))[None, :, None]
+    >>> known = np.arange(10) != 4
+    >>> filled = bridge_unknown(np.where(known[:, None], u, np.nan), known, np.exp(0.5j))
+    >>> float(np.abs(filled - u).max().round(9))
+    0.0
+    """
     from scipy.interpolate import CubicSpline
 
     if known.all():

@@ -42,10 +42,48 @@ def search_oscillation(
     nominal_hz: float | None,
     name: str,
 ) -> SpectralPeak:
-    """The oscillation in the power of all looks: near the nominal frequency where one is known, else
-    the highest peak of all.
+    """The oscillation in the power of all looks: near the nominal frequency where one is known,
+    else the highest peak of all.
 
-    HrgError: a carrier or a nominal frequency that the sampling does not hold, no peak at all.
+    Parameters
+    ----------
+    looks
+        Along the recording.
+    spectra
+        Frequencies and powers of each look (k,); empty for uneven sampling, where they are summed.
+    step_s
+        Median sampling step.
+    carrier_hz
+        None: the oscillation is read directly.
+    nominal_hz
+        Expected frequency; None: none is.
+    name
+        Of the recording, for what is said of it.
+
+    Returns
+    -------
+    SpectralPeak
+        With a doubt where nothing stands out near the nominal frequency.
+
+    Raises
+    ------
+    HrgError
+        A carrier or a nominal frequency that the sampling does not hold, no peak at all.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.frequency import compute_even_power
+    >>> from hrg_cli.fitting.samples.looks import take_looks
+    >>> from hrg_cli.fitting.samples.oscillation_search import search_oscillation
+    >>> c = np.cos(2 * np.pi * 5003.0 * np.arange(50_000) / 64e3)
+    >>> c += 0.1 * np.random.default_rng(0).standard_normal(50_000)
+    >>> looks = take_looks(Recording(c=c, s=c, sample_rate_hz=64e3, mode="free"), True, "run")
+    >>> spectra = [compute_even_power(look.y, 64e3) for look in looks]
+    >>> found = search_oscillation(looks, spectra, 1 / 64e3, None, None, "run")
+    >>> round(found.frequency_hz), found.ratio > found.limit
+    (5003, True)
     """
     nyquist = 0.5 / step_s
     top = nyquist if carrier_hz is None else nyquist - carrier_hz
@@ -133,7 +171,39 @@ def _power_of_all(
 def follow_frequency(
     looks: Sequence[Look], spectra: Spectra, step_s: float, found: float, carrier_hz: float | None
 ) -> tuple[Array, Array]:
-    """Times and frequencies of the looks in which the line is clear."""
+    """Times and frequencies of the looks in which the line is clear.
+
+    Parameters
+    ----------
+    looks, spectra, step_s, carrier_hz
+        As in `search_oscillation`.
+    found
+        Frequency of the oscillation in all of them, Hz.
+
+    Returns
+    -------
+    time_s : ndarray
+        Middles of the looks (k,).
+    frequency_hz : ndarray
+        (k,); where no look is clear, the one that was found, at time 0.
+
+    Examples
+    --------
+    A frequency that rises by 2 Hz a second:
+
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.frequency import compute_even_power
+    >>> from hrg_cli.fitting.samples.looks import take_looks
+    >>> from hrg_cli.fitting.samples.oscillation_search import follow_frequency
+    >>> t = np.arange(64_000) / 64e3
+    >>> c = np.cos(2 * np.pi * (5003.0 * t + t**2))
+    >>> looks = take_looks(Recording(c=c, s=c, sample_rate_hz=64e3, mode="free"), True, "run")
+    >>> spectra = [compute_even_power(look.y, 64e3) for look in looks]
+    >>> middle, hz = follow_frequency(looks, spectra, 1 / 64e3, 5004.0, None)
+    >>> len(hz), float(np.abs(hz - 5003 - 2 * middle).max().round(2))
+    (3, 0.0)
+    """
     times, frequencies = [], []
     for number, look in enumerate(looks):
         # A look with a gap in it resolves no better than its samples, were they together; four

@@ -72,7 +72,37 @@ class _Course:
 
 
 def find_run_down(recording: Recording, survey: Survey) -> RunDown | None:
-    """Where the run-down of a free recording begins and ends; None where all of it is one."""
+    """Where the run-down of a free recording begins and ends.
+
+    Parameters
+    ----------
+    recording
+        Of both channels.
+    survey
+        What its looks show.
+
+    Returns
+    -------
+    RunDown or None
+        None where all of it is one, and of a recording that is driven, read by a carrier or
+        refused.
+
+    Examples
+    --------
+    A body that is struck at 1 s:
+
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.run_down import find_run_down
+    >>> from hrg_cli.fitting.samples.survey import survey
+    >>> t = np.arange(80_000) / 8000
+    >>> c = np.where(t > 1, np.exp(-(t - 1) / 3), 0) * np.cos(2 * np.pi * 1234 * t)
+    >>> c = c + 1e-4 * np.random.default_rng(0).standard_normal(80_000)
+    >>> run = Recording(c=c, s=0.5 * c, sample_rate_hz=8000.0, mode="free")
+    >>> found = find_run_down(run, survey(run, "run"))
+    >>> 1.0 < found.begin_s < 1.1, found.end_s
+    (True, inf)
+    """
     if recording.mode != "free" or recording.readout != "direct" or survey.refused:
         return None
     coarse = _judge(_course(_cut(survey), survey))

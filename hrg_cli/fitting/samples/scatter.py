@@ -27,10 +27,34 @@ five none of what the windows' own bends do from row to row. Their variance over
 
 
 def estimate_scattered_variance(envelope: Array, own: Array, every: int = 1) -> float:
-    """Variance a sample that the differences of envelopes (windows, tones) show, at one window of
-    `every`, whose coefficients have `own` (windows or 1,) of it; NaN where there are too few.
+    """Variance a sample that the differences of envelopes from window to window show.
 
-    The median leaves jumps aside (|z|² of a complex normal number has the median ln 2).
+    The median leaves jumps aside (|z|² of a complex normal number has the median ln 2 of its mean).
+
+    Parameters
+    ----------
+    envelope
+        (windows, tones).
+    own
+        Variance of the coefficients in that of one sample (windows or 1,).
+    every
+        One difference of so many is taken.
+
+    Returns
+    -------
+    float
+        Unit of the samples squared; NaN where there are fewer than `FEWEST` differences.
+
+    Examples
+    --------
+    Envelopes that turn and decay, whose parts have a tenth of a sample's variance of 4:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.scatter import estimate_scattered_variance
+    >>> noise = np.random.default_rng(0).standard_normal((2, 20_000, 1)) * np.sqrt(0.1 * 4)
+    >>> motion = 1000 * np.exp((0.02j - 1e-4) * np.arange(20_000))[:, None]
+    >>> round(estimate_scattered_variance(motion + noise[0] + 1j * noise[1], np.array([0.1])), 1)
+    4.0
     """
     count = max(0, len(envelope) - ORDER)
     terms = ((-1) ** k * comb(ORDER, k) * envelope[k : count + k : every] for k in range(ORDER + 1))
@@ -42,8 +66,36 @@ def estimate_scattered_variance(envelope: Array, own: Array, every: int = 1) -> 
 
 
 def settle_by_scatter(pooled: Array, share: Array, freedom: Array, seen: float) -> Array:
-    """The pooled variances (windows,), or the one that was seen from window to window where the
-    motion's `share` (windows,) of each leaves them unsure."""
+    """Pooled variances, or the one that was seen from window to window where the motion's share
+    leaves them unsure.
+
+    Parameters
+    ----------
+    pooled
+        Of the residuals (windows,), without the share.
+    share
+        The motion's part of each, a degree of freedom (windows,).
+    freedom
+        Degrees of freedom, one number or (windows,).
+    seen
+        From window to window; NaN where it is not known.
+
+    Returns
+    -------
+    ndarray
+        (windows,).
+
+    Examples
+    --------
+    A motion's share of 1 and of 1e6 times the noise:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.scatter import settle_by_scatter
+    >>> for share in (1.0, 1e6):
+    ...     print(settle_by_scatter(np.full(2, 1.2), np.full(2, share), np.array(200), 1.0).tolist())
+    [1.2, 1.2]
+    [1.0, 1.0]
+    """
     if not seen > 0:
         return pooled
     share = np.where(np.isfinite(share), share, 0.0)

@@ -11,7 +11,26 @@ Rows = dict[str, Array]
 
 
 def make_rows(rows: int, tones: int) -> Rows:
-    """A block's columns, to be filled: cos and sin of both channels for each tone."""
+    """A block's columns, to be filled: cos and sin of both channels for each tone.
+
+    Parameters
+    ----------
+    rows
+        Windows of the block.
+    tones
+        Signals a channel, one or two side bands.
+
+    Returns
+    -------
+    dict of ndarray
+        By the columns' names.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.samples.signal_rows import make_rows
+    >>> {name: column.shape for name, column in make_rows(100, 1).items()}
+    {'time_s': (100,), 'signals': (100, 4), 'signals_std': (100, 4), 'residual_rms': (100, 2), 'flags': (100,)}
+    """
     shapes = {
         "time_s": (rows,),
         "signals": (rows, 4 * tones),
@@ -38,8 +57,39 @@ class Variances:
 def write_signals(
     out: Rows, rows: slice, channel: int, u: Array, turn: Array, variances: Variances
 ) -> None:
-    """A channel's signals, u (windows, tones) turned to the reference phase by `turn`, with their
-    standard deviations."""
+    """Write a channel's signals, with their standard deviations, into the columns of a block.
+
+    C = c_cos cos + c_sin sin is Re[(c_cos − j c_sin) e^{jωt}]; turned by β, variances p of cos and
+    q of sin become p cos²β + q sin²β and the reverse.
+
+    Parameters
+    ----------
+    out
+        The block's columns.
+    rows
+        Which of its rows.
+    channel
+        0 or 1.
+    u
+        Envelopes (windows, tones) in reference phase.
+    turn
+        By what they were turned to it, (windows, tones).
+    variances
+        What makes the standard deviations.
+
+    Examples
+    --------
+    A quarter of a turn exchanges the variances of cos and sin:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.signal_rows import Variances, make_rows, write_signals
+    >>> out, one = make_rows(1, 1), Variances(np.ones((1, 1)), np.array([[0.01, 0.04]]), 0.0)
+    >>> for turn in (1.0, 1j):
+    ...     write_signals(out, slice(0, 1), 0, np.array([[3 - 4j]]), np.array([[turn]]), one)
+    ...     print(out["signals"][0, :2].tolist(), out["signals_std"][0, :2].round(9).tolist())
+    [3.0, 4.0] [0.1, 0.2]
+    [3.0, 4.0] [0.2, 0.1]
+    """
     tones, k = u.shape[1], channel
     # turned by β, the variances p of cos and q of sin become p cos²β + q sin²β and the reverse
     p, q = variances.own[:, 0::2], variances.own[:, 1::2]

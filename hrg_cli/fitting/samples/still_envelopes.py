@@ -62,11 +62,26 @@ class MotionWithin:
     """Times between which the envelope's motion is judged: of a struck body, its run-down."""
 
     def take_off(self, fits: Fits, u: Array, turn: Array, times: Array, offset: Array) -> Still:
-        """The envelopes u (channels, windows, tones) without what their slope, and where it is
-        needed their bend, within the window pulls them by.
+        """The envelopes without what their slope, and where it is needed their bend, within the
+        window pulls them by.
 
-        turn: by what u was turned to the reference phase, (windows, tones); times: centres
-        (windows,), s; offset: of the basis from the reference (tones,), rad/s.
+        Parameters
+        ----------
+        fits
+            Of the windows.
+        u
+            Their envelopes (channels, windows, tones) in reference phase.
+        turn
+            By what u was turned to it, (windows, tones).
+        times
+            Centres (windows,), s.
+        offset
+            Of the basis from the reference (tones,), rad/s.
+
+        Returns
+        -------
+        Still
+            With what the motion explains and leaves unsure.
         """
         smooth, known = self._take_slope_off(fits, u, turn, offset)
         bend = doubt = None

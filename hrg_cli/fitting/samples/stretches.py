@@ -21,7 +21,13 @@ class Stretches:
     _open_since: int | None = None
 
     def add(self, piece: Array) -> None:
-        """The next elements (n,) bool of the series."""
+        """Add the next elements of the series.
+
+        Parameters
+        ----------
+        piece
+            (n,) bool.
+        """
         if not len(piece):
             return
         open_before = self._open_since is not None

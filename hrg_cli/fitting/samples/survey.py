@@ -81,11 +81,28 @@ class Survey:
     noise_correlation: float | None = None
 
     def frequency_hz(self, time_s: float) -> float:
-        """Local frequency, interpolated between the looks."""
+        """Local frequency, interpolated between the looks; beyond them that of the nearest.
+
+        Parameters
+        ----------
+        time_s
+            On the samples' clock.
+
+        Returns
+        -------
+        float
+            Hz.
+        """
         return float(np.interp(time_s, self.track_s, self.track_hz))
 
     def spectrum_floor(self) -> Array:
-        """Mean over frequency of each channel's density (channels,) without its lines."""
+        """Mean over frequency of each channel's density without its lines.
+
+        Returns
+        -------
+        ndarray
+            (2,), one-sided, unit²/Hz.
+        """
         return np.asarray(find_floor(self.spectrum_density).mean(axis=0))
 
 
@@ -103,7 +120,28 @@ class FrequencyCourse:
 
     @classmethod
     def of(cls, recording: Recording, name: str, looks: Sequence[Look]) -> FrequencyCourse:
-        """HrgError: constant channels, no oscillation possible below half the sampling rate."""
+        """The course that looks along a recording show.
+
+        Parameters
+        ----------
+        recording
+            Of both channels.
+        name
+            Of it, for what is said of it.
+        looks
+            Along it.
+
+        Returns
+        -------
+        FrequencyCourse
+            With doubts about the channels and the peak.
+
+        Raises
+        ------
+        HrgError
+            Constant channels, times that do not increase, no oscillation possible below half the
+            sampling rate.
+        """
         even = recording.time_s is None
         carrier = recording.carrier_hz if recording.readout == "carrier" else None
         dead = find_dead_channels(looks, name, recording.status_reasons)
@@ -119,7 +157,22 @@ class FrequencyCourse:
     def survey(
         self, recording: Recording, rest: Residual, least_count: tuple[float, float]
     ) -> Survey:
-        """The survey, with what the looks hold beside the oscillation."""
+        """The survey, with what the looks hold beside the oscillation.
+
+        Parameters
+        ----------
+        recording
+            Whose course this is.
+        rest
+            What its looks hold beside the oscillation.
+        least_count
+            Step of each channel's values, 0: none.
+
+        Returns
+        -------
+        Survey
+            Its reference frequency is the looks' median, rounded to a micro-hertz.
+        """
         # A micro-hertz: a number that a person can write down and that two machines agree on.
         reference = float(np.round(np.median(self.track[1]), 6))
         away = rest.blind_hz
@@ -154,8 +207,40 @@ class FrequencyCourse:
 
 
 def survey(recording: Recording, name: str) -> Survey:
-    """Look at a recording. HrgError: no samples, constant channels, no oscillation possible below
-    half the sampling rate."""
+    """Find what looks along a recording show before it is demodulated.
+
+    Parameters
+    ----------
+    recording
+        Of both channels.
+    name
+        Of it, for what is said of it.
+
+    Returns
+    -------
+    Survey
+        With reasons to suspect or refuse the recording.
+
+    Raises
+    ------
+    HrgError
+        No samples, constant channels, times that do not increase, no oscillation possible below
+        half the sampling rate.
+
+    Examples
+    --------
+    White noise of 1e-3 has the one-sided density 2·(1e-3)²/f_s:
+
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.survey import survey
+    >>> c = np.cos(2 * np.pi * 1234.5 * np.arange(80_000) / 8000)
+    >>> noise = 1e-3 * np.random.default_rng(0).standard_normal((2, 80_000))
+    >>> run = Recording(c=c + noise[0], s=c + noise[1], sample_rate_hz=8000.0, mode="free")
+    >>> found = survey(run, "run")
+    >>> round(found.reference_hz, 4), (found.spectrum_floor() / (2e-6 / 8000)).round(1).tolist()
+    (1234.5, [1.0, 1.0])
+    """
     course = FrequencyCourse.of(
         recording, name, take_looks(recording, recording.time_s is None, name)
     )
@@ -166,10 +251,33 @@ def survey(recording: Recording, name: str) -> Survey:
 
 
 def survey_quiet(recording: Recording, name: str) -> Survey:
-    """The frequency's course alone, of samples without noise: what they hold beside the oscillation
-    is nothing, and a few looks tell the rest.
+    """Find the frequency's course alone, of samples without noise: what they hold beside the
+    oscillation is nothing, and a few looks tell the rest.
 
-    HrgError: as `survey`.
+    Parameters
+    ----------
+    recording, name
+        As in `survey`.
+
+    Returns
+    -------
+    Survey
+        Without a spectrum and without a least count.
+
+    Raises
+    ------
+    HrgError
+        As `survey`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.survey import survey_quiet
+    >>> c = np.cos(2 * np.pi * 1234.5 * np.arange(80_000) / 8000)
+    >>> found = survey_quiet(Recording(c=c, s=c, sample_rate_hz=8000.0, mode="free"), "run")
+    >>> round(found.reference_hz, 4), found.spectrum_segments
+    (1234.5, 0)
     """
     looks = take_looks(recording, recording.time_s is None, name)
     course = FrequencyCourse.of(
@@ -228,7 +336,22 @@ class Residual:
     noise2: Array
 
     def find_lines(self, skip_hz: tuple[tuple[float, float], ...]) -> tuple[Array, Array, Array]:
-        """Frequencies, amplitudes (lines, channels) and power ratios of what stands out of it."""
+        """Lines that stand out of the spectrum.
+
+        Parameters
+        ----------
+        skip_hz
+            Bands whose lines are left out.
+
+        Returns
+        -------
+        frequency_hz : ndarray
+            (lines,).
+        amplitude : ndarray
+            (lines, 2), unit of the signals.
+        ratio : ndarray
+            (lines,), power over the floor.
+        """
         seen = self.spectrum
         if not seen.segments:
             return np.zeros(0), np.zeros((0, 2)), np.zeros(0)

@@ -21,7 +21,43 @@ Array = np.ndarray
 
 
 def make_uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
-    """Blocks of rows. HrgError: times that do not increase or jump; too short for one window."""
+    """Blocks of rows from uneven sampling, in the order of time.
+
+    Parameters
+    ----------
+    run
+        The recording on its way through; its window and its gaps are set here.
+    block_samples
+        Samples that are read at once.
+
+    Returns
+    -------
+    Iterator of dict
+        Columns by name, as `make_rows` makes them.
+
+    Raises
+    ------
+    HrgError
+        Times that do not increase or jump; a recording too short for one window.
+
+    Examples
+    --------
+    Half a second without a sample:
+
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.demodulator import Demodulator
+    >>> from hrg_cli.fitting.samples.survey import survey
+    >>> from hrg_cli.fitting.samples.uneven import make_uneven_rows
+    >>> t = np.arange(60_000) / 20e3
+    >>> t = t[(t < 1) | (t > 1.5)]
+    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-3 * np.random.default_rng(0).standard_normal(len(t))
+    >>> one = Recording(c=c, s=0.5 * c, time_s=t, mode="free")
+    >>> run = Demodulator(one, survey(one, "run"), "run", 5.0, None)
+    >>> flags = np.concatenate([block["flags"] for block in make_uneven_rows(run, 1 << 16)])
+    >>> run.gaps.count, round(run.gaps.total_s, 3), int(np.count_nonzero(flags & 2))
+    (1, 0.5, 102)
+    """
     recording, n, step = run.recording, len(run.recording.c), run.survey.step_s
     begin, end = (float(recording.times(a, a + 1)[0]) for a in (0, n - 1))
     span = end - begin + step
@@ -132,11 +168,48 @@ def fit_uneven(
     nuisance_hz: tuple[float, ...],
     moving: bool,
 ) -> Fits:
-    """Windows at true times: `window` (n,) is each sample's row in `centre_s`, not decreasing; y
-    (channels, n).
+    """Windows fitted at the true times of their samples.
 
     A window with fewer samples than unknowns + 1, or whose samples do not separate the unknowns,
     holds NaN.
+
+    Parameters
+    ----------
+    time_s
+        Of the samples (n,), s.
+    y
+        Samples (channels, n).
+    window
+        Row in `centre_s` of each sample (n,), not decreasing.
+    centre_s
+        Middles of the windows (rows,), s.
+    width_s
+        Of a window, s.
+    frequency_hz
+        Of the wanted signals, F of them.
+    nuisance_hz
+        Of what is fitted beside them.
+    moving
+        Whether t·cos and t·sin of the wanted signals are fitted too.
+
+    Returns
+    -------
+    Fits
+        Of all windows.
+
+    Examples
+    --------
+    The second of three windows has no samples:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.uneven import fit_uneven
+    >>> t = np.sort(np.random.default_rng(0).uniform(0, 0.3, 300))
+    >>> t = t[(t < 0.1) | (t > 0.2)]
+    >>> y = np.cos(2 * np.pi * 50 * t)[None]
+    >>> centre = np.array([0.05, 0.15, 0.25])
+    >>> fits = fit_uneven(t, y, (t / 0.1).astype(int), centre, 0.1, (50.0,), (), False)
+    >>> (fits.envelope[0, :, 0] * np.exp(-2j * np.pi * 50 * centre)).real.round(9).tolist()
+    [1.0, nan, 1.0]
     """
     channels, tones = len(y), 2 * len(frequency_hz)
     tau = time_s - centre_s[window]

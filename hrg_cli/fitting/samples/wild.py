@@ -64,7 +64,29 @@ class TameChannel:
 
 
 def find_lonely(beyond: Array) -> Array:
-    """Places of the true values (n,) that have at most `MOST_TOGETHER` about them."""
+    """Places of the true values that have at most `MOST_TOGETHER` about them.
+
+    Parameters
+    ----------
+    beyond
+        (n,) bool.
+
+    Returns
+    -------
+    ndarray
+        (k,), rising.
+
+    Examples
+    --------
+    One alone, and ten together:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.wild import find_lonely
+    >>> beyond = np.zeros(100, bool)
+    >>> beyond[20] = beyond[50:60] = True
+    >>> find_lonely(beyond).tolist()
+    [20]
+    """
     places = np.flatnonzero(beyond)
     about = np.searchsorted(places, places + ABOUT, "right") - np.searchsorted(
         places, places - ABOUT, "left"
@@ -73,12 +95,57 @@ def find_lonely(beyond: Array) -> Array:
 
 
 def measure_tame(off: Array) -> float:
-    """The largest of the distances from the middle, but for as many as may be wild together."""
+    """The largest of the distances from the middle, but for as many as may be wild together.
+
+    Parameters
+    ----------
+    off
+        Distances (n,), more than `MOST_TOGETHER`.
+
+    Returns
+    -------
+    float
+        Their unit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.wild import measure_tame
+    >>> measure_tame(np.array([1.0, 0.5, 2.0, 9e9, 1.5, 9e9, 9e9]))
+    2.0
+    """
     return float(np.partition(off, -MOST_TOGETHER - 1)[-MOST_TOGETHER - 1])
 
 
 def mask_wild(recording: Recording, looks: Sequence[Look]) -> Recording:
-    """The recording with its wild samples as NaN, by what its looks hold."""
+    """The recording with its wild samples as NaN, by what its looks hold.
+
+    Parameters
+    ----------
+    recording
+        Of both channels.
+    looks
+        Along it.
+
+    Returns
+    -------
+    Recording
+        Its channels read as NaN where a sample is wild; as they are where nothing can be.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.looks import take_looks
+    >>> from hrg_cli.fitting.samples.wild import mask_wild
+    >>> c = np.cos(0.7 * np.arange(5000))
+    >>> torn = c.copy()
+    >>> torn[1234] = 7e22
+    >>> run = Recording(c=torn, s=c, sample_rate_hz=1e5, mode="free")
+    >>> masked = mask_wild(run, take_looks(run, True, "run"))
+    >>> np.flatnonzero(np.isnan(masked.c[:])).tolist()
+    [1234]
+    """
     channels = [_tame(recording.c, looks, 0), _tame(recording.s, looks, 1)]
     return dataclasses.replace(recording, c=channels[0], s=channels[1])
 
@@ -105,7 +172,33 @@ def _reach(dtype: np.dtype) -> float:
 
 
 def tell_wild(recording: Recording) -> str:
-    """The wild samples met in words: the first of them, and how many more; empty where none was."""
+    """Tell the wild samples met in words: the first of them, and how many more.
+
+    Parameters
+    ----------
+    recording
+        Of `mask_wild`, of which samples have been read.
+
+    Returns
+    -------
+    str
+        Empty where none was met.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.looks import take_looks
+    >>> from hrg_cli.fitting.samples.wild import mask_wild, tell_wild
+    >>> c = np.cos(0.7 * np.arange(5000))
+    >>> torn = c.copy()
+    >>> torn[1234] = 7e22
+    >>> run = Recording(c=torn, s=c, sample_rate_hz=1e5, mode="free")
+    >>> masked = mask_wild(run, take_looks(run, True, "run"))
+    >>> _ = masked.c[:]
+    >>> tell_wild(masked)
+    'sample 1235 of channel C, at 0.01234 s, is 7e+22 where the others stay within 1.002'
+    """
     rate = [recording.c_scale_factor, recording.s_scale_factor]
     offset = [recording.c_add_offset, recording.s_add_offset]
     units = [recording.c_units, recording.s_units]
