@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from timing import best
 
-from hrg_cli.fitting.ellipse.closed_form import closed_form
+from hrg_cli.fitting.ellipse.closed_form import solve_closed_form
 from hrg_cli.physics.signals import make_signals
 from hrg_cli.records import Periods
 from hrg_cli.stages.estimate import estimate
@@ -60,7 +60,7 @@ def main() -> None:
     scipy_us = best(one_by_one, 3) / len(few) * 1e6
     print(f"scipy.optimize.least_squares (lm, start previous): {scipy_us:.0f} us a period")
     record, _ = carrier_periods(1_000_000)
-    closed_us = best(lambda: closed_form(record.signals), 3) / len(record) * 1e6
+    closed_us = best(lambda: solve_closed_form(record.signals), 3) / len(record) * 1e6
     print(
         f"closed form alone: {closed_us:.2f} us a period-vector (aim: under 1),"
         f" {scipy_us / closed_us:.0f} times faster"

@@ -77,6 +77,12 @@ HELD = (
         )
     ),
     *(
+        f"fitting.ellipse.{name}"
+        for name in (
+            *("closed_form", "continuity", "gauss_newton", "levenberg_marquardt", "uncertainty"),
+        )
+    ),
+    *(
         f"fitting.samples.{name}"
         for name in (
             *("basis", "course", "demodulator", "envelope_motion", "even", "frequency", "gaps"),

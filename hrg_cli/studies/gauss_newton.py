@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from ..fitting.ellipse.closed_form import closed_form
-from ..fitting.ellipse.gauss_newton import gauss_newton, step
+from ..fitting.ellipse.closed_form import solve_closed_form
+from ..fitting.ellipse.gauss_newton import make_step, solve_gauss_newton
 from ..physics.signals import make_signals
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def _experiment(draw: Any, vectors: int, generator: np.random.Generator) -> dict
     for first in range(0, vectors, CHUNK_VECTORS):
         x, start = draw(min(CHUNK_VECTORS, vectors - first), generator)
         z = make_signals(x)
-        found = gauss_newton(
+        found = solve_gauss_newton(
             z,
             start,
             residual_tolerance=TOLERANCE,
@@ -94,7 +94,7 @@ def _experiment(draw: Any, vectors: int, generator: np.random.Generator) -> dict
         worst = int(np.argmax(found.evaluations))
         if found.evaluations[worst] > most:
             most, slowest = int(found.evaluations[worst]), misfits(z[worst], start[worst])
-        misfit = np.sqrt(((make_signals(closed_form(z)[0]) - z) ** 2).mean(axis=1))
+        misfit = np.sqrt(((make_signals(solve_closed_form(z)[0]) - z) ** 2).mean(axis=1))
         closed_failures += int((misfit > TOLERANCE).sum())
         closed_worst = max(closed_worst, float(misfit.max()))
     evaluations = np.arange(len(counts))
@@ -125,7 +125,7 @@ def misfits(z: Array, start: Array) -> list[float]:
         out.append(float(np.sqrt(((z - make_signals(x)[0]) ** 2).sum() / 8)))
         if out[-1] <= TOLERANCE:
             break
-        x = step(z[None], x)
+        x = make_step(z[None], x)
     return out
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from ..fitting.ellipse.closed_form import closed_form
+from ..fitting.ellipse.closed_form import solve_closed_form
 from ..physics.signals import find_sidebands, from_sidebands, make_signals
 
 if TYPE_CHECKING:
@@ -100,8 +100,8 @@ def redundancy_study(
     )
     rows = []
     for name, meaning, apply in DEFECTS:
-        misfit = closed_form(_with_defect(anyhow, apply, defect))[1]
-        found = closed_form(_with_defect(working, apply, defect))[0]
+        misfit = solve_closed_form(_with_defect(anyhow, apply, defect))[1]
+        found = solve_closed_form(_with_defect(working, apply, defect))[0]
         error = found[:, 2] - working[:, 2]
         error -= np.pi * np.round(error / np.pi)
         residual = float(np.sqrt(np.mean(misfit**2))) / defect

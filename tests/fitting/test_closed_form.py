@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.solutions import symmetries
 
-from hrg_cli.fitting.ellipse.closed_form import choose_canonical, closed_form
+from hrg_cli.fitting.ellipse.closed_form import choose_canonical, solve_closed_form
 from hrg_cli.physics.signals import make_signals
 
 
@@ -20,7 +20,7 @@ def random_waves(n: int, seed: int) -> np.ndarray:
 
 def test_exact_signals_are_met_to_rounding():
     z = make_signals(random_waves(20000, 1))
-    x, misfit = closed_form(z)
+    x, misfit = solve_closed_form(z)
     assert misfit.max() < 1e-15
     np.testing.assert_allclose(make_signals(x), z, atol=1e-14)
     assert (x[:, 0] >= np.abs(x[:, 1])).all()
@@ -40,7 +40,7 @@ def test_exact_signals_are_met_to_rounding():
 def test_all_symmetric_copies_have_one_canonical_form(values):
     x = np.array(values) * [1, values[0], 1, 1, 1]
     forms = choose_canonical(symmetries(x))
-    closed = closed_form(make_signals(x)[None])[0]
+    closed = solve_closed_form(make_signals(x)[None])[0]
     difference = (forms - closed)[:, 2:] / np.pi
     np.testing.assert_allclose(forms[:, :2], np.broadcast_to(closed[:, :2], (16, 2)), atol=1e-9)
     np.testing.assert_allclose(difference, np.round(difference), atol=1e-7)
@@ -58,7 +58,7 @@ def test_no_start_of_another_solver_ends_lower(carrier_known):
     truth = random_waves(6, 3)
     z = make_signals(truth) + 0.1 * generator.standard_normal((6, 8))
     for row, psi in zip(z, truth[:, 4], strict=True):
-        x, misfit = closed_form(row[None], psi if carrier_known else None)
+        x, misfit = solve_closed_form(row[None], psi if carrier_known else None)
         assert np.sqrt(((make_signals(x[0]) - row) ** 2).mean()) == pytest.approx(
             misfit[0], rel=1e-12
         )
@@ -75,7 +75,7 @@ def test_no_start_of_another_solver_ends_lower(carrier_known):
 
 def test_known_carrier_phase_is_kept():
     x = random_waves(100, 4)
-    found, misfit = closed_form(make_signals(x[:, :]), x[:, 4])
+    found, misfit = solve_closed_form(make_signals(x[:, :]), x[:, 4])
     np.testing.assert_array_equal(found[:, 4], x[:, 4])
     assert misfit.max() < 1e-15
 
@@ -84,8 +84,8 @@ def test_invisible_defects_change_the_wave_but_leave_no_residual():
     """The redundant equations cannot see what acts before the carrier (PHYSICS §3)."""
     z = make_signals(random_waves(1000, 5))
     z[:, :4] *= 1.01
-    x, misfit = closed_form(z)
+    x, misfit = solve_closed_form(z)
     assert misfit.max() < 1e-15
     z = make_signals(x)
     z[:, [1, 3]] *= 1.01
-    assert closed_form(z)[1].max() > 1e-3
+    assert solve_closed_form(z)[1].max() > 1e-3

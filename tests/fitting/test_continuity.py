@@ -6,7 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hrg_cli.fitting.ellipse.continuity import continue_angles, local_slope, nearest_copy
+from hrg_cli.fitting.ellipse.continuity import (
+    continue_angles,
+    estimate_local_slope,
+    find_nearest_copy,
+)
 
 TIME = np.arange(600) * 0.01
 
@@ -55,12 +59,12 @@ def test_slope_of_a_line_with_uneven_times_and_missing_rows():
     weights = np.ones(500)
     weights[[0, 1, 40, 41, 42, 499]] = 0
     values[weights == 0] = np.nan
-    np.testing.assert_allclose(local_slope(time_s, values, weights, 5), 3.7, rtol=1e-7)
+    np.testing.assert_allclose(estimate_local_slope(time_s, values, weights, 5), 3.7, rtol=1e-7)
 
 
 def test_slope_is_unknown_where_nothing_is_known():
-    assert np.isnan(local_slope(np.arange(5.0), np.arange(5.0), np.zeros(5), 2)).all()
-    assert np.isnan(local_slope(np.arange(1.0), np.arange(1.0), np.ones(1), 2)).all()
+    assert np.isnan(estimate_local_slope(np.arange(5.0), np.arange(5.0), np.zeros(5), 2)).all()
+    assert np.isnan(estimate_local_slope(np.arange(1.0), np.arange(1.0), np.ones(1), 2)).all()
 
 
 def test_the_nearest_copy_describes_the_same_wave():
@@ -70,7 +74,7 @@ def test_the_nearest_copy_describes_the_same_wave():
     expected = generator.uniform(-20, 20, (500, 3))
     near = expected + generator.uniform(-0.5, 0.5, (500, 3))
     np.testing.assert_allclose(
-        nearest_copy(np.stack(copies(*near.T, generator), axis=-1), expected), near, atol=1e-9
+        find_nearest_copy(np.stack(copies(*near.T, generator), axis=-1), expected), near, atol=1e-9
     )
 
 

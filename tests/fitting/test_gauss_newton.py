@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.ellipse.closed_form import choose_canonical, closed_form
+from hrg_cli.fitting.ellipse.closed_form import choose_canonical, solve_closed_form
 from hrg_cli.fitting.ellipse.gauss_newton import (
-    amplitudes,
-    gauss_newton,
-    half_products,
-    model_signals,
-    step,
+    compute_half_products,
+    compute_model_signals,
+    make_step,
+    solve_amplitudes,
+    solve_gauss_newton,
 )
 from hrg_cli.physics.signals import make_signals
 
@@ -45,25 +45,27 @@ def test_one_step_is_the_pseudo_inverse_step(carrier_known):
     generator = np.random.default_rng(2)
     for x in random_waves(200, 3):
         z = generator.standard_normal(8)
-        x[:2] = np.ravel(amplitudes(z[:, None], half_products(*x[2:, None])))
+        x[:2] = np.ravel(solve_amplitudes(z[:, None], compute_half_products(*x[2:, None])))
         free = slice(0, 4 if carrier_known else 5)
         expected = x.copy()
         expected[free] += np.linalg.pinv(jacobian(x)[:, free]) @ (z - make_signals(x))
-        found = step(z[None], x[None], carrier_known)[0]
+        found = make_step(z[None], x[None], carrier_known)[0]
         np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
 
 
 def test_the_fast_model_is_the_model():
     x = random_waves(100, 4).T
     np.testing.assert_allclose(
-        model_signals(x[0], x[1], half_products(*x[2:])).T, make_signals(x.T), atol=1e-15
+        compute_model_signals(x[0], x[1], compute_half_products(*x[2:])).T,
+        make_signals(x.T),
+        atol=1e-15,
     )
 
 
 def test_from_zero_every_exact_vector_is_solved():
     x = random_waves(20000, 5)
     z = make_signals(x)
-    found = gauss_newton(z, np.zeros_like(x), residual_tolerance=1e-6, step_tolerance=0.0)
+    found = solve_gauss_newton(z, np.zeros_like(x), residual_tolerance=1e-6, step_tolerance=0.0)
     assert (found.evaluations > 0).all()
     np.testing.assert_allclose(make_signals(found.x), z, atol=1e-5)
     assert found.evaluations.mean() == pytest.approx(5.736, abs=4 * 1.35 / np.sqrt(len(x)))
@@ -73,8 +75,8 @@ def test_started_at_the_closed_form_it_stays_there():
     z = make_signals(random_waves(5000, 6)) + 0.05 * np.random.default_rng(7).standard_normal(
         (5000, 8)
     )
-    best, misfit = closed_form(z)
-    found = gauss_newton(z, best, step_tolerance=1e-6)
+    best, misfit = solve_closed_form(z)
+    found = solve_gauss_newton(z, best, step_tolerance=1e-6)
     assert (found.evaluations == 1).mean() > 0.999
     np.testing.assert_allclose(found.residual_rms, misfit, atol=1e-15)
 
@@ -83,8 +85,8 @@ def test_noisy_vectors_converge_to_the_least_misfit_from_nearby():
     truth = random_waves(3000, 8)
     truth[:, 0], truth[:, 1] = 1.0, 0.3 * truth[:, 1]
     z = make_signals(truth) + 0.01 * np.random.default_rng(9).standard_normal((3000, 8))
-    best, misfit = closed_form(z)
-    found = gauss_newton(z, truth + np.array([0, 0, 0.1, 0.1, 0.1]), carrier_known=False)
+    best, misfit = solve_closed_form(z)
+    found = solve_gauss_newton(z, truth + np.array([0, 0, 0.1, 0.1, 0.1]), carrier_known=False)
     assert (found.evaluations > 1).all()
     np.testing.assert_allclose(found.residual_rms, misfit, rtol=1e-9)
     np.testing.assert_allclose(choose_canonical(found.x)[:, :2], best[:, :2], atol=1e-9)
@@ -92,7 +94,7 @@ def test_noisy_vectors_converge_to_the_least_misfit_from_nearby():
 
 def test_what_does_not_converge_says_so():
     z = make_signals(random_waves(500, 10))
-    found = gauss_newton(
+    found = solve_gauss_newton(
         z, np.zeros((500, 5)), residual_tolerance=1e-6, step_tolerance=0.0, max_iterations=4
     )
     late = found.evaluations < 0

@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from hrg_cli.fitting.ellipse.closed_form import choose_canonical, closed_form
-from hrg_cli.fitting.ellipse.levenberg_marquardt import levenberg_marquardt
+from hrg_cli.fitting.ellipse.closed_form import choose_canonical, solve_closed_form
+from hrg_cli.fitting.ellipse.levenberg_marquardt import solve_levenberg_marquardt
 from hrg_cli.physics.signals import make_signals
 
 
@@ -19,7 +19,9 @@ def random_waves(n: int, seed: int) -> np.ndarray:
 def test_from_zero_every_exact_vector_is_solved():
     x = random_waves(20000, 1)
     z = make_signals(x)
-    found = levenberg_marquardt(z, np.zeros_like(x), residual_tolerance=1e-6, step_tolerance=0.0)
+    found = solve_levenberg_marquardt(
+        z, np.zeros_like(x), residual_tolerance=1e-6, step_tolerance=0.0
+    )
     assert (found.evaluations > 0).all()
     np.testing.assert_allclose(make_signals(found.x), z, atol=1e-5)
 
@@ -29,7 +31,7 @@ def test_more_iterations_never_leave_a_greater_misfit():
         (2000, 8)
     )
     ends = [
-        levenberg_marquardt(z, np.zeros((2000, 5)), max_iterations=k).residual_rms
+        solve_levenberg_marquardt(z, np.zeros((2000, 5)), max_iterations=k).residual_rms
         for k in (1, 2, 4, 8, 16)
     ]
     for earlier, later in pairwise(ends):
@@ -40,8 +42,8 @@ def test_noisy_vectors_reach_the_closed_form():
     truth = random_waves(3000, 4)
     truth[:, 0], truth[:, 1] = 1.0, 0.5 * truth[:, 1]
     z = make_signals(truth) + 0.02 * np.random.default_rng(5).standard_normal((3000, 8))
-    best, misfit = closed_form(z)
-    found = levenberg_marquardt(z, truth + np.array([0, 0, 0.3, 0.3, 0.3]))
+    best, misfit = solve_closed_form(z)
+    found = solve_levenberg_marquardt(z, truth + np.array([0, 0, 0.3, 0.3, 0.3]))
     assert (found.evaluations > 0).mean() > 0.99
     np.testing.assert_allclose(found.residual_rms, misfit, rtol=1e-9)
     done = found.evaluations > 0
@@ -51,7 +53,7 @@ def test_noisy_vectors_reach_the_closed_form():
 def test_known_carrier_phase_stays():
     x = random_waves(100, 6)
     x[:, 1] *= 0.3
-    found = levenberg_marquardt(
+    found = solve_levenberg_marquardt(
         make_signals(x), x + np.array([0, 0, 0.1, 0.1, 0]), carrier_known=True
     )
     np.testing.assert_array_equal(found.x[:, 4], x[:, 4])

@@ -4,12 +4,12 @@ closed formulas of PHYSICS §3."""
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.ellipse.closed_form import closed_form
+from hrg_cli.fitting.ellipse.closed_form import solve_closed_form
 from hrg_cli.fitting.ellipse.uncertainty import (
     ANGLE_LIMIT,
     CARRIER_LIMIT,
     PHASE_LIMIT,
-    standard_deviations,
+    compute_standard_deviations,
 )
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.signals import compute_direct_envelopes, make_signals
@@ -25,7 +25,7 @@ def direct_signals(x: np.ndarray) -> np.ndarray:
 
 def estimates(z: np.ndarray, carrier_phase_rad: float | None) -> np.ndarray:
     if z.shape[1] == 8:
-        return closed_form(z, carrier_phase_rad)[0]
+        return solve_closed_form(z, carrier_phase_rad)[0]
     return np.stack([*ellipse.find_wave(compute_direct_envelopes(z), 1), np.zeros(len(z))], axis=-1)
 
 
@@ -64,7 +64,9 @@ def test_errors_are_as_large_as_stated(readout, sigmas):
     of_s = slice(count // 2, None)
     noise[:, of_s] = common * noise[:, : count // 2] + np.sqrt(1 - common**2) * noise[:, of_s]
     found = estimates(exact + sigma * noise, 0.7 if known else None)
-    stated = standard_deviations(found, np.broadcast_to(sigma**2, exact.shape), known, common)
+    stated = compute_standard_deviations(
+        found, np.broadcast_to(sigma**2, exact.shape), known, common
+    )
     error = difference(found, truth)
     for column, name in enumerate(NAMES[: 4 if known else 5]):
         assert np.mean((error[:, column] / stated[:, column]) ** 2) == pytest.approx(1, abs=0.1), (
@@ -93,7 +95,7 @@ def test_every_signals_variance_counts_by_its_own_slope(readout):
         step = h * np.eye(count)[k]
         slope = difference(estimates(z + step, phase), estimates(z - step, phase)) / (2 * h)
         expected += slope**2 * variances[:, k, None]
-    stated = standard_deviations(x, variances, known)
+    stated = compute_standard_deviations(x, variances, known)
     np.testing.assert_allclose(stated, np.sqrt(expected), rtol=1e-5, atol=1e-12)
 
 
@@ -102,11 +104,11 @@ def test_equal_noise_gives_the_closed_formulas():
     sum_, gap = np.sqrt(1.16), 0.84
     expected = np.array([1, 1, sum_ / gap, sum_ / gap, 1 / sum_]) * s / np.sqrt(2)
     np.testing.assert_allclose(
-        standard_deviations(x, np.full((1, 8), s**2), False)[0], expected, rtol=1e-6
+        compute_standard_deviations(x, np.full((1, 8), s**2), False)[0], expected, rtol=1e-6
     )
     expected = np.array([1, 1, sum_ / gap, sum_ / gap, 0]) * s
     np.testing.assert_allclose(
-        standard_deviations(x, np.full((1, 4), s**2), True)[0], expected, rtol=1e-6
+        compute_standard_deviations(x, np.full((1, 4), s**2), True)[0], expected, rtol=1e-6
     )
 
 
@@ -116,13 +118,13 @@ def test_circular_and_vanishing_waves_have_large_finite_deviations(count):
         [[1, 1, 0.3, 0.2, 0.1], [1, -1 + 1e-9, 0.3, 0.2, 0.1], [0, 0, 0, 0, 0], [1e-8, 0, 0, 0, 0]],
         float,
     )
-    stated = standard_deviations(x, np.full((4, count), 1e-8), False)
+    stated = compute_standard_deviations(x, np.full((4, count), 1e-8), False)
     assert np.isfinite(stated).all()
     np.testing.assert_allclose(stated[:, 2], ANGLE_LIMIT, rtol=1e-3)
     np.testing.assert_allclose(stated[:, 3], PHASE_LIMIT, rtol=1e-3)
     np.testing.assert_allclose(stated[2:, 4], CARRIER_LIMIT if count == 8 else 0, rtol=1e-3)
     np.testing.assert_allclose(stated[:, :2], 1e-4 / np.sqrt(count / 4), rtol=1e-9)
-    exact = standard_deviations(x, np.zeros((4, count)), False)
+    exact = compute_standard_deviations(x, np.zeros((4, count)), False)
     assert np.isfinite(exact).all()
 
 
@@ -131,7 +133,7 @@ def test_the_angle_of_a_circular_wave_really_scatters_that_much():
     found = estimates(
         direct_signals(truth) + 1e-3 * np.random.default_rng(2).standard_normal((DRAWS, 4)), None
     )
-    stated = standard_deviations(found, np.full((DRAWS, 4), 1e-6), True)
+    stated = compute_standard_deviations(found, np.full((DRAWS, 4), 1e-6), True)
     spread = np.std(found[:, 2])
     assert spread == pytest.approx(ANGLE_LIMIT, rel=0.05)
     assert 0.2 * spread < np.median(stated[:, 2]) < 2 * spread

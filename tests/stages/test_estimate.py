@@ -182,14 +182,14 @@ def test_solvers_and_starts_agree(readout, solver, start):
 def test_previous_is_what_a_sequential_run_does():
     """Row by row, each started at the row before, gives the same solutions and the same iteration
     counts."""
-    from hrg_cli.fitting.ellipse.closed_form import closed_form
-    from hrg_cli.fitting.ellipse.gauss_newton import gauss_newton
+    from hrg_cli.fitting.ellipse.closed_form import solve_closed_form
+    from hrg_cli.fitting.ellipse.gauss_newton import solve_gauss_newton
 
     record, _ = turning(100, readout="carrier")
     found = collect(estimate(record, solver="gauss-newton", start="previous"))
-    x = closed_form(record.signals[:1])[0]
+    x = solve_closed_form(record.signals[:1])[0]
     for row, count in zip(record.signals, found.iterations, strict=True):
-        one = gauss_newton(row[None], x)
+        one = solve_gauss_newton(row[None], x)
         x = one.x
         assert one.evaluations[0] == count
 

@@ -18,7 +18,42 @@ SEGMENT = 128
 def continue_angles(
     time_s: Array, angle: Array, phase: Array, carrier_phase: Array, window_s: float
 ) -> tuple[Array, Array, Array]:
-    """Continuous (mθ, φ, ψ) of finite rows (n), the first row unchanged."""
+    """Angles along a run without the jumps of their copies, the first row unchanged.
+
+    Parameters
+    ----------
+    time_s
+        Of the rows (n,), increasing, s.
+    angle
+        mθ (n,), known up to π, rad.
+    phase
+        φ (n,), rad.
+    carrier_phase
+        ψ (n,), known up to π, rad.
+    window_s
+        From row to row; steps of more than 1.5 of it, and of their median, are gaps.
+
+    Returns
+    -------
+    angle : ndarray
+        mθ (n,), rad.
+    phase : ndarray
+        φ (n,), rad.
+    carrier_phase : ndarray
+        ψ (n,), rad.
+
+    Examples
+    --------
+    A pattern that turns by 0.5 rad a row, each angle known up to a half turn that turns φ by π:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.ellipse.continuity import continue_angles
+    >>> t, none = np.arange(20.0), np.zeros(20)
+    >>> turns = np.round(0.5 * t / np.pi)
+    >>> angle, phase, _ = continue_angles(t, 0.5 * t - np.pi * turns, np.pi * turns, none, 1.0)
+    >>> np.diff(angle).round(9).tolist()[:4], bool(np.ptp(phase) < 1e-9)
+    ([0.5, 0.5, 0.5, 0.5], True)
+    """
     intervals = np.diff(time_s)
     gaps = np.flatnonzero(intervals > 1.5 * window_s)
     if len(gaps):  # the median is not worth its sorting where nothing can be a gap
@@ -31,9 +66,29 @@ def continue_angles(
     return electrical, _unwrapped(time_s, phase, 2 * np.pi, gaps), carrier
 
 
-def nearest_copy(x: Array, expected: Array) -> Array:
-    """The copies of x = (mθ, φ, ψ) (n, 3) nearest to the expected ones (n, 3): ψ first, then mθ,
-    then φ."""
+def find_nearest_copy(x: Array, expected: Array) -> Array:
+    """The copies of some angles nearest to the expected ones: ψ first, then mθ, then φ.
+
+    Parameters
+    ----------
+    x
+        mθ, φ, ψ (n, 3), rad.
+    expected
+        The same (n, 3).
+
+    Returns
+    -------
+    ndarray
+        (n, 3), x shifted by (π, π, 0), (0, 2π, 0) and (0, π, π).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.ellipse.continuity import find_nearest_copy
+    >>> x = np.array([[0.1, 0.2, 0.3]])
+    >>> ((find_nearest_copy(x, x + [3.0, 3.0, 0.0]) - x) / np.pi).round(9).tolist()
+    [[1.0, 1.0, 0.0]]
+    """
     electrical, phase, carrier = x.T
     carrier_turns, turns = (
         np.round((expected[:, 2] - carrier) / np.pi),
@@ -87,12 +142,37 @@ def _slopes(time_s: Array, path: Array, gaps: Array, length_s: Array, period: fl
     )
 
 
-def local_slope(time_s: Array, values: Array, weights: Array, half_width: int) -> Array:
-    """Slope of a straight line through each row's 2·half_width + 1 neighbours (fewer at the ends),
-    weighted; NaN where they are one.
+def estimate_local_slope(time_s: Array, values: Array, weights: Array, half_width: int) -> Array:
+    """Slope of a straight line through each row's neighbours, weighted.
 
     The sums of every `SEGMENT` rows are about the segment's own time and value, so a long run loses
     no digits.
+
+    Parameters
+    ----------
+    time_s
+        Of the rows (n,), s.
+    values
+        At the rows (n,).
+    weights
+        Of the rows (n,); a row of weight 0 is not used.
+    half_width
+        Neighbours on either side; fewer at the ends.
+
+    Returns
+    -------
+    ndarray
+        (n,), unit of the values a second; NaN where less than two neighbours are used.
+
+    Examples
+    --------
+    A parabola has the slope 2t, and at its ends that of the neighbours' middle:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.ellipse.continuity import estimate_local_slope
+    >>> t = np.arange(6.0)
+    >>> estimate_local_slope(t, t**2, np.ones(6), 1).round(9).tolist()
+    [1.0, 2.0, 4.0, 6.0, 8.0, 9.0]
     """
     n = len(values)
     h = min(half_width, n - 1)

@@ -32,8 +32,30 @@ class Solution:
     monotone: Array
 
 
-def half_products(theta: Array, phi: Array, psi: Array) -> tuple[Array, ...]:
-    """csm, csp, ccm, ccp, ssm, ssp, scm, scp of (2): (cos|sin)θ · (sin|cos)(φ ∓ ψ) / 2."""
+def compute_half_products(theta: Array, phi: Array, psi: Array) -> tuple[Array, ...]:
+    """Half products csm, csp, ccm, ccp, ssm, ssp, scm, scp of (2): (cos|sin)θ · (sin|cos)(φ ∓ ψ) /
+    2.
+
+    Parameters
+    ----------
+    theta, phi, psi
+        θ (electrical), φ, ψ (n,), rad.
+
+    Returns
+    -------
+    tuple of ndarray
+        Eight, (n,) each.
+
+    Examples
+    --------
+    At θ = 0 those of sin θ vanish:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.ellipse.gauss_newton import compute_half_products
+    >>> products = compute_half_products(np.zeros(1), np.full(1, np.pi / 3), np.zeros(1))
+    >>> [round(float(one[0]), 4) for one in products]
+    [0.433, 0.433, 0.25, 0.25, 0.0, 0.0, 0.0, 0.0]
+    """
     cos, sin = np.cos(theta) / 2, np.sin(theta) / 2
     sin_m, cos_m, sin_p, cos_p = (
         np.sin(phi - psi),
@@ -53,8 +75,33 @@ def half_products(theta: Array, phi: Array, psi: Array) -> tuple[Array, ...]:
     )
 
 
-def amplitudes(z: Array, products: tuple[Array, ...]) -> tuple[Array, Array]:
-    """A and B of (2), the exact linear solution at given angles; z (8, n)."""
+def solve_amplitudes(z: Array, products: tuple[Array, ...]) -> tuple[Array, Array]:
+    """A and B of (2), the exact linear solution at given angles.
+
+    Parameters
+    ----------
+    z
+        Signals (8, n).
+    products
+        Half products of the angles.
+
+    Returns
+    -------
+    A : ndarray
+        (n,), unit of the signals.
+    B : ndarray
+        (n,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.ellipse.gauss_newton import compute_half_products, solve_amplitudes
+    >>> from hrg_cli.physics.signals import make_signals
+    >>> x = np.array([[1.0, 0.1, 0.3, 0.2, 0.4]])
+    >>> A, B = solve_amplitudes(make_signals(x).T, compute_half_products(*x.T[2:]))
+    >>> A.round(9).tolist(), B.round(9).tolist()
+    ([1.0], [0.1])
+    """
     z1, z2, z3, z4, z5, z6, z7, z8 = z
     csm, csp, ccm, ccp, ssm, ssp, scm, scp = products
     A = z1 * csm - z2 * csp - z3 * ccm - z4 * ccp + z5 * ssm - z6 * ssp - z7 * scm - z8 * scp
@@ -62,9 +109,36 @@ def amplitudes(z: Array, products: tuple[Array, ...]) -> tuple[Array, Array]:
     return A, B
 
 
-def projections(z: Array, products: tuple[Array, ...]) -> tuple[Array, Array, Array, Array]:
-    """The sums of (2) that move the angles: P and Q (θ, φ), and those of ψ that A and B multiply; z
-    (8, n)."""
+def compute_projections(z: Array, products: tuple[Array, ...]) -> tuple[Array, Array, Array, Array]:
+    """Sums of (2) that move the angles.
+
+    Parameters
+    ----------
+    z
+        Signals (8, n).
+    products
+        Half products of the angles.
+
+    Returns
+    -------
+    tuple of ndarray
+        P and Q, which move θ and φ, and those that A and B multiply in the step of ψ, (n,) each.
+
+    Examples
+    --------
+    At the signals' own angles nothing moves:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.ellipse.gauss_newton import (
+    ...     compute_angle_steps, compute_half_products, compute_projections,
+    ... )
+    >>> from hrg_cli.physics.signals import make_signals
+    >>> x = np.array([[1.0, 0.1, 0.3, 0.2, 0.4]])
+    >>> sums = compute_projections(make_signals(x).T, compute_half_products(*x.T[2:]))
+    >>> steps = compute_angle_steps(x[:, 0], x[:, 1], sums, False)
+    >>> bool(np.abs(steps).max() < 1e-15)
+    True
+    """
     z1, z2, z3, z4, z5, z6, z7, z8 = z
     csm, csp, ccm, ccp, ssm, ssp, scm, scp = products
     P = -z1 * ssm + z2 * ssp + z3 * scm + z4 * scp + z5 * csm - z6 * csp - z7 * ccm - z8 * ccp
@@ -74,8 +148,31 @@ def projections(z: Array, products: tuple[Array, ...]) -> tuple[Array, Array, Ar
     return P, Q, psi_A, psi_B
 
 
-def model_signals(A: Array, B: Array, products: tuple[Array, ...]) -> Array:
-    """F of (1), (8, n), by the half products of the same angles."""
+def compute_model_signals(A: Array, B: Array, products: tuple[Array, ...]) -> Array:
+    """Signals F of (1), by the half products of the same angles.
+
+    Parameters
+    ----------
+    A, B
+        Semi-axes (n,).
+    products
+        Half products of the angles.
+
+    Returns
+    -------
+    ndarray
+        (8, n).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.ellipse.gauss_newton import compute_half_products, compute_model_signals
+    >>> from hrg_cli.physics.signals import make_signals
+    >>> x = np.array([[1.0, 0.1, 0.3, 0.2, 0.4]])
+    >>> made = compute_model_signals(x[:, 0], x[:, 1], compute_half_products(*x.T[2:]))
+    >>> bool(np.abs(made.T - make_signals(x)).max() < 1e-15)
+    True
+    """
     csm, csp, ccm, ccp, ssm, ssp, scm, scp = products
     A, B = 2 * A, 2 * B
     return np.stack(
@@ -92,10 +189,43 @@ def model_signals(A: Array, B: Array, products: tuple[Array, ...]) -> Array:
     )
 
 
-def angle_steps(
+def compute_angle_steps(
     A: Array, B: Array, sums: tuple[Array, ...], carrier_known: bool
 ) -> tuple[Array, Array, Array]:
-    """Δθ, Δφ, Δψ of (2)."""
+    """Steps Δθ, Δφ, Δψ of (2).
+
+    Δθ = (A P − B Q)/(A² − B²), Δφ = (A Q − B P)/(A² − B²), Δψ = (A ψ_A + B ψ_B)/(A² + B²).
+
+    Parameters
+    ----------
+    A, B
+        Semi-axes (n,).
+    sums
+        P, Q, ψ_A, ψ_B (n,) of `compute_projections`.
+    carrier_known
+        Whether ψ keeps its value.
+
+    Returns
+    -------
+    tuple of ndarray
+        (n,) each, rad.
+
+    Examples
+    --------
+    A straight wave whose angle is off by 0.01 rad:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.ellipse.gauss_newton import (
+    ...     compute_angle_steps, compute_half_products, compute_projections,
+    ... )
+    >>> from hrg_cli.physics.signals import make_signals
+    >>> x = np.array([[1.0, 0.0, 0.3, 0.2, 0.4]])
+    >>> off = compute_half_products(x[:, 2] - 0.01, x[:, 3], x[:, 4])
+    >>> sums = compute_projections(make_signals(x).T, off)
+    >>> steps = compute_angle_steps(x[:, 0], x[:, 1], sums, False)
+    >>> [round(float(one[0]), 5) + 0.0 for one in steps]
+    [0.01, 0.0, 0.0]
+    """
     P, Q, psi_A, psi_B = sums
     # the block of JᵀJ for (θ, φ) has the determinant 4(A² − B²)²; one factor cancels, because Jᵀz is
     # made of the same A and B. At |A| = |B| the orbit is a circle, which has no wave angle.
@@ -104,16 +234,46 @@ def angle_steps(
     return (A * P - B * Q) / determinant, (A * Q - B * P) / determinant, psi_step
 
 
-def step(z: Array, x: Array, carrier_known: bool = False) -> Array:
-    """One iteration of (2): x (n, 5) -> x (n, 5), for signals z (n, 8)."""
+def make_step(z: Array, x: Array, carrier_known: bool = False) -> Array:
+    """One iteration of (2): A and B at the old angles, the angles with the fresh A and B.
+
+    Parameters
+    ----------
+    z
+        Signals (n, 8).
+    x
+        A, B, θ (electrical), φ, ψ (n, 5).
+    carrier_known
+        Whether ψ keeps its value.
+
+    Returns
+    -------
+    ndarray
+        (n, 5).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.ellipse.gauss_newton import make_step
+    >>> from hrg_cli.physics.signals import make_signals
+    >>> true = np.array([[1.0, 0.1, 0.3, 0.2, 0.4]])
+    >>> x = true + [0, 0, 0.1, 0.1, 0.1]
+    >>> for _ in range(2):
+    ...     x = make_step(make_signals(true), x)
+    ...     print(f"{np.abs(x - true).max():.0e}")
+    2e-02
+    2e-06
+    """
     z, (_, _, theta, phi, psi) = z.T, x.T
-    products = half_products(theta, phi, psi)
-    A, B = amplitudes(z, products)
-    d_theta, d_phi, d_psi = angle_steps(A, B, projections(z, products), carrier_known)
+    products = compute_half_products(theta, phi, psi)
+    A, B = solve_amplitudes(z, products)
+    d_theta, d_phi, d_psi = compute_angle_steps(
+        A, B, compute_projections(z, products), carrier_known
+    )
     return np.stack([A, B, theta + d_theta, phi + d_phi, psi + d_psi], axis=-1)
 
 
-def gauss_newton(
+def solve_gauss_newton(
     signals: Array,
     start: Array,
     *,
@@ -122,29 +282,84 @@ def gauss_newton(
     max_iterations: int = 60,
     carrier_known: bool = False,
 ) -> Solution:
-    """Iterate (2) from `start` (n, 5) for `signals` (n, 8) until the residual rms or the step is
-    small.
+    """Iterate (2) until the residual rms or the step is small.
 
     A vector is done when √(Σr²/8) ≤ residual_tolerance, or when the step would change the modelled
     signals by less than step_tolerance of their size (noisy signals have no exact solution).
-    Evaluations of the residual are counted, k + 1 for k steps. With `carrier_known` ψ keeps its
-    start.
+    Evaluations of the residual are counted, k + 1 for k steps.
+
+    Parameters
+    ----------
+    signals
+        Of both channels' side bands (n, 8).
+    start
+        A, B, θ (electrical), φ, ψ (n, 5).
+    residual_tolerance
+        Unit of the signals.
+    step_tolerance
+        Part of the signals.
+    max_iterations
+        Evaluations of the residual at most.
+    carrier_known
+        Whether ψ keeps its start.
+
+    Returns
+    -------
+    Solution
+        Of all vectors.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.ellipse.gauss_newton import solve_gauss_newton
+    >>> from hrg_cli.physics.signals import make_signals
+    >>> true = np.array([[1.0, 0.1, 0.3, 0.2, 0.4]])
+    >>> found = solve_gauss_newton(make_signals(true), true + [0, 0, 0.1, 0.1, 0.1])
+    >>> found.x.round(9).tolist(), found.evaluations.tolist()
+    ([[1.0, 0.1, 0.3, 0.2, 0.4]], [4])
     """
     settings = residual_tolerance, step_tolerance, max_iterations, carrier_known
-    return by_chunks(_iterate, signals, start, settings)
+    return solve_by_chunks(_iterate, signals, start, settings)
 
 
 Settings = tuple[float, float, int, bool]
 """Tolerances of the residual and of the step, most iterations, whether ψ is known."""
 
 
-def by_chunks(
+def solve_by_chunks(
     iterate: Callable[[Array, Solution, slice, float, float, int, bool], None],
     signals: Array,
     start: Array,
     settings: Settings,
 ) -> Solution:
-    """What `iterate` makes of the signals, some rows at a time; untouched rows count as failed."""
+    """What an iteration makes of the signals, some rows at a time.
+
+    Parameters
+    ----------
+    iterate
+        Writes its solutions of some rows into the arrays of a `Solution`.
+    signals
+        Of both channels' side bands (n, 8).
+    start
+        A, B, θ (electrical), φ, ψ (n, 5).
+    settings
+        Of the iteration, handed on.
+
+    Returns
+    -------
+    Solution
+        Rows that the iteration does not touch count as failed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.ellipse.gauss_newton import solve_by_chunks
+    >>> def give_up(signals, out, rows, *settings):
+    ...     pass
+    >>> found = solve_by_chunks(give_up, np.ones((2, 8)), np.zeros((2, 5)), (0.0, 1e-10, 60, False))
+    >>> found.evaluations.tolist()
+    [-60, -60]
+    """
     rows, most = len(signals), settings[2]
     solution = Solution(
         np.array(start, float),
@@ -178,12 +393,14 @@ def _iterate(
     size = (z**2).sum(0)
     before = np.full(len(left), np.inf)
     for evaluation in range(1, max_iterations + 1):
-        products = half_products(*x[2:])
-        rms = np.sqrt(((z - model_signals(x[0], x[1], products)) ** 2).sum(0) / 8)
+        products = compute_half_products(*x[2:])
+        rms = np.sqrt(((z - compute_model_signals(x[0], x[1], products)) ** 2).sum(0) / 8)
         out.monotone[left] &= ~(rms > before)
         out.residual_rms[left] = rms
-        A, B = amplitudes(z, products)
-        d_theta, d_phi, d_psi = angle_steps(A, B, projections(z, products), carrier_known)
+        A, B = solve_amplitudes(z, products)
+        d_theta, d_phi, d_psi = compute_angle_steps(
+            A, B, compute_projections(z, products), carrier_known
+        )
         power = A**2 + B**2
         # |J·step|² = 2·moved, by the JᵀJ at the head of this file: by how much the step changes the
         # modelled signals, to first order

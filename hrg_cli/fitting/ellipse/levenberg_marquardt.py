@@ -1,4 +1,4 @@
-"""Levenberg–Marquardt for {A, B, θ, φ, ψ}: the steps of `gauss_newton` damped, so that the residual
+"""Levenberg–Marquardt for {A, B, θ, φ, ψ}: the steps of `solve_gauss_newton` damped, so that the residual
 never rises.
 
 The angles are stepped, A and B are the exact linear solution at each trial's angles (variable
@@ -15,18 +15,18 @@ import numpy as np
 
 from .gauss_newton import (
     Solution,
-    amplitudes,
-    by_chunks,
-    half_products,
-    model_signals,
-    projections,
+    compute_half_products,
+    compute_model_signals,
+    compute_projections,
+    solve_amplitudes,
+    solve_by_chunks,
 )
 
 Array = np.ndarray
 FIRST_DAMPING = 1e-3
 
 
-def levenberg_marquardt(
+def solve_levenberg_marquardt(
     signals: Array,
     start: Array,
     *,
@@ -35,10 +35,33 @@ def levenberg_marquardt(
     max_iterations: int = 60,
     carrier_known: bool = False,
 ) -> Solution:
-    """Least-squares solutions from `start` (n, 5) for `signals` (n, 8); tolerances and the result
-    as in `gauss_newton`."""
+    """Least-squares solutions by damped steps; the residual never rises.
+
+    Parameters
+    ----------
+    signals, start, residual_tolerance, step_tolerance, max_iterations, carrier_known
+        As in `solve_gauss_newton`.
+
+    Returns
+    -------
+    Solution
+        Of all vectors.
+
+    Examples
+    --------
+    From a start that is far off:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.ellipse.closed_form import choose_canonical
+    >>> from hrg_cli.fitting.ellipse.levenberg_marquardt import solve_levenberg_marquardt
+    >>> from hrg_cli.physics.signals import make_signals
+    >>> true = np.array([[1.0, 0.1, 0.3, 0.2, 0.4]])
+    >>> found = solve_levenberg_marquardt(make_signals(true), true + [0, 0, 0.6, 0.5, 0.5])
+    >>> choose_canonical(found.x).round(6).tolist(), found.monotone.tolist()
+    ([[1.0, 0.1, 0.3, 0.2, 0.4]], [True])
+    """
     settings = residual_tolerance, step_tolerance, max_iterations, carrier_known
-    return by_chunks(_iterate, signals, start, settings)
+    return solve_by_chunks(_iterate, signals, start, settings)
 
 
 @dataclass(frozen=True)
@@ -52,19 +75,56 @@ class TriedAngles:
 
     @classmethod
     def at(cls, z: Array, angles: Array) -> TriedAngles:
-        """Of signals (8, n)."""
-        products = half_products(*angles)
-        A, B = amplitudes(z, products)
-        cost = ((z - model_signals(A, B, products)) ** 2).sum(0)
+        """The angles with what follows from them.
+
+        Parameters
+        ----------
+        z
+            Signals (8, n).
+        angles
+            θ (electrical), φ, ψ (3, n), rad.
+
+        Returns
+        -------
+        TriedAngles
+            With the best A and B at these angles.
+        """
+        products = compute_half_products(*angles)
+        A, B = solve_amplitudes(z, products)
+        cost = ((z - compute_model_signals(A, B, products)) ** 2).sum(0)
         return cls(angles, np.stack([A, B]), products, cost)
 
     def some(self, rows: Array) -> TriedAngles:
-        """Of some of the windows."""
+        """The same of some of the windows.
+
+        Parameters
+        ----------
+        rows
+            Which, bool or numbers.
+
+        Returns
+        -------
+        TriedAngles
+            Of these.
+        """
         products = tuple(p[rows] for p in self.products)
         return TriedAngles(self.angles[:, rows], self.AB[:, rows], products, self.cost[rows])
 
-    def moved_to(self, other: TriedAngles, better: Array) -> TriedAngles:
-        """The other one where that is better (n,)."""
+    def move_to(self, other: TriedAngles, better: Array) -> TriedAngles:
+        """The other angles where they are better.
+
+        Parameters
+        ----------
+        other
+            Of the same windows.
+        better
+            (n,) bool.
+
+        Returns
+        -------
+        TriedAngles
+            Of the same windows.
+        """
         pairs = zip(other.products, self.products, strict=True)
         return TriedAngles(
             np.where(better, other.angles, self.angles),
@@ -111,7 +171,7 @@ def _iterate(
         gain = (here.cost - trial.cost) / promised[go]
         better = trial.cost < here.cost
         damping, growth = _nielsen(damping[go], growth[go], gain, better)
-        here = here.moved_to(trial, better)
+        here = here.move_to(trial, better)
 
 
 def _nielsen(damping: Array, growth: Array, gain: Array, better: Array) -> tuple[Array, Array]:
@@ -130,7 +190,7 @@ def _damped_move(
     inverted in closed form.
     """
     A, B = AB
-    P, Q, psi_A, psi_B = projections(z, products)
+    P, Q, psi_A, psi_B = compute_projections(z, products)
     slope = np.stack(
         [
             A * P + B * Q,

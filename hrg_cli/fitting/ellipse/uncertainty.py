@@ -24,20 +24,46 @@ ANGLE_LIMIT, PHASE_LIMIT, CARRIER_LIMIT = (
 range/√12."""
 
 
-def standard_deviations(
+def compute_standard_deviations(
     x: Array, variances: Array, carrier_known: bool, correlation: float = 0.0
 ) -> Array:
-    """σ (n, 5) of A, B, θ (electrical), φ, ψ at x (n, 5) for signals of variances (n, 4) direct or
-    (n, 8) carrier, and a correlation of the channels' noise.
+    """Standard deviations of A, B, θ (electrical), φ, ψ from the variances of the signals.
 
     A projection Re d†δu has the variance Σ |d|²M + Re(d²N) over both channels, M half the sum and N
     half the difference of the variances of Re u and Im u; with a carrier each is the sum over both
     side bands, N turned by their phases ∓2ψ, over 4. With d from the module's page and T = e^{2jφ}N
-    all is real in P = Re T, Q = Im T, e_A², e_B² and e_A e_B. What both channels' noise has in common
-    adds 2 e_C e_S ρ√(M_C M_S) to a projection along e: ± sin 2θ times that.
+    all is real in P = Re T, Q = Im T, e_A², e_B² and e_A e_B. What both channels' noise has in
+    common adds 2 e_C e_S ρ√(M_C M_S) to a projection along e: ± sin 2θ times that.
 
     The linear σ of an angle grows without bound towards a circular or a vanishing wave; it is
     joined there to that of an angle of which nothing is known, 1/σ² = 1/σ_linear² + 1/σ_unknown².
+
+    Parameters
+    ----------
+    x
+        A, B, θ (electrical), φ, ψ (n, 5).
+    variances
+        Of the signals, direct (n, 4) or with a carrier (n, 8).
+    carrier_known
+        Whether ψ is known; its σ is then 0, as without a carrier.
+    correlation
+        ρ of the channels' noise.
+
+    Returns
+    -------
+    ndarray
+        (n, 5), amplitudes in the signals' unit, angles in rad.
+
+    Examples
+    --------
+    Signals of σ = 1e-3: σ_A = σ_B = σ, σ_θ = σ_φ = σ√(A² + B²)/|A² − B²|; at a circle θ is not
+    known.
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.ellipse.uncertainty import compute_standard_deviations
+    >>> x = np.array([[1.0, 0.5, 0.3, 0.2, 0.0], [1.0, 1.0, 0.3, 0.2, 0.0]])
+    >>> compute_standard_deviations(x, np.full((2, 4), 1e-6), True).round(6).tolist()
+    [[0.001, 0.001, 0.001491, 0.001491, 0.0], [0.001, 0.001, 0.9069, 1.813799, 0.0]]
     """
     out = np.zeros_like(x)
     for start in range(0, len(x), CHUNK_ROWS):
@@ -88,7 +114,7 @@ def _root(variance: Array) -> Array:
 
 
 def _halves(variances: Array, psi: Array) -> tuple[tuple[Array, Array | float, Array | float], ...]:
-    """M, Re N and Im N (n) of channels C and S, see `standard_deviations`."""
+    """M, Re N and Im N (n) of channels C and S, see `compute_standard_deviations`."""
     if variances.shape[1] == 4:
         c_re, c_im, s_re, s_im = np.ascontiguousarray(variances.T) / 2
         return (c_re + c_im, c_re - c_im, 0.0), (s_re + s_im, s_re - s_im, 0.0)

@@ -8,7 +8,7 @@ import functools
 
 import numpy as np
 
-from ...fitting.ellipse.continuity import CONTEXT_ROWS, continue_angles, nearest_copy
+from ...fitting.ellipse.continuity import CONTEXT_ROWS, continue_angles, find_nearest_copy
 from ...records import FLAG_GAP, FLAG_NOT_FINITE, Array, Periods
 from .solution import find_finite
 
@@ -53,7 +53,7 @@ def make_continuous(x: Array, block: Periods, context: Array | None) -> Array | 
         expected = np.stack(
             [np.interp(time_s[others], rows[0], column) for column in path], axis=-1
         )
-        x[others, 2:] = nearest_copy(x[others, 2:], expected)
+        x[others, 2:] = find_nearest_copy(x[others, 2:], expected)
     return np.column_stack([rows[0, -CONTEXT_ROWS - 1 :], path[:, -CONTEXT_ROWS - 1 :].T])
 
 

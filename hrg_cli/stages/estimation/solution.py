@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...fitting.ellipse.closed_form import choose_canonical, closed_form
-from ...fitting.ellipse.gauss_newton import gauss_newton
-from ...fitting.ellipse.levenberg_marquardt import levenberg_marquardt
+from ...fitting.ellipse.closed_form import choose_canonical, solve_closed_form
+from ...fitting.ellipse.gauss_newton import solve_gauss_newton
+from ...fitting.ellipse.levenberg_marquardt import solve_levenberg_marquardt
 from ...physics.signals import compute_direct_envelopes, from_sidebands
 from ...records import Array
 
-ITERATIVE = {"gauss-newton": gauss_newton, "levenberg-marquardt": levenberg_marquardt}
+ITERATIVE = {"gauss-newton": solve_gauss_newton, "levenberg-marquardt": solve_levenberg_marquardt}
 WORSE = 1e-6
 """A solver that ends with a misfit this fraction above the global least one has not converged to
 the solution."""
@@ -55,7 +55,7 @@ def solve_block(
         u = compute_direct_envelopes(z)
         # Two equal sidebands at ψ = 0 are the direct signals: one solver serves both read-outs.
         z = from_sidebands(u, u)
-    best, rms = closed_form(z, how.carrier_phase_rad)
+    best, rms = solve_closed_form(z, how.carrier_phase_rad)
     counts = np.zeros(len(z), np.int16)
     if last is None:
         last = LastSolution(best[0], float(np.median(best[:, 0])))

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.ellipse.continuity import local_slope
-from ...fitting.ellipse.uncertainty import standard_deviations
+from ...fitting.ellipse.continuity import estimate_local_slope
+from ...fitting.ellipse.uncertainty import compute_standard_deviations
 from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, Array, Periods, Wave
 from .solution import find_finite
 
@@ -24,7 +24,7 @@ def write_block(
 ) -> Wave:
     """The block's record, but for its frequency."""
     variances = np.asarray(block.signals_std, float) ** 2
-    std = standard_deviations(x, variances, carrier_known, block.noise_correlation or 0.0)
+    std = compute_standard_deviations(x, variances, carrier_known, block.noise_correlation or 0.0)
     # With a carrier the envelope is the mean of two sidebands.
     noise2, channel2 = (
         one / (1 if block.readout == "direct" else 2) for one in _pool_noise(variances)
@@ -114,7 +114,7 @@ def add_frequency(before: Wave | None, wave: Wave, after: Wave | None, half_widt
     weights = np.where(
         np.isfinite(phase) & np.isfinite(time_s), np.where(flags & DIRTY, 1e-6, 1.0), 0.0
     )
-    slope = local_slope(time_s, phase, weights, half_width)
+    slope = estimate_local_slope(time_s, phase, weights, half_width)
     first = 0 if before is None else len(parts[0])
     return wave.replace(
         frequency_hz=wave.reference_frequency_hz + slope[first : first + len(wave)] / (2 * np.pi)
