@@ -30,7 +30,7 @@ FURTHER = {
         *("kind_of", "provenance_of", "changes"),
     ],
     "hrg_cli.physics.ellipse": ["compute_envelopes", "find_wave"],
-    "hrg_cli.fitting.tables.allan": ["allan_deviation"],
+    "hrg_cli.fitting.tables.allan": ["compute_allan_deviation"],
     "hrg_cli.limit_values": ["limit_value"],
     "hrg_cli.settings": ["parse_assignment"],
 }

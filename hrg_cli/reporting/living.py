@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..fitting.tables.allan import allan_deviation
+from ..fitting.tables.allan import compute_allan_deviation
 from ..records import Array, Diagnosis
 from ..stages.diagnosis.report.shares import compute_departure_figures, compute_difference
 from ..units import DEGREE_PER_HOUR
@@ -95,7 +95,7 @@ def _allan(angle: Array, run: Array, time_s: Array) -> tuple[Array, Array]:
         step = float(np.median(np.diff(t))) if len(t) > FEWEST else 0.0
         if step <= 0 or np.diff(t).max() > 1.5 * step:  # a row is missing: no even series
             continue
-        tau, deviation, _ = allan_deviation(np.diff(y) / step / DEGREE_PER_HOUR, step)
+        tau, deviation, _ = compute_allan_deviation(np.diff(y) / step / DEGREE_PER_HOUR, step)
         for at, value in zip(tau, deviation):
             pooled.setdefault(float(f"{at:.3g}"), []).append(float(value) ** 2)
     taus = sorted(pooled)

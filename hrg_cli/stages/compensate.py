@@ -12,7 +12,7 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..fitting.checks import list_failures
-from ..fitting.tables.increments import AnglePath, path_of
+from ..fitting.tables.increments import AnglePath, build_path
 from ..records import Calibration, Compensated, Wave
 from .calibration.table import (
     compute_corrections,
@@ -148,7 +148,7 @@ def _compensate_pieces(
     """The run in pieces that fit into memory, each with the figures of all so far."""
     sums = RunSums(calibration, -(-len(run.wave) // windows), run.logged)
     for piece, of_log in run.pieces(windows):
-        path = path_of(
+        path = build_path(
             piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False
         )
         need_range(calibration, path.abscissa(calibration.axis), run.name)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..fitting.least_squares import fit_columns, solve
-from ..fitting.tables.increments import AnglePath, path_of
+from ..fitting.tables.increments import AnglePath, build_path
 from ..records import Calibration, Wave
 from .calibration.table import compute_corrections
 
@@ -86,7 +86,7 @@ def scale_factor_figures(
     """
     rates, outputs, errors = [], [], []
     for wave in waves:
-        path = wave if isinstance(wave, AnglePath) else path_of(wave, harmonics=4)
+        path = wave if isinstance(wave, AnglePath) else build_path(wave, harmonics=4)
         time, stop = path.interval_s, len(path)
         if calibration is not None:
             drift, scale = compute_corrections(calibration, path)
@@ -229,13 +229,13 @@ def allan_figures(
     rate_rad_s: Array, interval_s: float, window_s: float = 0.0, bend_off_s: float = 0.0
 ) -> AllanFigures:
     """Overlapping Allan deviation of an evenly sampled rate and its coefficients, fitted with the
-    covariance of its values (`allan_terms`); window_s: what each end's angle was averaged over;
+    covariance of its values (`fit_allan_terms`); window_s: what each end's angle was averaged over;
     bend_off_s: of windows so long that stand for their middle.
 
     HrgError: fewer than 30 values, or values that are not finite.
     """
-    from ..fitting.tables.allan import allan_deviation
-    from ..fitting.tables.allan_terms import allan_terms
+    from ..fitting.tables.allan import compute_allan_deviation
+    from ..fitting.tables.allan_terms import fit_allan_terms
 
     rate = np.asarray(rate_rad_s, float)
     if len(rate) < 30 or not np.isfinite(rate).all():
@@ -243,8 +243,8 @@ def allan_figures(
             f"an Allan deviation needs at least 30 finite rates, {int(np.isfinite(rate).sum())} are"
             " there; a longer run is needed"
         )
-    time, deviation, _ = allan_deviation(rate, interval_s)
-    found = allan_terms(rate, interval_s, window_s, bend_off_s)
+    time, deviation, _ = compute_allan_deviation(rate, interval_s)
+    found = fit_allan_terms(rate, interval_s, window_s, bend_off_s)
     intervals = {f"{name}_{ALLAN_UNITS[name]}": asdict(c) for name, c in found.coefficients.items()}
     q, n, b, k = (c.value for c in found.coefficients.values())
     return AllanFigures(time, deviation, q, n, b, k, intervals, found.chi2 / max(found.dof, 1))

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.tables.dwells import covariance_of, find_least_count, lay_nodes
+from ..fitting.tables.dwells import compute_covariance, find_least_count, lay_nodes
 from ..fourier import coefficients_at
 from ..records import Calibration
 from .calibration.dwell_curve import Dwells, fit_without_spikes, list_curve_figures, read_dwell_rows
@@ -120,7 +120,7 @@ def rate_table(
     dwells = Dwells(y, omega, degc, nodes, interpolation, turning)
     curve = fit_without_spikes(dwells, largest_power, spike_sigma)
     X = curve.X[curve.keep]
-    covariance = covariance_of(X, y[curve.keep] - X @ curve.coefficients, find_least_count(y))
+    covariance = compute_covariance(X, y[curve.keep] - X @ curve.coefficients, find_least_count(y))
 
     record = Calibration(
         **_tables(curve.coefficients, covariance, nodes, turning),

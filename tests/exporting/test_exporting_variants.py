@@ -13,7 +13,7 @@ from elliptic_runs import elliptic_run, tempered
 from forced_runs import wave_of
 
 from hrg_cli.exporting import export
-from hrg_cli.fitting.tables.increments import path_of
+from hrg_cli.fitting.tables.increments import build_path
 from hrg_cli.records import collect
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.calibration.table import compute_measured_drift, interpolate_measured
@@ -99,7 +99,7 @@ def test_header_of_each_variant_computes_what_compensate_does(calibrations, mode
         "p",
         ratio=draw.uniform(-0.1, 0.1, count),
     )
-    path = path_of(
+    path = build_path(
         wave.replace(frequency_hz=5000.0 + draw.normal(size=count) * 0.01), harmonics=0, per_block=1
     )
     x, angle = path.middle(path.temperature_degc), path.middle(path.angle_rad)

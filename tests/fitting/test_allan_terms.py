@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 
 from hrg_cli.fitting.samples.envelope_motion import compute_gain_at_middle, estimate_curvatures
-from hrg_cli.fitting.tables.allan import allan_deviation
+from hrg_cli.fitting.tables.allan import compute_allan_deviation
 from hrg_cli.fitting.tables.allan_terms import (
     LONGEST,
     NAMES,
     POINTS,
     _covariance,
     _filters,
-    allan_terms,
-    through_windows,
+    compute_kept_part,
+    fit_allan_terms,
 )
 from hrg_cli.physics.noise import Flicker
 
@@ -41,9 +41,11 @@ def test_the_scatter_of_flicker_noise_is_as_stated():
         Flicker(np.array([1.0]), 0.1, count * INTERVAL, random).draw(count, INTERVAL)[:, 0]
         for _ in range(draws)
     ]
-    time = allan_deviation(records[0], INTERVAL, POINTS)[0]
+    time = compute_allan_deviation(records[0], INTERVAL, POINTS)[0]
     known = time <= LONGEST * count * INTERVAL
-    variances = np.array([allan_deviation(r, INTERVAL, POINTS)[1][known] ** 2 for r in records])
+    variances = np.array(
+        [compute_allan_deviation(r, INTERVAL, POINTS)[1][known] ** 2 for r in records]
+    )
     middle = len(variances[0]) // 2
     flicker = variances[:, middle].mean() * np.pi / (2 * np.log(2))
     stated = _covariance(
@@ -66,7 +68,7 @@ def test_coefficients_and_their_intervals(truth):
         zip(NAMES, (truth.get(key, 0.0) for key in ("quantization", "walk", "bias", "ramp")))
     )
     for seed in range(runs):
-        found = allan_terms(draw(seed, **truth), INTERVAL)
+        found = fit_allan_terms(draw(seed, **truth), INTERVAL)
         for name, coefficient in found.coefficients.items():
             held[name] += coefficient.low <= wanted[name] <= coefficient.high
             off[name].append(coefficient.value)
@@ -92,7 +94,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(truth):
     wanted = [truth.get(key, 0.0) for key in ("quantization", "walk", "bias", "ramp")]
     held = np.zeros(len(NAMES))
     for seed in range(series):
-        found = allan_terms(draw(1000 + seed, **truth), INTERVAL).coefficients.values()
+        found = fit_allan_terms(draw(1000 + seed, **truth), INTERVAL).coefficients.values()
         held += [c.low <= true <= c.high for c, true in zip(found, wanted, strict=True)]
     # at 95 % fewer than 105 come with a chance of 5e-4; the normal law of a variance costs 2 %
     assert held.min() >= 105, held
@@ -100,7 +102,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(truth):
 
 def test_scale_of_time_and_rate_do_not_matter():
     rate = draw(3, walk=3e-3, ramp=1e-4)
-    one, other = allan_terms(rate, INTERVAL), allan_terms(rate * 1e6, INTERVAL * 1e-3)
+    one, other = fit_allan_terms(rate, INTERVAL), fit_allan_terms(rate * 1e6, INTERVAL * 1e-3)
     walk = "angle_random_walk"
     assert other.coefficients[walk].value == pytest.approx(
         one.coefficients[walk].value * 1e6 * np.sqrt(1e-3), rel=1e-6
@@ -118,9 +120,9 @@ def test_the_floor_of_flicker_noise_is_its_bias_instability():
     flat = 2 * np.trapezoid(h2 / (2 * np.pi * f), f)  # both signs of f
     assert flat == pytest.approx(2 * np.log(2) / np.pi, rel=2e-3)
     rate = draw(1, bias=6e-4, count=30_000)
-    found = allan_terms(rate, INTERVAL).coefficients["bias_instability"]
+    found = fit_allan_terms(rate, INTERVAL).coefficients["bias_instability"]
     level = np.sqrt(2 * np.log(2) / np.pi) * found.value
-    time, deviation, _ = allan_deviation(rate, INTERVAL)
+    time, deviation, _ = compute_allan_deviation(rate, INTERVAL)
     own = (time > 20) & (time < 500)
     assert np.sqrt(np.mean(deviation[own] ** 2)) == pytest.approx(level, rel=0.1)
 
@@ -137,14 +139,14 @@ def test_angles_averaged_over_windows_keep_the_walk(part):
         steps = walk * np.sqrt(INTERVAL / fine) * random.normal(size=4000 * fine)
         angle = np.cumsum(steps).reshape(-1, fine)[:, : round(part * fine)].mean(axis=1)
         rate = np.diff(angle) / INTERVAL
-        found = allan_terms(rate, INTERVAL, window).coefficients
+        found = fit_allan_terms(rate, INTERVAL, window).coefficients
         coefficient = found["angle_random_walk"]
         held += coefficient.low <= walk <= coefficient.high
         sizes.append(coefficient.value)
         strays += sum(c.seen for c in found.values()) - coefficient.seen
     assert held >= runs - 4 and strays <= 4
     assert np.mean(sizes) == pytest.approx(walk, rel=0.02)
-    assert allan_terms(rate, INTERVAL).coefficients["angle_random_walk"].value < 0.95 * walk
+    assert fit_allan_terms(rate, INTERVAL).coefficients["angle_random_walk"].value < 0.95 * walk
 
 
 def walking_angles(seed, walk, count, per_block, fine=16, bend_off=True):
@@ -171,14 +173,16 @@ def test_windows_that_stand_for_their_middle_show_the_walk(per_block):
         np.diff(walking_angles(seed, walk, 1500, per_block)) / INTERVAL for seed in range(runs)
     ]
     found = [
-        allan_terms(rate, INTERVAL, INTERVAL, window).coefficients["angle_random_walk"]
+        fit_allan_terms(rate, INTERVAL, INTERVAL, window).coefficients["angle_random_walk"]
         for rate in rates
     ]
     errors = np.array([(c.value - walk) / c.std for c in found])
     assert np.sqrt(np.mean(errors**2)) == pytest.approx(1, abs=0.34)  # three of its own σ
     assert np.mean([c.value for c in found]) == pytest.approx(walk, rel=0.01)
     assert sum(c.low <= walk <= c.high for c in found) >= runs - 7
-    plain = [allan_terms(r, INTERVAL, INTERVAL).coefficients["angle_random_walk"] for r in rates]
+    plain = [
+        fit_allan_terms(r, INTERVAL, INTERVAL).coefficients["angle_random_walk"] for r in rates
+    ]
     assert np.mean([c.value for c in plain]) > 1.01 * walk
 
 
@@ -199,7 +203,7 @@ def test_gain_at_middle_is_that_of_the_bend_taken_off():
 
 
 def test_what_windows_keep_is_all_of_a_long_time_and_half_of_one_interval():
-    kept = through_windows(np.array([1.0, 2.0, 100.0]), 1.0)
+    kept = compute_kept_part(np.array([1.0, 2.0, 100.0]), 1.0)
     assert kept[:, 0] == pytest.approx([0.5, 0.75, 0.995])
     assert (np.diff(kept, axis=0) > 0).all() and kept[-1] == pytest.approx(np.ones(3), abs=6e-3)
     # a random walk of the rate: ∫ of the structure function of its second integral, in closed form

@@ -6,7 +6,7 @@ from forced_runs import Truth, forced_run
 
 from hrg_cli.fitting.tables import bends
 from hrg_cli.fitting.tables.increment_noise import AngleNoise, build_covariance_bands, whiten
-from hrg_cli.fitting.tables.increments import path_of
+from hrg_cli.fitting.tables.increments import build_path
 from hrg_cli.fitting.tables.joint import fit
 from hrg_cli.fitting.tables.table_design import predict_turn
 from hrg_cli.fitting.tables.table_layout import Model, TableLayout
@@ -18,7 +18,7 @@ NODES = np.linspace(-20.0, 60.0, 6)
 def paths():
     truth = Truth(8, curved=False)
     return [
-        path_of(
+        build_path(
             forced_run(truth, lambda t: -20 + 2 * t, rate, 40, i, dt=0.04, run_id=f"sweep {i}"),
             harmonics=2,
         )

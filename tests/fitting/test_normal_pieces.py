@@ -5,7 +5,7 @@ import pytest
 from forced_runs import Truth, forced_run
 
 from hrg_cli.fitting.tables import joint
-from hrg_cli.fitting.tables.increments import path_of
+from hrg_cli.fitting.tables.increments import build_path
 from hrg_cli.fitting.tables.normal_pieces import accumulate, compute_held_out_chi_square, solve
 from hrg_cli.fitting.tables.table_design import predict_turn
 from hrg_cli.fitting.tables.table_layout import Model, TableLayout
@@ -22,7 +22,7 @@ def quiet():
         forced_run(Truth(), 20.0, rate, 60.0, seed, noise=NOISE_RAD, start=0.3 * seed)
         for seed, rate in enumerate((3.0, -3.0, 1.0, -1.0))
     ]
-    return joint.fit([path_of(run, harmonics=2) for run in runs], LAYOUT)
+    return joint.fit([build_path(run, harmonics=2) for run in runs], LAYOUT)
 
 
 def squares_left(fitted, coefficients):

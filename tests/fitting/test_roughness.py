@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.tables.table_layout import TableLayout, roughness
+from hrg_cli.fitting.tables.table_layout import TableLayout, compute_roughness
 
 UNEVEN = np.array([0.0, 3.0, 10.0, 14.0, 30.0, 33.0])
 
 
 def price(nodes, values):
-    penalty = roughness(TableLayout(nodes, "temperature", 2, 0, 0))[::2, ::2]
+    penalty = compute_roughness(TableLayout(nodes, "temperature", 2, 0, 0))[::2, ::2]
     return float(values @ penalty @ values)
 
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from forced_runs import Truth, programme
 
-from hrg_cli.fitting.tables.shrinkage import average_over_doubt, doubtful_harmonics
+from hrg_cli.fitting.tables.shrinkage import average_over_doubt, find_doubtful_harmonics
 from hrg_cli.fitting.tables.table_layout import TableLayout
 from hrg_cli.stages.calibrate import calibrate
 
 
 def test_a_clear_harmonic_stays_and_an_absent_one_goes():
     layout = TableLayout(np.array([0.0, 20.0, 40.0]), "temperature", 2, 2, 0)
-    doubtful = doubtful_harmonics(layout, ["drift"], 0.55)
+    doubtful = find_doubtful_harmonics(layout, ["drift"], 0.55)
     clear, absent = (d.places for d in doubtful)
     draw = np.random.default_rng(0)
     truth = np.zeros(layout.size)
@@ -37,7 +37,7 @@ def test_what_is_rarely_there_is_in_the_error_whatever_the_draws(seed):
         np.eye(layout.size),
         np.zeros(layout.size),
         np.eye(layout.size),
-        doubtful_harmonics(layout, ["drift"], 0.55),
+        find_doubtful_harmonics(layout, ["drift"], 0.55),
         seed,
     )
     square = np.array([1e-2, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0]) ** 2
@@ -79,7 +79,7 @@ def _scale_factors(draws, sizes, seed):
     (None), and error/σ (n, 2, 2) of the average over doubt at a noise of 60 ppm."""
     noise, K = 6e-5, 0.55
     layout = TableLayout(np.array([20.0]), "temperature", 2, 0, 2)
-    in_doubt = doubtful_harmonics(layout, ["scale"], K)
+    in_doubt = find_doubtful_harmonics(layout, ["scale"], K)
     information = np.eye(layout.size) / (noise * K) ** 2
     draw, out = np.random.default_rng(seed), []
     for n in range(draws):
@@ -120,7 +120,7 @@ def test_the_covariance_of_columns_hardly_apart_is_symmetric():
     for near in range(0, layout.size - 1, 2):
         design[:, near + 1] = design[:, near] + 1e-5 * rng.standard_normal(400)
     information = design.T @ design
-    doubtful = doubtful_harmonics(layout, ["drift", "scale"], 0.3)
+    doubtful = find_doubtful_harmonics(layout, ["drift", "scale"], 0.3)
     found = average_over_doubt(
         information, design.T @ rng.standard_normal(400), np.eye(layout.size), doubtful, 0
     )

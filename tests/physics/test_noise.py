@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from oracles.noise_laws import flicker_bias
 
-from hrg_cli.fitting.tables.allan import allan_deviation
+from hrg_cli.fitting.tables.allan import compute_allan_deviation
 from hrg_cli.physics import ellipse, fast_engine
 from hrg_cli.physics.electronics import Electronics
 from hrg_cli.physics.noise import (
@@ -65,7 +65,7 @@ def test_allan_deviation_of_a_driven_gyro_is_the_angle_random_walk(source):
     t, u = run(mechanics, noise, 600.0, 400.0, control, every=40)
     angle, _ = ellipse.unwrap(*ellipse.find_wave(u, 2)[2:], 2)
     rate = -2 * np.diff(angle) / np.diff(t) / 0.55
-    tau, deviation, relative = allan_deviation(rate, t[1] - t[0], points=12)
+    tau, deviation, relative = compute_allan_deviation(rate, t[1] - t[0], points=12)
     known = (tau > 0.4) & (tau < 40)
     walk = deviation[known] * np.sqrt(tau[known])
     expected = compute_angle_random_walk(mechanics, noise, 1.0)
@@ -91,7 +91,7 @@ def test_allan_deviation_of_flicker_is_flat_at_the_bias_instability():
     level = []
     for seed in range(6):
         x = Flicker(np.array([h]), 1.0, 3000.0, np.random.default_rng(seed)).draw(30000, 0.1)[:, 0]
-        tau, deviation, _ = allan_deviation(x, 0.1, points=16)
+        tau, deviation, _ = compute_allan_deviation(x, 0.1, points=16)
         level.append(deviation[(tau > 3) & (tau < 100)])
     assert np.mean(level) == pytest.approx(
         flicker_bias(h) * np.sqrt(2 * np.log(2) / np.pi), rel=0.1
@@ -128,7 +128,7 @@ def test_readout_flicker_becomes_a_bias_instability_through_the_loops():
         a_A, _, angle, phase = ellipse.find_wave(u, 2)
         angle, _ = ellipse.unwrap(angle, phase, 2)
         rate = -2 * np.diff(angle) / np.diff(t) / 0.55
-        tau, deviation, _ = allan_deviation(rate, t[1] - t[0], points=20)
+        tau, deviation, _ = compute_allan_deviation(rate, t[1] - t[0], points=20)
         level.append(deviation[(tau > 4) & (tau < 60)])
         assert np.abs(a_A - 1).max() < 0.05
     density = ((2 * 0.03) ** 2 + 0.01**2) / 0.55**2 * 2 * (2 * sigma**2 / fs) * corner

@@ -10,7 +10,7 @@ from forced_runs import Truth, forced_run, programme
 
 from hrg_cli import store
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting.tables.increments import path_of
+from hrg_cli.fitting.tables.increments import build_path
 from hrg_cli.physics.drift import compute_drift
 from hrg_cli.stages.calibrate import calibrate, summary
 from hrg_cli.stages.calibration.table import compute_measured_drift, compute_standard_deviations
@@ -42,7 +42,7 @@ def errors_of(record, unseen, truth):
     Mechanics of a temperature."""
     z, error = [], []
     for wave in unseen:
-        path = path_of(wave, harmonics=1)
+        path = build_path(wave, harmonics=1)
         x, theta = path.middle(path.temperature_degc), path.middle(path.angle_rad)
         found = record.values_at(x, theta)[0] + compute_measured_drift(record, path)
         true = compute_drift(truth(float(x[0])), theta, path.middle(path.ratio))

@@ -8,7 +8,7 @@ import pytest
 from elliptic_runs import DEVICE, elliptic_run
 from forced_runs import Truth, forced_run, programme
 
-from hrg_cli.fitting.tables.increments import path_of
+from hrg_cli.fitting.tables.increments import build_path
 from hrg_cli.records import Resonator, collect
 from hrg_cli.reporting.calibration import show_bought
 from hrg_cli.stages.calibrate import calibrate, summary
@@ -60,7 +60,7 @@ def test_a_phase_variant_of_an_old_file_is_the_exact_one_to_first_order(free_run
     details["measured"]["exact"] = False
     old = record.replace(details=json.dumps(details))
     for run in free_runs:
-        path = path_of(run, harmonics=1)
+        path = build_path(run, harmonics=1)
         exact, first = compute_measured_drift(record, path), compute_measured_drift(old, path)
         ratio = np.abs(path.ratio).max()
         assert np.abs(exact).max() > 0 and ratio < 0.5

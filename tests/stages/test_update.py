@@ -8,7 +8,7 @@ import pytest
 from elliptic_runs import DEVICE, elliptic_run, resonator_of, tempered
 
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting.tables.increments import path_of
+from hrg_cli.fitting.tables.increments import build_path
 from hrg_cli.physics.drift import compute_drift
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.calibration.resonators import compute_coefficients
@@ -48,7 +48,7 @@ def drift_error(record, device, temperature):
     wave = elliptic_run(
         device(temperature), temperature, 0.3, 0.2, 0.04, "now", seed=99, duration=10.0
     )
-    path = path_of(wave, harmonics=1)
+    path = build_path(wave, harmonics=1)
     x, theta = path.middle(path.temperature_degc), path.middle(path.angle_rad)
     found = record.values_at(x, theta)[0] + compute_measured_drift(record, path)
     error = found - compute_drift(device(temperature), theta, path.middle(path.ratio))

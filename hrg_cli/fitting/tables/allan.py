@@ -7,7 +7,9 @@ import numpy as np
 from ...records import Array
 
 
-def allan_deviation(rate: Array, interval_s: float, points: int = 40) -> tuple[Array, Array, Array]:
+def compute_allan_deviation(
+    rate: Array, interval_s: float, points: int = 40
+) -> tuple[Array, Array, Array]:
     """Overlapping Allan deviation of a rate.
 
     σ²(nτ₀) = ⟨(θ_{k+2n} − 2θ_{k+n} + θ_k)²⟩/2(nτ₀)², θ the integral of the rate (IEEE Std 952,
@@ -31,8 +33,8 @@ def allan_deviation(rate: Array, interval_s: float, points: int = 40) -> tuple[A
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.allan import allan_deviation
-    >>> time_s, deviation, _ = allan_deviation(np.random.default_rng(0).standard_normal(10_000), 1.0)
+    >>> from hrg_cli.fitting.tables.allan import compute_allan_deviation
+    >>> time_s, deviation, _ = compute_allan_deviation(np.random.default_rng(0).standard_normal(10_000), 1.0)
     >>> float(time_s[0]), bool(abs(deviation[0] - 1) < 0.05)
     (1.0, True)
     """

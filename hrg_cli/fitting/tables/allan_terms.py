@@ -26,7 +26,7 @@ import numpy as np
 from ...records import Array
 from ..least_squares import fit_columns, invert_information
 from ..samples.envelope_motion import compute_gain_at_middle
-from .allan import allan_deviation
+from .allan import compute_allan_deviation
 
 NAMES = ("quantization", "angle_random_walk", "bias_instability", "rate_random_walk")
 POINTS = 18
@@ -73,7 +73,7 @@ class AllanTerms:
     dof: int
 
 
-def allan_terms(
+def fit_allan_terms(
     rate: Array, interval_s: float, window_s: float = 0.0, bend_off_s: float = 0.0
 ) -> AllanTerms:
     """Fit the four terms to the overlapping Allan variance of a rate.
@@ -103,22 +103,22 @@ def allan_terms(
     White noise of 1 rad/s at 1 Hz is an angle random walk of 1 rad/√s and nothing else.
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.allan_terms import allan_terms
-    >>> found = allan_terms(np.random.default_rng(0).standard_normal(4000), 1.0).coefficients
+    >>> from hrg_cli.fitting.tables.allan_terms import fit_allan_terms
+    >>> found = fit_allan_terms(np.random.default_rng(0).standard_normal(4000), 1.0).coefficients
     >>> [name for name, one in found.items() if one.seen]
     ['angle_random_walk']
     >>> found["angle_random_walk"].low < 1.0 < found["angle_random_walk"].high
     True
     """
     rate = np.asarray(rate, float)
-    time, deviation, relative = allan_deviation(rate, interval_s, POINTS)
+    time, deviation, relative = compute_allan_deviation(rate, interval_s, POINTS)
     known = time <= LONGEST * len(rate) * interval_s
     time, deviation, relative = time[known], deviation[known], relative[known]
     variance = deviation**2
     terms = np.stack(
         [3 / time**2, 1 / time, np.full(len(time), 2 * np.log(2) / np.pi), time / 3], axis=1
     )
-    terms[:, 1:] *= through_windows(time, window_s, bend_off_s)
+    terms[:, 1:] *= compute_kept_part(time, window_s, bend_off_s)
     # columns of length one over the measured variances: the squares span twenty decades
     unit = 1 / np.linalg.norm(terms / np.maximum(variance, 1e-300)[:, None], axis=0)
     design = terms * unit
@@ -218,7 +218,7 @@ def _find_least_squares(
     return least
 
 
-def through_windows(time_s: Array, window_s: float, bend_off_s: float = 0.0) -> Array:
+def compute_kept_part(time_s: Array, window_s: float, bend_off_s: float = 0.0) -> Array:
     """Part of the variance of rate noise that angles averaged over windows keep.
 
     ∫f^−p sin⁴(πfτ)/(πfτ)² sinc²(πfw) g²(fh) df over the same without the box, p = 0, 1, 2 for
@@ -243,8 +243,8 @@ def through_windows(time_s: Array, window_s: float, bend_off_s: float = 0.0) -> 
     --------
     A window that fills the interval takes half of the white noise, next to none of a random walk:
 
-    >>> from hrg_cli.fitting.tables.allan_terms import through_windows
-    >>> white, _, walk = through_windows([1.0], 1.0)[0]
+    >>> from hrg_cli.fitting.tables.allan_terms import compute_kept_part
+    >>> white, _, walk = compute_kept_part([1.0], 1.0)[0]
     >>> round(float(white), 6), bool(white < walk < 1)
     (0.5, True)
     """

@@ -72,7 +72,9 @@ def lay_nodes(
     room = max(2, (len(y) - max(FEWEST_LEFT, len(y) // 3)) // a_node)
     able = []
     for n in range(2, min(count, room) + 1):
-        X = design(omega, degc, nodes := np.linspace(low, high, n), interpolation, turning, [])
+        X = build_dwell_design(
+            omega, degc, nodes := np.linspace(low, high, n), interpolation, turning, []
+        )
         size = np.linalg.norm(X, axis=0)
         if (size > 0).all() and np.linalg.cond(X / size) < LARGEST_CONDITION:
             able.append((nodes, X))
@@ -80,7 +82,7 @@ def lay_nodes(
         return np.array([(low + high) / 2])
     if len(able[-1][0]) == count and len(y) >= ROWS_A_NODE * a_node * count:
         return able[-1][0]
-    return min(able, key=lambda pair: held_out_rms(y, pair[1]))[0]
+    return min(able, key=lambda pair: compute_held_out_rms(y, pair[1]))[0]
 
 
 def find_least_count(y: Array) -> float:
@@ -167,7 +169,7 @@ def find_spikes(X: Array, residual: Array, keep: Array, limit: float, step: floa
     return np.asarray(np.abs(residual) > limit * spread * error)
 
 
-def design(
+def build_dwell_design(
     omega: Array, degc: Array, nodes: Array, interpolation: str, turning: bool, powers: list[int]
 ) -> Array:
     """Columns of the output of dwells: −D + KΩ, and powers of the rate.
@@ -197,9 +199,9 @@ def design(
     At 5 °C, midway between two nodes, and 2 rad/s, with Ω³:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.dwells import design
+    >>> from hrg_cli.fitting.tables.dwells import build_dwell_design
     >>> nodes = np.array([0.0, 10.0])
-    >>> design(np.array([2.0]), np.array([5.0]), nodes, "linear", True, [3]).tolist()
+    >>> build_dwell_design(np.array([2.0]), np.array([5.0]), nodes, "linear", True, [3]).tolist()
     [[0.5, 0.5, 1.0, 1.0, 8.0]]
     """
     weights = node_weights(degc, nodes, interpolation)
@@ -256,16 +258,22 @@ def choose_powers(
     ([2, 3], True)
     """
     if not turning:
-        return [], {"1": held_out_rms(y, design(omega, degc, nodes, interpolation, turning, []))}
+        return [], {
+            "1": compute_held_out_rms(
+                y, build_dwell_design(omega, degc, nodes, interpolation, turning, [])
+            )
+        }
     scores = {}
     for highest in range(1, min(largest, len(np.unique(omega)) - 1) + 1):
-        X = design(omega, degc, nodes, interpolation, turning, list(range(2, highest + 1)))
-        scores[str(highest)] = held_out_rms(y, X)
+        X = build_dwell_design(
+            omega, degc, nodes, interpolation, turning, list(range(2, highest + 1))
+        )
+        scores[str(highest)] = compute_held_out_rms(y, X)
     best = int(min(scores, key=lambda key: scores[key]))
     return list(range(2, best + 1)), scores
 
 
-def held_out_rms(y: Array, X: Array) -> float:
+def compute_held_out_rms(y: Array, X: Array) -> float:
     """Root mean square of the rows predicted without their fold of stretches.
 
     Parameters
@@ -285,9 +293,9 @@ def held_out_rms(y: Array, X: Array) -> float:
     One spike of 10 in a hundred rows; what predicts it has not seen it:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.dwells import held_out_rms
+    >>> from hrg_cli.fitting.tables.dwells import compute_held_out_rms
     >>> y = np.where(np.arange(100) == 50, 10.0, 0.0)
-    >>> bool(held_out_rms(y, np.ones((100, 1))) > y.std())
+    >>> bool(compute_held_out_rms(y, np.ones((100, 1))) > y.std())
     True
     """
     fold = np.arange(len(y)) * min(STRETCHES, len(y)) // len(y) % FOLDS
@@ -298,7 +306,7 @@ def held_out_rms(y: Array, X: Array) -> float:
     return float(np.sqrt(np.mean(residual**2)))
 
 
-def covariance_of(X: Array, residual: Array, step: float) -> Array:
+def compute_covariance(X: Array, residual: Array, step: float) -> Array:
     """Covariance of the coefficients of correlated rows.
 
     s²(XᵀX)⁻¹ times the inflation 1 + 2Σ(1 − k/K)ρ_k that the correlation of neighbouring rows asks
@@ -325,9 +333,9 @@ def covariance_of(X: Array, residual: Array, step: float) -> Array:
     The mean of ten thousand white values is known to a hundredth of their scatter:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.dwells import covariance_of
+    >>> from hrg_cli.fitting.tables.dwells import compute_covariance
     >>> white = np.random.default_rng(0).standard_normal(10_000)
-    >>> round(float(covariance_of(np.ones((10_000, 1)), white, 0.0)[0, 0] ** 0.5), 3)
+    >>> round(float(compute_covariance(np.ones((10_000, 1)), white, 0.0)[0, 0] ** 0.5), 3)
     0.01
     """
     left = max(len(X) - X.shape[1], 0)

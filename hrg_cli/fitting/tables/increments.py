@@ -135,7 +135,7 @@ class AnglePath:
         return replace(self, angle_rad=angle)
 
 
-def path_of(
+def build_path(
     wave: Wave,
     *,
     harmonics: int,
@@ -179,7 +179,7 @@ def path_of(
     At 0.1 rad/s a wave with K = 0.3, m = 2 turns by −KΩ/m·Δt between blocks of 4 s:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import path_of
+    >>> from hrg_cli.fitting.tables.increments import build_path
     >>> from hrg_cli.records import Wave
     >>> t = np.arange(40.0)
     >>> sized = ["main_amplitude", "quadrature_amplitude"]
@@ -190,7 +190,7 @@ def path_of(
     ...     time_s=t, flags=np.zeros(40, "u1"), iterations=np.zeros(40, "i4"), mode="free",
     ...     window_s=1.0, reference_frequency_hz=5e3, wave_angle_rad=-0.3 * 0.1 / 2 * t,
     ... ))
-    >>> path = path_of(wave, harmonics=1, rate_rad_s=0.1, per_block=4)
+    >>> path = build_path(wave, harmonics=1, rate_rad_s=0.1, per_block=4)
     >>> len(path), round(float(path.turn[0]), 9), round(float(path.rotation[0]), 9)
     (9, -0.12, 0.4)
     """

@@ -62,7 +62,7 @@ class Pieces:
         return np.ones(self.square.shape) if where is None else np.asarray(where, float)
 
 
-def piece_of(length: int) -> Array:
+def number_pieces(length: int) -> Array:
     """Piece of each increment, contiguous in time.
 
     Parameters
@@ -77,8 +77,8 @@ def piece_of(length: int) -> Array:
 
     Examples
     --------
-    >>> from hrg_cli.fitting.tables.normal_pieces import piece_of
-    >>> piece_of(10).tolist()
+    >>> from hrg_cli.fitting.tables.normal_pieces import number_pieces
+    >>> number_pieces(10).tolist()
     [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
     """
     return np.arange(length) * PIECES // max(length, 1)
@@ -144,7 +144,7 @@ def accumulate(
         np.zeros(shape, int),
     )
     for r, (path, noise, turn) in enumerate(zip(paths, noises, turns)):
-        piece = piece_of(len(path))
+        piece = number_pieces(len(path))
         whitener = Whitener(build_covariance_bands(path, noise))
         for rows in split_stretches(len(path)):
             design = build_design(path, layout, previous, rows)

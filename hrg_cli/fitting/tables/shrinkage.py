@@ -55,7 +55,7 @@ class Doubtful:
     """Whether the sizes are in standard deviations of the harmonic."""
 
 
-def doubtful_harmonics(
+def find_doubtful_harmonics(
     layout: TableLayout,
     kinds: Sequence[str],
     scale_factor: float,
@@ -85,10 +85,10 @@ def doubtful_harmonics(
     likely:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.shrinkage import doubtful_harmonics
+    >>> from hrg_cli.fitting.tables.shrinkage import find_doubtful_harmonics
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 2, 0)
-    >>> [(one.places.tolist(), one.odds) for one in doubtful_harmonics(layout, ["drift"], 0.3)]
+    >>> [(one.places.tolist(), one.odds) for one in find_doubtful_harmonics(layout, ["drift"], 0.3)]
     [([[1, 2]], 1.0), ([[3, 4]], 4.0)]
     """
     out = []
@@ -142,10 +142,10 @@ def average_over_doubt(
     A harmonic of 100 σ stays as it is; one of half a σ is more likely absent:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.shrinkage import average_over_doubt, doubtful_harmonics
+    >>> from hrg_cli.fitting.tables.shrinkage import average_over_doubt, find_doubtful_harmonics
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 2, 0)
-    >>> doubtful = doubtful_harmonics(layout, ["drift"], 0.3)
+    >>> doubtful = find_doubtful_harmonics(layout, ["drift"], 0.3)
     >>> measured = np.array([0, 100, 0, 0.5, 0, 0.3])
     >>> found = average_over_doubt(np.eye(6), measured, np.eye(6), doubtful, seed=0).coefficients
     >>> bool(found[1] > 99), bool(0 < found[3] < 0.25)

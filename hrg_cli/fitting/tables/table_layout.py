@@ -132,7 +132,7 @@ class Model:
         return int(self.matrix.shape[1])
 
 
-def roughness(layout: TableLayout) -> Array:
+def compute_roughness(layout: TableLayout) -> Array:
     """Penalty on the curvature of every harmonic along the nodes.
 
     (X³/J) ∫(d²c/dx²)² dx ≈ (X³/J) Σ (Δs)²/h over the inner nodes, for each harmonic c(x): Δs the
@@ -154,8 +154,9 @@ def roughness(layout: TableLayout) -> Array:
     A straight line costs nothing, a bend at the middle node does:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.table_layout import TableLayout, roughness
-    >>> P = roughness(TableLayout(np.array([0.0, 10.0, 20.0]), "temperature", 2, 0, 0))[::2, ::2]
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout, compute_roughness
+    >>> layout = TableLayout(np.array([0.0, 10.0, 20.0]), "temperature", 2, 0, 0)
+    >>> P = compute_roughness(layout)[::2, ::2]
     >>> [round(float(np.array(c) @ P @ c), 6) for c in ([1, 2, 3], [0, 1, 0])]
     [0.0, 10.666667]
     """

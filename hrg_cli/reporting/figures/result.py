@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fitting.tables.allan import allan_deviation
+from ...fitting.tables.allan import compute_allan_deviation
 from ...records import Array, Compensated, Resonator
 from ...units import DEGREE_PER_HOUR
 from ..figure_names import name_of_figure
@@ -167,7 +167,7 @@ def _allan(series: list[tuple[Array, str, int]], interval_s: float) -> Plot:
     ax = axes[0, 0]
     said = []
     for rate, name, k in series:
-        tau, deviation, relative = allan_deviation(rate, interval_s)
+        tau, deviation, relative = compute_allan_deviation(rate, interval_s)
         ax.loglog(tau, deviation, "o-", ms=2.8, color=SERIES[1 - k], label=name)
         ax.fill_between(
             tau,

@@ -14,11 +14,11 @@ import numpy as np
 from ...errors import HrgError, name_some
 from ...fitting.least_squares import fit_columns
 from ...fitting.tables.dwells import (
+    build_dwell_design,
     choose_powers,
-    design,
+    compute_held_out_rms,
     find_least_count,
     find_spikes,
-    held_out_rms,
 )
 
 Array = np.ndarray
@@ -116,7 +116,7 @@ def _fit(dwells: Dwells, keep: Array, largest_power: int, too_many: int = 0) -> 
     powers, scores = choose_powers(
         y[keep], omega[keep], degc[keep], d.nodes, d.interpolation, d.turning, largest_power
     )
-    X = design(omega, degc, d.nodes, d.interpolation, d.turning, powers)
+    X = build_dwell_design(omega, degc, d.nodes, d.interpolation, d.turning, powers)
     coefficients = fit_columns(X[keep], y[keep])
     return Curve(powers, scores, X, coefficients, y - X @ coefficients, keep, too_many)
 
@@ -135,7 +135,7 @@ def list_curve_figures(dwells: Dwells, curve: Curve, scale: float) -> dict[str, 
         "residual_rms_rad_s": {
             "before": _rms(_fit_line(y[keep], omega[keep], dwells.turning)),
             "after": _rms(curve.residual[keep]),
-            "held_out": held_out_rms(y[keep], curve.X[keep]),
+            "held_out": compute_held_out_rms(y[keep], curve.X[keep]),
         },
     }
     if dwells.turning:

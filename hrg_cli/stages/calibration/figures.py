@@ -18,7 +18,7 @@ import numpy as np
 from ...fitting.tables.increment_noise import build_covariance_bands
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import piece_of, solve
+from ...fitting.tables.normal_pieces import number_pieces, solve
 from ...fitting.tables.table_design import build_design, split_stretches
 from ...fitting.tables.table_layout import Model
 from ...fourier import node_weights
@@ -96,7 +96,7 @@ def _residuals(
     other folds."""
     path = fitted.paths[r]
     used = np.repeat(fitted.turns[r][:, None], whole.shape[1], axis=1)
-    unseen, piece = used.copy(), piece_of(len(path))
+    unseen, piece = used.copy(), number_pieces(len(path))
     for rows in split_stretches(len(path)):
         X = build_design(path, fitted.layout, fitted.solution.coefficients, rows)
         used[rows] -= X @ whole

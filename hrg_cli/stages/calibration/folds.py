@@ -7,7 +7,7 @@ import numpy as np
 
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import PIECES, compute_held_out_chi_square
-from ...fitting.tables.table_layout import Model, TableLayout, roughness
+from ...fitting.tables.table_layout import Model, TableLayout, compute_roughness
 from .programme import examine
 from .variants import build_variant
 
@@ -95,7 +95,7 @@ def choose_smoothness(fitted: Fitted, model: Model) -> tuple[Array, float]:
     for part in (layout.drift, layout.scale):
         places = np.concatenate([np.arange(layout.size)[part(j)] for j in range(len(layout.nodes))])
         scale[places] = np.sqrt(np.mean(information[places]))
-    penalty = roughness(layout) * np.outer(scale, scale)
+    penalty = compute_roughness(layout) * np.outer(scale, scale)
     scores = [
         compute_held_out_chi_square(fitted.pieces, split_by_time(fitted), model, weight * penalty)
         for weight in SMOOTHNESS

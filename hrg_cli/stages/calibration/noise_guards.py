@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...fitting.checks import Check, check_at_most
-from ...fitting.tables.allan_terms import allan_terms
+from ...fitting.tables.allan_terms import fit_allan_terms
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.table_design import predict_turn
 
@@ -88,7 +88,7 @@ def estimate_angle_random_walk(fitted: Fitted) -> float:
         bend_off = path.bend_off_s if path.row_s > 0.99 * width else 0.0
         if count < FEWEST_RATES:
             return faint
-        terms = allan_terms(left[rows] / interval, interval, width, bend_off).coefficients
+        terms = fit_allan_terms(left[rows] / interval, interval, width, bend_off).coefficients
         if not terms["angle_random_walk"].seen:
             return faint
         squares.append(terms["angle_random_walk"].value ** 2)

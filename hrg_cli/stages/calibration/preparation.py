@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import HrgError
-from ...fitting.tables.increments import AnglePath, path_of
+from ...fitting.tables.increments import AnglePath, build_path
 from ...records import Calibration, Resonator, Wave
 from ..one_gyro import of_one_gyro
 from ..usable import Usable, not_refused, with_known_rates
@@ -72,7 +72,7 @@ def prepare(
     usable = with_known_rates(not_refused(waves), rates.of_runs)
     with usable.blamed():
         paths = [
-            path_of(
+            build_path(
                 wave,
                 harmonics=harmonics,
                 rate_rad_s=rates.of(wave),

@@ -10,7 +10,7 @@ import numpy as np
 from ...fitting.checks import CHANCE
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import PIECES, piece_of
+from ...fitting.tables.normal_pieces import PIECES, number_pieces
 from ...fitting.tables.table_layout import TableLayout
 
 Array = np.ndarray
@@ -34,7 +34,7 @@ def label_programmes(
         return np.repeat(np.array(days, object)[:, None], PIECES, axis=1), "day"
     out = np.full((len(paths), PIECES), "", object)
     for r, path in enumerate(paths):
-        rate, piece = compute_sweep(path), piece_of(len(path))
+        rate, piece = compute_sweep(path), number_pieces(len(path))
         for s in range(PIECES):
             mean = float(np.mean(rate[piece == s])) if (piece == s).any() else 0.0
             out[r, s] = (

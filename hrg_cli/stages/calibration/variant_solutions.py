@@ -15,7 +15,7 @@ from ...fitting.tables.shrinkage import (
     SWEEPS,
     Doubtful,
     average_over_doubt,
-    doubtful_harmonics,
+    find_doubtful_harmonics,
 )
 from ...fitting.tables.table_layout import Model, TableLayout
 from .guards import VariantSolution
@@ -78,7 +78,7 @@ def solve_averaged(
     layout = fitted.layout
     A, b, _ = fitted.pieces.sum()
     first = solve(A, b, model)
-    in_doubt = doubtful_harmonics(
+    in_doubt = find_doubtful_harmonics(
         layout, wanted.in_doubt, layout.mean_scale_factor(first.coefficients)
     )
     to_full, seen = _free_coefficients(
@@ -182,7 +182,7 @@ def _with_harmonics_in_doubt(
     C, found = tried.solution.covariance, tried.solution.coefficients
     scale_factor = layout.mean_scale_factor(found)
     beyond = dict(zip(("drift", "scale"), limits))
-    left_out = doubtful_harmonics(layout, wanted.in_doubt, scale_factor, beyond)
+    left_out = find_doubtful_harmonics(layout, wanted.in_doubt, scale_factor, beyond)
     if not left_out:
         return tried
     A, b, _ = fitted.pieces.sum()
