@@ -184,8 +184,10 @@ def test_a_design_beside_what_is_unsettled_over_several_runs_is_differences_too(
     free = designs.orthonormalise(np.random.default_rng(1).standard_normal((count, 1)))
     series = replace(series, unsettled=designs.Basis((), free))
     freedom = coordinate_priors.CoordinatePriors(np.zeros(7), np.full(7, np.inf))
-    layout = whitened_rows.layout_of(series, point, freedom)
-    design = whitened_rows.design_of(linearise_flow(slow_prediction.predict(series, point)), layout)
+    layout = whitened_rows.build_layout(series, point, freedom)
+    design = whitened_rows.compute_design(
+        linearise_flow(slow_prediction.predict(series, point)), layout
+    )
 
     def judged(step):
         there = slow_prediction.predict(series, descent.move_point(point, layout, step, False))

@@ -71,7 +71,7 @@ def list_pulled(freedom: CoordinatePriors) -> Array:
     return np.flatnonzero(np.isfinite(freedom.std) & (freedom.std > 0))
 
 
-def coordinate_rows(freedom: CoordinatePriors, layout: FitColumns) -> Array:
+def build_coordinate_rows(freedom: CoordinatePriors, layout: FitColumns) -> Array:
     """Rows of the coordinates' priors over all columns of a fit.
 
     Parameters
@@ -89,17 +89,17 @@ def coordinate_rows(freedom: CoordinatePriors, layout: FitColumns) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors, coordinate_rows
+    >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors, build_coordinate_rows
     >>> from hrg_cli.fitting.causes.layout import FitColumns
     >>> free = CoordinatePriors(np.zeros(7), np.array([np.inf, 0.1, 0.5, 0, 0, 0, 0]))
-    >>> coordinate_rows(free, FitColumns((0, 1, 2), 0)).tolist()
+    >>> build_coordinate_rows(free, FitColumns((0, 1, 2), 0)).tolist()
     [[0.0, 10.0, 0.0], [0.0, 0.0, 2.0]]
     """
     own = list_pulled(freedom)
     return layout.beside([layout.coordinates.index(k) for k in own], np.diag(1 / freedom.std[own]))
 
 
-def prior_rows(freedom: CoordinatePriors, layout: FitColumns, series: MeasuredRuns) -> Array:
+def build_prior_rows(freedom: CoordinatePriors, layout: FitColumns, series: MeasuredRuns) -> Array:
     """Rows that pull the coordinates and the runs' offsets to their priors.
 
     Parameters
@@ -121,20 +121,20 @@ def prior_rows(freedom: CoordinatePriors, layout: FitColumns, series: MeasuredRu
 
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors, prior_rows
+    >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors, build_prior_rows
     >>> from hrg_cli.fitting.causes.layout import FitColumns
     >>> free = CoordinatePriors(np.zeros(7), np.full(7, np.inf), offset_std=0.5)
     >>> series, layout = SimpleNamespace(forced=np.zeros((2, 3)), names="ab"), FitColumns((), 2)
-    >>> prior_rows(free, layout, series)[:, [4, 9]].tolist()
+    >>> build_prior_rows(free, layout, series)[:, [4, 9]].tolist()
     [[1.0, -1.0], [-1.0, 1.0]]
     """
     strays = freedom.strays(series)
     offsets = layout.beside([layout.frequency(k) for k in range(layout.runs)], strays)
-    return np.concatenate([coordinate_rows(freedom, layout), offsets])
+    return np.concatenate([build_coordinate_rows(freedom, layout), offsets])
 
 
-def prior_residual(freedom: CoordinatePriors, point: Point, series: MeasuredRuns) -> Array:
-    """How far a point is from the priors, in the order of `prior_rows`.
+def compute_prior_residual(freedom: CoordinatePriors, point: Point, series: MeasuredRuns) -> Array:
+    """How far a point is from the priors, in the order of `build_prior_rows`.
 
     Parameters
     ----------
@@ -154,12 +154,12 @@ def prior_residual(freedom: CoordinatePriors, point: Point, series: MeasuredRuns
     --------
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors, prior_residual
+    >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors, compute_prior_residual
     >>> from hrg_cli.fitting.causes.fit_point import Point
     >>> free = CoordinatePriors(np.full(7, 0.2), np.array([0.1, *[np.inf] * 6]), offset_std=0.5)
     >>> series = SimpleNamespace(forced=np.zeros((2, 3)), names="ab")
     >>> point = Point(np.full(7, 0.5), None, np.array([1.0, 3.0]))
-    >>> prior_residual(free, point, series).round(9) + 0
+    >>> compute_prior_residual(free, point, series).round(9) + 0
     array([-3.,  2., -2.])
     """
     k = list_pulled(freedom)

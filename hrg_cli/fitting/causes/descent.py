@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import HrgError, name_some
-from .coordinate_priors import CoordinatePriors, prior_residual, prior_rows
+from .coordinate_priors import CoordinatePriors, build_prior_rows, compute_prior_residual
 from .damping_bound import find_wall, restrict_damping
 from .designs import Design, Factored, factor_design
 from .fit_point import Point
@@ -18,7 +18,7 @@ from .motion_budget import spend_motion
 from .sensitivities import Propagation, linearise_flow
 from .slow_prediction import Prediction, predict
 from .wave_frame import to_complex
-from .whitened_rows import design_of, flatten_rows
+from .whitened_rows import compute_design, flatten_rows
 
 Array = np.ndarray
 SHORTEST = 1 / 128
@@ -31,7 +31,7 @@ class DivergedError(HrgError, ArithmeticError):
     """The start is so far off that the model's motion has no end there."""
 
 
-def cost_of(prediction: Prediction, freedom: CoordinatePriors) -> float:
+def compute_cost(prediction: Prediction, freedom: CoordinatePriors) -> float:
     """χ² with the priors' part.
 
     Parameters
@@ -52,7 +52,7 @@ def cost_of(prediction: Prediction, freedom: CoordinatePriors) -> float:
     >>> from dataclasses import MISSING, fields
     >>> import numpy as np
     >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
-    >>> from hrg_cli.fitting.causes.descent import cost_of
+    >>> from hrg_cli.fitting.causes.descent import compute_cost
     >>> from hrg_cli.fitting.causes.fit_point import Point
     >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
     >>> from hrg_cli.fitting.causes.slow_prediction import predict
@@ -66,17 +66,17 @@ def cost_of(prediction: Prediction, freedom: CoordinatePriors) -> float:
     >>> prior = CoordinatePriors(np.full(7, 0.3), np.array([0.1, *[np.inf] * 6]))
     >>> point = Point(np.array([0.1, 0, 0, 0, 0, 0.5, 0]), np.array([[1.0, 0.0]]), np.zeros(1))
     >>> missed = 1e6 * np.sum((np.exp(-0.2 * t) - np.exp(-0.1 * t)) ** 2)
-    >>> bool(np.isclose(cost_of(predict(series, point), prior), missed + 4, rtol=1e-9))
+    >>> bool(np.isclose(compute_cost(predict(series, point), prior), missed + 4, rtol=1e-9))
     True
     """
     if not np.all(np.isfinite(prediction.seen)):
         return np.inf
     series = prediction.series
-    pull = prior_residual(freedom, prediction.point, series)
+    pull = compute_prior_residual(freedom, prediction.point, series)
     return float(np.sum(flatten_rows(series, prediction.residual()) ** 2) + np.sum(pull**2))
 
 
-def no_motion(series: MeasuredRuns, point: Point) -> DivergedError:
+def tell_no_motion(series: MeasuredRuns, point: Point) -> DivergedError:
     """Why there is no fit at all.
 
     Parameters
@@ -94,9 +94,9 @@ def no_motion(series: MeasuredRuns, point: Point) -> DivergedError:
     Examples
     --------
     >>> from types import SimpleNamespace
-    >>> from hrg_cli.fitting.causes.descent import no_motion
+    >>> from hrg_cli.fitting.causes.descent import tell_no_motion
     >>> from hrg_cli.fitting.causes.fit_point import Point
-    >>> str(no_motion(SimpleNamespace(names=("left",)), Point(None, None, None)))[:53]
+    >>> str(tell_no_motion(SimpleNamespace(names=("left",)), Point(None, None, None)))[:53]
     'left: the model finds no fit to these runs together; '
     """
     taken = ", ".join(effect.name for effect, _ in point.active)
@@ -161,7 +161,7 @@ def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePri
     >>> from hrg_cli.fitting.causes.fit_point import Point
     >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
     >>> from hrg_cli.fitting.causes.slow_prediction import predict
-    >>> from hrg_cli.fitting.causes.whitened_rows import layout_of
+    >>> from hrg_cli.fitting.causes.whitened_rows import build_layout
     >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
     >>> t, none = np.linspace(0.0, 10.0, 101)[None], np.zeros((1, 101))
     >>> series = MeasuredRuns(**dict.fromkeys(needed, none) | dict(
@@ -172,26 +172,26 @@ def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePri
     >>> held = np.array([0.1, 0, 0, 0, 0, 0.5, 0])
     >>> free = CoordinatePriors(held, np.array([np.inf, 0, 0, 0, 0, 0, 0]))
     >>> prediction = predict(series, Point(held, np.array([[1, 0.2j]]), np.zeros(1)))
-    >>> here = linearise(prediction, layout_of(series, prediction.point, free), free)
+    >>> here = linearise(prediction, build_layout(series, prediction.point, free), free)
     >>> round(float(here.step[0]), 3), here.lost
     (0.018, 0.0)
     """
     series = prediction.series
     flow = linearise_flow(prediction)
-    design = design_of(flow, layout)
+    design = compute_design(flow, layout)
     residual = flatten_rows(series, prediction.residual())
     try:
         factored = factor_design(design)
     except np.linalg.LinAlgError as error:
-        raise no_motion(series, prediction.point) from error
+        raise tell_no_motion(series, prediction.point) from error
     # slopes that grow without end give a triangle that is no numbers, and not always an error
     with np.errstate(over="ignore"):
         size = float(np.sum(np.square(factored.triangle)))
     if not np.isfinite(size):
-        raise no_motion(series, prediction.point)
+        raise tell_no_motion(series, prediction.point)
     priors = (
-        prior_rows(freedom, layout, series),
-        prior_residual(freedom, prediction.point, series),
+        build_prior_rows(freedom, layout, series),
+        compute_prior_residual(freedom, prediction.point, series),
     )
     step, covariance = factored.solve(residual, *priors)
     wall = find_wall(prediction.point, layout, step) if freedom.passive else None
@@ -232,11 +232,11 @@ def descend(
     >>> from dataclasses import MISSING, fields
     >>> import numpy as np
     >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
-    >>> from hrg_cli.fitting.causes.descent import cost_of, descend, linearise
+    >>> from hrg_cli.fitting.causes.descent import compute_cost, descend, linearise
     >>> from hrg_cli.fitting.causes.fit_point import Point
     >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
     >>> from hrg_cli.fitting.causes.slow_prediction import predict
-    >>> from hrg_cli.fitting.causes.whitened_rows import layout_of
+    >>> from hrg_cli.fitting.causes.whitened_rows import build_layout
     >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
     >>> t, none = np.linspace(0.0, 10.0, 101)[None], np.zeros((1, 101))
     >>> series = MeasuredRuns(**dict.fromkeys(needed, none) | dict(
@@ -247,8 +247,8 @@ def descend(
     >>> held = np.array([0.1, 0, 0, 0, 0, 0.5, 0])
     >>> free = CoordinatePriors(held, np.array([np.inf, 0, 0, 0, 0, 0, 0]))
     >>> prediction = predict(series, Point(held, np.array([[1, 0.2j]]), np.zeros(1)))
-    >>> here = linearise(prediction, layout_of(series, prediction.point, free), free)
-    >>> before = cost_of(prediction, free)
+    >>> here = linearise(prediction, build_layout(series, prediction.point, free), free)
+    >>> before = compute_cost(prediction, free)
     >>> after, cost, whole = descend(here, free, before, 1e-6)
     >>> whole, bool(cost < 1e-2 * before), round(float(after.point.p[0]), 3)
     (True, True, 0.118)
@@ -262,7 +262,7 @@ def descend(
             move_point(start.point, here.layout, step, freedom.passive),
             here.flow.near,
         )
-        return trial, cost_of(trial, freedom)
+        return trial, compute_cost(trial, freedom)
 
     size = 1.0
     while size >= SHORTEST:

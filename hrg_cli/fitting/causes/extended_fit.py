@@ -16,7 +16,7 @@ from ..envelopes.coordinates import COORDINATES, COUNT
 from ..least_squares import square_over_covariance
 from .coordinate_priors import CoordinatePriors
 from .damping_bound import restrict_damping
-from .descent import DivergedError, cost_of, descend, linearise, no_motion
+from .descent import DivergedError, compute_cost, descend, linearise, tell_no_motion
 from .designs import Basis, Design, Factored
 from .fit_point import Point
 from .layout import FitColumns
@@ -25,9 +25,16 @@ from .motion_budget import spend_motion
 from .sensitivities import Propagation, Wanted, linearise_flow
 from .slow_prediction import Near, Prediction, predict
 from .wave_frame import find_directions, to_complex, to_reals
-from .whitened_rows import find_sensitivities, layout_of
+from .whitened_rows import build_layout, find_sensitivities
 
-__all__ = ["DivergedError", "ExtendedFit", "along_wave", "fit", "on_rows", "unsettled_part"]
+__all__ = [
+    "DivergedError",
+    "ExtendedFit",
+    "compute_unsettled_part",
+    "fit",
+    "place_on_rows",
+    "resolve_along_wave",
+]
 
 Array = np.ndarray
 MOST_STEPS = 15
@@ -155,7 +162,7 @@ class ExtendedFit:
         )
 
 
-def on_rows(fit: ExtendedFit, values: Array) -> Array:
+def place_on_rows(fit: ExtendedFit, values: Array) -> Array:
     """Values of a fit's residual rows where they stand.
 
     Parameters
@@ -174,11 +181,11 @@ def on_rows(fit: ExtendedFit, values: Array) -> Array:
     --------
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.extended_fit import on_rows
+    >>> from hrg_cli.fitting.causes.extended_fit import place_on_rows
     >>> weight = np.array([[1.0, 0.0]])
     >>> rows = np.argwhere(np.broadcast_to((weight > 0)[..., None], (1, 2, 4)))
     >>> fit = SimpleNamespace(series=SimpleNamespace(weight=weight), rows=rows)
-    >>> on_rows(fit, np.array([1.0, 2.0, 3.0, 4.0])).tolist()
+    >>> place_on_rows(fit, np.array([1.0, 2.0, 3.0, 4.0])).tolist()
     [[[1.0, 2.0, 3.0, 4.0], [0.0, 0.0, 0.0, 0.0]]]
     """
     out = np.zeros((*fit.series.weight.shape, 4, *values.shape[1:]))
@@ -186,7 +193,7 @@ def on_rows(fit: ExtendedFit, values: Array) -> Array:
     return out
 
 
-def unsettled_part(fit: ExtendedFit) -> Array:
+def compute_unsettled_part(fit: ExtendedFit) -> Array:
     """What of the envelopes most likely stands beside the prediction, neither misfit nor noise.
 
     It lies along what nobody knows of the runs or what may have scattered. Of a residual r = noise
@@ -209,7 +216,7 @@ def unsettled_part(fit: ExtendedFit) -> Array:
     >>> from types import SimpleNamespace
     >>> import numpy as np
     >>> from hrg_cli.fitting.causes.designs import Softened
-    >>> from hrg_cli.fitting.causes.extended_fit import unsettled_part
+    >>> from hrg_cli.fitting.causes.extended_fit import compute_unsettled_part
     >>> scatter = Softened(((slice(0, 4), np.eye(4)[:, :1], np.array([3.0])),))
     >>> residual, weight = np.array([[[4.0, 0.0, 0.0, 0.0]]]), np.ones((1, 1))
     >>> known = dict(unsettled=None, scatter=scatter, weight=weight, in_units=lambda u: u)
@@ -217,7 +224,7 @@ def unsettled_part(fit: ExtendedFit) -> Array:
     >>> prediction = SimpleNamespace(residual=lambda: residual)
     >>> whitened, rows = scatter.off(residual.ravel()), np.argwhere(np.ones((1, 1, 4)))
     >>> fit = SimpleNamespace(series=series, prediction=prediction, residual=whitened, rows=rows)
-    >>> unsettled_part(fit).tolist()
+    >>> compute_unsettled_part(fit).tolist()
     [[[(3+0j), 0j]]]
     """
     series = fit.series
@@ -228,11 +235,11 @@ def unsettled_part(fit: ExtendedFit) -> Array:
         noise = series.unsettled.off(noise)
     if series.scatter is not None:
         noise = series.scatter.back(noise)
-    beside = fit.prediction.residual() - on_rows(fit, noise)
+    beside = fit.prediction.residual() - place_on_rows(fit, noise)
     return series.in_units(to_complex(beside))
 
 
-def along_wave(fit: ExtendedFit, values: Array) -> Array:
+def resolve_along_wave(fit: ExtendedFit, values: Array) -> Array:
     """Values of a fit's residual rows along the directions of the wave as its noise weighs it.
 
     Parameters
@@ -253,15 +260,15 @@ def along_wave(fit: ExtendedFit, values: Array) -> Array:
 
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.extended_fit import along_wave
+    >>> from hrg_cli.fitting.causes.extended_fit import resolve_along_wave
     >>> series = SimpleNamespace(weight=np.ones((1, 1)), whitening=None)
     >>> seen, rows = np.array([[[1.0, 0j]]]), np.argwhere(np.ones((1, 1, 4)))
     >>> fit = SimpleNamespace(series=series, prediction=SimpleNamespace(seen=seen), rows=rows)
-    >>> along_wave(fit, np.array([0.0, 2.0, 0.0, 0.0])).tolist()
+    >>> resolve_along_wave(fit, np.array([0.0, 2.0, 0.0, 0.0])).tolist()
     [[[0.0, 0.0, 2.0, 0.0]]]
     """
     own = to_reals(find_directions(channel_noise.whiten(fit.series.whitening, fit.prediction.seen)))
-    return np.asarray(np.einsum("rnki,rni...->rnk...", own, on_rows(fit, values)))
+    return np.asarray(np.einsum("rnki,rni...->rnk...", own, place_on_rows(fit, values)))
 
 
 def fit(
@@ -325,7 +332,7 @@ def fit(
     >>> found.converged, round(found.coordinate("damping"), 3), found.dof
     (True, 0.12, 398)
     """
-    layout = layout_of(series, point, freedom)
+    layout = build_layout(series, point, freedom)
     p = restrict_damping(point.p) if freedom.passive else point.p
     point = replace(point, p=np.where(freedom.std == 0, freedom.mean, p))
     # as a part of χ²: four reals a row, so that χ² is about as large as their number
@@ -335,9 +342,9 @@ def fit(
         prediction = predict(
             series, point, _measured_motion(series, point) if near is None else near
         )
-        value = cost_of(prediction, freedom)
+        value = compute_cost(prediction, freedom)
         if not np.isfinite(value):
-            raise no_motion(series, point)
+            raise tell_no_motion(series, point)
         converged, steps = False, 0
         while True:
             here = linearise(prediction, layout, freedom)

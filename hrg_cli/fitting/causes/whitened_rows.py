@@ -215,7 +215,7 @@ def find_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Arra
     ]
 
 
-def layout_of(series: MeasuredRuns, point: Point, freedom: CoordinatePriors) -> FitColumns:
+def build_layout(series: MeasuredRuns, point: Point, freedom: CoordinatePriors) -> FitColumns:
     """What a fit of this point moves.
 
     Parameters
@@ -238,10 +238,10 @@ def layout_of(series: MeasuredRuns, point: Point, freedom: CoordinatePriors) -> 
     >>> import numpy as np
     >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
     >>> from hrg_cli.fitting.causes.fit_point import Point
-    >>> from hrg_cli.fitting.causes.whitened_rows import layout_of
+    >>> from hrg_cli.fitting.causes.whitened_rows import build_layout
     >>> free = CoordinatePriors(np.zeros(7), np.array([np.inf, 0, 0, 0, 0, 0, 0]))
     >>> point, runs = Point(np.zeros(7), np.ones((2, 2)), np.zeros(2)), SimpleNamespace(names="ab")
-    >>> layout_of(runs, point, free).count
+    >>> build_layout(runs, point, free).count
     11
     """
     effects = tuple(
@@ -252,7 +252,7 @@ def layout_of(series: MeasuredRuns, point: Point, freedom: CoordinatePriors) -> 
     )
 
 
-def design_of(flow: Propagation, layout: FitColumns) -> Design:
+def compute_design(flow: Propagation, layout: FitColumns) -> Design:
     """Whitened design of coordinates, runs and active effects.
 
     Parameters
@@ -278,7 +278,7 @@ def design_of(flow: Propagation, layout: FitColumns) -> Design:
     >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
     >>> from hrg_cli.fitting.causes.sensitivities import linearise_flow
     >>> from hrg_cli.fitting.causes.slow_prediction import predict
-    >>> from hrg_cli.fitting.causes.whitened_rows import design_of
+    >>> from hrg_cli.fitting.causes.whitened_rows import compute_design
     >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
     >>> t, none = np.linspace(0.0, 10.0, 101)[None], np.zeros((1, 101))
     >>> series = MeasuredRuns(**dict.fromkeys(needed, none) | dict(
@@ -286,7 +286,7 @@ def design_of(flow: Propagation, layout: FitColumns) -> Design:
     ...     turn_rad_s=np.zeros(1), held_amplitude=none + np.nan,
     ... ))
     >>> point = Point(np.array([0.1, 0, 0, 0, 0, 0.5, 0]), np.array([[1.0, 0.2j]]), np.zeros(1))
-    >>> design = design_of(linearise_flow(predict(series, point)), FitColumns((0,), 1))
+    >>> design = compute_design(linearise_flow(predict(series, point)), FitColumns((0,), 1))
     >>> design.shape, design.whole()[0].round(6).tolist()
     ((404, 6), [0.0, 1000.0, 0.0, 0.0, 0.0, 0.0])
     """

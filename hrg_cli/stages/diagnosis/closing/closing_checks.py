@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ....fitting import checks
-from ....fitting.causes.extended_fit import ExtendedFit, along_wave
+from ....fitting.causes.extended_fit import ExtendedFit, resolve_along_wave
 from ....fitting.checks import Check
 from ....fitting.envelopes.base_freedom import choose_scale_factor
 from ....fitting.least_squares import invert_information
@@ -131,7 +131,7 @@ def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
     """The residual in the wave's own frame, run by run, in the order of time and of what else
     moves."""
     series = fit.series
-    own = along_wave(fit, fit.residual)
+    own = resolve_along_wave(fit, fit.residual)
     good = series.weight > 0
     _, _, angle, _ = ellipse.find_wave(fit.prediction.seen, series.mode_number)
     amplitude = np.sqrt(np.sum(np.abs(fit.prediction.seen) ** 2, axis=-1))

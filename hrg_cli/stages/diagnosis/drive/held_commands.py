@@ -27,7 +27,7 @@ import numpy as np
 
 from ....effects.effect import frame
 from ....fitting.causes import designs, whitened_rows
-from ....fitting.causes.extended_fit import ExtendedFit, on_rows
+from ....fitting.causes.extended_fit import ExtendedFit, place_on_rows
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.causes.sensitivities import Propagation, find_base_sensitivities
 from ....fitting.causes.wave_frame import to_complex, to_reals
@@ -216,7 +216,7 @@ def _spectrum(fit: ExtendedFit, left: Sequence[_Left], beats: Array) -> Array:
     for run in left:
         rest[run.rows] = run.rest
     turn, _, e_B, _ = frame(fit.prediction.motion, series.phase_rad)
-    beside = np.conj(turn) * np.sum(e_B * to_complex(on_rows(fit, rest)), axis=-1)
+    beside = np.conj(turn) * np.sum(e_B * to_complex(place_on_rows(fit, rest)), axis=-1)
     power = np.zeros(len(beats))
     for t, z, weight in zip(series.time_s, beside, series.weight, strict=True):
         good = weight > 0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ....fitting.causes import evidence
-from ....fitting.causes.extended_fit import ExtendedFit, on_rows
+from ....fitting.causes.extended_fit import ExtendedFit, place_on_rows
 from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....records import Resonator
@@ -62,7 +62,7 @@ def report(
 def _figures(fit: ExtendedFit) -> dict[str, float]:
     """χ² a degree of freedom and the residual's rms in the signals' unit."""
     left = flatten_rows(fit.series, fit.prediction.residual())
-    plain = to_reals(fit.series.in_units(to_complex(on_rows(fit, left))))[tuple(fit.rows.T)]
+    plain = to_reals(fit.series.in_units(to_complex(place_on_rows(fit, left))))[tuple(fit.rows.T)]
     return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": float(np.sqrt(np.mean(plain**2)))}
 
 

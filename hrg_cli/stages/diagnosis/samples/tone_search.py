@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ....fitting.causes.extended_fit import ExtendedFit, unsettled_part
+from ....fitting.causes.extended_fit import ExtendedFit, compute_unsettled_part
 from ....fitting.envelopes import channel_noise
 from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....records import Wave
@@ -50,7 +50,7 @@ def collect_residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]
 
     out = []
     reference = fit.series.reference_frequency_hz
-    model = fit.prediction.by_log + unsettled_part(fit)
+    model = fit.prediction.by_log + compute_unsettled_part(fit)
     for k, wave in enumerate(waves):
         rows = fit.series.weight[k] > 0
         at = fit.series.time_s[k][rows]

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....fitting.causes import evidence
-from ....fitting.causes.extended_fit import ExtendedFit, along_wave
+from ....fitting.causes.extended_fit import ExtendedFit, resolve_along_wave
 from ..fits.refits import compute_bic, hold_unseen, leave_out, refit
 from ..fits.scoring import count_places, score_effects
 from ..fits.variants import Variant
@@ -223,7 +223,7 @@ class Spectrum:
         lie."""
         from scipy.fft import dct
 
-        good, own = fit.series.weight > 0, along_wave(fit, residual)
+        good, own = fit.series.weight > 0, resolve_along_wave(fit, residual)
         coefficients, band = [], []
         for components, kept in zip(own, good, strict=True):
             count = int(kept.sum())

@@ -93,7 +93,7 @@ def estimate_noise_level(fit: ExtendedFit, remainder: Remainder | None) -> float
     Neighbours that scatter by less than they state may be correlated (a lock-in's filter), and state
     what is slow: only as far as means of several rows scatter by less too is the noise less.
     """
-    values = extended_fit.on_rows(fit, (remainder.fit if remainder else fit).residual)
+    values = extended_fit.place_on_rows(fit, (remainder.fit if remainder else fit).residual)
     found = _roughness(values, fit.series.weight, 1)
     if found is None:
         return None

@@ -27,7 +27,7 @@ from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.causes.sensitivities import linearise_flow
 from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.wave_frame import to_reals
-from ....fitting.causes.whitened_rows import design_of, layout_of
+from ....fitting.causes.whitened_rows import build_layout, compute_design
 from ....fitting.envelopes import channel_noise
 from ....physics import ellipse
 from ..fits.refits import leave_out
@@ -219,7 +219,7 @@ def find_forecast_errors(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Err
     else:
         prediction, names = predict(series, fit.point), np.arange(len(series.names))
         with np.errstate(all="ignore"):
-            design = design_of(linearise_flow(prediction), fit.layout)
+            design = compute_design(linearise_flow(prediction), fit.layout)
             learned = design.whole() @ _root(fit.covariance)
     run, row = np.argwhere(series.weight > 0).T
     weight = series.weight[run, row]
@@ -247,9 +247,9 @@ def _propagate_learned(own: ExtendedFit, fit: ExtendedFit) -> Array:
     """What one σ of what was learned moves, over σ, (N, m): of the runs' own starts and frequencies,
     and of all that they share with the training, beside these."""
     point = replace(own.point, active=fit.point.active)
-    layout = layout_of(own.series, point, fit.freedom)
+    layout = build_layout(own.series, point, fit.freedom)
     with np.errstate(all="ignore"):
-        design = design_of(linearise_flow(replace(own.prediction, point=point)), layout)
+        design = compute_design(linearise_flow(replace(own.prediction, point=point)), layout)
         of_runs = own.design.whole() @ _root(own.covariance)
     places = fit.layout.shared
     of_all = own.basis.off(design.shared) @ _root(fit.covariance[np.ix_(places, places)])

@@ -11,8 +11,8 @@ import numpy as np
 
 from ....effects.effect import frame
 from ....fitting.causes import left_out_folds
-from ....fitting.causes.coordinate_priors import coordinate_rows
-from ....fitting.causes.extended_fit import ExtendedFit, on_rows
+from ....fitting.causes.coordinate_priors import build_coordinate_rows
+from ....fitting.causes.extended_fit import ExtendedFit, place_on_rows
 from ....fitting.causes.left_out_folds import HeldOut
 from ....fitting.causes.wave_frame import to_complex
 from ....units import DEGREE_PER_HOUR
@@ -74,7 +74,7 @@ def _columns(
     fit: ExtendedFit, kind: str, folds: list[Array]
 ) -> tuple[Array, dict[int, Array], Array]:
     """(Columns that folds share, those of each fold alone, the prior's rows on the shared ones)."""
-    prior = coordinate_rows(fit.freedom, fit.layout)
+    prior = build_coordinate_rows(fit.freedom, fit.layout)
     if kind == "runs":
         own = {number: _select_own_columns(fit, rows) for number, rows in enumerate(folds)}
         return fit.design.shared, own, prior[:, fit.design.places]
@@ -177,7 +177,7 @@ def _quantities(
     """rms and its standard deviation over the folds of: drift error mθ̇ (°/h), error of the angle
     mθ and of the amplitude (ppm)."""
     series, u = fit.series, fit.prediction.seen
-    difference = series.in_units(to_complex(on_rows(fit, left)))
+    difference = series.in_units(to_complex(place_on_rows(fit, left)))
     turn, e_A, e_B, a_A = frame(u, series.phase_rad)
     angle = np.real(np.sum(difference * e_B, axis=-1) * np.conj(turn)) / a_A
     amplitude = np.real(np.sum(difference * e_A, axis=-1) * np.conj(turn)) / a_A

@@ -94,7 +94,7 @@ def find_peaks(fit: ExtendedFit) -> list[float]:
     """Cycles of the tones looked for: the highest peaks of the spectrum of all runs' and the wave's
     components' residuals together."""
     series = fit.series
-    values = extended_fit.along_wave(fit, fit.residual)
+    values = extended_fit.resolve_along_wave(fit, fit.residual)
     good = series.weight > 0
     span = float(series.time_s[good].max())
     cycles = np.arange(1.5, CELLS / 2 + 1, 0.25)

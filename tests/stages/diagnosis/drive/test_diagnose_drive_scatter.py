@@ -14,7 +14,7 @@ from hrg_cli.effects.effect import frame
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
 from hrg_cli.fitting.causes.designs import Softened
-from hrg_cli.fitting.causes.extended_fit import unsettled_part
+from hrg_cli.fitting.causes.extended_fit import compute_unsettled_part
 from hrg_cli.fitting.causes.fit_point import Point
 from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.causes.sensitivities import find_base_sensitivities
@@ -232,7 +232,7 @@ def test_the_likely_walk_is_on_the_motion_and_not_in_the_residual():
     fit = drive_scatter.follow_walk(plain)
     assert slow_part(fit.series, fit.prediction.by_log) > 5
     assert slow_part(fit.series, fit.prediction.seen) < 1.2
-    assert slow_part(fit.series, fit.prediction.by_log + unsettled_part(fit)) < 1.2
+    assert slow_part(fit.series, fit.prediction.by_log + compute_unsettled_part(fit)) < 1.2
     assert fit.chi2 == pytest.approx(plain.chi2, rel=1e-2)
 
 
