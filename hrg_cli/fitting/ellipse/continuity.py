@@ -59,11 +59,11 @@ def continue_angles(
     if len(gaps):  # the median is not worth its sorting where nothing can be a gap
         gaps = np.flatnonzero(intervals > 1.5 * max(window_s, float(np.median(intervals))))
     # ψ first, then mθ: a half turn of either turns φ by π, so φ is unwrapped last and over 2π.
-    carrier = _unwrapped(time_s, carrier_phase, np.pi, gaps)
+    carrier = _unwrap(time_s, carrier_phase, np.pi, gaps)
     phase = phase + np.pi * np.round((carrier - carrier_phase) / np.pi)
-    electrical = _unwrapped(time_s, angle, np.pi, gaps)
+    electrical = _unwrap(time_s, angle, np.pi, gaps)
     phase = phase + np.pi * np.round((electrical - angle) / np.pi)
-    return electrical, _unwrapped(time_s, phase, 2 * np.pi, gaps), carrier
+    return electrical, _unwrap(time_s, phase, 2 * np.pi, gaps), carrier
 
 
 def find_nearest_copy(x: Array, expected: Array) -> Array:
@@ -99,7 +99,7 @@ def find_nearest_copy(x: Array, expected: Array) -> Array:
     return np.stack([electrical + np.pi * turns, phase, carrier + np.pi * carrier_turns], axis=-1)
 
 
-def _unwrapped(time_s: Array, values: Array, period: float, gaps: Array) -> Array:
+def _unwrap(time_s: Array, values: Array, period: float, gaps: Array) -> Array:
     """Values (n) plus multiples of the period, each step the one nearest to its prediction; `gaps`:
     rows before a gap."""
     if len(values) < 2:
@@ -115,7 +115,9 @@ def _unwrapped(time_s: Array, values: Array, period: float, gaps: Array) -> Arra
     nearest = steps - period * np.round(steps / period)
     intervals = np.diff(time_s)
     predicted = (
-        _slopes(time_s, np.concatenate([[0.0], np.cumsum(nearest)]), gaps, intervals[gaps], period)
+        _estimate_gap_slopes(
+            time_s, np.concatenate([[0.0], np.cumsum(nearest)]), gaps, intervals[gaps], period
+        )
         * intervals[gaps]
     )
     nearest[gaps] = steps[gaps] - period * np.round((steps[gaps] - predicted) / period)
@@ -123,7 +125,9 @@ def _unwrapped(time_s: Array, values: Array, period: float, gaps: Array) -> Arra
     return values + period * turns
 
 
-def _slopes(time_s: Array, path: Array, gaps: Array, length_s: Array, period: float) -> Array:
+def _estimate_gap_slopes(
+    time_s: Array, path: Array, gaps: Array, length_s: Array, period: float
+) -> Array:
     """Slope over each gap from the rows beside it; 0 where too few rows, or two sides that differ
     by over a quarter period, tell it."""
     edges = np.concatenate([[-1], gaps, [len(path) - 1]])
@@ -190,7 +194,7 @@ def estimate_local_slope(time_s: Array, values: Array, weights: Array, half_widt
     middle = h + SEGMENT // 2
     t, v = t - t[:, middle, None], v - v[:, middle, None]
     wt, wv = w * t, w * v
-    w, wt, wv, wtt, wtv = (_running(term, 2 * h + 1) for term in (w, wt, wv, wt * t, wt * v))
+    w, wt, wv, wtt, wtv = (_sum_running(term, 2 * h + 1) for term in (w, wt, wv, wt * t, wt * v))
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = ((w * wtv - wt * wv) / (w * wtt - wt * wt)).ravel()[:n]
     return np.where(np.isfinite(slope), slope, np.nan)
@@ -203,7 +207,7 @@ def _fill_unused(values: Array, used: Array) -> Array:
     return np.asarray(np.where(used, values, 0.0)[nearest])
 
 
-def _running(terms: Array, length: int) -> Array:
+def _sum_running(terms: Array, length: int) -> Array:
     """Sums of `length` neighbours along each row of terms (segments, columns), by those of 1, 2, 4, …
     neighbours: each is the sum of two of half its length."""
     columns = terms.shape[1] - length + 1

@@ -151,7 +151,7 @@ def _iterate(
     here = TriedAngles.at(z, np.ascontiguousarray(out.x[rows, 2:].T))
     damping, growth = np.full(len(left), FIRST_DAMPING), np.full(len(left), 2.0)
     for evaluation in range(1, max_iterations + 1):
-        slope, move = _damped_move(z, here.AB, here.products, damping * size / 2, carrier_known)
+        slope, move = _compute_move(z, here.AB, here.products, damping * size / 2, carrier_known)
         # what the quadratic model says the cost falls by, moveᵀ(λ·move + slope): Nielsen's gain is
         # the fall found over it
         promised = 2 * (move * (damping * size / 2 * move + slope)).sum(0)
@@ -170,18 +170,20 @@ def _iterate(
         trial = TriedAngles.at(z, here.angles + move[:, go])
         gain = (here.cost - trial.cost) / promised[go]
         better = trial.cost < here.cost
-        damping, growth = _nielsen(damping[go], growth[go], gain, better)
+        damping, growth = _adapt_damping(damping[go], growth[go], gain, better)
         here = here.move_to(trial, better)
 
 
-def _nielsen(damping: Array, growth: Array, gain: Array, better: Array) -> tuple[Array, Array]:
+def _adapt_damping(
+    damping: Array, growth: Array, gain: Array, better: Array
+) -> tuple[Array, Array]:
     """Nielsen's rule: a step as good as promised (gain 1) divides λ by three; each bad one in a row
     multiplies it by twice as much."""
     lower = damping * np.maximum(1 / 3, 1 - (2 * gain - 1) ** 3)
     return np.where(better, lower, damping * growth), np.where(better, 2.0, 2 * growth)
 
 
-def _damped_move(
+def _compute_move(
     z: Array, AB: Array, products: tuple[Array, ...], damping: Array, carrier_known: bool
 ) -> tuple[Array, Array]:
     """Half the fall of the cost along each angle (3, n), and the damped step (JᵀJ + λ)⁻¹ of it.

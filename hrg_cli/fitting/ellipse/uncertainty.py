@@ -74,6 +74,7 @@ def compute_standard_deviations(
 
 
 def _fill(out: Array, x: Array, variances: Array, with_carrier: bool, correlation: float) -> None:
+    """Write the standard deviations of some rows, by the variances of the projections."""
     A, B, theta, phi, psi = np.ascontiguousarray(x.T)
     cosine, sine = _double_angle(theta)
     cos2 = (1 + cosine) / 2

@@ -256,7 +256,7 @@ def build_window_basis(
         pulls.append(
             compute_pull((inverse @ taken)[None], (motion.T @ motion - taken.T @ taken)[None])
         )
-    sloping = _sloping(q, motion if moving else tau[:, None] * matrix[:, :tones])
+    sloping = _build_sloping(q, motion if moving else tau[:, None] * matrix[:, :tones])
     taken = sloping.T @ motion
     return WindowBasis(
         np.ascontiguousarray(q),
@@ -270,7 +270,7 @@ def build_window_basis(
     )
 
 
-def _sloping(q: Array, motion: Array) -> Array:
+def _build_sloping(q: Array, motion: Array) -> Array:
     """Orthonormal columns (n, 2F) that span a motion off the basis q; none (n, 0) where less than
     two degrees of freedom would be left, or the motion is of the basis."""
     off = motion - q @ (q.T @ motion)

@@ -78,9 +78,9 @@ class Course:
     def domain(self) -> tuple[float, float]:
         """Times from which and to which the rows tell the course."""
         t = self.time_s
-        return t[0] - self._reach(0, 1, 2), t[-1] + self._reach(-1, -2, -3)
+        return t[0] - self._find_reach(0, 1, 2), t[-1] + self._find_reach(-1, -2, -3)
 
-    def _reach(self, end: int, next_one: int, third: int) -> float:
+    def _find_reach(self, end: int, next_one: int, third: int) -> float:
         """How far a course goes on beyond an end: one step where its last two steps are bent, or
         nearly as steep as each other."""
         if len(self.time_s) < 3:
@@ -375,10 +375,10 @@ def build_course(time_s: Array, value: Array) -> Course:
     fourth = np.maximum(*(around[np.clip(first + j, 0, len(around) - 1)] for j in (-1, 0)))
     error = np.prod([np.abs(middle - t[first + j]) for j in range(4)], axis=0) * fourth
     bent = (bend > 2 * error) & _is_smooth(of[2], k)
-    return _through_six(Course(t, y, np.where(bent, alpha, 0.0), np.where(bent, beta, 0.0)))
+    return _bend_through_six(Course(t, y, np.where(bent, alpha, 0.0), np.where(bent, beta, 0.0)))
 
 
-def _through_six(cubics: Course) -> Course:
+def _bend_through_six(cubics: Course) -> Course:
     """The same, bent further so that its means are those of quintics through six rows where these are
     even and the course bends over them: of a swing that turns by x a row the cubics' integral misses
     11x⁴/720 of itself, the quintics' 191x⁶/60480.

@@ -260,7 +260,7 @@ class Demodulator:
             Hz, a multiple of `FREQUENCY_STEP` over the window's length.
         """
         step = FREQUENCY_STEP / self.window_s
-        return float(round((self.survey.frequency_hz(time_s) + self._ahead_hz) / step) * step)
+        return float(round((self.survey.interpolate_hz(time_s) + self._ahead_hz) / step) * step)
 
     def list_bands(self, local_hz: float) -> tuple[float, ...]:
         """Frequencies of the signals where the oscillation is at a local frequency.
@@ -298,7 +298,7 @@ class Demodulator:
         # Below 0.9 noise or a beat turns the envelope, not its frequency.
         if np.isfinite(total) and abs(total) > 0.9 * sum_energy(u):
             seen = self.reference_hz + float(np.angle(total)) / (2 * np.pi * self.window_s)
-            self._ahead_hz = seen - self.survey.frequency_hz(time_s)
+            self._ahead_hz = seen - self.survey.interpolate_hz(time_s)
 
     def build_basis(self, samples: int, rate_hz: float, local_hz: float) -> WindowBasis:
         """The shared basis of even windows at a local frequency, kept while that stays the same.
@@ -400,17 +400,17 @@ class Demodulator:
             wave2 = (np.abs(fits.envelope) ** 2).sum((0, 2)) / 2
             if np.isfinite(left2).any():
                 relative = np.nanmedian(left2 / np.maximum(wave2, 1e-300))
-                unheld = self._unheld(fits, times, local_hz, noise2)
+                unheld = self._measure_unheld(fits, times, local_hz, noise2)
                 levels.append((np.nanmedian(left2), relative, unheld))
         if levels:
             power, relative, self.unheld = (float(x) for x in np.median(levels, axis=0))
             self.calm = power, relative
 
-    def _unheld(self, fits: Fits, times: Array, local_hz: float, noise2: Array) -> float:
+    def _measure_unheld(self, fits: Fits, times: Array, local_hz: float, noise2: Array) -> float:
         """Rms over the wave's of what windows of one look leave beside its noise (channels,), the
         motion that their neighbours foretell taken off."""
         turn = self.compute_turns(float(times[0]), len(times))
-        still = self._still(fits, turn, times, local_hz)
+        still = self._take_motion_off(fits, turn, times, local_hz)
         known = 0.0 if still.known_residual2 is None else still.known_residual2
         left2 = np.nanmedian((fits.residual2 - known) / np.maximum(fits.freedom, 1), axis=1)
         wave2 = np.nanmedian((np.abs(fits.envelope) ** 2).sum((0, 2)) / 2)
@@ -418,7 +418,7 @@ class Demodulator:
             return 0.0
         return float(np.sqrt((left2 - noise2).sum() / max(wave2, 1e-300)))
 
-    def _still(self, fits: Fits, turn: Array, times: Array, local_hz: float) -> Still:
+    def _take_motion_off(self, fits: Fits, turn: Array, times: Array, local_hz: float) -> Still:
         """The windows' envelopes at the reference phase without their motion's pull."""
         offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
         within = MotionWithin(self.window_s, self.moving, self.takes_bends_off, self.judged_s)
@@ -453,12 +453,12 @@ class Demodulator:
             Those of the chunk in the block.
         """
         turn = self.compute_turns(float(times[0]), len(times))
-        still = self._still(fits, turn, times, local_hz)
+        still = self._take_motion_off(fits, turn, times, local_hz)
         self.follow(still.envelope[:, keep], float(times[0] + times[-1]) / 2)
         clipped = out["flags"][rows] & FLAG_CLIPPED != 0
         for k in range(2):
-            sample2 = self._sample_variance(fits, still, k, keep)
-            own = self._own_variance(fits, still, k, keep, sample2, clipped)
+            sample2 = self._pool_sample_variance(fits, still, k, keep)
+            own = self._compute_own_variance(fits, still, k, keep, sample2, clipped)
             unsure = 0.0 if still.doubt2 is None else still.doubt2[k, keep]
             write_signals(
                 out, rows, k, still.envelope[k, keep], turn[keep], Variances(sample2, own, unsure)
@@ -473,7 +473,7 @@ class Demodulator:
                 self._count_bent(np.sqrt(unsure).max(-1)[judged], std[judged])
         out["time_s"][rows] = times[keep]
 
-    def _sample_variance(self, fits: Fits, still: Still, k: int, keep: slice) -> Array:
+    def _pool_sample_variance(self, fits: Fits, still: Still, k: int, keep: slice) -> Array:
         """Variance (windows, 1) of a channel's samples: pooled over windows, and no less than the
         least count leaves."""
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[keep]
@@ -485,7 +485,7 @@ class Demodulator:
             pooled = settle_by_scatter(pooled, known / np.maximum(freedom, 1), freedom, seen)
         return np.asarray(np.maximum(pooled, self.find_least_variance(k))[:, None])
 
-    def _own_variance(
+    def _compute_own_variance(
         self, fits: Fits, still: Still, k: int, keep: slice, sample2: Array, clipped: Array
     ) -> Array:
         """Variance (windows, 2 tones) of a channel's coefficients in that of one sample: by the fit,

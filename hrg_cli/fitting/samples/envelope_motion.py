@@ -99,7 +99,7 @@ def estimate_fine_slopes(
     if u.shape[1] < n:
         return None
     place = np.arange(n) - NEIGHBOURS
-    weights, at_ends = (_derivative(place, degree) / window_s for degree in (3, 5))
+    weights, at_ends = (_build_derivative(place, degree) / window_s for degree in (3, 5))
     turn = np.exp(1j * local_less_reference_rad_s * window_s)
     count = u.shape[1] - 2 * NEIGHBOURS
     out = np.empty(u.shape, complex)
@@ -116,7 +116,7 @@ def estimate_fine_slopes(
     return out
 
 
-def _derivative(place: Array, degree: int) -> Array:
+def _build_derivative(place: Array, degree: int) -> Array:
     """Weights (n, n) of values at places whose polynomial of least squares has the derivative at
     each of them."""
     powers = place[:, None] ** np.arange(degree + 1)

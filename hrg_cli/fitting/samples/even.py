@@ -63,7 +63,7 @@ def make_even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     ((600, 4), [1.0, 0.0, 0.5, 0.0])
     """
     recording, rate = run.recording, float(run.recording.sample_rate_hz or 0)
-    samples = _window_samples(run, rate)
+    samples = _choose_window(run, rate)
     run.window_s = samples / rate
     total = len(recording.c) // samples
     basis = run.build_basis(samples, rate, run.reference_hz)
@@ -81,7 +81,7 @@ def make_even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
             np.asarray(channel[lead * samples : min(last + NEIGHBOURS, total) * samples])
             for channel in (recording.c, recording.s)
         ]
-        touching = [_touches(raw[k], run.survey.rails[k]) for k in range(2)]
+        touching = [_does_touch(raw[k], run.survey.rails[k]) for k in range(2)]
         block = run.make_block(last - first)
         for start in range(first, last, chunk):
             stop = min(start + chunk, last)
@@ -103,7 +103,7 @@ def make_even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
                 lowest, highest = run.survey.rails[k]
                 piece = pieces[k][keep]
                 flags[(piece >= highest).any(1) | (piece <= lowest).any(1)] |= FLAG_CLIPPED
-            fits = _fits(run, envelope, residual2, basis, samples)
+            fits = _make_fits(run, envelope, residual2, basis, samples)
             run.fill(fits, times, local, keep, block, rows)
         yield block
 
@@ -117,7 +117,7 @@ def _choose_harmonics(
     return find_leaking_harmonics(run.survey, basis, samples, windows, run.moving)
 
 
-def _fits(
+def _make_fits(
     run: Demodulator, envelope: Array, residual2: Array, basis: WindowBasis, samples: int
 ) -> Fits:
     """Windows of so many samples fitted by one basis."""
@@ -151,7 +151,7 @@ def _fit_channels(run: Demodulator, pieces: list[Array], basis: WindowBasis) -> 
     return envelope, residual2
 
 
-def _touches(raw: Array, rail: tuple[float, float]) -> bool:
+def _does_touch(raw: Array, rail: tuple[float, float]) -> bool:
     """Whether any sample of a block touches a rail (one fast pass, so that clean blocks cost no
     more)."""
     if not np.isfinite(rail[0]) and not np.isfinite(rail[1]):
@@ -160,7 +160,7 @@ def _touches(raw: Array, rail: tuple[float, float]) -> bool:
     return not np.isfinite(highest) or bool(highest >= rail[1] or lowest <= rail[0])
 
 
-def _window_samples(run: Demodulator, rate: float) -> int:
+def _choose_window(run: Demodulator, rate: float) -> int:
     """Samples a window: those asked for, or as many more as the basis needs to be regular with two
     degrees of freedom to spare."""
     n = len(run.recording.c)
@@ -190,13 +190,13 @@ def _learn(run: Demodulator, samples: int, rate: float) -> None:
     found = [(look, noise2) for look, noise2 in found[1:] or found if look.y.shape[1] >= samples]
     looks = [look for look, _ in found]
     bases = [run.build_basis(samples, rate, run.find_hz(float(x.time_s.mean()))) for x in looks]
-    run.apart = _motion_counts(run, looks, bases, samples)
+    run.apart = _does_motion_count(run, looks, bases, samples)
     seen = []
     for (look, noise2), basis in zip(found, bases, strict=True):
         count = look.y.shape[1] // samples
         pieces = look.y[:, : count * samples].reshape(2, count, samples)
         envelope, left = zip(*(fit_even(piece, basis, run.apart) for piece in pieces), strict=True)
-        fits = _fits(run, np.stack(envelope), np.stack(left), basis, samples)
+        fits = _make_fits(run, np.stack(envelope), np.stack(left), basis, samples)
         centres = look.time_s[0] + ((samples - 1) / 2 + np.arange(count) * samples) / rate
         seen.append((fits, centres, run.find_hz(float(look.time_s.mean())), noise2))
     run.learn_calm(seen)
@@ -205,7 +205,7 @@ def _learn(run: Demodulator, samples: int, rate: float) -> None:
     )
 
 
-def _motion_counts(
+def _does_motion_count(
     run: Demodulator, looks: Sequence[Look], bases: Sequence[WindowBasis], samples: int
 ) -> bool:
     """Whether the envelopes' slopes from window to window, or their curvatures where the windows fit

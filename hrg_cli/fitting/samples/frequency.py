@@ -345,7 +345,7 @@ def refine_frequency(
     y = y[:, : count * samples].reshape(-1, count, samples)
     for _ in range(rounds):
         # even sub-windows are alike about their middles: one basis serves all
-        u = _sub_envelopes(
+        u = _fit_sub_envelopes(
             t, centre, y, list_bands(frequency_hz, carrier_hz), list_nuisances(carrier_hz), even
         )
         cross = (u[:, lag:] * u[:, : count - lag].conj()).sum((0, 1))
@@ -358,7 +358,7 @@ def refine_frequency(
     return frequency_hz
 
 
-def _sub_envelopes(
+def _fit_sub_envelopes(
     t: Array, centre: Array, y: Array, f: tuple[float, ...], beside: tuple[float, ...], alike: bool
 ) -> Array:
     """Envelopes (channels, windows, tones) of y (channels, windows, n) against e^{jωt}, fitted at the

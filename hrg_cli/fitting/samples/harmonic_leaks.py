@@ -78,7 +78,7 @@ def find_leaking_harmonics(
     if survey.carrier_hz is not None or not len(survey.line_hz):
         return ()
     rate = 1 / survey.step_s
-    noise2 = survey.spectrum_floor() * rate / 2
+    noise2 = survey.average_floor() * rate / 2
     leaking: list[tuple[float, float]] = []
     for hz, amplitude in _find_harmonics(survey):
         with np.errstate(divide="ignore", invalid="ignore"):

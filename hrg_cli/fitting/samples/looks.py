@@ -87,7 +87,7 @@ def take_looks(recording: Recording, even: bool, name: str) -> list[Look]:
         if not bad.any():
             looks.append(look)
             continue
-        stretches.append(_cut_look(look, _longest(~bad.any(0))))
+        stretches.append(_cut_look(look, _find_longest(~bad.any(0))))
         if bad.mean() < MOST_PATCHED:
             patched.append(_patch_look(look, bad))
     shortest = max(64, length // 8)
@@ -118,6 +118,7 @@ def _take_look(recording: Recording, first: int, last: int) -> Look:
 
 
 def _cut_look(look: Look, part: slice) -> Look:
+    """A part of the look's samples."""
     return Look(look.time_s[part], look.y[:, part], (look.raw[0][part], look.raw[1][part]))
 
 
@@ -130,7 +131,7 @@ def _patch_look(look: Look, bad: Array) -> Look:
     return Look(look.time_s, y, look.raw)
 
 
-def _longest(good: Array) -> slice:
+def _find_longest(good: Array) -> slice:
     """The longest run of true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
     if not len(edges):
@@ -284,14 +285,14 @@ def find_rails(channel: Array, raws: list[Array]) -> tuple[float, float]:
         low, high = float(info.min), float(info.max)
     for raw in raws:
         values = raw.astype(float)
-        if _stuck_at_top(values):
+        if _is_stuck_at_top(values):
             high = min(high, float(np.nanmax(values)))
-        if _stuck_at_top(-values):
+        if _is_stuck_at_top(-values):
             low = max(low, float(np.nanmin(values)))
     return low, high
 
 
-def _stuck_at_top(values: Array) -> bool:
+def _is_stuck_at_top(values: Array) -> bool:
     """Whether more samples share the highest value than a sine of that size leaves there: √(2/A)/π
     of all, A its amplitude in steps.
 

@@ -88,7 +88,7 @@ def search_oscillation(
     nyquist = 0.5 / step_s
     top = nyquist if carrier_hz is None else nyquist - carrier_hz
     _need_within_band(carrier_hz, nominal_hz, nyquist, name)
-    grid, power = _power_of_all(looks, spectra, step_s, carrier_hz, nominal_hz)
+    grid, power = _sum_power(looks, spectra, step_s, carrier_hz, nominal_hz)
     resolution = 1 / measure_span(looks[0])
     limit = finding.compute_detection_ratio(len(looks), len(grid) // finding.PADDING)
     if nominal_hz is not None:
@@ -139,7 +139,7 @@ def _need_within_band(
         )
 
 
-def _power_of_all(
+def _sum_power(
     looks: Sequence[Look],
     spectra: Spectra,
     step_s: float,

@@ -105,20 +105,21 @@ def find_run_down(recording: Recording, survey: Survey) -> RunDown | None:
     """
     if recording.mode != "free" or recording.readout != "direct" or survey.refused:
         return None
-    coarse = _judge(_course(_cut(survey), survey))
+    coarse = _judge_course(_measure_course(_cut_looks(survey), survey))
     if coarse is None:
         return None
-    return _judge(_course(_windows(recording, survey), survey))
+    return _judge_course(_measure_course(_take_windows(recording, survey), survey))
 
 
-def _judge(course: _Course) -> RunDown | None:
+def _judge_course(course: _Course) -> RunDown | None:
+    """The run-down that the windows' powers show; None where all of them are of it."""
     n = len(course.wave)
     if n < 4 * FEWEST_END:
         return None
-    first, last = _strike(course), n
+    first, last = _find_strike(course), n
     if course.wave[first:].max() > CLEAR * np.median(course.floor):
         last = _find_end(course, first)
-        last = min(last, _disturbed(course, first, last))
+        last = min(last, _find_disturbance(course, first, last))
     notes = []
     if first > 0:
         notes.append(
@@ -136,7 +137,7 @@ def _judge(course: _Course) -> RunDown | None:
     return RunDown(begin, float(course.begin_s[last]) if last < n else np.inf, tuple(notes))
 
 
-def _strike(course: _Course) -> int:
+def _find_strike(course: _Course) -> int:
     """The first window that holds the whole wave after a strike; 0 where there is none."""
     wave, sound = course.wave, course.wave + course.rest
     for k in range(1, len(wave) // 2 + len(wave) // 4):
@@ -166,7 +167,7 @@ def _find_end(course: _Course, first: int) -> int:
     return last if len(course.wave) - last >= FEWEST_END else len(course.wave)
 
 
-def _disturbed(course: _Course, first: int, last: int) -> int:
+def _find_disturbance(course: _Course, first: int, last: int) -> int:
     """The window from which on another sound is there and the wave falls faster; `last` where there
     is none."""
     log_rest, log_wave = (
@@ -194,7 +195,7 @@ def _disturbed(course: _Course, first: int, last: int) -> int:
     return found
 
 
-def _cut(survey: Survey) -> Iterable[tuple[Array, Array]]:
+def _cut_looks(survey: Survey) -> Iterable[tuple[Array, Array]]:
     """Times and samples (2, n) of the parts of the survey's looks."""
     period = FEWEST_PERIODS / survey.reference_hz / survey.step_s
     shortest = max(16, int(np.ceil(period)))
@@ -206,7 +207,7 @@ def _cut(survey: Survey) -> Iterable[tuple[Array, Array]]:
             yield look.time_s[start : start + length], look.y[:, start : start + length]
 
 
-def _windows(recording: Recording, survey: Survey) -> Iterable[tuple[Array, Array]]:
+def _take_windows(recording: Recording, survey: Survey) -> Iterable[tuple[Array, Array]]:
     """Times and samples of windows all along the recording."""
     n = len(recording.c)
     least = max(16, int(np.ceil(FEWEST_PERIODS / survey.reference_hz / survey.step_s)))
@@ -219,7 +220,7 @@ def _windows(recording: Recording, survey: Survey) -> Iterable[tuple[Array, Arra
         )
 
 
-def _course(pieces: Iterable[tuple[Array, Array]], survey: Survey) -> _Course:
+def _measure_course(pieces: Iterable[tuple[Array, Array]], survey: Survey) -> _Course:
     """Powers under a Hann window at the oscillation's frequency, at frequencies four to seven bins
     beside it, and of the rest."""
     rows: list[tuple[float, float, float, float, float]] = []
@@ -229,7 +230,7 @@ def _course(pieces: Iterable[tuple[Array, Array]], survey: Survey) -> _Course:
         if not np.isfinite(y).all():
             continue
         middle, span = (time_s[0] + time_s[-1]) / 2, time_s[-1] - time_s[0]
-        tau, hz = time_s - middle, survey.frequency_hz(middle)
+        tau, hz = time_s - middle, survey.interpolate_hz(middle)
         near = kept is not None and len(kept[0]) == len(tau) and abs(kept[1] - hz) < NEAR / span
         if kept is None or not near or np.abs(kept[0] - tau).max() > NEAR / survey.reference_hz:
             kept = tau, hz

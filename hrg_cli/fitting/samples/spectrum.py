@@ -78,7 +78,7 @@ def compute_look_residual(
     # a motion is tried only with at least eight samples for each of its columns
     for order, pieces in MOTIONS[1:]:
         takes = pairs_of * (order + 1) * pieces
-        if 8 * takes > n or not _stands_out(residual, frequency_hz[0] * span, y):
+        if 8 * takes > n or not _does_stand_out(residual, frequency_hz[0] * span, y):
             break
         parts = zip(np.array_split(time_s, pieces), np.array_split(y, pieces, axis=-1), strict=True)
         freer = np.concatenate(
@@ -92,7 +92,7 @@ def compute_look_residual(
     return residual, reach
 
 
-def _stands_out(residual: Array, turns: float, y: Array) -> bool:
+def _does_stand_out(residual: Array, turns: float, y: Array) -> bool:
     """Whether the residual holds more beside an oscillation of so many turns than elsewhere, and
     more than rounding."""
     if (residual.std(-1) < LEAST_RESIDUAL * y.std(-1)).all():

@@ -86,7 +86,7 @@ class MotionWithin:
         smooth, known = self._take_slope_off(fits, u, turn, offset)
         bend = doubt = None
         judged = self._keep_judged(smooth, times)
-        if self.takes_bends_off or self._bends(judged, offset, fits):
+        if self.takes_bends_off or self._do_bends_count(judged, offset, fits):
             bends = estimate_from_neighbours(
                 lambda rows: estimate_curvatures(rows, offset, self.window_s),
                 judged,
@@ -113,19 +113,19 @@ class MotionWithin:
     ) -> tuple[Array, Array | None]:
         """The envelopes without the pull of their slopes, and the part of the squared residual that
         these explain where they count; as they are where the fit holds the slopes."""
-        slope = None if self.moving else self._seen_beside(estimate_slopes, u, offset)
+        slope = None if self.moving else self._see_beside(estimate_slopes, u, offset)
         if slope is None:
             return u, None
         known = None
         if fits.apart or does_motion_count(fits.residual2, slope, fits.slope):
             for _ in range(TAKEN_OFF):
                 still = take_off_pull(u, slope, turn, fits.slope)
-                better = self._seen_beside(estimate_better_slopes, still, offset)
+                better = self._see_beside(estimate_better_slopes, still, offset)
                 slope = slope if better is None else better
             known = None if fits.apart else compute_motion_residual(slope, turn, fits.slope)
         return take_off_pull(u, slope, turn, fits.slope), known
 
-    def _seen_beside(
+    def _see_beside(
         self, slope_of: Callable[[Array, Array, float], Array | None], u: Array, offset: Array
     ) -> Array | None:
         """The envelopes' slopes from their neighbours, past windows that hold no number."""
@@ -137,7 +137,7 @@ class MotionWithin:
         found = estimate_from_neighbours(motion, u, offset, self.window_s)
         return None if found is None else found[0]
 
-    def _bends(self, u: Array, offset: Array, fits: Fits) -> bool:
+    def _do_bends_count(self, u: Array, offset: Array, fits: Fits) -> bool:
         """Whether the envelopes' curvature moves a short window by more than a tenth of its noise,
         judged by one row of `PROBE`."""
         pull2 = (

@@ -80,7 +80,7 @@ class Survey:
     least_count: tuple[float, float] = (0.0, 0.0)
     noise_correlation: float | None = None
 
-    def frequency_hz(self, time_s: float) -> float:
+    def interpolate_hz(self, time_s: float) -> float:
         """Local frequency, interpolated between the looks; beyond them that of the nearest.
 
         Parameters
@@ -95,7 +95,7 @@ class Survey:
         """
         return float(np.interp(time_s, self.track_s, self.track_hz))
 
-    def spectrum_floor(self) -> Array:
+    def average_floor(self) -> Array:
         """Mean over frequency of each channel's density without its lines.
 
         Returns
@@ -238,7 +238,7 @@ def survey(recording: Recording, name: str) -> Survey:
     >>> noise = 1e-3 * np.random.default_rng(0).standard_normal((2, 80_000))
     >>> run = Recording(c=c + noise[0], s=c + noise[1], sample_rate_hz=8000.0, mode="free")
     >>> found = survey(run, "run")
-    >>> round(found.reference_hz, 4), (found.spectrum_floor() / (2e-6 / 8000)).round(1).tolist()
+    >>> round(found.reference_hz, 4), (found.average_floor() / (2e-6 / 8000)).round(1).tolist()
     (1234.5, [1.0, 1.0])
     """
     course = FrequencyCourse.of(
@@ -367,7 +367,7 @@ def _average_residual(
     track: tuple[Array, Array],
 ) -> Residual:
     """The spectrum of what is left of every look without the oscillation at its local frequency."""
-    width = _segment_samples(looks, even)
+    width = _choose_segment(looks, even)
     spectrum = AveragedSpectrum(np.fft.rfftfreq(width, step_s))
     strength, noise2 = [], []
     # four lines: the window's main lobe, where the fit took the oscillation's neighbours too
@@ -388,7 +388,7 @@ def _average_residual(
     return Residual(spectrum, blind, float(np.max(strength)), np.array(noise2))
 
 
-def _segment_samples(looks: Sequence[Look], even: bool) -> int:
+def _choose_segment(looks: Sequence[Look], even: bool) -> int:
     """Samples a segment of the averaged spectrum: long ones resolve lines, several ones average."""
     length = len(looks[0].time_s)
     if even:

@@ -63,7 +63,7 @@ def make_uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     span = end - begin + step
     if run.periods_asked / run.reference_hz > span:
         raise run.tell_too_short()
-    width = _window_width(run, step)
+    width = _choose_width(run, step)
     run.window_s = width
     total = int(span / width + 1e-9)
     if total < 1:
@@ -99,7 +99,7 @@ def make_uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
         yield block
 
 
-def _normal_equations(basis: Array, right: Array, starts: Array) -> tuple[Array, Array]:
+def _sum_normal_equations(basis: Array, right: Array, starts: Array) -> tuple[Array, Array]:
     """AᵀA (windows, k, k) and AᵀB (windows, k, ·) of windows that begin at the samples `starts`; column
     by column: the products of all pairs at once would be n·k² numbers."""
     k = basis.shape[1]
@@ -112,7 +112,7 @@ def _normal_equations(basis: Array, right: Array, starts: Array) -> tuple[Array,
     return gram, cross
 
 
-def _squares(columns: Array, starts: Array) -> Array:
+def _sum_squares(columns: Array, starts: Array) -> Array:
     """BᵀB (windows, k, k) of columns (n, k)."""
     return np.asarray(np.add.reduceat(columns[:, :, None] * columns[:, None, :], starts, axis=0))
 
@@ -138,18 +138,18 @@ class _Sums:
         gram, cross = np.zeros((rows, k, k)), np.zeros((rows, k, right.shape[1]))
         square = np.zeros((rows, len(y)))
         if len(present):
-            gram[present], cross[present] = _normal_equations(basis, right, starts)
+            gram[present], cross[present] = _sum_normal_equations(basis, right, starts)
             square[present] = np.add.reduceat(y.T**2, starts, axis=0)
         return cls(gram, cross, square, samples, present, starts)
 
 
-def _pull(motion: Array, sums: _Sums, fit: Array, cross: Array, good: Array) -> Pull:
+def _find_pull(motion: Array, sums: _Sums, fit: Array, cross: Array, good: Array) -> Pull:
     """What a motion (n, tones) that the windows' fit does not hold makes of its coefficients and of
     its residual; fit, cross: (windows, k, tones) of that motion."""
     tones = motion.shape[1]
     square2 = np.zeros((len(good), tones, tones))
     if len(sums.present):
-        square2[sums.present] = _squares(motion, sums.starts)
+        square2[sums.present] = _sum_squares(motion, sums.starts)
     # what the fit leaves of the motion's own squares: that part raises the residual
     left = square2 - fit.transpose(0, 2, 1) @ cross
     return compute_pull(
@@ -229,7 +229,7 @@ def fit_uneven(
     envelope[:, ~good] = np.nan
     residual2[~good] = np.nan
     slope, bend = (
-        _pull(right[:, part], sums, fit[:, :, part], sums.cross[:, :, part], good)
+        _find_pull(right[:, part], sums, fit[:, :, part], sums.cross[:, :, part], good)
         for part in (slice(channels, channels + tones), slice(channels + tones, None))
     )
     variance = np.einsum("rkk->rk", inverse)[:, :tones]
@@ -237,7 +237,7 @@ def fit_uneven(
     return Fits(envelope, residual2.T, freedom, sums.samples, variance, slope, bend)
 
 
-def _window_width(run: Demodulator, step: float) -> float:
+def _choose_width(run: Demodulator, step: float) -> float:
     """Duration of a window: as asked, or as long as its unknowns need at the usual step, with two
     samples to spare."""
     width = run.periods_asked / run.reference_hz
@@ -245,7 +245,7 @@ def _window_width(run: Demodulator, step: float) -> float:
         run.moving = False
     least = (run.count_columns() + 2) * step
     if run.periods_asked >= 0.9:
-        while least < 64 / run.reference_hz and not _regular(run, max(width, least), step):
+        while least < 64 / run.reference_hz and not _is_regular(run, max(width, least), step):
             least = 1.1 * max(width, least)
     if width < least:
         run.notes.append(
@@ -256,7 +256,8 @@ def _window_width(run: Demodulator, step: float) -> float:
     return width
 
 
-def _regular(run: Demodulator, width: float, step: float) -> bool:
+def _is_regular(run: Demodulator, width: float, step: float) -> bool:
+    """Whether windows of that duration, were their samples even, tell their unknowns well apart."""
     basis = build_window_basis(
         int(width / step), 1 / step, tuple(run.reference), run.nuisance, run.moving
     )
@@ -323,7 +324,7 @@ class _Reader:
         goes back by a few windows at the most."""
         start, stop = self.begin + low * self.width, self.begin + high * self.width
         while self.read < len(self.recording.c) and not (len(self.time) and self.time[-1] >= stop):
-            self._more()
+            self._read_more()
         a, b = np.searchsorted(self.time, [start, stop])
         window = np.clip(((self.time[a:b] - self.begin) / self.width).astype(int), low, high - 1)
         out = self.time[a:b], [channel[a:b] for channel in self.raw], window
@@ -331,7 +332,8 @@ class _Reader:
         self.time, self.raw = self.time[kept:], [channel[kept:] for channel in self.raw]
         return out
 
-    def _more(self) -> None:
+    def _read_more(self) -> None:
+        """Read the next block behind what is held."""
         more = slice(self.read, min(self.read + self.block, len(self.recording.c)))
         time = self.recording.times(more.start, more.stop).astype(float)
         joined = np.concatenate([self.time[-1:], time])

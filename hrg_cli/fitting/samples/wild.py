@@ -146,11 +146,11 @@ def mask_wild(recording: Recording, looks: Sequence[Look]) -> Recording:
     >>> np.flatnonzero(np.isnan(masked.c[:])).tolist()
     [1234]
     """
-    channels = [_tame(recording.c, looks, 0), _tame(recording.s, looks, 1)]
+    channels = [_tame_channel(recording.c, looks, 0), _tame_channel(recording.s, looks, 1)]
     return dataclasses.replace(recording, c=channels[0], s=channels[1])
 
 
-def _tame(values: Any, looks: Sequence[Look], k: int) -> Any:
+def _tame_channel(values: Any, looks: Sequence[Look], k: int) -> Any:
     """The channel behind a `TameChannel`; as it is where its looks tell no size, or its type holds
     nothing wild."""
     raws = [raw[np.isfinite(raw)].astype(float) for raw in (look.raw[k] for look in looks)]
@@ -161,10 +161,12 @@ def _tame(values: Any, looks: Sequence[Look], k: int) -> Any:
     with np.errstate(over="ignore"):
         sizes = [np.abs(raw - middle) for raw in raws]
     tame = max(measure_tame(off) for off in sizes)
-    return TameChannel(values, middle, tame) if 0 < WILD * tame < _reach(values.dtype) else values
+    return (
+        TameChannel(values, middle, tame) if 0 < WILD * tame < _find_reach(values.dtype) else values
+    )
 
 
-def _reach(dtype: np.dtype) -> float:
+def _find_reach(dtype: np.dtype) -> float:
     """The largest distance that two values can have."""
     if np.issubdtype(dtype, np.integer):
         return float(np.iinfo(dtype).max) - float(np.iinfo(dtype).min)

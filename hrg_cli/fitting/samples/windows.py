@@ -104,19 +104,19 @@ def fit_even(raw: Array, basis: WindowBasis, apart: bool = False) -> tuple[Array
             y = raw[start : start + at_once].astype(float)
             part, rest = q[start : start + at_once], left[start : start + at_once]
             np.matmul(y, whole, out=part)
-            square = _squares(y)
-            np.subtract(square, _squares(part), out=rest)
+            square = _sum_squares(y)
+            np.subtract(square, _sum_squares(part), out=rest)
             # |y|² − |q|² of a clean recording is a difference of nearly equal numbers: below 1e-9
             # of |y|² it holds seven digits at most, and the noise comes from it.
             if (rest < LOST * square).any():
                 y -= part @ whole.T
-                rest[:] = _squares(y)
+                rest[:] = _sum_squares(y)
         # p and −q side by side are p − jq as they stand
         fit = q[:, :own] @ (basis.triangle * np.tile([1.0, -1.0], len(basis.variance) // 2))
     return fit.view(complex), left
 
 
-def _squares(y: Array) -> Array:
+def _sum_squares(y: Array) -> Array:
     """Σ y² of every row (rows,)."""
     return np.asarray(
         (y * y) @ np.ones(y.shape[1])
@@ -197,7 +197,7 @@ def pool_variance(residual2: Array, freedom: Array, known: Array | None = None) 
     if np.ndim(freedom) == 0 and np.isfinite(residual2.sum()):
         level = np.add.reduceat(residual2, starts) / (counts * freedom)
         most = residual2 if known is None else np.maximum(residual2, known)
-        if not (np.maximum.reduceat(most, starts) > _far_above(freedom) * level).any():
+        if not (np.maximum.reduceat(most, starts) > _find_limit(freedom) * level).any():
             if known is not None:
                 share = np.add.reduceat(known, starts) / (counts * freedom)
                 level = _subtract_motion(level, share)
@@ -205,10 +205,10 @@ def pool_variance(residual2: Array, freedom: Array, known: Array | None = None) 
     freedom = np.broadcast_to(np.asarray(freedom, float), residual2.shape)
     finite = np.isfinite(residual2)
     sums, weight = np.where(finite, residual2, 0.0), np.where(finite, freedom, 0.0)
-    middle = _lower_medians(
+    middle = _find_lower_medians(
         np.where(finite, residual2 / np.maximum(freedom, 1), np.inf), starts, counts
     )
-    limit = _far_above(freedom) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts)
+    limit = _find_limit(freedom) * np.repeat(np.where(np.isfinite(middle), middle, 0.0), counts)
     if known is not None:
         # what a jump makes of a few rows' share is not in the median of those beside them
         usual = find_local_median(np.where(np.isfinite(known), known, 0.0), BESIDE)
@@ -227,7 +227,7 @@ def pool_variance(residual2: Array, freedom: Array, known: Array | None = None) 
     return np.where(finite, np.where(excess, sums / np.maximum(freedom, 1), spread), np.nan)
 
 
-def _lower_medians(values: Array, starts: Array, counts: Array) -> Array:
+def _find_lower_medians(values: Array, starts: Array, counts: Array) -> Array:
     """The lower median (groups,) of the finite values of each group, which a burst in one half of it
     does not reach; not finite where none is."""
     widest = int(counts.max())
@@ -241,7 +241,7 @@ def _lower_medians(values: Array, starts: Array, counts: Array) -> Array:
     )
 
 
-def _far_above(freedom: Array) -> Array:
+def _find_limit(freedom: Array) -> Array:
     """χ² of so many degrees that less than one row in 10¹⁰ exceeds."""
     return 4 * freedom + 40
 
