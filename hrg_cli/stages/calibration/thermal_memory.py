@@ -27,6 +27,9 @@ INSEPARABLE = 0.98
 """Correlation of two thermal factors above which this programme does not separate them."""
 LEAST_INDEPENDENT = 0.02
 """Part of a factor's columns that the tables must leave for it to be told at all."""
+LEAST_KNOWN = 1e-3
+"""Part of a factor's columns left by the tables below which its size is rounding: of runs that follow
+one course of temperature free tables take all."""
 SHOWN = 6.0
 """Standard deviations from which a lag or a hysteresis is told: the tables hold neither."""
 STEP = 0.05
@@ -58,6 +61,9 @@ def compare_thermal_memory(
     for name, unit in UNITS.items():
         alone = Model(name, np.concatenate([grown, wide.of_factors(name)], axis=1))
         out[name] = _size(refitted, alone, name) | {"units": unit, "assuming": "the other is zero"}
+    for name, part in zip(UNITS, left, strict=True):
+        if not part > LEAST_KNOWN:
+            out[name] |= {"value": None, "std": None}
     if abs(correlation) > INSEPARABLE or left.min() < LEAST_INDEPENDENT:
         out["separable"] = False
         out["sentence"] = (
@@ -83,7 +89,7 @@ def find_shown_memory(memory: Mapping[str, Any] | None) -> list[str]:
     clear = {
         name: abs(memory[name]["value"]) / memory[name]["std"]
         for name in UNITS
-        if memory[name]["std"] > 0
+        if memory[name]["std"]
     }
     shown = sorted((name for name in clear if clear[name] > SHOWN), key=lambda name: -clear[name])
     words = {"lag": "lags by {} s", "hysteresis": "has a hysteresis of {} °C"}
