@@ -10,12 +10,15 @@ WHY = "words below the last row"
 
 
 def count_closing_lines(
-    lines: Sequence[str], cells_of: Callable[[str], list[str]], is_value: Callable[[str], bool]
+    lines: Sequence[str],
+    kinds: Sequence[str],
+    cells_of: Callable[[str], list[str]],
+    is_value: Callable[[str], bool],
 ) -> int:
     """How many of the last lines of a log close it, blank ones between them too.
 
-    A line closes a log whose first cell is a word, as of a key with its value, unless numbers alone
-    follow it as in a row of samples. A cut row, and a row whose cell an instrument filled with a word for
+    A line closes a log whose first cell is a word, as of a key with its value, unless it is a row: its
+    columns of numbers hold values, or numbers alone follow the word. A cut row, and a row whose cell an instrument filled with a word for
     "no value", are samples: they are not passed over here.
 
     Parameters
@@ -23,6 +26,8 @@ def count_closing_lines(
     lines
         The last lines of the log; where all of them close it, the last row is not among them and
         none is counted.
+    kinds
+        Of the columns: "text" or of values.
     cells_of
         Splits a line as the log's own rows are.
     is_value
@@ -37,16 +42,21 @@ def count_closing_lines(
     --------
     >>> from hrg_cli.formats.closing_lines import count_closing_lines
     >>> lines = ["0.1,2,3", "0.2,3,4", "", "stopped by hand"]
-    >>> count_closing_lines(lines, lambda line: line.split(","), str.isnumeric)
+    >>> count_closing_lines(lines, ["number"] * 3, lambda line: line.split(","), str.isnumeric)
     1
     """
     closing = 0
     for count, line in enumerate(reversed(lines), start=1):
-        cells = [cell for cell in cells_of(line) if cell]
+        whole = cells_of(line)
+        cells = [cell for cell in whole if cell]
         if not cells:
             continue
+        measured = [
+            cell for cell, kind in zip(whole, kinds, strict=False) if kind != "text" and cell
+        ]
+        row = len(whole) == len(kinds) and bool(measured) and all(map(is_value, measured))
         broken_row = len(cells) > 2 and all(map(is_value, cells[1:]))
-        if is_value(cells[0]) or not _is_word(cells[0]) or broken_row:
+        if row or broken_row or is_value(cells[0]) or not _is_word(cells[0]):
             return closing
         closing = count
     return 0

@@ -77,7 +77,9 @@ def _last_lines(head: bytes, tail: bytes, dialect: Dialect) -> list[str]:
     encoding = dialect.encoding
     if encoding == "utf-16":  # its order of bytes stands at the beginning of the file alone
         encoding = "utf-16-le" if head.startswith(codecs.BOM_UTF16_LE) else "utf-16-be"
-    lines = tail.decode(encoding, "replace").splitlines()
+    text = tail.decode(encoding, "replace").replace("\r\n", "\n")
+    # a line ends where `_lines` ends it: letters of other encodings are no line ends
+    lines = (text if "\n" in text else text.replace("\r", "\n")).removesuffix("\n").split("\n")
     return lines[1:] if len(tail) == TAIL_BYTES else lines
 
 
@@ -91,7 +93,7 @@ def _end_before_closing(path: Path, dialect: Dialect, last: Sequence[str]) -> Di
         comment = dialect.comment and line.lstrip().startswith(dialect.comment)
         return [] if comment else split_line(line, dialect.separator)
 
-    closing = count_closing_lines(last, cells_of, is_value)
+    closing = count_closing_lines(last, dialect.kinds, cells_of, is_value)
     if not closing:
         return dialect
     lines = 0
@@ -164,7 +166,8 @@ def _lines(path: Path, dialect: Dialect) -> Iterator[tuple[int, bytes]]:
                 whole, number, started = parts[-1], dialect.first_line, True
             lines = whole.count(b"\n")
             if dialect.end_line is not None and number + lines >= dialect.end_line:
-                whole = b"".join(whole.splitlines(keepends=True)[: dialect.end_line - number])
+                kept = max(0, dialect.end_line - number)
+                whole = b"".join(line + b"\n" for line in whole.split(b"\n", kept)[:kept])
             if whole:
                 yield number, whole
                 number += lines

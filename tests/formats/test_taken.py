@@ -227,6 +227,27 @@ def test_words_that_close_a_log_are_told_and_every_row_is_taken(
     assert any("words below the last row" in reason for reason in record.status_reasons)
 
 
+@pytest.mark.parametrize("block", [64, 100, 333, 4096])
+def test_closing_words_on_either_side_of_a_block_are_left_out(tmp_path, block, monkeypatch):
+    """Whatever line of them a block ends in; a byte that some encodings take for a line end is none."""
+    monkeypatch.setattr("hrg_cli.formats.text.BLOCK_BYTES", block)
+    path = log(tmp_path)
+    words = "the end\n\noperator: M\x85ller\ntable stopped\n" + "note: none\n" * 8
+    path.write_bytes(path.read_bytes() + words.encode("latin-1"))
+    record = collect(import_log(path))
+    np.testing.assert_allclose(record.c, C, atol=6e-7)
+    assert json.loads(record.details)["left_out"][0]["rows"] == 12
+
+
+def test_a_last_row_of_words_and_numbers_is_a_row(tmp_path):
+    """Beside columns of text a row's first two cells may be words."""
+    path = tmp_path / "log.csv"
+    rows = [f"{'stop' if i == N - 1 else ''},M,{row(i)}" for i in range(N)]
+    path.write_text("event,operator,time,c,s\n" + "\n".join(rows) + "\n")
+    record = collect(import_log(path))
+    assert len(record) == N and not json.loads(record.details)["left_out"]
+
+
 @pytest.mark.parametrize(
     "last", ["0.5,0.2", "OVERLOAD,OVERLOAD,OVERLOAD", "mean,0.1,0.2", "rms,0.1,0.2,0.3"]
 )
