@@ -75,9 +75,15 @@ def _flatten(
     elif array.ndim == 1 and array.size:
         arrays[name] = array
     elif array.ndim == 2:
-        tall = array if array.shape[0] >= array.shape[1] else array.T
-        for index in range(min(tall.shape[1], MOST_COLUMNS)):
-            arrays[f"{name}/{index + 1}"] = tall[:, index]
+        for index, column in enumerate(split_columns(array), start=1):
+            arrays[f"{name}/{index}"] = column
+
+
+def split_columns(matrix: np.ndarray) -> list[np.ndarray]:
+    """The first columns of a matrix, whichever way it lies: a channel is longer than there are
+    channels."""
+    tall = matrix if matrix.shape[0] >= matrix.shape[1] else matrix.T
+    return [tall[:, index] for index in range(min(tall.shape[1], MOST_COLUMNS))]
 
 
 def _said(error: Exception) -> str:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
@@ -14,13 +14,12 @@ import numpy as np
 
 from ..errors import HrgError
 from .log import Array, Log, Reader, log_of_arrays
+from .matlab_child import split_columns
 from .quantities import split_name
 from .scalars import rate_of
 
 MAGIC = b"\x93NUMPY"
 MEMBER = ".npy"
-MOST_COLUMNS = 64
-"""Columns of one array that are handed over."""
 
 
 def recognises(path: Path, head: bytes) -> bool:
@@ -106,13 +105,11 @@ def _is_number(array: Array) -> bool:
 def _columns_of(name: str, array: Array) -> Iterator[tuple[str, Array]]:
     """Named vectors (n,) of an array: itself, its columns, its fields, its two parts."""
     if array.dtype.names:
-        parts: Mapping[str, Array] = {field: array[field] for field in array.dtype.names}
-        for field, values in parts.items():
-            yield from _columns_of(f"{name}/{field}" if name else field, values)
+        for field in array.dtype.names:
+            yield from _columns_of(f"{name}/{field}" if name else field, array[field])
     elif array.ndim == 2:
-        tall = array if array.shape[0] >= array.shape[1] else array.T
-        for k in range(min(tall.shape[1], MOST_COLUMNS)):
-            yield from _columns_of(f"{name}/{k + 1}" if name else f"column {k + 1}", tall[:, k])
+        for k, column in enumerate(split_columns(array), start=1):
+            yield from _columns_of(f"{name}/{k}" if name else f"column {k}", column)
     elif array.ndim == 1 and array.size > 1:
         if array.dtype.kind in "iufb":
             yield name or "column 1", array

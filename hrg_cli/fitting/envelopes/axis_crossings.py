@@ -355,9 +355,9 @@ def fit_crossings(
     >>> from hrg_cli.fitting.envelopes.axis_crossings import fit_crossings
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 20.0, 0.02), np.array([0.1, 0.0, 0.0, 0.05, 0.0, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.0])
+    >>> u = exponentiate(build_generator(p, 0.5, 3e4), t) @ [1.0, 0.0]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.02)
     >>> fit_crossings([run]).answer[:2].round(5) + 0
     array([0.05, 0.  ])
@@ -414,9 +414,9 @@ def list_axes(found: Crossings, runs: Sequence[EnvelopeRun]) -> list[dict[str, A
     >>> from hrg_cli.fitting.envelopes.axis_crossings import fit_crossings, list_axes
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 20.0, 0.02), np.array([0.1, 0.0, 0.0, 0.0, 0.05, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.0])
+    >>> u = exponentiate(build_generator(p, 0.5, 3e4), t) @ [1.0, 0.0]
     >>> run = EnvelopeRun("left", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.02)
     >>> [(one["side"], round(one["value"], 3)) for one in list_axes(fit_crossings([run]), [run])]
     [('stiff', 0.393), ('soft', 0.393)]

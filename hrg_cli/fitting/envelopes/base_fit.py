@@ -101,9 +101,9 @@ def start_from_propagator(
     >>> from hrg_cli.fitting.envelopes.base_freedom import Known
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 20.0, 0.05), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 1.0, 3e4) + 0.7j * np.eye(2))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> u = exponentiate(build_generator(p, 1.0, 3e4) + 0.7j * np.eye(2), t) @ [1.0, 0.1j]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, t, None, 5e3, 2, 0.05)
     >>> found, offsets, _, _ = start_from_propagator([run], Known())
     >>> found[:6].round(3).tolist(), offsets.round(3).tolist()
@@ -153,9 +153,9 @@ def fit_base_model(
     >>> from hrg_cli.fitting.envelopes.base_fit import fit_base_model
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 20.0, 0.05), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 1.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 1.0, 2 * np.pi * 5e3))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> u = exponentiate(build_generator(p, 1.0, 2 * np.pi * 5e3), t) @ [1.0, 0.1j]
     >>> u = u * np.exp(-0.1j * t**2)[:, None]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, t, None, 5e3, 2, 0.05)
     >>> fit_base_model([run]).p[:6].round(4).tolist()

@@ -80,9 +80,9 @@ def estimate_stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.rate_start import estimate_stokes_start
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 10.0, 0.02), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 1.0, 3e4))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.5j])
+    >>> u = exponentiate(build_generator(p, 1.0, 3e4), t) @ [1.0, 0.5j]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, 0 * t, None, 5e3, 2, 0.02)
     >>> estimate_stokes_start(run, np.linspace(0.0, 9.98, 4), p).round(4).tolist()
     [1.0, 1.0, 1.0, 1.0]
@@ -141,9 +141,9 @@ def estimate_mean_offset(run: EnvelopeRun, p: Array) -> float:
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.rate_start import estimate_mean_offset
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 10.0, 0.02), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 1.0, 3e4) + 0.7j * np.eye(2))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.5j])
+    >>> u = exponentiate(build_generator(p, 1.0, 3e4) + 0.7j * np.eye(2), t) @ [1.0, 0.5j]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, t, None, 5e3, 2, 0.02)
     >>> round(estimate_mean_offset(run, p), 6)
     0.7

@@ -226,9 +226,9 @@ def solve(
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.likelihood import free_coordinates
     >>> from hrg_cli.fitting.envelopes.regressions import solve
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 10.0, 0.05), np.array([0.1, 0.02, 0.01, 0.2, 0.1, 0.3, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 1.0, 3e4))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> u = exponentiate(build_generator(p, 1.0, 3e4), t) @ [1.0, 0.1j]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, t, None, 5e3, 2, 0.05)
     >>> found = solve([run], free_coordinates(COORDINATES[:6], np.zeros(7)), "stokes")
     >>> found.p[:6].round(4).tolist()

@@ -53,9 +53,9 @@ def solve(
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.rotation_integrals import solve
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 20.0, 0.02), np.array([0.1, 0.02, 0.01, 0.03, 0.02, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 1.0, 3e4))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.0])
+    >>> u = exponentiate(build_generator(p, 1.0, 3e4), t) @ [1.0, 0.0]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, t, None, 5e3, 2, 0.02)
     >>> solve([run]).p[:6].round(4).tolist()
     [0.1, 0.02, 0.01, 0.03, 0.02, 0.5]

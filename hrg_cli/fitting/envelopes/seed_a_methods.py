@@ -68,9 +68,9 @@ def build_moving_axes(
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_moving_axes
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> u = exponentiate(build_generator(p, 0.5, 3e4), t) @ [1.0, 0.1j]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_moving_axes(run)
     >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
@@ -145,9 +145,9 @@ def build_moving_axes_small_quadrature(run: EnvelopeRun, eliminate_rate: bool = 
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_moving_axes_small_quadrature
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> u = exponentiate(build_generator(p, 0.5, 3e4), t) @ [1.0, 0.1j]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_moving_axes_small_quadrature(run)
     >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
@@ -217,9 +217,9 @@ def build_fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equation
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_fixed_axes
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> u = exponentiate(build_generator(p, 0.5, 3e4), t) @ [1.0, 0.1j]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_fixed_axes(run)
     >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
@@ -272,9 +272,9 @@ def build_fixed_axes_weighted(run: EnvelopeRun, eliminate_rate: bool = False) ->
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_fixed_axes_weighted
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> u = exponentiate(build_generator(p, 0.5, 3e4), t) @ [1.0, 0.1j]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_fixed_axes_weighted(run)
     >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
@@ -310,9 +310,9 @@ def build_fixed_axes_groups(run: EnvelopeRun, eliminate_rate: bool = False) -> E
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_fixed_axes_groups
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.0, 0.0, 0.002, 0.0, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.01j])
+    >>> u = exponentiate(build_generator(p, 0.5, 3e4), t) @ [1.0, 0.01j]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> phase = build_fixed_axes_groups(run).weight[-998:]
     >>> bool(np.mean(phase > 0) > 0.8)
@@ -440,9 +440,9 @@ def build_products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_products
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> u = exponentiate(build_generator(p, 0.5, 3e4), t) @ [1.0, 0.1j]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_products(run)
     >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
@@ -478,9 +478,9 @@ def build_increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equation
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_increments
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 0.1j])
+    >>> u = exponentiate(build_generator(p, 0.5, 3e4), t) @ [1.0, 0.1j]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_increments(run)
     >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
@@ -531,9 +531,9 @@ def build_stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     >>> from hrg_cli.fitting.envelopes.coordinates import build_generator
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
     >>> from hrg_cli.fitting.envelopes.seed_a_methods import build_stokes
+    >>> from hrg_cli.physics.resonator import exponentiate
     >>> t, p = np.arange(0.0, 10.0, 0.01), np.array([0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0])
-    >>> rate, mode = np.linalg.eig(build_generator(p, 0.5, 3e4))
-    >>> u = (mode * np.exp(np.outer(t, rate))[:, None]) @ np.linalg.solve(mode, [1.0, 1.0j])
+    >>> u = exponentiate(build_generator(p, 0.5, 3e4), t) @ [1.0, 1.0j]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0.5 * t, None, 5e3, 2, 0.01)
     >>> found = build_stokes(run)
     >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()

@@ -125,7 +125,8 @@ class Demodulator:
         tone_hz
             Their frequencies.
         """
-        self.nuisance, self._basis = (*self.nuisance, *tone_hz), None
+        if tone_hz:  # the basis without them serves on where there are none
+            self.nuisance, self._basis = (*self.nuisance, *tone_hz), None
 
     @property
     def takes_bends_off(self) -> bool:

@@ -7,6 +7,8 @@ to fit for an oscillation at f.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .basis import build_columns, build_rotations
@@ -45,6 +47,34 @@ def list_bands(frequency_hz: float, carrier_hz: float | None) -> tuple[float, ..
         if carrier_hz is None
         else (carrier_hz - frequency_hz, carrier_hz + frequency_hz)
     )
+
+
+def fold(frequency_hz: float | Array, sample_rate_hz: float | None) -> Any:
+    """A frequency as even sampling shows it, |f − n f_s|, between 0 and half the rate.
+
+    Parameters
+    ----------
+    frequency_hz
+        Of any shape.
+    sample_rate_hz
+        None or 0 where it is not known, or samples are not evenly apart: nothing is folded.
+
+    Returns
+    -------
+    float or ndarray
+        Of the same shape [Hz].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.frequency import fold
+    >>> fold(np.array([1000.0, 2000.0, 3000.0]), 2700.0).tolist(), fold(2000.0, None)
+    ([1000.0, 700.0, 300.0], 2000.0)
+    """
+    if not sample_rate_hz:
+        return frequency_hz
+    half = sample_rate_hz / 2
+    return np.abs((frequency_hz + half) % sample_rate_hz - half)
 
 
 def list_nuisances(carrier_hz: float | None) -> tuple[float, ...]:

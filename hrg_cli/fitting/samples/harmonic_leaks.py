@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .basis import WindowBasis, build_window_basis
+from .frequency import fold
 from .survey import Survey
 
 Array = np.ndarray
@@ -173,8 +174,7 @@ def choose_apart(
 
 def _fold_harmonics(survey: Survey) -> Array:
     """Where harmonics from the second on stand among even samples, (orders,)."""
-    order, rate = np.arange(2, HIGHEST + 1) * survey.reference_hz, 1 / survey.step_s
-    return np.asarray(np.abs(order - rate * np.round(order / rate)))
+    return np.asarray(fold(np.arange(2, HIGHEST + 1) * survey.reference_hz, 1 / survey.step_s))
 
 
 def _find_harmonics(survey: Survey) -> list[tuple[float, Array]]:

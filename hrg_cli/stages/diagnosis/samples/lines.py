@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....effects.effect import Effect
+from ....fitting.samples.frequency import fold
 from ....records import Array, Wave
 
 LINE_RATIO = 8.0
@@ -193,15 +194,6 @@ def find_lines(waves: Sequence[Wave]) -> list[Line]:
                 )
             )
     return out
-
-
-def fold(frequency_hz: float | Array, sampling: float | None) -> Any:
-    """A frequency as the sampling shows it, between 0 and half the rate."""
-    return (
-        frequency_hz
-        if not sampling
-        else np.abs((frequency_hz + sampling / 2) % sampling - sampling / 2)
-    )
 
 
 def find_harmonic(
