@@ -149,10 +149,12 @@ def rate(
     notes = _tell_granted_delay(wave, resonator) if loop_delay_s is None else []
     notes += [] if quadrature_phase_error_rad else _tell_granted_phase(wave, resonator)
     result = _record_of(wave, found, beside, [*impossible, *doubtful], notes)
+    refusals = checks.list_failures(impossible)
+    doubts = [why for why in checks.list_failures(doubtful) if why not in refusals]
     # what the tables inherit is told by `rate_by_tables` beside their rate
     return (
-        result.judged(checks.list_failures(impossible), "refused")
-        .judged(checks.list_failures(doubtful), "suspect")
+        result.judged(refusals, "refused")
+        .judged(doubts, "suspect")
         .judged(doubts_about((name_record(one), one) for one in (wave, resonator)), "suspect")
     )
 
@@ -306,7 +308,13 @@ def closing_checks(found: RateEstimate, foretold: float = 0.0) -> tuple[list[Che
 def _check_nodes(found: RateEstimate, foretold: float) -> list[Check]:
     """Whether rows and nodes are close enough for the rate that was found."""
     count, more = len(found.time_s), _more_nodes(found)
+    gained = found.finer.z if found.finer is not None else 0.0
+    unsettled = (
+        f"the rate on {count} nodes still moves by a hundredth of its standard deviation, as where the"
+        " wave is gone in the noise: demodulate up to there (--to-s), or give other nodes"
+    )
     return [
+        checks.check_holds("rate_settles", found.converged or not found.adequate, unsettled),
         checks.check_at_most(
             "row_truncation",
             found.truncation,
@@ -315,17 +323,17 @@ def _check_nodes(found: RateEstimate, foretold: float) -> list[Check]:
         ),
         checks.check_at_most(
             "nodes_follow",
-            found.finer_z,
+            gained,
             TOO_COARSE,
             f"the rate changes faster than {count} nodes follow: with twice as many χ² falls by"
-            f" {found.finer_z:.2g} of its standard deviations more than by chance, so the errors"
+            f" {gained:.2g} of its standard deviations more than by chance, so the errors"
             f" hold at smooth places only; {more}",
         ),
         checks.check_at_most(
             "nodes_are_dense",
             foretold,
             DOUBTFUL,
-            f"the rate bends between {count} nodes: by what half as many lose, the errors are"
+            f"the rate bends between {count} nodes: by what fewer lose, the errors are"
             f" {np.sqrt(1 + foretold):.2g} times those stated; {more}",
         ),
     ]
@@ -381,10 +389,13 @@ def _figures(found: RateEstimate, before: Array | None, after: Array | None) -> 
     """Mean rate and angle turned with their errors, the plain estimate's, their difference (the drift), and what either
     leaves of the logged rate (`before`, `after`)."""
     covariance, count = found.covariance, len(found.time_s)
+    distance = float(found.time_s[1] - found.time_s[0])
     angle, angle_std = found.turned()
     apart = found.plain_rate_rad_s - found.rate_rad_s
     figures: dict[str, Any] = {
         "nodes": count,
+        "node_distance_s": distance,
+        "bandwidth_hz": 1 / (2 * distance),
         "chi2_per_dof": found.chi2_per_dof,
         "mean_rate_rad_s": {
             "value": float(found.rate_rad_s.mean()),

@@ -127,12 +127,9 @@ def fit_driven_rate(
         if finer_count > min(windows // ROWS_A_FINER_NODE, MOST_NODES):
             return found
         finer = _fit_nodes(run, resonator, g, finer_count, errors)
-        fall = (found.chi2_per_dof * found.dof - finer.chi2_per_dof * finer.dof) / max(
-            1.0, finer.chi2_per_dof
-        )
-        extra = found.dof - finer.dof
-        found = dataclasses.replace(found, finer_z=float((fall - extra) / np.sqrt(2 * extra)))
-        if nodes is not None or found.finer_z < TOO_COARSE or finer_count > most:
+        gained = finer.lose(len(found.time_s))
+        found = dataclasses.replace(found, finer=gained)
+        if nodes is not None or gained.z < TOO_COARSE or finer_count > most:
             return found
         found = finer
 

@@ -5,11 +5,48 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from ..checks import check_goodness
 
 Array = np.ndarray
 MOST_NODES = 640
+CHANCE = 1e-3
+"""Probability by which a rise of χ² is no chance."""
+
+
+@dataclass(frozen=True)
+class Loss:
+    """What fewer nodes leave of a rate: over its noise and node by node (k,), the projection (k, k)
+    that left it, and how many nodes they were."""
+
+    left: Array
+    projection: Array
+    nodes: int
+
+    @property
+    def z(self) -> float:
+        """The rise of χ² beyond chance, in its standard deviations."""
+        rise, spread = self.measure(slice(None))
+        return rise / spread
+
+    def measure(self, where: slice) -> tuple[float, float]:
+        """The rise of χ² beyond chance by some of the nodes, and its standard deviation by chance,
+        √(2 tr M²)."""
+        share = self.projection[where, where]
+        rise = float(np.sum(self.left[where] ** 2) - np.trace(share))
+        return rise, float(np.sqrt(2 * np.sum(share**2)))
+
+    def is_seen(self, where: slice) -> bool:
+        """Whether that rise is more than chance."""
+        from scipy.stats import chi2
+
+        share = self.projection[where, where]
+        mean, spread = float(np.trace(share)), float(np.sum(share**2))
+        # as many equal parts of a χ² as have this mean and spread (Satterthwaite 1946)
+        parts = mean**2 / spread
+        square = float(np.sum(self.left[where] ** 2))
+        return bool(chi2.sf(square * parts / mean, parts) < CHANCE)
 
 
 @dataclass(frozen=True)
@@ -23,9 +60,8 @@ class RateEstimate:
     plain_rate_rad_s: Array
     chi2_per_dof: float
     dof: int
-    finer_z: float = 0.0
-    """By how many of its standard deviations χ² falls more than by chance with twice as many
-    nodes."""
+    finer: Loss | None = None
+    """What twice as many nodes gain; None where the windows do not carry them."""
     converged: bool = True
     truncation: float = 0.0
     """What averaging along the better motion still moved, in standard deviations of a node."""
@@ -45,6 +81,17 @@ class RateEstimate:
     def rate_rad_s_std(self) -> Array:
         """Standard deviations on the nodes."""
         return np.sqrt(np.diag(self.covariance))
+
+    def lose(self, nodes: int) -> Loss:
+        """What χ² would rise by on fewer nodes: the part of the rate that a spline of so many nodes
+        cannot follow, in standard deviations (Wald 1943), which it is drawn from node by node."""
+        held = np.linspace(self.time_s[0], self.time_s[-1], nodes)
+        shape = build_cardinals(self.time_s, held).T
+        factor = np.linalg.cholesky(self.covariance)
+        rows = solve_triangular(factor, np.column_stack([shape, self.rate_rad_s]), lower=True)
+        basis, _ = np.linalg.qr(rows[:, :-1])
+        left = np.eye(len(self.time_s)) - basis @ basis.T
+        return Loss(left @ rows[:, -1], left, nodes)
 
     def turned(self) -> tuple[Array, Array]:
         """Angle [rad] from the first node to each (k,), with its standard deviation: Ω is a spline

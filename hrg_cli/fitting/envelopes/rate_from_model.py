@@ -149,7 +149,8 @@ def _check_nodes(run: EnvelopeRun, count: int, known: Reference) -> RateEstimate
     found, finer = _find_best_fit(run, count, known), 2 * count - 1
     if finer > _most_checked(run):
         return found
-    return _note_finer_gain(found, fit_rate(run, *_refine_grid(run, found, finer, known), known))
+    closer = fit_rate(run, *_refine_grid(run, found, finer, known), known)
+    return replace(found, finer=closer.lose(count))
 
 
 def _grow_nodes(run: EnvelopeRun, count: int, most: int, known: Reference) -> RateEstimate:
@@ -162,8 +163,9 @@ def _grow_nodes(run: EnvelopeRun, count: int, most: int, known: Reference) -> Ra
             if found.adequate
             else _fit_from_stokes(run, finer_count, known)
         )
-        found = _note_finer_gain(found, finer)
-        enough = found.finer_z < TOO_COARSE and (
+        gained = finer.lose(len(found.time_s))
+        found = replace(found, finer=gained)
+        enough = gained.z < TOO_COARSE and (
             found.adequate or finer.chi2_per_dof > NO_BETTER * found.chi2_per_dof
         )
         if enough or finer_count > most:
@@ -172,15 +174,6 @@ def _grow_nodes(run: EnvelopeRun, count: int, most: int, known: Reference) -> Ra
     if found.adequate:
         return found
     return min(found, _find_best_fit(run, len(found.time_s), known), key=lambda e: e.chi2_per_dof)
-
-
-def _note_finer_gain(found: RateEstimate, finer: RateEstimate) -> RateEstimate:
-    """The estimate, with what twice as many nodes gain."""
-    fall = (found.chi2_per_dof * found.dof - finer.chi2_per_dof * finer.dof) / max(
-        1.0, finer.chi2_per_dof
-    )
-    extra = max(1, len(finer.time_s) - len(found.time_s))
-    return replace(found, finer_z=float((fall - extra) / np.sqrt(2 * extra)))
 
 
 def _fit_from_stokes(run: EnvelopeRun, nodes: int, known: Reference) -> RateEstimate:

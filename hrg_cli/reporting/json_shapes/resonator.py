@@ -71,6 +71,10 @@ class Rate(Common):
 
     nodes: int
     """Times at which the rate is fitted."""
+    node_distance_s: Number
+    """Time from one of them to the next; what changes faster is smoothed over."""
+    bandwidth_hz: Number
+    """Half of one over that distance: the fastest swing that the nodes can follow."""
     chi2_per_dof: Number
     """χ² per degree of freedom."""
     mean_rate_rad_s: Value
