@@ -13,10 +13,13 @@ from ..records import FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods
 from ..records.clock import shift_time
 from .envelope_rows import EnvelopeRows
 from .envelope_windows import WindowPlan, mean_turn, window_means
+from .magnitudes import amplitudes_of
 from .taken import GAP_STEPS, Taken
 
 UNKNOWN_PHASE = np.pi / np.sqrt(3)
 """Standard deviation of a phase of which nothing is known."""
+UNKNOWN_OVER_KNOWN = 1e3
+"""Least ratio of such a signal's standard deviation to that of one that is measured."""
 Rows = tuple[Array, Array, list[Array]]
 """Times (n,), envelopes (channel, n), slow columns (n,)."""
 
@@ -108,8 +111,12 @@ def _windows(
         u, plan.rows, mean_turn(u) if plan.rows > 1 and u.shape[1] > 1 else 0.0
     )
     signals, std = _signals(means, plan, one)
+    if plan.lengths:
+        power, _ = window_means(np.abs(u) ** 2, plan.rows, 0.0)
+        signals[:, 0], std[:, 0] = amplitudes_of(power[0].real, plan.noise, plan.rows)
     if not source.signal.phase_known:
-        std[:, 1] = UNKNOWN_PHASE * np.abs(means[0])
+        # beside so large a σ no other is taken for unknown, nor this one for known (estimate)
+        std[:, 1] = np.maximum(UNKNOWN_PHASE * signals[:, 0], UNKNOWN_OVER_KNOWN * std[:, 0])
         std[:, 2:] = std[:, :1]
     flags = np.zeros(len(rows), "u1")
     flags[~np.isfinite(means).all(0)] |= FLAG_NOT_FINITE

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import HrgError
 from ..records import Array, Status
 from .filter_start import settling_rows
+from .magnitudes import find_magnitude_noise
 from .row_noise import DELAY, RowNoise, gain_of_filter, row_noise
 
 LOOKS, LOOK_ROWS = 16, 1 << 14
@@ -42,7 +43,8 @@ suspect."""
 @dataclass(frozen=True)
 class WindowPlan:
     """Rows a window, the rows' step, their noise, how far the oscillation lies from the reference,
-    what the filter passes there, and the rows before it has settled."""
+    what the filter passes there, the rows before it has settled, and whether they are lengths of
+    phasors."""
 
     rows: int
     step_s: float
@@ -50,6 +52,7 @@ class WindowPlan:
     offset_hz: float
     passed: float
     settling: int = 0
+    lengths: bool = False
 
     def verdicts(self, logged: bool) -> list[tuple[Status, str]]:
         """What the filter before the rows does, and what was done about it."""
@@ -113,10 +116,13 @@ class WindowPlan:
 
 
 def plan_windows(
-    path: Path, blocks: Iterable[tuple[Array, Array]], asked: int | None
+    path: Path,
+    blocks: Iterable[tuple[Array, Array]],
+    asked: int | None,
+    phase_known: bool = True,
 ) -> WindowPlan:
     """Noise and correlation of rows (times, envelopes), and rows per window: as asked, or by the
-    correlation. HrgError: too few rows."""
+    correlation; `phase_known` False: amplitudes alone. HrgError: too few rows."""
     looks: list[Array] = []
     steps: list[float] = []
     total = 0
@@ -142,10 +148,14 @@ def plan_windows(
         if settling:
             looks[0] = looks[0][:, settling:]
             noise = row_noise(looks)
+        # what is below 0 is no phasor's length: a detector's output, whose noise is its own
+        lengths = not phase_known and min(np.nanmin(look.real) for look in looks) >= 0
+        if lengths:
+            noise = find_magnitude_noise(looks, noise)
         offset_hz = float(np.median([mean_turn(look) for look in looks])) / (2 * np.pi * step_s)
     if asked is not None:
         return WindowPlan(
-            min(asked, total), step_s, noise, offset_hz, gain_of_filter(looks), settling
+            min(asked, total), step_s, noise, offset_hz, gain_of_filter(looks), settling, lengths
         )
     kappa = noise.correlated_rows
     power = float(np.nanmedian(np.concatenate([(np.abs(look) ** 2).sum(0) for look in looks])))
@@ -156,7 +166,7 @@ def plan_windows(
     rows = max(1, min(rows, total // FEWEST_WINDOWS))
     while rows > 1 and _bends(looks, rows, noise):
         rows //= 2
-    return WindowPlan(rows, step_s, noise, offset_hz, gain_of_filter(looks), settling)
+    return WindowPlan(rows, step_s, noise, offset_hz, gain_of_filter(looks), settling, lengths)
 
 
 def mean_turn(look: Array) -> float:

@@ -468,3 +468,44 @@ def test_noise_of_a_wave_that_turns_fast_beside_its_rows(rows, turn, beat):
         found = row_noise([u + noise * white])
         assert found.density.mean() / noise**2 == pytest.approx(1.0, abs=0.4)
         assert found.variance.mean() / noise**2 == pytest.approx(1.0, abs=0.3)
+
+
+def faint_decay(seed, noise=0.05, rate=0.2):
+    """Phasors that sink from 20 times their noise to it."""
+    rng, time = np.random.default_rng(seed), np.arange(4000) / 200.0
+    n = rng.standard_normal((4000, 2)) @ [1, 1j]
+    return time, np.exp(-rate * time + 3j * time) + noise * n
+
+
+@pytest.mark.parametrize("kind", ["amplitude", "level", "amplitude and phase"])
+def test_a_decay_into_the_noise_is_found_without_bias(tmp_path, kind):
+    """Lengths of noisy phasors do not sink below their noise: 0.1945 for 0.2 in every draw, −5 σ,
+    where an identification ended at all. Mean error of eight draws within 3.5/√8 σ."""
+    errors = []
+    for seed in range(8):
+        time, u = faint_decay(seed)
+        columns = {
+            "amplitude": [np.abs(u)],
+            "level": [20 * np.log10(np.abs(u))],
+            "amplitude and phase": [np.abs(u), np.degrees(np.angle(u))],
+        }[kind]
+        path = written(
+            tmp_path / f"{seed}.csv",
+            time,
+            columns,
+            "time (s),R,Phase (deg)" if len(columns) > 1 else "time (s),R",
+        )
+        given = {"decibel": True} if kind == "level" else {}
+        given |= {"phase": 3} if len(columns) > 1 else {}
+        made = taken(path, amplitude=2, units="V", **given)
+        found = identify([collect(estimate(made))]).parameters()["damping_rate_1_s"]
+        errors.append((found[0] - 0.2) / found[1])
+    assert abs(np.mean(errors)) < 3.5 / np.sqrt(8) and np.std(errors) < 2, errors
+
+
+def test_noise_alone_is_no_decay(tmp_path):
+    time, u = faint_decay(0)
+    path = written(tmp_path / "n.csv", time, [np.abs(u - np.exp((-0.2 + 3j) * time))], "time (s),R")
+    made = taken(path, amplitude=2, units="V")
+    with pytest.raises(HrgError, match="above 6 standard deviations of its noise"):
+        identify([collect(estimate(made))])

@@ -24,6 +24,8 @@ block is no part of it."""
 GROSS = 0.01
 """The same over the squared amplitude: a decay that a model merely foretells poorly is one
 nevertheless."""
+LOUD = 6.0
+"""Amplitude over its noise up to which a decay is followed from its strongest block at first."""
 Predict = Callable[[slice], tuple[Array, Array]]
 """Rows of a fit -> squared misfit over the noise, and over the squared amplitude, measured or
 foretold (n,), on every row."""
@@ -75,7 +77,11 @@ def find_decay_stretch(run: EnvelopeRun, z: Array, misfit: Predict) -> slice:
     peak = int(np.argmax(energy))
     if peak > 0.6 * blocks:
         peak = 0
-    low, high = peak + (blocks - peak) // 4, peak + -(-3 * (blocks - peak) // 4)
+    # what the noise has swallowed is no place to begin
+    loud = energy > LOUD**2 * np.add.reduceat(run.std**2, edges[:-1]) / np.diff(edges)
+    end = blocks if loud[peak:].all() else peak + int(np.argmin(loud[peak:]))
+    end = max(end, min(peak + 4, blocks))
+    low, high = peak + (end - peak) // 4, peak + -(-3 * (end - peak) // 4)
     up = down = True
     while up or down:
         power, relative = (

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...errors import HrgError
 from ..least_squares import invert_scaled
 from .envelope_runs import EnvelopeRun
 from .trapezium import integrate
@@ -23,6 +24,10 @@ GAIN = 30.0
 """Fall of χ², in units of χ² per degree of freedom, for which a further term is taken in."""
 CLEAR = 6.0
 """Amplitude over its noise below which a row's logarithm and phase are no longer Gaussian."""
+FEWEST_ROWS = 4
+"""Such rows that a decay is found from at least."""
+SMOOTH_ROWS = 25
+"""Rows whose mean says how large the amplitude is about one of them."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +96,11 @@ def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
         ν and f in 1/s and unit/s, δ in rad/s; a run without phases has no law of its frequency,
         `NO_LAW`.
 
+    Raises
+    ------
+    HrgError
+        Fewer than four windows stand clear of the noise.
+
     Examples
     --------
     A pendulum without friction but for the air's, whose frequency falls with the square of the
@@ -110,17 +120,36 @@ def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
     -0.5
     """
     a = np.abs(z)
-    clear = a > CLEAR * run.std
+    level = _smooth_level(a, run.std)
+    clear = level > CLEAR * run.std
     last = len(a) if clear.all() else int(np.argmin(clear)) if clear[0] else 0
     rows = np.arange(last) if last >= max(8, len(a) // 4) else np.flatnonzero(clear)
+    if len(rows) < FEWEST_ROWS:
+        raise HrgError(
+            f"{run.run_id or 'the run'}: in {len(rows)} of {len(a)} windows the amplitude is above"
+            f" {CLEAR:g} standard deviations of its noise; at least {FEWEST_ROWS} were expected: cut"
+            " the record to its decay (--from-s, --to-s), or average over longer windows"
+        )
     t, a, std = run.time_s[rows], a[rows], run.std[rows]
     phase = np.unwrap(np.angle(z[rows]))
-    weight = a / std
+    weight = level[rows] / std
     decay = _law(-np.log(a), t, a, weight, DECAY_POWERS, nonlinear)
     frequency = (
         _law(phase, t, a, weight, FREQUENCY_POWERS, nonlinear) if run.phase_known else NO_LAW
     )
     return OneMode(decay, frequency, rows)
+
+
+def _smooth_level(a: Array, std: Array) -> Array:
+    """The amplitude about each row by its neighbours' mean square, noise taken off, (n,).
+
+    It chooses and weighs the rows: by their own amplitude those count more which noise has made
+    larger, 2σ²/a² in ln a, and a decay seems slower by a whole standard deviation.
+    """
+    width = min(SMOOTH_ROWS, len(a) // 20) | 1
+    padded = np.pad(a**2 - 2 * std**2, width // 2, mode="reflect")
+    power = np.convolve(padded, np.full(width, 1 / width), mode="valid")
+    return np.sqrt(np.maximum(power, 0.0))
 
 
 def measure_misfit(run: EnvelopeRun, z: Array, rows: slice) -> tuple[Array, Array]:

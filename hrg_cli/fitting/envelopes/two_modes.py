@@ -17,6 +17,8 @@ from ..least_squares import StepTaken, descend, fit_columns, invert_scaled
 from .envelope_runs import EnvelopeRun
 
 Array = np.ndarray
+LARGEST_GROWTH = 300.0
+"""Most of ln|u| by which an exponential may grow over the run: its square is still a number."""
 MOST_STEPS = 40
 FLAT = 1e-9
 """Part of χ² by which a whole step lowers it at the optimum."""
@@ -241,6 +243,9 @@ class _Exponentials:
     dof: int
 
     def at(self, exponent: Array) -> _Point:
+        """The point at λ; one that would grow beyond all numbers grows by e³⁰⁰."""
+        most = LARGEST_GROWTH / max(float(self.time_s[-1] - self.time_s[0]), 1e-300)
+        exponent = np.minimum(exponent.real, most) + 1j * exponent.imag
         return _Point(exponent, *_solve(self.u, self.time_s, self.std, exponent))
 
     def linearise(self, point: _Point) -> _Step:
