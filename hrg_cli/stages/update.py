@@ -198,7 +198,7 @@ def _guard(calibration: Calibration, resonator: Resonator, reference: Resonator 
             )
 
 
-def _find_place(calibration: Calibration, resonator: Resonator) -> float:
+def _find_place(calibration: Calibration, resonator: Resonator, which: str = "resonator") -> float:
     """The resonator's temperature or frequency, inside the tables' range."""
     x = read_place(resonator, calibration.axis)
     name, unit, margin = (
@@ -210,14 +210,14 @@ def _find_place(calibration: Calibration, resonator: Resonator) -> float:
         if len(calibration.node) == 1:
             return float(calibration.node[0])
         raise HrgError(
-            f"the resonator file says no {name}, the tables go over it; identify it again from"
+            f"the {which} file says no {name}, the tables go over it; identify it again from"
             f" windows that log their {name}"
         )
     if np.isfinite([calibration.node_min, calibration.node_max]).all() and not (
         calibration.node_min - margin <= x <= calibration.node_max + margin
     ):
         raise HrgError(
-            f"the resonator was identified at {x:.4g} {unit}, the tables hold from"
+            f"the {which} was identified at {x:.4g} {unit}, the tables hold from"
             f" {calibration.node_min:.4g} to {calibration.node_max:.4g} {unit}; use windows inside"
             " that range"
         )
@@ -227,14 +227,25 @@ def _find_place(calibration: Calibration, resonator: Resonator) -> float:
 def _recall_coefficients(
     calibration: Calibration, reference: Resonator | None, state: TableState
 ) -> tuple[Array, Array, str]:
-    """The five coefficients when the tables were made, their covariance, and what says so; NaN
-    where nothing does."""
+    """The five coefficients of the tables' time at the new resonator's place, their covariance, and
+    what says so; NaN where nothing does."""
     if reference is not None:
-        return (*compute_coefficients(reference), "the reference resonator")
-    return (
-        *state.level(),
-        "the physical model's resonator" if calibration.model == "physical" else "the tables",
-    )
+        return _recall_from_reference(calibration, reference, state)
+    by_resonator = calibration.model == "physical"
+    return *state.level(), "the physical model's resonator" if by_resonator else "the tables"
+
+
+def _recall_from_reference(
+    calibration: Calibration, reference: Resonator, state: TableState
+) -> tuple[Array, Array, str]:
+    """Those of the reference, carried from its own place by what the tables say of the way."""
+    then, covariance = compute_coefficients(reference)
+    there = TableState.of(calibration, _find_place(calibration, reference, "reference"))
+    change, spread = state.travel_from(there)
+    told_by = "the reference resonator"
+    if change.any():
+        told_by += ", carried to the new one's place by the tables"
+    return then + change, covariance + spread, told_by
 
 
 def _chi2(change: Array, spread: Array, places: Array | slice) -> float:

@@ -57,6 +57,23 @@ def drift_error(record, device, temperature):
     )
 
 
+@pytest.mark.parametrize("moved", [False, True])
+def test_a_reference_of_another_temperature_is_carried_to_the_new_ones(calibration, moved):
+    """The tables know what 40 °C do to this gyro: that is no move of its coefficients (it counted as
+    one of hundreds of σ, and was put into every node)."""
+    ratios = []
+    for seed in range(5):
+        new = resonator_of((later if moved else tempered)(20.0), 20.0, 2e-3, seed=seed)
+        old = resonator_of(tempered(40.0), 40.0, 2e-3, seed=50 + seed)
+        record = update(calibration, new, old)
+        assert record.status == "valid" and summary(record)["changed"] == moved
+        assert "carried" in summary(record)["reference"]
+        if moved:
+            before, _ = drift_error(calibration, later, 20.0)
+            ratios.append(drift_error(record, later, 20.0)[0] / before)
+    assert not moved or np.sqrt(np.mean(np.square(ratios))) < 0.2
+
+
 @pytest.mark.parametrize("by_reference", [True, False])
 def test_what_moved_is_put_right_and_told_in_sigma(calibration, by_reference):
     ratios, square = [], []

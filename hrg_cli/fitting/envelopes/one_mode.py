@@ -127,8 +127,8 @@ def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
     if len(rows) < FEWEST_ROWS:
         raise HrgError(
             f"{run.run_id or 'the run'}: in {len(rows)} of {len(a)} windows the amplitude is above"
-            f" {CLEAR:g} standard deviations of its noise; at least {FEWEST_ROWS} were expected: cut"
-            " the record to its decay (--from-s, --to-s), or average over longer windows"
+            f" {CLEAR:g} standard deviations of its noise, at least {FEWEST_ROWS} were expected;"
+            " average over longer windows"
         )
     t, a, std = run.time_s[rows], a[rows], run.std[rows]
     phase = np.unwrap(np.angle(z[rows]))

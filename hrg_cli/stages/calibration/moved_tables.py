@@ -81,6 +81,12 @@ class TableState:
         level = np.where(self.held, self.at_place @ self.value, np.nan)
         return level, self.at_place @ self.covariance @ self.at_place.T
 
+    def travel_from(self, there: TableState) -> tuple[Array, Array]:
+        """What the five coefficients change by from another place of the same tables to this one, 0
+        where the tables hold none, and its covariance."""
+        way = self.at_place - there.at_place
+        return way @ self.value, way @ self.covariance @ way.T
+
     def combined(self, new: Array, covariance: Array, known: Array, moved: Array) -> TableState:
         """The state after the coefficients `new` (5,), of which `known` (5,) were found, those
         `moved` (5,) by an unknown amount."""
