@@ -21,6 +21,7 @@ from typing import Any
 from .. import settings, store
 from ..executors import OpenExecutor, dask_workers, local_processes, run_tasks
 from ..extras import warn_of_plain_python, without_pages
+from .copies import fail_copies
 from .groups import Origin
 from .gyro_page import PAGE
 from .lot_course import LotCourse, Progress, say_how_far
@@ -80,7 +81,7 @@ def run_lot(
                 then=course.after,
             )
         found = [plain_paths(r, folder, path) for r in course.gyros]
-        told = [plain_paths(r, folder, path) for r in course.recordings]
+        told = [plain_paths(r, folder, path) for r in fail_copies(course.recordings)]
         rows = judge_rows(lot, told, found)
         whole = diagnose_lot(found, read_measured(rows, found), tasks.origins, lot.common_rate)
         for row in rows:

@@ -69,7 +69,7 @@ from .diagnosis.suspects import (
 from .diagnosis.suspects.rivals import fit_nearest
 from .diagnosis.thresholds import GROSS
 from .identification.modes import has_dead_channel, thin_run
-from .one_gyro import of_one_gyro
+from .one_gyro import need_each_once, of_one_gyro
 from .usable import ESTIMATE_AGAIN, named_apart, not_refused, why_refused, with_known_rates
 
 Array = np.ndarray
@@ -146,6 +146,7 @@ def diagnose(
     ('explained', ['gain_mismatch'])
     """
     of_one_gyro(waves, "diagnose")
+    need_each_once(waves)
     usable = with_known_rates(not_refused(waves))
     with usable.blamed():
         _need_both_channels(usable.waves)

@@ -26,7 +26,7 @@ from .identification.monitored import monitor_working_mode
 from .identification.outcome import Verdict
 from .identification.resampled_errors import profile_intervals, resample_errors
 from .identification.unknown_rate import identify_with_unknown_rate
-from .one_gyro import of_one_gyro
+from .one_gyro import need_each_once, of_one_gyro
 from .usable import not_refused, with_known_rates
 
 Array = np.ndarray
@@ -133,6 +133,7 @@ def identify(
     if not waves:
         raise HrgError("there is no run; give at least one wave file of a free run-down")
     of_one_gyro(waves, "identify")
+    need_each_once(waves)
     usable = not_refused(waves)
     if window == "auto" and method != "working-mode":
         free = [part for wave in usable.waves for part in free_windows.cut_free_windows(wave)]

@@ -1,15 +1,19 @@
-"""The check that comes before any fit of several runs: they are of one gyro, by what their files
-say."""
+"""The checks that come before any fit of several runs: they are of one gyro, by what their files
+say, and each was recorded once."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+
+import numpy as np
 
 from ..errors import HrgError, name_some
 from ..records import Resonator, Wave
 
 MOST_GYROS = 3
 """Gyros that a message names."""
+FIRST_ROWS = 4096
+"""Rows by which a run is told from others."""
 
 
 def of_one_gyro(waves: Sequence[Wave], command: str, resonator: Resonator | None = None) -> None:
@@ -29,3 +33,27 @@ def of_one_gyro(waves: Sequence[Wave], command: str, resonator: Resonator | None
             f"runs of {len(runs)} gyros were given ({said}), one was expected; {command} each gyro"
             " by itself, or correct gyro_id of the recordings"
         )
+
+
+def need_each_once(waves: Sequence[Wave]) -> None:
+    """HrgError: two runs hold the same rows, noise and all; files are told apart by their sources,
+    records in memory have none."""
+    first: dict[bytes, str] = {}
+    for place, wave in enumerate(waves, start=1):
+        name = wave.run_id or f"number {place}"
+        columns = (
+            wave.main_amplitude,
+            wave.quadrature_amplitude,
+            wave.wave_angle_rad,
+            wave.phase_rad,
+        )
+        rows = np.stack([np.asarray(column[:FIRST_ROWS], "<f8") for column in columns])
+        # rows that all stand still bear no run's own noise
+        moves = bool(np.any(rows[:, 1:] != rows[:, :-1]))
+        key = rows.tobytes()
+        if moves and key in first:
+            raise HrgError(
+                f"runs {first[key]} and {name} hold the same rows, so one is a copy of the other;"
+                " name each run once, or its errors come out too small"
+            )
+        first[key] = name

@@ -607,3 +607,18 @@ def test_a_gyro_whose_result_is_suspect_passes_only_where_the_lot_says_so(tmp_pa
     assert report["status"] == ("suspect" if passed else "refused")
     if not passed:
         assert row["why"].startswith("identify is suspect: ") and row["why"] in row["reason"]
+
+
+def test_samples_that_two_gyros_share_pass_neither(tmp_path):
+    """A recording copied under another gyro's name: both were valid, equal to the last digit, and
+    counted twice in the lot."""
+    for gyro, seed in (("A", 0), ("B", 10), ("copy", 0)):
+        for run, theta in enumerate((0.1, 0.6)):
+            record = run_down(gyro, f"{run}", theta, 0.3 + 0.01 * (gyro == "B"), seed + run)
+            store.write(tmp_path / f"{gyro}-{run}.h5", record)
+    (tmp_path / "lot.toml").write_text("recordings = '*.h5'\nstages = ['identify']\n")
+    report = run_lot(tmp_path / "lot.toml", tmp_path / "out")
+    rows = {row["gyro_id"]: row for row in report["rows"]}
+    assert report["status"] == "refused"
+    assert rows["B"]["passed"] and not rows["A"]["passed"] and not rows["copy"]["passed"]
+    assert "copy-0: holds the samples of A's A-0;" in rows["copy"]["why"]

@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting.tables.increments import AnglePath, build_path
 from ...records import Calibration, Resonator, Wave
-from ..one_gyro import of_one_gyro
+from ..one_gyro import need_each_once, of_one_gyro
 from ..usable import Usable, not_refused, with_known_rates
 from .programme import choose_nodes, examine
 
@@ -114,6 +114,7 @@ def need_one_gyro(waves: Sequence[Wave], resonators: Sequence[Resonator]) -> Non
     if not waves:
         raise HrgError("calibrate needs at least one wave file of a forced run; none was given")
     of_one_gyro(waves, "calibrate")
+    need_each_once(waves)
     for resonator in resonators:
         of_one_gyro(waves, "calibrate", resonator)
     modes = sorted({w.mode_number for w in waves})

@@ -326,3 +326,19 @@ def test_a_loop_that_settles_within_a_row_is_no_cause():
         run["start"]["quadrature"] = 0.05
     _, out = verdict(table)
     assert out["verdict"] == "adequate" and out["effects"] == []
+
+
+@pytest.mark.parametrize(("split", "coupling", "noise"), [(0.02, 2e-3, 5e-5), (0.01, 2e-3, 3e-5)])
+def test_a_part_that_outdoes_its_wholes_may_stand_first(split, coupling, noise):
+    """An anisotropic cubic is a part of the cubics, which are asked for first; beside another cause
+    it leaves a gross misfit too, and nothing came, or five causes that were not there."""
+    table = programme(
+        14,
+        {
+            "anisotropic_cubic_stiffness": {"cos_rad_s": 0.8 * split, "sin_rad_s": -0.6 * split},
+            "quadrature_crosstalk": {"coupling": coupling},
+        },
+        runs=4,
+        noise=noise,
+    )
+    named(table, "anisotropic_cubic_stiffness", "quadrature_crosstalk")

@@ -28,6 +28,9 @@ QUICK_STEPS = 6
 HOPELESS = 10.0
 """Times the χ² of a refit that another cause's score must promise to leave for it not to be tried:
 what cannot fit takes by far the longest to say so."""
+OUTDONE = 4.0
+"""Times the χ² of a part of a cause that the cause itself must leave for the part to stand first: it
+halves the misfit's size once more."""
 
 
 def adopt(
@@ -98,10 +101,19 @@ def adopt_hopeful(
     for score, variant in ranked:
         if fit.chi2 - score.gain > HOPELESS * least:
             continue
+        out += adopt_each(fit, [(score, variant)], most)
+        least = min(least, *(trial.chi2 for trial, _, _ in out[-1:]), np.inf)
+    return out
+
+
+def adopt_each(
+    fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]], most: int
+) -> list[tuple[ExtendedFit, Score, Variant]]:
+    """The fits with each of the candidates but those without a motion."""
+    out: list[tuple[ExtendedFit, Score, Variant]] = []
+    for score, variant in ranked:
         with contextlib.suppress(extended_fit.DivergedError):
-            trial = adopt(fit, score, variant, most)
-            out.append((trial, score, variant))
-            least = min(least, trial.chi2)
+            out.append((adopt(fit, score, variant, most), score, variant))
     return out
 
 
@@ -144,20 +156,28 @@ Trial = tuple[float, ExtendedFit, Score, Variant]
 """A candidate refitted: its criterion, its fit, its score before, and how it stands."""
 
 
-def refit(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
+def refit(
+    fit: ExtendedFit,
+    close: Sequence[tuple[Score, Variant]],
+    ranked: Sequence[tuple[Score, Variant]],
+) -> list[Trial]:
     """The candidates refitted, best first; what did not settle or came out as no such cause can be is
-    none.
+    none, and so is a part of others among all those ranked that may do for them.
 
     Many are refitted in few steps first, and to the end only the best of these and what comes within
     `WORTH` of them. A selection at another noise asks for the same: what was refitted once is
     remembered.
     """
     tried = tuple((variant.effect, tuple(variant.values.items())) for _, variant in close)
-    trials: list[Trial] = fit.remembered(("refitted", tried), lambda: _refitted(fit, close))
+    trials: list[Trial] = fit.remembered(("refitted", tried), lambda: _refitted(fit, close, ranked))
     return trials
 
 
-def _refitted(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[Trial]:
+def _refitted(
+    fit: ExtendedFit,
+    close: Sequence[tuple[Score, Variant]],
+    ranked: Sequence[tuple[Score, Variant]],
+) -> list[Trial]:
     most = QUICK_STEPS if len(close) > SHORTLIST else extended_fit.MOST_STEPS
     trials: list[Trial] = [(compute_bic(one[0]), *one) for one in adopt_hopeful(fit, close, most)]
     trials.sort(key=lambda t: t[0])
@@ -169,18 +189,34 @@ def _refitted(fit: ExtendedFit, close: Sequence[tuple[Score, Variant]]) -> list[
             trial = extended_fit.fit(trial.series, trial.point, trial.freedom, near=trial.flow.near)
             level = compute_bic(trial)
         effect, _ = trial.point.active[-1]
-        if trial.converged and is_possible(effect, trial) and _may_stand(effect, fit, trial):
+        if (
+            trial.converged
+            and is_possible(effect, trial)
+            and _may_stand(effect, fit, trial, ranked)
+        ):
             whole.append((level, trial, score, variant))
     return sorted(whole, key=lambda t: t[0])
 
 
-def _may_stand(effect: Effect, fit: ExtendedFit, trial: ExtendedFit) -> bool:
+def _may_stand(
+    effect: Effect,
+    fit: ExtendedFit,
+    trial: ExtendedFit,
+    ranked: Sequence[tuple[Score, Variant]],
+) -> bool:
     """Whether a cause may be taken in: while the misfit is gross and stays so, a part of what does
-    not stand there would do for the whole, and what happens at an instant would have the misfit's
-    own size (`instants`)."""
+    not stand there would do for the whole unless it outdoes it, and what happens at an instant would
+    have the misfit's own size (`instants`)."""
+    if not is_gross(trial):
+        return True
     active = {one.name for one, _ in fit.point.active}
-    part = bool(effect.part_of) and not active & set(effect.part_of)
-    return not (part or effect.of_one_run) or not is_gross(trial)
+    if not effect.part_of or active & set(effect.part_of):
+        return not effect.of_one_run
+    wholes = [pair for pair in ranked if pair[1].effect.name in effect.part_of]
+    least = min(
+        (other.chi2 for other, _, _ in adopt_each(fit, wholes, QUICK_STEPS)), default=np.inf
+    )
+    return trial.chi2 < least / OUTDONE
 
 
 def loosen(fit: ExtendedFit) -> ExtendedFit:

@@ -124,12 +124,13 @@ def _settle_rivals(case: Case, judged: Sequence[JudgedCause]) -> tuple[Case, boo
 def _simpler(case: Case, one: JudgedCause) -> Case | None:
     """The case with a rival of fewer parameters in the place of a cause that does not stand; None
     where none stands either. What takes as much away with less may stand where more does not."""
+    ranked = score_effects(one.without, case.inquiry.candidates)
     pairs = [
         pair
-        for pair in score_effects(one.without, case.inquiry.candidates)
+        for pair in ranked
         if pair[0].name in one.cause.rivals and pair[0].rank < one.cause.score.rank
     ]
-    for level, fit, score, variant in refit(one.without, pairs):
+    for level, fit, score, variant in refit(one.without, pairs, ranked):
         others = {one.cause.variant.effect.name, *one.cause.rivals} - {score.name}
         worth = compute_bic(one.without) - level
         found = Found(
@@ -153,7 +154,7 @@ def _rivals(final: ExtendedFit, one: JudgedCause, candidates: Sequence[Variant])
         for pair in score_effects(one.without, candidates)
         if pair[0].visible and pair[0].name != name
     ]
-    trials = refit(one.without, close[:TRIED])
+    trials = refit(one.without, close[:TRIED], close)
     return [variant.effect.name for level, _, _, variant in trials if level < limit]
 
 

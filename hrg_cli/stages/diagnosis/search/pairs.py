@@ -97,7 +97,7 @@ def fit_pair(fit: ExtendedFit, pair: Pair) -> tuple[ExtendedFit, tuple[Scored, S
 def _fit_with(fit: ExtendedFit, variant: Variant) -> ExtendedFit | None:
     """The fit with one cause more, None where it fails."""
     scored = [pair for pair in score_effects(fit, [variant]) if pair[0].visible]
-    trials = refit(fit, scored)
+    trials = refit(fit, scored, scored)
     return trials[0][1] if trials else None
 
 

@@ -183,12 +183,12 @@ def _refit_near_best(
     least = min(PART_OF_BEST * top, top - BELOW_BEST)
     visible = [pair for pair in ranked if pair[0].visible]
     close = shortlist([pair for pair in visible if pair[0].gain > least], fit, noise.slow)
-    trials = refit(fit, close)
+    trials = refit(fit, close, ranked)
     if is_gross(fit) and not (trials and not is_gross(trials[0][1])):
         # so far from the data a score says little of the refit: more are refitted before one is
         # chosen
         close = visible[:GROSS_SHORTLIST]
-        trials = refit(fit, close)
+        trials = refit(fit, close, ranked)
     return close, trials
 
 
