@@ -194,7 +194,7 @@ def calibrate(
         "rate_log": None if late is None else late.table(),
         **tried.details(chosen, model in ("auto", "all"), bootstrap, seed),
     }
-    if ladder:
+    if ladder and not refusals:  # what no tables can be made of shows no fault of the loops either
         details |= _climb_all_stages(chosen, whole, bootstrap, seed)
     record = chosen.record(runs.usable.waves, runs.valid, details)
     if not refusals:

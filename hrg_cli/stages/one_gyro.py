@@ -1,5 +1,5 @@
-"""The checks that come before any fit of several runs: they are of one gyro, by what their files
-say, and each was recorded once."""
+"""The checks that come before any fit of several runs: they are of one gyro, by what their files say
+and by their frequencies, and each was recorded once."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import HrgError, name_some
-from ..records import Resonator, Wave
+from ..records import Array, Resonator, Wave
+from .diagnosis.thresholds import FREQUENCIES_APART
 
 MOST_GYROS = 3
 """Gyros that a message names."""
@@ -57,3 +58,19 @@ def need_each_once(waves: Sequence[Wave]) -> None:
                 " name each run once, or its errors come out too small"
             )
         first[key] = name
+
+
+def find_two_gyros(names: Sequence[str], frequency_hz: Array) -> str | None:
+    """The runs on either side of the widest gap between their frequencies (r,), in words, where no
+    temperature makes it; else None."""
+    hz = np.asarray(frequency_hz, float)
+    order = np.argsort(hz)[: np.count_nonzero(np.isfinite(hz))]
+    gaps = np.diff(hz[order]) / hz[order][:-1]
+    if not len(gaps) or gaps.max() < FREQUENCIES_APART:
+        return None
+    first = int(np.argmax(gaps)) + 1
+    sides = [
+        f"{name_some((names[i] for i in side), 30)} at {hz[side].mean():.6g} Hz"
+        for side in (order[:first], order[first:])
+    ]
+    return f"the runs are not of one gyro: {', '.join(sides)}"

@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting.tables.increments import AnglePath, build_path
 from ...records import Calibration, Resonator, Wave
-from ..one_gyro import need_each_once, of_one_gyro
+from ..one_gyro import find_two_gyros, need_each_once, of_one_gyro
 from ..usable import Usable, not_refused, with_known_rates
 from .programme import choose_nodes, examine
 
@@ -89,7 +89,11 @@ def prepare(
         free,
         table_nodes,
         (low, high),
-        refusals=[*usable.refusals, *(f.sentence for f in findings if f.refuses)],
+        refusals=[
+            *usable.refusals,
+            *_refuse_two_gyros(paths),
+            *(f.sentence for f in findings if f.refuses),
+        ],
         remarks=[*remarks, *words, *(f.sentence for f in findings if not f.refuses)],
     )
 
@@ -107,6 +111,18 @@ def split_by_drive(
         [],
         ["no run is forced: the tables are those of free runs, without the drive's own errors"],
     )
+
+
+def _refuse_two_gyros(paths: Sequence[AnglePath]) -> list[str]:
+    """Why runs that oscillate too far apart give no tables, whatever their files say."""
+    names = [path.run_id or f"number {i + 1}" for i, path in enumerate(paths)]
+    two = find_two_gyros(names, np.array([np.median(path.frequency_hz) for path in paths]))
+    if two is None:
+        return []
+    return [
+        f"{two}, farther than any temperature moves it; calibrate them apart, or correct the"
+        " sampling rate of the recording"
+    ]
 
 
 def need_one_gyro(waves: Sequence[Wave], resonators: Sequence[Resonator]) -> None:
