@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -19,6 +20,7 @@ from .calibration.checks import find_noisy_angles, find_stray_harmonics
 from .calibration.chosen import LEAST_REPEATED, Chosen
 from .calibration.folds import choose_folds, choose_limits
 from .calibration.ladder import climb
+from .calibration.odd_run import OddRun, find_odd_run
 from .calibration.preparation import KnownRates, need_one_gyro, prepare
 from .calibration.prices import forecast_hour_more
 from .calibration.repeatability import say_unstable
@@ -30,6 +32,7 @@ from .calibration.trials import (
     add_loop_columns,
     fit_everything,
     take_coefficients,
+    try_again,
     try_models,
 )
 from .calibration.variant_solutions import Wanted
@@ -180,12 +183,13 @@ def calibrate(
     chosen = chosen.stable_alone() if stable_only else chosen
     chosen = chosen.smoothed() if interpolation == "smooth" else chosen
     remarks += chosen.not_dropped
-    answer, strays = chosen.answer, find_stray_harmonics(fitted, fitted.solution)
+    answer, strays, odd = chosen.answer, find_stray_harmonics(fitted, fitted.solution), None
+    if answer.failed and not refusals:
+        again = partial(try_again, wanted=wanted, resonators=coefficients, model=model)
+        odd = find_odd_run(runs, whole, needed, again)
     if not refusals:
-        remarks += _doubts_of(chosen, strays)
-        (refusals if answer.tried.foreign else remarks).extend(answer.failed)
-        if answer.tried.foreign:
-            remarks += doubts_about((name_record(one), one) for one in given)
+        refused, doubted = _judge(chosen, strays, odd, given)
+        refusals, remarks = refused, [*remarks, *doubted]
 
     details = chosen.details(bootstrap, seed) | {
         "held_out_by": held_out_by,
@@ -194,11 +198,12 @@ def calibrate(
         "rate_log": None if late is None else late.table(),
         **tried.details(chosen, model in ("auto", "all"), bootstrap, seed),
     }
-    if ladder and not refusals:  # what no tables can be made of shows no fault of the loops either
+    if ladder and not refusals and not odd:  # runs of two gyros show faults that neither has
         details |= _climb_all_stages(chosen, whole, bootstrap, seed)
     record = chosen.record(runs.usable.waves, runs.valid, details)
     if not refusals:
-        record = _with_notes(_with_use(record, details, fitted), chosen)
+        record = _with_use(record, details, fitted)
+        record = record if odd else _with_notes(record, chosen)
     return runs.judge(record, refusals, remarks)
 
 
@@ -209,6 +214,21 @@ def _climb_all_stages(chosen: Chosen, whole: FullFit, draws: int, seed: int) -> 
         add_loop_columns(whole.fitted), whole.free, chosen.folds, settings, chosen.penalty
     )
     return {"ladder": stages, "final_analysis": analysis}
+
+
+def _judge(
+    chosen: Chosen,
+    strays: Sequence[Mapping[str, Any]],
+    odd: OddRun | None,
+    given: Sequence[Resonator],
+) -> tuple[list[str], list[str]]:
+    """Why the tables are refused, and what else speaks against them: of runs that one contradicts,
+    this alone, since it shows as any fault."""
+    told = [odd.sentence] if odd else list(chosen.answer.failed)
+    doubts = [] if odd else _doubts_of(chosen, strays)
+    if not chosen.answer.tried.foreign:
+        return [], [*doubts, *told]
+    return told, [*doubts, *doubts_about((name_record(one), one) for one in given)]
 
 
 def _doubts_of(chosen: Chosen, strays: Sequence[Mapping[str, Any]]) -> list[str]:

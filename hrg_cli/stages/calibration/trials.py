@@ -19,6 +19,7 @@ from .choice import TriedVariant, choose_best, explain_choice, list_possible, so
 from .chosen import Chosen
 from .comparison import compare_variants
 from .factors import build
+from .folds import choose_folds
 from .late_log import Lateness, follow
 from .preparation import PreparedRuns
 from .resonators import ResonatorCoefficients, pool_resonators
@@ -130,6 +131,20 @@ def try_models(
     tried = solve_variants(whole.fitted, folds, names, wanted, coefficients)
     answer = choose_best(tried) if model == "auto" else tried[0]
     return TriedModels(tried, answer, not_tried, coefficients)
+
+
+def try_again(
+    whole: FullFit,
+    harmonics: int,
+    wanted: Wanted,
+    resonators: tuple[ResonatorCoefficients | None, str | None],
+    model: str,
+) -> TriedVariant:
+    """The answer of other runs of the same programme, no harmonic in doubt averaged over: for its
+    checks alone; `harmonics`: of the drift that each fold must leave."""
+    folds = choose_folds(whole.fitted, harmonics)[0]
+    quick = replace(wanted, average=False)
+    return try_models(whole, folds, quick, resonators, model, refused=False).answer
 
 
 def _choose_names(
