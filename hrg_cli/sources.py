@@ -12,7 +12,7 @@ from typing import Any
 from . import store
 from .errors import HrgError, NotHrgError
 from .origins import overlap, part_of, samples_of
-from .records import Source
+from .records import KINDS, Periods, Recording, Source, Wave
 
 
 class Sources:
@@ -46,7 +46,7 @@ class Sources:
                     if other != path and overlap(part, taken):
                         raise HrgError(
                             f"{path}: is the same data as {other}, both go back to the same"
-                            f" samples; {ONCE}"
+                            f" samples; {_say_once(path)}"
                         )
                 first.setdefault(key, []).append((path, part))
         return self
@@ -72,7 +72,7 @@ class Sources:
         first: dict[str, Path] = {}
         for path, digest in zip(self._paths, hashes):
             if digest in first:
-                raise HrgError(f"{path}: is the same data as {first[digest]}; {ONCE}")
+                raise HrgError(f"{path}: is the same data as {first[digest]}; {_say_once(path)}")
             first[digest] = path
         return tuple(
             Source(path.name, _kind_name(path), digest, samples)
@@ -80,7 +80,16 @@ class Sources:
         )
 
 
-ONCE = "name each run once, or its errors come out too small"
+RESULTS = {cls.kind for cls in KINDS} - {Recording.kind, Periods.kind, Wave.kind}
+"""Kinds of files that hold no run's rows, of which each counts in the errors."""
+
+
+def _say_once(path: Path) -> str:
+    """What to do about an input that is there twice."""
+    kind = _kind_name(path)
+    if kind in RESULTS:
+        return f"two {kind} files of different runs were expected: name another, or leave one out"
+    return "name each run once, or its errors come out too small"
 
 
 def _kind_name(path: Path) -> str:

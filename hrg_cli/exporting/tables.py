@@ -6,12 +6,12 @@ from __future__ import annotations
 import csv
 import io
 import json
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from ..errors import HrgError
+from ..errors import HrgError, UsageError
 from ..measured_export import MEASURED_FORMULA, csv_measured
 from ..records import Calibration
 from ..stages.calibration.table import TABLES, compute_standard_deviations, read_interpolation_std
@@ -29,7 +29,8 @@ def export(
     suffix: str,
     *,
     fixed_point_bits: Annotated[
-        int, Field(description="C header: integers of 16 or 32 bits; 0: floating point")
+        Literal[0, 16, 32],
+        Field(description="C header: integers of 16 or 32 bits; 0: floating point"),
     ] = 0,
     precision: Annotated[
         float,
@@ -99,7 +100,9 @@ def export(
     if suffix != ".h":
         raise HrgError(f"cannot export as {suffix!r}; end the output's name in .csv, .json or .h")
     if fixed_point_bits not in (0, 16, 32):
-        raise HrgError(f"fixed_point_bits is {fixed_point_bits}; 0 (float), 16 or 32 was expected")
+        raise UsageError(
+            f"fixed_point_bits is {fixed_point_bits}; 0 (float), 16 or 32 was expected"
+        )
     return make_header(calibration, fixed_point_bits, precision)
 
 

@@ -1,6 +1,7 @@
 """What a few dwells leave unknown between them is in the standard deviations, and is told."""
 
 import json
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -120,7 +121,28 @@ def test_what_few_nodes_leave_unknown_is_said_with_what_to_do():
 def test_where_to_dwell_is_told_as_finely_as_the_nodes_lie(nodes, axis, places):
     """In hertz it was "1e+03 and 1e+03"."""
     tables = SimpleNamespace(node=nodes, axis=axis)
-    assert f"add dwells at {places}" in _say_between(tables, [1e-5, 1e-5], [1e-6, 1e-6])
+    said = _say_between(tables, [1e-5, 1e-5], [1e-6, 1e-6], [True, True])
+    assert f"add dwells at {places}" in said
+
+
+def test_the_error_told_midway_holds_that_of_the_nodes_too():
+    """A scale factor that does not bend was "known to 0.002 ppm midway, 0.25 ppm at the nodes"."""
+    truth = Bent(1, 0.6)
+    truth.k[1:] = 0.0
+    record = calibrated(truth, 3, 1)
+    (said,) = record.status_reasons
+    checks = between_checks(record)
+    assert not checks["drift_between_nodes"]["passed"]
+    assert checks["scale_factor_between_nodes"]["passed"] and "K to" not in said
+    told = [float(x) for x in re.findall(r"D to ([0-9.e+-]+) °/h", said)]
+    theta = np.linspace(0, np.pi / 2, 24, endpoint=False)
+    for figure, places in zip(told, ([0.0, 40.0], [LOW, 20.0, HIGH]), strict=True):
+        stds = compute_standard_deviations(
+            record, np.repeat(places, 24), np.tile(theta, len(places))
+        )
+        rms = np.degrees(np.sqrt(np.mean(stds[0] ** 2))) * 3600
+        assert figure == pytest.approx(rms, rel=0.06)
+    assert told[0] > 3 * told[1]
 
 
 def test_runs_that_pass_between_the_nodes_show_how_the_tables_bend():

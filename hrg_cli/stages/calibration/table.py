@@ -4,7 +4,9 @@ with their standard deviations."""
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -130,26 +132,38 @@ def check_between(calibration: Calibration) -> list[Check]:
     doubt = read_interpolation_std(calibration)
     if not doubt:
         return []
-    angle = np.linspace(0, np.pi / calibration.mode_number, ANGLES, endpoint=False)
-    at_nodes = compute_standard_deviations(
-        calibration, np.repeat(nodes, ANGLES), np.tile(angle, len(nodes))
-    )
-    stds = [float(np.sqrt(np.mean(std**2))) for std in at_nodes]
-    between = [float(doubt.get(key, 0.0)) for key in TABLES]
-    sentence = _say_between(calibration, between, stds)
+    at_nodes = _average_std(calibration, nodes)
+    midway = _average_std(calibration, (nodes[1:] + nodes[:-1]) / 2)
+    added = [float(doubt.get(key, 0.0)) for key in TABLES]
+    bent = [more > TOLD * std for more, std in zip(added, at_nodes, strict=True)]
+    sentence = _say_between(calibration, midway, at_nodes, bent) if any(bent) else ""
     return [
-        check_at_most(f"{key}_between_nodes", midway / max(std, 1e-300), TOLD, sentence)
-        for key, midway, std in zip(("drift", "scale_factor"), between, stds, strict=True)
+        check_at_most(f"{key}_between_nodes", more / max(std, 1e-300), TOLD, sentence)
+        for key, more, std in zip(("drift", "scale_factor"), added, at_nodes, strict=True)
     ]
 
 
-def _say_between(calibration: Calibration, between: list[float], stds: list[float]) -> str:
-    """The sentence of D's and K's standard deviations midway and at the nodes, and what to do."""
+def _average_std(calibration: Calibration, x: Array) -> list[float]:
+    """Standard deviations of D [rad/s] and K at places x (n,), rms over these and the wave angle."""
+    angle = np.linspace(0, np.pi / calibration.mode_number, ANGLES, endpoint=False)
+    stds = compute_standard_deviations(calibration, np.repeat(x, ANGLES), np.tile(angle, len(x)))
+    return [float(np.sqrt(np.mean(std**2))) for std in stds]
+
+
+def _say_between(
+    calibration: Calibration,
+    midway: Sequence[float],
+    at_nodes: Sequence[float],
+    bent: Sequence[bool],
+) -> str:
+    """The sentence of the standard deviations midway and at the nodes, of those of D and K that may
+    bend, and what to do."""
     nodes = np.asarray(calibration.node, float)
-    said, known = (
-        f"D to {np.degrees(drift) * 3600:.2g} °/h and K to {1e6 * scale:.2g} ppm"
-        for drift, scale in (between, stds)
+    stds = (
+        (f"D to {np.degrees(drift) * 3600:.2g} °/h", f"K to {1e6 * scale:.2g} ppm")
+        for drift, scale in (midway, at_nodes)
     )
+    said, known = (" and ".join(compress(words, bent)) for words in stds)
     told = f"midway they give {said} (at the nodes {known})"
     if len(nodes) > FEW_NODES:
         return f"the tables bend between their {len(nodes)} nodes: {told}; add nodes between them"
