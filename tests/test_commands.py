@@ -482,3 +482,6 @@ def test_export_takes_settings(hrg, tmp_path):
     )
     assert made.status in (0, 3) and "int16_t" in (tmp_path / "t.h").read_text()
     assert hrg("export", tmp_path / "c.h5", "-o", tmp_path / "u.h", "--precision", "-1").status == 2
+    for bits, name in (("12", "u.h"), ("12", "u.csv"), ("16.5", "u.h")):  # 12 was exit 1, or 0
+        told = hrg("export", tmp_path / "c.h5", "-o", tmp_path / name, "--fixed-point-bits", bits)
+        assert told.status == 2 and "'0', '16', '32'" in told.err and not (tmp_path / name).exists()

@@ -302,3 +302,24 @@ def test_a_scale_factor_that_was_given_is_no_news(calibration):
         calibration.scale_factor_harmonics[:, 0], rel=1e-5
     )
     assert any("the resonator tells no" in reason for reason in found.status_reasons)
+
+
+def test_the_same_resonator_now_and_then_is_said(calibration, hrg, tmp_path):
+    """It was to "name each run once, or its errors come out too small"."""
+    from hrg_cli import store
+
+    tables, now, copy = (tmp_path / name for name in ("cal.h5", "now.h5", "copy.h5"))
+    store.write(tables, calibration)
+    store.write(
+        now,
+        resonator_of(DEVICE, 20.0).replace(name=np.array(resonator_of(DEVICE, 20.0).name, object)),
+    )
+    copy.write_bytes(now.read_bytes())
+    for reference in (now, copy):
+        told = hrg(
+            *("update", tables, "--resonator", now, "--reference", reference),
+            *("-o", tmp_path / "new.h5"),
+        )
+        assert told.status == 1 and not (tmp_path / "new.h5").exists()
+        assert "is the same data as" in told.err and "each run once" not in told.err
+        assert "two resonator files of different runs were expected" in told.err

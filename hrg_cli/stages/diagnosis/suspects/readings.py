@@ -41,6 +41,8 @@ class Reading:
     parameters: int
     found: str
     correction: str
+    degc_apart: float = np.inf
+    """Its mean temperature's distance from the other runs'; infinite where no thermometer is doubted."""
 
 
 def fit_held(waves: Sequence[Wave], others: ExtendedFit, free: Sequence[str] = ()) -> ExtendedFit:

@@ -151,11 +151,20 @@ def _wrong_runs(
 
 
 def choose_case(cases: Sequence[SuspectCase]) -> tuple[SuspectCase, tuple[SuspectCase, ...]]:
-    """The reading that explains most for what it costs, and those that explain as much."""
+    """The reading that explains most for what it costs, and those that explain as much: of as many
+    numbers first the one with the temperature nearest to the other runs'."""
     noise = max(1.0, min(case.chi2 / case.dof for case in cases))
     ranked = sorted(cases, key=lambda case: case.price(noise) + PRICE * case.reading.parameters)
-    first = ranked[0]
-    return first, tuple(c for c in ranked[1:] if c.price(noise) < first.price(noise) + PRICE)
+    limit = ranked[0].price(noise) + PRICE
+    alike = [c for c in ranked if c is ranked[0] or c.price(noise) < limit]
+
+    def name_rivals(case: SuspectCase) -> tuple[int, int, bool]:
+        reading = case.reading
+        return case.run, reading.parameters, bool(np.isfinite(reading.degc_apart))
+
+    as_simple = [c for c in alike if name_rivals(c) == name_rivals(ranked[0])]
+    first = min(as_simple, key=lambda case: case.reading.degc_apart)
+    return first, tuple(c for c in alike if c is not first)
 
 
 def _find_culprits(

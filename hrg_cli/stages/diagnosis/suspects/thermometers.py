@@ -36,6 +36,7 @@ def find_thermometer_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Readi
                 0,
                 f"with its temperature of {level:.4g} read as {name}",
                 f"import this run's temperature with its unit, {name}",
+                _measure_distance(turned, others),
             )
         lag = _lag(wave, others)
         if lag is not None:
@@ -76,6 +77,17 @@ def _logs_temperature(wave: Wave) -> bool:
     return wave.temperature_degc is not None and bool(np.isfinite(wave.temperature_degc).any())
 
 
+def _average_degc(others: ExtendedFit) -> float:
+    """Mean temperature of the other runs."""
+    return float(np.mean(others.series.temperature_degc[others.series.weight > 0]))
+
+
+def _measure_distance(wave: Wave, others: ExtendedFit) -> float:
+    """By how much a run's mean temperature, °C, is beside that of the others."""
+    own = float(np.nanmean(np.asarray(wave.temperature_degc, float)))
+    return abs(own - _average_degc(others))
+
+
 def _lag(wave: Wave, others: ExtendedFit) -> float | None:
     """By how much this thermometer is behind."""
     span = float(wave.time_s[-1] - wave.time_s[0])
@@ -95,10 +107,7 @@ def _shown_course(wave: Wave, others: ExtendedFit) -> Wave | None:
     slope, loss = relative.get("frequency_hz", 0.0), relative.get("damping_rate_1_s", 0.0)
     if slope == 0:
         return None
-    level, slopes = (
-        float(np.mean(others.series.temperature_degc[others.series.weight > 0])),
-        np.zeros(2),
-    )
+    level, slopes = _average_degc(others), np.zeros(2)
     span = float(wave.time_s[-1] - wave.time_s[0])
     per_degc = slope * 2 * np.pi * wave.reference_frequency_hz * span
     for number in range(COURSE_ROUNDS):

@@ -14,6 +14,8 @@ from hrg_cli.stages.diagnosis.base.data import prepare
 from hrg_cli.stages.diagnosis.base.rate_steps import fit_rate_steps
 from hrg_cli.stages.diagnosis.fits.variants import list_variants
 from hrg_cli.stages.diagnosis.suspects import suspect_runs
+from hrg_cli.stages.diagnosis.suspects.search import choose_case, find_cases, leave_out
+from hrg_cli.stages.diagnosis.suspects.thermometers import find_thermometer_mistakes
 
 SAMPLED = tuple(KINDS)
 IN_THE_WAVEFORM = ("dropped_samples", "mains_tone", "momentum_kick")
@@ -263,6 +265,25 @@ def test_a_wrong_thermometer_is_named_where_the_device_follows_the_temperature(c
     warm = None if change is None else change(np.asarray(records[2].temperature_degc))
     records[2] = records[2].replace(temperature_degc=warm)
     assert told(estimated(records)) == [("run2", what)]
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [(lambda t: 1.8 * t + 32, "thermometer in °F"), (lambda t: t + 273.15, "thermometer in K")],
+)
+def test_of_units_that_explain_as_much_the_one_near_the_other_runs_comes_first(change, what):
+    """77 °F among runs at 25 °C was "in K", −196 °C: the runs hardly follow the temperature."""
+    waves = estimated(recordings(table_of(1), 1)[:4])
+    waves[2] = waves[2].replace(temperature_degc=change(np.asarray(waves[2].temperature_degc)))
+    others = fitted([*waves[:2], waves[3]])
+    cases = find_cases(leave_out(waves, 2), waves[2], 2, others, fitted, find_thermometer_mistakes)
+    first, beside = choose_case(cases)
+    assert first.reading.what == what
+    assert {"thermometer in °F", "thermometer in K"} == {
+        case.reading.what for case in (first, *beside) if case.reading.parameters == 0
+    }
+    read = np.mean(first.reading.pieces[0].temperature_degc)
+    assert abs(read - np.mean(waves[0].temperature_degc)) < 20
 
 
 @pytest.mark.slow
