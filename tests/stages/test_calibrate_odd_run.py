@@ -72,6 +72,20 @@ def test_a_run_that_the_others_contradict_is_named_alone(change, shown):
     assert alone.status == "valid"
 
 
+def test_a_wrong_run_without_a_log_that_the_others_have_is_named():
+    """Of a factor that only the others have their answer says nothing of this run."""
+    waves = [
+        wave.replace(
+            drive_main=1e-3 + 1e-5 * np.sin(wave.time_s),
+            drive_quadrature=1e-6 * np.cos(wave.time_s),
+        )
+        for wave in runs()
+    ]
+    waves[ODD] = wrong_sign(waves).replace(drive_main=None, drive_quadrature=None)
+    (said,) = calibrated(waves).status_reasons
+    assert said.startswith(f"run {waves[ODD].run_id} contradicts the other 11,")
+
+
 @pytest.mark.parametrize("rates", [(0.3, -0.3), (0.3, -0.3, 0.02)])
 def test_where_any_run_may_be_the_wrong_one_none_is_named(rates):
     """Without a run two are left, which agree whatever they are, or a programme that gives no
@@ -86,6 +100,18 @@ def test_a_cause_that_every_run_shows_accuses_none():
     waves = [
         wave.replace(rate_rad_s=wave.rate_rad_s * (1 + 0.02 * wave.rate_rad_s**2))
         for wave in runs()
+    ]
+    record = calibrated(waves)
+    assert record.status == "suspect"
+    assert not any("contradicts" in reason for reason in record.status_reasons)
+
+
+def test_small_offsets_of_every_log_accuse_none():
+    """10 µrad/s each: five of six runs agree by chance within the walk that they then show."""
+    rates = (-0.5, -0.25, -0.1, 0.1, 0.25, 1.0)
+    waves = [
+        wave.replace(rate_rad_s=wave.rate_rad_s + 1e-5 * np.random.default_rng([0, k]).normal())
+        for k, wave in enumerate(programme(Truth(0), (20,), rates, duration=25.0, noise=1e-6))
     ]
     record = calibrated(waves)
     assert record.status == "suspect"

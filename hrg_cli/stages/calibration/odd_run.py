@@ -10,22 +10,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...fitting.tables.increment_noise import build_covariance_bands, whiten
-from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import TableSolution, solve
+from ...fitting.tables.increment_noise import AngleNoise
+from ...fitting.tables.joint import Fitted, fit
+from ...fitting.tables.normal_pieces import TableSolution, accumulate, solve
 from ...fitting.tables.table_design import predict_turn
 from ...fitting.tables.table_layout import Model
 from .choice import TriedVariant
 from .guards import find_unseen_directions, score
+from .late_log import follow
 from .preparation import PreparedRuns
 from .programme import examine
-from .trials import FullFit, fit_everything
+from .trials import FullFit
 
 Array = np.ndarray
 CANDIDATES = 3
 """Runs left out in turn, those first that the others predict worst."""
-CHANCE = 1e-6
-"""Probability with which leaving out a run of the same gyro makes the others so much likelier."""
+GROSS = 1e3
+"""χ² a degree of freedom of a run against the others' prediction from which it is blamed, as where
+`diagnose` asks whose the runs are: less may be a cause that all share, of which one shows most."""
 
 
 @dataclass(frozen=True)
@@ -54,22 +56,24 @@ def find_odd_run(
     harmonics: int,
     answer: Callable[[FullFit, int], TriedVariant],
 ) -> OddRun | None:
-    """The only run without which the others pass every check, and are likelier by far; None where
+    """The only run that the others contradict, and without which they pass every check; None where
     there is none, or several are.
 
     harmonics: of the drift that the others must still give; answer: the model that is best of a fit
     and so many harmonics.
     """
     layout, found = whole.layout, list[OddRun]()
-    limits = (layout.drift_harmonics, layout.scale_harmonics)
     for run in _order_by_surprise(whole.fitted)[:CANDIDATES]:
         kept = [path for r, path in enumerate(runs.forced) if r != run]
         if not kept or any(
             lack.refuses for lack in examine(kept, runs.nodes, layout.axis, harmonics)
         ):
             continue
-        rest = fit_everything(replace(runs, forced=kept), limits, layout.axis, layout.interpolation)
-        if _are_likelier(whole.fitted, rest.fitted, run) and answer(rest, harmonics).fits:
+        # with the factors that all runs have: one that the others alone have, no answer says of this
+        fitted, free, late = follow(fit(kept, layout), runs.free)
+        rest = replace(whole, fitted=fitted, free=free, late=late)
+        best = answer(rest, harmonics)
+        if best.fits and _is_contradicted(whole.fitted, rest.fitted, run, best):
             found.append(_describe(whole.fitted, rest.fitted, run))
     return found[0] if len(found) == 1 else None
 
@@ -79,48 +83,32 @@ def _order_by_surprise(fitted: Fitted) -> list[int]:
     everything, whole = Model("everything", np.eye(fitted.layout.size)), fitted.pieces.sum()
     surprise = []
     for run in range(len(fitted.paths)):
-        A, b, _ = fitted.pieces.sum(_pieces_of(fitted, run))
-        others: TableSolution = solve(whole[0] - A, whole[1] - b, everything)
-        chi2, rank = score(
-            A,
-            b - A @ others.coefficients,
-            np.eye(len(b)),
-            others.covariance,
-            1.0,
-            find_unseen_directions(whole[0] - A, everything),
-        )
-        surprise.append(chi2 / max(rank, 1))
+        own = np.zeros(fitted.pieces.square.shape, bool)
+        own[run] = True
+        A, b, _ = fitted.pieces.sum(own)
+        others = solve(whole[0] - A, whole[1] - b, everything)
+        surprise.append(_compare(A, b, others, whole[0] - A, everything))
     return [int(run) for run in np.argsort(-np.array(surprise), kind="stable")]
 
 
-def _pieces_of(fitted: Fitted, run: int) -> Array:
-    """Which pieces (R, S) are a run's."""
-    own = np.zeros(fitted.pieces.square.shape, bool)
-    own[run] = True
-    return own
+def _compare(A: Array, b: Array, others: TableSolution, known: Array, model: Model) -> float:
+    """χ² a degree of freedom of a run's normal equations A (P, P), b (P,) against what a model
+    predicts that the others, of information `known` (P, P), tell."""
+    unseen = find_unseen_directions(known, model)
+    left = b - A @ others.coefficients
+    chi2, rank = score(A, left, np.eye(len(b)), others.covariance, 1.0, unseen)
+    return chi2 / max(rank, 1)
 
 
-def _are_likelier(fitted: Fitted, rest: Fitted, run: int) -> bool:
-    """Whether the other runs' likelihood rises without one by more than the coefficients that they
-    then have for themselves."""
-    from scipy.stats import chi2
-
-    fall = sum(_list_log_likelihoods(rest)) - sum(
-        value for r, value in enumerate(_list_log_likelihoods(fitted)) if r != run
-    )
-    return bool(2 * fall > chi2.isf(CHANCE, fitted.layout.size))
-
-
-def _list_log_likelihoods(fitted: Fitted) -> list[float]:
-    """ln L of every run, but for what its number of rows alone adds."""
-    out = []
-    for run, (path, noise) in enumerate(zip(fitted.paths, fitted.noises)):
-        log_determinant = whiten(build_covariance_bands(path, noise), np.zeros(len(path)))[1]
-        square = fitted.pieces.compute_chi_square(
-            fitted.solution.coefficients, _pieces_of(fitted, run)
-        )
-        out.append(-0.5 * (log_determinant + square))
-    return out
+def _is_contradicted(fitted: Fitted, rest: Fitted, run: int, answer: TriedVariant) -> bool:
+    """Whether a run is not what the others' answer predicts, at the noise that they have without
+    it."""
+    whites, walks = zip(*((noise.white, noise.walk) for noise in rest.noises))
+    noise, about = AngleNoise(float(np.median(whites)), max(walks)), rest.solution.coefficients
+    path, turn = fitted.paths[run], fitted.turns[run]
+    A, b, _ = accumulate([path], [noise], rest.layout, [turn], about, about).sum()
+    tried = answer.tried
+    return _compare(A, b, tried.solution, rest.pieces.sum()[0], tried.model) > GROSS
 
 
 def _describe(fitted: Fitted, rest: Fitted, run: int) -> OddRun:
