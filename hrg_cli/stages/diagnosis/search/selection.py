@@ -14,6 +14,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ..base.joint_fit import settle_log
 from ..fits.refits import (
     HOPELESS,
+    OUTDONE,
     Trial,
     adopt_hopeful,
     compute_bic,
@@ -30,7 +31,7 @@ from ..thresholds import GROSS, SIGNIFICANT, TOGETHER, WORTH
 from . import stand_in
 from .gain import predicts_better
 from .inquiry import Inquiry, NoiseLevel
-from .pairs import find_better_pair
+from .pairs import TRIED, find_better_pair, fit_pair, list_promising_pairs
 
 GROSS_SHORTLIST = 10
 """Candidates refitted while the misfit is gross, when a score says little of the refit."""
@@ -80,6 +81,8 @@ def select(base: ExtendedFit, inquiry: Inquiry) -> Search:
     ranked = score_effects(base, candidates)
     first = tuple(s for s, _ in ranked)
     selected = _take_forward(Selected(base, base, [], ranked), inquiry)
+    if is_gross(selected.fit):
+        selected = _begin_with_two(base, ranked, selected, inquiry)
     reduced: dict[str, ExtendedFit] = {}
     fit, found = exchange_causes(selected.fit, selected.found, candidates, noise, reduced)
     # one by one first: most lists end there, and a pair is only asked of what no single exchange
@@ -126,6 +129,33 @@ def _take_forward(selected: Selected, inquiry: Inquiry) -> Selected:
         found.append(one)
         ranked = score_effects(fit, inquiry.candidates)
     return Selected(base, fit, found, ranked)
+
+
+def _begin_with_two(
+    base: ExtendedFit, ranked: list[tuple[Score, Variant]], taken: Selected, inquiry: Inquiry
+) -> Selected:
+    """The selection that begins with the two causes which together promise most, where it leaves far
+    less than what one by one came to; else that one.
+
+    Of two gross causes the best first one may be a third, of many parameters, that does some of what
+    both do: nothing that follows makes up for it.
+    """
+    slow = inquiry.noise.slow
+    for pair in list_promising_pairs(base, ranked, slow)[:TRIED]:
+        both = fit_pair(base, pair)
+        if both is None or not both[0].chi2 < taken.fit.chi2 / OUTDONE:
+            continue
+        trial, scored = both
+        tried = sum(score.visible for score, _ in ranked) ** 2 // 2
+        gain = (compute_bic(base) - compute_bic(trial)) / slow
+        found = [
+            Found(hold_unseen(variant, trial), score, tried, gain, ()) for score, variant in scored
+        ]
+        fit = settle_log(loosen(trial))
+        return _take_forward(
+            Selected(taken.base, fit, found, score_effects(fit, inquiry.candidates)), inquiry
+        )
+    return taken
 
 
 def find_best_step(
