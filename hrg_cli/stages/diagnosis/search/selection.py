@@ -134,28 +134,31 @@ def _take_forward(selected: Selected, inquiry: Inquiry) -> Selected:
 def _begin_with_two(
     base: ExtendedFit, ranked: list[tuple[Score, Variant]], taken: Selected, inquiry: Inquiry
 ) -> Selected:
-    """The selection that begins with the two causes which together promise most, where it leaves far
-    less than what one by one came to; else that one.
+    """The selection that begins with two causes which together promise most, where it leaves far less
+    than what one by one came to; else that one.
 
-    Of two gross causes the best first one may be a third, of many parameters, that does some of what
-    both do: nothing that follows makes up for it.
+    Of several gross causes the best first one may be another, of many parameters, that does some of
+    what all do: nothing that follows makes up for it.
     """
-    slow = inquiry.noise.slow
+    slow, best = inquiry.noise.slow, taken
+    tried = sum(score.visible for score, _ in ranked)
     for pair in list_promising_pairs(base, ranked, slow)[:TRIED]:
         both = fit_pair(base, pair)
-        if both is None or not both[0].chi2 < taken.fit.chi2 / OUTDONE:
+        if both is None:
             continue
-        trial, scored = both
-        tried = sum(score.visible for score, _ in ranked) ** 2 // 2
-        gain = (compute_bic(base) - compute_bic(trial)) / slow
+        gain = (compute_bic(base) - compute_bic(both[0])) / slow
         found = [
-            Found(hold_unseen(variant, trial), score, tried, gain, ()) for score, variant in scored
+            Found(hold_unseen(variant, both[0]), score, tried**2 // 2, gain, ())
+            for score, variant in both[1]
         ]
-        fit = settle_log(loosen(trial))
-        return _take_forward(
-            Selected(taken.base, fit, found, score_effects(fit, inquiry.candidates)), inquiry
-        )
-    return taken
+        fit = settle_log(loosen(both[0]))
+        begun = Selected(taken.base, fit, found, score_effects(fit, inquiry.candidates))
+        whole = _take_forward(begun, inquiry)
+        if whole.fit.chi2 < best.fit.chi2 / OUTDONE:
+            best = whole
+        if not is_gross(best.fit):
+            break
+    return best
 
 
 def find_best_step(
