@@ -24,6 +24,10 @@ is held where physics has it."""
 NEARLY_ALL = 100.0
 """Times that one cause brings a gross misfit's χ² down from which no open term outdoes it: nine tenths
 of the misfit's size, which another cause shows of it only where the two correlate by 0.995."""
+OUTDONE = 4.0
+"""Times the χ² of a part of a cause that the cause itself must leave for the part to stand first beside a
+gross misfit, and of two causes at once what one by one must leave: the misfit's size is halved once
+more, where scores err by as much as they promise."""
 FREQUENCIES_APART = 0.02
 """Relative difference of two runs' frequencies that no temperature makes (85 ppm/K: 235 K): a run so
 far from the others is doubted whatever χ² is."""

@@ -17,7 +17,7 @@ from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.least_squares import square_over_covariance
-from ..thresholds import CLEARLY, WORTH
+from ..thresholds import CLEARLY, OUTDONE, WORTH
 from .scoring import compute_worth, is_gross, is_possible, price_place
 from .variants import Variant
 
@@ -28,9 +28,6 @@ QUICK_STEPS = 6
 HOPELESS = 10.0
 """Times the χ² of a refit that another cause's score must promise to leave for it not to be tried:
 what cannot fit takes by far the longest to say so."""
-OUTDONE = 4.0
-"""Times the χ² of a part of a cause that the cause itself must leave for the part to stand first: it
-halves the misfit's size once more."""
 
 
 def adopt(

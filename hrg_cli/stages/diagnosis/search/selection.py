@@ -14,7 +14,6 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ..base.joint_fit import settle_log
 from ..fits.refits import (
     HOPELESS,
-    OUTDONE,
     Trial,
     adopt_hopeful,
     compute_bic,
@@ -27,7 +26,7 @@ from ..fits.refits import (
 )
 from ..fits.scoring import compute_worth, count_places, is_gross, is_possible, score_effects
 from ..fits.variants import Variant
-from ..thresholds import GROSS, SIGNIFICANT, TOGETHER, WORTH
+from ..thresholds import GROSS, OUTDONE, SIGNIFICANT, TOGETHER, WORTH
 from . import stand_in
 from .gain import predicts_better
 from .inquiry import Inquiry, NoiseLevel
