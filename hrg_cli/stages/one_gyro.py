@@ -39,8 +39,10 @@ def of_one_gyro(waves: Sequence[Wave], command: str, resonator: Resonator | None
 def need_each_once(waves: Sequence[Wave]) -> None:
     """HrgError: two runs hold the same rows, noise and all; files are told apart by their sources,
     records in memory have none."""
-    first: dict[bytes, str] = {}
+    first: dict[tuple[int, float, bytes], str] = {}
     for place, wave in enumerate(waves, start=1):
+        if wave.provenance.sources:
+            continue
         name = wave.run_id or f"number {place}"
         columns = (
             wave.main_amplitude,
@@ -51,7 +53,7 @@ def need_each_once(waves: Sequence[Wave]) -> None:
         rows = np.stack([np.asarray(column[:FIRST_ROWS], "<f8") for column in columns])
         # rows that all stand still bear no run's own noise
         moves = bool(np.any(rows[:, 1:] != rows[:, :-1]))
-        key = rows.tobytes()
+        key = wave.mode_number, wave.reference_frequency_hz, rows.tobytes()
         if moves and key in first:
             raise HrgError(
                 f"runs {first[key]} and {name} hold the same rows, so one is a copy of the other;"
