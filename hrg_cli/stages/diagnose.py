@@ -49,7 +49,7 @@ from .diagnosis.report.report import report as report_of
 from .diagnosis.report.scores import tabulate_scores
 from .diagnosis.report.shares import report_shares
 from .diagnosis.samples.heard import find_unheard
-from .diagnosis.samples.lines import describe_folded
+from .diagnosis.samples.lines import describe_folded, find_common_step
 from .diagnosis.samples.odd_windows import say_odd_windows as odd_ones
 from .diagnosis.samples.tone import Tone
 from .diagnosis.samples.tones import confirm_tones, remove_tones, take_out_tones
@@ -338,7 +338,7 @@ def _explain_heard(asked: Asked, base: ExtendedFit) -> Case:
     start = orient_runs(base, candidates)
 
     def explained(begin: ExtendedFit) -> Case:
-        return explain(begin, candidates, asked.most)
+        return explain(begin, candidates, asked.most, find_common_step(asked.waves))
 
     case, start = settle_signs(explained(start), start, explained)
     # A cause that must leave harmonics in the samples and does not is another one in disguise; the

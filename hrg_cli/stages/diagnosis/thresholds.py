@@ -75,3 +75,6 @@ WRITTEN = 1.1
 SCALE_FACTORS = (0.05, 3.0)
 """Range of K, in parts of the nominal one, that the mode shape of a shell, a ring or a pendulum
 allows."""
+WHOLE = 2e-3
+"""Distance from a whole number of samples that a loss may have where sampling is even, beside four of its
+σ."""

@@ -20,6 +20,7 @@ from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 from hrg_cli.stages.diagnosis.fits.refits import adopt
 from hrg_cli.stages.diagnosis.fits.scoring import is_gross, score_effects
 from hrg_cli.stages.diagnosis.fits.variants import list_variants
+from hrg_cli.stages.diagnosis.samples.lines import find_common_step
 from hrg_cli.stages.diagnosis.samples.tones import take_out_tones
 from hrg_cli.stages.diagnosis.samples.waveform import find_waveform_causes
 from hrg_cli.stages.diagnosis.search.inquiry import Inquiry
@@ -116,7 +117,7 @@ def found_at_instants(name, wave):
     fit = adopt(base, *own)
     assert is_gross(fit)
     left_over = object()  # what it is does not matter here, only that it is
-    inquiry = Inquiry(tuple(dynamics(fit)), 3)
+    inquiry = Inquiry(tuple(dynamics(fit)), 3, sampling_step_s=find_common_step([wave]))
     case = Case(inquiry, Search(fit, fit, (), (), ()), left_over)
     return take_strikes(case).search.found
 

@@ -31,6 +31,8 @@ ORDERS = (25, 51, 101, 201, 401)
 FEWEST_SPURS, BY_CHANCE = 4, 1e-6
 """Odd harmonics from which a converter is thought of, and the chance at which so many lines may
 meet odd multiples."""
+SAME_STEP = 1e-9
+"""Part of a sampling step to which two runs' agree."""
 COUNTED = 1e-3
 """Distance from a whole number that the samples between two windows may have."""
 SPREAD, BETTER = 1.2, 9.0
@@ -116,6 +118,14 @@ def find_even_step(wave: Wave) -> float | None:
         if abs(samples - round(samples)) < COUNTED and round(samples) > 0:
             return apart / round(samples)
     return None
+
+
+def find_common_step(waves: Sequence[Wave]) -> float | None:
+    """Sampling step [s] of runs that are all evenly sampled at one rate; None elsewhere."""
+    steps = [find_even_step(wave) for wave in waves]
+    known = [step for step in steps if step is not None]
+    alike = len(known) == len(steps) > 0 and max(known) - min(known) < SAME_STEP * max(known)
+    return known[0] if alike else None
 
 
 def find_folding_hz(waves: Sequence[Wave]) -> float | None:

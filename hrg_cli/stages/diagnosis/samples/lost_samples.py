@@ -12,13 +12,12 @@ import numpy as np
 from ....effects import dropped_samples
 from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....records import Wave
+from ..thresholds import WHOLE
 from .jumps import TOUCHED, find_jumps
 from .lines import find_even_step
 from .offered import make_entry
 
 FEWEST_ROWS = 40
-WHOLE = 2e-3
-"""Distance from a whole number of samples that a loss may have, beside its σ."""
 KNOWN_STEP = 0.15
 """σ of a loss in samples up to which it can be asked to be whole."""
 SHIFTED = 5.0

@@ -33,17 +33,23 @@ CHANCE = 5.0
 second differences: their median scatters by 1.6."""
 
 
-def explain(base: ExtendedFit, candidates: Sequence[Variant], most: int) -> Case:
+def explain(
+    base: ExtendedFit,
+    candidates: Sequence[Variant],
+    most: int,
+    sampling_step_s: float | None = None,
+) -> Case:
     """The causes beside the base fit: searched, held against the runs' frequencies, against open
     terms, against other forms, against data held out, and against what is left over.
 
     Where the white noise between windows is not what they state, all is done again at the noise
     that is there; the case's `inquiry.noise` says so, and the closing checks judge it.
     """
-    case = _searched(base, Inquiry(tuple(candidates), most))
+    asked = Inquiry(tuple(candidates), most, sampling_step_s=sampling_step_s)
+    case = _searched(base, asked)
     white = estimate_noise_level(case.search.final, case.remainder)
     if white is not None:
-        inquiry = Inquiry(tuple(candidates), most, NoiseLevel(white=white))
+        inquiry = replace(asked, noise=NoiseLevel(white=white))
         case = _searched(reweight_fit(base, white), inquiry)
     # each step judges what those before it left. Causes that only the frequencies of the runs show
     # are taken before any is given up for want of them; a cause that open terms outdo needs no

@@ -27,8 +27,10 @@ STATED = NoiseLevel()
 
 @dataclass(frozen=True)
 class Inquiry:
-    """The ways in which causes may stand, how many are taken in at most, and the noise."""
+    """The ways in which causes may stand, how many are taken in at most, the noise, and the step of
+    the runs' even sampling [s], None where it is not known or not one."""
 
     candidates: tuple[Variant, ...]
     most: int
     noise: NoiseLevel = STATED
+    sampling_step_s: float | None = None

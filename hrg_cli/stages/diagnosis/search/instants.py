@@ -27,7 +27,7 @@ from ....fitting.least_squares import invert_information
 from ..fits.refits import leave_out
 from ..fits.scoring import count_places, is_gross, is_possible, score_effects
 from ..fits.variants import Variant, list_variants
-from ..thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WORTH
+from ..thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WHOLE, WORTH
 from .beside_misfit import Spectrum, count_independent_numbers
 from .remainder import search_rest
 from .search_case import Case
@@ -53,6 +53,14 @@ class Strike:
     std: Array
     criterion: float
 
+    def is_of_whole_samples(self, step_s: float | None) -> bool:
+        """Whether a size that comes in whole samples is one, to 4 σ; nothing else is asked to be."""
+        if step_s is None or not self.variant.effect.whole_samples:
+            return True
+        samples, std = self.size / step_s, self.std / step_s
+        whole = np.round(samples)
+        return bool(np.all((whole != 0) & (np.abs(samples - whole) < 4 * std + WHOLE)))
+
 
 def take_strikes(case: Case) -> Case:
     """The case with what stands out of a gross misfit at an instant, one after another; as it is
@@ -62,7 +70,8 @@ def take_strikes(case: Case) -> Case:
     sharp = [effect for effect in EFFECTS if effect.of_one_run]
     before, case = case, _drop_instants(case, sharp)
     for _ in range(case.inquiry.most):
-        found = _clearest(case.search.final, sharp) if is_gross(case.search.final) else None
+        step_s = case.inquiry.sampling_step_s
+        found = _clearest(case.search.final, sharp, step_s) if is_gross(case.search.final) else None
         if found is None:
             break
         fit, one = found
@@ -87,14 +96,17 @@ def _drop_instants(case: Case, sharp: Sequence[Effect]) -> Case:
     return case if search is case.search else replace(case, search=search)
 
 
-def _clearest(fit: ExtendedFit, effects: Sequence[Effect]) -> tuple[ExtendedFit, Found] | None:
+def _clearest(
+    fit: ExtendedFit, effects: Sequence[Effect], step_s: float | None
+) -> tuple[ExtendedFit, Found] | None:
     """The fit with the cause at an instant that chance makes least, and what it cannot be told from;
-    None where chance makes it, where too many would do, or where it has no fit."""
+    None where chance makes it, where too many would do, or where it has no fit; `step_s`: of the
+    sampling, where it is even."""
     active = {effect.name for effect, _ in fit.point.active}
     tried = list_variants_around(
         list_variants([effect for effect in effects if effect.name not in active], fit), fit.series
     )
-    strikes = list_strikes(fit, tried)
+    strikes = [one for one in list_strikes(fit, tried) if one.is_of_whole_samples(step_s)]
     if not strikes:
         return None
     best = max(strikes, key=lambda one: one.criterion)

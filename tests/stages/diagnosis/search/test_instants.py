@@ -40,14 +40,15 @@ def measured(change, seed=0, scale=1.0):
     return as_wave(u, t[:, 0] / scale, NOISE, gyro, random, rate=rate)
 
 
-def named(wave):
+def named(wave, sampling_step_s=None):
     """The causes at an instant beside the base model's misfit."""
     series, point, _ = prepare([wave], None, 40)
     base = extended_fit.fit(series, point, choose_freedom(series, point, None))
     assert is_gross(base), "a slow misfit was expected"
     candidates = list_variants([e for e in EFFECTS if e.seen_in == "dynamics"], base)
     left_over = object()  # what it is does not matter here, only that it is
-    case = Case(Inquiry(tuple(candidates), 5), Search(base, base, (), (), ()), left_over)
+    inquiry = Inquiry(tuple(candidates), 5, sampling_step_s=sampling_step_s)
+    case = Case(inquiry, Search(base, base, (), (), ()), left_over)
     return take_strikes(case).search.found
 
 
@@ -81,3 +82,17 @@ def test_a_knock_is_none_of_the_gain():
 def test_a_slow_misfit_alone_names_nothing():
     """One of a thousand courses may look like a jump."""
     assert not any(named(measured(lambda t, u: u, seed=seed)) for seed in range(4))
+
+
+def phase_step(lost_s):
+    """What follows comes so much later than its place says, as after lost samples."""
+    omega = 2 * np.pi * PENDULUM.frequency_hz
+    return lambda t, u: u * np.exp(1j * omega * lost_s * (t > AT_S))[:, None]
+
+
+@pytest.mark.parametrize(("step_s", "is_loss"), [(None, True), (0.05, True), (0.3, False)])
+def test_a_loss_where_sampling_is_even_is_of_whole_samples(step_s, is_loss):
+    """0.05 s lost are one sample of 20 a second, and none of 3.3: a phase that jumps for another reason
+    was named 1e-4 of a sample lost, at 5 to 15 σ."""
+    (found,) = named(measured(phase_step(0.05)), step_s) or [None]
+    assert (found is not None and found.variant.effect.name == "dropped_samples") == is_loss
