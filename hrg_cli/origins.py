@@ -10,7 +10,7 @@ stored again, and made without reading the file. A part cut out of it is known b
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +75,18 @@ def overlap(one: str, other: str) -> bool:
     """Whether two parts "from:to" of the same samples share some; "" is all of them."""
     (a, b), (c, d) = _ends(one), _ends(other)
     return a < d and c < b
+
+
+def find_shared(samples: Sequence[Sequence[str]]) -> Iterator[tuple[int, int]]:
+    """Places of two inputs, the earlier first, that go back to samples which both hold; `samples`: of
+    each its fingerprints."""
+    first: dict[str, list[tuple[int, str]]] = {}
+    for place, own in enumerate(samples):
+        for sample in own:
+            whole, _, part = sample.partition("@")
+            known = first.setdefault(whole, [])
+            yield from ((other, place) for other, taken in known if overlap(part, taken))
+            known.append((place, part))
 
 
 def _ends(part: str) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from . import store
 from .errors import HrgError, NotHrgError
-from .origins import overlap, part_of, samples_of
+from .origins import find_shared, part_of, samples_of
 from .records import KINDS, Periods, Recording, Source, Wave
 
 
@@ -37,18 +37,13 @@ class Sources:
             self._pool.submit(store.sha256, p, self._failed) for p in self._paths
         ]
         self._samples = [samples_of(path, self._part) for path in self._paths]
-        first: dict[str, list[tuple[Path, str]]] = {}
-        for path, samples in zip(self._paths, self._samples):
-            for sample in samples:
-                whole, _, part = sample.partition("@")
-                key = f"{_kind_name(path)} {whole}"
-                for other, taken in first.get(key, []):
-                    if other != path and overlap(part, taken):
-                        raise HrgError(
-                            f"{path}: is the same data as {other}, both go back to the same"
-                            f" samples; {_say_once(path)}"
-                        )
-                first.setdefault(key, []).append((path, part))
+        for first, second in find_shared(self._samples):
+            path, other = self._paths[second], self._paths[first]
+            if other != path and _kind_name(path) == _kind_name(other):
+                raise HrgError(
+                    f"{path}: is the same data as {other}, both go back to the same samples;"
+                    f" {_say_once(path)}"
+                )
         return self
 
     def __exit__(self, *exception: object) -> None:

@@ -147,6 +147,43 @@ def invert_definite(matrix: Array) -> Array:
     return np.asarray(inverse.T @ inverse / scale)
 
 
+def whiten_covariance(covariance: Array, rcond: float = 1e-12) -> tuple[Array, Array]:
+    """What makes numbers of a covariance C independent of unit variance, the symmetric root of C⁺ on a
+    diagonal of ones: of all such matrices that which mixes them least.
+
+    Parameters
+    ----------
+    covariance
+        (k, k); numbers that the data cannot tell apart may leave it singular.
+    rcond
+        Part of the largest eigenvalue below which a direction is dropped.
+
+    Returns
+    -------
+    tuple of ndarray
+        W (k, k), and the projection (k, k) onto the directions that are left: W C Wᵀ.
+
+    Examples
+    --------
+    Two numbers of which only the sum is known, to 0.2, and one that is known to 5:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.least_squares import whiten_covariance
+    >>> C = np.array([[0.01, 0.01, 0.0], [0.01, 0.01, 0.0], [0.0, 0.0, 25.0]])
+    >>> W, P = whiten_covariance(C)
+    >>> P.round(9).tolist()
+    [[0.5, 0.5, 0.0], [0.5, 0.5, 0.0], [0.0, 0.0, 1.0]]
+    >>> bool(np.allclose(W @ C @ W.T, P))
+    True
+    """
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    std[std == 0] = 1.0
+    size, turned = np.linalg.eigh(covariance / np.outer(std, std))
+    kept = size > rcond * max(float(size[-1]), 0.0)
+    known = turned[:, kept]
+    return (known / np.sqrt(size[kept])) @ known.T / std, known @ known.T
+
+
 def square_over_covariance(offset: Array, covariance: Array, rcond: float = 1e-12) -> float:
     """An offset's square in standard deviations, aᵀ C⁺ a (Wald 1943; Mahalanobis's distance squared).
 

@@ -13,7 +13,7 @@ from ..records import FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods
 from ..records.clock import shift_time
 from .envelope_rows import EnvelopeRows
 from .envelope_windows import WindowPlan, mean_turn, window_means
-from .magnitudes import amplitudes_of
+from .magnitudes import find_amplitudes
 from .taken import GAP_STEPS, Taken
 
 UNKNOWN_PHASE = np.pi / np.sqrt(3)
@@ -113,7 +113,7 @@ def _windows(
     signals, std = _signals(means, plan, one)
     if plan.lengths:
         power, _ = window_means(np.abs(u) ** 2, plan.rows, 0.0)
-        signals[:, 0], std[:, 0] = amplitudes_of(power[0].real, plan.noise, plan.rows)
+        signals[:, 0], std[:, 0] = find_amplitudes(power[0].real, plan.noise, plan.rows)
     if not source.signal.phase_known:
         # beside so large a σ no other is taken for unknown, nor this one for known (estimate)
         std[:, 1] = np.maximum(UNKNOWN_PHASE * signals[:, 0], UNKNOWN_OVER_KNOWN * std[:, 0])

@@ -83,7 +83,7 @@ def _scatter_of_length(ratio2: Array) -> Array:
     return np.where(half > 450, 1.0, scatter)
 
 
-def amplitudes_of(power: Array, noise: RowNoise, rows: int) -> tuple[Array, Array]:
+def find_amplitudes(power: Array, noise: RowNoise, rows: int) -> tuple[Array, Array]:
     """Amplitudes of windows and their standard deviations, √((a² + σ²)/a²) of the noise's.
 
     Parameters
@@ -103,10 +103,10 @@ def amplitudes_of(power: Array, noise: RowNoise, rows: int) -> tuple[Array, Arra
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.formats.magnitudes import amplitudes_of
+    >>> from hrg_cli.formats.magnitudes import find_amplitudes
     >>> from hrg_cli.formats.row_noise import RowNoise
     >>> variance = np.array([[1.0, 0.0]])
-    >>> amplitude, std = amplitudes_of(np.array([11.0, 1.9]), RowNoise(variance, variance, True), 4)
+    >>> amplitude, std = find_amplitudes(np.array([11.0, 1.9]), RowNoise(variance, variance, True), 4)
     >>> amplitude.tolist(), std.round(3).tolist()
     ([3.0, 0.0], [0.527, 1.0])
     """

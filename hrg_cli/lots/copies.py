@@ -6,24 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..origins import overlap, samples_of
+from ..origins import find_shared, samples_of
 
 
 def fail_copies(recordings: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """The results of a lot's recordings; of two gyros' that go back to the same samples both failed,
     since nothing tells whose they are."""
-    first: dict[str, list[tuple[int, str]]] = {}
+    samples = [
+        () if one["status"] == "failed" else samples_of(Path(one["wave"])) for one in recordings
+    ]
     twin: dict[int, int] = {}
-    for place, recording in enumerate(recordings):
-        if recording["status"] == "failed":
-            continue
-        for sample in samples_of(Path(recording["wave"])):
-            whole, _, part = sample.partition("@")
-            for other, taken in first.get(whole, []):
-                if recordings[other]["gyro_id"] != recording["gyro_id"] and overlap(part, taken):
-                    twin.setdefault(place, other)
-                    twin.setdefault(other, place)
-            first.setdefault(whole, []).append((place, part))
+    for first, second in find_shared(samples):
+        if recordings[first]["gyro_id"] != recordings[second]["gyro_id"]:
+            twin.setdefault(second, first)
+            twin.setdefault(first, second)
     return [
         recording | {"status": "failed", "error": _tell_copy(recording, recordings[twin[place]])}
         if place in twin

@@ -335,10 +335,10 @@ def _explain_beside_tones(
 def _explain_heard(asked: Asked, base: ExtendedFit) -> Case:
     """The causes beside the base fit, without those whose waveform the samples do not hold."""
     candidates: Sequence[Variant] = list_variants(asked.searched, base)
-    start = orient_runs(base, candidates)
+    start, step_s = orient_runs(base, candidates), find_common_step(asked.waves)
 
     def explained(begin: ExtendedFit) -> Case:
-        return explain(begin, candidates, asked.most, find_common_step(asked.waves))
+        return explain(begin, candidates, asked.most, step_s)
 
     case, start = settle_signs(explained(start), start, explained)
     # A cause that must leave harmonics in the samples and does not is another one in disguise; the

@@ -8,7 +8,7 @@ import pytest
 from synthetic_waves import GYRO, as_wave, envelope
 
 from hrg_cli.physics.resonator import PARAMETERS
-from hrg_cli.records import Resonator
+from hrg_cli.records import FLAG_GAP, Resonator
 from hrg_cli.stages.rate import rate
 
 SECONDS, WINDOW_S, FINE, PHASE = 3.0, 5e-3, 8, 0.3
@@ -99,3 +99,22 @@ def test_a_walking_rate_on_too_few_nodes_is_doubted():
     found = rate(wave, known_resonator(), nodes=20)
     error = (found.rate_estimate_rad_s - walk(found.time_s)) / found.rate_estimate_rad_s_std
     assert np.sqrt(np.mean(error**2)) > 1.5 and found.status == "suspect"
+
+
+@pytest.mark.parametrize(("gap", "nodes"), [(0.2, None), (0.2, 40), (0.5, None)])
+def test_a_gap_leaves_rates_that_no_row_tells(gap, nodes):
+    """Their covariance has no inverse; what is said of them is right, or doubted."""
+    rng = np.random.default_rng(0)
+    fine = np.arange(1, int(2 * SECONDS / WINDOW_S) * FINE + 1) * WINDOW_S / FINE
+    u, t = (
+        envelope(GYRO, 0.2, lambda t: 0.3 + 0 * t, fine)[FINE - 1 :: FINE],
+        fine[FINE - 1 :: FINE],
+    )
+    wave = as_wave(u, t, 1e-4, GYRO, rng)
+    lost = (t > 2.0) & (t < 2.0 + 2 * SECONDS * gap)
+    wave = wave.replace(flags=np.where(lost, FLAG_GAP, wave.flags).astype("u1"))
+    found = rate(wave, known_resonator(), nodes=nodes)
+    error = np.abs(found.rate_estimate_rad_s - 0.3) / found.rate_estimate_rad_s_std
+    # 38 σ off in the middle of the gap at 40 nodes, and the fit says that it has not settled
+    assert found.status == ("valid" if (gap, nodes) == (0.2, None) else "suspect")
+    assert found.status == "suspect" or error.max() < 4

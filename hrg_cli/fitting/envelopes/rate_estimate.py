@@ -3,32 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from ..checks import check_goodness
+from ..least_squares import whiten_covariance
 
 Array = np.ndarray
 MOST_NODES = 640
 CHANCE = 1e-3
 """Probability by which a rise of χ² is no chance."""
+ROUNDING = 1e-12
+"""Part of a direction's size that rounding leaves of one that is none."""
 
 
 @dataclass(frozen=True)
 class Loss:
-    """What fewer nodes leave of a rate: over its noise and node by node (k,), the projection (k, k)
-    that left it, and how many nodes they were."""
+    """What fewer nodes leave of a rate: over its noise and node by node (k,), and the projection
+    (k, k) that left it."""
 
     left: Array
     projection: Array
-    nodes: int
 
     @property
     def z(self) -> float:
         """The rise of χ² beyond chance, in its standard deviations."""
         rise, spread = self.measure(slice(None))
-        return rise / spread
+        return rise / spread if spread > 0 else 0.0
 
     def measure(self, where: slice) -> tuple[float, float]:
         """The rise of χ² beyond chance by some of the nodes, and its standard deviation by chance,
@@ -43,6 +45,8 @@ class Loss:
 
         share = self.projection[where, where]
         mean, spread = float(np.trace(share)), float(np.sum(share**2))
+        if mean <= ROUNDING:
+            return False
         # as many equal parts of a χ² as have this mean and spread (Satterthwaite 1946)
         parts = mean**2 / spread
         square = float(np.sum(self.left[where] ** 2))
@@ -86,12 +90,19 @@ class RateEstimate:
         """What χ² would rise by on fewer nodes: the part of the rate that a spline of so many nodes
         cannot follow, in standard deviations (Wald 1943), which it is drawn from node by node."""
         held = np.linspace(self.time_s[0], self.time_s[-1], nodes)
-        shape = build_cardinals(self.time_s, held).T
-        factor = np.linalg.cholesky(self.covariance)
-        rows = solve_triangular(factor, np.column_stack([shape, self.rate_rad_s]), lower=True)
-        basis, _ = np.linalg.qr(rows[:, :-1])
-        left = np.eye(len(self.time_s)) - basis @ basis.T
-        return Loss(left @ rows[:, -1], left, nodes)
+        whitening, known = self._whitened
+        basis, size, _ = np.linalg.svd(
+            whitening @ build_cardinals(self.time_s, held).T, full_matrices=False
+        )
+        followed = basis[:, size > ROUNDING * size[0]]
+        left = known - followed @ followed.T
+        return Loss(left @ (whitening @ self.rate_rad_s), left)
+
+    @cached_property
+    def _whitened(self) -> tuple[Array, Array]:
+        """What makes the nodes independent, and the directions of which their rows tell at all: a gap
+        leaves rates that none does."""
+        return whiten_covariance(self.covariance)
 
     def turned(self) -> tuple[Array, Array]:
         """Angle [rad] from the first node to each (k,), with its standard deviation: Ω is a spline

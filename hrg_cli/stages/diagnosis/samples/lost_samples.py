@@ -12,7 +12,7 @@ import numpy as np
 from ....effects import dropped_samples
 from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....records import Wave
-from ..thresholds import WHOLE
+from ..fits.whole_samples import count_whole
 from .jumps import TOUCHED, find_jumps
 from .lines import find_even_step
 from .offered import make_entry
@@ -187,10 +187,6 @@ def _whole(
             else most
         )
     times = time_s + np.arange(-most, most + 1) * period_s
-    whole = np.round(times / step_s)
-    fits = (
-        (np.abs(times / step_s - whole) < 4 * std_s / step_s + WHOLE)
-        & (whole != 0)
-        & (np.abs(times - shift[0]) < SHIFTED * shift[1])
-    )
+    whole, fits = count_whole(times, std_s, step_s)
+    fits &= np.abs(times - shift[0]) < SHIFTED * shift[1]
     return int(min(whole[fits], key=lambda n: (abs(n), -n))) if fits.any() else None

@@ -27,7 +27,8 @@ from ....fitting.least_squares import invert_information
 from ..fits.refits import leave_out
 from ..fits.scoring import count_places, is_gross, is_possible, score_effects
 from ..fits.variants import Variant, list_variants
-from ..thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WHOLE, WORTH
+from ..fits.whole_samples import count_whole
+from ..thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WORTH
 from .beside_misfit import Spectrum, count_independent_numbers
 from .remainder import search_rest
 from .search_case import Case
@@ -54,12 +55,10 @@ class Strike:
     criterion: float
 
     def is_of_whole_samples(self, step_s: float | None) -> bool:
-        """Whether a size that comes in whole samples is one, to 4 σ; nothing else is asked to be."""
+        """Whether a size that comes in whole samples is one; nothing else is asked to be."""
         if step_s is None or not self.variant.effect.whole_samples:
             return True
-        samples, std = self.size / step_s, self.std / step_s
-        whole = np.round(samples)
-        return bool(np.all((whole != 0) & (np.abs(samples - whole) < 4 * std + WHOLE)))
+        return bool(count_whole(self.size, self.std, step_s)[1].all())
 
 
 def take_strikes(case: Case) -> Case:
@@ -69,8 +68,8 @@ def take_strikes(case: Case) -> Case:
         return case
     sharp = [effect for effect in EFFECTS if effect.of_one_run]
     before, case = case, _drop_instants(case, sharp)
+    step_s = case.inquiry.sampling_step_s
     for _ in range(case.inquiry.most):
-        step_s = case.inquiry.sampling_step_s
         found = _clearest(case.search.final, sharp, step_s) if is_gross(case.search.final) else None
         if found is None:
             break
