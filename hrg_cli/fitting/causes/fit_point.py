@@ -159,7 +159,7 @@ def build_state(series: MeasuredRuns, point: Point) -> SlowState:
         forced=series.forced,
         phase_rad=series.phase_rad,
         omega_r_rad_s=2 * np.pi * series.reference_frequency_hz,
-        run=series.numbers[:, None],
+        run=series.run,
     )
     for effect, values in point.active:
         state = effect.slow_environment(values, state)

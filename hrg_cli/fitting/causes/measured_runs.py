@@ -147,6 +147,11 @@ class MeasuredRuns:
         """Number of every run from 0, (R,)."""
         return np.arange(len(self.names)) if self.number is None else self.number
 
+    @property
+    def run(self) -> Array:
+        """The same beside the rows, (R, 1), as a state of the envelopes has it."""
+        return self.numbers[:, None]
+
     def middle(self) -> MeasuredRuns:
         """The same quantities in the middle of the steps, (R, n − 1)."""
         cut = {

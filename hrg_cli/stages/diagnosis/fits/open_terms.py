@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import null_space
 
 from ....effects.effect import Effect, Parameter
 from ....fitting.causes.measured_runs import MeasuredRuns
@@ -24,6 +25,9 @@ LEAST_KELVIN = 1e-6
 HARMONICS = (1, 2, 3, 4, 6, 8)
 """Of mθ: the harmonic theorem's, those of two defects together, and 12θ, 16θ of an HRG's
 electrodes."""
+MOST_RUNS = 8
+"""Runs up to which what differs from run to run is a term of its own: of more it has so many numbers
+that it describes little."""
 STEPS, DECAYS = 15, 4
 """Instants of steps on the first grid, and decays from half the longest run downwards in factors of
 two; then their shape is refined."""
@@ -125,6 +129,7 @@ def list_covariates(
     good = series.weight > 0
     a0 = float(np.sqrt((_amplitude(u)[good] ** 2).mean()))
     yield Covariate("none", "1", lambda u, s: np.ones((1, *u.shape[:-1])))
+    yield from _of_runs(series)
     yield from _of_times(series)
     yield from _of_amplitudes(a0)
     yield from _of_temperatures(series)
@@ -136,6 +141,21 @@ def list_covariates(
         yield make_decay(series, -k * np.log(2))
     for number in cycles:
         yield make_tone(series, number)
+
+
+def _of_runs(series: MeasuredRuns) -> Iterator[Covariate]:
+    """What stands otherwise in every run: contrasts of the runs, since what all have in common is a
+    constant. The frequency is free in every run as it is."""
+    count = len(series.names)
+    if 2 <= count <= MOST_RUNS:
+        contrasts = np.zeros((count - 1, int(series.numbers.max()) + 1))
+        contrasts[:, series.numbers] = null_space(np.ones((1, count))).T
+        places = tuple(place.name for place in PLACES if place.name != "frequency")
+        yield Covariate("run", "run by run", _of_run(contrasts), count - 1, places=places)
+
+
+def _of_run(contrasts: Array) -> Function:
+    return lambda u, s: np.broadcast_to(contrasts[:, s.run], (len(contrasts), *u.shape[:-1]))
 
 
 def _of_times(series: MeasuredRuns) -> Iterator[Covariate]:
