@@ -1,6 +1,7 @@
 """Effects that no catalogue holds: never called adequate, never blamed on a catalogued cause alone,
 described by what they are."""
 
+import itertools
 import re
 from dataclasses import dataclass, field
 
@@ -73,6 +74,18 @@ def warm_channel(p, readout):
             * np.stack([1 + p["size"] * (block.temperature_degc - 22), np.ones_like(block.time_s)])
         )
     )
+
+
+class GainOfEveryRun:
+    """An amplifier that is set anew before every run: one gain of S a run, in the order of four
+    runs."""
+
+    def __init__(self):
+        self.gains = itertools.cycle((1.0, -2.0, 0.0, 0.5))
+
+    def __call__(self, p, readout):
+        gain = 1 + p["size"] * next(self.gains)
+        readout.steps.append(lambda block, y: y * np.array([[1.0], [gain]]))
 
 
 def warm_phase(p, readout):
@@ -337,6 +350,17 @@ STRANGERS = {
     "gain step of C": Stranger(
         {"readout": gain_step_of_one_channel}, 1e-3, "gain of C", "time", r"step at t = 1\.", 1e-3
     ),
+    # a gain alone is the start's; between the runs what moves as a split of gains is seen, and of
+    # which channel it is, is not
+    "gain of every run": Stranger(
+        {"readout": GainOfEveryRun()},
+        2e-3,
+        "gain split",
+        "run",
+        "run by run",
+        2.29e-3,
+        programme={"runs": 4},
+    ),
     "phase by amplitude": Stranger(
         {"readout": phase_by_amplitude}, 2e-3, "phase of S", "amplitude", r"\(a/a₀\)"
     ),
@@ -344,7 +368,7 @@ STRANGERS = {
         {"readout": angle_of_eight_theta}, 1e-3, "angle", "wave angle", "8θ", 1e-3, 8
     ),
 }
-QUICK = ("rippling rate", "angle of 8θ")
+QUICK = ("rippling rate", "angle of 8θ", "gain of every run")
 
 
 def judged(name, hooks, size, seed, **settings):

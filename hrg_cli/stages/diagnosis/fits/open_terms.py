@@ -109,6 +109,8 @@ class Covariate:
     shape: OpenShape | None = None
     places: tuple[str, ...] = ()
     """Names of the places it makes sense at; all where none is named."""
+    contrasts: Array | None = None
+    """Of the runs (parts, R), where the parts are these."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +153,9 @@ def _of_runs(series: MeasuredRuns) -> Iterator[Covariate]:
         contrasts = np.zeros((count - 1, int(series.numbers.max()) + 1))
         contrasts[:, series.numbers] = null_space(np.ones((1, count))).T
         places = tuple(place.name for place in PLACES if place.name != "frequency")
-        yield Covariate("run", "run by run", _of_run(contrasts), count - 1, places=places)
+        yield Covariate(
+            "run", "run by run", _of_run(contrasts), count - 1, 0, None, places, contrasts
+        )
 
 
 def _of_run(contrasts: Array) -> Function:

@@ -144,10 +144,16 @@ def describe(remainder: Remainder) -> dict[str, Any]:
     if not remainder.terms:
         return describe_in_words("a residual that is neither white nor one of the terms looked for")
     rows = [_term(t) for t in remainder.terms]
-    first = rows[0]
+    first, series = rows[0], remainder.fit.series
+    number = remainder.terms[0].find_run_apart()
+    apart = (
+        ""
+        if number is None
+        else f", most in run {series.names[list(series.numbers).index(number)]}"
+    )
     return {
         "description": (
-            f"{first['place']} that changes with {first['covariate']}"
+            f"{first['place']} that changes with {first['covariate']}{apart}"
             + (f", then {len(rows) - 1} smaller term(s)" if len(rows) > 1 else "")
         ),
         "covariate": first["covariate"],

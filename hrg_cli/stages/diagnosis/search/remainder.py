@@ -61,6 +61,15 @@ class Term:
         parts = np.nan_to_num(self.score.estimate).reshape(self.covariate.parts, -1)
         return float(np.linalg.norm(parts, 2))
 
+    def find_run_apart(self) -> int | None:
+        """Number of the run that stands farthest from the mean of all; None of what does not go by
+        runs."""
+        contrasts = self.covariate.contrasts
+        if contrasts is None:
+            return None
+        estimate = np.nan_to_num(self.score.estimate).reshape(self.covariate.parts, -1)
+        return int(np.argmax(np.linalg.norm(contrasts.T @ estimate, axis=1)))
+
     def worth(self, rows: int, noise: NoiseLevel = STATED) -> float:
         """ΔBIC."""
         return evidence.find_bic_gain(self.score.gain / noise.slow, self.score.rank, rows)
