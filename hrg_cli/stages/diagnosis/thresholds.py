@@ -14,6 +14,10 @@ e⁵ = 148 at equal prior odds."""
 CLEARLY = 16.0
 """ΔBIC by which an open description must beat catalogued causes: odds of e⁸ = 3000, since the
 catalogue is the smaller claim."""
+FURTHER = 7.0
+"""ΔBIC that every cause after the first owes more against one open term in the place of all: a given one
+of some thirty is there with odds of 1 : 30, and one simple form is a smaller claim than three that make
+it up."""
 INADEQUATE = 1e-4
 """Chance at which a clean model would be called inadequate by the residual's smooth part, and again
 by the open terms."""

@@ -125,6 +125,17 @@ def absolute_damping(p, plant, env):
     plant.extra = extra
 
 
+def absolute_frequency(p, plant, env):
+    """A frequency that follows the amplitude itself."""
+    omega, size = plant.mechanics.omega_rad_s, p["size"]
+
+    def extra(t, x, y, vx, vy):
+        a = (x * x + y * y + (vx * vx + vy * vy) / omega / omega) ** 0.5
+        return -2 * omega * size * a * x, -2 * omega * size * a * y
+
+    plant.extra = extra
+
+
 def driving_friction(p, plant, env):
     """Dry friction of the wrong sign."""
     dry_friction.EFFECT.plant({"slope_1_s": -p["size"]}, plant, env)
@@ -361,6 +372,14 @@ STRANGERS = {
         2.29e-3,
         programme={"runs": 4},
     ),
+    "frequency by amplitude": Stranger(
+        {"plant": absolute_frequency},
+        1e-2,
+        "frequency",
+        "amplitude",
+        r"\(a/a₀\)$",
+        programme={"runs": 4},
+    ),
     "phase by amplitude": Stranger(
         {"readout": phase_by_amplitude}, 2e-3, "phase of S", "amplitude", r"\(a/a₀\)"
     ),
@@ -368,7 +387,7 @@ STRANGERS = {
         {"readout": angle_of_eight_theta}, 1e-3, "angle", "wave angle", "8θ", 1e-3, 8
     ),
 }
-QUICK = ("rippling rate", "angle of 8θ", "gain of every run")
+QUICK = ("rippling rate", "angle of 8θ", "gain of every run", "frequency by amplitude")
 
 
 def judged(name, hooks, size, seed, **settings):

@@ -293,7 +293,7 @@ def _spread_over_runs(u: Array, values: Array) -> Array:
 
 
 def _amplitude(u: Array) -> Array:
-    return ellipse.find_wave(u, 1)[0]
+    return np.sqrt(np.sum(np.abs(u) ** 2, axis=-1))
 
 
 def _angle(u: Array) -> Array:

@@ -14,7 +14,7 @@ from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.refits import adopt, compute_bic, loosen
 from ..fits.scoring import score_effects
-from ..thresholds import BOUND_COST, CLEARLY, SAME, SIGNIFICANT, WORTH
+from ..thresholds import BOUND_COST, CLEARLY, FURTHER, SAME, SIGNIFICANT, WORTH
 from .remainder import OPEN_TERMS, Remainder, describe
 from .search_case import Case
 from .selection import Found
@@ -110,13 +110,14 @@ def _is_better(rival: Rival, case: Case, full: float, mimics: bool) -> bool:
     """Whether open terms are the better description.
 
     A damping at its bound says that the catalogue's form is not the right one; what the catalogue
-    explains in full is given up only for something clearly better; what it explains in part must
-    earn its place.
+    explains in full is given up only for something clearly better, by less the more causes it takes;
+    what it explains in part must earn its place.
     """
     slow = case.inquiry.noise.slow
     # of a list that leaves something over each cause must be better than open terms by half of what
     # it had to earn: there the catalogue is no longer the smaller claim
-    margin = CLEARLY if case.remainder is None else -0.5 * WORTH
+    further = len(case.search.found) - rival.count - 1
+    margin = max(0.0, CLEARLY - FURTHER * further) if case.remainder is None else -0.5 * WORTH
     bound = BOUND_COST * slow
     forbidden = case.search.final.bound_cost > bound > rival.described.fit.bound_cost
     near = rival.criterion < full + CLEARLY * slow
