@@ -77,6 +77,9 @@ class RungeKuttaStage:
         for name in _SLICED:
             state.__dict__[name] = getattr(self.state, name)[:, k]
         state.drive = self.state.drive[:, k]
+        # a run's number is the same at all its rows, of which a single one has no axis
+        run = self.state.run
+        state.run = run[:, 0] if run is not None and isinstance(k, int) else run
         one.state, one.active, one.driven = state, self.active, self.driven
         one.second, one.lead = self.second, self.lead
         one.main, one.quadrature = self.main[:, k], self.quadrature[:, k]

@@ -28,6 +28,9 @@ electrodes."""
 MOST_RUNS = 8
 """Runs up to which what differs from run to run is a term of its own: of more it has so many numbers
 that it describes little."""
+OF_EVERY_RUN = ("frequency", "damping", "turning")
+"""Places at which what differs from run to run is asked otherwise: the first is free in every run, the
+others are a run's own mistake (a leak, a rate that no log tells of)."""
 STEPS, DECAYS = 15, 4
 """Instants of steps on the first grid, and decays from half the longest run downwards in factors of
 two; then their shape is refined."""
@@ -147,12 +150,12 @@ def list_covariates(
 
 def _of_runs(series: MeasuredRuns) -> Iterator[Covariate]:
     """What stands otherwise in every run: contrasts of the runs, since what all have in common is a
-    constant. The frequency is free in every run as it is."""
+    constant. A frequency, a damping and a turn of its own are asked of every run elsewhere."""
     count = len(series.names)
     if 2 <= count <= MOST_RUNS:
         contrasts = np.zeros((count - 1, int(series.numbers.max()) + 1))
         contrasts[:, series.numbers] = null_space(np.ones((1, count))).T
-        places = tuple(place.name for place in PLACES if place.name != "frequency")
+        places = tuple(p.name for p in PLACES if p.name not in OF_EVERY_RUN)
         yield Covariate(
             "run", "run by run", _of_run(contrasts), count - 1, 0, None, places, contrasts
         )
