@@ -5,6 +5,8 @@ import errno
 from collections.abc import Iterable
 
 NO_MEMORY = "not enough memory; use fewer or shorter inputs"
+EACH_RUN_ONCE = "name each run once, or its errors come out too small"
+"""What to do about a run that is there twice, be it told by its file or by its rows."""
 ROOM = 60
 """Characters that a list of names has in a message of two lines."""
 UNMAPPED = "failed to map segment"

@@ -10,7 +10,7 @@ from threading import Event
 from typing import Any
 
 from . import store
-from .errors import HrgError, NotHrgError
+from .errors import EACH_RUN_ONCE, HrgError, NotHrgError
 from .origins import find_shared, part_of, samples_of
 from .records import KINDS, Periods, Recording, Source, Wave
 
@@ -84,7 +84,7 @@ def _say_once(path: Path) -> str:
     kind = _kind_name(path)
     if kind in RESULTS:
         return f"two {kind} files of different runs were expected: name another, or leave one out"
-    return "name each run once, or its errors come out too small"
+    return EACH_RUN_ONCE
 
 
 def _kind_name(path: Path) -> str:

@@ -29,15 +29,19 @@ EffectsFrom = Annotated[
     Path | None,
     typer.Option(help="Python file with effects of your own; it is executed.", show_default=False),
 ]
-Rehearsals = Annotated[
-    int | None,
-    typer.Option(
+
+
+def make_rehearse_option(what: str) -> Any:
+    """Declaration of `--rehearse`: how often `what` is rehearsed; a spread needs two."""
+    return typer.Option(
         "--rehearse",
         min=2,
-        help="Rehearse the result so many times on a simulated twin at once.",
+        help=f"Rehearse {what} so many times on a simulated twin at once.",
         show_default=False,
-    ),
-]
+    )
+
+
+Rehearsals = Annotated[int | None, make_rehearse_option("the result")]
 
 
 _OPTIONS: dict[str, tuple[Any, Any]] = {

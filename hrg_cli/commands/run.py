@@ -27,7 +27,7 @@ from ..reporting.check_pages import explain_figure
 from ..stages.demodulate import demodulate
 from .common import Common
 from .dry_run import say_by_hand
-from .frame import Files, command, command_line, existing
+from .frame import Files, command, command_line, existing, make_rehearse_option
 from .options import flags_of
 
 
@@ -60,15 +60,7 @@ def main(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Print what would be done, and do nothing.")
     ] = False,
-    rehearse: Annotated[
-        int | None,
-        typer.Option(
-            "--rehearse",
-            min=2,
-            help="Rehearse resonator and calibration so many times on a simulated twin.",
-            show_default=False,
-        ),
-    ] = None,
+    rehearse: Annotated[int | None, make_rehearse_option("resonator and calibration")] = None,
     **part: Any,
 ) -> None:
     """The whole chain on the recordings (or logs, or a folder of them) of one gyro: the answer, and

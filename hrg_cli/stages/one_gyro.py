@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..errors import HrgError, name_some
+from ..errors import EACH_RUN_ONCE, HrgError, name_some
 from ..records import Array, Resonator, Wave
 from .diagnosis.thresholds import FREQUENCIES_APART
 
@@ -57,7 +57,7 @@ def need_each_once(waves: Sequence[Wave]) -> None:
         if moves and key in first:
             raise HrgError(
                 f"runs {first[key]} and {name} hold the same rows, so one is a copy of the other;"
-                " name each run once, or its errors come out too small"
+                f" {EACH_RUN_ONCE}"
             )
         first[key] = name
 
