@@ -116,7 +116,7 @@ def main() -> None:
     fit_base_model(runs, blocks=500)
     ours, fit = seconds(lambda: fit_base_model(runs, blocks=500), 5)
     theirs, x = seconds(lambda: by_hand(runs), 1)
-    std = np.sqrt(np.diag(fit.covariance_z()))[:6]
+    std = np.sqrt(np.diag(fit.compute_covariance_z()))[:6]
     apart = np.max(np.abs(fit.z[:6] - x) / std)
     print(
         f"8 runs x 500 windows: {ours * 1e3:.0f} ms against {theirs:.1f} s with solve_ivp +"

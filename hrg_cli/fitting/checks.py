@@ -38,7 +38,7 @@ class Check:
     passed: bool
     sentence: str = ""
 
-    def table(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """The check as the JSON has it; a value that is not finite is null there."""
         entry = asdict(self)
         return entry | {

@@ -255,7 +255,7 @@ def _with_notes(record: Calibration, chosen: Chosen) -> Calibration:
     granted of the thermometer; it stays valid, since its standard deviations hold the one, and the
     other is said."""
     between, details = check_between(record), json.loads(record.details)
-    details["checks"] += [check.table() for check in between]
+    details["checks"] += [check.to_json() for check in between]
     told = list(dict.fromkeys(list_failures(between)))
     if not find_shown_memory(chosen.thermal_memory):
         told += tell_one_way(chosen.fitted, chosen.answer.tried.solution.coefficients)

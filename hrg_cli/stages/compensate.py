@@ -151,7 +151,7 @@ def _compensate_pieces(
         path = build_path(
             piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False
         )
-        need_range(calibration, path.abscissa(calibration.axis), run.name)
+        need_range(calibration, path.find_abscissa(calibration.axis), run.name)
         found = _correct(path, calibration, sums.angles)
         known = run.known_rates(of_log)
         sums.widen(path.rate_rad_s[known] if known.any() else _smooth(found.rate_rad_s))
@@ -161,7 +161,7 @@ def _compensate_pieces(
         record = _record_of(
             run,
             calibration,
-            time_s=path.middle(path.time_s),
+            time_s=path.average_neighbours(path.time_s),
             rate_estimate_rad_s=on_ground,
             rate_estimate_rad_s_std=found.std,
             angle_estimate_rad=sums.turn_on(on_ground, path.interval_s),
@@ -178,7 +178,7 @@ def _compensate_pieces(
 
 def _correct(path: AnglePath, calibration: Calibration, angles: AngleSpread) -> IncrementRates:
     """Of every increment the rate by the tables, Ω = (D − mθ̇)/K, with what it is uncertain by."""
-    blocks = path.abscissa(calibration.axis)
+    blocks = path.find_abscissa(calibration.axis)
     drift, scale = compute_corrections(calibration, path)
     rate = (drift - path.turn / path.interval_s) / scale
     noise, of_tables = deviations(calibration, path, blocks, rate, scale)
@@ -232,11 +232,11 @@ def deviations(
     gain = np.abs(scale)
     angle = path.mode_number * np.sqrt(variance[1:] + variance[:-1]) / gain
     walk = read_angle_random_walk(calibration) * np.sqrt(
-        path.interval_s - path.middle(path.width_s) / 3
+        path.interval_s - path.average_neighbours(path.width_s) / 3
     )
     noise = np.hypot(angle, walk) / path.interval_s
     drift_std, scale_std = compute_standard_deviations(
-        calibration, path.middle(blocks), path.middle(path.angle_rad)
+        calibration, path.average_neighbours(blocks), path.average_neighbours(path.angle_rad)
     )
     return noise, np.hypot(drift_std, rate * scale_std) / gain
 

@@ -288,7 +288,7 @@ def _report_result(
         "frequencies": case.frequencies,
         "wander": describe_wander(case.search.final),
         "forecast": ahead,
-        "checks": [check.table() for check in result.closing],
+        "checks": [check.to_json() for check in result.closing],
         "written_model": None if written is None else written.table(),
         "suspect_runs": [],
         "stability": examine_stability(case, ahead, lambda: asked.fit(pieces, coarser=2)),
@@ -303,7 +303,7 @@ def _fit_nearest(asked: Asked, fit: ExtendedFit) -> ExtendedFit:
     gross."""
     if not is_gross(fit):
         return fit
-    near: ExtendedFit = fit.remembered(
+    near: ExtendedFit = fit.recall(
         "nearest", lambda: fit_nearest(fit, list_variants(asked.searched, fit), GROSS)
     )
     return near

@@ -119,7 +119,7 @@ def _whole_periods(path: AnglePath) -> int:
 
 def _at_one_temperature(path: AnglePath, tables: Calibration) -> Array:
     """m·Δθ (n,) as it would be with the tables' mean K and mean bias at every temperature."""
-    x = path.middle(path.abscissa(tables.axis))
+    x = path.average_neighbours(path.find_abscissa(tables.axis))
     period = np.full(len(path), np.pi / tables.mode_number)
     drift, scale = tables.values_at(x, np.zeros(len(path)), period)  # their means over the angle
     mean_drift, mean_scale = (

@@ -210,7 +210,7 @@ def summary(made: Forecast) -> dict[str, Any]:
             dict(zip(made.table, row, strict=True))
             for row in np.column_stack(list(made.table.values())).tolist()
         ],
-        "checks": [check.table() for check in made.checks],
+        "checks": [check.to_json() for check in made.checks],
     }
 
 

@@ -191,7 +191,7 @@ def record_of(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator
         temperature_span_degc=span,
         flat_directions=json.dumps(verdict.flat, ensure_ascii=False),
         details=json.dumps(
-            verdict.details | {"checks": [c.table() for c in verdict.checks]}, ensure_ascii=False
+            verdict.details | {"checks": [c.to_json() for c in verdict.checks]}, ensure_ascii=False
         ),
         run=np.array([w.run_id for w in waves], dtype=object),
         run_chi2_per_dof=verdict.run_chi2_per_dof,

@@ -173,8 +173,8 @@ def _record_of(
         _subtract_log(values, wave, stretch, found.time_s)
         for values in (found.plain_rate_rad_s, found.rate_rad_s)
     )
-    angle, angle_std = found.turned()
-    figures = _figures(found, before, after) | {"checks": [check.table() for check in checked]}
+    angle, angle_std = found.integrate()
+    figures = _figures(found, before, after) | {"checks": [check.to_json() for check in checked]}
     if beside is not None:
         figures["tables"] = beside.figures()
     result = Compensated(
@@ -390,7 +390,7 @@ def _figures(found: RateEstimate, before: Array | None, after: Array | None) -> 
     leaves of the logged rate (`before`, `after`)."""
     covariance, count = found.covariance, len(found.time_s)
     distance = float(found.time_s[1] - found.time_s[0])
-    angle, angle_std = found.turned()
+    angle, angle_std = found.integrate()
     apart = found.plain_rate_rad_s - found.rate_rad_s
     figures: dict[str, Any] = {
         "nodes": count,

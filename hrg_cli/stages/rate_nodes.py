@@ -46,8 +46,8 @@ def foretell(found: RateEstimate) -> tuple[float, float]:
     half, quarter = (count + 1) // 2, (count + 3) // 4
     if not found.converged or not 2 <= quarter < half < count:
         return 0.0, 0.0
-    by_half = found.lose(half)
-    left = 2.0 ** -_measure_fall(by_half, found.lose(quarter))
+    by_half = found.measure_loss(half)
+    left = 2.0 ** -_measure_fall(by_half, found.measure_loss(quarter))
     of_pieces = [
         _judge(left * _measure_variance(by_half, *piece), found.finer, *piece)
         for piece in [WHOLE, *_cut_pieces(count)]

@@ -107,13 +107,16 @@ def chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], list[l
     fine = fine[(fine >= 0) & (fine <= length_s)]
     corner = np.unique(
         np.concatenate(
-            [points(fine, log.at(fine), CHORDS if log.alpha.any() else COURSE)[0] for log in logs]
+            [
+                points(fine, log.interpolate(fine), CHORDS if log.alpha.any() else COURSE)[0]
+                for log in logs
+            ]
         )
     )
     h = np.diff(corner)
     values = []
     for log in logs:
-        value = log.at(corner)
+        value = log.interpolate(corner)
         excess = h * (value[1:] + value[:-1]) / 2 - np.diff(log.integrate_to(corner))
         value -= (np.append(0.0, excess) + np.append(excess, 0.0)) / (
             np.append(0.0, h) + np.append(h, 0.0)

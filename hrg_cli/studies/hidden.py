@@ -85,7 +85,7 @@ class Hiding:
 
 def _size_beside_model(change: Array, fit: ExtendedFit) -> float:
     """Size in σ of a change of the envelopes that the base model cannot take up."""
-    rows = whitened_rows.flatten_rows(fit.series, to_reals(fit.series.over_noise(change)))
+    rows = whitened_rows.flatten_rows(fit.series, to_reals(fit.series.whiten(change)))
     return float(np.linalg.norm(_project_base(rows, fit)))
 
 
@@ -172,9 +172,7 @@ def setting_in(
         changed = effect.slow_readout(
             {**neutral, parameter.name: middle}, u, build_state(fit.series, fit.point)
         )
-        column = whitened_rows.flatten_rows(
-            fit.series, to_reals(fit.series.over_noise(changed - u))
-        )
+        column = whitened_rows.flatten_rows(fit.series, to_reals(fit.series.whiten(changed - u)))
         low, high = (
             (middle, high) if information(fit, column[:, None])[0, 0] < size**2 else (low, middle)
         )
@@ -190,7 +188,7 @@ def beside_base(fit: ExtendedFit, columns: Array) -> Array:
 
 def _project_base(columns: Array, fit: ExtendedFit) -> Array:
     """Columns over σ without what the base model can do, projected twice against rounding."""
-    return fit.basis.off(fit.basis.off(columns))
+    return fit.basis.project_out(fit.basis.project_out(columns))
 
 
 def effects_beside(effect: Effect) -> dict[str, dict[str, float]]:

@@ -95,7 +95,7 @@ def _tone_of_one_sigma(effect: Effect, wave: Wave, random: np.random.Generator) 
 def beside_model(fit: ExtendedFit, columns: Array) -> Array:
     """Fisher information (K, K) of columns over σ (N, K) beside the model with its priors, which
     one run needs: SᵀS − SᵀJ Cov JᵀS."""
-    shared = fit.design.along(columns)
+    shared = fit.design.multiply_transposed(columns)
     return columns.T @ columns - shared.T @ fit.covariance @ shared
 
 

@@ -102,10 +102,13 @@ def test_header_of_each_variant_computes_what_compensate_does(calibrations, mode
     path = build_path(
         wave.replace(frequency_hz=5000.0 + draw.normal(size=count) * 0.01), harmonics=0, per_block=1
     )
-    x, angle = path.middle(path.temperature_degc), path.middle(path.angle_rad)
+    x, angle = (
+        path.average_neighbours(path.temperature_degc),
+        path.average_neighbours(path.angle_rad),
+    )
     ratio, frequency, speed = (
-        path.middle(path.ratio),
-        path.middle(path.frequency_hz),
+        path.average_neighbours(path.ratio),
+        path.average_neighbours(path.frequency_hz),
         path.turn / path.interval_s / 2,
     )
     rows = np.column_stack([x, angle, speed, ratio, frequency])

@@ -34,7 +34,11 @@ def test_a_random_walk_is_recovered():
     found = [colour.estimate(T, drawn(random, WALK), np.full(ROWS, STD)) for _ in range(6)]
     assert min(n.clear for n in found) > colour.CLEAR
     assert (
-        0.6 < np.exp(np.mean([np.log(n.after(3600.0) / np.sqrt(WALK * 3600)) for n in found])) < 1.6
+        0.6
+        < np.exp(
+            np.mean([np.log(n.compute_std_after(3600.0) / np.sqrt(WALK * 3600)) for n in found])
+        )
+        < 1.6
     )
 
 

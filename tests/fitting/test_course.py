@@ -28,7 +28,7 @@ def rows(seed: int = 1) -> np.ndarray:
 def test_a_smooth_course_is_followed_far_better_than_by_lines(f) -> None:
     t = rows()
     assert (
-        np.abs(build_course(t, f(t)).at(Q) - f(Q)).max()
+        np.abs(build_course(t, f(t)).interpolate(Q) - f(Q)).max()
         < 0.1 * np.abs(np.interp(Q, t, f(t)) - f(Q)).max()
     )
 
@@ -62,13 +62,13 @@ def test_a_cubic_is_met_between_uneven_rows_exactly() -> None:
         return 1 + x - x**2 + x**3 / 3
 
     inside = np.linspace(t[0], t[-1], 300)
-    assert build_course(t, cubic(t)).at(inside) == pytest.approx(cubic(inside), abs=1e-11)
+    assert build_course(t, cubic(t)).interpolate(inside) == pytest.approx(cubic(inside), abs=1e-11)
 
 
 def test_jumps_and_converter_steps_stay_lines() -> None:
     t = rows()
     for values in (np.where(t > 1.234, 2.0, -1.0), np.round(20 + 3 * t)):
-        assert build_course(t, values).at(t[0] + (t[-1] - t[0]) * Q / 3) == pytest.approx(
+        assert build_course(t, values).interpolate(t[0] + (t[-1] - t[0]) * Q / 3) == pytest.approx(
             np.interp(t[0] + (t[-1] - t[0]) * Q / 3, t, values)
         )
 
@@ -79,24 +79,26 @@ def test_a_ramp_between_rests_has_no_overshoot(knees) -> None:
     t = np.unique(np.concatenate([np.arange(0, 5, 0.043), knees]))
     rate = np.interp(t, knees, (0, 4.6))
     at = np.linspace(0, 5, 5000)
-    assert np.allclose(build_course(t, rate).at(at), np.interp(at, t, rate), atol=1e-12)
+    assert np.allclose(build_course(t, rate).interpolate(at), np.interp(at, t, rate), atol=1e-12)
 
 
 def test_noise_is_not_made_worse() -> None:
     t, rng = rows(), np.random.default_rng(2)
     noise = rng.standard_normal(len(t))
-    assert np.std(build_course(t, noise).at(Q)) < 1.1 * np.std(np.interp(Q, t, noise))
+    assert np.std(build_course(t, noise).interpolate(Q)) < 1.1 * np.std(np.interp(Q, t, noise))
 
 
 def test_few_rows_and_the_ends() -> None:
-    assert build_course(np.array([1.0]), np.array([5.0])).at(Q) == pytest.approx(5.0)
-    assert build_course(np.array([1.0, 2.0]), np.array([5.0, 6.0])).at(
+    assert build_course(np.array([1.0]), np.array([5.0])).interpolate(Q) == pytest.approx(5.0)
+    assert build_course(np.array([1.0, 2.0]), np.array([5.0, 6.0])).interpolate(
         np.array([0.0, 1.5, 3.0])
     ) == pytest.approx([5.0, 5.5, 6.0])
     t = np.arange(3.0)
-    assert build_course(t, 2 * t).at(np.array([-0.5, 2.5, 30.0])) == pytest.approx([-1.0, 5.0, 6.0])
+    assert build_course(t, 2 * t).interpolate(np.array([-0.5, 2.5, 30.0])) == pytest.approx(
+        [-1.0, 5.0, 6.0]
+    )
     t = np.arange(10.0)
-    assert build_course(t, 2 * t).at(np.array([-5.0, -0.5, 9.5, 30.0])) == pytest.approx(
+    assert build_course(t, 2 * t).interpolate(np.array([-5.0, -0.5, 9.5, 30.0])) == pytest.approx(
         [-2.0, -1.0, 19.0, 20.0]
     )
 
@@ -111,7 +113,7 @@ def test_a_log_of_means_keeps_every_row_however_rough() -> None:
         three, means[: 3 * len(three)].reshape(-1, 3).mean(axis=1), atol=1e-12
     )
     # values between the rows, as a log of single values would have them, miss their own scatter
-    assert np.std(build_course(t, means).at(t[1:-1:3]) - three) > 0.5
+    assert np.std(build_course(t, means).interpolate(t[1:-1:3]) - three) > 0.5
 
 
 def test_a_command_goes_on_where_its_log_has_ended() -> None:

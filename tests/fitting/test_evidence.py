@@ -15,8 +15,8 @@ def problem(seed=0, rows=400, base=5, size=0.0):
     J = random.standard_normal((rows, base))
     S = random.standard_normal((rows, 1))
     r = random.standard_normal(rows) + size * S[:, 0]
-    Q = designs.factor_design(designs.Design.of(J)).basis
-    return J, Q, S, Q.off(r)
+    Q = designs.factor_design(designs.Design.from_matrix(J)).basis
+    return J, Q, S, Q.project_out(r)
 
 
 def test_score_is_the_estimate_over_its_deviation_of_a_full_fit():
@@ -102,12 +102,12 @@ def test_a_design_in_blocks_is_solved_as_the_whole():
     J[blocks[1][0], blocks[1][1].start] = 0.0  # one run shows nothing of one of its parameters
     J[:, -1] += 1e3 * J[:, 0] / np.linalg.norm(J[:, 0])
     r, prior = random.standard_normal(len(J)), random.standard_normal((2, J.shape[1]))
-    parts = designs.factor_design(designs.Design.of(J, blocks))
+    parts = designs.factor_design(designs.Design.from_matrix(J, blocks))
     assert parts.basis.shape == (
         len(J),
         np.linalg.matrix_rank(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)),
     )
-    np.testing.assert_allclose(parts.basis.along(parts.basis.off(J / 1e6)), 0, atol=1e-9)
+    np.testing.assert_allclose(parts.basis.project(parts.basis.project_out(J / 1e6)), 0, atol=1e-9)
     step, covariance = parts.solve(r, 0 * prior, np.zeros(2))
     whole, its = least_squares.solve(J, r)
     np.testing.assert_allclose(step, whole, rtol=1e-8, atol=1e-10)
@@ -122,26 +122,28 @@ def test_blocks_beside_what_is_unknown_over_all_of_them_are_solved_as_the_whole(
     it, which no longer stands in blocks."""
     J, blocks, random = in_runs(5)
     unknown = designs.orthonormalise(random.standard_normal((len(J), 2)))
-    design = designs.Design.of(J, blocks)
+    design = designs.Design.from_matrix(J, blocks)
     shared = design.shared - unknown @ (unknown.T @ design.shared)
     design = replace(design, shared=shared, unknown=designs.Basis((), unknown))
     whole = J - unknown @ (unknown.T @ J)
-    np.testing.assert_allclose(design.whole(), whole, atol=1e-9 * np.abs(J).max())
-    np.testing.assert_allclose(design.sizes(), np.linalg.norm(whole, axis=0), rtol=1e-9)
+    np.testing.assert_allclose(design.to_matrix(), whole, atol=1e-9 * np.abs(J).max())
+    np.testing.assert_allclose(design.compute_lengths(), np.linalg.norm(whole, axis=0), rtol=1e-9)
     r = random.standard_normal(len(J))
     r -= unknown @ (unknown.T @ r)
-    np.testing.assert_allclose(design.along(r), whole.T @ r, rtol=1e-6, atol=1e-9 * np.abs(J).max())
+    np.testing.assert_allclose(
+        design.multiply_transposed(r), whole.T @ r, rtol=1e-6, atol=1e-9 * np.abs(J).max()
+    )
     factored = designs.factor_design(design)
     step, covariance = factored.solve(r, np.zeros((1, J.shape[1])), np.zeros(1))
     wanted, its = least_squares.solve(whole, r)
     np.testing.assert_allclose(step, wanted, rtol=1e-7, atol=1e-10)
     np.testing.assert_allclose(covariance, its, rtol=1e-6, atol=1e-9 * np.abs(its).max())
-    np.testing.assert_allclose(factored.basis.along(r - whole @ wanted), 0, atol=1e-8)
+    np.testing.assert_allclose(factored.basis.project(r - whole @ wanted), 0, atol=1e-8)
 
 
 def test_the_smooth_part_in_blocks_is_the_score_of_the_whole():
     J, blocks, random = in_runs(3)
-    basis = designs.factor_design(designs.Design.of(J, blocks)).basis
+    basis = designs.factor_design(designs.Design.from_matrix(J, blocks)).basis
     r = random.standard_normal(len(J))
     smooth = [(rows, random.standard_normal((50, 6))) for rows, _ in blocks]
     smooth[0][1][:, 0] = J[blocks[0]][:, 0]  # one column that the run's own can do

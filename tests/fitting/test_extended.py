@@ -58,7 +58,7 @@ def programme(runs=3, rows=90):
 def test_all_steps_at_once_are_the_steps_row_by_row():
     series, point = programme()
     rule = slow_prediction.Rule(series, point)
-    marched = rule.marched(point.start)
+    marched = rule.march(point.start)
     motion = slow_prediction.predict(series, point).motion
     np.testing.assert_allclose(motion, marched, atol=1e-11)
     near = slow_prediction.predict(
@@ -82,7 +82,7 @@ def test_a_driven_motion_is_found_from_one_that_ran_off_by_a_radian():
     rule = slow_prediction.Rule(driven, point)
     found = rule.settle(near, point.start)
     assert found is not None
-    np.testing.assert_allclose(found, rule.marched(point.start), atol=1e-11)
+    np.testing.assert_allclose(found, rule.march(point.start), atol=1e-11)
 
 
 def beside(series, what):
@@ -107,9 +107,9 @@ def test_compiled_march_takes_the_same_steps(what, monkeypatch):
     series, point = programme()
     point = replace(point, active=())
     rule = slow_prediction.Rule(beside(series, what), point)
-    fast = rule.marched(point.start)
+    fast = rule.march(point.start)
     monkeypatch.setattr(fast_march, "compile_march", lambda: None)
-    plain = slow_prediction.Rule(beside(series, what), point).marched(point.start)
+    plain = slow_prediction.Rule(beside(series, what), point).march(point.start)
     np.testing.assert_allclose(fast, plain, atol=1e-12)
     assert np.abs(plain[0, -1] - plain[0, 0]).max() > 0.1, "it moves"
 
@@ -193,7 +193,7 @@ def test_a_design_beside_what_is_unsettled_over_several_runs_is_differences_too(
         there = slow_prediction.predict(series, descent.move_point(point, layout, step, False))
         return whitened_rows.flatten_rows(series, to_reals(there.seen) * series.weight[..., None])
 
-    whole = design.whole()
+    whole = design.to_matrix()
     for k in (*range(layout.run(0).start, layout.run(1).stop), layout.coordinates[2]):
         step = 1e-4 * np.eye(layout.count)[k]
         change = (judged(step) - judged(-step)) / 2e-4
@@ -215,16 +215,20 @@ def test_what_all_runs_share_is_softened_as_a_whole_matrix_would_be():
     basis = designs.Basis((), unknown, variance)
     residual = rng.normal(size=rows)
     off = np.eye(rows) - (unknown * (1 - 1 / np.sqrt(1 + variance))) @ unknown.T
-    whole = designs.Design.of(J, blocks)
+    whole = designs.Design.from_matrix(J, blocks)
     design = designs.Design(whole.shared, whole.places, whole.own, basis)
     want, covariance = least_squares.solve(off @ J, off @ residual)
     step, got = designs.factor_design(design).solve(
-        basis.off(residual), np.zeros((0, 9)), np.zeros(0)
+        basis.project_out(residual), np.zeros((0, 9)), np.zeros(0)
     )
-    assert basis.free == 1 and basis.over(2.0).variance[0] == 0.3 / 4
+    assert basis.free == 1 and basis.scale_noise(2.0).variance[0] == 0.3 / 4
     np.testing.assert_allclose(step, want, rtol=1e-9)
     np.testing.assert_allclose(got, covariance, rtol=1e-9)
-    np.testing.assert_allclose(design.sizes(), np.linalg.norm(off @ J, axis=0), rtol=1e-12)
-    np.testing.assert_allclose(design.whole(), off @ J, atol=1e-12)
-    np.testing.assert_allclose(design.times(want), off @ J @ want, rtol=1e-9)
-    np.testing.assert_allclose(design.along(residual), J.T @ off @ residual, rtol=1e-9)
+    np.testing.assert_allclose(
+        design.compute_lengths(), np.linalg.norm(off @ J, axis=0), rtol=1e-12
+    )
+    np.testing.assert_allclose(design.to_matrix(), off @ J, atol=1e-12)
+    np.testing.assert_allclose(design.multiply(want), off @ J @ want, rtol=1e-9)
+    np.testing.assert_allclose(
+        design.multiply_transposed(residual), J.T @ off @ residual, rtol=1e-9
+    )

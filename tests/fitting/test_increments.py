@@ -132,8 +132,8 @@ def test_equation_between_blocks_holds_without_noise():
     wave = forced_run(truth, 20.0, 0.8, 20, 0, dt=0.005, noise=0.0)
     path = build_path(wave, harmonics=2, per_block=40)
     predicted = (
-        path.angle_basis(2) @ truth.d[0] * path.interval_s
-        - path.angle_basis(2) @ truth.k[0] * path.rotation
+        path.build_angle_basis(2) @ truth.d[0] * path.interval_s
+        - path.build_angle_basis(2) @ truth.k[0] * path.rotation
     )
     constant = -truth.k[0, 0] * path.rotation
     assert np.abs(path.turn - predicted).max() < 5e-3 * np.abs(path.turn - constant).max()
@@ -147,7 +147,7 @@ def test_windows_that_are_long_beside_the_waves_turn_lend_no_drift(per_block):
     rate, dt = 2.0, 0.14
     wave = forced_run(truth, 20.0, rate, 400.0, 1, dt=dt, noise=0.0, steps=40)
     path = build_path(wave, harmonics=2, per_block=per_block)
-    basis = path.angle_basis(2) * path.interval_s[:, None]
+    basis = path.build_angle_basis(2) * path.interval_s[:, None]
     left = path.turn + 0.55 * path.rotation
     found = np.linalg.lstsq(basis, left, rcond=None)[0]
     assert np.abs(found[1:] - truth.d[0, 1:]).max() < 1e-3 * np.abs(truth.d[0, 1:]).max()

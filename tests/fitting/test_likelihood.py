@@ -85,7 +85,7 @@ def test_model_against_integration(rate):
     wave = run_down(0.3, rate, std=1e-12, seconds=2.0)
     keep = np.sort(rng.choice(len(wave), 600, replace=False))
     runs = [
-        runs_of([wave])[0].rows(keep),
+        runs_of([wave])[0].select_rows(keep),
         runs_of([run_down(0.7, rate, std=1e-12, seconds=1.0)])[0],
     ]
     data = make_batch(runs)
@@ -136,7 +136,7 @@ def test_jacobian_against_differences():
     p = coordinates.from_mechanics(GYRO)
     state = State(p, data.envelope[:, 0], np.array([[0.1, 0.2], [0.3, 0.0]]))
     response = respond(data, state)
-    got = response.coordinate_sensitivities()
+    got = response.find_coordinate_sensitivities()
     for k in range(7):
         size = 1e-4 if k < 6 else 1.0
         up, down = (
@@ -147,7 +147,7 @@ def test_jacobian_against_differences():
         assert np.abs(got[k] - want).max() < 2e-3 * np.abs(want).max() + 1e-9, (
             coordinates.COORDINATES[k]
         )
-    own = response.run_sensitivities()
+    own = response.find_run_sensitivities()
     moved = state.phase.copy()
     moved[:, 1] += 1e-6
     assert np.allclose(
@@ -164,7 +164,7 @@ def test_a_changed_rate_against_differences():
     state = State(p, data.envelope[:, 0], np.zeros((1, 1)))
     t = data.time_s[0]
     shape = [np.sin(2 * x)[None, None] for x in (t[:-1], (t[:-1] + t[1:]) / 2, t[1:])]
-    got = respond(data, state).turning_sensitivity(*(p[5] * h for h in shape))[0]
+    got = respond(data, state).find_turning_sensitivity(*(p[5] * h for h in shape))[0]
     turned = [
         dataclasses.replace(
             data.runs[0], turn_rad=data.runs[0].turn_rad + sign * 1e-4 * (1 - np.cos(2 * t)) / 2
@@ -186,7 +186,9 @@ def test_steady_runs_take_the_short_way_to_the_same_place():
     state = State(p, steady.envelope[:, 0], np.zeros((2, 1)))
     short, long = respond(steady, state), respond(stepped, state)
     assert np.allclose(short.model, long.model, atol=1e-7)
-    assert np.allclose(short.coordinate_sensitivities(), long.coordinate_sensitivities(), atol=1e-6)
+    assert np.allclose(
+        short.find_coordinate_sensitivities(), long.find_coordinate_sensitivities(), atol=1e-6
+    )
 
 
 def test_averaging_along_the_motion_keeps_the_model_and_the_noise():
@@ -228,7 +230,7 @@ def test_gaps_and_flagged_windows_change_nothing_but_the_errors():
         broken[flags > 0] = np.nan
         holed.append(wave.replace(flags=flags, main_amplitude=broken))
     whole, cut = fit_base_model(runs_of(waves)), fit_base_model(runs_of(holed))
-    std = np.sqrt(np.diag(cut.covariance_z()))
+    std = np.sqrt(np.diag(cut.compute_covariance_z()))
     assert cut.converged and cut.chi2 / cut.dof == pytest.approx(1, abs=0.1)
     assert np.all(np.abs(cut.z - whole.z) < 4 * std)
 
@@ -237,7 +239,7 @@ def test_gaps_and_flagged_windows_change_nothing_but_the_errors():
 def test_second_order_nuisance_serves_both_kinds_of_data(second_order):
     fit = fit_base_model(runs_of(programme(std=5e-5, second_order=second_order)))
     true = coordinates.from_mechanics(GYRO)
-    std = np.sqrt(np.diag(fit.covariance_z()))
+    std = np.sqrt(np.diag(fit.compute_covariance_z()))
     assert np.all(np.abs(fit.p - np.append(true[:6], second_order))[:6] < 4.5 * std[:6])
     assert fit.chi2 / fit.dof == pytest.approx(1, abs=0.08)
 
@@ -255,7 +257,7 @@ def test_known_axes_leave_the_sizes_free():
         "scale_factor",
         "second_order",
     )
-    assert abs(values[1] - 0.012) < 5 * np.sqrt(fit.covariance_z()[1, 1])
+    assert abs(values[1] - 0.012) < 5 * np.sqrt(fit.compute_covariance_z()[1, 1])
 
 
 def test_frequency_drift_is_followed():
@@ -265,7 +267,7 @@ def test_frequency_drift_is_followed():
         waves.append(wave.replace(phase_rad=wave.phase_rad + 3 * x**2 - 1.5 * x**3))
     fit = fit_base_model(runs_of(waves))
     assert fit.response.state.phase.shape[1] >= 3 and fit.chi2 / fit.dof < 1.1
-    std = np.sqrt(np.diag(fit.covariance_z()))
+    std = np.sqrt(np.diag(fit.compute_covariance_z()))
     assert np.all(np.abs(fit.p - coordinates.from_mechanics(GYRO))[:6] < 4.5 * std[:6])
 
 
@@ -299,7 +301,7 @@ def test_runs_that_beat_some_hundred_times_are_followed(turns):
     run, split = beating(turns)
     fit = fit_base_model([run], Known(scale_factor=0.55))
     assert 0.9 < fit.chi2 / fit.dof < 1.1
-    std = np.sqrt(np.diag(fit.covariance_z()))
+    std = np.sqrt(np.diag(fit.compute_covariance_z()))
     assert abs(fit.p[0] - 1 / run.duration_s) < 4.5 * std[0]
     assert abs(np.hypot(*fit.p[3:5]) - split) < 4.5 * np.max(std[3:5])
 
@@ -316,7 +318,7 @@ def test_modes_that_decay_unequally_need_no_course_taken_off(monkeypatch):
     assert phase_course.find_bends(runs, 0.0) is not None
     fit = fit_base_model(runs, Known(scale_factor=0.55))
     assert fit.chi2 / fit.dof < 1.2
-    std = np.sqrt(np.diag(fit.covariance_z()))
+    std = np.sqrt(np.diag(fit.compute_covariance_z()))
     want = coordinates.from_mechanics(gyro)
     assert np.all(np.abs(fit.p[:5] - want[:5]) < 4.5 * std[:5])
 
@@ -328,7 +330,7 @@ def test_a_single_free_number_has_a_profile():
     run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1)
     space = free_coordinates(["damping"], np.zeros(7))
     best = fit(make_batch([run]), space, np.array([0.1]), u[:1], np.zeros((1, 1)))
-    std = float(np.sqrt(best.covariance_z()[0, 0]))
+    std = float(np.sqrt(best.compute_covariance_z()[0, 0]))
     ends = profile(best, 2, {"damping_rate_1_s": std}, 1.0)["damping_rate_1_s"]
     found = (np.array([*ends["68"], *ends["95"]]) - 0.1) / std
     assert found == pytest.approx([-1, 1, -1.96, 1.96], abs=0.02)

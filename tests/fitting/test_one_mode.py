@@ -22,7 +22,7 @@ def test_the_damping_of_a_decay_into_the_noise_has_no_bias():
     amplitude."""
     errors = []
     for seed in range(200):
-        value, std = one_mode.identify(*faint(seed), False).decay.of("viscous_1_s")
+        value, std = one_mode.identify(*faint(seed), False).decay.find_coefficient("viscous_1_s")
         errors.append((value - RATE) / std)
     assert abs(np.mean(errors)) < 0.3 and np.std(errors) == pytest.approx(1, abs=0.2)
 
@@ -30,5 +30,5 @@ def test_the_damping_of_a_decay_into_the_noise_has_no_bias():
 def test_a_mode_that_a_step_makes_grow_beyond_all_numbers_is_a_poor_one():
     run, z = faint(0)
     problem = two_modes._Exponentials(z[:, None], TIME, run.std, 100)
-    point = problem.at(np.array([1e4 + 0j, -0.2 + 1j]))
+    point = problem.evaluate(np.array([1e4 + 0j, -0.2 + 1j]))
     assert np.isfinite(point.cost) and np.isfinite(problem.linearise(point).exponent).all()

@@ -85,7 +85,7 @@ def test_groups_without_a_row_are_refused():
 def test_increments_and_stokes_come_near_the_bound(noisy):
     """Integrated along the run they lose little against the likelihood."""
     runs, space = noisy
-    bound = np.sqrt(np.diag(fit_base_model(runs, blocks=300).covariance_z()))[:6]
+    bound = np.sqrt(np.diag(fit_base_model(runs, blocks=300).compute_covariance_z()))[:6]
     for method in ("increments", "stokes"):
         assert np.all(
             np.sqrt(np.diag(regressions.solve(runs, space, method).covariance))[:6] < 2 * bound

@@ -88,7 +88,7 @@ def sized(effect, fit, z, random):
         values["time_s"] = float(random.uniform(0.3, 0.7) * fit.series.time_s.max())
 
     def beside(columns):
-        return fit.basis.off(fit.basis.off(columns))
+        return fit.basis.project_out(fit.basis.project_out(columns))
 
     if effect.name == "saturation":
         u, weight = fit.flow.prediction.seen, fit.series.weight[..., None]

@@ -43,9 +43,12 @@ def errors_of(record, unseen, truth):
     z, error = [], []
     for wave in unseen:
         path = build_path(wave, harmonics=1)
-        x, theta = path.middle(path.temperature_degc), path.middle(path.angle_rad)
+        x, theta = (
+            path.average_neighbours(path.temperature_degc),
+            path.average_neighbours(path.angle_rad),
+        )
         found = record.values_at(x, theta)[0] + compute_measured_drift(record, path)
-        true = compute_drift(truth(float(x[0])), theta, path.middle(path.ratio))
+        true = compute_drift(truth(float(x[0])), theta, path.average_neighbours(path.ratio))
         std = compute_standard_deviations(record, x, theta)[0]
         z.append((found - true) / std)
         error.append(found - true)

@@ -328,7 +328,7 @@ def test_a_wander_has_the_density_and_the_correlation_it_is_asked_for():
         noise = ColouredNoise(1.0, 2.0, tau, 0.0)
         ends = [course(noise, 0.02, 1.0, random) for _ in range(3000)]
         end = np.array([np.interp(1.0, t, x) for t, x in ends])
-        assert np.std(end) == pytest.approx(noise.after(1.0), rel=0.06)
+        assert np.std(end) == pytest.approx(noise.compute_std_after(1.0), rel=0.06)
 
 
 def test_the_colour_of_the_noise_is_measured_and_simulated():
@@ -346,10 +346,15 @@ def test_the_colour_of_the_noise_is_measured_and_simulated():
     twin = match_noise(make_twin(result, made, own()), made, 0)
     measured = twin.runs[0].colour[2]
     # over a tenth of a second, which such a run knows
-    assert 0.5 < measured.after(0.1) / ColouredNoise(1.0, 2e-5, 0.0, 0.0).after(0.1) < 2
+    assert (
+        0.5
+        < measured.compute_std_after(0.1)
+        / ColouredNoise(1.0, 2e-5, 0.0, 0.0).compute_std_after(0.1)
+        < 2
+    )
     again = [make_wave(twin, number, 3) for number in range(2)]
     simulated = twin_colour.of_free_runs(again, own(), 0.0)[2]
-    assert 0.4 < simulated.after(0.1) / measured.after(0.1) < 2.5
+    assert 0.4 < simulated.compute_std_after(0.1) / measured.compute_std_after(0.1) < 2.5
     plain = replace(twin, runs=[replace(run, colour=()) for run in twin.runs])
     assert not twin_colour.of_free_runs([make_wave(plain, n, 3) for n in range(2)], own(), 0.0)
     told = rehearse(result, made, own(), times=2).table()

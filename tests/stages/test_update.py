@@ -49,9 +49,12 @@ def drift_error(record, device, temperature):
         device(temperature), temperature, 0.3, 0.2, 0.04, "now", seed=99, duration=10.0
     )
     path = build_path(wave, harmonics=1)
-    x, theta = path.middle(path.temperature_degc), path.middle(path.angle_rad)
+    x, theta = (
+        path.average_neighbours(path.temperature_degc),
+        path.average_neighbours(path.angle_rad),
+    )
     found = record.values_at(x, theta)[0] + compute_measured_drift(record, path)
-    error = found - compute_drift(device(temperature), theta, path.middle(path.ratio))
+    error = found - compute_drift(device(temperature), theta, path.average_neighbours(path.ratio))
     return float(np.sqrt(np.mean(error**2))), float(
         np.sqrt(np.mean((error / compute_standard_deviations(record, x, theta)[0]) ** 2))
     )

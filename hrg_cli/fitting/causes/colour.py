@@ -49,7 +49,7 @@ class ColouredNoise:
     correlation_s: float
     clear: float
 
-    def after(self, time_s: float) -> float:
+    def compute_std_after(self, time_s: float) -> float:
         """Standard deviation of the wander after a time from a start at which its rate is any."""
         return float(
             np.sqrt(
@@ -161,11 +161,11 @@ def estimate(time_s: Array, values: Array, std: Array) -> ColouredNoise:
     >>> walked.clear > 30, 0.5 < walked.wander_1_s < 2
     (True, True)
     """
-    course = WanderLikelihood.of(time_s, values, std)
+    course = WanderLikelihood.from_series(time_s, values, std)
     freedom = max(1, len(values) - course.fixed.shape[1])
     # the rival: white noise alone, of a level that has a closed form
     white = float(np.mean((course.smooth / std) ** 2)) * len(values) / freedom
-    alone = course.cost(max(white, 1e-6), 0.0, 0.0)
+    alone = course.compute_cost(max(white, 1e-6), 0.0, 0.0)
     # two starts: q and τ trade along a ridge (a short τ is a random walk, a long one a drift), and
     # one start stays on its side of it
     ends = [course.descend(tau) for tau in (course.step_s / 3, course.span_s / 40)]
@@ -189,7 +189,7 @@ class WanderLikelihood:
     smooth: Array
 
     @classmethod
-    def of(cls, time_s: Array, values: Array, std: Array) -> WanderLikelihood:
+    def from_series(cls, time_s: Array, values: Array, std: Array) -> WanderLikelihood:
         """With the polynomials fitted at the stated σ."""
         t = time_s - time_s[0]
         fixed = np.polynomial.legendre.legvander(2 * t / float(t[-1]) - 1, SMOOTH)
@@ -206,7 +206,7 @@ class WanderLikelihood:
         """Usual time from row to row."""
         return float(np.median(np.diff(self.time_s)))
 
-    def cost(self, w2: float, q: float, tau: float) -> float:
+    def compute_cost(self, w2: float, q: float, tau: float) -> float:
         """−2 ln of the restricted likelihood, ln|C| + ln|XᵀC⁻¹X| + rᵀC⁻¹r (Patterson and Thompson
         1971); infinite where C is no covariance."""
         C = np.diag(w2 * self.std**2) + (compute_wander(self.time_s, q, tau) if q > 0 else 0.0)
@@ -240,7 +240,7 @@ class WanderLikelihood:
 
         def bounded(x: Array) -> float:
             inside = np.clip(x[2], low, high)
-            cost = self.cost(*np.exp([max(x[0], LEAST_WHITE), x[1], inside]))
+            cost = self.compute_cost(*np.exp([max(x[0], LEAST_WHITE), x[1], inside]))
             return float(cost + (x[2] - inside) ** 2)
 
         found = minimize(

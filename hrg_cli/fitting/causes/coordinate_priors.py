@@ -30,13 +30,13 @@ class CoordinatePriors:
     """What takes its place once the misfit is no longer gross enough to bend what is weakly known;
     None: the same."""
 
-    def holding(self, name: str, value: float) -> CoordinatePriors:
+    def hold(self, name: str, value: float) -> CoordinatePriors:
         """The same with one coordinate held at a value."""
         mean, std = self.mean.copy(), self.std.copy()
         mean[COORDINATES.index(name)], std[COORDINATES.index(name)] = value, 0.0
         return replace(self, mean=mean, std=std)
 
-    def strays(self, series: MeasuredRuns) -> Array:
+    def build_offset_rows(self, series: MeasuredRuns) -> Array:
         """Rows (R, R) of the runs' offsets that this prior pulls to zero; none where they are
         free."""
         if not np.isfinite(self.offset_std):
@@ -96,7 +96,9 @@ def build_coordinate_rows(freedom: CoordinatePriors, layout: FitColumns) -> Arra
     [[0.0, 10.0, 0.0], [0.0, 0.0, 2.0]]
     """
     own = list_pulled(freedom)
-    return layout.beside([layout.coordinates.index(k) for k in own], np.diag(1 / freedom.std[own]))
+    return layout.spread_rows(
+        [layout.coordinates.index(k) for k in own], np.diag(1 / freedom.std[own])
+    )
 
 
 def build_prior_rows(freedom: CoordinatePriors, layout: FitColumns, series: MeasuredRuns) -> Array:
@@ -128,8 +130,8 @@ def build_prior_rows(freedom: CoordinatePriors, layout: FitColumns, series: Meas
     >>> build_prior_rows(free, layout, series)[:, [4, 9]].tolist()
     [[1.0, -1.0], [-1.0, 1.0]]
     """
-    strays = freedom.strays(series)
-    offsets = layout.beside([layout.frequency(k) for k in range(layout.runs)], strays)
+    strays = freedom.build_offset_rows(series)
+    offsets = layout.spread_rows([layout.frequency(k) for k in range(layout.runs)], strays)
     return np.concatenate([build_coordinate_rows(freedom, layout), offsets])
 
 
@@ -166,6 +168,6 @@ def compute_prior_residual(freedom: CoordinatePriors, point: Point, series: Meas
     return np.concatenate(
         [
             (freedom.mean[k] - point.p[k]) / freedom.std[k],
-            -(freedom.strays(series) @ point.offset_rad_s),
+            -(freedom.build_offset_rows(series) @ point.offset_rad_s),
         ]
     )

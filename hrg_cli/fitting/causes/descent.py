@@ -73,7 +73,7 @@ def compute_cost(prediction: Prediction, freedom: CoordinatePriors) -> float:
         return np.inf
     series = prediction.series
     pull = compute_prior_residual(freedom, prediction.point, series)
-    return float(np.sum(flatten_rows(series, prediction.residual()) ** 2) + np.sum(pull**2))
+    return float(np.sum(flatten_rows(series, prediction.compute_residual()) ** 2) + np.sum(pull**2))
 
 
 def tell_no_motion(series: MeasuredRuns, point: Point) -> DivergedError:
@@ -125,7 +125,7 @@ class LinearModel:
     @property
     def expected(self) -> float:
         """Fall of χ² that the whole step promises."""
-        return float(np.sum(self.design.times(self.step) ** 2))
+        return float(np.sum(self.design.multiply(self.step) ** 2))
 
 
 def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePriors) -> LinearModel:
@@ -179,7 +179,7 @@ def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePri
     series = prediction.series
     flow = linearise_flow(prediction)
     design = compute_design(flow, layout)
-    residual = flatten_rows(series, prediction.residual())
+    residual = flatten_rows(series, prediction.compute_residual())
     try:
         factored = factor_design(design)
     except np.linalg.LinAlgError as error:
@@ -287,7 +287,7 @@ def descend(
 
 def _predict_fall(design: Design, residual: Array, step: Array) -> float:
     """By how much a step lowers χ² in the linear model."""
-    change = design.times(step)  # |r|² − |r − Js|²
+    change = design.multiply(step)  # |r|² − |r − Js|²
     return float(2 * residual @ change - change @ change)
 
 

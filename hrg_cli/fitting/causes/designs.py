@@ -42,7 +42,7 @@ class Design:
     already."""
 
     @classmethod
-    def of(cls, J: Array, blocks: Sequence[Block] = ()) -> Design:
+    def from_matrix(cls, J: Array, blocks: Sequence[Block] = ()) -> Design:
         """The parts of a whole matrix (N, k)."""
         alone = np.zeros(J.shape[1], bool)
         for _, columns in blocks:
@@ -60,14 +60,14 @@ class Design:
             values.shape[1] for _, _, values in self.own
         )
 
-    def times(self, step: Array) -> Array:
+    def multiply(self, step: Array) -> Array:
         """J step, (N,)."""
         out = self.shared @ step[self.places]
         for rows, columns, values in self.own:
             out[rows] += values @ step[columns]
         return self._off(out)
 
-    def along(self, S: Array) -> Array:
+    def multiply_transposed(self, S: Array) -> Array:
         """Jᵀ S of columns (N, …), (k, …)."""
         S = self._off(S)
         out = np.zeros((self.shape[1], *S.shape[1:]))
@@ -76,7 +76,7 @@ class Design:
             out[columns] = values.T @ S[rows]
         return out
 
-    def whole(self) -> Array:
+    def to_matrix(self) -> Array:
         """J (N, k) as one matrix, where its size does not matter."""
         out = np.zeros(self.shape)
         out[:, self.places] = self.shared
@@ -84,7 +84,7 @@ class Design:
             out[rows, columns] = values
         return self._off(out)
 
-    def sizes(self) -> Array:
+    def compute_lengths(self) -> Array:
         """Lengths of the columns, (k,)."""
         out = np.zeros(self.shape[1])
         out[self.places] = self._squares(slice(0, len(self.shared)), self.shared)
@@ -103,7 +103,7 @@ class Design:
 
     def _off(self, S: Array) -> Array:
         """Columns (N, …) less their part along what is unknown."""
-        return S if self.unknown is None else self.unknown.off_shared(S)
+        return S if self.unknown is None else self.unknown.project_out_shared(S)
 
 
 @dataclass(frozen=True)
@@ -121,13 +121,13 @@ class Basis:
         """(N, k)."""
         return len(self.shared), self.shared.shape[1] + sum(Q.shape[1] for _, Q in self.own)
 
-    def along(self, S: Array) -> Array:
+    def project(self, S: Array) -> Array:
         """Components (k, …) of columns (N, …)."""
         return np.concatenate([*(Q.T @ S[rows] for rows, Q in self.own), self.shared.T @ S])
 
-    def off(self, S: Array) -> Array:
+    def project_out(self, S: Array) -> Array:
         """Columns (N, …) less their part along the basis."""
-        return self.off_shared(self.off_own(S))
+        return self.project_out_shared(self.project_out_own(S))
 
     @property
     def weight(self) -> Array:
@@ -143,20 +143,20 @@ class Basis:
         known = 0 if self.variance is None else int(np.count_nonzero(np.isfinite(self.variance)))
         return self.shape[1] - known
 
-    def over(self, level: float) -> Basis:
+    def scale_noise(self, level: float) -> Basis:
         """The same where every σ is `level` times as large."""
         if self.variance is None:
             return self
         return Basis(self.own, self.shared, self.variance / level**2)
 
-    def off_own(self, S: Array) -> Array:
+    def project_out_own(self, S: Array) -> Array:
         """Columns (N, …) less their part along what lives on some rows alone."""
         out = S.copy()
         for rows, Q in self.own:
             out[rows] -= Q @ (Q.T @ S[rows])
         return out
 
-    def off_shared(self, S: Array) -> Array:
+    def project_out_shared(self, S: Array) -> Array:
         """Columns (N, …) less their part along what reaches over all rows."""
         return np.asarray(S - self.shared @ weigh_rows(self.weight, self.shared.T @ S))
 
@@ -168,11 +168,11 @@ class Softened:
 
     own: tuple[tuple[slice, Array, Array], ...]
 
-    def off(self, S: Array) -> Array:
+    def whiten(self, S: Array) -> Array:
         """Columns (N, …) whitened, W S: (1 + Q Λ Qᵀ)^{−1/2} of one part after the other."""
         return self._one_after_the_other(S, self.own)
 
-    def back(self, S: Array) -> Array:
+    def whiten_transposed(self, S: Array) -> Array:
         """Wᵀ S, so that of rows r the noise that is most likely in them is Wᵀ W r."""
         return self._one_after_the_other(S, self.own[::-1])
 
@@ -184,7 +184,7 @@ class Softened:
             out[rows] -= Q @ (along.T * (1 - 1 / np.sqrt(1 + power))).T
         return out
 
-    def over(self, level: float) -> Softened:
+    def scale_noise(self, level: float) -> Softened:
         """The same where every σ is `level` times as large."""
         return Softened(tuple((rows, Q, power / level**2) for rows, Q, power in self.own))
 
@@ -212,7 +212,7 @@ class Factored:
         covariance is then that along the wall.
         """
         rows = np.concatenate([self.triangle, prior])
-        right = np.concatenate([self.basis.along(residual), prior_residual])
+        right = np.concatenate([self.basis.project(residual), prior_residual])
         if wall is None:
             return solve(rows, right)
         first = wall * (distance / float(wall @ wall))
@@ -246,14 +246,14 @@ def factor_design(design: Design, tolerance: float = 1e-10) -> Factored:
     >>> x = np.arange(6.0)
     >>> J = np.column_stack([x, x < 3, x >= 3, 0 * x])
     >>> blocks = [(slice(0, 3), slice(1, 2)), (slice(3, 6), slice(2, 4))]
-    >>> factored = factor_design(Design.of(J, blocks))
+    >>> factored = factor_design(Design.from_matrix(J, blocks))
     >>> bool(np.allclose(factored.triangle.T @ factored.triangle, J.T @ J))
     True
     >>> step, _ = factored.solve(2 * x + 5 * (x < 3), np.zeros((0, 4)), np.zeros(0))
     >>> step.round(9) + 0
     array([2., 5., 0., 0.])
     """
-    size = design.sizes()
+    size = design.compute_lengths()
     nothing = size == 0
     size[nothing] = 1.0
     count = design.shape[1]
@@ -267,10 +267,10 @@ def factor_design(design: Design, tolerance: float = 1e-10) -> Factored:
     unknown = np.zeros((len(design.shared), 0)) if design.unknown is None else design.unknown.shared
     # the blocks stand with their part along what is unknown, which therefore comes into the basis
     left = np.column_stack([unknown, design.shared / size[design.places]])
-    beside = first.along(left)
-    left = first.off(left)
-    again = first.along(left)  # what little is left holds the rounding of what was taken off
-    Q, part = _split(first.off(left), tolerance)
+    beside = first.project(left)
+    left = first.project_out(left)
+    again = first.project(left)  # what little is left holds the rounding of what was taken off
+    Q, part = _split(first.project_out(left), tolerance)
     reach = np.concatenate([beside + again, part])
     triangle = np.concatenate([*upper, np.zeros((len(part), count))])
     triangle[:, design.places] = reach[:, unknown.shape[1] :]

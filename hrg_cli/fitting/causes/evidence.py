@@ -58,7 +58,7 @@ class Score:
     @cached_property
     def space(self) -> Array:
         """Orthonormal basis (N, rank) of what the candidate does beside the basis."""
-        return self.basis.off(self.basis.off(self.columns @ self.directions))
+        return self.basis.project_out(self.basis.project_out(self.columns @ self.directions))
 
 
 def score(name: str, residual: Array, sensitivity: Array, basis: Basis) -> Score:
@@ -132,7 +132,7 @@ def score_candidates(
     ledger = Ledger(residual, basis)
     if sensitivities:
         ledger.enter(np.concatenate(sensitivities, axis=1), [S.shape[1] for S in sensitivities])
-    return ledger.scores(names, [partial(np.asarray, S) for S in sensitivities])
+    return ledger.compute_scores(names, [partial(np.asarray, S) for S in sensitivities])
 
 
 class Ledger:
@@ -146,7 +146,7 @@ class Ledger:
     def __init__(self, residual: Array, basis: Basis) -> None:
         self.basis = basis
         self.beside = np.column_stack([basis.shared, residual])
-        self.known = basis.along(residual)
+        self.known = basis.project(residual)
         self.entries: list[tuple[Array, Array, Array]] = []
 
     def enter(self, S: Array, widths: Sequence[int]) -> None:
@@ -174,7 +174,9 @@ class Ledger:
                 self.entries.append((P[own, own], projected[own], size[own]))
             start = stop
 
-    def scores(self, names: Sequence[str], columns: Sequence[Callable[[], Array]]) -> list[Score]:
+    def compute_scores(
+        self, names: Sequence[str], columns: Sequence[Callable[[], Array]]
+    ) -> list[Score]:
         """Of all candidates in the order they were entered; `columns`: what makes their columns
         anew."""
         alike: dict[int, list[int]] = {}

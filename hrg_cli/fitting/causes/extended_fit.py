@@ -101,13 +101,13 @@ class ExtendedFit:
     def _known(self) -> dict[Any, Array]:
         return {}
 
-    def remembered(self, key: Hashable, made: Callable[[], Any]) -> Any:
+    def recall(self, key: Hashable, made: Callable[[], Any]) -> Any:
         """What is made beside this fit, the same for the same key."""
         if key not in self._known:
             self._known[key] = made()
         return self._known[key]
 
-    def sensitivities(self, wanted: Sequence[Wanted]) -> list[Array]:
+    def find_sensitivities(self, wanted: Sequence[Wanted]) -> list[Array]:
         """Of many effects at the optimum, (N, K) each; what was asked for once is remembered."""
         keys = [
             (effect, tuple(values.items()), tuple(steps.items()))
@@ -145,7 +145,7 @@ class ExtendedFit:
         out[np.ix_(there, there)] = self.covariance[np.ix_(columns, columns)]
         return out
 
-    def away(self, effect: Effect) -> tuple[Array, float]:
+    def measure_distance(self, effect: Effect) -> tuple[Array, float]:
         """How far an active effect's fitted parameters (k,) stand from neutral, and that as χ²: aᵀ
         C⁻¹ a (Wald)."""
         columns, now = self.layout.effect(effect.name), self.values(effect.name)
@@ -219,10 +219,10 @@ def compute_unsettled_part(fit: ExtendedFit) -> Array:
     >>> from hrg_cli.fitting.causes.extended_fit import compute_unsettled_part
     >>> scatter = Softened(((slice(0, 4), np.eye(4)[:, :1], np.array([3.0])),))
     >>> residual, weight = np.array([[[4.0, 0.0, 0.0, 0.0]]]), np.ones((1, 1))
-    >>> known = dict(unsettled=None, scatter=scatter, weight=weight, in_units=lambda u: u)
+    >>> known = dict(unsettled=None, scatter=scatter, weight=weight, to_units=lambda u: u)
     >>> series = SimpleNamespace(**known)
-    >>> prediction = SimpleNamespace(residual=lambda: residual)
-    >>> whitened, rows = scatter.off(residual.ravel()), np.argwhere(np.ones((1, 1, 4)))
+    >>> prediction = SimpleNamespace(compute_residual=lambda: residual)
+    >>> whitened, rows = scatter.whiten(residual.ravel()), np.argwhere(np.ones((1, 1, 4)))
     >>> fit = SimpleNamespace(series=series, prediction=prediction, residual=whitened, rows=rows)
     >>> compute_unsettled_part(fit).tolist()
     [[[(3+0j), 0j]]]
@@ -232,11 +232,11 @@ def compute_unsettled_part(fit: ExtendedFit) -> Array:
         return np.zeros_like(fit.prediction.seen)
     noise = fit.residual
     if series.unsettled is not None:
-        noise = series.unsettled.off(noise)
+        noise = series.unsettled.project_out(noise)
     if series.scatter is not None:
-        noise = series.scatter.back(noise)
-    beside = fit.prediction.residual() - place_on_rows(fit, noise)
-    return series.in_units(to_complex(beside))
+        noise = series.scatter.whiten_transposed(noise)
+    beside = fit.prediction.compute_residual() - place_on_rows(fit, noise)
+    return series.to_units(to_complex(beside))
 
 
 def resolve_along_wave(fit: ExtendedFit, values: Array) -> Array:

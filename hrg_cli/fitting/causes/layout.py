@@ -107,7 +107,7 @@ class FitColumns:
         for name, _ in self.effects:
             yield "effect", name, self.effect(name)
 
-    def beside(self, columns: Sequence[int], rows: Array) -> Array:
+    def spread_rows(self, columns: Sequence[int], rows: Array) -> Array:
         """Rows (m, len(columns)) spread over all columns, (m, count)."""
         out = np.zeros((len(rows), self.count))
         out[:, list(columns)] = rows

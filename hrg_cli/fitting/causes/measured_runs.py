@@ -33,7 +33,7 @@ class MeasuredRuns:
     ...     names=("left",), time_s=t, rate_rad_s=0.1 * t**2, table_angle_rad=0.1 * t**3 / 3,
     ...     reference_frequency_hz=5e3, mode_number=2,
     ... ))
-    >>> series.middle().rate_rad_s.round(9).tolist()
+    >>> series.average_neighbours().rate_rad_s.round(9).tolist()
     [[0.025, 0.225, 0.625]]
     """
 
@@ -100,12 +100,12 @@ class MeasuredRuns:
         """(R, n − 1), 0 where padded."""
         return np.diff(self.time_s, axis=1)
 
-    def runs(self, index: Sequence[int]) -> MeasuredRuns:
+    def select_runs(self, index: Sequence[int]) -> MeasuredRuns:
         """Some of the runs."""
         index = list(index)
         cut = self._cut(index)
         return replace(
-            self.alone(),
+            self.drop_shared_doubt(),
             names=tuple(self.names[i] for i in index),
             turn_rad_s=self.turn_rad_s[index],
             number=self.numbers[index],
@@ -113,30 +113,30 @@ class MeasuredRuns:
             **cut,
         )
 
-    def later(self, first: int) -> MeasuredRuns:
+    def drop_rows_before(self, first: int) -> MeasuredRuns:
         """The runs from one row on."""
-        return replace(self.alone(), **self._cut((slice(None), slice(first, None))))
+        return replace(self.drop_shared_doubt(), **self._cut((slice(None), slice(first, None))))
 
     def _cut(self, part: Any) -> dict[str, Any]:
         """The arrays' part of these indices."""
         return {f: getattr(self, f)[part] for f in _ARRAYS if getattr(self, f) is not None}
 
-    def alone(self) -> MeasuredRuns:
+    def drop_shared_doubt(self) -> MeasuredRuns:
         """The rows without what is said of all of them together: what is unsettled, and what may
         scatter."""
         return replace(self, unsettled=None, scatter=None, walk=None, frame_turn=None)
 
-    def over_noise(self, change: Array) -> Array:
+    def whiten(self, change: Array) -> Array:
         """Changes of the envelopes (R, n, 2) over their noise: of unit variance in either channel,
         and none in common."""
         return channel_noise.whiten(self.whitening, change) * self.weight[..., None]
 
-    def reals_over_noise(self, change: Array) -> Array:
+    def whiten_reals(self, change: Array) -> Array:
         """The same of reals, (R, n, 4, K)."""
         weight = self.weight[..., None, None]
         return channel_noise.whiten_reals(self.whitening, change) * weight
 
-    def in_units(self, over_noise: Array) -> Array:
+    def to_units(self, over_noise: Array) -> Array:
         """Envelopes (R, n, 2) in the signals' unit from the same over their noise; 0 where a row has
         no weight."""
         weight = np.where(self.weight > 0, self.weight, np.inf)[..., None]
@@ -152,7 +152,7 @@ class MeasuredRuns:
         """The same beside the rows, (R, 1), as a state of the envelopes has it."""
         return self.numbers[:, None]
 
-    def middle(self) -> MeasuredRuns:
+    def average_neighbours(self) -> MeasuredRuns:
         """The same quantities in the middle of the steps, (R, n − 1)."""
         cut = {
             f: (getattr(self, f)[:, 1:] + getattr(self, f)[:, :-1]) / 2

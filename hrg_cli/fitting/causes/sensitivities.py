@@ -87,7 +87,7 @@ class Propagation:
         """What finds a motion close by sooner."""
         return self.prediction.motion, self.step
 
-    def carried(
+    def propagate(
         self,
         at_rows: Array,
         at_middle: Array,
@@ -108,7 +108,9 @@ class Propagation:
             source += in_steps
         return accumulate_steps(self.step, np.zeros(4)[:, None] if start is None else start, source)
 
-    def carried_by(self, at_rows: Array, at_middle: Array, g_rows: Array, g_middle: Array) -> Array:
+    def propagate_products(
+        self, at_rows: Array, at_middle: Array, g_rows: Array, g_middle: Array
+    ) -> Array:
         """The same for sources that are vectors (R, n, 4, J) times functions (R, n, C), columns of
         a function side by side."""
         h = self.prediction.series.step_s[..., None, None]
@@ -117,13 +119,13 @@ class Propagation:
         source += multiply_out(h / 6 * at_rows[:, 1:], g_rows[:, 1:])
         return accumulate_steps(self.step, np.zeros((4, 1)), source)
 
-    def viewed(self, change: Array) -> Array:
+    def read_out(self, change: Array) -> Array:
         """Changes of the motion through the read-out's slope, (R, n, 4, K)."""
         return change if self.view is None else self.view @ change
 
-    def seen(self, change: Array) -> Array:
+    def whiten_read_out(self, change: Array) -> Array:
         """The same over σ of what the fit judges."""
-        return self.prediction.judged(self.viewed(change))
+        return self.prediction.whiten_judged(self.read_out(change))
 
 
 def linearise_flow(prediction: Prediction) -> Propagation:
@@ -161,13 +163,13 @@ def linearise_flow(prediction: Prediction) -> Propagation:
     True
     """
     series, point, u = prediction.series, prediction.point, prediction.motion
-    centre = series.middle()
+    centre = series.average_neighbours()
     h = series.step_s[..., None, None]
     L, M = build_generators(series, point), build_generators(centre, point)
     steady = find_steady_generators(series, L)[:, None]
     L, M = L - steady, M - steady
     rows, halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
-    slope_rows = apply_generators(L, u) + rows.beside(u)
+    slope_rows = apply_generators(L, u) + rows.compute_source(u)
     hh, half = series.step_s[..., None], series.step_s / 2
     # cubic Hermite interpolation of the midpoint, in the frame that moves with the steady part
     ahead, back = exponentiate(steady, half), exponentiate(steady, -half)
@@ -179,8 +181,8 @@ def linearise_flow(prediction: Prediction) -> Propagation:
     A, B = make_real_matrix(L), make_real_matrix(M)
     view = None
     if not rows.idle:
-        A, B = A + find_slope(rows.beside, u), B + find_slope(halves.beside, middle)
-        view = find_slope(rows.seen, u)
+        A, B = A + find_slope(rows.compute_source, u), B + find_slope(halves.compute_source, middle)
+        view = find_slope(rows.read_out, u)
     eye = np.eye(4)
 
     def flow(first: Array, mid: Array, last: Array, h: Array) -> Array:
@@ -214,11 +216,13 @@ def _base_sources(
     ]
     if flow.prediction.series.forced.any():
         # the force's second order goes with the same coordinates
-        drive = stage.lit(u).drive
+        drive = stage.make_state(u).drive
         for k in SPLIT:
             second = compute_second_order_force(np.eye(COUNT)[k], hz)
             columns[k] = columns[k] + point.p[SECOND_ORDER] * apply_generators(second, drive)
-        change = stage.ordered(_more_order(point.p), hz).beside(u) - stage.beside(u)
+        change = stage.replace_second_order(_more_order(point.p), hz).compute_source(
+            u
+        ) - stage.compute_source(u)
         columns[COUNT - 1] = columns[COUNT - 1] + change / ORDER_STEP
     held = np.isfinite(series.held_amplitude)
     if held.any():
@@ -281,11 +285,13 @@ def find_base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     rows = _base_sources(flow, series, u, flow.rows)
     mids = _base_sources(flow, flow.centre, flow.middle, flow.halves)
     pad = [(0, 0)] * 3 + [(0, 4)]  # a start state has no source: it is carried alone
-    carried = flow.viewed(flow.carried(np.pad(rows, pad), np.pad(mids, pad), start))
+    carried = flow.read_out(flow.propagate(np.pad(rows, pad), np.pad(mids, pad), start))
     if series.forced.any():
-        more = flow.rows.ordered(_more_order(prediction.point.p), series.reference_frequency_hz)
-        carried[..., COUNT - 1] += to_reals(more.seen(u) - flow.rows.seen(u)) / ORDER_STEP
-    carried = prediction.judged(carried)
+        more = flow.rows.replace_second_order(
+            _more_order(prediction.point.p), series.reference_frequency_hz
+        )
+        carried[..., COUNT - 1] += to_reals(more.read_out(u) - flow.rows.read_out(u)) / ORDER_STEP
+    carried = prediction.whiten_judged(carried)
     own = np.concatenate([carried[..., COUNT + 1 :], carried[..., COUNT : COUNT + 1]], axis=-1)
     return carried[..., :COUNT], own
 
@@ -311,9 +317,12 @@ class _Seen:
 
     def __init__(self, flow: Propagation) -> None:
         self.flow, self.u = flow, flow.prediction.motion
-        self.at_rows, self.at_middle = flow.rows.lit(self.u), flow.halves.lit(flow.middle)
+        self.at_rows, self.at_middle = (
+            flow.rows.make_state(self.u),
+            flow.halves.make_state(flow.middle),
+        )
 
-    def terms(
+    def differentiate(
         self, effect: Effect, values: Mapping[str, float], steps: Mapping[str, float]
     ) -> _Terms:
         """Differences are forward from a neutral value, else central."""
@@ -326,11 +335,11 @@ class _Seen:
             pairs.append((up, down, up[name] - down[name]))
         if effect.slow_environment is not same_state:
             return self._through_the_environment(effect, pairs)
-        others = self.flow.rows.without(effect).seen(self.u)
+        others = self.flow.rows.remove_effect(effect).read_out(self.u)
         rows = middles = direct = None
         if effect.slow is not no_term:
-            at = self.flow.rows.acted_on(effect, self.u, self.at_rows)
-            between = self.flow.halves.acted_on(effect, self.flow.middle, self.at_middle)
+            at = self.flow.rows.choose_envelopes(effect, self.u, self.at_rows)
+            between = self.flow.halves.choose_envelopes(effect, self.flow.middle, self.at_middle)
             rows = _differences(
                 lambda p: effect.slow(p, at, self.at_rows), pairs, self.at_rows.drive
             )
@@ -356,13 +365,15 @@ class _Seen:
             return RungeKuttaStage(series, replace(point, active=(*others, (effect, changed))))
 
         return _Terms(
-            _differences(lambda p: stage(series, p).beside(self.u), pairs, self.at_rows.drive),
             _differences(
-                lambda p: stage(self.flow.centre, p).beside(self.flow.middle),
+                lambda p: stage(series, p).compute_source(self.u), pairs, self.at_rows.drive
+            ),
+            _differences(
+                lambda p: stage(self.flow.centre, p).compute_source(self.flow.middle),
                 pairs,
                 self.at_middle.drive,
             ),
-            _differences(lambda p: stage(series, p).seen(self.u), pairs, self.u),
+            _differences(lambda p: stage(series, p).read_out(self.u), pairs, self.u),
         )
 
 
@@ -431,7 +442,7 @@ def find_effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> li
     if not wanted:
         return []
     seen = _Seen(flow)
-    terms = [seen.terms(*one) for one in wanted]
+    terms = [seen.differentiate(*one) for one in wanted]
     counts = [len(steps) for _, _, steps in wanted]
     moving = [
         k
@@ -449,12 +460,12 @@ def find_effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> li
         )
         # one sweep through all runs carries the columns of every effect at once: the propagators
         # are the cost, not the columns
-        carried = flow.carried(
+        carried = flow.propagate(
             np.concatenate(rows, -1),
             np.concatenate(middles, -1),
             in_steps=None if jumps is None else np.concatenate(jumps, -1),
         )
-        carried = flow.viewed(carried)
+        carried = flow.read_out(carried)
         for k, part in zip(
             moving,
             np.split(carried, np.cumsum([counts[k] for k in moving])[:-1], axis=-1),
@@ -462,7 +473,7 @@ def find_effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> li
         ):
             out[k] = part
     return [
-        flow.prediction.judged(o if t.direct is None else o + t.direct)
+        flow.prediction.whiten_judged(o if t.direct is None else o + t.direct)
         for o, t in zip(out, terms, strict=True)
     ]
 

@@ -1,7 +1,7 @@
 """The slow model with effects beside L: the drive along the wave, what demodulation shows of the
 motion, the effects' terms, jumps.
 
-What moves under a force f is v, which demodulation shows as u = v + jf/2ω (`shown`): f makes the
+What moves under a force f is v, which demodulation shows as u = v + jf/2ω (`compute_displacement`): f makes the
 displacement lead at once, and v alone follows it in time. From z̈ + 2Γż + Wz = Re[2jωf e^{jωt}] and
 u̇ = Lu + g, (2jω + 2Γ + L)g + ġ = 2jωf, so that v̇ = Lv + f + j(Γ + L)f/ω = Lv + f − δωR f/ω: to
 second order in the rates over ω, and without ḟ, however quickly the loops change it.
@@ -69,7 +69,7 @@ class RungeKuttaStage:
         self.held, self.held_slope = series.held_amplitude, series.held_slope
         self.follow_1_s = FOLLOWING / max(float(series.time_s.max() - series.time_s.min()), 1e-9)
 
-    def at(self, k: int | slice) -> RungeKuttaStage:
+    def select_instants(self, k: int | slice) -> RungeKuttaStage:
         """The instants of columns k."""
         one = object.__new__(RungeKuttaStage)
         state = object.__new__(SlowState)
@@ -93,7 +93,7 @@ class RungeKuttaStage:
         )
         return one
 
-    def instants(self, L: Array) -> Instants:
+    def to_instants(self, L: Array) -> Instants:
         """The same in numbers and arrays alone, for a march without causes."""
         shape = L.shape[:2]
 
@@ -111,11 +111,11 @@ class RungeKuttaStage:
             follow_1_s=float(self.follow_1_s),
         )
 
-    def constants(self) -> Constants:
+    def to_constants(self) -> Constants:
         """What all instants share of that."""
         return Constants(self.second, complex(self.lead))
 
-    def drive(self, v: Array) -> Array:
+    def compute_drive(self, v: Array) -> Array:
         """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B) along the wave as the
         loops see it; without a log, what holds the measured amplitude."""
         # one iteration: the loops see u, which the force itself moves; the next would be (1/ωτ)² of it
@@ -147,36 +147,36 @@ class RungeKuttaStage:
             return None
         return compute_lead(series.reference_frequency_hz) * _orders(series, point)[1]
 
-    def shown(self, v: Array) -> Array:
+    def compute_displacement(self, v: Array) -> Array:
         """The envelopes u = v + jf/2ω + jL₂v/2ω that demodulation shows of the displacement, before
         the read-outs."""
-        u = v + self.lead * self.drive(v) if self.driven else v
+        u = v + self.lead * self.compute_drive(v) if self.driven else v
         return u if self.beside_motion is None else u + apply_generators(self.beside_motion, v)
 
-    def lit(self, u: Array) -> SlowState:
+    def make_state(self, u: Array) -> SlowState:
         """What the effects look at beside the envelopes u, with the drive these call for."""
         if not self.driven:
             return self.state
         state = copy.copy(self.state)
-        state.drive = self.drive(u)
+        state.drive = self.compute_drive(u)
         return state
 
-    def ordered(self, p: Array, frequency_hz: float) -> RungeKuttaStage:
+    def replace_second_order(self, p: Array, frequency_hz: float) -> RungeKuttaStage:
         """The same with the force's second order of other coordinates."""
         one = copy.copy(self)
         one.second = p[coordinates.SECOND_ORDER] * compute_second_order_force(p, frequency_hz)
         one.lead = p[coordinates.SECOND_ORDER] * compute_lead(frequency_hz)
         return one
 
-    def without(self, effect: Effect) -> RungeKuttaStage:
+    def remove_effect(self, effect: Effect) -> RungeKuttaStage:
         """The same with one effect out of the equation; what it does to the environment stays."""
         one = copy.copy(self)
         one.active = tuple(pair for pair in self.active if pair[0].name != effect.name)
         return one
 
-    def beside(self, v: Array) -> Array:
+    def compute_source(self, v: Array) -> Array:
         """dv/dt beside L v."""
-        state = self.lit(v)
+        state = self.make_state(v)
         total = (
             state.drive + apply_generators(self.second, state.drive)
             if self.driven
@@ -184,10 +184,10 @@ class RungeKuttaStage:
         )
         for effect, values in self.active:
             if effect.slow is not no_term:
-                total += effect.slow(values, self.acted_on(effect, v, state), state)
+                total += effect.slow(values, self.choose_envelopes(effect, v, state), state)
         return total
 
-    def acted_on(self, effect: Effect, v: Array, state: SlowState) -> Array:
+    def choose_envelopes(self, effect: Effect, v: Array, state: SlowState) -> Array:
         """Envelopes that an effect's slow term looks at: loops and forcers see the displacement u =
         v + jf/2ω, what slows the motion its velocity, ż = Re[(jωu + u̇) e^{jωt}], over jω: u + (Lv +
         f)/jω, and springs move as v does.
@@ -201,11 +201,11 @@ class RungeKuttaStage:
         by_loops = self.driven and effect.family == "control"
         return v + self.lead * state.drive if by_loops else v
 
-    def seen(self, v: Array) -> Array:
+    def read_out(self, v: Array) -> Array:
         """As demodulation shows it, through the read-outs."""
-        u = self.shown(v)
+        u = self.compute_displacement(v)
         if self.active:
-            state = self.lit(v)
+            state = self.make_state(v)
             for effect, values in self.active:
                 u = effect.slow_readout(values, u, state)
         return u

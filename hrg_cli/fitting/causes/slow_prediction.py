@@ -60,7 +60,7 @@ class Prediction:
         walk = self.series.walk
         return self.seen if walk is None else self.seen - walk.moved
 
-    def residual(self) -> Array:
+    def compute_residual(self) -> Array:
         """Measured minus what the log foretells over σ as reals, (R, n, 4), linear in the phase
         however far it has run off.
 
@@ -72,16 +72,16 @@ class Prediction:
         if series.free_phase:
             seen, said = (channel_noise.whiten(series.whitening, u) for u in (measured, foretold))
             turn = np.exp(-1j * np.angle(np.sum(seen * np.conj(said), axis=-1)))
-            return to_reals(series.over_noise(measured * turn[..., None] - foretold))
-        psi = self.phase_error()[..., None]
+            return to_reals(series.whiten(measured * turn[..., None] - foretold))
+        psi = self.compute_phase_error()[..., None]
         return to_reals(
-            series.over_noise(measured * np.exp(-1j * psi) - foretold + 1j * psi * foretold)
+            series.whiten(measured * np.exp(-1j * psi) - foretold + 1j * psi * foretold)
         )
 
-    def judged(self, change: Array) -> Array:
+    def whiten_judged(self, change: Array) -> Array:
         """Changes (R, n, 4, K) over σ of what the fit judges: all of them, or all but a common turn
         of both channels."""
-        change = self.series.reals_over_noise(change)
+        change = self.series.whiten_reals(change)
         if not self.series.free_phase:
             return change
         turned = to_reals(1j * channel_noise.whiten(self.series.whitening, self.seen))
@@ -92,7 +92,7 @@ class Prediction:
         # like a direction
         return left * (np.sum(left**2, axis=(0, 1, 2)) > 1e-12 * np.sum(change**2, axis=(0, 1, 2)))
 
-    def phase_error(self) -> Array:
+    def compute_phase_error(self) -> Array:
         """Phase of measured against foretold, unwrapped along each run where the signal stands out of
         the noise, (R, n)."""
         overlap = np.sum(self.series.envelope * np.conj(self.by_log), axis=-1)
@@ -118,7 +118,7 @@ class Rule:
     taken exactly (Lawson 1967)."""
 
     def __init__(self, series: MeasuredRuns, point: Point) -> None:
-        centre = series.middle()
+        centre = series.average_neighbours()
         self.rows, self.halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
         L, steady = (
             build_generators(series, point),
@@ -156,7 +156,7 @@ class Rule:
             return (
                 apply_generators(L, v)
                 if stages is None
-                else apply_generators(L, v) + stages[stage].beside(v)
+                else apply_generators(L, v) + stages[stage].compute_source(v)
             )
 
         k1 = slope(self.L[:, before], 0, u)
@@ -169,7 +169,7 @@ class Rule:
         )
         return smooth if stages is None else smooth + self.jumps[:, k]
 
-    def linear(self) -> Array:
+    def compute_propagators(self) -> Array:
         """The steps' propagators of L alone, (R, n − 1, 2, 2)."""
         units = (np.broadcast_to(unit, (*self.h.shape[:2], 2)) for unit in np.eye(2, dtype=complex))
         return np.stack([self.step(unit, ALL, None) for unit in units], axis=-1)
@@ -182,7 +182,7 @@ class Rule:
         and taken off. Propagators that gain little are those of another motion, and found anew.
         """
         u, step = near
-        stages = (self.rows.at(ALL[0]), self.halves, self.rows.at(ALL[2]))
+        stages = (self.rows.select_instants(ALL[0]), self.halves, self.rows.select_instants(ALL[2]))
         last, found_anew = np.inf, 0
         for _ in range(MOST_SWEEPS):
             missed = self.step(u[:, :-1], ALL, stages) - u[:, 1:]
@@ -203,24 +203,26 @@ class Rule:
             last = size
         return None
 
-    def marched(self, start: Array) -> Array:
+    def march(self, start: Array) -> Array:
         """The same row by row."""
         motion = np.empty((*self.rows.state.time_s.shape, 2), complex)
         u = motion[:, 0] = start
         if self.fast is not None:
             jumps = self.jumps + np.zeros_like(motion[:, 1:])
             self.fast(
-                self.rows.instants(self.L),
-                self.halves.instants(self.M),
+                self.rows.to_instants(self.L),
+                self.halves.to_instants(self.M),
                 RuleSteps(self.h[..., 0], self.E, jumps),
-                self.rows.constants(),
+                self.rows.to_constants(),
                 motion,
             )
             return motion
-        before = self.rows.at(0)
+        before = self.rows.select_instants(0)
         for k in range(motion.shape[1] - 1):
-            after = self.rows.at(k + 1)
-            u = motion[:, k + 1] = self.step(u, (k, k, k + 1), (before, self.halves.at(k), after))
+            after = self.rows.select_instants(k + 1)
+            u = motion[:, k + 1] = self.step(
+                u, (k, k, k + 1), (before, self.halves.select_instants(k), after)
+            )
             before = after
         return motion
 
@@ -304,20 +306,20 @@ def predict(series: MeasuredRuns, point: Point, near: Near | None = None) -> Pre
     """
     rule = Rule(series, point)
     if rule.fast is not None:
-        marched = rule.marched(point.start)
-        return Prediction(series, point, marched, rule.rows.seen(marched))
+        marched = rule.march(point.start)
+        return Prediction(series, point, marched, rule.rows.read_out(marched))
     if rule.rows.idle or near is None:
-        propagators = rule.linear()
+        propagators = rule.compute_propagators()
         u = np.empty((*series.time_s.shape, 2), complex)
         u[:, 0] = point.start
         for k in range(u.shape[1] - 1):
             u[:, k + 1] = apply_generators(propagators[:, k], u[:, k])
         if rule.rows.idle:
-            return Prediction(series, point, u, rule.rows.seen(u))
+            return Prediction(series, point, u, rule.rows.read_out(u))
         near = u, make_real_matrix(propagators)
     found = rule.settle(near, point.start)
-    motion = rule.marched(point.start) if found is None else found
-    return Prediction(series, point, motion, rule.rows.seen(motion))
+    motion = rule.march(point.start) if found is None else found
+    return Prediction(series, point, motion, rule.rows.read_out(motion))
 
 
 def march_motion(series: MeasuredRuns, point: Point) -> Array:
@@ -357,4 +359,4 @@ def march_motion(series: MeasuredRuns, point: Point) -> Array:
     >>> bool(np.allclose(back[:, -1], point.start)), bool(np.allclose(there[:, -1], point.start))
     (True, False)
     """
-    return Rule(series, point).marched(point.start)
+    return Rule(series, point).march(point.start)

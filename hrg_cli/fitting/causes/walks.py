@@ -35,9 +35,9 @@ class LogPieces:
     >>> import numpy as np
     >>> from hrg_cli.fitting.causes.walks import LogPieces
     >>> pieces = LogPieces(np.ones((1, 3, 4, 1)), np.array([0, 0, 1, 1]))
-    >>> pieces.count, pieces.share.round(3).tolist(), pieces.kicks().shape
+    >>> pieces.count, pieces.share.round(3).tolist(), pieces.build_jumps().shape
     (2, [0.707, 0.707, 0.707, 0.707], (1, 3, 4, 2))
-    >>> pieces.kicks()[0, :, 0].round(3).tolist()
+    >>> pieces.build_jumps()[0, :, 0].round(3).tolist()
     [[1.414, 0.0], [0.707, 0.707], [0.0, 1.414]]
     """
 
@@ -54,7 +54,7 @@ class LogPieces:
         """1/√rows of every row's piece (n,): what one σ of the piece is in each of its rows."""
         return 1 / np.sqrt(np.bincount(self.piece))[self.piece]
 
-    def kicks(self) -> Array:
+    def build_jumps(self) -> Array:
         """Jumps in the steps by one σ of every piece, (R, n − 1, 4, c · pieces): of a row's mean half
         in the step before its middle, half in that behind."""
         runs, steps, _, commands = self.jumps.shape
@@ -65,7 +65,7 @@ class LogPieces:
             out[:, k, :, :, self.piece[row]] += np.moveaxis(part, 1, 0)
         return out.reshape(runs, steps, 4, commands * self.count)
 
-    def walked(self, run: int, value: Array) -> Array:
+    def compute_jumps(self, run: int, value: Array) -> Array:
         """Jumps (n − 1, 2) of one run's steps by values (c · pieces,) of its pieces."""
         rows = value.reshape(-1, self.count)[:, self.piece] * self.share
         return np.asarray(
@@ -96,7 +96,7 @@ class Walk:
     turned: Array | None = None
 
     @classmethod
-    def none(cls, motion: Array) -> Walk:
+    def make_still(cls, motion: Array) -> Walk:
         """That of runs (R, n, 2) which do not walk."""
         return cls((), np.zeros_like(motion[:, 1:]), np.zeros_like(motion))
 
@@ -105,7 +105,7 @@ class Walk:
         """All that it moved of what is seen, (R, n, 2)."""
         return self.seen if self.turned is None else self.seen + self.turned
 
-    def likely(self, residual: Array, scatter: Softened) -> Array:
+    def estimate_jumps(self, residual: Array, scatter: Softened) -> Array:
         """Jumps (R, n − 1, 2) by the likeliest values of all pieces, w = Dᵀ C⁻¹ r, of a residual
         (N,) that is whitened by C^{−1/2}."""
         left, jumps = residual.copy(), np.zeros_like(self.jumps)
@@ -113,6 +113,6 @@ class Walk:
             along = Q.T @ left[rows] / np.sqrt(1 + power)
             if part.pieces is not None:
                 value = part.turn @ (np.sqrt(power) * along)
-                jumps[part.run] += part.pieces.walked(part.run, value)
+                jumps[part.run] += part.pieces.compute_jumps(part.run, value)
             left[rows] -= Q @ (along * (np.sqrt(1 + power) - 1))
         return jumps

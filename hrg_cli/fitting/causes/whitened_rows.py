@@ -48,7 +48,7 @@ def flatten_rows(series: MeasuredRuns, values: Array) -> Array:
     [-1.0, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0]
     """
     rows = whiten_rows(series, values)
-    return rows if series.unsettled is None else series.unsettled.off(rows)
+    return rows if series.unsettled is None else series.unsettled.project_out(rows)
 
 
 def flatten_own(series: MeasuredRuns, values: Array) -> Array:
@@ -82,7 +82,7 @@ def flatten_own(series: MeasuredRuns, values: Array) -> Array:
     [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
     """
     rows = whiten_rows(series, values)
-    return rows if series.unsettled is None else series.unsettled.off_own(rows)
+    return rows if series.unsettled is None else series.unsettled.project_out_own(rows)
 
 
 def whiten_rows(series: MeasuredRuns, values: Array) -> Array:
@@ -118,7 +118,7 @@ def whiten_rows(series: MeasuredRuns, values: Array) -> Array:
         rows = values.reshape(-1, *values.shape[3:])
     else:
         rows = values[np.broadcast_to(keep[..., None], values.shape[:3])]
-    return rows if series.scatter is None else series.scatter.off(rows)
+    return rows if series.scatter is None else series.scatter.whiten(rows)
 
 
 def find_sensitivity(
@@ -287,7 +287,7 @@ def compute_design(flow: Propagation, layout: FitColumns) -> Design:
     ... ))
     >>> point = Point(np.array([0.1, 0, 0, 0, 0, 0.5, 0]), np.array([[1.0, 0.2j]]), np.zeros(1))
     >>> design = compute_design(linearise_flow(predict(series, point)), FitColumns((0,), 1))
-    >>> design.shape, design.whole()[0].round(6).tolist()
+    >>> design.shape, design.to_matrix()[0].round(6).tolist()
     ((404, 6), [0.0, 1000.0, 0.0, 0.0, 0.0, 0.0])
     """
     series, point = flow.prediction.series, flow.prediction.point

@@ -74,7 +74,7 @@ class TriedAngles:
     cost: Array
 
     @classmethod
-    def at(cls, z: Array, angles: Array) -> TriedAngles:
+    def from_angles(cls, z: Array, angles: Array) -> TriedAngles:
         """The angles with what follows from them.
 
         Parameters
@@ -94,7 +94,7 @@ class TriedAngles:
         cost = ((z - compute_model_signals(A, B, products)) ** 2).sum(0)
         return cls(angles, np.stack([A, B]), products, cost)
 
-    def some(self, rows: Array) -> TriedAngles:
+    def select_windows(self, rows: Array) -> TriedAngles:
         """The same of some of the windows.
 
         Parameters
@@ -148,7 +148,7 @@ def _iterate(
     left = np.arange(rows.start, min(rows.stop, len(signals)))
     z = np.ascontiguousarray(signals[rows].T)
     size = (z**2).sum(0)
-    here = TriedAngles.at(z, np.ascontiguousarray(out.x[rows, 2:].T))
+    here = TriedAngles.from_angles(z, np.ascontiguousarray(out.x[rows, 2:].T))
     damping, growth = np.full(len(left), FIRST_DAMPING), np.full(len(left), 2.0)
     for evaluation in range(1, max_iterations + 1):
         slope, move = _compute_move(z, here.AB, here.products, damping * size / 2, carrier_known)
@@ -166,8 +166,8 @@ def _iterate(
         go = ~done
         if not go.any():
             return
-        left, z, size, here = left[go], z[:, go], size[go], here.some(go)
-        trial = TriedAngles.at(z, here.angles + move[:, go])
+        left, z, size, here = left[go], z[:, go], size[go], here.select_windows(go)
+        trial = TriedAngles.from_angles(z, here.angles + move[:, go])
         gain = (here.cost - trial.cost) / promised[go]
         better = trial.cost < here.cost
         damping, growth = _adapt_damping(damping[go], growth[go], gain, better)

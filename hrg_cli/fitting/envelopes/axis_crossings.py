@@ -69,7 +69,7 @@ class Side:
     angle_std: Array
     time_s: Array
 
-    def bend(self, answer: Array) -> Array:
+    def compute_bend(self, answer: Array) -> Array:
         """What a row's angle adds to all later ε (n,), beside its neighbours: h/2·∂ε̇/∂2mθ of the
         steps on its two sides, (n, 2)."""
         half = np.diff(self.time_s) / 2 * (np.diff(self.passage) == 0)
@@ -77,17 +77,17 @@ class Side:
         slope = half * (answer[0] * np.cos(middle) + answer[1] * np.sin(middle))
         return np.column_stack([np.append(0, slope), np.append(slope, 0)]) * self.angle_std[:, None]
 
-    def wander(self, answer: Array, covariance: Array) -> Array:
+    def compute_wander_covariance(self, answer: Array, covariance: Array) -> Array:
         """Covariance (4, 4) by the angles' noise of the least squares that has `covariance`."""
         # the influences of a passage sum to zero, so those after a step are minus those up to it
         up_to = np.cumsum(covariance @ (self.design / self.std[:, None]).T, axis=1)
-        before, after = self.bend(answer).T
+        before, after = self.compute_bend(answer).T
         moved = np.column_stack([np.zeros(4), up_to[:, :-1]]) * before + up_to * after
         return np.asarray(moved @ moved.T)
 
-    def excess(self, answer: Array) -> float:
+    def compute_excess(self, answer: Array) -> float:
         """What the angles' noise adds to χ² on average."""
-        step2 = self.bend(answer).sum(axis=1) ** 2
+        step2 = self.compute_bend(answer).sum(axis=1) ** 2
         out = 0.0
         for k in np.unique(self.passage):
             own = self.passage == k
@@ -126,7 +126,7 @@ class EllipseCourse:
     log_size_left: Array | float = 0.0
     """What the integrals leave out of either (n,)."""
 
-    def integral(self, slow: Array) -> Array:
+    def integrate(self, slow: Array) -> Array:
         """∫ slow·e^{j2mθ} dt from the first row (n,): 2mθ straight between rows, slow (n,) at its
         mean."""
         half = np.diff(self.angle) / 2
@@ -135,26 +135,26 @@ class EllipseCourse:
             0, np.cumsum(np.diff(self.run.time_s) * turned * (slow[1:] + slow[:-1]) / 2)
         )
 
-    def ellipticity_columns(self) -> Array:
+    def build_ellipticity_columns(self) -> Array:
         """ε less its constant, by the four unknowns (n, 4)."""
-        split = self.integral(np.ones_like(self.std))
-        damping = self.integral(np.sin(2 * self.ellipticity))
+        split = self.integrate(np.ones_like(self.std))
+        damping = self.integrate(np.sin(2 * self.ellipticity))
         return np.column_stack([split.imag, -split.real, damping.real, damping.imag])
 
-    def decay_columns(self) -> Array:
+    def build_decay_columns(self) -> Array:
         """½ ln S₀ less its constant, by ν and the four unknowns (n, 5)."""
-        turned = self.integral(np.cos(2 * self.ellipticity))
+        turned = self.integrate(np.cos(2 * self.ellipticity))
         none = np.zeros_like(self.std)
         return np.column_stack([-self.run.time_s, none, none, -turned.real, -turned.imag])
 
-    def less(self, model: EnvelopeRun, p: Array) -> EllipseCourse:
+    def subtract_model(self, model: EnvelopeRun, p: Array) -> EllipseCourse:
         """The course less what the equations leave of a noiseless run of coordinates p (7,)."""
         exact = build_ellipse_course(dataclasses.replace(model, std=np.zeros(len(model))))
         own = np.array([p[DAMPING], *p[FREQUENCY_SPLIT], *p[DAMPING_SPLIT]])
         return dataclasses.replace(
             self,
-            ellipticity_left=exact.ellipticity - exact.ellipticity_columns() @ own[1:],
-            log_size_left=exact.log_size - exact.decay_columns() @ own,
+            ellipticity_left=exact.ellipticity - exact.build_ellipticity_columns() @ own[1:],
+            log_size_left=exact.log_size - exact.build_decay_columns() @ own,
         )
 
 
@@ -224,7 +224,9 @@ def build_decay_equations(w: EllipseCourse) -> Normal:
     >>> np.linalg.lstsq(found.information[2:, 2:], found.product[2:])[0].round(6) + 0
     array([0.02, 0.  ])
     """
-    return build_normal(w.decay_columns(), w.log_size - w.log_size_left, w.std, w.piece, own=1)
+    return build_normal(
+        w.build_decay_columns(), w.log_size - w.log_size_left, w.std, w.piece, own=1
+    )
 
 
 def bound_damping_split(runs: Sequence[EnvelopeRun]) -> Normal:
@@ -296,7 +298,7 @@ def find_sides(w: EllipseCourse, number: int, axis: float) -> list[Side]:
     >>> [(one.side, one.passages) for one in find_sides(build_ellipse_course(run), 0, 0.0)]
     [('stiff', 1), ('soft', 1)]
     """
-    columns, target = w.ellipticity_columns(), w.ellipticity - w.ellipticity_left
+    columns, target = w.build_ellipticity_columns(), w.ellipticity - w.ellipticity_left
     # which axis the wave is nearest to, even the stiff one, odd the soft one; a passage is a
     # stretch near one of them, and its constant (the ellipticity it came with) is its own
     nearest = np.floor((w.angle - axis) / np.pi + 0.5).astype(int)
@@ -364,7 +366,7 @@ def fit_crossings(
     """
     courses = [build_ellipse_course(run) for run in runs]
     if p is not None:
-        courses = [w.less(m, p) for w, m in zip(courses, model, strict=True)]
+        courses = [w.subtract_model(m, p) for w, m in zip(courses, model, strict=True)]
     beside = add_normals([bound_damping_split(runs), *(build_decay_equations(w) for w in courses)])
     found: list[Side] = []
     axis = 0.0
@@ -372,7 +374,7 @@ def fit_crossings(
         found = [side for i, w in enumerate(courses) for side in find_sides(w, i, axis)]
         if not found:
             break
-        answer, covariance = add_normals([beside, *(side.normal for side in found)]).solved()
+        answer, covariance = add_normals([beside, *(side.normal for side in found)]).solve()
         axis = float(np.arctan2(answer[1], answer[0]))
     if not found:
         none = np.full(4, np.nan)
@@ -380,10 +382,10 @@ def fit_crossings(
     chi2, freedom, excess = np.zeros(len(runs)), np.zeros(len(runs), int), np.zeros(len(runs))
     wander = np.zeros((4, 4))
     for side in found:
-        chi2[side.run] += side.normal.misfit(answer)
+        chi2[side.run] += side.normal.compute_misfit(answer)
         freedom[side.run] += side.normal.freedom
-        excess[side.run] += side.excess(answer)
-        wander += side.wander(answer, covariance)
+        excess[side.run] += side.compute_excess(answer)
+        wander += side.compute_wander_covariance(answer, covariance)
     for side in found:  # the answer follows a part of what the angles' noise does
         excess[side.run] -= float(np.trace(side.normal.information @ wander))
     covariance = covariance + wander
@@ -423,8 +425,8 @@ def list_axes(found: Crossings, runs: Sequence[EnvelopeRun]) -> list[dict[str, A
     """
     out = []
     for side in found.sides:
-        answer, covariance = (side.normal + found.decay).solved()
-        covariance = covariance + side.wander(answer, covariance)
+        answer, covariance = (side.normal + found.decay).solve()
+        covariance = covariance + side.compute_wander_covariance(answer, covariance)
         x, y = answer[:2]
         across = np.array([-y, x]) / max(float(x**2 + y**2), 1e-300)
         std = float(np.sqrt(max(0.0, across @ covariance[:2, :2] @ across)))

@@ -104,7 +104,7 @@ def read_runs(
     sample = [
         _join_pieces(
             [
-                p.rows(np.arange(-start % every, len(p), every))
+                p.select_rows(np.arange(-start % every, len(p), every))
                 for start, p in _number_rows(pieces(w))
             ],
             w,
@@ -236,9 +236,11 @@ def _average_pieces(
         )  # the last piece of time may go on in the next block
         if whole:
             out.append(
-                average_rows(here.rows(slice(None, whole)), count, carry, phase, (first, step))
+                average_rows(
+                    here.select_rows(slice(None, whole)), count, carry, phase, (first, step)
+                )
             )
-        rest = here.rows(slice(whole, None))
+        rest = here.select_rows(slice(whole, None))
     if rest is not None and len(rest):
         out.append(average_rows(rest, count, carry, phase, (first, step)))
     return _gather_pieces(*out)

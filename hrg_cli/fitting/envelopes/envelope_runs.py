@@ -58,7 +58,7 @@ class EnvelopeRun:
         """From the first to the last row."""
         return float(self.time_s[-1] - self.time_s[0])
 
-    def rows(self, mask: Array | slice) -> EnvelopeRun:
+    def select_rows(self, mask: Array | slice) -> EnvelopeRun:
         """Some of the rows."""
         cut = {
             name: getattr(self, name)[mask] for name in ("time_s", "envelope", "std", "turn_rad")
@@ -450,7 +450,7 @@ def average_rows(
         return np.add.reduceat(values * weight, starts) / total
 
     time = mean(run.time_s)
-    turn = build_course(run.time_s, run.turn_rad).at(time)
+    turn = build_course(run.time_s, run.turn_rad).interpolate(time)
     late = time[which] - run.time_s
     propagator = carry(late, turn[which] - run.turn_rad)
     c, s = run.envelope[:, 0], run.envelope[:, 1]

@@ -131,7 +131,7 @@ def split_driven_and_free(
     for begin, end in windows:
         free |= (run.time_s >= begin) & (run.time_s <= end)
     driven, loose = (
-        [run.rows(slice(a, b)) for a, b in find_stretches(on) if b - a >= MIN_WINDOW_ROWS]
+        [run.select_rows(slice(a, b)) for a, b in find_stretches(on) if b - a >= MIN_WINDOW_ROWS]
         for on in (~free, free)
     )
     return driven, loose

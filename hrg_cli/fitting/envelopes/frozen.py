@@ -105,7 +105,7 @@ def find_frozen(waves: Sequence[Wave]) -> list[list[Frozen]]:
     >>> [(one.what, one.rows, one.first_s, one.last_s) for one in find_frozen([wave])[0]]
     [('wave angle', 50, 100.0, 149.0)]
     """
-    seen = [_Seen.of(wave) for wave in waves]
+    seen = [_Seen.from_wave(wave) for wave in waves]
     if any(all(one.silent[k] for one in seen) for k in range(len(CHANNELS))):
         return [[] for _ in waves]
     return [list(_channels(one)) or list(_columns(one)) for one in seen]
@@ -125,7 +125,7 @@ class _Seen:
     sample: dict[str, Array] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, wave: Wave) -> _Seen:
+    def from_wave(cls, wave: Wave) -> _Seen:
         seen, every = cls(wave), max(1, -(-len(wave) // SAMPLE))
         sampled: dict[str, list[Array]] = {name: [] for name in SAMPLED}
         last: dict[str, Array] = {}
@@ -185,7 +185,7 @@ class _Seen:
             if len(own):
                 yield part.picked(own)
 
-    def noisy(self, stretch: tuple[int, int]) -> bool:
+    def is_noisy(self, stretch: tuple[int, int]) -> bool:
         """Whether the envelopes of a stretch, or of as much of it as is read at a time, show the
         noise that they state, by third differences."""
         part = next(self._from(*stretch))
@@ -224,7 +224,7 @@ def _columns(seen: _Seen) -> Iterator[Frozen]:
     for name, words in COLUMNS.items():
         std, step = seen.std(f"{name}_std"), _step(seen.sample[name])
         stretch = _improbable(seen.stretches[name], step / std if std > 0 else np.inf)
-        if stretch is not None and seen.noisy(stretch):
+        if stretch is not None and seen.is_noisy(stretch):
             yield seen.describe(words, name, std, stretch)
 
 

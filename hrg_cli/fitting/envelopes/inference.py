@@ -82,7 +82,7 @@ def estimate_variance_inflation(fit: Fit) -> tuple[float, float]:
     [4.0, 4.0]
     """
     white = fit.chi2 / fit.dof
-    residual = fit.response.residual()
+    residual = fit.response.compute_residual()
     own = 4 + fit.response.state.phase.shape[1]
     worst, size = max(white, 1.0), 2
     while True:
@@ -237,7 +237,7 @@ def compute_covariance_z(fit: Fit, factor: float) -> Array:
     >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1)
     >>> space = free_coordinates(["damping"], np.zeros(7))
     >>> best = fit(make_batch([run]), space, np.array([0.2]), u[:1], np.zeros((1, 1)))
-    >>> bool(np.isclose(compute_covariance_z(best, 4.0)[0, 0], 4 * best.covariance_z()[0, 0]))
+    >>> bool(np.isclose(compute_covariance_z(best, 4.0)[0, 0], 4 * best.compute_covariance_z()[0, 0]))
     True
     """
     prior = np.where(np.isfinite(fit.freedom.prior_std), fit.freedom.prior_std, np.inf) ** -2.0
@@ -528,10 +528,10 @@ def widen_by_held(fit: Fit, coordinate: int, std: float) -> Array:
     np.float64(0.001)
     """
     response = fit.response
-    over_noise = response.batch.over_noise
-    shared = over_noise(fit.freedom.along(response.coordinate_sensitivities()))
-    held = over_noise(response.coordinate_sensitivities()[coordinate : coordinate + 1])
-    own = over_noise(response.run_sensitivities())
+    over_noise = response.batch.whiten
+    shared = over_noise(fit.freedom.project(response.find_coordinate_sensitivities()))
+    held = over_noise(response.find_coordinate_sensitivities()[coordinate : coordinate + 1])
+    own = over_noise(response.find_run_sensitivities())
     k = len(shared)
     total = np.zeros((k + 1, k + 1))
     total[:k, :k] = _prior_information(fit)
@@ -555,9 +555,9 @@ def _prior_information(fit: Fit) -> Array:
 def _run_information(fit: Fit) -> list[tuple[Array, Array]]:
     """Information and gradient (Jᵀr) of each run on z, its own nuisances eliminated."""
     response = fit.response
-    shared = response.batch.over_noise(fit.freedom.along(response.coordinate_sensitivities()))
-    own = response.batch.over_noise(response.run_sensitivities())
-    residual = response.residual()
+    shared = response.batch.whiten(fit.freedom.project(response.find_coordinate_sensitivities()))
+    own = response.batch.whiten(response.find_run_sensitivities())
+    residual = response.compute_residual()
     parts = []
     for run, record in enumerate(response.batch.runs):
         n = len(record)
@@ -618,10 +618,10 @@ def estimate_run_frequencies(fit: Fit, factor: float) -> Frequencies:
     span = response.batch.span_s
     frequency = np.array(
         [r.reference_frequency_hz for r in response.batch.runs]
-    ) + response.state.offsets_rad_s(span) / (2 * np.pi)
+    ) + response.state.compute_offsets_rad_s(span) / (2 * np.pi)
     covariance = compute_covariance_z(fit, factor)
-    shared = response.batch.over_noise(fit.freedom.along(response.coordinate_sensitivities()))
-    own = response.batch.over_noise(response.run_sensitivities())
+    shared = response.batch.whiten(fit.freedom.project(response.find_coordinate_sensitivities()))
+    own = response.batch.whiten(response.find_run_sensitivities())
     variance, through = np.zeros(len(frequency)), np.zeros((len(frequency), len(covariance)))
     for run, record in enumerate(response.batch.runs):
         n = len(record)

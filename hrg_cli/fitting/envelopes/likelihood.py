@@ -42,7 +42,7 @@ class Freedom:
     prior_mean: Array
     prior_std: Array
 
-    def along(self, columns: Array) -> Array:
+    def project(self, columns: Array) -> Array:
         """Sensitivities along the directions (k, ...) from those along the first coordinates (6 or
         7, ...)."""
         part = self.directions[: len(columns)]
@@ -79,7 +79,7 @@ class Fit:
         """Coordinates (7,)."""
         return self.response.state.p
 
-    def covariance_z(self) -> Array:
+    def compute_covariance_z(self) -> Array:
         """Covariance of z at the nominal noise."""
         inverse_root = invert_scaled(self.root)
         return inverse_root @ inverse_root.T
@@ -156,13 +156,13 @@ def eliminate_nuisances(response: Response, freedom: Freedom) -> SharedRows:
     >>> bool(np.isclose(np.sum(design**2), left @ left))
     True
     """
-    shared = freedom.along(response.coordinate_sensitivities())
-    own = response.run_sensitivities(FURTHER)
+    shared = freedom.project(response.find_coordinate_sensitivities())
+    own = response.find_run_sensitivities(FURTHER)
     k, s = len(own) - FURTHER, len(shared)
     columns = np.concatenate(
         [own[:k], shared, own[k:], (response.batch.envelope - response.model)[None]]
     )
-    columns = response.batch.over_noise(columns)
+    columns = response.batch.whiten(columns)
     R = triangularise(np.moveaxis(columns.reshape(*columns.shape[:2], -1).view(float), 0, 2))
     rows = R[:, k : k + s]
     return SharedRows(
@@ -205,7 +205,7 @@ class _Objective:
         self.prior_rows = np.diag(np.where(known, 1 / np.where(known, freedom.prior_std, 1.0), 0.0))
         self.prior_rows = self.prior_rows[known]
 
-    def at(self, z: Array, start: Array, phase: Array) -> _Point:
+    def evaluate(self, z: Array, start: Array, phase: Array) -> _Point:
         p = self.freedom.origin + self.freedom.directions @ z
         response = respond(self.data, State(p, start, phase))
         off = self.prior_rows @ (z - self.freedom.prior_mean)
@@ -233,7 +233,7 @@ class _Objective:
     def move(self, point: _Point, step: _Step, size: float) -> _Point:
         """The point a part of the step further."""
         state = point.response.state
-        return self.at(
+        return self.evaluate(
             point.z + size * step.z,
             state.start + size * step.start,
             state.phase + size * step.phase,
@@ -297,7 +297,7 @@ def fit(
     """
     dof = _dof(data, freedom, phase)
     objective = _Objective(data, freedom, dof)
-    found = descend(objective, objective.at(z, start, phase), max_iterations)
+    found = descend(objective, objective.evaluate(z, start, phase), max_iterations)
     response = found.point.response
     if found.converged and found.step is not None:
         rows = found.step.rows  # the last step was too small to change them
@@ -313,7 +313,7 @@ def fit(
         dof=dof,
         converged=found.converged,
         iterations=found.steps,
-        run_chi2=np.sum(np.abs(response.residual()) ** 2, axis=(1, 2)),
+        run_chi2=np.sum(np.abs(response.compute_residual()) ** 2, axis=(1, 2)),
         phase_demand=float(rows.gain.max()) / max(1.0, response.chi2 / dof),
     )
 

@@ -31,12 +31,12 @@ class Normal:
             self.freedom + other.freedom,
         )
 
-    def solved(self) -> tuple[Array, Array]:
+    def solve(self) -> tuple[Array, Array]:
         """(answer (4,), covariance (4, 4)) at the stated noise."""
         covariance = invert_information(self.information)
         return covariance @ self.product, covariance
 
-    def misfit(self, answer: Array) -> float:
+    def compute_misfit(self, answer: Array) -> float:
         """χ² of an answer (4,)."""
         return float(self.square - 2 * answer @ self.product + answer @ self.information @ answer)
 
@@ -90,7 +90,7 @@ def build_normal(columns: Array, target: Array, std: Array, group: Array, own: i
     >>> from hrg_cli.fitting.envelopes.normal_equations import build_normal
     >>> rows = np.random.default_rng(1).standard_normal((50, 4))
     >>> found = build_normal(rows, rows @ [1.0, 2.0, 3.0, 4.0] + 7.0, np.ones(50), np.zeros(50))
-    >>> found.solved()[0].round(9).tolist(), found.freedom
+    >>> found.solve()[0].round(9).tolist(), found.freedom
     ([1.0, 2.0, 3.0, 4.0], 49)
     """
     joined = take_means_off(np.column_stack([columns, target]), std, group)

@@ -42,7 +42,7 @@ class Law:
     dof: int
     residual: Array
 
-    def of(self, name: str) -> tuple[float, float]:
+    def find_coefficient(self, name: str) -> tuple[float, float]:
         """(value, standard deviation) of a coefficient; zeros where the term is not taken in."""
         if name not in self.names:
             return 0.0, 0.0
@@ -114,9 +114,9 @@ def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
     >>> u = np.stack([z, 0 * z], axis=1)
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-3, 0 * t, None, 5e3, 2, 0.05)
     >>> found = identify(run, z)
-    >>> found.decay.names, round(found.decay.of("viscous_1_s")[0], 6)
+    >>> found.decay.names, round(found.decay.find_coefficient("viscous_1_s")[0], 6)
     (('viscous_1_s',), 0.1)
-    >>> round(found.frequency.of("per_amplitude2_rad_s")[0], 3)
+    >>> round(found.frequency.find_coefficient("per_amplitude2_rad_s")[0], 3)
     -0.5
     """
     a = np.abs(z)
@@ -184,7 +184,7 @@ def measure_misfit(run: EnvelopeRun, z: Array, rows: slice) -> tuple[Array, Arra
     >>> bool(relative[199] < 1e-6), round(float(relative[-1]), 2)  # ln² 2
     (True, 0.48)
     """
-    found = identify(run.rows(rows), z[rows])
+    found = identify(run.select_rows(rows), z[rows])
     a = np.maximum(np.abs(z), run.std)
     inside = np.arange(len(z))[rows][found.rows]
     left = []

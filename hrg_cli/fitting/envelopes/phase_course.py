@@ -61,7 +61,7 @@ def find_bends(runs: Sequence[EnvelopeRun], scale_factor: float) -> list[Course]
     >>> (course,) = find_bends([run], 0.5)
     >>> round(float(course.deriv(2)(20.0)), 6)
     0.1
-    >>> find_bends([run.rows(slice(0, 200))], 0.5) is None
+    >>> find_bends([run.select_rows(slice(0, 200))], 0.5) is None
     True
     """
     found = [_bend(run, scale_factor) for run in runs]

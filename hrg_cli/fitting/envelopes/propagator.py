@@ -372,7 +372,7 @@ def _pair_equations(
     in its own run alone, so only a border of the matrix is filled."""
     k, size = len(freedom.names), len(freedom.names) + len(offsets)
     now, columns = _predict(data, p, offsets)
-    shared = freedom.along(columns)
+    shared = freedom.project(columns)
     own = 1j * (data.dt * data.weight)[:, None] * now
     error = (data.after - now) * data.weight[:, None]
 

@@ -127,7 +127,7 @@ def fit_driven_rate(
         if finer_count > min(windows // ROWS_A_FINER_NODE, MOST_NODES):
             return found
         finer = _fit_nodes(run, resonator, g, finer_count, errors)
-        gained = finer.lose(len(found.time_s))
+        gained = finer.measure_loss(len(found.time_s))
         found = dataclasses.replace(found, finer=gained)
         if nodes is not None or gained.z < TOO_COARSE or finer_count > most:
             return found

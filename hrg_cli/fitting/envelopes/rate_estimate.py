@@ -86,7 +86,7 @@ class RateEstimate:
         """Standard deviations on the nodes."""
         return np.sqrt(np.diag(self.covariance))
 
-    def lose(self, nodes: int) -> Loss:
+    def measure_loss(self, nodes: int) -> Loss:
         """What χ² would rise by on fewer nodes: the part of the rate that a spline of so many nodes
         cannot follow, in standard deviations (Wald 1943), which it is drawn from node by node."""
         held = np.linspace(self.time_s[0], self.time_s[-1], nodes)
@@ -104,7 +104,7 @@ class RateEstimate:
         leaves rates that none does."""
         return whiten_covariance(self.covariance)
 
-    def turned(self) -> tuple[Array, Array]:
+    def integrate(self) -> tuple[Array, Array]:
         """Angle [rad] from the first node to each (k,), with its standard deviation: Ω is a spline
         of its nodes, so its integral is ∫Ω = WΩ, with the covariance W cov Wᵀ."""
         whole = integrate_cardinals(self.time_s, self.time_s).T

@@ -145,11 +145,11 @@ def fit_rate(
             rows.count_rows(known.p, [run], max(ROWS, ROWS_OF_A_NODE * len(grid))), rows.MOST_ROWS
         )
         start = respond(
-            make_batch([run.rows(slice(None, None, max(1, len(run) - 1)))]),
+            make_batch([run.select_rows(slice(None, None, max(1, len(run) - 1)))]),
             State(known.p, run.envelope[:1], np.array([[offset * run.duration_s]])),
         )
         run = rows.average_along([run], start, count)[0]
-        result = _descend(_Problem.of(run, grid, known), run, rate, offset, plain)
+        result = _descend(_Problem.from_run(run, grid, known), run, rate, offset, plain)
         moved = float(
             np.max(np.abs(result.rate_rad_s - rate) / np.maximum(result.rate_rad_s_std, 1e-300))
         )
@@ -195,7 +195,7 @@ class _Problem:
     turning: Array
 
     @classmethod
-    def of(cls, run: EnvelopeRun, grid: Array, known: Reference) -> _Problem:
+    def from_run(cls, run: EnvelopeRun, grid: Array, known: Reference) -> _Problem:
         """The problem of a run's averaged rows."""
         step = np.diff(run.time_s)
         begin, end = build_cardinals(run.time_s[:-1], grid), build_cardinals(run.time_s[1:], grid)
@@ -208,7 +208,7 @@ class _Problem:
         """Places of the rates in x."""
         return slice(OWN, OWN + len(self.grid))
 
-    def at(self, x: Array) -> _Point:
+    def evaluate(self, x: Array) -> _Point:
         """The model at the unknowns."""
         data = make_batch([replace(self.run, turn_rad=x[self.rates] @ self.turning)])
         z = x[self.rates.stop :]
@@ -222,15 +222,15 @@ class _Problem:
         x, response = point.x, point.response
         factor = response.state.p[SCALE_FACTOR]
         # Rates times K: a change of K is one of all rates alike, with the same rounding.
-        turned = response.turning_sensitivity(
+        turned = response.find_turning_sensitivity(
             *(h[:, None] for h in (self.begin, self.middle, self.end))
         )
-        shared = response.coordinate_sensitivities().copy()
+        shared = response.find_coordinate_sensitivities().copy()
         shared[SCALE_FACTOR] = np.tensordot(x[self.rates], turned, 1)
         of_resonator = np.tensordot(self.known.spread.T, shared, 1)
-        columns = np.concatenate([response.run_sensitivities(), factor * turned, of_resonator])
-        design = stack_reals(response.batch.over_noise(columns)[:, 0])
-        residual = response.residual()[0].ravel()
+        columns = np.concatenate([response.find_run_sensitivities(), factor * turned, of_resonator])
+        design = stack_reals(response.batch.whiten(columns)[:, 0])
+        residual = response.compute_residual()[0].ravel()
         if not (np.isfinite(design).all() and np.isfinite(residual).all()):
             return None
         z = x[self.rates.stop :]
@@ -243,7 +243,7 @@ class _Problem:
 
     def move(self, point: _Point, step: _Step, size: float) -> _Point:
         """The point a part of the step further."""
-        return self.at(point.x + size * step.change)
+        return self.evaluate(point.x + size * step.change)
 
     def is_settled(self, step: _Step, taken: StepTaken) -> bool:
         """Whether the rates move by a hundredth of σ, or, where no part of the step lowers χ², by
@@ -268,11 +268,11 @@ def _descend(
     x = np.concatenate([own, rate, np.zeros(problem.known.spread.shape[1])])
     rates, dof = problem.rates, max(1, 4 * len(run) - len(rate) - OWN)
     with np.errstate(over="ignore", invalid="ignore"):
-        found = descend(problem, problem.at(x), ITERATIONS, ROUNDING)
+        found = descend(problem, problem.evaluate(x), ITERATIONS, ROUNDING)
     covariance = np.zeros((len(rate), len(rate)))
     if found.step is not None:
         covariance = found.step.covariance[rates, rates]
-    chi2, left = found.point.cost, found.point.response.residual()[0]
+    chi2, left = found.point.cost, found.point.response.compute_residual()[0]
     return RateEstimate(
         problem.grid,
         found.point.x[rates],

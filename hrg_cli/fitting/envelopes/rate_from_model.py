@@ -150,7 +150,7 @@ def _check_nodes(run: EnvelopeRun, count: int, known: Reference) -> RateEstimate
     if finer > _most_checked(run):
         return found
     closer = fit_rate(run, *_refine_grid(run, found, finer, known), known)
-    return replace(found, finer=closer.lose(count))
+    return replace(found, finer=closer.measure_loss(count))
 
 
 def _grow_nodes(run: EnvelopeRun, count: int, most: int, known: Reference) -> RateEstimate:
@@ -163,7 +163,7 @@ def _grow_nodes(run: EnvelopeRun, count: int, most: int, known: Reference) -> Ra
             if found.adequate
             else _fit_from_stokes(run, finer_count, known)
         )
-        gained = finer.lose(len(found.time_s))
+        gained = finer.measure_loss(len(found.time_s))
         found = replace(found, finer=gained)
         enough = gained.z < TOO_COARSE and (
             found.adequate or finer.chi2_per_dof > NO_BETTER * found.chi2_per_dof

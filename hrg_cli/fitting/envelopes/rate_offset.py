@@ -133,10 +133,10 @@ def _normal_equations(fit: Fit) -> tuple[Array, Array, float]:
     data = response.batch
     # KΩ₀ turns the wave at every instant of a row: the same shape at its ends and its middle
     shape = np.full((1, *data.step_s.shape), response.state.p[SCALE_FACTOR])
-    turning = response.turning_sensitivity(shape, shape, shape)
-    along = freedom.along(response.coordinate_sensitivities())
-    columns = data.over_noise(np.concatenate([along, turning], axis=0))
-    own, residual = data.over_noise(response.run_sensitivities()), response.residual()
+    turning = response.find_turning_sensitivity(shape, shape, shape)
+    along = freedom.project(response.find_coordinate_sensitivities())
+    columns = data.whiten(np.concatenate([along, turning], axis=0))
+    own, residual = data.whiten(response.find_run_sensitivities()), response.compute_residual()
     k = len(freedom.names)
     prior = np.where(np.isfinite(freedom.prior_std), freedom.prior_std, np.inf) ** -2.0
     information = np.diag(np.append(prior, 0.0))

@@ -87,7 +87,7 @@ def estimate_stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
     >>> estimate_stokes_start(run, np.linspace(0.0, 9.98, 4), p).round(4).tolist()
     [1.0, 1.0, 1.0, 1.0]
     """
-    run = run.rows(slice(None, None, -(-len(run) // START_ROWS)))
+    run = run.select_rows(slice(None, None, -(-len(run) // START_ROWS)))
     t = run.time_s
     s0, s1, s2, s3 = np.moveaxis(ellipse.compute_stokes(run.envelope), -1, 0)
     nu, dc, ds, wc, ws, factor = p[:6]
@@ -148,7 +148,7 @@ def estimate_mean_offset(run: EnvelopeRun, p: Array) -> float:
     >>> round(estimate_mean_offset(run, p), 6)
     0.7
     """
-    run = run.rows(slice(None, None, -(-len(run) // START_ROWS)))
+    run = run.select_rows(slice(None, None, -(-len(run) // START_ROWS)))
     data = make_batch([run])
     model = respond(data, State(p, run.envelope[:1], np.zeros((1, 1)))).model[0]
     ahead = np.sum(run.envelope * model.conj(), axis=1)

@@ -64,14 +64,14 @@ def bootstrap(best: Fit, draws: int, seed: int) -> Array:
     >>> space = free_coordinates(["damping"], np.zeros(7))
     >>> best = fit(make_batch([run]), space, np.array([0.1]), u[:1], np.zeros((1, 1)))
     >>> spread = np.std(bootstrap(best, 2000, 0)[:, 0])
-    >>> bool(0.6 < spread / np.sqrt(best.covariance_z()[0, 0]) < 1.6)
+    >>> bool(0.6 < spread / np.sqrt(best.compute_covariance_z()[0, 0]) < 1.6)
     True
     """
     rng = np.random.default_rng(seed)
     response, freedom = best.response, best.freedom
-    shared = response.batch.over_noise(freedom.along(response.coordinate_sensitivities()))
-    own = response.batch.over_noise(response.run_sensitivities())
-    residual = response.residual()
+    shared = response.batch.whiten(freedom.project(response.find_coordinate_sensitivities()))
+    own = response.batch.whiten(response.find_run_sensitivities())
+    residual = response.compute_residual()
     k = own.shape[0]
     prior = np.where(np.isfinite(freedom.prior_std), freedom.prior_std, np.inf) ** -2.0
     information = np.tile(np.diag(prior), (draws, 1, 1))
@@ -139,7 +139,7 @@ def profile(
     >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, t, None, 5e3, 2, 0.1)
     >>> space = free_coordinates(["damping", "scale_factor"], np.zeros(7))
     >>> best = fit(make_batch([run]), space, np.array([0.1, 0.3]), u[:1], np.zeros((1, 1)))
-    >>> std = float(np.sqrt(best.covariance_z()[0, 0]))
+    >>> std = float(np.sqrt(best.compute_covariance_z()[0, 0]))
     >>> ends = profile(best, 2, {"damping_rate_1_s": std}, 1.0)["damping_rate_1_s"]
     >>> [round((end - 0.1) / std, 2) for end in (*ends["68"], *ends["95"])]
     [-1.0, 1.0, -1.96, 1.96]

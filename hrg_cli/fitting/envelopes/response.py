@@ -38,7 +38,7 @@ class Batch:
     weight: Array
     whitening: Array | None = None
 
-    def over_noise(self, change: Array) -> Array:
+    def whiten(self, change: Array) -> Array:
         """Changes of the envelopes (..., R, n, 2) over their noise: of unit variance in either
         channel, and none in common."""
         return channel_noise.whiten(self.whitening, change) * self.weight[..., None]
@@ -108,7 +108,7 @@ def make_batch(runs: Sequence[EnvelopeRun]) -> Batch:
     >>> from hrg_cli.fitting.envelopes.response import make_batch
     >>> t = np.arange(10.0, 13.0)
     >>> run = EnvelopeRun("", t, np.ones((3, 2)), 0 * t + 0.1, 0 * t, None, 5e3, 2, 1.0)
-    >>> data = make_batch([run, run.rows(slice(0, 2))])
+    >>> data = make_batch([run, run.select_rows(slice(0, 2))])
     >>> data.time_s.tolist(), data.weight.tolist()
     ([[0.0, 1.0, 2.0], [0.0, 1.0, 1.0]], [[10.0, 10.0, 10.0], [10.0, 10.0, 0.0]])
     """
@@ -136,7 +136,7 @@ class State:
     start: Array
     phase: Array
 
-    def offsets_rad_s(self, span_s: Array) -> Array:
+    def compute_offsets_rad_s(self, span_s: Array) -> Array:
         """Mean frequency of each run above its reference, (R,) rad/s."""
         return self.phase.sum(axis=1) / span_s
 
@@ -181,7 +181,7 @@ class Response:
             path.append(total * self.turn)
         return np.stack(apply(self.phi, (path[0], path[1])), axis=-1)
 
-    def turning_sensitivity(self, begin: Array, middle: Array, end: Array) -> Array:
+    def find_turning_sensitivity(self, begin: Array, middle: Array, end: Array) -> Array:
         """Change of the envelopes (k, R, n, 2) by a rate times K that grows by (k, R, n − 1) at the
         steps' ends and middles."""
         at, between, _ = self._pulled
@@ -218,7 +218,7 @@ class Response:
         )
         return out
 
-    def coordinate_sensitivities(self) -> Array:
+    def find_coordinate_sensitivities(self) -> Array:
         """∂model/∂p (7, R, n, 2); to first order in |L|/ω, which is enough to converge.
 
         R_c, R_s, ΩJ and the second order are carried; ν needs no integral, and a frequency split is
@@ -226,7 +226,7 @@ class Response:
         """
         return self._coordinates
 
-    def run_sensitivities(self, further_orders: int = 0) -> Array:
+    def find_run_sensitivities(self, further_orders: int = 0) -> Array:
         """∂model/∂(Re u₀C, Im u₀C, Re u₀S, Im u₀S, phase coefficients and `further_orders` of
         them), (4 + k, R, n, 2)."""
         orders = self.state.phase.shape[1] + further_orders
@@ -240,14 +240,14 @@ class Response:
             out[3 + k] = 1j * (x**k)[..., None] * self.model
         return out
 
-    def residual(self) -> Array:
+    def compute_residual(self) -> Array:
         """Measured minus model over σ, (R, n, 2) complex; 0 where padded."""
-        return self.batch.over_noise(self.batch.envelope - self.model)
+        return self.batch.whiten(self.batch.envelope - self.model)
 
     @cached_property
     def chi2(self) -> float:
         """Σ|residual|²."""
-        flat = self.residual().ravel()
+        flat = self.compute_residual().ravel()
         return float(np.vdot(flat, flat).real)
 
 
@@ -287,7 +287,7 @@ def respond(data: Batch, state: State) -> Response:
     """
     omega = 2 * np.pi * np.array(
         [r.reference_frequency_hz for r in data.runs]
-    ) + state.offsets_rad_s(data.span_s)
+    ) + state.compute_offsets_rad_s(data.span_s)
     steady = data.steady_rate
     rate = data.step_rate if steady is None else steady[:, None]
     plain = coordinates.compute_entries(np.append(state.p[:6], 0.0), rate, omega[:, None])

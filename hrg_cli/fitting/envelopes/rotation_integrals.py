@@ -59,7 +59,7 @@ def solve(
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, t, None, 5e3, 2, 0.02)
     >>> solve([run]).p[:6].round(4).tolist()
     [0.1, 0.02, 0.01, 0.03, 0.02, 0.5]
-    >>> solve([run.rows(slice(0, 100))]).refused[:50]
+    >>> solve([run.select_rows(slice(0, 100))]).refused[:50]
     'rotation-integrals needs a run that turns through '
     """
     refusal = find_refusal(runs, METHOD)
@@ -149,7 +149,7 @@ class _FullTurns:
     """(6, 3n), see `_integrals`."""
 
     @classmethod
-    def of(cls, run: EnvelopeRun) -> _FullTurns | None:
+    def from_run(cls, run: EnvelopeRun) -> _FullTurns | None:
         """None without a full turn or when the wave does not turn one way."""
         w = build_ellipse(run)
         alpha = 2 * w.angle * np.sign(w.angle[-1] - w.angle[0])
@@ -167,7 +167,7 @@ class _FullTurns:
     def __len__(self) -> int:
         return len(self.time_s)
 
-    def misfit(self, moved: Ellipse, p: Array) -> Array:
+    def compute_misfit(self, moved: Ellipse, p: Array) -> Array:
         """Growth and quadrature (n each) less what p says of them, row by row, and the turning less
         drift and −KΩ, in n pieces that sum to it."""
         n, step, angle = len(self), np.diff(self.time_s), self.wave.angle
@@ -207,10 +207,13 @@ def _solve_integrals(
         before = p
         if model is not None and start is not None:
             at = np.append(p, 0.0) if trial else start
-            left_out = data.misfit(build_ellipse(model(at)), at[:6])
-        here = data.misfit(data.wave, p) - left_out
+            left_out = data.compute_misfit(build_ellipse(model(at)), at[:6])
+        here = data.compute_misfit(data.wave, p) - left_out
         slope = np.stack(
-            [data.influence @ (data.misfit(data.wave, p + e) - here - left_out) for e in np.eye(6)],
+            [
+                data.influence @ (data.compute_misfit(data.wave, p + e) - here - left_out)
+                for e in np.eye(6)
+            ],
             axis=1,
         )
         if not data.turned:
@@ -252,20 +255,20 @@ def integrate_run(
     >>> t = np.arange(0.0, 12.0, 0.02)
     >>> u = np.stack([np.cos(0.5 * t), -np.sin(0.5 * t)], axis=1) * np.exp((0j - 0.1) * t)[:, None]
     >>> run = EnvelopeRun("", t, u, 0 * t + 1e-5, t, None, 5e3, 2, 0.02)
-    >>> integrate_run(run.rows(slice(0, 50))) is None
+    >>> integrate_run(run.select_rows(slice(0, 50))) is None
     True
     >>> found = integrate_run(run)
     >>> found.turns, round(float(found.p[5]), 6)
     (1.0, 0.5)
     """
-    data = _FullTurns.of(run)
+    data = _FullTurns.from_run(run)
     if data is None:
         return None
     solved, n = _solve_integrals(data, model, start), len(data)
-    left = data.misfit(data.wave, solved.p) - solved.left_out
+    left = data.compute_misfit(data.wave, solved.p) - solved.left_out
     covariance, variance = noise_propagation.propagate_noise(
         run,
-        lambda moved: data.misfit(build_ellipse(moved), solved.p),
+        lambda moved: data.compute_misfit(build_ellipse(moved), solved.p),
         np.tile(np.arange(n) - 1, 3),
         3,
         -np.linalg.solve(solved.slope, data.influence),

@@ -189,7 +189,7 @@ def list_motions(
     (True, 1.0)
     """
     state, data = response.state, response.batch
-    offsets = state.offsets_rad_s(data.span_s)
+    offsets = state.compute_offsets_rad_s(data.span_s)
     out = []
     for i, (run, seen) in enumerate(zip(runs, data.runs, strict=True)):
         omega = 2 * np.pi * run.reference_frequency_hz + float(offsets[i])

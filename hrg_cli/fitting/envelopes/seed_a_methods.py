@@ -339,7 +339,9 @@ class _Products:
     """What a row's noise is proportional to; infinite for rows that are left out."""
 
     @classmethod
-    def of(cls, run: EnvelopeRun, eliminate_rate: bool, noise2: Array | float = 0.0) -> _Products:
+    def from_run(
+        cls, run: EnvelopeRun, eliminate_rate: bool, noise2: Array | float = 0.0
+    ) -> _Products:
         """The products, the noise's own power `noise2` taken off the squares."""
         cross = run.envelope[:, 0] * np.conj(run.envelope[:, 1])
         c2, s2 = (np.abs(run.envelope[:, k]) ** 2 - noise2 for k in (0, 1))
@@ -353,7 +355,7 @@ class _Products:
     def _rows(self, columns: list[Array], target: Array) -> Equations:
         return make_equations(self.run, columns, target, ~find_gap_rows(self.run.time_s), self.size)
 
-    def amplitudes(self) -> list[Equations]:
+    def make_amplitude_equations(self) -> list[Equations]:
         """½d(a_C²)/dt and ½d(a_S²)/dt."""
         x, y, c2, s2, t, zero = (
             self.x,
@@ -374,7 +376,7 @@ class _Products:
             ),
         ]
 
-    def cross_product(self) -> list[Equations]:
+    def make_cross_product_equations(self) -> list[Equations]:
         """d(a_C a_S e^{jΔφ})/dt, real and imaginary part."""
         x, y, t, zero = self.x, self.y, self.run.time_s, np.zeros_like(self.x)
         total, difference = self.c2 + self.s2, self.s2 - self.c2
@@ -386,7 +388,7 @@ class _Products:
             self._rows([-2 * y, zero, zero, 2 * x, difference, zero, zero], differentiate(y, t)),
         ]
 
-    def phase_difference(self, grouped: bool) -> tuple[_Products, Equations]:
+    def make_phase_equations(self, grouped: bool) -> tuple[_Products, Equations]:
         """a_C a_S Δφ̇, and the products with Δφ as the equations take it.
 
         `grouped`: Δφ is rounded to a multiple of π/2 where it is within `GROUP` of one; the other
@@ -411,8 +413,8 @@ class _Products:
 
 def _fixed_axes(run: EnvelopeRun, eliminate_rate: bool, grouped: bool = False) -> Equations:
     """Amplitudes and phase difference of the channels as they are, whole or in two groups."""
-    used, phase = _Products.of(run, eliminate_rate).phase_difference(grouped)
-    return join_equations([*used.amplitudes(), phase])
+    used, phase = _Products.from_run(run, eliminate_rate).make_phase_equations(grouped)
+    return join_equations([*used.make_amplitude_equations(), phase])
 
 
 def build_products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
@@ -448,8 +450,10 @@ def build_products(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     >>> np.linalg.lstsq(found.columns, found.target, rcond=1e-9)[0].round(3).tolist()
     [0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0]
     """
-    these = _Products.of(run, eliminate_rate, 2 * run.std**2)
-    return join_equations([*these.amplitudes(), *these.cross_product()])
+    these = _Products.from_run(run, eliminate_rate, 2 * run.std**2)
+    return join_equations(
+        [*these.make_amplitude_equations(), *these.make_cross_product_equations()]
+    )
 
 
 def build_increments(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:

@@ -196,7 +196,7 @@ def identify(run: EnvelopeRun, u: Array, count: int = 2) -> Modes:
     # real numbers seen less real numbers fitted: a complex λ each, and an amplitude a channel
     dof = max(1, 2 * u.size - 2 * count * (u.shape[1] + 1))
     problem = _Exponentials(u, t, std, dof)
-    found = descend(problem, problem.at(predict(u, t, std, count)), MOST_STEPS)
+    found = descend(problem, problem.evaluate(predict(u, t, std, count)), MOST_STEPS)
     here = found.point
     covariance = np.zeros((count, count)) if found.step is None else found.step.covariance
     factor = max(1.0, here.cost / dof)
@@ -242,7 +242,7 @@ class _Exponentials:
     std: Array
     dof: int
 
-    def at(self, exponent: Array) -> _Point:
+    def evaluate(self, exponent: Array) -> _Point:
         """The point at λ; one that would grow beyond all numbers grows by e³⁰⁰."""
         most = LARGEST_GROWTH / max(float(self.time_s[-1] - self.time_s[0]), 1e-300)
         exponent = np.minimum(exponent.real, most) + 1j * exponent.imag
@@ -269,7 +269,7 @@ class _Exponentials:
     def move(self, point: _Point, step: _Step, size: float) -> _Point:
         """The point a part of the step further: from a start by linear prediction a whole one may
         overshoot."""
-        return self.at(point.exponent + size * step.exponent)
+        return self.evaluate(point.exponent + size * step.exponent)
 
     def is_settled(self, step: _Step, taken: StepTaken) -> bool:
         """Whether χ² has stopped falling; a part of a step may gain little far from the optimum, so

@@ -45,7 +45,7 @@ class Course:
     alpha: Array
     beta: Array
 
-    def at(self, time_s: Array) -> Array:
+    def interpolate(self, time_s: Array) -> Array:
         """Values at any times; beyond the ends a steady course goes on for one step, then (and any
         other at once) the last value holds.
 
@@ -128,7 +128,11 @@ class Course:
         part = (
             (time_s - t[k])
             / 6
-            * (self.at(t[k]) + 4 * self.at((t[k] + time_s) / 2) + self.at(time_s))
+            * (
+                self.interpolate(t[k])
+                + 4 * self.interpolate((t[k] + time_s) / 2)
+                + self.interpolate(time_s)
+            )
         )
         return np.asarray(self.integrate()[k] + part)
 
@@ -142,7 +146,7 @@ class Impulse:
     first: float
     last: float
 
-    def at(self, time_s: Array) -> Array:
+    def integrate_to(self, time_s: Array) -> Array:
         """Integral of the quantity from its log's start to any times.
 
         Parameters
@@ -159,7 +163,7 @@ class Impulse:
         inside = np.clip(time_s, start, end)
         beyond = time_s - inside
         held = np.where(beyond < 0, self.first, self.last)
-        return np.asarray(self.course.at(inside) + held * beyond)
+        return np.asarray(self.course.interpolate(inside) + held * beyond)
 
 
 def integrate_means(time_s: Array, mean: Array) -> Impulse:
@@ -189,7 +193,7 @@ def integrate_means(time_s: Array, mean: Array) -> Impulse:
     >>> from hrg_cli.fitting.samples.course import integrate_means
     >>> t = np.arange(10.0)
     >>> turned = integrate_means(t, np.where(t >= 3, 1.0, 0.0))
-    >>> (turned.at(np.array([2.5, 7.0])) - turned.at(np.array([0.0]))).round(12).tolist()
+    >>> (turned.integrate_to(np.array([2.5, 7.0])) - turned.integrate_to(np.array([0.0]))).round(12).tolist()
     [0.0, 4.5]
     """
     t, y = np.asarray(time_s, float), np.asarray(mean, float)
@@ -273,7 +277,9 @@ def average_over_windows(impulse: Impulse, time_s: Array, width_s: Array | float
     [3.0, 4.2]
     """
     half = np.asarray(width_s) / 2
-    return np.asarray((impulse.at(time_s + half) - impulse.at(time_s - half)) / width_s)
+    return np.asarray(
+        (impulse.integrate_to(time_s + half) - impulse.integrate_to(time_s - half)) / width_s
+    )
 
 
 def build_from_means(time_s: Array, mean: Array, width_s: float) -> Course:
@@ -350,7 +356,7 @@ def build_course(time_s: Array, value: Array) -> Course:
     >>> t = np.arange(20.0)
     >>> swing, steps = build_course(t, np.sin(0.3 * t)), build_course(t, np.where(t < 9, 0.0, 1.0))
     >>> x = np.array([8.5])
-    >>> float(abs(swing.at(x) - np.sin(0.3 * x))[0].round(4)), float(steps.at(x)[0])
+    >>> float(abs(swing.interpolate(x) - np.sin(0.3 * x))[0].round(4)), float(steps.interpolate(x)[0])
     (0.0, 0.5)
     """
     t, y = np.asarray(time_s, float), np.asarray(value, float)

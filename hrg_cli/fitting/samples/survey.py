@@ -119,7 +119,7 @@ class FrequencyCourse:
     track: tuple[Array, Array]
 
     @classmethod
-    def of(cls, recording: Recording, name: str, looks: Sequence[Look]) -> FrequencyCourse:
+    def from_looks(cls, recording: Recording, name: str, looks: Sequence[Look]) -> FrequencyCourse:
         """The course that looks along a recording show.
 
         Parameters
@@ -241,7 +241,7 @@ def survey(recording: Recording, name: str) -> Survey:
     >>> round(found.reference_hz, 4), (found.average_floor() / (2e-6 / 8000)).round(1).tolist()
     (1234.5, [1.0, 1.0])
     """
-    course = FrequencyCourse.of(
+    course = FrequencyCourse.from_looks(
         recording, name, take_looks(recording, recording.time_s is None, name)
     )
     rest = _average_residual(
@@ -280,7 +280,7 @@ def survey_quiet(recording: Recording, name: str) -> Survey:
     (1234.5, 0)
     """
     looks = take_looks(recording, recording.time_s is None, name)
-    course = FrequencyCourse.of(
+    course = FrequencyCourse.from_looks(
         recording, name, looks[:: max(1, (len(looks) - 1) // (QUIET_LOOKS - 1))]
     )
     strength2 = float(max(look.y.var(-1).max() for look in course.looks))

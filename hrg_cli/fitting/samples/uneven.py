@@ -78,7 +78,7 @@ def make_uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
         # windows beside the chunk's own: a window's motion is told by those about it, and no
         # result may hang on where chunks end
         low, high = max(0, first - NEIGHBOURS), min(last + NEIGHBOURS, total)
-        time, raw, window = reader.windows(low, high)
+        time, raw, window = reader.read_windows(low, high)
         centre = begin + (np.arange(low, high) + 0.5) * width
         local = run.find_hz(begin + (first + chunk / 2) * width)
         y = np.stack([raw[0] * run.find_scale(0), raw[1] * run.find_scale(1)])
@@ -129,7 +129,7 @@ class _Sums:
     starts: Array  # their first samples
 
     @classmethod
-    def of(cls, basis: Array, right: Array, y: Array, window: Array, rows: int) -> _Sums:
+    def from_samples(cls, basis: Array, right: Array, y: Array, window: Array, rows: int) -> _Sums:
         """Of samples (n,) whose windows do not decrease; a window without samples has zeros."""
         k = basis.shape[1]
         present, starts, count = np.unique(window, return_index=True, return_counts=True)
@@ -217,7 +217,7 @@ def fit_uneven(
     k = basis.shape[1]
     wanted = build_pairs(tau, frequency_hz)
     right = np.concatenate([y.T, tau[:, None] * wanted, tau[:, None] ** 2 / 2 * wanted], 1)
-    sums = _Sums.of(basis, right, y, window, len(centre_s))
+    sums = _Sums.from_samples(basis, right, y, window, len(centre_s))
     # beyond a condition of 1e6 the samples of a window do not separate its unknowns
     values = np.linalg.eigvalsh(sums.gram)
     good = (sums.samples > k) & (values[:, 0] > 1e-6 * values[:, -1])
@@ -319,7 +319,7 @@ class _Reader:
         self.time = np.zeros(0)
         self.raw = [np.zeros(0), np.zeros(0)]
 
-    def windows(self, low: int, high: int) -> tuple[Array, list[Array], Array]:
+    def read_windows(self, low: int, high: int) -> tuple[Array, list[Array], Array]:
         """Times, both channels and window numbers of the samples in windows low … high − 1; low
         goes back by a few windows at the most."""
         start, stop = self.begin + low * self.width, self.begin + high * self.width

@@ -104,7 +104,7 @@ def settle_bends(
     [0.001, 0.002, 0.004]
     """
     problem = _Bending(list(paths), list(noises), layout, list(turns), model)
-    return descend(problem, problem.at(start), MOST_STEPS).point.coefficients
+    return descend(problem, problem.evaluate(start), MOST_STEPS).point.coefficients
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class _Bending:
     turns: list[Array]
     model: Model
 
-    def at(self, coefficients: Array) -> _Bent:
+    def evaluate(self, coefficients: Array) -> _Bent:
         """What the coefficients leave of the turns: small, so that χ² keeps its digits."""
         rest = [
             turn - predict_turn(path, self.layout, coefficients, coefficients)
@@ -145,7 +145,7 @@ class _Bending:
 
     def move(self, point: _Bent, step: tuple[Array, float], size: float) -> _Bent:
         """A part of the step further."""
-        return self.at(point.coefficients + size * step[0])
+        return self.evaluate(point.coefficients + size * step[0])
 
     def is_settled(self, step: tuple[Array, float], taken: StepTaken) -> bool:
         """Whether no more than a part of a standard deviation was promised, nor gained."""

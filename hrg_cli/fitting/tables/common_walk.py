@@ -33,7 +33,7 @@ class Coarse:
     interval_s: Array
     width_s: float
 
-    def bands(self, q: float) -> Array:
+    def build_bands(self, q: float) -> Array:
         """Covariance (2, n) of neighbouring increments for a random walk of density q: diagonal and
         first off-diagonal."""
         bands = np.zeros((2, len(self.interval_s)))
@@ -159,7 +159,7 @@ def estimate_common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
         total = 0.0
         A, b = np.zeros((size, size)), np.zeros(size)
         for run in coarse:
-            rows, determinant = whiten(run.bands(q), run.columns)
+            rows, determinant = whiten(run.build_bands(q), run.columns)
             A += rows[:, :-1].T @ rows[:, :-1]
             b += rows[:, :-1].T @ rows[:, -1]
             total += determinant + float(rows[:, -1] @ rows[:, -1])

@@ -159,7 +159,7 @@ class Whitener:
             raise HrgError(NOT_POSITIVE)
         self.row, self.last = 0, np.zeros(0)
 
-    def next(self, columns: Array) -> Array:
+    def whiten_next(self, columns: Array) -> Array:
         """The next rows of L⁻¹·columns."""
         from scipy.linalg.lapack import dtbtrs
 

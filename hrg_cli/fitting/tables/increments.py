@@ -103,23 +103,23 @@ class AnglePath:
         """
         return np.sqrt(np.maximum(self.width_s**2 - self.row_s**2, 0.0))
 
-    def abscissa(self, axis: str) -> Array:
+    def find_abscissa(self, axis: str) -> Array:
         """Temperature or frequency of the blocks (b,), whichever tables have nodes of."""
         return self.temperature_degc if axis == "temperature" else self.frequency_hz
 
-    def middle(self, values: Array) -> Array:
+    def average_neighbours(self, values: Array) -> Array:
         """Mean of neighbouring blocks (n,)."""
         return (values[1:] + values[:-1]) / 2
 
-    def angle_basis(self, harmonics: int) -> Array:
+    def build_angle_basis(self, harmonics: int) -> Array:
         """∫w·(1, cos 2mθ, …) dt / Δt of the increments (n, 1 + 2K)."""
         travel = np.diff(self.angle_rad)
-        within = travel * np.minimum(self.middle(self.blur_s) / self.interval_s, 1.0)
+        within = travel * np.minimum(self.average_neighbours(self.blur_s) / self.interval_s, 1.0)
         return harmonic_basis(
-            self.middle(self.angle_rad), harmonics, self.mode_number, travel, within
+            self.average_neighbours(self.angle_rad), harmonics, self.mode_number, travel, within
         )
 
-    def part(self, rows: slice) -> AnglePath:
+    def select_rows(self, rows: slice) -> AnglePath:
         """The path of the increments `rows` alone."""
         blocks = slice(rows.start, rows.stop + 1)
         values = {f.name: getattr(self, f.name) for f in fields(self)}
@@ -128,7 +128,7 @@ class AnglePath:
         }
         return replace(self, **columns)
 
-    def without_jumps(self, half_turns: Array) -> AnglePath:
+    def remove_jumps(self, half_turns: Array) -> AnglePath:
         """The path with (n,) half turns of mθ taken out of its increments."""
         angle = self.angle_rad.copy()
         angle[1:] -= np.cumsum(half_turns) * np.pi / self.mode_number

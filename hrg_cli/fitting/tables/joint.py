@@ -139,7 +139,7 @@ def fit(
             if jump.any():
                 # (mθ, φ) and (mθ + π, φ + π) are the same wave: a gap may hide half a turn of mθ
                 jumps += int(np.count_nonzero(jump))
-                path = paths[r] = path.without_jumps(jump)
+                path = paths[r] = path.remove_jumps(jump)
                 turns[r] = path.turn
                 residual = turns[r] - predict_turn(path, layout, solution.coefficients, linearised)
             lost = float(np.trace(solution.covariance @ pieces.information[r].sum(axis=0)))

@@ -148,7 +148,7 @@ def accumulate(
         whitener = Whitener(build_covariance_bands(path, noise))
         for rows in split_stretches(len(path)):
             design = build_design(path, layout, previous, rows)
-            white = whitener.next(np.column_stack([design, turn[rows] - design @ about]))
+            white = whitener.whiten_next(np.column_stack([design, turn[rows] - design @ about]))
             for s in np.unique(piece[rows]):
                 own = white[piece[rows] == s]
                 X, left = own[:, :-1], own[:, -1]

@@ -53,16 +53,16 @@ def build_design(run: AnglePath, layout: TableLayout, previous: Array | None, ro
     >>> build_design(path, layout, None, slice(0, 1)).round(9).tolist()
     [[1.0, -0.1]]
     """
-    path = run.part(rows)
-    x = layout.abscissa(path)
-    basis = path.angle_basis(max(layout.drift_harmonics, layout.scale_harmonics))
+    path = run.select_rows(rows)
+    x = layout.find_abscissa(path)
+    basis = path.build_angle_basis(max(layout.drift_harmonics, layout.scale_harmonics))
     columns = np.empty((len(path), layout.size))
     weights = node_weights(
         x, layout.nodes, "linear" if layout.interpolation in ("linear", "monotone") else "cubic"
     )
     table = columns[:, : layout.table_size].reshape(len(path), len(layout.nodes), layout.node_size)
     tables = (
-        layout.tables(previous)
+        layout.split_tables(previous)
         if previous is not None and layout.interpolation == "monotone"
         else None
     )

@@ -68,22 +68,22 @@ class TableLayout:
             start += width
         raise KeyError(name)
 
-    def tables(self, coefficients: Array) -> tuple[Array, Array]:
+    def split_tables(self, coefficients: Array) -> tuple[Array, Array]:
         """(drift (J, HD), scale factor (J, HK)) of the full coefficient vector."""
         table = coefficients[: self.table_size].reshape(len(self.nodes), self.node_size)
         return table[:, : self.drift_size], table[:, self.drift_size :]
 
-    def mean_scale_factor(self, coefficients: Array) -> float:
+    def compute_mean_scale_factor(self, coefficients: Array) -> float:
         """K over the nodes and the wave angle."""
-        return float(np.mean(self.tables(coefficients)[1][:, 0]))
+        return float(np.mean(self.split_tables(coefficients)[1][:, 0]))
 
-    def abscissa(self, path: AnglePath) -> Array:
+    def find_abscissa(self, path: AnglePath) -> Array:
         """Temperature or frequency of the increments (n,); zeros where there is one node only."""
         if len(self.nodes) == 1:
             return np.full(len(path), self.nodes[0])
-        return path.middle(path.abscissa(self.axis))
+        return path.average_neighbours(path.find_abscissa(self.axis))
 
-    def part(
+    def build_part_map(
         self,
         kind: Literal["drift", "scale"],
         limit: int,
@@ -107,7 +107,7 @@ class TableLayout:
                 columns.append(column)
         return np.array(columns).T if columns else np.zeros((self.size, 0))
 
-    def of_factors(self, *names: str) -> Array:
+    def build_factor_map(self, *names: str) -> Array:
         """Map (size, p) of whole factors."""
         return np.concatenate(
             [

@@ -26,10 +26,10 @@ def list_first_stages(layout: TableLayout, drift_limit: int, scale_limit: int) -
     """Stages 1 to 3: constant scale factor; functions of the angle; functions of temperature and
     angle."""
     constant, one_drift = (
-        layout.part("scale", 0, one_node=True),
-        layout.part("drift", drift_limit, one_node=True),
+        layout.build_part_map("scale", 0, one_node=True),
+        layout.build_part_map("drift", drift_limit, one_node=True),
     )
-    one_scale = layout.part("scale", scale_limit, one_node=True)
+    one_scale = layout.build_part_map("scale", scale_limit, one_node=True)
     return [
         Model("1 constant scale factor", constant),
         Model(
@@ -38,7 +38,11 @@ def list_first_stages(layout: TableLayout, drift_limit: int, scale_limit: int) -
         Model(
             "3 drift and scale factor over temperature and angle",
             np.concatenate(
-                [layout.part("drift", drift_limit), layout.part("scale", scale_limit)], axis=1
+                [
+                    layout.build_part_map("drift", drift_limit),
+                    layout.build_part_map("scale", scale_limit),
+                ],
+                axis=1,
             ),
         ),
     ]

@@ -79,7 +79,7 @@ def estimate_interpolation_doubt(
     by_orders = 2 <= count <= MOST_ORDERS and _only_at_nodes(fitted)
     if not (to_spare or by_orders):
         return {}
-    tables = layout.tables(solution.coefficients)
+    tables = layout.split_tables(solution.coefficients)
     out = {}
     for name, table, limit, part in (
         ("drift_rad_s", tables[0], drift_limit, layout.drift),
@@ -101,7 +101,9 @@ def estimate_interpolation_doubt(
 def _only_at_nodes(fitted: Fitted) -> bool:
     """Whether the runs dwell at the nodes, so that none would show how tables bend between them."""
     layout = fitted.layout
-    x = np.concatenate([path.middle(path.abscissa(layout.axis)) for path in fitted.paths])
+    x = np.concatenate(
+        [path.average_neighbours(path.find_abscissa(layout.axis)) for path in fitted.paths]
+    )
     return float(np.mean(make_bump(x, layout.nodes) > BETWEEN)) < PASSED
 
 

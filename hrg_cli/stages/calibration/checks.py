@@ -50,16 +50,16 @@ def _odd_harmonic(
     """Cosine and sine [rad/s] of nθ in run r's residual with their covariance (2, 2); None where the
     wave turns too little to tell them from the even harmonics."""
     layout, path = fitted.layout, fitted.paths[r]
-    angle = path.middle(path.angle_rad)
+    angle = path.average_neighbours(path.angle_rad)
     if np.ptp(angle) < 2 * np.pi / layout.mode_number:
         return None
     travel = np.diff(path.angle_rad)
     # what the mean over an increment, and over the windows at its ends, leaves of a harmonic
     loss = np.sinc(n * travel / (2 * np.pi)) * np.sinc(
-        n * travel * path.middle(path.blur_s) / path.interval_s / (2 * np.pi)
+        n * travel * path.average_neighbours(path.blur_s) / path.interval_s / (2 * np.pi)
     )
     odd = np.stack([np.cos(n * angle), np.sin(n * angle)], axis=1) * loss[:, None]
-    even = path.angle_basis(layout.drift_harmonics)
+    even = path.build_angle_basis(layout.drift_harmonics)
     columns = np.concatenate([even, odd], axis=1) * path.interval_s[:, None]
     residual = fitted.turns[r] - predict_turn(
         path, layout, solution.coefficients, solution.coefficients

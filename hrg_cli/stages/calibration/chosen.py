@@ -97,7 +97,7 @@ class Chosen:
     def scale_factor(self) -> float:
         """Mean K over nodes."""
         coefficients = self.answer.tried.solution.coefficients
-        return self.fitted.layout.mean_scale_factor(coefficients)
+        return self.fitted.layout.compute_mean_scale_factor(coefficients)
 
     @property
     def chi2_per_dof(self) -> float:
@@ -146,7 +146,7 @@ class Chosen:
             "ladder": steps,
             "smoothness": self.smoothness,
             "chi2_per_dof": self.chi2_per_dof,
-            "checks": [check.table() for check in answer.checks],
+            "checks": [check.to_json() for check in answer.checks],
             "noise": say_noise(fitted),
             "stability": self.stability,
             "dropped": list(self.dropped),

@@ -42,8 +42,8 @@ def analyse_factors(
     errors are those of the first `runs` runs, the forced ones."""
     base = list_first_stages(joint.layout, settings.drift_limit, settings.scale_limit)[-1].matrix
     if BESIDE in joint.layout.factors:
-        base = np.concatenate([base, joint.layout.of_factors(BESIDE)], axis=1)
-    final = Model("final", np.concatenate([base, joint.layout.of_factors(*factors)], axis=1))
+        base = np.concatenate([base, joint.layout.build_factor_map(BESIDE)], axis=1)
+    final = Model("final", np.concatenate([base, joint.layout.build_factor_map(*factors)], axis=1))
     groups = _group_columns(joint, settings, factors)
     A, b, _ = joint.pieces.sum()
     solution = solve(A, b, final)
@@ -137,14 +137,20 @@ def _group_columns(
     for kind, limit in limits:
         word = "drift" if kind == "drift" else "scale factor"
         if limit:
-            groups[f"{word} over angle"] = (layout.part(kind, limit, lowest=1), kind + " angle")
+            groups[f"{word} over angle"] = (
+                layout.build_part_map(kind, limit, lowest=1),
+                kind + " angle",
+            )
         if len(layout.nodes) > 1:
             groups[f"{word} over temperature"] = (
-                take_along_nodes(layout.part(kind, limit), layout.part(kind, limit, one_node=True)),
+                take_along_nodes(
+                    layout.build_part_map(kind, limit),
+                    layout.build_part_map(kind, limit, one_node=True),
+                ),
                 kind + " nodes",
             )
     for name in factors:
-        groups[MEANING.get(name, name)] = (layout.of_factors(name), name)
+        groups[MEANING.get(name, name)] = (layout.build_factor_map(name), name)
     return groups
 
 

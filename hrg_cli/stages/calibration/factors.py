@@ -29,18 +29,20 @@ FEWEST_RATES = 4
 def quadrature(path: AnglePath) -> Array:
     """r/(1 − r²)·(cos 2mθ, sin 2mθ): seed A (11), exact in r: D = −2rδω cos ζ/(1 − r²);
     coefficients −2δω(cos 2mθ_ω, sin 2mθ_ω)."""
-    ratio = path.middle(path.ratio)
+    ratio = path.average_neighbours(path.ratio)
     return np.asarray(
-        (ratio / np.maximum(1 - ratio**2, LEAST_FLATNESS))[:, None] * path.angle_basis(1)[:, 1:]
+        (ratio / np.maximum(1 - ratio**2, LEAST_FLATNESS))[:, None]
+        * path.build_angle_basis(1)[:, 1:]
     )
 
 
 def ellipticity(path: AnglePath) -> Array:
     """2r²/(1 − r²)·(cos 2mθ, sin 2mθ): what the damping anisotropy adds in an ellipse, νδμ sin χ·(1
     + r²)/(1 − r²) (PHYSICS §4, (8))."""
-    square = path.middle(path.ratio) ** 2
+    square = path.average_neighbours(path.ratio) ** 2
     return np.asarray(
-        (2 * square / np.maximum(1 - square, LEAST_FLATNESS))[:, None] * path.angle_basis(1)[:, 1:]
+        (2 * square / np.maximum(1 - square, LEAST_FLATNESS))[:, None]
+        * path.build_angle_basis(1)[:, 1:]
     )
 
 
@@ -63,22 +65,22 @@ def find_node_weights(path: AnglePath, nodes: Array, axis: str, interpolation: s
     """Weights ψ_j (n, J) of the nodes at the increments' temperature or frequency."""
     if len(nodes) == 1:
         return np.ones((len(path), 1))
-    x = path.middle(path.abscissa(axis))
+    x = path.average_neighbours(path.find_abscissa(axis))
     return node_weights(x, nodes, "linear" if interpolation in ("linear", "monotone") else "cubic")
 
 
 def phase_ratio(path: AnglePath) -> Array:
     """−2r/(1 + r²) (n,): what seed A (12) multiplies dφ/dt with, exact in r (PHYSICS §4, unnumbered
     after (7))."""
-    ratio = path.middle(path.ratio)
+    ratio = path.average_neighbours(path.ratio)
     return np.asarray(-2 * ratio / (1 + ratio**2))
 
 
 def flattening(path: AnglePath) -> Array:
     """−2r²/(1 + r²)·(cos 2mθ, sin 2mθ): what an ellipse takes from the damping in (12), νδμ sin
     χ·(1 − r²)/(1 + r²)."""
-    square = path.middle(path.ratio) ** 2
-    return np.asarray((-2 * square / (1 + square))[:, None] * path.angle_basis(1)[:, 1:])
+    square = path.average_neighbours(path.ratio) ** 2
+    return np.asarray((-2 * square / (1 + square))[:, None] * path.build_angle_basis(1)[:, 1:])
 
 
 def choose_reference_hz(paths: Sequence[AnglePath]) -> float:
@@ -93,7 +95,7 @@ def phase(reference: float) -> Factor:
 
     def columns(path: AnglePath) -> Array:
         return np.asarray(
-            phase_ratio(path) * 2 * np.pi * (path.middle(path.frequency_hz) - reference)
+            phase_ratio(path) * 2 * np.pi * (path.average_neighbours(path.frequency_hz) - reference)
         )[:, None]
 
     return columns
@@ -122,14 +124,14 @@ def quadrature_drive(path: AnglePath) -> Array:
 def main_drive(path: AnglePath) -> Array:
     """a_ΦA/a_A·(1, cos 2mθ, sin 2mθ): the drive matrix, coefficients ρ, ε/2 and −g/2 (PHYSICS C5,
     C4, C3); zero in free runs."""
-    return np.asarray(_a_second(path, path.drive_main)[:, None] * path.angle_basis(1))
+    return np.asarray(_a_second(path, path.drive_main)[:, None] * path.build_angle_basis(1))
 
 
 def _a_second(path: AnglePath, drive: Array | None) -> Array:
     """A drive's log against the amplitude, 1/s (n,); a free run needs none."""
     if drive is None or not path.forced:
         return np.zeros(len(path))
-    return path.middle(
+    return path.average_neighbours(
         np.divide(
             drive, path.main_amplitude, out=np.zeros(len(drive)), where=path.main_amplitude > 0
         )
@@ -150,7 +152,7 @@ def late_and_unlogged(path: AnglePath) -> Array:
 def carry_turn(path: AnglePath) -> Array:
     """mθ' of a run's increments (n,) as a scale factor and a first harmonic of its own carry it: the
     measured increments would put their noise into a column."""
-    columns = np.column_stack([path.rotation, path.angle_basis(1) * path.interval_s[:, None]])
+    columns = np.column_stack([path.rotation, path.build_angle_basis(1) * path.interval_s[:, None]])
     own = fit_columns(columns, path.turn)
     return np.asarray(columns @ own / path.interval_s)
 
@@ -158,7 +160,7 @@ def carry_turn(path: AnglePath) -> Array:
 def forced_only(path: AnglePath) -> Array:
     """(1, cos 2mθ, sin 2mθ) in forced runs only: the drive matrix, told from the resonator by free
     runs."""
-    return np.asarray(path.angle_basis(1) * float(path.forced))
+    return np.asarray(path.build_angle_basis(1) * float(path.forced))
 
 
 def build(

@@ -111,7 +111,7 @@ def _cell_of_increments(fitted: Fitted, path: AnglePath, kind: Array) -> Array:
     nodes, period = fitted.layout.nodes, np.pi / path.mode_number
     share = np.mod(_steady_angle(path), period) / period
     angle = (share * CELLS_A_PERIOD).astype(int) % CELLS_A_PERIOD
-    node = np.argmax(node_weights(fitted.layout.abscissa(path), nodes), axis=1)
+    node = np.argmax(node_weights(fitted.layout.find_abscissa(path), nodes), axis=1)
     return np.asarray((kind * len(nodes) + node) * CELLS_A_PERIOD + angle)
 
 
@@ -166,7 +166,7 @@ def gather_cells(
 def _steady_angle(path: AnglePath) -> Array:
     """Wave angle of the increments, the mean of a stretch where it creeps: the noise of an
     increment must not choose its cell."""
-    angle = path.middle(path.angle_rad)
+    angle = path.average_neighbours(path.angle_rad)
     speed = abs(float(path.angle_rad[-1] - path.angle_rad[0])) / len(path)
     width = int(
         np.clip(

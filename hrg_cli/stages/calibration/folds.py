@@ -28,7 +28,8 @@ def choose_folds(fitted: Fitted, harmonics: int) -> tuple[Array, str]:
     """
     nodes, axis = fitted.layout.nodes, fitted.layout.axis
     nearest = [
-        int(np.argmin(np.abs(nodes - np.mean(fitted.layout.abscissa(p))))) for p in fitted.paths
+        int(np.argmin(np.abs(nodes - np.mean(fitted.layout.find_abscissa(p)))))
+        for p in fitted.paths
     ]
     fold = np.array([nearest[:r].count(n) for r, n in enumerate(nearest)])
     mean = np.array([float(np.mean(p.rate_rad_s)) for p in fitted.paths])

@@ -200,13 +200,13 @@ def list_doubtful_causes(layout: TableLayout) -> list[tuple[str, Array, Callable
     out."""
     out: list[tuple[str, Array, Callable[[float], str]]] = []
     for k in range(layout.drift_harmonics + 1):
-        directions = layout.part("drift", k, lowest=k)
+        directions = layout.build_part_map("drift", k, lowest=k)
         out.append((f"drift_harmonic_{k}", directions, _say_harmonic(layout, "drift", k)))
     for k in range(layout.scale_harmonics + 1):
-        directions = layout.part("scale", k, lowest=k)
+        directions = layout.build_part_map("scale", k, lowest=k)
         out.append((f"scale_factor_harmonic_{k}", directions, _say_harmonic(layout, "scale", k)))
     out += [
-        (name, layout.of_factors(name), partial(_say_factor, sentence))
+        (name, layout.build_factor_map(name), partial(_say_factor, sentence))
         for name, sentence in FACTORS.items()
         if name in layout.factors
     ]
@@ -289,7 +289,7 @@ def _angle_without_noise(fitted: Fitted, path: AnglePath) -> Array:
     solution = fitted.solution.coefficients
     turn = predict_turn(path, fitted.layout, solution, solution)
     course = (np.cumsum(turn) - turn / 2) / path.mode_number
-    return np.asarray(course + np.mean(path.middle(path.angle_rad) - course))
+    return np.asarray(course + np.mean(path.average_neighbours(path.angle_rad) - course))
 
 
 def _whiteness(fitted: Fitted, tried: Sequence[VariantSolution]) -> list[list[Check]]:
@@ -304,7 +304,7 @@ def _whiteness(fitted: Fitted, tried: Sequence[VariantSolution]) -> list[list[Ch
         )
         white.append(whiten(build_covariance_bands(path, noise), rest)[0])
         angle.append(np.mod(_angle_without_noise(fitted, path), np.pi / path.mode_number))
-        place.append(fitted.layout.abscissa(path))
+        place.append(fitted.layout.find_abscissa(path))
         rate.append(path.rate_rad_s)
     orders = {
         "wave angle": angle,

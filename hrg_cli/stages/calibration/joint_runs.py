@@ -60,7 +60,7 @@ def fit_jointly(
     base = list_first_stages(wide, settings.drift_limit, settings.scale_limit)[-1].matrix
     factors: list[str] = []
     for name in (n for n in made if n != BESIDE):
-        others = np.concatenate([base, wide.of_factors(*factors)], axis=1)
-        if measure_independence(joint, others, wide.of_factors(name)) > LEAST_INDEPENDENCE:
+        others = np.concatenate([base, wide.build_factor_map(*factors)], axis=1)
+        if measure_independence(joint, others, wide.build_factor_map(name)) > LEAST_INDEPENDENCE:
             factors.append(name)
     return joint, factors

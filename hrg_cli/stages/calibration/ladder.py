@@ -78,12 +78,12 @@ def _grow_models(
     seen = _choose_factors(forced, models[-1].matrix, ["quadrature"])
     if not seen:
         notes[4] = INSEPARABLE_QUADRATURE
-    fourth = np.concatenate([models[-1].matrix, layout.of_factors(*seen)], axis=1)
+    fourth = np.concatenate([models[-1].matrix, layout.build_factor_map(*seen)], axis=1)
     logged = [name for name in LOOP_FACTORS if name in layout.factors]
     loops = _choose_factors(forced, fourth, logged)
     if not loops:
         notes[5] = INSEPARABLE_LOOPS if logged else NO_DRIVE
-    fifth = np.concatenate([fourth, layout.of_factors(*loops)], axis=1)
+    fifth = np.concatenate([fourth, layout.build_factor_map(*loops)], axis=1)
     models += [
         Model("4 calibrated and measured parts", fourth),
         Model("5 sensitivity to the control loops", fifth),
@@ -96,5 +96,6 @@ def _choose_factors(fitted: Fitted, base: Array, names: Sequence[str]) -> list[s
     return [
         name
         for name in names
-        if measure_independence(fitted, base, fitted.layout.of_factors(name)) > LEAST_INDEPENDENCE
+        if measure_independence(fitted, base, fitted.layout.build_factor_map(name))
+        > LEAST_INDEPENDENCE
     ]

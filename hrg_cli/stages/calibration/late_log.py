@@ -53,7 +53,7 @@ class Lateness:
 
 def compute_rate_slope(path: AnglePath) -> Array:
     """dΩ_log/dt, rad/s² (n, 1)."""
-    return np.gradient(path.rate_rad_s, path.middle(path.time_s))[:, None]
+    return np.gradient(path.rate_rad_s, path.average_neighbours(path.time_s))[:, None]
 
 
 def is_rate_moving(path: AnglePath) -> bool:
@@ -70,7 +70,7 @@ def estimate_lateness(fitted: Fitted) -> Lateness | None:
     if LATE not in layout.factors:
         return None
     place = layout.factor(LATE).start
-    scale = layout.mean_scale_factor(solution.coefficients)
+    scale = layout.compute_mean_scale_factor(solution.coefficients)
     variance = float(solution.covariance[place, place]) * fitted.chi2_per_dof
     if not variance > 0 or scale == 0:
         return None
@@ -88,7 +88,7 @@ def set_right(path: AnglePath, late_s: float) -> AnglePath:
     if len(held) < 3:
         return path
     integral = CubicSpline(path.time_s, path.rate_integral_rad)(at)
-    return replace(path, rate_integral_rad=integral).part(slice(int(held[0]), int(held[-1])))
+    return replace(path, rate_integral_rad=integral).select_rows(slice(int(held[0]), int(held[-1])))
 
 
 def follow(

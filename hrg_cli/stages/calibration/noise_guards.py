@@ -59,7 +59,7 @@ def say_noise(fitted: Fitted) -> dict[str, float | None]:
     """The noise the variants were judged at: white against what the windows state, and the angle
     random walk beside it."""
     ratio = average_noise_ratio(fitted)
-    scale_factor = fitted.layout.mean_scale_factor(fitted.solution.coefficients)
+    scale_factor = fitted.layout.compute_mean_scale_factor(fitted.solution.coefficients)
     return {
         "white_over_stated": None if ratio is None else float(np.sqrt(ratio)),
         "angle_random_walk_rad_sqrt_s": estimate_angle_random_walk(fitted) / abs(scale_factor)

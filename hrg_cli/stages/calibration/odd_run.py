@@ -121,7 +121,9 @@ def _describe(fitted: Fitted, rest: Fitted, run: int) -> OddRun:
     )
     logged = float(path.rotation.sum())
     # of a run at rest the mean scale factor tells, since it turned by no rate that could be divided by
-    per_rad = (turned - drifted) / logged if logged else -layout.mean_scale_factor(coefficients)
+    per_rad = (
+        (turned - drifted) / logged if logged else -layout.compute_mean_scale_factor(coefficients)
+    )
     seconds = float(path.interval_s.sum())
     shown = (float(fitted.turns[run].sum()) - drifted) / per_rad
     return OddRun(

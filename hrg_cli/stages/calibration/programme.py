@@ -35,11 +35,11 @@ def choose_nodes(
     """(nodes, lowest and highest value the table may be used at, remarks): dwells become nodes at
     their means, a sweep gets even nodes."""
     name = "temperature" if axis == "temperature" else "frequency"
-    x = np.concatenate([p.abscissa(axis) for p in paths])
+    x = np.concatenate([p.find_abscissa(axis) for p in paths])
     if not np.isfinite(x).any():
         return np.zeros(1), -np.inf, np.inf, [_say_no_axis(name, given)]
     if not np.isfinite(x).all():
-        missing = [p.run_id or "?" for p in paths if not np.isfinite(p.abscissa(axis)).all()]
+        missing = [p.run_id or "?" for p in paths if not np.isfinite(p.find_abscissa(axis)).all()]
         raise HrgError(
             f"run {name_some(missing)}: {name} is missing in a part of the runs; log it in all of"
             " them or leave these runs out"
@@ -89,8 +89,8 @@ def _nodes_of_runs(
 
 def _dwells(paths: Sequence[AnglePath], axis: str) -> Array | None:
     """Means of the groups of runs that each keep one temperature; None when runs sweep."""
-    means = np.array([p.abscissa(axis).mean() for p in paths])
-    spans = np.array([np.ptp(p.abscissa(axis)) for p in paths])
+    means = np.array([p.find_abscissa(axis).mean() for p in paths])
+    spans = np.array([np.ptp(p.find_abscissa(axis)) for p in paths])
     order = np.argsort(means)
     smallest = 1.0 if axis == "temperature" else 0.2
     total = float(np.ptp(means))
@@ -126,12 +126,12 @@ def examine(paths: Sequence[AnglePath], nodes: Array, axis: str, harmonics: int)
     unit = "°C" if axis == "temperature" else "Hz"
     rates = np.concatenate([p.rate_rad_s for p in paths])
     times = np.concatenate([p.interval_s for p in paths])
-    angles = np.concatenate([p.middle(p.angle_rad) for p in paths])
+    angles = np.concatenate([p.average_neighbours(p.angle_rad) for p in paths])
     travels = np.concatenate([np.diff(p.angle_rad) for p in paths])
     run = np.concatenate([np.full(len(p), i) for i, p in enumerate(paths)])
     m = paths[0].mode_number
     x = (
-        np.concatenate([p.middle(p.abscissa(axis)) for p in paths])
+        np.concatenate([p.average_neighbours(p.find_abscissa(axis)) for p in paths])
         if len(nodes) > 1
         else np.zeros(len(rates))
     )

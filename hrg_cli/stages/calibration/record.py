@@ -35,7 +35,7 @@ def make_calibration_record(
     sizes = [1 + 2 * k for k in limits]
     covariance = _covariance_of_stored(layout, solution, sizes) * chi2
     drift, scale = (
-        table[:, :size] for table, size in zip(layout.tables(solution.coefficients), sizes)
+        table[:, :size] for table, size in zip(layout.split_tables(solution.coefficients), sizes)
     )
     angles = np.arange(TABLE_ANGLES) * np.pi / layout.mode_number / TABLE_ANGLES
     of_drift, of_scale = (harmonic_basis(angles, k, layout.mode_number) for k in limits)

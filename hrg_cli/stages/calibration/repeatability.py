@@ -59,7 +59,7 @@ def compute_sweep(path: AnglePath) -> Array:
     slope = (padded[2 * width :] - padded[: -2 * width]) / np.maximum(
         time[2 * width :] - time[: -2 * width], 1e-12
     )
-    return path.middle(slope)
+    return path.average_neighbours(slope)
 
 
 def repeat_of_harmonics(
@@ -125,8 +125,10 @@ def _offsets_by_programme(
     """Programmes, each one's offset (h,) from the joint tables with its covariance, and those whose
     runs alone do not hold one."""
     layout = fitted.layout
-    drift = layout.part("drift", drift_limit, one_node=True)
-    matrix = np.concatenate([drift, layout.part("scale", scale_limit, one_node=True)], axis=1)
+    drift = layout.build_part_map("drift", drift_limit, one_node=True)
+    matrix = np.concatenate(
+        [drift, layout.build_part_map("scale", scale_limit, one_node=True)], axis=1
+    )
     names, offsets, covariances, skipped = [], [], [], []
     for name in sorted({str(v) for v in label.ravel()} - {""}):
         A, b, rows = fitted.pieces.sum(label == name)
@@ -170,7 +172,7 @@ def say_unstable(found: dict[str, Any] | None, dropped: Sequence[str]) -> list[s
 
 
 def _amplitude(layout: TableLayout, coefficients: Array, kind: str, k: int) -> float:
-    table = layout.tables(coefficients)[0 if kind == "drift" else 1]
+    table = layout.split_tables(coefficients)[0 if kind == "drift" else 1]
     return float(
         np.sqrt(
             np.mean(
@@ -218,7 +220,7 @@ def drop_unstable(
         if k > (drift_limit if kind == "drift" else scale_limit):
             continue
         if row["stable"] or (kind == "scale" and k == 0):
-            parts.append(layout.part(kind, k, lowest=k))
+            parts.append(layout.build_part_map(kind, k, lowest=k))
         else:
             dropped.append(row["name"])
     return np.concatenate(parts, axis=1), dropped

@@ -265,15 +265,17 @@ def read_measured_part(calibration: Calibration) -> dict[str, Any] | None:
 
 def compute_corrections(calibration: Calibration, path: AnglePath) -> tuple[Array, Array]:
     """(D [rad/s], K) (n,) of a run's increments: the tables, and the part that the model measures."""
-    x = path.middle(path.abscissa(calibration.axis))
-    drift, scale = calibration.values_at(x, path.middle(path.angle_rad), np.diff(path.angle_rad))
+    x = path.average_neighbours(path.find_abscissa(calibration.axis))
+    drift, scale = calibration.values_at(
+        x, path.average_neighbours(path.angle_rad), np.diff(path.angle_rad)
+    )
     return drift + compute_measured_drift(calibration, path), scale
 
 
 def compute_measured_drift(calibration: Calibration, path: AnglePath) -> Array:
     """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in
     operation; zeros otherwise."""
-    x = path.middle(path.abscissa(calibration.axis))
+    x = path.average_neighbours(path.find_abscissa(calibration.axis))
     part = interpolate_measured(calibration, x)
     if part is None:
         return np.zeros(len(path))
@@ -282,7 +284,11 @@ def compute_measured_drift(calibration: Calibration, path: AnglePath) -> Array:
         return np.asarray(
             drift + (ellipticity(path) * part.damping).sum(axis=1) if part.exact else drift
         )
-    speed = 2 * np.pi * (path.middle(path.frequency_hz) - np.asarray(part.mean_frequency_hz))
+    speed = (
+        2
+        * np.pi
+        * (path.average_neighbours(path.frequency_hz) - np.asarray(part.mean_frequency_hz))
+    )
     if not part.exact:
-        return np.asarray(-2 * path.middle(path.ratio) * speed)
+        return np.asarray(-2 * path.average_neighbours(path.ratio) * speed)
     return np.asarray(phase_ratio(path) * speed + (flattening(path) * part.damping).sum(axis=1))

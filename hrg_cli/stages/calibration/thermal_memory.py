@@ -50,16 +50,16 @@ def compare_thermal_memory(
 
     wide = _with_memory(layout, coefficients)
     grown = np.concatenate([model.matrix, np.zeros((2, model.matrix.shape[1]))])
-    both = Model("both", np.concatenate([grown, wide.of_factors(*UNITS)], axis=1))
+    both = Model("both", np.concatenate([grown, wide.build_factor_map(*UNITS)], axis=1))
     # what memory the tables leave must not count as noise
     refitted = fit(fitted.paths, wide, replace(both, name="memory"), fitted)
-    left, correlation = _independence(refitted, grown, wide.of_factors(*UNITS))
+    left, correlation = _independence(refitted, grown, wide.build_factor_map(*UNITS))
     out: dict[str, Any] = {
         "independence": dict(zip(UNITS, map(float, left))),
         "correlation": correlation,
     }
     for name, unit in UNITS.items():
-        alone = Model(name, np.concatenate([grown, wide.of_factors(name)], axis=1))
+        alone = Model(name, np.concatenate([grown, wide.build_factor_map(name)], axis=1))
         out[name] = _size(refitted, alone, name) | {"units": unit, "assuming": "the other is zero"}
     for name, part in zip(UNITS, left, strict=True):
         if not part > LEAST_KNOWN:
@@ -120,7 +120,7 @@ def tell_one_way(fitted: Fitted, coefficients: Array) -> list[str]:
         float(np.abs(slope(path) * sweep).max())
         for path, sweep in zip(fitted.paths, sweeps, strict=True)
     )
-    rate = turn / max(abs(layout.mean_scale_factor(coefficients)), 1e-300)
+    rate = turn / max(abs(layout.compute_mean_scale_factor(coefficients)), 1e-300)
     return [
         f"all runs {'warm' if moving.mean() > 0 else 'cool'}, where no lag of the thermometer shows:"
         f" each second of it makes the drift wrong by up to {rate / DEGREE_PER_HOUR:.2g} °/h; sweep"
@@ -150,13 +150,13 @@ def _slope_over_temperature(
     layout: TableLayout, coefficients: Array
 ) -> Callable[[AnglePath], Array]:
     """d(D − KΩ)/dT along a path, by central differences of the tables."""
-    drift, scale = layout.tables(coefficients)
+    drift, scale = layout.split_tables(coefficients)
     harmonics = max(layout.drift_harmonics, layout.scale_harmonics)
     step = STEP * float(np.ptp(layout.nodes))
     kind = "linear" if layout.interpolation in ("linear", "monotone") else "cubic"
 
     def slope(path: AnglePath) -> Array:
-        at, basis = layout.abscissa(path), path.angle_basis(harmonics)
+        at, basis = layout.find_abscissa(path), path.build_angle_basis(harmonics)
 
         def derivative(table: Array) -> Array:
             up = coefficients_at(at + step, layout.nodes, table, kind)

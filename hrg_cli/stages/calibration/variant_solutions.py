@@ -79,7 +79,7 @@ def solve_averaged(
     A, b, _ = fitted.pieces.sum()
     first = solve(A, b, model)
     in_doubt = find_doubtful_harmonics(
-        layout, wanted.in_doubt, layout.mean_scale_factor(first.coefficients)
+        layout, wanted.in_doubt, layout.compute_mean_scale_factor(first.coefficients)
     )
     to_full, seen = _free_coefficients(
         layout, model.name, find_widest_limits(layout, wanted, limits)
@@ -104,7 +104,7 @@ def _free_coefficients(
     to_full = np.eye(layout.size)[:, : layout.table_size]
     if name != "combined":
         return to_full, seen
-    measured = layout.of_factors("quadrature_course")
+    measured = layout.build_factor_map("quadrature_course")
     tied = tie_course(layout, "ellipticity_course") @ to_full
     width = measured.shape[1]
     beside = np.zeros((len(seen), width))
@@ -156,7 +156,7 @@ def add_doubt(
     beyond the model's own, what they may be as `average_over_doubt` tells, and what that does to the others.
     """
     layout = fitted.layout
-    constant = layout.part("drift", 0)
+    constant = layout.build_part_map("drift", 0)
     if tried.model.name in WHOLE_DRIFT:
         return tried
     if not tried.foreign:
@@ -180,7 +180,7 @@ def _with_harmonics_in_doubt(
     """
     layout, model = fitted.layout, tried.model
     C, found = tried.solution.covariance, tried.solution.coefficients
-    scale_factor = layout.mean_scale_factor(found)
+    scale_factor = layout.compute_mean_scale_factor(found)
     beyond = dict(zip(("drift", "scale"), limits))
     left_out = find_doubtful_harmonics(layout, wanted.in_doubt, scale_factor, beyond)
     if not left_out:

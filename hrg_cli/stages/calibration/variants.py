@@ -62,7 +62,7 @@ def build_variant(
     coefficients: ResonatorCoefficients | None = None,
 ) -> Model:
     """A variant's model; `coefficients`: those of the resonators, for `physical`."""
-    scale = layout.part("scale", scale_limit)
+    scale = layout.build_part_map("scale", scale_limit)
     if name == "physical":
         assert coefficients is not None
         return Model(
@@ -71,18 +71,21 @@ def build_variant(
             coefficients.spread(layout) @ coefficients.at_nodes(layout)[0],
         )
     lowest, highest = (0, drift_limit) if name in WHOLE_DRIFT else (1, 1)
-    drift = layout.part("drift", highest, lowest=lowest)
+    drift = layout.build_part_map("drift", highest, lowest=lowest)
     if name in ("quadrature", "combined"):
         drift = tie_course(layout, "ellipticity_course") @ drift
         return Model(
-            name, np.concatenate([drift, scale, layout.of_factors("quadrature_course")], axis=1)
+            name,
+            np.concatenate([drift, scale, layout.build_factor_map("quadrature_course")], axis=1),
         )
     if name == "phase":
         start = np.zeros(layout.size)
         start[layout.factor("phase")] = 1.0
         drift = tie_course(layout, "flattening_course") @ drift
         return Model(
-            name, np.concatenate([drift, scale, layout.of_factors("mean_frequency")], axis=1), start
+            name,
+            np.concatenate([drift, scale, layout.build_factor_map("mean_frequency")], axis=1),
+            start,
         )
     return Model(name, np.concatenate([drift, scale], axis=1))
 

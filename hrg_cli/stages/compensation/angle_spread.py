@@ -65,7 +65,10 @@ class AngleSpread:
     ) -> Array:
         """Variance (n,) by the coefficients and by what is unknown between nodes, of some of the
         increments, which are then summed up."""
-        x, angle = path.middle(blocks)[some], path.middle(path.angle_rad)[some]
+        x, angle = (
+            path.average_neighbours(blocks)[some],
+            path.average_neighbours(path.angle_rad)[some],
+        )
         time, rate, scale = path.interval_s[some], rate[some], scale[some]
         weight = np.stack([time / scale, -rate * time / scale])
         summed = np.cumsum(build_coefficient_rows(self.calibration, x, angle, weight), axis=0)

@@ -39,14 +39,14 @@ class Totals:
         rotation, turn = path.rotation[known], path.turn[known]
         period = np.pi / path.mode_number
         cell = (
-            np.mod(path.middle(path.angle_rad)[known], period) / period * CELLS_A_PERIOD
+            np.mod(path.average_neighbours(path.angle_rad)[known], period) / period * CELLS_A_PERIOD
         ).astype(int) % CELLS_A_PERIOD
         for row, weight in enumerate((time, before * time, after * time)):
             self.cells[row] += np.bincount(cell, weight, CELLS_A_PERIOD)
         whole = len(after) // self.together * self.together
         self.errors.append(after[:whole].reshape(-1, self.together).mean(axis=1))
         self.time_s += float(time.sum())
-        self.windows_s += float(path.middle(path.width_s)[known].sum())
+        self.windows_s += float(path.average_neighbours(path.width_s)[known].sum())
         self.bend_off_s = path.bend_off_s
         self.squares += [before @ before, after @ after]
         self.rows += len(before)

@@ -71,7 +71,7 @@ class RunSums:
         after = None if errors is None else errors.after_rad_s
         if self.totals is not None and errors is not None:
             self.totals.add(path, errors.before_rad_s, errors.after_rad_s)
-            middles = path.middle(path.time_s)
+            middles = path.average_neighbours(path.time_s)
             self.against.add(
                 middles, path.interval_s, errors.after_rad_s, found.std, found.angle_std
             )

@@ -81,14 +81,14 @@ class WindowLog:
         if isinstance(series, Impulse):
             return average_over_windows(series, times, window_s)
         if name != RATE or self.step_s >= FINER * window_s:
-            return series.at(times)
+            return series.interpolate(times)
         more = window_s * np.arange(1, BESIDE + 1)
         wider = np.concatenate([times[0] - more[::-1], times, times[-1] + more])
         # a window that reaches beyond the log has no mean there
         begin, end = series.domain
         half = window_s / 2
         known = (wider - half >= begin) & (wider + half <= end)
-        value = series.at(wider)
+        value = series.interpolate(wider)
         if known.any():
             within = wider[known]
             borders = np.append(within, within[-1] + window_s) - half

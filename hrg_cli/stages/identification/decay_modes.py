@@ -71,7 +71,7 @@ def find_modes(run: EnvelopeRun, thin: EnvelopeRun, u: Array) -> Seen:
 
 def _fit_modes(thin: EnvelopeRun, u: Array, stretch: tuple[int, int], run: EnvelopeRun) -> Seen:
     rows = slice(*stretch)
-    part, signal = thin.rows(rows), u[rows]
+    part, signal = thin.select_rows(rows), u[rows]
     one = one_mode.identify(part, signal[:, 0])
     spacing = float(np.median(np.diff(run.time_s)))
     if not run.phase_known:
@@ -90,7 +90,7 @@ def _fit_modes(thin: EnvelopeRun, u: Array, stretch: tuple[int, int], run: Envel
 def _misfit_of_two(run: EnvelopeRun, u: Array, rows: slice) -> tuple[Array, Array]:
     """Squared misfit over the noise, and over the squared amplitude (n,), on every row of what two
     modes of some rows foretell."""
-    modes = two_modes.identify(run.rows(rows), u[rows], 2)
+    modes = two_modes.identify(run.select_rows(rows), u[rows], 2)
     with np.errstate(over="ignore", invalid="ignore"):
         model = np.exp(np.outer(run.time_s - run.time_s[rows][0], modes.exponent)) @ modes.amplitude
         power = np.nan_to_num(np.sum(np.abs(u - model) ** 2, axis=1), nan=np.inf)

@@ -101,7 +101,7 @@ def _weigh_second_order(best: Fit) -> float:
         respond(data, State(np.append(best.p[:6], order), state.start, state.phase)).model
         for order in (0.0, 1.0)
     )
-    return float(np.linalg.norm(data.over_noise(second - first)))
+    return float(np.linalg.norm(data.whiten(second - first)))
 
 
 def _take_off_second_order(
@@ -118,7 +118,7 @@ def _take_off_second_order(
     )
     # the mean frequency's shift by the second order is the run's own and stays
     envelope = data.envelope * np.exp(-1j * phase)[..., None] - (second - first)
-    offsets = state.offsets_rad_s(data.span_s) / (2 * np.pi)
+    offsets = state.compute_offsets_rad_s(data.span_s) / (2 * np.pi)
     thin = [
         dataclasses.replace(
             r,

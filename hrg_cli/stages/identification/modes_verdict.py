@@ -37,13 +37,13 @@ def _read_run(seen: Seen) -> tuple[list[float], list[float]]:
             -(high.real - low.real) / 2,
         ], [half / (2 * np.pi), half, half, half]
     laws = seen.mode
-    nu = laws.decay.of("viscous_1_s")
+    nu = laws.decay.find_coefficient("viscous_1_s")
     if not seen.run.phase_known:
         return [seen.run.reference_frequency_hz, nu[0]], [
             compute_band_hz(seen.spacing_s),
             wider * nu[1],
         ]
-    omega = laws.frequency.of("zero_amplitude_rad_s")
+    omega = laws.frequency.find_coefficient("zero_amplitude_rad_s")
     return [(reference + omega[0]) / (2 * np.pi), nu[0]], [
         wider * omega[1] / (2 * np.pi),
         wider * nu[1],
@@ -192,7 +192,7 @@ def _average_laws(found: Sequence[Seen]) -> dict[str, dict[str, float]]:
     wider = np.array([np.sqrt(checks.slow_part([s.residual()])) for s in found])
     for law, powers in (("frequency", one_mode.FREQUENCY_POWERS), ("decay", one_mode.DECAY_POWERS)):
         for name in powers:
-            table = np.array([getattr(s.mode, law).of(name) for s in found])
+            table = np.array([getattr(s.mode, law).find_coefficient(name) for s in found])
             if not np.any(table[:, 1] > 0):
                 continue
             shift = reference if name == "zero_amplitude_rad_s" else 0.0

@@ -182,7 +182,7 @@ def _expand_covariance(fit: Fit, z: Array) -> Array:
 def read_second_order_std(fit: Fit) -> float:
     """Standard deviation of the second-order scale, 0 where it is held."""
     return (
-        float(np.sqrt(fit.covariance_z()[-1, -1]))
+        float(np.sqrt(fit.compute_covariance_z()[-1, -1]))
         if fit.freedom.names[-1] == "second_order"
         else 0.0
     )
@@ -191,7 +191,7 @@ def read_second_order_std(fit: Fit) -> float:
 def _check_fit(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: float) -> None:
     """The closing checks into the verdict: bounds, what the residuals are, truncation, blur."""
     refusing, doubting = closing.check_bounds(verdict)
-    residual = fit.response.residual()
+    residual = fit.response.compute_residual()
     left = [
         np.concatenate([r[: len(run)].real, r[: len(run)].imag], axis=1)
         for r, run in zip(residual, fit.response.batch.runs)
@@ -292,7 +292,7 @@ def _flat_in(fit: Fit, name: str) -> bool:
         return False
     i = fit.freedom.names.index(name)
     factor, _ = inference.estimate_variance_inflation(fit)
-    std = float(np.sqrt(fit.covariance_z()[i, i] * factor))
+    std = float(np.sqrt(fit.compute_covariance_z()[i, i] * factor))
     return std > inference.FLAT_FRACTION * float(inference.compute_natural_scales(fit)[i])
 
 

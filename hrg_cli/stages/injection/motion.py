@@ -106,7 +106,7 @@ def _change_after(
     """T from an instant on, at which the envelopes `plain` (2,) become `changed`; the identity
     before."""
     first = int(np.searchsorted(series.time_s[0], instant))
-    rest = series.later(first)
+    rest = series.drop_rows_before(first)
     L = slow_equation.build_generators(series, point)[0, first]
     carry = exponentiate(L, rest.time_s[0, 0] - instant)
     ends = [
@@ -147,7 +147,7 @@ def _fit_model(wave: Wave, resonator: Resonator | None) -> tuple[MeasuredRuns, P
             fit.coordinate("scale_factor")
         ):
             nominal = choose_scale_factor(wave.mode_number)
-            fit = extended_fit.fit(series, point, free.holding("scale_factor", nominal))
+            fit = extended_fit.fit(series, point, free.hold("scale_factor", nominal))
         return series, fit.point
     except extended_fit.DivergedError as error:
         raise HrgError(

@@ -61,7 +61,7 @@ def of_free_runs(waves: Sequence[Wave], settings: Mapping[str, Any], earth_rad_s
     data, response = fit.response.batch, fit.response
     # in the wave's own phase, e^{2jφ} ∝ u·u: only there does the angle stand across the wave
     back = np.exp(-0.5j * np.angle(np.sum(data.envelope**2, axis=-1, keepdims=True)))
-    residual = to_reals(response.residual() * back)
+    residual = to_reals(response.compute_residual() * back)
     seen = channel_noise.whiten(data.whitening, data.envelope) * back
     found = colour.estimate_noises(data.time_s, data.weight, seen, residual)
     return tuple(n if n.wander_1_s > 0 else WHITE for n in found)
@@ -95,7 +95,7 @@ def of_diagnosis(truth: Diagnosis) -> Colour:
 
 def _density(row: Mapping[str, Any]) -> float:
     """q of a wander whose standard deviation after an hour is told."""
-    one = ColouredNoise(1.0, 1.0, row["correlation_s"], 0.0).after(HOUR)
+    one = ColouredNoise(1.0, 1.0, row["correlation_s"], 0.0).compute_std_after(HOUR)
     return float((row["after_one_hour"] / one) ** 2)
 
 

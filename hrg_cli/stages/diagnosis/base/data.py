@@ -232,7 +232,7 @@ def _rate_of(wave: Wave, t: Array) -> Array:
     """The logged rate at times t; 0 where none is logged."""
     if not _has(wave.rate_rad_s):
         return np.zeros(len(t))
-    return build_course(*_finite(wave.time_s, wave.rate_rad_s)).at(t)
+    return build_course(*_finite(wave.time_s, wave.rate_rad_s)).interpolate(t)
 
 
 def _temperature_of(run: EnvelopeRun, wave: Wave) -> dict[str, Array]:
@@ -280,7 +280,7 @@ def interpolate_command(wave: Wave, name: str, t: Array, forced: Array) -> Array
 def integrate_command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
     """∫ of a logged drive command from the log's start to times t; zero where there is none."""
     logged = _logged(wave, name, forced)
-    return np.zeros(len(t)) if logged is None else logged.at(t)
+    return np.zeros(len(t)) if logged is None else logged.integrate_to(t)
 
 
 def integrate_temperature(wave: Wave, t: Array, smooth: Array | None) -> Array:
@@ -292,7 +292,9 @@ def integrate_temperature(wave: Wave, t: Array, smooth: Array | None) -> Array:
         return np.concatenate([[0.0], np.cumsum(np.diff(t) * (course[1:] + course[:-1]) / 2)])
     logged = integrate_means(*_finite(wave.time_s, wave.temperature_degc))
     half = np.sqrt(np.maximum(np.gradient(t) ** 2 - wave.window_s**2, 0.0)) / 2
-    return (logged.at(t - half) + 4 * logged.at(t) + logged.at(t + half)) / 6
+    return (
+        logged.integrate_to(t - half) + 4 * logged.integrate_to(t) + logged.integrate_to(t + half)
+    ) / 6
 
 
 def _logged(wave: Wave, name: str, forced: Array) -> Impulse | None:

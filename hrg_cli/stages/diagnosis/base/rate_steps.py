@@ -86,7 +86,8 @@ def _correct_steps(fit: ExtendedFit, places: list[tuple[int, int, int]]) -> Meas
     uncertainty, rows beside the steps left out."""
     series, flow = fit.series, fit.flow
     columns = whitened_rows.flatten_rows(
-        series, flow.seen(np.stack([_kicks(fit, *place)[0] for place in places], axis=-1))
+        series,
+        flow.whiten_read_out(np.stack([_kicks(fit, *place)[0] for place in places], axis=-1)),
     )
     spread = np.array(
         [
@@ -96,7 +97,7 @@ def _correct_steps(fit: ExtendedFit, places: list[tuple[int, int, int]]) -> Meas
             for k, a, b in places
         ]
     )
-    columns, spread = fit.basis.off(columns), np.maximum(spread, 1e-9)
+    columns, spread = fit.basis.project_out(columns), np.maximum(spread, 1e-9)
     angle = np.linalg.solve(columns.T @ columns + np.diag(1 / spread**2), columns.T @ fit.residual)
     table, weight = series.table_angle_rad.copy(), series.weight.copy()
     for (k, first, last), turned in zip(places, angle, strict=True):
@@ -124,9 +125,9 @@ def _doings(fit: ExtendedFit, places: list[tuple[int, int, int]]) -> Basis:
             (
                 rows,
                 designs.orthonormalise(
-                    whitened_rows.flatten_rows(series, fit.flow.seen(np.stack(kicks, axis=-1)))[
-                        rows
-                    ],
+                    whitened_rows.flatten_rows(
+                        series, fit.flow.whiten_read_out(np.stack(kicks, axis=-1))
+                    )[rows],
                     INDEPENDENT,
                 ),
             )
@@ -145,5 +146,5 @@ def _kicks(fit: ExtendedFit, k: int, first: int, last: int) -> list[Array]:
         impulse = np.zeros((*flow.middle.shape[:2], 4, 1))
         # one unit over all of them; Simpson's rule of the flow weighs the middle by 4h/6
         impulse[k, rows, :, 0] = to_reals(change * 6 / (4 * h * len(h)))
-        out.append(flow.carried(np.zeros((*series.weight.shape, 4, 1)), impulse)[..., 0])
+        out.append(flow.propagate(np.zeros((*series.weight.shape, 4, 1)), impulse)[..., 0])
     return out

@@ -45,8 +45,8 @@ def _moves(fit: ExtendedFit, variant: Variant) -> Array:
     # a difference step is a fixed part of the typical size in these runs' own units
     typical = np.array(list(variant.steps.values())) / scales.SMALL_PART
     misfit = max(fit.chi2 / fit.dof, 1.0) ** 0.5
-    S = fit.sensitivities([variant.wanted])[0] * typical
-    free = fit.basis.off(fit.basis.off(S)) / misfit
+    S = fit.find_sensitivities([variant.wanted])[0] * typical
+    free = fit.basis.project_out(fit.basis.project_out(S)) / misfit
     hidden = np.sum(free**2, axis=0) < WORTH + np.log(len(fit.residual))
     S, free = S[:, hidden], free[:, hidden]
     power, turn = np.linalg.eigh(free.T @ free)
@@ -56,5 +56,5 @@ def _moves(fit: ExtendedFit, variant: Variant) -> Array:
     S = S @ np.column_stack([left, likely])
     columns = list(fit.layout.coordinates)
     out = np.zeros((COUNT, S.shape[1]))
-    out[columns] = (fit.covariance @ fit.design.along(S))[: len(columns)]
+    out[columns] = (fit.covariance @ fit.design.multiply_transposed(S))[: len(columns)]
     return out

@@ -57,9 +57,9 @@ class Sized:
         aᵀ C⁻¹ a with what is left over and the other fits in C (Wald), as a square root."""
         columns = self.fit.layout.effect(effect.name)
         covariance = self.factor * self.fit.covariance[columns, columns]
-        off, _ = self.fit.away(effect)
+        off, _ = self.fit.measure_distance(effect)
         for other in self.others_of(effect.name):
-            moved = off - other.away(effect)[0]
+            moved = off - other.measure_distance(effect)[0]
             covariance = covariance + np.outer(moved, moved)
         wald = square_over_covariance(off, covariance)
         return float(np.sqrt(max(wald, 0.0))) if np.isfinite(wald) else float("nan")

@@ -29,13 +29,15 @@ def describe_wander(fit: ExtendedFit) -> list[dict[str, Any]]:
         return []
     series = fit.series
     seen = channel_noise.whiten(series.whitening, series.envelope)
-    noises = colour.estimate_noises(series.time_s, series.weight, seen, fit.prediction.residual())
+    noises = colour.estimate_noises(
+        series.time_s, series.weight, seen, fit.prediction.compute_residual()
+    )
     if not noises:
         return []
     return [
         {
             "component": name,
-            "after_one_hour": noise.after(HOUR) if noise.wander_1_s > 0 else 0.0,
+            "after_one_hour": noise.compute_std_after(HOUR) if noise.wander_1_s > 0 else 0.0,
             "units": "1" if name in ("amplitude", "ellipticity") else "rad",
             "correlation_s": noise.correlation_s,
             "white_over_stated": noise.white,

@@ -69,7 +69,7 @@ class FrameAnswers:
         series, courses = fit.series, find_courses(fit)
         turning = float(np.max(np.abs(compute_slope(series.time_s, courses[0]))))
         angle, phase = (_answers(series, course, turning) for course in courses)
-        moved = fit.flow.seen(carry_turns(fit.flow, series, angle, phase))
+        moved = fit.flow.whiten_read_out(carry_turns(fit.flow, series, angle, phase))
         return cls(angle, phase, whitened_rows.flatten_own(series, moved))
 
     def spread(self, fit: ExtendedFit) -> Array:
@@ -97,7 +97,7 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     series = fit.series
     if series.unsettled is None or are_all_driven(series):
         return fit
-    size = answers.doings.T @ series.unsettled.off(fit.residual)
+    size = answers.doings.T @ series.unsettled.project_out(fit.residual)
     turn = answers.turn(size)
     if np.abs(turn).max() > MOST_TURNED_RAD:
         return fit
@@ -107,8 +107,8 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     series = replace(series, frame_turn=turn)
     flow = linearise_flow(predict(series, fit.point, fit.flow.near))
     carried = carry_turns(flow, series, answers.angle, answers.phase)
-    walk = Walk.none(flow.prediction.motion) if series.walk is None else series.walk
-    turned = to_complex(flow.viewed(carried) @ size)
+    walk = Walk.make_still(flow.prediction.motion) if series.walk is None else series.walk
+    turned = to_complex(flow.read_out(carried) @ size)
     series = replace(series, walk=replace(walk, turned=turned))
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
@@ -145,7 +145,7 @@ def carry_turns(flow: Propagation, series: MeasuredRuns, angle: Array, phase: Ar
             (flow.centre, flow.middle, between),
         )
     )
-    return flow.carried(at_rows, at_middle)
+    return flow.propagate(at_rows, at_middle)
 
 
 def find_courses(fit: ExtendedFit) -> tuple[Array, Array]:

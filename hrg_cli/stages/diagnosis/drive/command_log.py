@@ -49,12 +49,12 @@ def fit_lateness(fit: ExtendedFit) -> ExtendedFit:
         return fit
     before = 1 / (REACH * find_row_length_s(fit.series)) ** 2
     for _ in range(ROUNDS):
-        column = fit.basis.off(
+        column = fit.basis.project_out(
             whitened_rows.flatten_rows(fit.series, differentiate_by_lateness(fit))
         )
         if _is_beside_the_point(fit, column):
             break
-        told = fit.basis.off(
+        told = fit.basis.project_out(
             whitened_rows.flatten_rows(
                 fit.series, differentiate_by_lateness(fit, remove_command_scatter)
             )
@@ -136,12 +136,14 @@ def _change(fit: ExtendedFit, other: MeasuredRuns) -> Array:
     """By how much the waves change, over σ (R, n, 4), with the commands of another series."""
     flow, point = fit.flow, fit.point
     motion, rows = fit.prediction.motion, RungeKuttaStage(other, point)
-    halves = RungeKuttaStage(other.middle(), point)
-    at_rows = to_reals(rows.beside(motion) - flow.rows.beside(motion))[..., None]
-    at_middle = to_reals(halves.beside(flow.middle) - flow.halves.beside(flow.middle))[..., None]
-    direct = to_reals(rows.seen(motion) - flow.rows.seen(motion))[..., None]
-    carried = flow.viewed(flow.carried(at_rows, at_middle))
-    return fit.prediction.judged(carried + direct)[..., 0]
+    halves = RungeKuttaStage(other.average_neighbours(), point)
+    at_rows = to_reals(rows.compute_source(motion) - flow.rows.compute_source(motion))[..., None]
+    at_middle = to_reals(
+        halves.compute_source(flow.middle) - flow.halves.compute_source(flow.middle)
+    )[..., None]
+    direct = to_reals(rows.read_out(motion) - flow.rows.read_out(motion))[..., None]
+    carried = flow.read_out(flow.propagate(at_rows, at_middle))
+    return fit.prediction.whiten_judged(carried + direct)[..., 0]
 
 
 def remove_command_scatter(series: MeasuredRuns) -> MeasuredRuns:

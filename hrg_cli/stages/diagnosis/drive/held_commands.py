@@ -131,7 +131,7 @@ def _find_remainder(fit: ExtendedFit, besides: Array | None = None) -> list[_Lef
 
 def _likeliest(fit: ExtendedFit, left: Sequence[_Left], beats: Array) -> tuple[float, float]:
     """Which of these beats has most evidence, and how much."""
-    moved = whitened_rows.flatten_rows(fit.series, fit.flow.seen(_moved(fit, beats)))
+    moved = whitened_rows.flatten_rows(fit.series, fit.flow.whiten_read_out(_moved(fit, beats)))
     found = [
         sum(run.evidence(moved[run.rows, PARTS * k : PARTS * (k + 1)]) for run in left)
         for k in range(len(beats))
@@ -152,9 +152,9 @@ def _span_linear_maps(flow: Propagation) -> Array:
         np.stack([*mapped(v), *mapped(_force(series, v))], axis=-1)
         for series, v in ((prediction.series, prediction.motion), (flow.centre, flow.middle))
     )
-    moved = flow.seen(flow.carried(at_rows, at_middle))
+    moved = flow.whiten_read_out(flow.propagate(at_rows, at_middle))
     return np.concatenate(
-        [moved, prediction.judged(np.stack(mapped(prediction.seen), axis=-1))], axis=-1
+        [moved, prediction.whiten_judged(np.stack(mapped(prediction.seen), axis=-1))], axis=-1
     )
 
 
@@ -170,7 +170,7 @@ def _moved(fit: ExtendedFit, beats: Array) -> Array:
     flow, series = fit.flow, fit.series
     change, turned = _of_commands(series, flow.prediction.motion)
     middle = [(one[:, 1:] + one[:, :-1]) / 2 for one in (change, turned)]
-    return flow.carried_by(
+    return flow.propagate_products(
         _means(series, flow.prediction.motion, change, turned),
         _means(flow.centre, flow.middle, *middle),
         _swings(series.time_s, beats),

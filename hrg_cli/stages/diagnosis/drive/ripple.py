@@ -75,7 +75,7 @@ class Ripple:
 def _seen(fit: ExtendedFit, doings: Array) -> float:
     """Size, with its σ, of the part that makes quadrature: the larger, with or without that of the
     direction, which does nearly the same and may hide it."""
-    column = fit.basis.off(doings[:, QUADRATURE])
+    column = fit.basis.project_out(doings[:, QUADRATURE])
     size = max(float(column @ column), np.finfo(float).tiny)
     left = (fit.residual, fit.residual - doings[:, DIRECTION])
     seen = max(abs(float(column @ residual)) / size for residual in left)
@@ -88,12 +88,12 @@ def _doings(fit: ExtendedFit) -> Array:
     turn = build_mean_turns(series)[:, None]
     at_rows = _forces(flow.rows, build_generators(series, point) - turn, fit.prediction.motion)
     between = _forces(flow.halves, build_generators(flow.centre, point) - turn, flow.middle)
-    return flow.seen(flow.carried(at_rows, between))
+    return flow.whiten_read_out(flow.propagate(at_rows, between))
 
 
 def _forces(stage: RungeKuttaStage, L: Array, v: Array) -> Array:
     """The five forces on the envelopes v, as reals (R, n, 4, 5)."""
-    G = apply_generators(L, v) + stage.beside(v)
+    G = apply_generators(L, v) + stage.compute_source(v)
     turn, e_A, e_B, _ = frame(v, stage.state.phase_rad)
     seen = [np.conj(turn) * np.sum(axis * w, axis=-1) for w in (v, G) for axis in (e_A, e_B)]
     a, b, G_A, G_B = seen[0].real, -seen[1].imag, seen[2], seen[3]

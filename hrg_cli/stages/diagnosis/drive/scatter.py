@@ -125,7 +125,7 @@ class _Run:
 def soften_runs(fit: ExtendedFit, changed: Array) -> ExtendedFit:
     """The fit again where changes of the driven runs' motion (R, n, 4, k) may stand beside it in each
     of them, of standard deviation 1; the same where they could not be seen."""
-    doings = whitened_rows.flatten_rows(fit.series, fit.flow.seen(changed))
+    doings = whitened_rows.flatten_rows(fit.series, fit.flow.whiten_read_out(changed))
     driven = np.any(fit.series.forced > 0, axis=1)
     runs = [
         _Run(k, rows, doings[rows], np.zeros((0, 0)))
@@ -163,7 +163,7 @@ def follow_walk(fit: ExtendedFit) -> ExtendedFit:
     series, walk = fit.series, fit.series.walk
     if walk is None or series.scatter is None or not walk.parts:
         return fit
-    jumps = walk.likely(fit.residual, series.scatter)
+    jumps = walk.estimate_jumps(fit.residual, series.scatter)
     nothing = np.zeros_like(walk.seen)
     of_log = predict(
         _soften_walk(series, walk, np.zeros_like(jumps), nothing), fit.point, fit.flow.near
@@ -206,7 +206,7 @@ def _soften(
         fit.series,
         scatter=Softened((*(() if known is None else known.own), *new.own)),
         walk=replace(
-            Walk.none(motion),
+            Walk.make_still(motion),
             parts=(*(() if walk is None else walk.parts), *turns),
             turned=None if walk is None else walk.turned,
         ),
@@ -257,9 +257,9 @@ def find_corner_hz(fit: ExtendedFit) -> float:
 
 def _runs(fit: ExtendedFit, scatter: Scatter, pieces: LogPieces) -> list[_Run]:
     """The runs whose scatter counts."""
-    series, counts, kicks = fit.series, scatter.counts(fit.series), pieces.kicks()
+    series, counts, kicks = fit.series, scatter.counts(fit.series), pieces.build_jumps()
     nothing = np.zeros((*series.weight.shape, 4, kicks.shape[-1]))
-    moved = fit.flow.seen(fit.flow.carried(nothing, nothing[:, 1:], in_steps=kicks))
+    moved = fit.flow.whiten_read_out(fit.flow.propagate(nothing, nothing[:, 1:], in_steps=kicks))
     doings = whitened_rows.flatten_rows(series, moved)
     shared = whitened_rows.flatten_rows(series, find_base_sensitivities(fit.flow)[0])
     slow = whitened_rows.flatten_rows(series, _slow(fit))
@@ -313,7 +313,7 @@ def _slow(fit: ExtendedFit) -> Array:
     )
     along = np.moveaxis(to_reals(find_directions(fit.prediction.seen)), -2, -1)
     columns = along[..., None] * waves[..., None, None, :]
-    return fit.prediction.judged(columns.reshape(*t.shape, 4, -1))
+    return fit.prediction.whiten_judged(columns.reshape(*t.shape, 4, -1))
 
 
 def _estimate_part(residual: Array, runs: Sequence[_Run]) -> float:
@@ -350,5 +350,5 @@ def _whitened(known: Basis | None, soft: Softened) -> Basis | None:
     for rows, Q in known.own:
         whole = np.zeros((known.shape[0], Q.shape[1]))
         whole[rows] = Q
-        own.append((rows, designs.orthonormalise(soft.off(whole)[rows], INDEPENDENT)))
-    return Basis(tuple(own), soft.off(known.shared), known.variance)
+        own.append((rows, designs.orthonormalise(soft.whiten(whole)[rows], INDEPENDENT)))
+    return Basis(tuple(own), soft.whiten(known.shared), known.variance)

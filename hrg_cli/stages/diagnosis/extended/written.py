@@ -196,7 +196,7 @@ def hold_written(
         compared[k] = inside
         missed[k, inside] = measured - course.at(series.time_s[k][inside])
         fitted[k, inside] = measured - fit.prediction.by_log[k][inside]
-    missed, fitted = (to_reals(series.over_noise(one)) for one in (missed, fitted))
+    missed, fitted = (to_reals(series.whiten(one)) for one in (missed, fitted))
     # what nobody knows of the runs (the way through a step of the rate) counts neither for the fit
     # nor for the file
     figures = [

@@ -97,7 +97,7 @@ def _moving(fit: ExtendedFit, own: Sequence[int], wave: Wave) -> Wave:
     and the read-out's defects."""
     good = [fit.series.weight[k] > 0 for k in own]
     times = np.concatenate([fit.series.time_s[k][g] for k, g in zip(own, good, strict=True)])
-    shown = fit.flow.rows.shown(fit.prediction.motion)
+    shown = fit.flow.rows.compute_displacement(fit.prediction.motion)
     u = np.concatenate([shown[k][g] for k, g in zip(own, good, strict=True)])
     a_A, a_B = ellipse.find_wave(u, fit.series.mode_number)[:2]
     t = np.asarray(wave.time_s, float)
@@ -109,9 +109,9 @@ def _moving(fit: ExtendedFit, own: Sequence[int], wave: Wave) -> Wave:
 def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -> Array:
     """Envelopes (2,) of the displacement at t = `begin`: the whole equation integrated back from the first
     row, drive and effects included."""
-    series, first = fit.series.runs([k]), float(fit.series.time_s[k, 0])
+    series, first = fit.series.select_runs([k]), float(fit.series.time_s[k, 0])
     if first <= begin:
-        return fit.flow.rows.shown(fit.prediction.motion)[k, 0]
+        return fit.flow.rows.compute_displacement(fit.prediction.motion)[k, 0]
     times = np.linspace(first, begin, BACKWARD + 1)[None]
     since = times - first
 
@@ -120,16 +120,16 @@ def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -
 
     rate = along(series.rate_rad_s)
     if wave.rate_rad_s is not None and np.any(known := np.isfinite(wave.rate_rad_s)):
-        at, logged = (
+        at, log = (
             np.asarray(wave.time_s, float)[known],
             np.asarray(wave.rate_rad_s, float)[known],
         )
-        rate = np.interp(times, at, logged) if straight else build_course(at, logged).at(times)
+        rate = np.interp(times, at, log) if straight else build_course(at, log).interpolate(times)
     columns: dict[str, Any] = {
         name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD
     }
     back = replace(
-        series.alone(),
+        series.drop_shared_doubt(),
         time_s=times,
         envelope=np.repeat(series.envelope[:, :1], times.size, axis=1),
         rate_rad_s=rate,
@@ -152,7 +152,7 @@ def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -
     point = Point(
         fit.point.p, fit.prediction.motion[[k], 0], fit.point.offset_rad_s[[k]], fit.point.active
     )
-    return RungeKuttaStage(back, point).shown(march_motion(back, point))[0, -1]
+    return RungeKuttaStage(back, point).compute_displacement(march_motion(back, point))[0, -1]
 
 
 def _environment(

@@ -48,7 +48,7 @@ def place_cause(variant: Variant, fit: ExtendedFit) -> list[Variant]:
     """A cause that may strike anywhere, at the place that stands out of a fit's residual, at some
     phases of the oscillation; none where no place does."""
     series, effect = fit.series, variant.effect
-    place: Place | None = fit.remembered(("place", effect.name), lambda: _place(variant, fit))
+    place: Place | None = fit.recall(("place", effect.name), lambda: _place(variant, fit))
     if place is None:
         return []
     t = _times(fit, place.run)
@@ -128,7 +128,7 @@ def compute_place_gains(S: Array, fit: ExtendedFit, run: int) -> tuple[Array, Ar
     from each of its rows on."""
     rows, own = fit.basis.own[run]
     Q = np.concatenate([own, fit.basis.shared[rows]], axis=1)
-    left = fit.basis.off(fit.residual)[rows]
+    left = fit.basis.project_out(fit.residual)[rows]
     by_row = (len(S) // 4, 4)
     S, Q = S.reshape(*by_row, -1), Q.reshape(*by_row, -1)
     size = np.sqrt(_from_row_on(np.sum(S**2, axis=1)))
@@ -154,5 +154,5 @@ def _own_columns(variant: Variant, fit: ExtendedFit, run: int) -> Array:
         t = series.time_s[run]
         before = {INSTANT: float(2 * t[0] - t.max()), RUN: float(series.numbers[run])}
         wanted = effect, {**variant.values, **before}, variant.steps
-        columns.append(fit.sensitivities([wanted])[0][rows])
+        columns.append(fit.find_sensitivities([wanted])[0][rows])
     return np.concatenate(columns, axis=1)

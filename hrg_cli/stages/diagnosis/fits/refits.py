@@ -135,7 +135,7 @@ def _saved(effect: Effect, fit: ExtendedFit) -> float:
     choice among as many."""
     if len(fit.layout.parameters(effect.name)) < 2:
         return 0.0
-    off, _ = fit.away(effect)
+    off, _ = fit.measure_distance(effect)
     columns = fit.layout.effect(effect.name)
     C = fit.covariance[columns, columns]
     price = float(np.log(len(fit.residual)))
@@ -166,7 +166,7 @@ def refit(
     remembered.
     """
     tried = tuple((variant.effect, tuple(variant.values.items())) for _, variant in close)
-    trials: list[Trial] = fit.remembered(("refitted", tried), lambda: _refitted(fit, close, ranked))
+    trials: list[Trial] = fit.recall(("refitted", tried), lambda: _refitted(fit, close, ranked))
     return trials
 
 
@@ -229,7 +229,7 @@ def loosen(fit: ExtendedFit) -> ExtendedFit:
     held = extended_fit.fit(
         fit.series,
         fit.point,
-        replace(loose.holding("second_order", 1.0), loose=loose),
+        replace(loose.hold("second_order", 1.0), loose=loose),
         near=fit.flow.near,
     )
     freed = fit.layout.coordinate("second_order") is not None

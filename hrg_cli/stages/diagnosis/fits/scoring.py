@@ -46,7 +46,7 @@ def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple
         if v.effect.name not in active and not (v.anywhere and is_gross(fit))
         for one in (place_cause(v, fit) if v.anywhere else [v])
     ]
-    columns = fit.sensitivities([variant.wanted for variant in open_ones])
+    columns = fit.find_sensitivities([variant.wanted for variant in open_ones])
     best: dict[str, tuple[Score, Variant]] = {}
     found = evidence.score_candidates(
         [variant.effect.name for variant in open_ones], fit.residual, columns, fit.basis
@@ -89,7 +89,7 @@ def is_small(effect: Effect, values: Mapping[str, float], fit: ExtendedFit) -> b
         if pure and not p.sets_in and abs(values[p.name] - p.neutral) > MOST_TYPICAL * p.typical:
             return False
     u = fit.prediction.motion
-    motion, seen = scales.measure_strength(effect, values, u, fit.flow.rows.lit(u))
+    motion, seen = scales.measure_strength(effect, values, u, fit.flow.rows.make_state(u))
     return motion <= SMALL_IN_MOTION and seen <= SMALL_IN_READOUT
 
 

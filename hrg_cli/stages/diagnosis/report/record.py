@@ -28,7 +28,7 @@ def make_diagnosis_record(
     good = series.weight > 0
     run = np.broadcast_to(np.arange(len(series.names))[:, None], good.shape)[good]
     measured = series.envelope[good]
-    before, after = (f.prediction.residual()[good] for f in (search.base, search.final))
+    before, after = (f.prediction.compute_residual()[good] for f in (search.base, search.final))
     a_A, _, angle, phase = ellipse.find_wave(measured, series.mode_number)
     for k in range(len(series.names)):
         angle[run == k], _ = ellipse.unwrap(angle[run == k], phase[run == k], series.mode_number)

@@ -76,7 +76,7 @@ def _unexplained(
         "frequencies": {},
         "wander": [],
         "forecast": None,
-        "checks": [closing.table()],
+        "checks": [closing.to_json()],
         "written_model": None,
         "suspect_runs": [one.table() for one in suspicions],
         "stability": [],

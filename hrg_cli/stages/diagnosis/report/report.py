@@ -61,8 +61,8 @@ def report(
 
 def _figures(fit: ExtendedFit) -> dict[str, float]:
     """χ² a degree of freedom and the residual's rms in the signals' unit."""
-    left = flatten_rows(fit.series, fit.prediction.residual())
-    plain = to_reals(fit.series.in_units(to_complex(place_on_rows(fit, left))))[tuple(fit.rows.T)]
+    left = flatten_rows(fit.series, fit.prediction.compute_residual())
+    plain = to_reals(fit.series.to_units(to_complex(place_on_rows(fit, left))))[tuple(fit.rows.T)]
     return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": float(np.sqrt(np.mean(plain**2)))}
 
 
@@ -113,7 +113,7 @@ def _test_beside_others(one: Found, fit: ExtendedFit, inflation: float) -> tuple
     effect = one.variant.effect
     if one.sizes is not None:
         return evidence.find_significance(one.delta_bic, max(1, one.score.rank))
-    off, wald = fit.away(effect)
+    off, wald = fit.measure_distance(effect)
     bound = one.delta_bic + len(off) * float(np.log(len(fit.residual)))
     z, p = evidence.find_significance(min(wald / inflation, bound), max(1, one.score.rank))
     sign = np.sign(off[0]) if len(off) == 1 else 1.0

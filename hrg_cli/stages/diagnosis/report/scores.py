@@ -36,12 +36,12 @@ def tabulate_scores(case: Case, sized: Sized) -> dict[str, list[Any]]:
     units = [_unit(v.effect, parameter) for v in open_ones for parameter in v.steps]
     value, std, correlation = np.zeros(0), np.zeros(0), np.zeros((0, 0))
     if open_ones:
-        S = np.concatenate(fit.sensitivities([v.wanted for v in open_ones]), axis=1)
+        S = np.concatenate(fit.find_sensitivities([v.wanted for v in open_ones]), axis=1)
         with np.errstate(all="ignore"):
             size = np.linalg.norm(S, axis=0)
             usable = np.isfinite(size) & (size > 0)
             unit = np.where(usable, S / np.where(usable, size, 1.0), 0.0)
-        own = fit.basis.off(fit.basis.off(unit))
+        own = fit.basis.project_out(fit.basis.project_out(unit))
         left = np.linalg.norm(own, axis=0)
         told = usable & (left > FAINT)
         own, beside = own[:, told] / left[told], left[told] * size[told]

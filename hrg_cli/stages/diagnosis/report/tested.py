@@ -84,7 +84,7 @@ def _level_limit(fit: ExtendedFit, noise: NoiseLevel, levels: Sequence[Variant])
     """
     (name,) = levels[0].secants
     for variant in sorted(levels, key=lambda v: v.steps[name]):
-        S = fit.sensitivities([variant.wanted])[0]
+        S = fit.find_sensitivities([variant.wanted])[0]
         score = evidence.score(variant.effect.name, fit.residual, S, fit.basis)
         k = list(variant.steps).index(name)
         if (

@@ -97,7 +97,7 @@ def _adopt_pattern(
     again = extended_fit.fit(
         fit.series, fit_point.add_effect(point, best.variant.effect, values), freedom
     )
-    S = fit.sensitivities([best.variant.wanted])[0]
+    S = fit.find_sensitivities([best.variant.wanted])[0]
     score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)
     level = best.left_over(best.wander)
     rivals = [

@@ -86,8 +86,8 @@ def _searched(base: ExtendedFit, inquiry: Inquiry) -> Case:
 def reweight_fit(fit: ExtendedFit, level: float) -> ExtendedFit:
     """The fit again with every σ times `level`."""
     series = fit.series
-    scatter = None if series.scatter is None else series.scatter.over(level)
-    unsettled = None if series.unsettled is None else series.unsettled.over(level)
+    scatter = None if series.scatter is None else series.scatter.scale_noise(level)
+    unsettled = None if series.unsettled is None else series.unsettled.scale_noise(level)
     series = replace(series, weight=series.weight / level, scatter=scatter, unsettled=unsettled)
     return extended_fit.fit(series, fit.point, fit.freedom)
 

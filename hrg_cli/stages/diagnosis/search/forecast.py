@@ -123,7 +123,7 @@ def split_for_forecast(series: MeasuredRuns) -> list[Fold]:
     if runs >= FEWEST_RUNS:
         halves = [np.arange(runs) % 2 == k for k in (0, 1)]
         return [
-            Fold(series.runs(np.flatnonzero(~half).tolist()), good & half[:, None], True)
+            Fold(series.select_runs(np.flatnonzero(~half).tolist()), good & half[:, None], True)
             for half in halves
         ]
     first, last = series.time_s[:, 0], np.max(series.time_s, axis=1, where=good, initial=-np.inf)
@@ -132,7 +132,7 @@ def split_for_forecast(series: MeasuredRuns) -> list[Fold]:
         return []
     return [
         Fold(
-            replace(series.alone(), weight=np.where(keep, series.weight, 0.0)),
+            replace(series.drop_shared_doubt(), weight=np.where(keep, series.weight, 0.0)),
             good & ~keep,
             False,
         )
@@ -197,11 +197,12 @@ def train(base: ExtendedFit, fold: Fold) -> ExtendedFit:
 
 def find_forecast_errors(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
     """What a training fit misses of the rows held out."""
-    series = replace(base.series.alone(), weight=np.where(fold.test, base.series.weight, 0.0))
+    held_out = np.where(fold.test, base.series.weight, 0.0)
+    series = replace(base.series.drop_shared_doubt(), weight=held_out)
     if fold.whole_runs:
         # a run's start and frequency are its own: they are fitted on it, everything shared is held
         kept = np.flatnonzero(fold.test.any(axis=1))
-        series = series.runs(kept.tolist())
+        series = series.select_runs(kept.tolist())
         still = tuple(
             (replace(e, parameters=tuple(replace(p, fitted=False) for p in e.parameters)), v)
             for e, v in fit.point.active
@@ -220,7 +221,7 @@ def find_forecast_errors(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Err
         prediction, names = predict(series, fit.point), np.arange(len(series.names))
         with np.errstate(all="ignore"):
             design = compute_design(linearise_flow(prediction), fit.layout)
-            learned = design.whole() @ _root(fit.covariance)
+            learned = design.to_matrix() @ _root(fit.covariance)
     run, row = np.argwhere(series.weight > 0).T
     weight = series.weight[run, row]
     whitening = None if series.whitening is None else series.whitening[run]
@@ -250,9 +251,9 @@ def _propagate_learned(own: ExtendedFit, fit: ExtendedFit) -> Array:
     layout = build_layout(own.series, point, fit.freedom)
     with np.errstate(all="ignore"):
         design = compute_design(linearise_flow(replace(own.prediction, point=point)), layout)
-        of_runs = own.design.whole() @ _root(own.covariance)
+        of_runs = own.design.to_matrix() @ _root(own.covariance)
     places = fit.layout.shared
-    of_all = own.basis.off(design.shared) @ _root(fit.covariance[np.ix_(places, places)])
+    of_all = own.basis.project_out(design.shared) @ _root(fit.covariance[np.ix_(places, places)])
     return np.concatenate([of_runs, of_all], axis=1)
 
 

@@ -79,7 +79,7 @@ def _columns(
         own = {number: _select_own_columns(fit, rows) for number, rows in enumerate(folds)}
         return fit.design.shared, own, prior[:, fit.design.places]
     own = {number: np.zeros((len(rows), 0)) for number, rows in enumerate(folds)}
-    return fit.design.whole(), own, prior
+    return fit.design.to_matrix(), own, prior
 
 
 def _select_own_columns(fit: ExtendedFit, rows: Array) -> Array:
@@ -177,7 +177,7 @@ def _quantities(
     """rms and its standard deviation over the folds of: drift error mθ̇ (°/h), error of the angle
     mθ and of the amplitude (ppm)."""
     series, u = fit.series, fit.prediction.seen
-    difference = series.in_units(to_complex(place_on_rows(fit, left)))
+    difference = series.to_units(to_complex(place_on_rows(fit, left)))
     turn, e_A, e_B, a_A = frame(u, series.phase_rad)
     angle = np.real(np.sum(difference * e_B, axis=-1) * np.conj(turn)) / a_A
     amplitude = np.real(np.sum(difference * e_A, axis=-1) * np.conj(turn)) / a_A

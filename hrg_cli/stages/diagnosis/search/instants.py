@@ -128,7 +128,7 @@ def _clearest(
         again = fit_beside_held(fit, best.variant.effect, values)
         if not (again.converged and is_possible(best.variant.effect, again)):
             return None
-        S = fit.sensitivities([best.variant.wanted])[0]
+        S = fit.find_sensitivities([best.variant.wanted])[0]
         score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)
         return again, Found(best.variant, score, places, best.gain, tuple(sorted(rivals)), sizes)
     return None
@@ -166,12 +166,12 @@ def fit_beside_held(fit: ExtendedFit, effect: Effect, values: Mapping[str, float
 
 def list_strikes(fit: ExtendedFit, tried: Sequence[Variant]) -> list[Strike]:
     """Of every variant that these runs show beside the model."""
-    columns = fit.sensitivities([variant.wanted for variant in tried])
+    columns = fit.find_sensitivities([variant.wanted for variant in tried])
     model = _model(fit)
     residual = Spectrum.of(fit.residual, fit)
     out = []
     for variant, S in zip(tried, columns, strict=True):
-        free = fit.basis.off(fit.basis.off(S))
+        free = fit.basis.project_out(fit.basis.project_out(S))
         shown = np.linalg.norm(free, axis=0) > evidence.BLIND * np.linalg.norm(S, axis=0)
         if shown.all():
             out.append(_strike(variant, Spectrum.of(free, fit).coefficients, model, residual))
@@ -230,6 +230,6 @@ def measure_misfit_power(left: Array, before: Array, cell: Array, rank: int) -> 
 
 def _model(fit: ExtendedFit) -> Array:
     """Coefficients (N, k) of an orthonormal basis of the model's own columns."""
-    J = fit.design.whole()
+    J = fit.design.to_matrix()
     basis = designs.orthonormalise(J[:, np.linalg.norm(J, axis=0) > 0], designs.CLEAR_RANK)
     return Spectrum.of(basis, fit).coefficients

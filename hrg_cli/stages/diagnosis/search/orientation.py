@@ -38,7 +38,7 @@ def orient_runs(
     # 2 ln of the 2^(R − 1) ways to choose: what the best of so many makes of noise
     price = 2 * (runs - 1) * float(np.log(2))
     best, signs = -np.inf, np.ones(runs)
-    for columns in base.sensitivities([variant.wanted for variant in coherent]):
+    for columns in base.find_sensitivities([variant.wanted for variant in coherent]):
         turned = _turn_signs(columns, base, runs)
         promised = evidence.find_bic_gain(turned.gain, columns.shape[1], len(base.residual)) - price
         # by what it promises with its price, so that of two coherent vectors the one with fewer
@@ -139,7 +139,7 @@ class SignedNormal:
         for k in range(runs):
             mine = base.rows[:, 0] == k
             wide[mine, k * count : (k + 1) * count] = columns[mine] / size
-        wide = base.basis.off(wide)
+        wide = base.basis.project_out(wide)
         A = (wide.T @ wide).reshape(runs, count, runs, count)
         return cls(A, (wide.T @ base.residual).reshape(runs, count))
 

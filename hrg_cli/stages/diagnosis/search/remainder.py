@@ -127,7 +127,7 @@ def judge_terms(
         order += numbers
     names = [f"{pairs[k][0].name} × {pairs[k][1].formula}" for k in order]
     made = [partial(_build_term, fit, pairs[k]) for k in order]
-    found = dict(zip(order, ledger.scores(names, made), strict=True))
+    found = dict(zip(order, ledger.compute_scores(names, made), strict=True))
     return [Term(place, covariate, found[k]) for k, (place, covariate) in enumerate(pairs)]
 
 
@@ -163,11 +163,11 @@ def compute_term_columns(
             parts = values(some, at_rows, series)
             g = np.concatenate(parts, axis=-1)
             if place.readout:
-                wide = flow.prediction.judged(multiply_out(vectors, g))
+                wide = flow.prediction.whiten_judged(multiply_out(vectors, g))
             else:
                 g_middle = np.concatenate(values(some, flow.middle, flow.centre), axis=-1)
-                wide = flow.seen(
-                    flow.carried_by(vectors, _vectors(place, flow.middle), g, g_middle)
+                wide = flow.whiten_read_out(
+                    flow.propagate_products(vectors, _vectors(place, flow.middle), g, g_middle)
                 )
             yield (
                 some,

@@ -73,8 +73,10 @@ def find_patterns(
         if not (v.secants or v.anywhere)
         and (one := v if v.effect.name not in active else _unshown(v, fit)) is not None
     ]
-    for variant, S in zip(open_ones, fit.sensitivities([v.wanted for v in open_ones]), strict=True):
-        response = (fit.covariance @ fit.design.along(S))[list(index)]
+    for variant, S in zip(
+        open_ones, fit.find_sensitivities([v.wanted for v in open_ones]), strict=True
+    ):
+        response = (fit.covariance @ fit.design.multiply_transposed(S))[list(index)]
         if not np.all(np.isfinite(response)) or not response.any():
             continue
         known = Knowledge.of(fit, S, offsets, response, inquiry.noise.slow)
@@ -120,7 +122,7 @@ class Knowledge:
             return None
         # twice: of a column that lies nearly within the basis once leaves mostly the rounding of
         # what was taken off
-        own = fit.basis.off(fit.basis.off(S / size))
+        own = fit.basis.project_out(fit.basis.project_out(S / size))
         inside = own.T @ own / slow
         beside = offsets.information(response / size)
         scale = np.sqrt(np.maximum(np.diag(inside + beside), 1e-300))

@@ -376,7 +376,7 @@ def _loss_without(
     name = one.variant.effect.name
     possible = is_possible(one.variant.effect, fit)
     if possible and name not in without and stand_in.is_beyond_question(fit, name):
-        wald = fit.away(one.variant.effect)[1]
+        wald = fit.measure_distance(one.variant.effect)[1]
         return evidence.find_bic_gain(wald / noise.slow, *_size(fit, name)), fit
     reduced = without[name] if name in without else leave_out(fit, name)
     if reduced is None:

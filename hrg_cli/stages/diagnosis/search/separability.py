@@ -87,7 +87,7 @@ def _find_doubles(
         if score.visible and score.independence > FAINT:
             continue
         variant = variants[score.name]
-        S = fit.sensitivities([variant.wanted])[0]
+        S = fit.find_sensitivities([variant.wanted])[0]
         # a parameter whose difference step moves no row is rounding, and its direction chance
         seen = np.linalg.norm(S, axis=0) * np.array(list(variant.steps.values())) > NOTHING
         base = variant.effect.same_as_base or _hidden_behind(fit, S[:, seen])
@@ -162,7 +162,10 @@ def _hidden_behind(fit: ExtendedFit, S: Array) -> str:
         return ""
     # (JᵀJ)⁻¹Jᵀs, the fitted numbers that swallow the effect, each times the length of its own
     # column: how much of s of length one it takes upon itself
-    swallowed = np.abs(fit.covariance @ fit.design.along(S / size)) * fit.design.sizes()[:, None]
+    swallowed = (
+        np.abs(fit.covariance @ fit.design.multiply_transposed(S / size))
+        * fit.design.compute_lengths()[:, None]
+    )
     part = np.max(swallowed, axis=1)
     shares: dict[str, float] = {}
     for kind, name, columns in fit.layout.groups():

@@ -20,7 +20,7 @@ from ..thresholds import GROSS, NEARLY_ALL
 def is_beyond_question(fit: ExtendedFit, name: str) -> bool:
     """Whether an active effect takes a gross misfit away from driven runs; free ones are fitted
     without it soon enough."""
-    return _driven(fit) and fit.away(fit.effect(name))[1] > GROSS * fit.dof
+    return _driven(fit) and fit.measure_distance(fit.effect(name))[1] > GROSS * fit.dof
 
 
 def takes_nearly_all(before: ExtendedFit, after: ExtendedFit) -> bool:
@@ -38,17 +38,17 @@ def has_none(fit: ExtendedFit, name: str, candidates: Sequence[Variant]) -> bool
     takes away."""
     if not is_beyond_question(fit, name):
         return False
-    size, _ = fit.away(fit.effect(name))
+    size, _ = fit.measure_distance(fit.effect(name))
     columns = np.arange(fit.layout.count)[fit.layout.effect(name)]
     beside = _orthonormalise_without(fit.design, columns)
     own = fit.design.shared[:, np.isin(fit.design.places, columns)]
-    done = beside.off(own @ size)
+    done = beside.project_out(own @ size)
     active = {one.name for one, _ in fit.point.active}
     others = [
         one.wanted for one in candidates if one.effect.name not in active and not one.anywhere
     ]
-    for sensitivity in fit.sensitivities(others):
-        Q = designs.orthonormalise(beside.off(sensitivity))
+    for sensitivity in fit.find_sensitivities(others):
+        Q = designs.orthonormalise(beside.project_out(sensitivity))
         left = done - Q @ (Q.T @ done)
         if float(left @ left) < HOPELESS * fit.chi2:
             return False

@@ -41,4 +41,6 @@ def _predict_constant_rate(flow: Propagation) -> Array:
     def turning(u: Array) -> Array:
         return to_reals(K * np.stack([u[..., 1], -u[..., 0]], axis=-1))[..., None]
 
-    return flow.seen(flow.carried(turning(flow.prediction.motion), turning(flow.middle)))
+    return flow.whiten_read_out(
+        flow.propagate(turning(flow.prediction.motion), turning(flow.middle))
+    )

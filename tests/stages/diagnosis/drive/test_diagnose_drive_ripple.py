@@ -70,7 +70,7 @@ def measured(seen, log, seed):
     times = (np.arange(log.shape[1]) + 0.5) * h
     courses = [integrate_means(times, one) for one in log]
     mean = np.stack([average_over_windows(one, t, length) for one in courses])
-    area = np.stack([one.at(t) for one in courses])
+    area = np.stack([one.integrate_to(t) for one in courses])
     random = np.random.default_rng(seed)
     noise = random.normal(size=seen.shape) + 1j * random.normal(size=seen.shape)
     one = np.ones((len(RATES), ROWS))
@@ -96,7 +96,7 @@ def errors(fit):
 
 def test_a_drive_along_the_instant_state_makes_the_force_that_averaging_gives():
     fit = fitted(measured(*recorded(0.0), seed=1))
-    column = fit.basis.off(Ripple.of(fit).doings[:, 0])
+    column = fit.basis.project_out(Ripple.of(fit).doings[:, 0])
     size = float(column @ column)
     # four σ, and what is of third order in the rates over ω
     assert abs(float(column @ fit.residual) / size - 1) < 4 * size**-0.5 + 0.01

@@ -77,7 +77,10 @@ def measured(seen, commands, logged, seed):
         for n in range(2):
             values = estimate_means(log_time, commands[run][:, logged, n].ravel())
             course = integrate_means(log_time, values)
-            mean[n, run], area[n, run] = average_over_windows(course, t, ROW_S), course.at(t)
+            mean[n, run], area[n, run] = (
+                average_over_windows(course, t, ROW_S),
+                course.integrate_to(t),
+            )
     random = np.random.default_rng(seed)
     envelope = seen + NOISE * (random.normal(size=seen.shape) + 1j * random.normal(size=seen.shape))
     one = np.ones((RUNS, ROWS))
@@ -213,7 +216,7 @@ def test_what_may_be_off_is_whitened_and_scales_with_the_noise():
     for level in (1.0, 2.0):
         C = np.eye(12)
         C[2:11, 2:11] += Q @ np.diag(power / level**2) @ Q.T
-        white = soft.over(level).off(S)
+        white = soft.scale_noise(level).whiten(S)
         assert np.allclose(white.T @ white, S.T @ np.linalg.solve(C, S), rtol=1e-12)
 
 
@@ -248,7 +251,9 @@ def test_noise_that_is_most_likely_in_rows_is_that_of_their_whole_covariance():
         parts.append((rows, Q, power))
     soft, r = Softened(tuple(parts)), random.normal(size=9)
     covariance = roots[0] @ roots[1] @ roots[1] @ roots[0]
-    np.testing.assert_allclose(soft.back(soft.off(r)), np.linalg.solve(covariance, r), rtol=1e-9)
+    np.testing.assert_allclose(
+        soft.whiten_transposed(soft.whiten(r)), np.linalg.solve(covariance, r), rtol=1e-9
+    )
 
 
 def test_a_row_of_two_windows_leaves_none_out():

@@ -50,11 +50,11 @@ def blind():
 def test_steps_near_the_oscillation_make_the_force_that_averaging_gives(blind):
     """(j/2ω) f'* e^{j(Dt + β)}: of that size, whatever β in each run, and as much again from the frame
     that this board reads over one period; the steps are those of eight samples."""
-    doings = flatten_rows(blind.series, blind.flow.seen(_moved(blind, np.array([BEAT]))))
+    doings = flatten_rows(blind.series, blind.flow.whiten_read_out(_moved(blind, np.array([BEAT]))))
     steps = np.zeros((len(doings), 2 * PARTS))
     for k, (rows, _, _) in enumerate(blind.design.own):
         steps[rows, k * PARTS : (k + 1) * PARTS] = doings[rows]
-    together = np.concatenate([steps, blind.design.whole()], axis=1)
+    together = np.concatenate([steps, blind.design.to_matrix()], axis=1)
     size = np.linalg.lstsq(together, blind.residual, rcond=1e-9)[0][: 2 * PARTS].reshape(2, PARTS)
     cos, quarter_cos, read_cos, sin, quarter_sin, read_sin = size.T
     # e^{jβ}(A + j·jA) of cosine and sine

@@ -119,7 +119,9 @@ def test_lines_through_a_curve_keep_its_integral():
     at = np.isin(t[inner], corner)
     assert at.sum() > 20
     kept = np.interp(t, corner, turned)[inner] - log.integrate()[inner]
-    bare = np.cumsum(np.diff(corner) * (log.at(corner[1:]) + log.at(corner[:-1])) / 2)
+    bare = np.cumsum(
+        np.diff(corner) * (log.interpolate(corner[1:]) + log.interpolate(corner[:-1])) / 2
+    )
     chord = np.interp(t, corner[1:], bare)[inner] - log.integrate()[inner]
     assert np.ptp(kept[at]) < np.ptp(chord[at]) / 10 and np.ptp(kept[at]) < 1e-6
 

@@ -39,8 +39,8 @@ def test_limits_of_one_parameter_hold_in_ninety_five_of_a_hundred():
     for variant in list_variants([find(name) for name in PLAIN], fit):
         if len(variant.steps) > 1:
             continue
-        S = fit.sensitivities([variant.wanted])[0]
-        unit = float(np.linalg.norm(fit.basis.off(fit.basis.off(S))))
+        S = fit.find_sensitivities([variant.wanted])[0]
+        unit = float(np.linalg.norm(fit.basis.project_out(fit.basis.project_out(S))))
         for size in (0.5, 2.0, 3.0):
             true = size / unit
             for _ in range(draws if evidence.score("", fit.residual, S, fit.basis).visible else 0):

@@ -247,7 +247,7 @@ def test_a_cause_that_stood_in_for_what_the_frequencies_follow_is_given_up():
     point = fit_point.add_effect(base.point, stand_in.effect, stand_in.values)
     final = extended_fit.fit(base.series, point, base.freedom)
     score = evidence.score(
-        "gain_mismatch", base.residual, base.sensitivities([stand_in.wanted])[0], base.basis
+        "gain_mismatch", base.residual, base.find_sensitivities([stand_in.wanted])[0], base.basis
     )
     found = Found(stand_in, score, 1, 20.0, ())
     case = Case(Inquiry(tuple(candidates), 5), Search(base, final, (found,), (score,), (score,)))

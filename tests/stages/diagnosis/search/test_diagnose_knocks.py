@@ -47,8 +47,12 @@ def knock_of(seed, ideal, fit):
     effect = find("momentum_kick")
     names = [p.name for p in effect.fitted()]
     at = effect.values({INSTANT: unit["time_s"], RUN: unit["run"]})
-    S = fit.sensitivities([(effect, at, dict.fromkeys(names, 1e-6))])[0]
-    alone = float(np.linalg.norm(fit.basis.off(fit.basis.off(S)) @ [unit[name] for name in names]))
+    S = fit.find_sensitivities([(effect, at, dict.fromkeys(names, 1e-6))])[0]
+    alone = float(
+        np.linalg.norm(
+            fit.basis.project_out(fit.basis.project_out(S)) @ [unit[name] for name in names]
+        )
+    )
     return unit | {name: unit[name] * ideal / alone for name in names}
 
 
@@ -78,7 +82,7 @@ def test_a_gain_step_has_the_columns_that_it_has_from_the_start_on(clean):
     one = anywhere("gain_step", fit)
     t = fit.series.time_s[run]
     between = {INSTANT: float(t[row - 1] + t[row]) / 2, RUN: float(run)}
-    S = fit.sensitivities([(one.effect, {**one.values, **between}, one.steps)])[0]
+    S = fit.find_sensitivities([(one.effect, {**one.values, **between}, one.steps)])[0]
     rows, _, _ = fit.design.own[run]
     masked = places._own_columns(one, fit, run)
     masked[: 4 * row] = 0

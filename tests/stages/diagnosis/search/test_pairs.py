@@ -16,10 +16,10 @@ ROWS, KNOWN = 200, 4
 def causes_of(random, widths):
     """A residual beside a basis, and candidates with so many columns, correlated with each other."""
     shared = random.normal(size=(ROWS, KNOWN))
-    basis = factor_design(Design.of(shared)).basis
+    basis = factor_design(Design.from_matrix(shared)).basis
     common = random.normal(size=(ROWS, 1))
     columns = [common + random.normal(size=(ROWS, width)) for width in widths]
-    residual = basis.off(random.normal(size=ROWS) + 0.5 * common[:, 0])
+    residual = basis.project_out(random.normal(size=ROWS) + 0.5 * common[:, 0])
     return shared, basis, columns, residual
 
 
