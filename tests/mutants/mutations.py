@@ -353,7 +353,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         "tests/stages/test_calibrate.py tests/stages/test_compensate.py tests/stages/test_calibrate_variants.py",
         (
             ("slack = 0.02 * (calibration.node_max", "slack = 2.0 * (calibration.node_max"),
-            ("np.asarray(-2 * path.middle(path.ratio)", "np.asarray(2 * path.middle(path.ratio)"),
+            ("np.asarray(-2 * path.average_neighbours(path.ratio)", "np.asarray(2 * path.average_neighbours(path.ratio)"),
             ("np.sum((rows @ block) * rows, axis=1) +", "np.sum((rows @ block) * rows, axis=1) / 4 +"),
         ),
     ),
@@ -661,7 +661,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     ),
     "fitting/envelopes/condensed.py": (
         "tests/stages/test_identify_valid.py",
-        (("p.rows(np.arange(-start % every, len(p), every))", "p.rows(slice(-start % every, None, every))"),),
+        (("p.select_rows(np.arange(-start % every, len(p), every))", "p.select_rows(slice(-start % every, None, every))"),),
     ),
     "lots/lot_course.py": (
         "tests/lots/test_batch.py",
