@@ -15,7 +15,7 @@ import numpy as np
 
 from . import settings, store
 from .errors import HrgError
-from .records import KINDS, Provenance, Record, Recording, Source, doubts_about, name_record
+from .records import KINDS, Provenance, Record, Recording, Source, list_doubts, name_record
 from .sources import Sources
 from .store import AnyRecord
 from .version import __version__
@@ -256,8 +256,8 @@ def _by_files(result: Record, inputs: Sequence[Path], records: Sequence[Record])
     suspect = [(name, record) for name, record in files if record.status == "suspect"]
     by_file: dict[str, list[str]] = {}
     for told, named in zip(
-        doubts_about((name_record(record), record) for _, record in suspect),
-        doubts_about(suspect),
+        list_doubts((name_record(record), record) for _, record in suspect),
+        list_doubts(suspect),
         strict=True,
     ):
         by_file.setdefault(told, []).append(named)
@@ -266,7 +266,7 @@ def _by_files(result: Record, inputs: Sequence[Path], records: Sequence[Record])
         for reason in result.status_reasons
     )
     refused = [(name, record) for name, record in files if record.status == "refused"]
-    return replace(result, status_reasons=reasons).judged(doubts_about(refused))
+    return replace(result, status_reasons=reasons).judged(list_doubts(refused))
 
 
 @contextmanager

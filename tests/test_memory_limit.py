@@ -10,8 +10,8 @@ import pytest
 
 from hrg_cli.errors import NO_MEMORY, is_no_memory
 from hrg_cli.lots import lot_work
-from hrg_cli.store.atomic import write_error
-from hrg_cli.store.handles import read_error
+from hrg_cli.store.atomic import explain_write_error
+from hrg_cli.store.handles import explain_read_error
 
 LIMITED = """
 import resource, sys
@@ -48,7 +48,7 @@ def test_other_libraries_and_files_are_not_called_so(tmp_path):
     with pytest.raises(OSError, match="no_such_library") as missing:
         ctypes.CDLL("no_such_library.so")
     assert not is_no_memory(missing.value)
-    assert "cannot be written" in str(write_error(missing.value, tmp_path / "out.h5"))
+    assert "cannot be written" in str(explain_write_error(missing.value, tmp_path / "out.h5"))
     try:
         raise OSError("libx.so: failed to map segment from shared object")
     except OSError as first:
@@ -67,15 +67,15 @@ def test_a_gyro_of_a_lot_that_finds_no_memory_is_no_internal_error():
 
 def test_an_input_that_memory_has_no_room_for_is_not_called_damaged(tmp_path):
     lacking = OSError(errno.ENOMEM, "Cannot allocate memory")
-    assert NO_MEMORY in str(read_error(lacking, tmp_path / "in.h5"))
+    assert NO_MEMORY in str(explain_read_error(lacking, tmp_path / "in.h5"))
     assert "damaged" in str(
-        read_error(OSError(errno.EIO, "Input/output error"), tmp_path / "in.h5")
+        explain_read_error(OSError(errno.EIO, "Input/output error"), tmp_path / "in.h5")
     )
 
 
 def test_a_chunk_that_gets_no_memory_is_not_called_damaged(tmp_path):
     """h5py tells of it by an OSError without a number."""
     lacking = OSError("Can't synchronously read data (memory allocation failed for raw data chunk)")
-    said = str(read_error(lacking, tmp_path / "in.h5", "/wave/flags"))
+    said = str(explain_read_error(lacking, tmp_path / "in.h5", "/wave/flags"))
     assert "needs more memory than is free" in said and "/wave/flags" in said
     assert "damaged" not in said

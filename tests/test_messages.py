@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hrg_cli import store
 from hrg_cli.errors import ROOM, name_some
 from hrg_cli.reporting.text import LONGEST_LINE, LONGEST_WORD, fold_line, shorten
-from hrg_cli.store.atomic import write_error
+from hrg_cli.store.atomic import explain_write_error
 
 PACKAGE = Path(__file__).parent.parent / "hrg_cli"
 LONGEST_TEXT, VALUE = 180, 10
@@ -140,5 +140,7 @@ def test_a_kind_made_in_two_ways_is_said_as_two_commands(hrg, tmp_path):
 
 
 def test_a_write_that_fails_does_not_tell_of_temporary_files():
-    told = str(write_error(FileNotFoundError(2, "No such file", "/.x.hrg.tmp"), Path("x.csv")))
+    told = str(
+        explain_write_error(FileNotFoundError(2, "No such file", "/.x.hrg.tmp"), Path("x.csv"))
+    )
     assert told == "x.csv: cannot be written (No such file); choose another --output"

@@ -21,7 +21,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..records import Periods, one_or_stream
+from ..records import Periods, open_single
 from .envelope_rows import EnvelopeRows
 from .envelope_signal import EnvelopeSignal
 from .envelope_stream import stream_windows
@@ -214,7 +214,7 @@ def import_envelope(
     heading = RunHeading(mode, mode_number, gyro_id, run_id, lot_id, start_time)
     blank = _no_windows(reference_hz, plan.rows * plan.step_s)
     blank = _judge(blank.replace(**heading.fields(log, path), units=unit), source, plan)
-    return one_or_stream(stream_windows(source, blank, plan, taken))
+    return open_single(stream_windows(source, blank, plan, taken))
 
 
 def _need_reference(path: Path, reference_hz: float | None) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..records import Recording, one_or_stream
+from ..records import Recording, open_single
 from .log_columns import TimingTold
 from .log_options import (
     ClockHz,
@@ -224,4 +224,4 @@ def import_log(
     )
     by_role = told.by_role(("c", "s"), unit)
     taken = Taken(log, roles.columns(), by_role, timing.sample_rate_hz, from_s, to_s)
-    return one_or_stream(stream_blocks(opened, blank, timing, slow, taken))
+    return open_single(stream_blocks(opened, blank, timing, slow, taken))

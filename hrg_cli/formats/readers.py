@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import HrgError
-from ..store.handles import reading
+from ..store.handles import explain_reading
 from . import audio, hdf5, matlab, numpy_arrays, parquet, tdms, text
 from .log import Log, Reader
 from .unpacked import is_packed, open_unpacked
@@ -63,7 +63,7 @@ def _head(path: Path) -> bytes:
         raise HrgError(f"{path}: is not a regular file; save the log to a file first")
     if not os.access(path, os.R_OK):
         raise HrgError(f"{path}: no right to read it; ask for read access")
-    with reading(path), open_unpacked(path) as file:
+    with explain_reading(path), open_unpacked(path) as file:
         head = file.read(4096)
     if not head:
         raise HrgError(f"{path}: is empty; {EXPECTED}")

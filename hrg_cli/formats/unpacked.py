@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 from ..errors import HrgError
-from ..store.handles import reading
+from ..store.handles import explain_reading
 
 MAGIC = b"\x1f\x8b"
 CHUNK = 1 << 20
@@ -40,7 +40,7 @@ class _Packed(gzip.GzipFile):
 
 def is_packed(path: Path) -> bool:
     """Whether a file begins as gzip does. HrgError: it cannot be read."""
-    with reading(path), open(path, "rb") as file:
+    with explain_reading(path), open(path, "rb") as file:
         return file.read(len(MAGIC)) == MAGIC
 
 

@@ -12,11 +12,11 @@ from __future__ import annotations
 from .calibration import Calibration
 from .columns import GROWING, SIZES, Array, Column, Valid, attribute, column
 from .compensated import Compensated
-from .details import details_number
+from .details import read_details_number
 from .diagnosis import Diagnosis
-from .doubts import doubts_about, name_record
+from .doubts import list_doubts, name_record
 from .periods import Periods
-from .record import REHEARSAL, Provenance, Record, Source, Status, collect, one_or_stream
+from .record import REHEARSAL, Provenance, Record, Source, Status, collect, open_single
 from .recording import Recording, Slice
 from .resonator import Resonator
 from .wave import Wave
@@ -61,8 +61,8 @@ __all__ = [
     "attribute",
     "collect",
     "column",
-    "details_number",
-    "doubts_about",
+    "list_doubts",
     "name_record",
-    "one_or_stream",
+    "open_single",
+    "read_details_number",
 ]

@@ -16,7 +16,7 @@ SAME_DAY_S = 86_400.0
 """A start_time so near to the first stamp, read as seconds since 1970, names that stamp."""
 
 
-def from_first_sample(recording: Recording) -> tuple[Recording, float]:
+def measure_from_first_sample(recording: Recording) -> tuple[Recording, float]:
     """The recording with its times counted from the first sample where doubles on its own clock are
     too coarse for sums with them, and the first sample's time on that clock [s]; else as it is, and
     0.

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import HrgError
 
 
-def details_number(text: str, *keys: str, default: float) -> float:
+def read_details_number(text: str, *keys: str, default: float) -> float:
     """A number deep in a record's JSON text, `default` where it is not there. HrgError: something
     else stands in its place."""
     tree: Any = json.loads(text or "{}")

@@ -38,7 +38,7 @@ def name_record(record: Record) -> str:
     return f"the {record.kind}{run}"
 
 
-def doubts_about(records: Iterable[tuple[str, Record]]) -> list[str]:
+def list_doubts(records: Iterable[tuple[str, Record]]) -> list[str]:
     """What is suspect or refused among the records that a result is made of.
 
     Parameters
@@ -55,9 +55,9 @@ def doubts_about(records: Iterable[tuple[str, Record]]) -> list[str]:
     --------
     >>> import numpy as np
     >>> from hrg_cli import Recording
-    >>> from hrg_cli.records.doubts import doubts_about
+    >>> from hrg_cli.records.doubts import list_doubts
     >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
-    >>> doubts_about([("left.h5", run.judged(["the screws were loose"])), ("right.h5", run)])
+    >>> list_doubts([("left.h5", run.judged(["the screws were loose"])), ("right.h5", run)])
     ['left.h5 is suspect: the screws were loose']
     """
     doubted = [(name, record) for name, record in records if record.status != "valid"]
@@ -72,7 +72,7 @@ def doubts_about(records: Iterable[tuple[str, Record]]) -> list[str]:
 
 
 def is_inherited(sentence: str, doubted: Container[str]) -> bool:
-    """Whether a sentence of `doubts_about` tells of one of these records, or counts those that it
+    """Whether a sentence of `list_doubts` tells of one of these records, or counts those that it
     does not name.
 
     Parameters

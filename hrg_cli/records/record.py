@@ -251,7 +251,7 @@ def collect(stream: R | Iterable[R]) -> R:
     return dataclasses.replace(last, **joined)
 
 
-def one_or_stream(stream: Iterator[R]) -> R | Iterator[R]:
+def open_single(stream: Iterator[R]) -> R | Iterator[R]:
     """The record of a stream of a single block; else the stream, whole."""
     head = list(itertools.islice(stream, 2))
     return head[0] if len(head) == 1 else itertools.chain(head, stream)

@@ -14,7 +14,7 @@ from pydantic import Field
 from ..errors import HrgError
 from ..fitting.checks import list_failures
 from ..fitting.tables.joint import Fitted
-from ..records import Calibration, Resonator, Wave, doubts_about, name_record
+from ..records import Calibration, Resonator, Wave, list_doubts, name_record
 from .calibration.accuracy_stages import LadderSettings
 from .calibration.checks import find_noisy_angles, find_stray_harmonics
 from .calibration.chosen import LEAST_REPEATED, Chosen
@@ -228,7 +228,7 @@ def _judge(
     doubts = [] if odd else _doubts_of(chosen, strays)
     if not chosen.answer.tried.foreign:
         return [], [*doubts, *told]
-    return told, [*doubts, *doubts_about((name_record(one), one) for one in given)]
+    return told, [*doubts, *list_doubts((name_record(one), one) for one in given)]
 
 
 def _doubts_of(chosen: Chosen, strays: Sequence[Mapping[str, Any]]) -> list[str]:

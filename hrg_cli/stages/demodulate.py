@@ -26,7 +26,7 @@ from ..fitting.samples.survey import survey, survey_quiet
 from ..fitting.samples.uneven import make_uneven_rows
 from ..fitting.samples.wild import mask_wild
 from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Periods, Recording
-from ..records.clock import from_first_sample
+from ..records.clock import measure_from_first_sample
 from .demodulation.judge import StreamJudge
 from .demodulation.part import check_recording, cut_part, survey_run_down
 
@@ -109,7 +109,7 @@ def demodulate(
     1.0
     """
     name = check_recording(recording)
-    recording, origin_s = from_first_sample(recording)
+    recording, origin_s = measure_from_first_sample(recording)
     recording, notes = cut_part(recording, name, from_s, to_s)
     if origin_s:
         notes.append(f"its clock had run {origin_s:.15g} s; times count from the first sample on")

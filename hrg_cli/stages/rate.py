@@ -19,7 +19,7 @@ from ..fitting.envelopes.rate_estimate import MOST_NODES, RateEstimate
 from ..fitting.envelopes.rate_fit import HOPELESS, SETTLED
 from ..fitting.envelopes.rate_from_model import TOO_COARSE, fit_free_rate
 from ..fitting.samples.rate_log import describe_left_out, find_stretches
-from ..records import Calibration, Compensated, Resonator, Wave, doubts_about, name_record
+from ..records import Calibration, Compensated, Resonator, Wave, list_doubts, name_record
 from ..units import DEGREE_PER_HOUR
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
 from .rate_by_tables import TableRate, rate_by_tables
@@ -155,7 +155,7 @@ def rate(
     return (
         result.judged(refusals, "refused")
         .judged(doubts, "suspect")
-        .judged(doubts_about((name_record(one), one) for one in (wave, resonator)), "suspect")
+        .judged(list_doubts((name_record(one), one) for one in (wave, resonator)), "suspect")
     )
 
 

@@ -14,7 +14,7 @@ from ..errors import HrgError
 from ..fitting.envelopes.envelope_runs import MIN_ROWS
 from ..fitting.envelopes.wild_rows import flag_wild_rows
 from ..fitting.samples.rate_log import describe_left_out, find_stretches, restrict_to_log
-from ..records import Wave, doubts_about, name_record
+from ..records import Wave, list_doubts, name_record
 from ..records.record import Record
 
 R = TypeVar("R", bound=Record)
@@ -70,7 +70,7 @@ def not_refused(waves: Sequence[Wave]) -> Usable:
     if kept or not bad:
         said = (f"the wave of run {w.run_id or '?'} is refused and is left out" for w in bad)
         doubted = ((name_record(w), w) for w in kept if w.status == "suspect")
-        return Usable(kept, notes, tuple(said), inherited=tuple(doubts_about(doubted)))
+        return Usable(kept, notes, tuple(said), inherited=tuple(list_doubts(doubted)))
     why = (f"the wave of run {w.run_id or '?'} is refused: {why_refused(w)}" for w in bad)
     return Usable(list(waves), refusals=tuple(why))
 

@@ -21,7 +21,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from ..errors import NO_MEMORY, DiskFullError, HrgError, UsageError, is_no_memory
-from .layout import first_line
+from .layout import take_first_line
 
 LONGEST_NAME = 255
 """Bytes of a file's name, on every usual file system."""
@@ -192,10 +192,10 @@ def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
     ['table.csv']
     """
     path = check_output(path, force)
-    remove_stale(path.parent, shown_name(path))
+    remove_stale(path.parent, shorten_name(path))
     temporary = (
         path.parent
-        / f".{shown_name(path)}.hrg-{this_host()}-{os.getpid()}-{time.monotonic_ns()}.tmp"
+        / f".{shorten_name(path)}.hrg-{name_host()}-{os.getpid()}-{time.monotonic_ns()}.tmp"
     )
     try:
         yield temporary
@@ -205,7 +205,7 @@ def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
         else:
             _rename_to_new(temporary, path)
     except OSError as error:
-        raise write_error(error, path) from error
+        raise explain_write_error(error, path) from error
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
@@ -264,7 +264,7 @@ def _stamp(path: Path) -> tuple[int, int] | None:
 
 
 @contextlib.contextmanager
-def lost_writes() -> Iterator[list[BaseException]]:
+def collect_lost_writes() -> Iterator[list[BaseException]]:
     """Errors that h5py meets while it lets go of an object, which it can only print.
 
     While a failed file is let go they say nothing new, otherwise a write is lost.
@@ -276,8 +276,8 @@ def lost_writes() -> Iterator[list[BaseException]]:
 
     Examples
     --------
-    >>> from hrg_cli.store.atomic import lost_writes
-    >>> with lost_writes() as lost:
+    >>> from hrg_cli.store.atomic import collect_lost_writes
+    >>> with collect_lost_writes() as lost:
     ...     pass
     >>> lost
     []
@@ -318,7 +318,7 @@ def _rename_to_new(temporary: Path, path: Path) -> None:
         os.replace(temporary, path)
 
 
-def shown_name(path: Path) -> str:
+def shorten_name(path: Path) -> str:
     """As much of an output's name as its temporary one bears.
 
     Parameters
@@ -334,15 +334,15 @@ def shown_name(path: Path) -> str:
     Examples
     --------
     >>> from pathlib import Path
-    >>> from hrg_cli.store.atomic import shown_name
-    >>> shown_name(Path("lot/table.csv")), len(shown_name(Path("n" * 100)))
+    >>> from hrg_cli.store.atomic import shorten_name
+    >>> shorten_name(Path("lot/table.csv")), len(shorten_name(Path("n" * 100)))
     ('table.csv', 60)
     """
     return path.name.encode()[:SHOWN_BYTES].decode("utf-8", "ignore")
 
 
 @functools.cache
-def this_host() -> str:
+def name_host() -> str:
     """The host, and the space of process numbers on it (of a container): within it a number names one
     process.
 
@@ -353,8 +353,8 @@ def this_host() -> str:
 
     Examples
     --------
-    >>> from hrg_cli.store.atomic import this_host
-    >>> this_host().count(".")
+    >>> from hrg_cli.store.atomic import name_host
+    >>> name_host().count(".")
     1
     """
     facts = [platform.node()]
@@ -398,7 +398,7 @@ def _is_abandoned(left: Path) -> bool:
     match = re.search(r"\.hrg-([A-Za-z0-9.]+)-(\d+)-\d+\.tmp$", left.name)
     if match is None:
         return False
-    if match[1] == this_host() and Path("/proc/self").exists():
+    if match[1] == name_host() and Path("/proc/self").exists():
         return not _may_write(match[2])
     with contextlib.suppress(OSError):
         return time.time() - left.stat().st_mtime > ABANDONED_S
@@ -421,7 +421,7 @@ def _glob_escape(name: str) -> str:
     return re.sub(r"([*?\[])", r"[\1]", name)
 
 
-def write_error(error: OSError, path: Path) -> HrgError:
+def explain_write_error(error: OSError, path: Path) -> HrgError:
     """The sentence of a write that the system refused.
 
     Parameters
@@ -440,8 +440,8 @@ def write_error(error: OSError, path: Path) -> HrgError:
     --------
     >>> import errno
     >>> from pathlib import Path
-    >>> from hrg_cli.store.atomic import write_error
-    >>> print(write_error(OSError(errno.EACCES, "Permission denied"), Path("out.h5")))
+    >>> from hrg_cli.store.atomic import explain_write_error
+    >>> print(explain_write_error(OSError(errno.EACCES, "Permission denied"), Path("out.h5")))
     out.h5: no right to write it; choose another --output
     """
     if error.errno == errno.ENOSPC or "No space left" in str(error):
@@ -463,5 +463,5 @@ def write_error(error: OSError, path: Path) -> HrgError:
     if error.errno == errno.ENAMETOOLONG:
         return HrgError(f"{str(path)[:80]}…: the name is too long; choose a shorter --output")
     return HrgError(
-        f"{path}: cannot be written ({error.strerror or first_line(error)}); choose another --output"
+        f"{path}: cannot be written ({error.strerror or take_first_line(error)}); choose another --output"
     )

@@ -44,7 +44,7 @@ class Running:
         """Take the next rows."""
         self._hash.update(_bytes(np.asarray(values)))
 
-    def of(self, dataset: h5py.Dataset) -> str:
+    def describe(self, dataset: h5py.Dataset) -> str:
         """Type, shape and digest, now that the dataset has its whole shape."""
         return f"{_form(dataset)} {self._hash.hexdigest()}"
 
@@ -66,7 +66,7 @@ def _text(value: Any) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-def of_dataset(dataset: h5py.Dataset) -> str:
+def digest_dataset(dataset: h5py.Dataset) -> str:
     """Type, shape and digest of a dataset on disk, read a few megabytes at a time.
 
     Parameters
@@ -82,22 +82,22 @@ def of_dataset(dataset: h5py.Dataset) -> str:
     Examples
     --------
     >>> import h5py
-    >>> from hrg_cli.store.checksums import of_dataset
+    >>> from hrg_cli.store.checksums import digest_dataset
     >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
-    ...     of_dataset(file.create_dataset("a", data=[1.0, 2.0])).split()[0]
+    ...     digest_dataset(file.create_dataset("a", data=[1.0, 2.0])).split()[0]
     '<f82'
     """
     running = Running()
     if dataset.ndim == 0 or not dataset.size:
         running.add(dataset[()])
-        return running.of(dataset)
+        return running.describe(dataset)
     rows = max(1, ROWS_BYTES // max(1, dataset.dtype.itemsize * int(np.prod(dataset.shape[1:]))))
     for start in range(0, dataset.shape[0], rows):
         running.add(dataset[start : start + rows])
-    return running.of(dataset)
+    return running.describe(dataset)
 
 
-def of_attributes(holder: h5py.Group | h5py.Dataset) -> str:
+def digest_attributes(holder: h5py.Group | h5py.Dataset) -> str:
     """The digest of all attributes of a group or dataset but netCDF's own and the checksums themselves.
 
     Parameters
@@ -113,11 +113,11 @@ def of_attributes(holder: h5py.Group | h5py.Dataset) -> str:
     Examples
     --------
     >>> import h5py
-    >>> from hrg_cli.store.checksums import of_attributes
+    >>> from hrg_cli.store.checksums import digest_attributes
     >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
-    ...     before = of_attributes(file)
+    ...     before = digest_attributes(file)
     ...     file.attrs["gyro_id"] = "SN-1"
-    ...     before == of_attributes(file)
+    ...     before == digest_attributes(file)
     False
     """
     hashed = hashlib.sha256()
@@ -135,7 +135,7 @@ def of_attributes(holder: h5py.Group | h5py.Dataset) -> str:
     return hashed.hexdigest()
 
 
-def contents(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
+def list_contents(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
     """Every group and dataset of a file by its path.
 
     Dimensions without values (netCDF's) are left out, links to other files are not followed.
@@ -153,10 +153,10 @@ def contents(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]
     Examples
     --------
     >>> import h5py
-    >>> from hrg_cli.store.checksums import contents
+    >>> from hrg_cli.store.checksums import list_contents
     >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
     ...     _ = file.create_dataset("wave/time_s", data=[1.0])
-    ...     [path for path, _ in contents(file)]
+    ...     [path for path, _ in list_contents(file)]
     ['/', '/wave', '/wave/time_s']
     """
 
@@ -209,23 +209,23 @@ def seal(file: h5py.File, running: dict[str, Running]) -> None:
     Examples
     --------
     >>> import h5py
-    >>> from hrg_cli.store.checksums import changes, seal
+    >>> from hrg_cli.store.checksums import list_changes, seal
     >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
     ...     file["a"] = [1.0, 2.0]
     ...     seal(file, {})
     ...     file["a"][0] = 3.0
-    ...     changes(file)
+    ...     list_changes(file)
     ['the values of /a were changed']
     """
     kept = {}
-    for path, item in contents(file):
+    for path, item in list_contents(file):
         if isinstance(item, h5py.Dataset):
-            kept[path] = running[path].of(item) if path in running else of_dataset(item)
-        kept[f"{path}@"] = of_attributes(item)
+            kept[path] = running[path].describe(item) if path in running else digest_dataset(item)
+        kept[f"{path}@"] = digest_attributes(item)
     file.attrs[NAME] = json.dumps(kept, sort_keys=True)
 
 
-def kept_in(file: h5py.File) -> dict[str, str] | None:
+def read_kept(file: h5py.File) -> dict[str, str] | None:
     """The digests a file keeps.
 
     Parameters
@@ -241,10 +241,10 @@ def kept_in(file: h5py.File) -> dict[str, str] | None:
     Examples
     --------
     >>> import h5py
-    >>> from hrg_cli.store.checksums import kept_in, seal
+    >>> from hrg_cli.store.checksums import read_kept, seal
     >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
     ...     seal(file, {})
-    ...     list(kept_in(file))
+    ...     list(read_kept(file))
     ['/@']
     """
     with contextlib.suppress(ValueError, KeyError, RecursionError):
@@ -254,7 +254,7 @@ def kept_in(file: h5py.File) -> dict[str, str] | None:
     return None
 
 
-def changes(file: h5py.File) -> list[str] | None:
+def list_changes(file: h5py.File) -> list[str] | None:
     """What differs from what was written.
 
     Parameters
@@ -270,26 +270,26 @@ def changes(file: h5py.File) -> list[str] | None:
     Examples
     --------
     >>> import h5py
-    >>> from hrg_cli.store.checksums import changes, seal
+    >>> from hrg_cli.store.checksums import list_changes, seal
     >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
-    ...     before = changes(file)
+    ...     before = list_changes(file)
     ...     seal(file, {})
-    ...     before, changes(file)
+    ...     before, list_changes(file)
     (None, [])
     """
     if NAME not in file.attrs:
         return None
-    kept = kept_in(file)
+    kept = read_kept(file)
     if kept is None:
         return ["the checksums were changed"]
     left = dict(kept)
     said = []
-    for path, item in contents(file):
+    for path, item in list_contents(file):
         if isinstance(item, h5py.Dataset):
             said += _compared_values(left.pop(path, None), item, f"the values of {path}")
         said += _compared(
             left.pop(f"{path}@", None),
-            lambda item=item: of_attributes(item),
+            lambda item=item: digest_attributes(item),
             f"the attributes of {path}",
         )
     gone = sorted({place.removesuffix("@") for place in left})
@@ -297,7 +297,7 @@ def changes(file: h5py.File) -> list[str] | None:
     return said + [f"{place} was added, a link" for place in _links(file)]
 
 
-def unreadable(file: h5py.File) -> list[str]:
+def list_unreadable(file: h5py.File) -> list[str]:
     """What cannot be read back: all that a file without checksums can be asked.
 
     Parameters
@@ -313,21 +313,21 @@ def unreadable(file: h5py.File) -> list[str]:
     Examples
     --------
     >>> import h5py
-    >>> from hrg_cli.store.checksums import unreadable
+    >>> from hrg_cli.store.checksums import list_unreadable
     >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
     ...     file["a"] = [1.0, 2.0]
-    ...     unreadable(file)
+    ...     list_unreadable(file)
     []
     """
     said = []
-    for path, item in contents(file):
+    for path, item in list_contents(file):
         if isinstance(item, h5py.Dataset):
             what = f"the values of {path}"
             if _is_hollow(item):
                 said.append(f"{what} are not stored")
                 continue
             try:
-                of_dataset(item)
+                digest_dataset(item)
             except (OSError, RuntimeError):
                 said.append(f"{what} cannot be read (damaged)")
     return said
@@ -347,7 +347,7 @@ def _compared_values(kept: str | None, dataset: h5py.Dataset, what: str) -> list
         return [f"{what} were changed"]
     if _is_hollow(dataset):
         return [f"{what} are not stored"]
-    return _compared(kept, lambda: of_dataset(dataset), what)
+    return _compared(kept, lambda: digest_dataset(dataset), what)
 
 
 def _compared(kept: str | None, digest: Any, what: str) -> list[str]:

@@ -9,7 +9,7 @@ ROUNDING = 1e-6
 """Of the deviations: by how much rounding may break the symmetry, or carry a correlation past 1."""
 
 
-def covariance_problem(matrix: Array) -> str | None:
+def find_covariance_problem(matrix: Array) -> str | None:
     """Why a matrix is no covariance.
 
     Variances are not negative, the matrix is symmetric, and no correlation is beyond ±1
@@ -28,9 +28,9 @@ def covariance_problem(matrix: Array) -> str | None:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.store.covariance_checks import covariance_problem
-    >>> covariance_problem(np.eye(2))
-    >>> covariance_problem(np.array([[1.0, 2.0], [2.0, 1.0]]))
+    >>> from hrg_cli.store.covariance_checks import find_covariance_problem
+    >>> find_covariance_problem(np.eye(2))
+    >>> find_covariance_problem(np.array([[1.0, 2.0], [2.0, 1.0]]))
     'has a correlation of 2 in row 1, column 2, from -1 to 1 was expected'
     """
     matrix = np.asarray(matrix, float)

@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import HrgError
 from ..records import Column
 from ..units import canonical
-from .validity import dtype_problem, size_problem
+from .validity import find_dtype_problem, find_size_problem
 
 LARGEST_COLUMN_BYTES = 8 << 30
 """No column read into memory at once may claim more."""
@@ -28,7 +28,7 @@ UNPACKED_BYTES, UNPACKED_RATIO = 256 << 20, 50
 many of them."""
 
 
-def text_of(value: Any) -> str:
+def decode_text(value: Any) -> str:
     """The text that every program can write again: bytes that are no UTF-8 become U+FFFD."""
     if isinstance(value, np.ndarray) and value.shape == (1,):
         value = value[0]
@@ -36,7 +36,7 @@ def text_of(value: Any) -> str:
     return raw.decode("utf-8", "replace")
 
 
-def item_at(holder: h5py.Group, place: str) -> Any:
+def find_item(holder: h5py.Group, place: str) -> Any:
     """The group or dataset of that name, None where there is none. KeyError: it is there, but
     damaged (h5py's `get` would take it for missing)."""
     return holder[place] if place in holder else None  # noqa: SIM401 - that is what `get` is
@@ -54,7 +54,7 @@ def need_inside(
             raise HrgError(f"{path}: {place} lies in another file; copy it into this one")
         if isinstance(link, h5py.SoftLink) and links_left:
             need_inside(found, path, link.path, links_left - 1)
-        found = item_at(found, part)
+        found = find_item(found, part)
         if not isinstance(found, h5py.Group):
             return
 
@@ -69,17 +69,17 @@ def need_declared(dataset: Any, path: Path, place: str, spec: Column) -> None:
             f"{path}: dataset {place} has shape {dataset.shape}, {len(spec.dims)} dimension(s) were"
             " expected"
         )
-    problem = dtype_problem(dataset.dtype, spec)
+    problem = find_dtype_problem(dataset.dtype, spec)
     if problem is not None:
         raise HrgError(f"{path}: dataset {place} {problem}; convert it and write the file again")
     units = dataset.attrs.get("units")
     if (
         units is not None
         and spec.units not in (None, "any", "1")
-        and canonical(text_of(units)) != spec.units
+        and canonical(decode_text(units)) != spec.units
     ):
         raise HrgError(
-            f"{path}: dataset {place} has units {text_of(units)!r}, {spec.units!r} was expected;"
+            f"{path}: dataset {place} has units {decode_text(units)!r}, {spec.units!r} was expected;"
             " convert it and write the file again"
         )
 
@@ -96,7 +96,7 @@ def need_lengths(
                 f"{path}: {place} has {size} values where {where} has {known}; lengths must be"
                 " equal"
             )
-        problem = size_problem(dim, size)
+        problem = find_size_problem(dim, size)
         if problem is not None:
             raise HrgError(f"{path}: dataset {place} {problem}; make the file again")
 

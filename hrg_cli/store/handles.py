@@ -14,7 +14,7 @@ import h5py
 
 from ..errors import NO_MEMORY, HrgError, NotHrgError, is_no_memory
 from .heaps import check_heaps
-from .layout import first_line
+from .layout import take_first_line
 
 MOST_OPEN = 64
 """Files held open at once, far below any system's limit, so that a thousand runs can be read side
@@ -39,7 +39,7 @@ class Handle:
         self._file: h5py.File | None = None
         self._stamp: tuple[int, int] | None = None
 
-    def file(self) -> h5py.File:
+    def open_file(self) -> h5py.File:
         """The open file. HrgError: it cannot be opened, or was changed since it was opened
         first."""
         if self._file is None:
@@ -114,7 +114,7 @@ def _open(path: Path) -> h5py.File:
             raise HrgError(f"{path}: is empty; an hrg file (HDF5) was expected")
         _check_heaps_once(path)
     except (OSError, ValueError) as error:
-        raise read_error(error, path) from error
+        raise explain_read_error(error, path) from error
     try:
         return h5py.File(path, "r", rdcc_nbytes=CACHE_BYTES)
     except (OSError, RuntimeError, KeyError, ValueError) as error:
@@ -188,7 +188,7 @@ def need_possible(path: Path) -> None:
         with contextlib.suppress(FileNotFoundError, NotADirectoryError, PermissionError):
             path.lstat()
     except (OSError, ValueError) as error:
-        raise read_error(error, path) from error
+        raise explain_read_error(error, path) from error
 
 
 def _open_error(error: Exception, path: Path) -> HrgError:
@@ -200,22 +200,22 @@ def _open_error(error: Exception, path: Path) -> HrgError:
             f"{path}: is truncated ({path.stat().st_size} bytes are there); copy or record it again"
         )
     if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
-        return read_error(error, path)
+        return explain_read_error(error, path)
     try:
         other = not has_signature(path)
     except OSError as unread:
-        return read_error(unread, path)
+        return explain_read_error(unread, path)
     if other:
         return NotHrgError(
             f"{path}: is not an HDF5 file; for a log in another format run `hrg import"
             f" {path.name}` first"
         )
     return HrgError(
-        f"{path}: cannot be opened as HDF5 ({first_line(error)}); copy or record it again"
+        f"{path}: cannot be opened as HDF5 ({take_first_line(error)}); copy or record it again"
     )
 
 
-def read_error(error: Exception, path: Path, what: str = "") -> HrgError:
+def explain_read_error(error: Exception, path: Path, what: str = "") -> HrgError:
     """The sentence for a failure while an input was read: the input is to blame, or this machine; never
     the output.
 
@@ -237,8 +237,8 @@ def read_error(error: Exception, path: Path, what: str = "") -> HrgError:
     --------
     >>> import errno
     >>> from pathlib import Path
-    >>> from hrg_cli.store.handles import read_error
-    >>> print(read_error(OSError(errno.EACCES, "Permission denied"), Path("in.h5")))
+    >>> from hrg_cli.store.handles import explain_read_error
+    >>> print(explain_read_error(OSError(errno.EACCES, "Permission denied"), Path("in.h5")))
     in.h5: no right to read it; ask for read access
     """
     number = getattr(error, "errno", None)
@@ -254,7 +254,7 @@ def read_error(error: Exception, path: Path, what: str = "") -> HrgError:
     if UNALLOCATED in str(error):  # too little is free, or a damaged chunk claims too much
         return HrgError(
             f"{path}: {f'dataset {what} ' if what else ''}needs more memory than is free"
-            f" ({first_line(error)}); free some, or copy it again if the file is small"
+            f" ({take_first_line(error)}); free some, or copy it again if the file is small"
         )
     if number == errno.ENAMETOOLONG:
         return HrgError(
@@ -263,13 +263,13 @@ def read_error(error: Exception, path: Path, what: str = "") -> HrgError:
     if number in (errno.EACCES, errno.EPERM):
         return HrgError(f"{path}: no right to read it; ask for read access")
     return HrgError(
-        f"{path}: {f'dataset {what} ' if what else ''}is damaged ({first_line(error)}); copy or"
+        f"{path}: {f'dataset {what} ' if what else ''}is damaged ({take_first_line(error)}); copy or"
         " record it again"
     )
 
 
 @contextlib.contextmanager
-def reading(path: Path, what: str = "") -> Iterator[None]:
+def explain_reading(path: Path, what: str = "") -> Iterator[None]:
     """While an input is read: every way h5py fails becomes a sentence that names the input.
 
     Parameters
@@ -293,9 +293,9 @@ def reading(path: Path, what: str = "") -> Iterator[None]:
     --------
     >>> from pathlib import Path
     >>> from hrg_cli import HrgError
-    >>> from hrg_cli.store.handles import reading
+    >>> from hrg_cli.store.handles import explain_reading
     >>> try:
-    ...     with reading(Path("in.h5"), "/wave/time_s"):
+    ...     with explain_reading(Path("in.h5"), "/wave/time_s"):
     ...         raise OSError("filter returned failure during read")
     ... except HrgError as error:
     ...     str(error).split(";")[0]
@@ -306,4 +306,4 @@ def reading(path: Path, what: str = "") -> Iterator[None]:
     except HrgError:
         raise
     except (OSError, RuntimeError, KeyError, UnicodeDecodeError) as error:
-        raise read_error(error, path, what) from error
+        raise explain_read_error(error, path, what) from error

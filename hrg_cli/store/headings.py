@@ -16,10 +16,10 @@ from ..errors import HrgError, NotHrgError
 from ..records import Column, Provenance, Record, Source
 from ..version import __version__
 from . import checksums
-from .dataset_checks import item_at, need_inside, text_of
-from .handles import Handle, has_signature, reading
-from .layout import BY_NAME, FORMAT, FORMAT_VERSION, default_of, place_of
-from .validity import attribute_problem
+from .dataset_checks import decode_text, find_item, need_inside
+from .handles import Handle, explain_reading, has_signature
+from .layout import BY_NAME, FORMAT, FORMAT_VERSION, find_place, make_default
+from .validity import find_attribute_problem
 
 
 def provenance_of(path: Path | str) -> Provenance:
@@ -52,7 +52,7 @@ def provenance_of(path: Path | str) -> Provenance:
     ()
     """
     with open_for_reading(Path(path)) as file:
-        return provenance(file, Path(path))
+        return read_provenance(file, Path(path))
 
 
 def is_hdf5(path: Path | str) -> bool:
@@ -81,7 +81,7 @@ def is_hdf5(path: Path | str) -> bool:
     ...     store.is_hdf5(empty.name)
     False
     """
-    with reading(Path(path)):
+    with explain_reading(Path(path)):
         return has_signature(Path(path))
 
 
@@ -196,7 +196,7 @@ def heading_of(path: Path | str, kind: type[Record], names: Sequence[str]) -> di
         texts = _texts(file, kind.kind, names)
         for name in texts.keys() & declared.keys():
             spec = declared[name]
-            place = place_of(kind, name, spec)
+            place = find_place(kind, name, spec)
             texts[name] = str(read_attribute(file, Path(path), place, name, spec))
         return texts
 
@@ -232,7 +232,7 @@ def changes(path: Path | str) -> list[str] | None:
     []
     """
     with open_for_reading(Path(path)) as file:
-        return checksums.changes(file)
+        return checksums.list_changes(file)
 
 
 def unreadable(path: Path | str) -> list[str]:
@@ -265,7 +265,7 @@ def unreadable(path: Path | str) -> list[str]:
     []
     """
     with open_for_reading(Path(path)) as file:
-        return checksums.unreadable(file)
+        return checksums.list_unreadable(file)
 
 
 @contextlib.contextmanager
@@ -301,8 +301,8 @@ def open_for_reading(path: Path) -> Iterator[h5py.File]:
     """
     handle = Handle(path)
     try:
-        with reading(path):
-            yield handle.file()
+        with explain_reading(path):
+            yield handle.open_file()
     finally:
         handle.close()
 
@@ -310,16 +310,16 @@ def open_for_reading(path: Path) -> Iterator[h5py.File]:
 def _texts(file: h5py.File, group: str, names: Sequence[str]) -> dict[str, str]:
     need_inside(file, Path(file.filename), group)
     held = file[group].attrs if group in file else {}
-    return {name: text_of(held[name]) for name in names if name in held}
+    return {name: decode_text(held[name]) for name in names if name in held}
 
 
 def _kind(file: h5py.File, path: Path) -> type[Record]:
-    if text_of(file.attrs.get("format", "")) != FORMAT:
+    if decode_text(file.attrs.get("format", "")) != FORMAT:
         raise NotHrgError(
             f'{path}: is HDF5 but not an hrg file (root attribute format = "hrg" is missing); run'
             " `hrg import` on a foreign log"
         )
-    version = text_of(file.attrs.get("format_version", ""))
+    version = decode_text(file.attrs.get("format_version", ""))
     # A minor version adds columns, which an older reader may leave unread; a major one changes what
     # is there.
     if version.split(".")[0] != FORMAT_VERSION.split(".")[0]:
@@ -327,14 +327,14 @@ def _kind(file: h5py.File, path: Path) -> type[Record]:
             f"{path}: has format_version {version or 'none'}, this hrg reads {FORMAT_VERSION}; use"
             " a matching version of hrg"
         )
-    kind = text_of(file.attrs.get("kind", ""))
+    kind = decode_text(file.attrs.get("kind", ""))
     if kind not in BY_NAME:
         raise HrgError(
             f"{path}: its kind is {kind!r}, expected one of {', '.join(BY_NAME)}; write the file"
             f" again with hrg {__version__}"
         )
     for field_name, spec in BY_NAME[kind].columns().items():
-        need_inside(file, path, place_of(BY_NAME[kind], field_name, spec))
+        need_inside(file, path, find_place(BY_NAME[kind], field_name, spec))
     return BY_NAME[kind]
 
 
@@ -384,7 +384,7 @@ def read_attribute(file: h5py.File, path: Path, place: str, field_name: str, spe
     file, path
         The file, open for reading, and its name.
     place
-        Group and name, as `place_of` has it.
+        Group and name, as `find_place` has it.
     field_name, spec
         The record's field and its declaration.
 
@@ -411,15 +411,15 @@ def read_attribute(file: h5py.File, path: Path, place: str, field_name: str, spe
     3
     """
     group, _, name = place.rpartition("/")
-    holder = item_at(file, group)
+    holder = find_item(file, group)
     if holder is None or name not in holder.attrs:
         if spec.optional:
-            return default_of(field_name, spec)
+            return make_default(field_name, spec)
         raise HrgError(
             f"{path}: attribute {name} of {group} is missing; make the file again or add it"
         )
     value = _parsed(holder.attrs[name], spec, f"{path}: attribute {name} of {group}")
-    problem = attribute_problem(value, spec)
+    problem = find_attribute_problem(value, spec)
     if problem is not None:
         raise HrgError(
             f"{path}: attribute {name} of {group} {problem}; correct it or make the file again"
@@ -430,7 +430,7 @@ def read_attribute(file: h5py.File, path: Path, place: str, field_name: str, spe
 def _parsed(value: Any, spec: Column, where: str) -> Any:
     try:
         if spec.dtype == "str":
-            return text_of(value)
+            return decode_text(value)
         number = float(np.asarray(value).reshape(()))
         if spec.dtype == "i8":
             if number != int(number):
@@ -438,10 +438,10 @@ def _parsed(value: Any, spec: Column, where: str) -> Any:
             return int(number)
         return number
     except (TypeError, ValueError, OverflowError) as error:
-        raise HrgError(f"{where} is {text_of(value)[:60]!r}, a number was expected") from error
+        raise HrgError(f"{where} is {decode_text(value)[:60]!r}, a number was expected") from error
 
 
-def json_list(file: h5py.File, name: str, path: Path) -> list[Any]:
+def read_json_list(file: h5py.File, name: str, path: Path) -> list[Any]:
     """A root attribute that holds a JSON list.
 
     Parameters
@@ -467,13 +467,13 @@ def json_list(file: h5py.File, name: str, path: Path) -> list[Any]:
     --------
     >>> from pathlib import Path
     >>> import h5py
-    >>> from hrg_cli.store.headings import json_list
+    >>> from hrg_cli.store.headings import read_json_list
     >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
     ...     file.attrs["status_reasons"] = '["too short"]'
-    ...     json_list(file, "status_reasons", Path("x")), json_list(file, "sources", Path("x"))
+    ...     read_json_list(file, "status_reasons", Path("x")), read_json_list(file, "sources", Path("x"))
     (['too short'], [])
     """
-    text = text_of(file.attrs.get(name, "[]"))
+    text = decode_text(file.attrs.get(name, "[]"))
     try:
         value = json.loads(text)
     except ValueError as error:
@@ -481,7 +481,7 @@ def json_list(file: h5py.File, name: str, path: Path) -> list[Any]:
     return value if isinstance(value, list) else []
 
 
-def provenance(file: h5py.File, path: Path) -> Provenance:
+def read_provenance(file: h5py.File, path: Path) -> Provenance:
     """What the root attributes tell of a file's origin.
 
     Parameters
@@ -503,15 +503,15 @@ def provenance(file: h5py.File, path: Path) -> Provenance:
     --------
     >>> from pathlib import Path
     >>> import h5py
-    >>> from hrg_cli.store.headings import provenance
+    >>> from hrg_cli.store.headings import read_provenance
     >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
     ...     file.attrs["history"] = "hrg identify a.h5"
-    ...     provenance(file, Path("x")).history
+    ...     read_provenance(file, Path("x")).history
     ('hrg identify a.h5',)
     """
-    history = text_of(file.attrs.get("history", ""))
+    history = decode_text(file.attrs.get("history", ""))
     sources = []
-    for entry in json_list(file, "sources", path):
+    for entry in read_json_list(file, "sources", path):
         if isinstance(entry, dict):
             samples = entry.get("samples")
             known = tuple(map(str, samples)) if isinstance(samples, list) else ()
@@ -519,8 +519,8 @@ def provenance(file: h5py.File, path: Path) -> Provenance:
             sources.append(Source(name, kind, digest, known))
     return Provenance(
         history=tuple(history.splitlines()),
-        settings=text_of(file.attrs.get("settings", "")),
+        settings=decode_text(file.attrs.get("settings", "")),
         sources=tuple(sources),
-        created=text_of(file.attrs.get("created", "")),
-        generated_by=text_of(file.attrs.get("generated_by", "")),
+        created=decode_text(file.attrs.get("created", "")),
+        generated_by=decode_text(file.attrs.get("generated_by", "")),
     )

@@ -75,7 +75,7 @@ class _Part:
     start: int
     content: bytes
 
-    def at(self, place: int, length: int) -> bytes:
+    def read(self, place: int, length: int) -> bytes:
         """Bytes of the file from `place`."""
         first = place - self.start
         if first + length <= len(self.content):
@@ -85,10 +85,10 @@ class _Part:
 
 def _ends(part: _Part, at: int, size: int) -> bool:
     """Whether stepping through the collection at byte `at` comes to its end."""
-    end = min(at + int.from_bytes(part.at(at + 8, 8), "little"), size)
+    end = min(at + int.from_bytes(part.read(at + 8, 8), "little"), size)
     place = at + STEP
     while place + STEP <= end:
-        heading = part.at(place, STEP)
+        heading = part.read(place, STEP)
         index = int.from_bytes(heading[:2], "little")
         length = int.from_bytes(heading[8:], "little")
         # Objects stand on multiples of 8 behind their heading; index 0 is the free space, whose

@@ -13,7 +13,7 @@ AnyRecord = TypeVar("AnyRecord", bound=Record)
 BY_NAME = {cls.kind: cls for cls in KINDS}
 
 
-def place_of(kind: type[Record], field_name: str, spec: Column) -> str:
+def find_place(kind: type[Record], field_name: str, spec: Column) -> str:
     """Where a column of a kind stands in the file.
 
     Parameters
@@ -33,14 +33,14 @@ def place_of(kind: type[Record], field_name: str, spec: Column) -> str:
     Examples
     --------
     >>> from hrg_cli.records import Wave
-    >>> from hrg_cli.store.layout import place_of
-    >>> place_of(Wave, "time_s", Wave.columns()["time_s"])
+    >>> from hrg_cli.store.layout import find_place
+    >>> find_place(Wave, "time_s", Wave.columns()["time_s"])
     '/wave/time_s'
     """
     return f"{spec.group or '/' + kind.kind}/{spec.name or field_name}"
 
 
-def default_of(field_name: str, spec: Column) -> Any:
+def make_default(field_name: str, spec: Column) -> Any:
     """The value of an optional column that a file does not have.
 
     Parameters
@@ -58,8 +58,8 @@ def default_of(field_name: str, spec: Column) -> Any:
     Examples
     --------
     >>> from hrg_cli.records import Wave
-    >>> from hrg_cli.store.layout import default_of
-    >>> default_of("mode_number", Wave.columns()["mode_number"])
+    >>> from hrg_cli.store.layout import make_default
+    >>> make_default("mode_number", Wave.columns()["mode_number"])
     2
     """
     for cls in KINDS:
@@ -69,7 +69,7 @@ def default_of(field_name: str, spec: Column) -> Any:
     raise AssertionError(field_name)
 
 
-def first_line(error: BaseException) -> str:
+def take_first_line(error: BaseException) -> str:
     """The first line of an error's text, for a sentence.
 
     Parameters
@@ -84,8 +84,8 @@ def first_line(error: BaseException) -> str:
 
     Examples
     --------
-    >>> from hrg_cli.store.layout import first_line
-    >>> first_line(KeyError("no such dataset")), first_line(OSError())
+    >>> from hrg_cli.store.layout import take_first_line
+    >>> take_first_line(KeyError("no such dataset")), take_first_line(OSError())
     ('no such dataset', 'OSError')
     """
     return str(error).strip("'\"").splitlines()[0][:160] if str(error) else type(error).__name__

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import Column
-from .handles import Handle, reading
-from .validity import values_problem
+from .handles import Handle, explain_reading
+from .validity import find_values_problem
 
 Array = np.ndarray
 
@@ -38,11 +38,11 @@ class CheckedColumn:
         return int(self.shape[0])
 
     def __getitem__(self, key: Any) -> Any:
-        with reading(self._handle.path, self._place):
+        with explain_reading(self._handle.path, self._place):
             return self._checked(key)
 
     def _checked(self, key: Any) -> Any:
-        file = self._handle.file()
+        file = self._handle.open_file()
         if (
             not self._dataset
         ):  # the file was closed meanwhile; else the dataset's cache of chunks is kept
@@ -54,7 +54,7 @@ class CheckedColumn:
         first, apart = _start_of(rows, len(self))
         spec = self._spec
         excused = self._excused
-        problem = values_problem(
+        problem = find_values_problem(
             np.atleast_1d(values),
             spec,
             first,

@@ -15,19 +15,26 @@ import numpy as np
 from ..errors import HrgError
 from ..records import Column, Record
 from .dataset_checks import (
-    item_at,
+    decode_text,
+    find_item,
     need_declared,
     need_lengths,
     need_room,
     need_short_texts,
     need_stored,
-    text_of,
 )
-from .handles import Handle, reading
-from .headings import json_list, kind_of, need_kind, open_for_reading, provenance, read_attribute
-from .layout import AnyRecord, place_of
+from .handles import Handle, explain_reading
+from .headings import (
+    kind_of,
+    need_kind,
+    open_for_reading,
+    read_attribute,
+    read_json_list,
+    read_provenance,
+)
+from .layout import AnyRecord, find_place
 from .lazy import CheckedColumn
-from .validity import bound_together, values_problem
+from .validity import find_values_problem, list_bound_together
 
 
 @contextlib.contextmanager
@@ -69,8 +76,8 @@ def open_record(path: Path | str, kind: type[AnyRecord]) -> Iterator[AnyRecord]:
     """
     handle = Handle(Path(path))
     try:
-        with reading(handle.path):
-            record = _record(handle.file(), handle.path, kind, handle)
+        with explain_reading(handle.path):
+            record = _record(handle.open_file(), handle.path, kind, handle)
         yield record
     finally:
         handle.close()
@@ -149,11 +156,11 @@ def _record(
     values: dict[str, Any] = {}
     sizes: dict[str, tuple[int, str]] = {}
     for field_name, spec in kind.columns().items():
-        place = place_of(kind, field_name, spec)
+        place = find_place(kind, field_name, spec)
         if spec.dims is None:
             values[field_name] = read_attribute(file, path, place, field_name, spec)
             continue
-        dataset = item_at(file, place)
+        dataset = find_item(file, place)
         if dataset is None:
             if spec.optional:
                 continue
@@ -164,7 +171,7 @@ def _record(
         values[field_name] = _read_dataset(
             dataset, path, place, spec, sizes, lazy if spec.dims[0] == "row" else None, excused
         )
-    status = text_of(file.attrs.get("status", "valid"))
+    status = decode_text(file.attrs.get("status", "valid"))
     if status not in ("valid", "suspect", "refused"):
         raise HrgError(
             f'{path}: its status is {status!r}, expected "valid", "suspect" or "refused"'
@@ -172,10 +179,10 @@ def _record(
     values["status"] = status
     record = kind(
         **values,
-        status_reasons=tuple(json_list(file, "status_reasons", path)),
-        provenance=provenance(file, path),
+        status_reasons=tuple(read_json_list(file, "status_reasons", path)),
+        provenance=read_provenance(file, path),
     )
-    problem = bound_together(record)
+    problem = list_bound_together(record)
     if problem is not None:
         raise HrgError(f"{path}: {problem}")
     return record
@@ -183,8 +190,10 @@ def _record(
 
 def _excused(opened: Handle | h5py.File, kind: type[Record], key: Any) -> np.ndarray:
     """The rows of a key in which NaN may stand: flagged, or the solver did not converge."""
-    file = opened.file() if isinstance(opened, Handle) else opened
-    flags, iterations = (item_at(file, f"/{kind.kind}/{name}") for name in ("flags", "iterations"))
+    file = opened.open_file() if isinstance(opened, Handle) else opened
+    flags, iterations = (
+        find_item(file, f"/{kind.kind}/{name}") for name in ("flags", "iterations")
+    )
     excused = np.asarray(flags[key]) != 0
     return excused if iterations is None else excused | (np.asarray(iterations[key]) < 0)
 
@@ -206,11 +215,11 @@ def _read_dataset(
     need_room(dataset, path, place)
     if spec.dtype == "str":
         need_short_texts(dataset, path, place)
-        return np.array([text_of(v) for v in dataset[()].ravel()], dtype=object).reshape(
+        return np.array([decode_text(v) for v in dataset[()].ravel()], dtype=object).reshape(
             dataset.shape
         )
     found = dataset[()]
-    problem = values_problem(
+    problem = find_values_problem(
         found, spec, 0, None if excused is None else lambda: excused(slice(None))
     )
     if problem is not None:

@@ -16,7 +16,7 @@ ROWS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = {
 """By table, what each of its rows holds; a table may be missing."""
 
 
-def report_problem(text: str) -> str | None:
+def find_report_problem(text: str) -> str | None:
     """What is wrong with the tables of a diagnosis' JSON object.
 
     Parameters
@@ -31,9 +31,9 @@ def report_problem(text: str) -> str | None:
 
     Examples
     --------
-    >>> from hrg_cli.store.report_checks import report_problem
-    >>> report_problem('{"effects": [{"name": "gain_step"}]}')
-    >>> report_problem('{"effects": [{}]}')
+    >>> from hrg_cli.store.report_checks import find_report_problem
+    >>> find_report_problem('{"effects": [{"name": "gain_step"}]}')
+    >>> find_report_problem('{"effects": [{}]}')
     'is damaged: a row of effects has no name'
     """
     report = json.loads(text)

@@ -12,8 +12,8 @@ import numpy as np
 from ..errors import HrgError
 from ..records import SIZES, Calibration, Column, Diagnosis, Record, Recording, Resonator, Valid
 from ..units import canonical
-from .covariance_checks import covariance_problem
-from .report_checks import report_problem
+from .covariance_checks import find_covariance_problem
+from .report_checks import find_report_problem
 
 Array = np.ndarray
 KINDS_OF_NUMBER = {"raw": "iuf", "f8": "iuf", "u1": "iu", "i2": "iu", "i4": "iu", "i8": "iu"}
@@ -21,7 +21,7 @@ KINDS_OF_NUMBER = {"raw": "iuf", "f8": "iuf", "u1": "iu", "i2": "iu", "i4": "iu"
 samples from yes and no."""
 
 
-def dtype_problem(found: np.dtype[Any], spec: Column) -> str | None:
+def find_dtype_problem(found: np.dtype[Any], spec: Column) -> str | None:
     """Why a dataset's type cannot be that of a column.
 
     Parameters
@@ -40,8 +40,8 @@ def dtype_problem(found: np.dtype[Any], spec: Column) -> str | None:
     --------
     >>> import numpy as np
     >>> from hrg_cli.records import Wave
-    >>> from hrg_cli.store.validity import dtype_problem
-    >>> dtype_problem(np.dtype("f4"), Wave.columns()["flags"])
+    >>> from hrg_cli.store.validity import find_dtype_problem
+    >>> find_dtype_problem(np.dtype("f4"), Wave.columns()["flags"])
     'holds float32, whole numbers were expected'
     """
     if spec.dtype == "str":
@@ -52,7 +52,7 @@ def dtype_problem(found: np.dtype[Any], spec: Column) -> str | None:
     return f"holds {found}, {what} expected"
 
 
-def size_problem(dim: str, size: int) -> str | None:
+def find_size_problem(dim: str, size: int) -> str | None:
     """Why a dimension cannot have a size.
 
     Parameters
@@ -69,8 +69,8 @@ def size_problem(dim: str, size: int) -> str | None:
 
     Examples
     --------
-    >>> from hrg_cli.store.validity import size_problem
-    >>> size_problem("row", 12)
+    >>> from hrg_cli.store.validity import find_size_problem
+    >>> find_size_problem("row", 12)
     """
     allowed = SIZES.get(dim)
     if allowed is None or size in allowed:
@@ -81,7 +81,7 @@ def size_problem(dim: str, size: int) -> str | None:
     )
 
 
-def values_problem(
+def find_values_problem(
     values: Array, spec: Column, first_row: int = 0, excused: Callable[[], Array] | None = None
 ) -> str | None:
     """What is wrong with some rows of a column.
@@ -107,8 +107,8 @@ def values_problem(
     --------
     >>> import numpy as np
     >>> from hrg_cli.records import Wave
-    >>> from hrg_cli.store.validity import values_problem
-    >>> values_problem(np.array([0.0, 1.0, 1.0]), Wave.columns()["time_s"], first_row=10)
+    >>> from hrg_cli.store.validity import find_values_problem
+    >>> find_values_problem(np.array([0.0, 1.0, 1.0]), Wave.columns()["time_s"], first_row=10)
     'holds 1 in row 13 after 1; the values must increase from row to row'
     """
     valid = spec.valid
@@ -184,7 +184,7 @@ def _tell_value(values: Array, place: tuple[int, ...], first_row: int) -> str:
     return f"{values[place]:.9g} in row {row + 1}" if place else f"{values:.9g}"
 
 
-def attribute_problem(value: Any, spec: Column) -> str | None:
+def find_attribute_problem(value: Any, spec: Column) -> str | None:
     """What is wrong with an attribute's value.
 
     Parameters
@@ -202,8 +202,8 @@ def attribute_problem(value: Any, spec: Column) -> str | None:
     Examples
     --------
     >>> from hrg_cli.records import Wave
-    >>> from hrg_cli.store.validity import attribute_problem
-    >>> print(attribute_problem("forked", Wave.columns()["mode"]))
+    >>> from hrg_cli.store.validity import find_attribute_problem
+    >>> print(find_attribute_problem("forked", Wave.columns()["mode"]))
     is 'forked', "free" or "forced" was expected
     """
     valid = spec.valid
@@ -266,7 +266,7 @@ def may_be_missing(record: Record) -> Array:
     return excused if iterations is None else excused | (np.asarray(iterations) < 0)
 
 
-def bound_together(record: Record) -> str | None:
+def list_bound_together(record: Record) -> str | None:
     """What is wrong between several fields of a record.
 
     Parameters
@@ -283,8 +283,8 @@ def bound_together(record: Record) -> str | None:
     --------
     >>> import numpy as np
     >>> from hrg_cli import Recording
-    >>> from hrg_cli.store.validity import bound_together
-    >>> bound_together(Recording(c=np.zeros(0), s=np.zeros(0), sample_rate_hz=10.0, mode="free"))
+    >>> from hrg_cli.store.validity import list_bound_together
+    >>> list_bound_together(Recording(c=np.zeros(0), s=np.zeros(0), sample_rate_hz=10.0, mode="free"))
     'holds no samples; record again'
     """
     if isinstance(record, Recording):
@@ -294,7 +294,7 @@ def bound_together(record: Record) -> str | None:
     if isinstance(record, Resonator):
         return _resonator_problem(record)
     if isinstance(record, Diagnosis):
-        problem = report_problem(record.report)
+        problem = find_report_problem(record.report)
         return None if problem is None else f"attribute report of /diagnosis {problem}"
     if hasattr(record, "signals") and len(record):
         count, wanted = np.shape(record.signals)[1], 8 if record.readout == "carrier" else 4  # type: ignore[attr-defined]
@@ -342,7 +342,7 @@ def _resonator_problem(record: Resonator) -> str | None:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         return f"/resonator/name has {twice[:60]!r} twice; each parameter once was expected"
-    problem = covariance_problem(record.covariance)
+    problem = find_covariance_problem(record.covariance)
     return None if problem is None else f"/resonator/covariance {problem}"
 
 
@@ -367,7 +367,7 @@ def _calibration_problem(record: Calibration) -> str | None:
             f"/calibration/covariance has {len(record.covariance)} rows, {coefficients} were"
             " expected, one a coefficient"
         )
-    problem = covariance_problem(record.covariance)
+    problem = find_covariance_problem(record.covariance)
     if problem is not None:
         return f"/calibration/covariance {problem}"
     if record.node_min > record.node_max or record.rate_min_rad_s > record.rate_max_rad_s:
@@ -399,19 +399,19 @@ class WrittenBlocks:
             if value is None:
                 continue
             problem = (
-                attribute_problem(value, spec)
+                find_attribute_problem(value, spec)
                 if spec.dims is None
                 else self._column_problem(record, name, value, spec)
             )
             if problem is not None:
                 return f"{name} {problem}"
-        return bound_together(record) if len(record) or not self.rows else None
+        return list_bound_together(record) if len(record) or not self.rows else None
 
     def _column_problem(self, record: Record, name: str, value: Any, spec: Column) -> str | None:
         if spec.dtype == "str" or spec.valid.raw:
             return None
         values = np.asarray(value)
-        problem = dtype_problem(values.dtype, spec) or values_problem(
+        problem = find_dtype_problem(values.dtype, spec) or find_values_problem(
             values, spec, self.rows, lambda: may_be_missing(record)
         )
         if (

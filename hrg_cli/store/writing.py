@@ -28,10 +28,10 @@ import numpy as np
 from ..errors import DiskFullError, HrgError
 from ..records import GROWING, Column, Record
 from ..version import __version__
-from .atomic import atomic_path, lost_writes
+from .atomic import atomic_path, collect_lost_writes
 from .checksums import Running, seal
-from .handles import need_readable, reading
-from .layout import FORMAT, FORMAT_VERSION, AnyRecord, default_of, place_of
+from .handles import explain_reading, need_readable
+from .layout import FORMAT, FORMAT_VERSION, AnyRecord, find_place, make_default
 from .validity import WrittenBlocks
 
 HASHED_BYTES = 1 << 20
@@ -87,7 +87,7 @@ def sha256(path: Path | str, unwanted: threading.Event | None = None) -> str:
     """
     need_readable(Path(path))
     digest = hashlib.sha256()
-    with reading(Path(path)), open(path, "rb") as file:
+    with explain_reading(Path(path)), open(path, "rb") as file:
         while (unwanted is None or not unwanted.is_set()) and (part := file.read(HASHED_BYTES)):
             digest.update(part)
     return digest.hexdigest()
@@ -137,7 +137,7 @@ def write(
     ...
     hrg_cli.errors.HrgError: ...
     """
-    with atomic_path(path, force) as temporary, lost_writes() as lost:
+    with atomic_path(path, force) as temporary, collect_lost_writes() as lost:
         blocks: Iterable[AnyRecord] = (stream,) if isinstance(stream, Record) else stream
         last: AnyRecord | None = None
         file: h5py.File | None = None
@@ -196,7 +196,7 @@ def _present(record: Record) -> Iterator[tuple[str, str, Column, Any]]:
     for field_name, spec in record.columns().items():
         value = getattr(record, field_name)
         if value is not None:
-            yield field_name, place_of(type(record), field_name, spec), spec, value
+            yield field_name, find_place(type(record), field_name, spec), spec, value
 
 
 def _create(file: h5py.File, record: Record, running: dict[str, Running]) -> None:
@@ -271,7 +271,7 @@ def _finish(file: h5py.File, record: Record) -> None:
     for field_name, place, spec, value in _present(record):
         if spec.dims is None:
             group, _, name = place.rpartition("/")
-            if group not in file and value == default_of(field_name, spec):
+            if group not in file and value == make_default(field_name, spec):
                 continue
             holder = file[group] if group in file else file.create_group(group)
             # a text of variable length lives in the file's heap: it may be of any length

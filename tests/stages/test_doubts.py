@@ -7,7 +7,7 @@ from forced_runs import wave_of
 from synthetic_waves import programme, run_down
 
 from hrg_cli import calibrate, diagnose, identify
-from hrg_cli.records import doubts_about
+from hrg_cli.records import list_doubts
 from hrg_cli.stages.rate import rate
 
 WHY = "the screws were loose"
@@ -85,5 +85,5 @@ def test_physical_tables_are_no_surer_than_their_resonator():
 
 def test_many_doubts_are_counted():
     runs = [(f"{k}.h5", run_down(0.1, seconds=0.1, seed=k).judged([WHY])) for k in range(9)]
-    told = doubts_about(runs)
+    told = list_doubts(runs)
     assert len(told) == 7 and told[-1] == "3 more inputs are suspect or refused"

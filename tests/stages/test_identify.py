@@ -13,7 +13,7 @@ from hrg_cli.errors import HrgError
 from hrg_cli.fitting.envelopes.rate_from_model import fit_free_rate
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.stages.identify import identify, summary
-from hrg_cli.store.covariance_checks import covariance_problem
+from hrg_cli.store.covariance_checks import find_covariance_problem
 
 
 def details(record):
@@ -204,7 +204,7 @@ def test_a_bootstrap_keeps_the_covariance_one(draws):
     drift = 0.05 * np.linspace(0, 1, len(waves[0])) ** 2
     waves[0] = waves[0].replace(wave_angle_rad=waves[0].wave_angle_rad + drift)
     plain, record = identify(waves), identify(waves, bootstrap=draws)
-    assert covariance_problem(record.covariance) is None
+    assert find_covariance_problem(record.covariance) is None
     assert np.sqrt(np.diag(record.covariance)) == pytest.approx(record.std)
     assert np.all(record.std <= 1.01 * plain.std)
 

@@ -31,7 +31,7 @@ from hrg_cli.records import (
     collect,
 )
 from hrg_cli.store import atomic
-from hrg_cli.store.atomic import this_host
+from hrg_cli.store.atomic import name_host
 from hrg_cli.store.heaps import check_heaps
 
 
@@ -172,7 +172,7 @@ def test_of_two_writers_one_wins_whole(tmp_path):
 
 def test_left_over_of_a_killed_writer_is_removed(tmp_path):
     """Of this host, and of any after a day; another host's process numbers say nothing here."""
-    stale = tmp_path / f".a.h5.hrg-{this_host()}-999999999-1.tmp"
+    stale = tmp_path / f".a.h5.hrg-{name_host()}-999999999-1.tmp"
     elsewhere = tmp_path / ".a.h5.hrg-otherhost.01234567-999999999-1.tmp"
     forgotten = tmp_path / ".a.h5.hrg-otherhost.01234567-999999999-2.tmp"
     for path in (stale, elsewhere, forgotten):
@@ -185,7 +185,7 @@ def test_left_over_of_a_killed_writer_is_removed(tmp_path):
 def test_a_killed_writer_is_gone_before_its_parent_knows(tmp_path):
     """A lot whose worker was killed kept that one's half file where its parent was slow."""
     writer = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
-    left = tmp_path / f".a.h5.hrg-{this_host()}-{writer.pid}-1.tmp"
+    left = tmp_path / f".a.h5.hrg-{name_host()}-{writer.pid}-1.tmp"
     left.write_bytes(b"half")
     atomic.remove_stale(tmp_path)
     assert left.exists(), "at work"
@@ -202,7 +202,7 @@ def test_two_hosts_write_one_name_in_one_folder(tmp_path, monkeypatch):
     path = tmp_path / "a.h5"
     with pytest.raises(HrgError, match="another program"):
         with monkeypatch.context() as far:
-            far.setattr(atomic, "this_host", lambda: "farhost.01234567")
+            far.setattr(atomic, "name_host", lambda: "farhost.01234567")
             far.setattr(os, "getpid", lambda: 999999999)
             writing = atomic.atomic_path(path)
             half = writing.__enter__()

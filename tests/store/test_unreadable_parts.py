@@ -125,6 +125,6 @@ def test_a_source_that_cannot_be_read_is_not_one_without_samples(tmp_path, monke
     def failing(self):
         raise OSError(errno.EIO, "Input/output error")
 
-    monkeypatch.setattr(handles.Handle, "file", failing)
+    monkeypatch.setattr(handles.Handle, "open_file", failing)
     with pytest.raises(HrgError, match=r"run\.h5: is damaged"), Sources([path]):
         pass

@@ -10,7 +10,7 @@ from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.records import KINDS, Calibration, Periods, Record, Recording, Wave
 from hrg_cli.store import handles
-from hrg_cli.store.layout import place_of
+from hrg_cli.store.layout import find_place
 
 DAMAGES = {
     "nan": (
@@ -70,7 +70,7 @@ def _damaged(folder, kind, name, damage):
         record = record.replace(flags=np.zeros(len(record), "u1"))
     store.write(path, record)
     spec = kind.columns()[name]
-    place = place_of(kind, name, spec)
+    place = find_place(kind, name, spec)
     with h5py.File(path, "r+") as file:
         before = file[place][()]
         change = (lambda v: v + 0.5) if damage == "fractions" else DAMAGES[damage][0]

@@ -8,8 +8,8 @@ import pytest
 import records_by_hand
 
 from hrg_cli.records import Column, Valid, Wave
-from hrg_cli.store.covariance_checks import covariance_problem
-from hrg_cli.store.validity import attribute_problem, bound_together, values_problem
+from hrg_cli.store.covariance_checks import find_covariance_problem
+from hrg_cli.store.validity import find_attribute_problem, find_values_problem, list_bound_together
 
 EDGES = (
     (Valid(above=2.0), 2.0, np.nextafter(2.0, 3.0), "above 2"),
@@ -25,10 +25,12 @@ EDGES = (
 def test_values_and_attributes_at_their_bounds(valid, wrong, right, says):
     column = Column("", "a number", ("row",), None, None, "f8", False, None, valid)
     good, bad = np.array([right, right]), np.array([right, wrong])
-    assert values_problem(good, column) is None and attribute_problem(right, column) is None
-    problem = values_problem(bad, column)
+    assert (
+        find_values_problem(good, column) is None and find_attribute_problem(right, column) is None
+    )
+    problem = find_values_problem(bad, column)
     assert problem is not None and "row 2" in problem
-    assert attribute_problem(wrong, replace(column, dims=None)) is not None
+    assert find_attribute_problem(wrong, replace(column, dims=None)) is not None
 
 
 @pytest.mark.parametrize(
@@ -44,15 +46,15 @@ def test_values_and_attributes_at_their_bounds(valid, wrong, right, says):
 )
 def test_the_fields_of_a_calibration_agree(change, says):
     record = records_by_hand.calibration()
-    assert bound_together(record) is None
-    assert says in bound_together(record.replace(**change(record)))
+    assert list_bound_together(record) is None
+    assert says in list_bound_together(record.replace(**change(record)))
 
 
 @pytest.mark.parametrize("first", (-1e300, -1.1e12))
 def test_times_out_of_all_proportion_are_refused(first):
     times = np.array([first, 0.0, 1.0])
-    assert "at least -1000000000000" in values_problem(times, Wave.columns()["time_s"])
-    assert values_problem(np.array([-9e11, 0.0, 9e11]), Wave.columns()["time_s"]) is None
+    assert "at least -1000000000000" in find_values_problem(times, Wave.columns()["time_s"])
+    assert find_values_problem(np.array([-9e11, 0.0, 9e11]), Wave.columns()["time_s"]) is None
 
 
 COVARIANCE = np.array([[4.0, -1e-9, 0.0], [-1e-9, 1e-18, 0.0], [0.0, 0.0, 0.0]])
@@ -74,10 +76,10 @@ def test_a_covariance_is_one(kind, says):
     size = len(record.covariance)
     matrix = np.zeros((size, size))
     matrix[:3, :3] = COVARIANCE
-    assert bound_together(record.replace(covariance=matrix)) is None
+    assert list_bound_together(record.replace(covariance=matrix)) is None
     place, value = BROKEN[says]
     matrix[place] = value
-    assert says in bound_together(record.replace(covariance=matrix))
+    assert says in list_bound_together(record.replace(covariance=matrix))
 
 
 REPORTS = {
@@ -95,9 +97,9 @@ REPORTS = {
 def test_the_tables_of_a_diagnosis_are_tables(says):
     """`diff`, `ledger add`, `check` and `plan` ended in internal errors."""
     record = records_by_hand.RECORDS["diagnosis"]()
-    assert says in bound_together(record.replace(report=REPORTS[says]))
+    assert says in list_bound_together(record.replace(report=REPORTS[says]))
     whole = '{"values": [{"name": "x", "value": 1, "std": 2.5}], "effects": null, "wander": []}'
-    assert bound_together(record) is None is bound_together(record.replace(report=whole))
+    assert list_bound_together(record) is None is list_bound_together(record.replace(report=whole))
 
 
 def test_rounding_breaks_no_covariance():
@@ -106,5 +108,5 @@ def test_rounding_breaks_no_covariance():
     root = rng.normal(size=(8, 3)) * 10.0 ** np.linspace(-9, 9, 8)[:, None]
     matrix = root @ root.T
     matrix *= 1 + 1e-9 * rng.normal(size=matrix.shape)
-    assert covariance_problem(matrix) is None
-    assert covariance_problem(np.full((2, 2), 1e300)) is None
+    assert find_covariance_problem(matrix) is None
+    assert find_covariance_problem(np.full((2, 2), 1e300)) is None

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...physics.resonator import Mechanics
-from ...records import Resonator, details_number
+from ...records import Resonator, read_details_number
 from ..least_squares import StepTaken, descend, solve
 from . import coordinates, rows
 from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
@@ -87,7 +87,7 @@ def make_reference(resonator: Resonator, mechanics: Mechanics) -> Reference:
     ([1.0, 0.55], [0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     """
     p = coordinates.from_mechanics(mechanics)
-    p[SECOND_ORDER] = details_number(resonator.details, "second_order", "value", default=1.0)
+    p[SECOND_ORDER] = read_details_number(resonator.details, "second_order", "value", default=1.0)
     size, direction = np.linalg.eigh(compute_vector_covariance(resonator))
     doubted = size > 1e-24 * np.sum(p[:SECOND_ORDER] ** 2)
     spread = np.zeros((COUNT, int(doubted.sum())))

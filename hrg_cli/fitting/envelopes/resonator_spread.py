@@ -17,7 +17,7 @@ import numpy as np
 
 from ...physics.resonator import OF_GENERATOR, Mechanics
 from ...records import Resonator
-from ...records.details import details_number
+from ...records.details import read_details_number
 from .coordinates import SPLITS
 
 Array = np.ndarray
@@ -195,7 +195,7 @@ def compute_slope_covariance(resonator: Resonator) -> Array:
 def _stated_trace(resonator: Resonator, components: tuple[str, ...]) -> float | None:
     """Sum of the variances of a split's components where the resonator states them."""
     stds = [
-        details_number(resonator.details, "split_components", name, "std", default=-1.0)
+        read_details_number(resonator.details, "split_components", name, "std", default=-1.0)
         for name in components
     ]
     return float(np.sum(np.square(stds))) if min(stds) >= 0 else None
