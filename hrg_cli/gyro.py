@@ -145,10 +145,10 @@ def inputs_of(paths: Sequence[Path], s_file: str | None = None) -> list[Input]:
 
     HrgError: nothing to run in a folder, two inputs whose outputs would have one name.
     """
-    from .formats import partners, second_file
+    from .formats import find_partners, find_second_file
 
     files = [file for path in paths for file in (_in_folder(path) if path.is_dir() else [path])]
-    second = partners(files, lambda path: s_file)
+    second = find_partners(files, lambda path: s_file)
     found = []
     for path in (p for p in files if p not in second):
         name = (
@@ -158,7 +158,11 @@ def inputs_of(paths: Sequence[Path], s_file: str | None = None) -> list[Input]:
         )
         foreign = path.exists() and not store.is_hdf5(path)
         logs = (
-            () if not foreign else (path,) if s_file is None else (path, second_file(path, s_file))
+            ()
+            if not foreign
+            else (path,)
+            if s_file is None
+            else (path, find_second_file(path, s_file))
         )
         found.append(Input(path, name, logs))
     names = [one.name for one in found]

@@ -13,7 +13,7 @@ import typer
 from .. import pipeline, store
 from ..errors import UsageError
 from ..formats import read_table
-from ..formats.quantities import rate_factor, split_name, temperature_scale
+from ..formats.quantities import find_rate_factor, find_temperature_scale, split_name
 from ..pipeline import Outcome
 from ..records import Calibration
 from ..reporting import tables
@@ -140,9 +140,9 @@ def _columns(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
         unit = table.attrs["units"][title]
         factor, offset = 1.0, 0.0
         if unit and role == "rate":
-            factor = rate_factor(unit)
+            factor = find_rate_factor(unit)
         elif unit and role == "temperature":
-            factor, offset = temperature_scale(unit)
+            factor, offset = find_temperature_scale(unit)
         columns[wanted] = table[title].to_numpy(float) * factor + offset
     return columns
 

@@ -120,7 +120,7 @@ def read_believed(file: Path, temperature_degc: float | None) -> Resonator:
     settings_of_run = runs_of(settings.load_toml(file), str(file))[0]
     mechanics = mechanics_of(settings_of_run)
     if temperature_degc is not None:
-        mechanics = courses_of(settings_of_run).at(mechanics, temperature_degc)
+        mechanics = courses_of(settings_of_run).make_mechanics(mechanics, temperature_degc)
     names = [name for name, _ in PARAMETERS]
     values = np.array([getattr(mechanics, name) for name in names])
     if not np.all(np.isfinite(values)):

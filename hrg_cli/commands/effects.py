@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..effects import EFFECTS, page
+from ..effects import EFFECTS, format_page
 from ..reporting import console
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, command, no_settings
@@ -49,7 +49,7 @@ def effects_page(name: str | None, run: Common) -> tuple[dict[str, Any], Callabl
     started = time.monotonic()
     report: dict[str, Any] = {"kind": "effects", "status": "valid", "status_reasons": []}
     if name is not None:
-        text = page(name)
+        text = format_page(name)
         report |= {"name": name, "page": text}
     else:
         listed = [

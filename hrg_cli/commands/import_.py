@@ -16,7 +16,7 @@ import typer
 
 from .. import pipeline, settings, store
 from ..errors import UsageError
-from ..formats import import_envelope, import_log, second_file
+from ..formats import find_second_file, import_envelope, import_log
 from ..records import Record, Recording
 from ..reporting.console import print_table
 from .common import Common
@@ -103,7 +103,9 @@ def import_file(
     output = run.need_output("periods.h5" if envelope else "recording.h5")
     with _on_disk(log) as path:
         sources = (
-            [path] if values.get("s_file") is None else [path, second_file(path, values["s_file"])]
+            [path]
+            if values.get("s_file") is None
+            else [path, find_second_file(path, values["s_file"])]
         )
         record: Record = pipeline.write_first(
             output,

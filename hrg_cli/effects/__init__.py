@@ -121,7 +121,7 @@ def find(name: str, effects: tuple[Effect, ...] = EFFECTS) -> Effect:
     raise HrgError(f"effects.{name}: no such effect; {hint}")
 
 
-def page(name: str, effects: tuple[Effect, ...] = EFFECTS) -> str:
+def format_page(name: str, effects: tuple[Effect, ...] = EFFECTS) -> str:
     """The page `hrg effects NAME` prints: the docstring, the parameters, and the experiment that
     separates it."""
     effect = find(name, effects)
@@ -225,4 +225,4 @@ def _check(effect: Effect, path: Path) -> None:
         ) from error
 
 
-__all__ = ["EFFECTS", "Effect", "Parameter", "find", "load_effects", "page"]
+__all__ = ["EFFECTS", "Effect", "Parameter", "find", "format_page", "load_effects"]

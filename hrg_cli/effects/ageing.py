@@ -15,7 +15,7 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
     """ω (1 + α_t t), N += t (m_c R(0) + m_s R(π/2))."""
     t = env.time_s[:, None, None]
     split = split_matrix(p["split_cos_1_s2"], p["split_sin_1_s2"])
-    plant.stiffness = plant.retuned(p["frequency_1_s"] * env.time_s)
+    plant.stiffness = plant.retune_stiffness(p["frequency_1_s"] * env.time_s)
     plant.damping = plant.damping + t * split
 
 

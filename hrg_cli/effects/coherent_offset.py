@@ -11,7 +11,7 @@ ring-down, in which its angle error grows as 1/a, e^{+νt}.
 import numpy as np
 
 from ..physics.plant import Readout, Samples, SlowState
-from .effect import Array, Effect, Parameter, Values, followed, frame
+from .effect import Array, Effect, Parameter, Values, find_frame, follow_phase
 
 
 def vector(p: Values) -> Array:
@@ -28,7 +28,7 @@ def readout(p: Values, readout: Readout) -> None:
 
     def step(block: Samples, y: Array) -> Array:
         w = (block.z - 1j * block.v_over_omega).T
-        phase = followed(w, last)
+        phase = follow_phase(w, last)
         return y + np.real(e[:, None] * np.exp(1j * phase))
 
     readout.steps.append(step)
@@ -36,7 +36,7 @@ def readout(p: Values, readout: Readout) -> None:
 
 def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """u + e e^{jφ}."""
-    return u + vector(p) * frame(u, state.phase_rad)[0][..., None]
+    return u + vector(p) * find_frame(u, state.phase_rad)[0][..., None]
 
 
 EFFECT = Effect(

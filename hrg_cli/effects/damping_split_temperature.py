@@ -11,7 +11,14 @@ temperatures, at rates of both signs.
 
 from ..physics.plant import Environment, Plant, SlowState
 from ..physics.resonator import split_matrix
-from .effect import REFERENCE_TEMPERATURE, Array, Effect, Parameter, Values, reference_temperature
+from .effect import (
+    REFERENCE_TEMPERATURE,
+    Array,
+    Effect,
+    Parameter,
+    Values,
+    make_reference_temperature,
+)
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
@@ -35,7 +42,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("cos_1_s_k", "s-1 K-1", 1e-4, "slope of νδμ cos 2mθ_μ"),
         Parameter("sin_1_s_k", "s-1 K-1", 1e-4, "slope of νδμ sin 2mθ_μ"),
-        reference_temperature(),
+        make_reference_temperature(),
     ),
     mistaken_for=("mismatch_temperature", "thermal_damping"),
     next_experiment="runs at rates of both signs and several wave angles, at several temperatures",

@@ -12,7 +12,7 @@ parasitic force. What separates it: it vanishes when the drive is off.
 import numpy as np
 
 from ..physics.plant import Readout, Samples, SlowState
-from .effect import Array, Effect, Parameter, Values, along, followed, frame
+from .effect import Array, Effect, Parameter, Values, find_frame, follow_phase, project
 
 
 def vector(p: Values) -> Array:
@@ -31,9 +31,9 @@ def readout(p: Values, readout: Readout) -> None:
 
     def step(block: Samples, y: Array) -> Array:
         w = (block.z - 1j * block.v_over_omega).T
-        phase = followed(w, last)
-        turn, e_A, _, _ = frame(w, phase)
-        amplitude = np.real(along(block.drive.T, e_A)[:, 0] / turn)
+        phase = follow_phase(w, last)
+        turn, e_A, _, _ = find_frame(w, phase)
+        amplitude = np.real(project(block.drive.T, e_A)[:, 0] / turn)
         return y + np.real(coupling[:, None] * amplitude * turn)
 
     readout.steps.append(step)
@@ -41,8 +41,8 @@ def readout(p: Values, readout: Readout) -> None:
 
 def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """u + (κ + jη) a_ΦA e^{jφ}."""
-    turn, e_A, _, _ = frame(u, state.phase_rad)
-    amplitude = np.real(along(state.drive, e_A)[..., 0] / turn)
+    turn, e_A, _, _ = find_frame(u, state.phase_rad)
+    amplitude = np.real(project(state.drive, e_A)[..., 0] / turn)
     return u + vector(p) * (amplitude * turn)[..., None]
 
 

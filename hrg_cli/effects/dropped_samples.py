@@ -12,7 +12,7 @@ import numpy as np
 from ..physics.plant import Readout, SlowState
 from ..physics.resonator import build_generator, exponentiate
 from .effect import Array, Effect, Parameter, Values
-from .envelope_jumps import in_its_run, instants, part_after, run_parameter
+from .envelope_jumps import find_own_runs, find_part_after, list_instants, make_run_parameter
 
 
 def readout(p: Values, readout: Readout) -> None:
@@ -27,7 +27,7 @@ def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     later = np.exp(1j * state.omega_r_rad_s * p["lost_s"]) * np.einsum(
         "...ij,...j->...i", exponentiate(L, p["lost_s"]), u
     )
-    after = part_after(np.asarray(state.time_s), p["time_s"]) * in_its_run(p, state)
+    after = find_part_after(np.asarray(state.time_s), p["time_s"]) * find_own_runs(p, state)
     return u + after[..., None] * (later - u)
 
 
@@ -38,7 +38,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("lost_s", "s", 1e-4, "time lost, a whole number of samples"),
         Parameter("time_s", "s", 0.5, "instant of the loss", fitted=False),
-        run_parameter(),
+        make_run_parameter(),
     ),
     mistaken_for=("a phase slip",),
     next_experiment="log a sample counter beside the channels",
@@ -46,5 +46,5 @@ EFFECT = Effect(
     slow_readout=slow_readout,
     seen_in="waveform",
     whole_samples=True,
-    starts=instants,
+    starts=list_instants,
 )

@@ -70,7 +70,9 @@ class Parameter:
     fitted_then: bool = False
 
 
-def reference_temperature(meaning: str = "temperature at which the base model holds") -> Parameter:
+def make_reference_temperature(
+    meaning: str = "temperature at which the base model holds",
+) -> Parameter:
     """The parameter that says from which temperature an effect counts."""
     return Parameter(REFERENCE_TEMPERATURE, "degC", 25.0, meaning, neutral=25.0, fitted=False)
 
@@ -236,7 +238,7 @@ class Effect:
         return any(p.sets_in for p in self.fitted())
 
 
-def frame(u: Array, phase_rad: Array | float) -> tuple[Array, Array, Array, Array]:
+def find_frame(u: Array, phase_rad: Array | float) -> tuple[Array, Array, Array, Array]:
     """(e^{jφ}, e_A, e_B, a_A) of envelopes u (..., 2), φ taken within ±π/2 of `phase_rad`.
 
     e_A = (cos mθ, sin mθ), e_B = (−sin mθ, cos mθ), e_A·u = a_A e^{jφ}.
@@ -257,7 +259,7 @@ def frame(u: Array, phase_rad: Array | float) -> tuple[Array, Array, Array, Arra
     return turn, e_A, e_B, a_A
 
 
-def followed(w: Array, last: list[Array]) -> Array:
+def follow_phase(w: Array, last: list[Array]) -> Array:
     """Phase φ + ωt (n,) of analytic signals w (n, 2) a sample apart, continuous from block to
     block; `last` keeps signal and phase.
 
@@ -274,13 +276,13 @@ def followed(w: Array, last: list[Array]) -> Array:
     return phase
 
 
-def along(vector: Array, direction: Array) -> Array:
+def project(vector: Array, direction: Array) -> Array:
     """Component (..., 1) of a complex vector (..., 2) along a real unit vector, without
     conjugation."""
     return np.sum(vector * direction, axis=-1, keepdims=True)
 
 
-def branch(temperature: Array) -> Array:
+def find_branch(temperature: Array) -> Array:
     """Sign of the last temperature change of a series: +1 rising, −1 falling, 0 before any change;
     rounding is no change."""
     steps = np.diff(temperature)

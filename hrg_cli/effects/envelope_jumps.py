@@ -34,7 +34,7 @@ class Jump:
     chi2: float
 
 
-def jumps(runs: Runs) -> list[Jump]:
+def find_jumps(runs: Runs) -> list[Jump]:
     """Where the envelopes of one row to the next jump by more than noise and their own curvature,
     the clearest first."""
     found: list[Jump] = []
@@ -75,10 +75,10 @@ def jumps(runs: Runs) -> list[Jump]:
     ]
 
 
-def strikes(runs: Runs) -> list[Jump]:
+def find_strikes(runs: Runs) -> list[Jump]:
     """The clearest jumps of single runs; what the others together show as much of at that time of
     theirs is of the programme, and strikes none of them."""
-    found = jumps(runs)
+    found = find_jumps(runs)
     alone = [
         jump
         for jump in found
@@ -88,12 +88,12 @@ def strikes(runs: Runs) -> list[Jump]:
     return alone[:MOST]
 
 
-def instants(runs: Runs) -> list[Values]:
+def list_instants(runs: Runs) -> list[Values]:
     """Where a run is struck, the clearest first."""
-    return [{"time_s": jump.time_s, RUN: float(jump.run)} for jump in strikes(runs)]
+    return [{"time_s": jump.time_s, RUN: float(jump.run)} for jump in find_strikes(runs)]
 
 
-def part_after(time_s: Array, instant: float) -> Array:
+def find_part_after(time_s: Array, instant: float) -> Array:
     """The part (..., n), 0 to 1, of every row that lies after an instant: a row is the mean of its
     length, which the times (..., n) of its neighbours show."""
     if time_s.ndim == 0 or time_s.shape[-1] < 2:
@@ -104,7 +104,7 @@ def part_after(time_s: Array, instant: float) -> Array:
     return np.asarray(np.clip(lengths + 0.5, 0, 1))
 
 
-def run_parameter(what: str = "in which it happens") -> Parameter:
+def make_run_parameter(what: str = "in which it happens") -> Parameter:
     """The parameter that says in which run of several something happens."""
     return Parameter(
         RUN,
@@ -116,7 +116,7 @@ def run_parameter(what: str = "in which it happens") -> Parameter:
     )
 
 
-def in_its_run(p: Values, state: SlowState) -> Array:
+def find_own_runs(p: Values, state: SlowState) -> Array:
     """1 in the run, or the runs, in which it happens and 0 elsewhere, (...)."""
     if state.run is None or p[RUN] == OF_EVERY_RUN:
         return np.ones(())

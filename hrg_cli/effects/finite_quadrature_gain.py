@@ -8,7 +8,7 @@ Mistaken for: damping split of second order (8θ). What separates it: a sweep of
 """
 
 from ..physics.plant import Control, SlowState
-from .effect import Array, Effect, Parameter, Values, along, frame
+from .effect import Array, Effect, Parameter, Values, find_frame, project
 
 
 def control(p: Values, control: Control) -> None:
@@ -20,8 +20,8 @@ def control(p: Values, control: Control) -> None:
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """−k_q (u·e_B) e_B while the drive is on."""
-    e_B = frame(u, state.phase_rad)[2]
-    return -p["gain_1_s"] * state.forced[..., None] * along(u, e_B) * e_B
+    e_B = find_frame(u, state.phase_rad)[2]
+    return -p["gain_1_s"] * state.forced[..., None] * project(u, e_B) * e_B
 
 
 EFFECT = Effect(

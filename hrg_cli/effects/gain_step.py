@@ -14,7 +14,7 @@ import numpy as np
 
 from ..physics.plant import Readout, Samples, SlowState
 from .effect import Array, Effect, Parameter, Values
-from .envelope_jumps import in_its_run, instants, part_after, run_parameter
+from .envelope_jumps import find_own_runs, find_part_after, list_instants, make_run_parameter
 
 
 def steps(p: Values) -> Array:
@@ -33,7 +33,7 @@ def readout(p: Values, readout: Readout) -> None:
 
 def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """u (1 + g r), r the part of a row's length after t_k, in the run that it happens in."""
-    part = part_after(np.asarray(state.time_s), p["time_s"]) * in_its_run(p, state)
+    part = find_part_after(np.asarray(state.time_s), p["time_s"]) * find_own_runs(p, state)
     return u * (1 + part[..., None] * steps(p))
 
 
@@ -45,11 +45,11 @@ EFFECT = Effect(
         Parameter("c_gain", "1", 1e-3, "relative step of the gain of C"),
         Parameter("s_gain", "1", 1e-3, "relative step of the gain of S"),
         Parameter("time_s", "s", 0.5, "instant of the step", fitted=False),
-        run_parameter(),
+        make_run_parameter(),
     ),
     mistaken_for=("momentum_kick",),
     next_experiment="the same run with a test tone added to both channels before the amplifiers",
     readout=readout,
     slow_readout=slow_readout,
-    starts=instants,
+    starts=list_instants,
 )

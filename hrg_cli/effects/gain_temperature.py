@@ -11,7 +11,14 @@ temperatures; where the resonator is nonlinear, its frequency tells the true amp
 import numpy as np
 
 from ..physics.plant import Readout, Samples, SlowState
-from .effect import REFERENCE_TEMPERATURE, Array, Effect, Parameter, Values, reference_temperature
+from .effect import (
+    REFERENCE_TEMPERATURE,
+    Array,
+    Effect,
+    Parameter,
+    Values,
+    make_reference_temperature,
+)
 
 
 def readout(p: Values, readout: Readout) -> None:
@@ -40,7 +47,7 @@ EFFECT = Effect(
     needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 1e-3, "relative gain of both channels a kelvin"),
-        reference_temperature("temperature at which the gain is 1"),
+        make_reference_temperature("temperature at which the gain is 1"),
     ),
     mistaken_for=("thermal_damping", "damping_drift"),
     next_experiment=(

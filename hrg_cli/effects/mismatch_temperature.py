@@ -12,7 +12,14 @@ two temperatures.
 import numpy as np
 
 from ..physics.plant import Readout, Samples, SlowState
-from .effect import REFERENCE_TEMPERATURE, Array, Effect, Parameter, Values, reference_temperature
+from .effect import (
+    REFERENCE_TEMPERATURE,
+    Array,
+    Effect,
+    Parameter,
+    Values,
+    make_reference_temperature,
+)
 
 
 def readout(p: Values, readout: Readout) -> None:
@@ -38,7 +45,7 @@ EFFECT = Effect(
     needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 1e-3, "relative gain of C over S a kelvin"),
-        reference_temperature("temperature at which the gains are equal"),
+        make_reference_temperature("temperature at which the gains are equal"),
     ),
     mistaken_for=("gain_mismatch", "split_temperature"),
     next_experiment="ring-downs on a temperature ramp, and at +Ω and −Ω at both of its ends",

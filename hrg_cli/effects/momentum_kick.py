@@ -16,7 +16,7 @@ import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
 from .effect import RUN, Array, Effect, Parameter, Runs, Values
-from .envelope_jumps import Jump, in_its_run, run_parameter, strikes
+from .envelope_jumps import Jump, find_own_runs, find_strikes, make_run_parameter
 
 
 def velocity_over_omega(p: Values) -> Array:
@@ -34,14 +34,16 @@ def slow_jump(p: Values, state: SlowState) -> tuple[float, Array]:
     """(t_k, −j (Δż/ω) e^{−jω_r t_k}) in the run that was struck."""
     instant = p["time_s"] + p["phase_rad"] / state.mechanics.omega_rad_s
     jump = -1j * velocity_over_omega(p) * np.exp(-1j * state.omega_r_rad_s * instant)
-    return instant, in_its_run(p, state)[..., None] * jump
+    return instant, find_own_runs(p, state)[..., None] * jump
 
 
 def instants(runs: Runs) -> list[Values]:
     """Where a run is struck, the clearest first, at the phase that makes the jump one of the
     velocity alone."""
     omega_r = 2 * np.pi * runs.reference_frequency_hz
-    return [{"time_s": in_phase(jump, omega_r), RUN: float(jump.run)} for jump in strikes(runs)]
+    return [
+        {"time_s": in_phase(jump, omega_r), RUN: float(jump.run)} for jump in find_strikes(runs)
+    ]
 
 
 def in_phase(jump: Jump, omega_r: float) -> float:
@@ -84,7 +86,7 @@ EFFECT = Effect(
             fitted_then=True,
         ),
         Parameter("time_s", "s", 0.5, "instant of the knock", fitted=False),
-        run_parameter("that was struck"),
+        make_run_parameter("that was struck"),
     ),
     mistaken_for=("dropped_samples",),
     next_experiment="an accelerometer on the case, or the same run again: a knock comes once",

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..physics.plant import Control, SlowState
-from .effect import Array, Effect, Parameter, Runs, Values, frame
+from .effect import Array, Effect, Parameter, Runs, Values, find_frame
 
 ALWAYS = "in_free_runs"
 
@@ -40,7 +40,7 @@ def control(p: Values, control: Control) -> None:
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """f e^{jφ} while the drive is on, or always."""
     acting = np.where(p[ALWAYS], 1.0, state.forced)
-    return vector(p) * (acting * frame(u, state.phase_rad)[0])[..., None]
+    return vector(p) * (acting * find_frame(u, state.phase_rad)[0])[..., None]
 
 
 def both(_: Runs) -> Sequence[Values]:

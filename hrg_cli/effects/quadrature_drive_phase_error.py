@@ -9,7 +9,7 @@ off; a test tone in the loop.
 import numpy as np
 
 from ..physics.plant import Control, SlowState
-from .effect import Array, Effect, Parameter, Values, along, frame
+from .effect import Array, Effect, Parameter, Values, find_frame, project
 
 
 def control(p: Values, control: Control) -> None:
@@ -19,8 +19,8 @@ def control(p: Values, control: Control) -> None:
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """(e^{−jΔφ_B} − 1) (F·e_B) e_B."""
-    e_B = frame(u, state.phase_rad)[2]
-    return (np.exp(-1j * p["phase_rad"]) - 1) * along(state.drive, e_B) * e_B
+    e_B = find_frame(u, state.phase_rad)[2]
+    return (np.exp(-1j * p["phase_rad"]) - 1) * project(state.drive, e_B) * e_B
 
 
 EFFECT = Effect(

@@ -11,7 +11,14 @@ import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
 from ..physics.resonator import J
-from .effect import REFERENCE_TEMPERATURE, Array, Effect, Parameter, Values, reference_temperature
+from .effect import (
+    REFERENCE_TEMPERATURE,
+    Array,
+    Effect,
+    Parameter,
+    Values,
+    make_reference_temperature,
+)
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
@@ -40,7 +47,7 @@ EFFECT = Effect(
     needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 1e-5, "relative change of the scale factor a kelvin"),
-        reference_temperature(),
+        make_reference_temperature(),
     ),
     mistaken_for=("scale factor", "table_rate_error"),
     next_experiment="the same rates, of both signs, at several temperatures",

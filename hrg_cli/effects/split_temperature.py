@@ -8,7 +8,7 @@ temperature, ageing. What separates it: ring-downs at several temperatures.
 
 from ..physics.plant import Environment, Plant, SlowState
 from ..physics.resonator import split_matrix
-from .effect import Array, Effect, Parameter, Values, reference_temperature
+from .effect import Array, Effect, Parameter, Values, make_reference_temperature
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
@@ -34,7 +34,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("cos_rad_s_k", "rad s-1 K-1", 3e-3, "slope of δω cos 2mθ_ω"),
         Parameter("sin_rad_s_k", "rad s-1 K-1", 3e-3, "slope of δω sin 2mθ_ω"),
-        reference_temperature(),
+        make_reference_temperature(),
     ),
     mistaken_for=("ageing", "thermal_gradient"),
     next_experiment=(

@@ -9,7 +9,7 @@ ring-down that warms up). What separates it: a temperature cycle.
 import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
-from .effect import Array, Effect, Parameter, Values, reference_temperature
+from .effect import Array, Effect, Parameter, Values, make_reference_temperature
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
@@ -39,7 +39,7 @@ EFFECT = Effect(
     needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 5e-3, "relative change of the damping a kelvin"),
-        reference_temperature(),
+        make_reference_temperature(),
     ),
     mistaken_for=("damping_drift", "nonlinear_damping"),
     next_experiment="ring-downs at several temperatures, each at constant temperature",

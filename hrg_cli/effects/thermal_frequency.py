@@ -7,12 +7,12 @@ warms up), hysteresis, lag. What separates it: a temperature cycle.
 """
 
 from ..physics.plant import Environment, Plant, SlowState
-from .effect import Array, Effect, Parameter, Values, reference_temperature
+from .effect import Array, Effect, Parameter, Values, make_reference_temperature
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """ω → ω (1 + α ΔT), the split as it was."""
-    plant.stiffness = plant.retuned(
+    plant.stiffness = plant.retune_stiffness(
         p["relative_1_k"] * (env.temperature_degc - p["reference_temperature_degc"])
     )
 
@@ -34,7 +34,7 @@ EFFECT = Effect(
     needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 1e-6, "relative change of frequency a kelvin"),
-        reference_temperature(),
+        make_reference_temperature(),
     ),
     mistaken_for=("ageing", "cubic_stiffness", "thermal_hysteresis"),
     next_experiment="a temperature cycle, up and down, at constant amplitude",

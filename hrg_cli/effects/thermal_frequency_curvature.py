@@ -14,14 +14,14 @@ from .effect import (
     Effect,
     Parameter,
     Values,
-    reference_temperature,
+    make_reference_temperature,
 )
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """ω → ω (1 + β ΔT²), the split as it was."""
     warmer = env.temperature_degc - p[REFERENCE_TEMPERATURE]
-    plant.stiffness = plant.retuned(p["relative_1_k2"] * warmer**2)
+    plant.stiffness = plant.retune_stiffness(p["relative_1_k2"] * warmer**2)
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
@@ -38,7 +38,7 @@ EFFECT = Effect(
     needs=("temperature",),
     parameters=(
         Parameter("relative_1_k2", "K-2", 1e-8, "relative bend of frequency a kelvin squared"),
-        reference_temperature(),
+        make_reference_temperature(),
     ),
     mistaken_for=("thermal_hysteresis", "ageing", "cubic_stiffness"),
     next_experiment="runs at three temperatures or more, well apart, at constant amplitude",

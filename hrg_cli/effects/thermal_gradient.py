@@ -18,7 +18,7 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
     rate = compute_slope(env.temperature_degc, env.time_s)
     split = split_matrix(p["split_cos_rad_k"], p["split_sin_rad_k"])
     plant.stiffness = (
-        plant.retuned(p["frequency_s_k"] * rate)
+        plant.retune_stiffness(p["frequency_s_k"] * rate)
         + 2 * plant.mechanics.omega_rad_s * rate[:, None, None] * split
     )
 

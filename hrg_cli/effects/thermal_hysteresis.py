@@ -8,12 +8,12 @@ the ramp's speed). What separates it: a cycle at two ramp speeds.
 """
 
 from ..physics.plant import Environment, Plant, SlowState
-from .effect import Array, Effect, Parameter, Values, branch
+from .effect import Array, Effect, Parameter, Values, find_branch
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """ω (1 + h b)."""
-    plant.stiffness = plant.retuned(p["relative"] * branch(env.temperature_degc))
+    plant.stiffness = plant.retune_stiffness(p["relative"] * find_branch(env.temperature_degc))
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:

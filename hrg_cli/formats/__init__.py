@@ -2,7 +2,7 @@
 
 from .envelope import import_envelope
 from .importing import import_log
-from .pairing import partners, second_file
+from .pairing import find_partners, find_second_file
 from .table import read_table
 
-__all__ = ["import_envelope", "import_log", "partners", "read_table", "second_file"]
+__all__ = ["find_partners", "find_second_file", "import_envelope", "import_log", "read_table"]

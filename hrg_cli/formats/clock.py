@@ -20,25 +20,25 @@ _DATE_TIME = re.compile(
 _NUMBER = re.compile(r"^[+-]?(\d*)\.?(\d*)(?:[eE]([+-]?\d{1,3}))?$")
 
 
-def clock_kind(text: str) -> str:
+def find_clock_kind(text: str) -> str:
     """Kind of a time: "clock" for HH:MM:SS.mmm, "date" for an ISO date-time, "" for others."""
     if _CLOCK.match(text):
         return "clock"
     return "date" if _DATE_TIME.match(text) else ""
 
 
-def quantum(text: str) -> float:
+def find_quantum(text: str) -> float:
     """The rounding step of a printed number or time: the weight of its last digit (0 where none can
     be seen)."""
     text = text.strip().replace(",", ".")
-    if clock_kind(text):
+    if find_clock_kind(text):
         fraction = re.search(r"\.(\d+)", text)
         return 10.0 ** -len(fraction[1]) if fraction else (1.0 if text.count(":") >= 2 else 60.0)
     found = _NUMBER.match(text)
     return float(10.0 ** (int(found[3] or 0) - len(found[2]))) if found else 0.0
 
 
-def floating_quantum(texts: Iterable[str]) -> float:
+def find_floating_quantum(texts: Iterable[str]) -> float:
     """The rounding step of the largest of numbers that are printed with so many significant digits
     and an exponent where it is shorter ("%.10g", a language's own way); 0 where none can be seen.
 
@@ -64,7 +64,7 @@ class Clock:
         self.days, self.last = 0.0, -np.inf
         self.origin = self._nanoseconds([first])[0]
 
-    def start_time(self) -> str:
+    def format_start_time(self) -> str:
         """ISO 8601 text of the first time; empty where the log has no date."""
         if self.kind != "date":
             return ""
@@ -72,7 +72,7 @@ class Clock:
         stamp = datetime.fromtimestamp(whole, tz=UTC).strftime("%Y-%m-%dT%H:%M:%S")
         return f"{stamp}.{rest:09d}".rstrip("0").rstrip(".") + "Z"
 
-    def seconds(self, texts: np.ndarray) -> np.ndarray:
+    def parse_seconds(self, texts: np.ndarray) -> np.ndarray:
         """Seconds of a block; NaN where a cell is no time."""
         raw = self._nanoseconds(texts)
         seconds = (raw - self.origin) / 1e9
@@ -92,7 +92,7 @@ class Clock:
             [
                 (
                     str(text).strip().replace(",", ".")
-                    if clock_kind(str(text).strip()) == self.kind
+                    if find_clock_kind(str(text).strip()) == self.kind
                     else ""
                 )
                 for text in texts

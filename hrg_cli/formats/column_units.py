@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from ..errors import HrgError
 from .log import Channel
-from .quantities import OF_ROLE, is_of, listed
+from .quantities import OF_ROLE, is_of, list_units
 
 
-def unit_of_column(where: str, role: str, column: int, channel: Channel, given: str | None) -> str:
+def find_column_unit(
+    where: str, role: str, column: int, channel: Channel, given: str | None
+) -> str:
     """The unit of a column of times, rates or temperatures: the one given, else the log's own, else
     the SI one (°C of a temperature).
 
@@ -20,6 +22,6 @@ def unit_of_column(where: str, role: str, column: int, channel: Channel, given: 
         leave = f'{role} = "none" to leave it out'
         raise HrgError(
             f"{where}: its column {column + 1} ({channel.name}) is in {unit!r}, no unit of a"
-            f" {role} ({listed(table)}); give {role}_units{scaled}, or {leave}"
+            f" {role} ({list_units(table)}); give {role}_units{scaled}, or {leave}"
         )
     return unit

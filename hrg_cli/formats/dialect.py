@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import HrgError
-from .clock import clock_kind
+from .clock import find_clock_kind
 from .decimal_commas import need_one_meaning
-from .left_out import FEWEST_OTHERWISE, LeftOut, group_lines, unread_rows
+from .left_out import FEWEST_OTHERWISE, LeftOut, find_unread_rows, group_lines
 from .quantities import is_unit, split_name
 
 HEAD_BYTES = 1 << 18
@@ -59,7 +59,7 @@ class Dialect:
     """The line (from 0) behind the last row, where words close the log."""
 
 
-def encoding_of(head: bytes) -> str:
+def find_encoding(head: bytes) -> str:
     """Encoding by byte-order mark; otherwise UTF-8, or Latin-1 where it is not UTF-8."""
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
@@ -80,18 +80,18 @@ def is_text(head: bytes) -> bool:
     return control == 0
 
 
-def cell_kind(cell: str, decimal: str) -> str:
+def find_cell_kind(cell: str, decimal: str) -> str:
     """Kind of a cell: "number", "clock", "date", "" (empty) or "text"."""
     if not cell:
         return ""
     text = cell
     if decimal == ",":
         if "." in cell or cell.endswith(",") or cell.count(",") > 1:
-            return clock_kind(cell) or "text"
+            return find_clock_kind(cell) or "text"
         text = cell.replace(",", ".")
     if _NUMBER.match(text) or text.lower() in _WORDS:
         return "number"
-    return clock_kind(cell) or "text"
+    return find_clock_kind(cell) or "text"
 
 
 def split_line(line: str, separator: str) -> list[str]:
@@ -113,7 +113,7 @@ def sniff(
     path: Path, head: bytes, separator: str | None = None, decimal: str | None = None
 ) -> Dialect:
     """The dialect of a text log from its first bytes. HrgError: no numbers in it."""
-    encoding = encoding_of(head)
+    encoding = find_encoding(head)
     text = head.decode(encoding, "replace")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if len(head) >= HEAD_BYTES and len(lines) > 1:
@@ -157,7 +157,7 @@ def _columns(rows: list[str], separator: str, decimal: str) -> tuple[list[str], 
     cells = [split_line(line, separator) for line in rows]
     if not cells:
         return [], -1
-    kinds_of = [[cell_kind(cell, decimal) for cell in row] for row in cells]
+    kinds_of = [[find_cell_kind(cell, decimal) for cell in row] for row in cells]
     weight: Counter[int] = Counter()
     for row in kinds_of:
         weight[len(row)] += 1 + 4 * sum(kind in ("number", "clock", "date") for kind in row)
@@ -179,7 +179,7 @@ def _first_line(shown: list[tuple[int, str]], sep: str, dec: str, kinds: list[st
     for number, line in shown:
         cells = split_line(line, sep)
         if len(cells) == len(kinds) and all(
-            kind not in ("number", "clock", "date") or cell_kind(cell, dec) in (kind, "")
+            kind not in ("number", "clock", "date") or find_cell_kind(cell, dec) in (kind, "")
             for cell, kind in zip(cells, kinds)
         ):
             return number
@@ -209,12 +209,12 @@ def _described(
     count = len(kinds)
     first = _first_line(shown, sep, dec, kinds)
     above = [(number, line) for number, line in enumerate(lines[:first]) if line.strip()]
-    unread = unread_rows(
+    unread = find_unread_rows(
         [(number, line) for number, line in above if not _comment_of(line)],
         kinds,
         lambda line: split_line(line, sep),
         lambda cell: any(
-            cell_kind(cell, sign) in ("number", "clock", "date") and cell.lower() not in _WORDS
+            find_cell_kind(cell, sign) in ("number", "clock", "date") and cell.lower() not in _WORDS
             for sign in ".,"
         ),
         lambda line: _numbers_otherwise(line, sep, dec, count),
@@ -259,17 +259,17 @@ def _numbers_otherwise(line: str, separator: str, decimal: str, count: int) -> b
         if (sep, dec) != (separator, decimal):
             cells = split_line(line, sep)
             if len(cells) == count > 1 and all(
-                cell_kind(cell, dec) in ("number", "clock", "date") for cell in cells
+                find_cell_kind(cell, dec) in ("number", "clock", "date") for cell in cells
             ):
                 own = split_line(line, separator)
                 return len(own) != count or not all(
-                    cell_kind(cell, decimal) in ("number", "clock", "date") for cell in own
+                    find_cell_kind(cell, decimal) in ("number", "clock", "date") for cell in own
                 )
     own = split_line(line, separator)
     return (
         separator == ","
         and len(own) == 2 * count > 2
-        and all(cell_kind(cell, ".") == "number" for cell in own)
+        and all(find_cell_kind(cell, ".") == "number" for cell in own)
     )
 
 
@@ -277,7 +277,7 @@ def _titles_of(above: list[tuple[int, str]], separator: str, decimal: str) -> in
     """How many titles the last line above the data holds; 0 where it holds none."""
     line = above[-1][1] if above else ""
     cells = split_line(line.lstrip()[len(_comment_of(line)) :].strip(), separator)
-    return len(cells) if any(cell_kind(cell, decimal) == "text" for cell in cells) else 0
+    return len(cells) if any(find_cell_kind(cell, decimal) == "text" for cell in cells) else 0
 
 
 def _titles(
@@ -298,7 +298,7 @@ def _titles(
             cells.append("")
         if len(cells) > count and any(_BESIDE_TITLES.match(cell) for cell in cells):
             cells = cells[:count]
-        if len(cells) == count and any(cell_kind(cell, dec) == "text" for cell in cells):
+        if len(cells) == count and any(find_cell_kind(cell, dec) == "text" for cell in cells):
             rows.append(cells)
         elif not mark:
             break

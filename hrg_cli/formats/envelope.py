@@ -52,8 +52,8 @@ from .log_options import (
 from .readers import open_log
 from .run_heading import RunHeading, UnitsTold
 from .slow import SlowLog
-from .taken import Taken, checked_range
-from .timing import timing_of
+from .taken import Taken, check_range
+from .timing import judge_timing
 
 
 def import_envelope(
@@ -176,7 +176,7 @@ def import_envelope(
     ('V', 1.0)
     """
     path = Path(path)
-    checked_range(from_s, to_s)
+    check_range(from_s, to_s)
     reference_hz = _need_reference(path, reference_frequency_hz)
     log = open_log(path, format, separator, decimal)
     named = {
@@ -187,10 +187,12 @@ def import_envelope(
         "amplitude": amplitude,
         "phase": phase,
     }
-    signal = EnvelopeSignal.found(log, path, named, decibel, phase_units, quadrature_sign)
+    signal = EnvelopeSignal.find(log, path, named, decibel, phase_units, quadrature_sign)
     timed = TimingTold(sample_rate_hz is not None, clock_hz is not None)
     roles = _find_beside(log, path, signal, time, temperature, rate, timed)
-    timing = timing_of(log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
+    timing = judge_timing(
+        log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance
+    )
     told = UnitsTold(time_units, rate_units, temperature_units)
     slow = SlowLog(
         log,
@@ -202,18 +204,20 @@ def import_envelope(
         most=1 << 62,  # as many as there are: windows average them, no auxiliary log holds them
     )
     _need_beside(path, slow)
-    unit = units or signal.unit(log)
+    unit = units or signal.find_unit(log)
     columns = (
-        signal.columns | ({} if roles.time is None else {"time": roles.time}) | roles.auxiliary()
+        signal.columns
+        | ({} if roles.time is None else {"time": roles.time})
+        | roles.list_auxiliary()
     )
-    by_role = told.by_role(signal.columns, unit)
+    by_role = told.list_by_role(signal.columns, unit)
     taken = Taken(log, columns, by_role, timing.sample_rate_hz, from_s, to_s)
     source = EnvelopeRows(path, log, roles, timing, slow, signal)
-    rows = source.between(from_s, to_s)
+    rows = source.read_between(from_s, to_s)
     plan = plan_windows(path, rows, rows_per_window, signal.phase_known)
     heading = RunHeading(mode, mode_number, gyro_id, run_id, lot_id, start_time)
     blank = _no_windows(reference_hz, plan.rows * plan.step_s)
-    blank = _judge(blank.replace(**heading.fields(log, path), units=unit), source, plan)
+    blank = _judge(blank.replace(**heading.make_fields(log, path), units=unit), source, plan)
     return open_single(stream_windows(source, blank, plan, taken))
 
 
@@ -263,8 +267,8 @@ def _judge(blank: Periods, source: EnvelopeRows, plan: WindowPlan) -> Periods:
     judged = blank.judged([*of_log, *source.timing.reasons])
     logged = bool(source.slow.scales)
     for status, reason in (
-        *source.signal.verdicts(blank.reference_frequency_hz),
-        *plan.verdicts(logged),
+        *source.signal.judge(blank.reference_frequency_hz),
+        *plan.judge(logged),
     ):
         judged = judged.judged([reason], status)
     return judged

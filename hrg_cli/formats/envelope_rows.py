@@ -28,7 +28,7 @@ class EnvelopeRows:
     slow: SlowLog
     signal: EnvelopeSignal
 
-    def rows(self) -> Iterator[tuple[Array, Array, list[Array]]]:
+    def read_blocks(self) -> Iterator[tuple[Array, Array, list[Array]]]:
         """Blocks: times from the log's first row on, envelopes (channel, n), slow columns in SI
         units."""
         wanted = [
@@ -48,12 +48,14 @@ class EnvelopeRows:
                 else:
                     times = np.arange(row, row + n) / (self.timing.sample_rate_hz or 1.0)
                 row += n
-                slow = self.slow.converted(columns[count : count + len(self.slow.indexes)])
-                yield times, self.signal.envelopes(columns[:count]), slow
+                slow = self.slow.convert(columns[count : count + len(self.slow.indexes)])
+                yield times, self.signal.compute_envelopes(columns[:count]), slow
 
-    def between(self, from_s: float | None, to_s: float | None) -> Iterator[tuple[Array, Array]]:
+    def read_between(
+        self, from_s: float | None, to_s: float | None
+    ) -> Iterator[tuple[Array, Array]]:
         """Times and envelopes of the rows in the range asked for."""
-        for times, u, _ in self.rows():
+        for times, u, _ in self.read_blocks():
             low = 0 if from_s is None else int(np.searchsorted(times, from_s))
             high = len(times) if to_s is None else int(np.searchsorted(times, to_s))
             yield times[low:high], u[:, low:high]

@@ -13,8 +13,8 @@ from ..errors import HrgError
 from ..records import Array, Status
 from ..records.recording import ONE_CHANNEL
 from .log import Log
-from .log_columns import listing, number_of_column
-from .quantities import channel_unit, is_level, phase_factor
+from .log_columns import find_column_number, list_columns
+from .quantities import find_phase_factor, is_level, spell_channel_unit
 
 ALIASES = {
     "c_in_phase": (
@@ -50,7 +50,7 @@ class EnvelopeSignal:
     scale: tuple[float, ...]
 
     @classmethod
-    def found(
+    def find(
         cls,
         log: Log,
         path: Path,
@@ -62,7 +62,7 @@ class EnvelopeSignal:
         """The columns that were named, or those that their titles tell. HrgError: none, or half a
         pair."""
         columns = {
-            role: number_of_column(log, str(path), role, wanted)
+            role: find_column_number(log, str(path), role, wanted)
             for role, wanted in named.items()
             if wanted is not None
         }
@@ -78,7 +78,7 @@ class EnvelopeSignal:
                     f"{path}: the unit of the phase in column {columns['phase'] + 1} is not told;"
                     " give phase_units: deg or rad"
                 )
-            factor = phase_factor(unit)
+            factor = find_phase_factor(unit)
         return cls(
             columns,
             decibel,
@@ -87,7 +87,7 @@ class EnvelopeSignal:
             tuple(log.channels[i].scale_factor for i in columns.values()),
         )
 
-    def unit(self, log: Log) -> str:
+    def find_unit(self, log: Log) -> str:
         """Unit of the signals: the log's, or what its level is relative to."""
         told = log.channels[next(iter(self.columns.values()))].units
         if self.decibel:
@@ -100,9 +100,9 @@ class EnvelopeSignal:
                 "dbm": "mW^0.5",
                 "dbw": "W^0.5",
             }.get(told.lower(), "1")
-        return channel_unit(told)
+        return spell_channel_unit(told)
 
-    def envelopes(self, columns: list[Array]) -> Array:
+    def compute_envelopes(self, columns: list[Array]) -> Array:
         """u = I + jQ (channel, n), channel S zero where there is none."""
         values = dict(
             zip(
@@ -130,7 +130,7 @@ class EnvelopeSignal:
         """Whether there is more than an amplitude."""
         return "amplitude" not in self.columns or "phase" in self.columns
 
-    def verdicts(self, reference_hz: float) -> list[tuple[Status, str]]:
+    def judge(self, reference_hz: float) -> list[tuple[Status, str]]:
         """What these columns cannot tell."""
         if not self.phase_known:
             return [
@@ -199,7 +199,7 @@ def _need_whole_pairs(columns: dict[str, int], log: Log, path: Path) -> None:
     if half is not None:
         raise HrgError(
             f"{path}: {half} is named without {NEEDS[half]}; name both (its columns are"
-            f" {listing(log)})"
+            f" {list_columns(log)})"
         )
     if "s_in_phase" in columns and "c_in_phase" not in columns:
         raise HrgError(
@@ -208,12 +208,12 @@ def _need_whole_pairs(columns: dict[str, int], log: Log, path: Path) -> None:
         )
     if not columns:
         raise HrgError(
-            f"{path}: which columns hold the envelope? Its columns are {listing(log)}; name"
+            f"{path}: which columns hold the envelope? Its columns are {list_columns(log)}; name"
             " c_in_phase and c_quadrature (and those of s), or amplitude and phase"
         )
     if len(set(columns.values())) < len(columns):
         raise HrgError(
-            f"{path}: one column is named twice for the envelope; its columns are {listing(log)}"
+            f"{path}: one column is named twice for the envelope; its columns are {list_columns(log)}"
         )
 
 

@@ -12,7 +12,7 @@ from ..errors import HrgError
 from ..records import FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods
 from ..records.clock import shift_time
 from .envelope_rows import EnvelopeRows
-from .envelope_windows import WindowPlan, mean_turn, window_means
+from .envelope_windows import WindowPlan, average_windows, estimate_mean_turn
 from .magnitudes import find_amplitudes
 from .taken import GAP_STEPS, Taken
 
@@ -32,8 +32,8 @@ def stream_windows(
     held: Periods | None = None
     left: Rows | None = None
     row = begun = 0
-    for times, u, slow in source.rows():
-        part = taken.block(times)
+    for times, u, slow in source.read_blocks():
+        part = taken.take_block(times)
         bad = ~np.isfinite(u[:, part].sum(0))
         if bad.any():
             taken.count_not_finite(bad, row + part.start)
@@ -58,9 +58,9 @@ def stream_windows(
             f"{source.path}: holds fewer rows than one window of {plan.rows}; record longer or"
             " lower rows_per_window"
         )
-    for status, reason in taken.verdicts():
+    for status, reason in taken.judge():
         held = held.judged([reason], status)
-    facts = taken.facts()
+    facts = taken.list_facts()
     facts["rows"] = facts.pop("samples")
     yield held.replace(details=json.dumps(facts | {"noise": _noise(plan)}, ensure_ascii=False))
 
@@ -107,12 +107,12 @@ def _windows(
 ) -> Periods:
     """Means of the rows, with standard deviations, flags and slow columns."""
     one = "s_in_phase" not in source.signal.columns
-    means, rows = window_means(
-        u, plan.rows, mean_turn(u) if plan.rows > 1 and u.shape[1] > 1 else 0.0
+    means, rows = average_windows(
+        u, plan.rows, estimate_mean_turn(u) if plan.rows > 1 and u.shape[1] > 1 else 0.0
     )
     signals, std = _signals(means, plan, one)
     if plan.lengths:
-        power, _ = window_means(np.abs(u) ** 2, plan.rows, 0.0)
+        power, _ = average_windows(np.abs(u) ** 2, plan.rows, 0.0)
         signals[:, 0], std[:, 0] = find_amplitudes(power[0].real, plan.noise, plan.rows)
     if not source.signal.phase_known:
         # beside so large a σ no other is taken for unknown, nor this one for known (estimate)
@@ -124,13 +124,14 @@ def _windows(
     flags[(steps > GAP_STEPS * plan.step_s)[:, 1:].any(1)] |= FLAG_GAP
     fields = dict(
         zip(
-            source.slow.fields(),
+            source.slow.list_fields(),
             (values[: rows.size].reshape(rows.shape).mean(1) for values in slow),
             strict=True,
         )
     )
     fields |= {
-        name: np.full(len(rows), value) for name, value in source.slow.constant_fields().items()
+        name: np.full(len(rows), value)
+        for name, value in source.slow.list_constant_fields().items()
     }
     row_std = np.sqrt(plan.noise.variance.mean(1))
     return blank.replace(

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import Array, Status
-from .filter_start import settling_rows
+from .filter_start import count_settling_rows
 from .magnitudes import find_magnitude_noise
-from .row_noise import DELAY, RowNoise, gain_of_filter, row_noise
+from .row_noise import DELAY, RowNoise, estimate_filter_gain, estimate_row_noise
 
 LOOKS, LOOK_ROWS = 16, 1 << 14
 """Stretches of rows, at most, from which noise and correlation are found."""
@@ -54,7 +54,7 @@ class WindowPlan:
     settling: int = 0
     lengths: bool = False
 
-    def verdicts(self, logged: bool) -> list[tuple[Status, str]]:
+    def judge(self, logged: bool) -> list[tuple[Status, str]]:
         """What the filter before the rows does, and what was done about it."""
         found = self._judge_correlation(logged)
         if self.settling:
@@ -141,22 +141,31 @@ def plan_windows(
         )
     step_s = float(np.median(steps))
     with np.errstate(invalid="ignore"):
-        noise = row_noise(looks)
-        settling = settling_rows(
-            looks[0], noise.correlated_rows, mean_turn(looks[0]), float(noise.variance.sum())
+        noise = estimate_row_noise(looks)
+        settling = count_settling_rows(
+            looks[0],
+            noise.correlated_rows,
+            estimate_mean_turn(looks[0]),
+            float(noise.variance.sum()),
         )
         if settling:
             looks[0] = looks[0][:, settling:]
-            noise = row_noise(looks)
+            noise = estimate_row_noise(looks)
         # what is below 0 is no phasor's length: a detector's output, whose noise is its own
         lengths = not phase_known and min(np.nanmin(look.real) for look in looks) >= 0
         if lengths:
             noise = find_magnitude_noise(looks, noise)
-        offset_hz = float(np.median([mean_turn(look) for look in looks])) / (2 * np.pi * step_s)
-    if asked is not None:
-        return WindowPlan(
-            min(asked, total), step_s, noise, offset_hz, gain_of_filter(looks), settling, lengths
+        offset_hz = float(np.median([estimate_mean_turn(look) for look in looks])) / (
+            2 * np.pi * step_s
         )
+    rows = _choose_rows(looks, noise, total) if asked is None else min(asked, total)
+    gain = estimate_filter_gain(looks)
+    return WindowPlan(rows, step_s, noise, offset_hz, gain, settling, lengths)
+
+
+def _choose_rows(looks: list[Array], noise: RowNoise, total: int) -> int:
+    """Rows per window of so many by their noise: independent windows that show the wave clearly, and
+    as few that none bends."""
     kappa = noise.correlated_rows
     power = float(np.nanmedian(np.concatenate([(np.abs(look) ** 2).sum(0) for look in looks])))
     clear = CLEAR**2 * float(noise.density.sum()) / max(power, 1e-300)
@@ -166,10 +175,10 @@ def plan_windows(
     rows = max(1, min(rows, total // FEWEST_WINDOWS))
     while rows > 1 and _bends(looks, rows, noise):
         rows //= 2
-    return WindowPlan(rows, step_s, noise, offset_hz, gain_of_filter(looks), settling, lengths)
+    return rows
 
 
-def mean_turn(look: Array) -> float:
+def estimate_mean_turn(look: Array) -> float:
     """Mean turn a row [rad]."""
     pairs = look[:, 1:] * np.conj(look[:, :-1])
     return float(np.angle(pairs[np.isfinite(pairs)].sum()))
@@ -181,10 +190,10 @@ def _bends(looks: list[Array], rows: int, noise: RowNoise) -> bool:
     bend2, noise2 = np.zeros(2), noise.density.sum(1) / rows
     count = 0
     for look in looks:
-        means = window_means(look, rows, mean_turn(look))[0]
+        means = average_windows(look, rows, estimate_mean_turn(look))[0]
         if means.shape[1] < 3:
             continue
-        turn = np.exp(-1j * rows * mean_turn(look))
+        turn = np.exp(-1j * rows * estimate_mean_turn(look))
         second = means[:, 2:] * turn - 2 * means[:, 1:-1] + means[:, :-2] / turn
         second = second[:, np.isfinite(second).all(0)]
         bend2 += (
@@ -195,7 +204,7 @@ def _bends(looks: list[Array], rows: int, noise: RowNoise) -> bool:
     return count > 0 and bool((bend2 > BEND**2 * noise2 * count + slack).any())
 
 
-def window_means(u: Array, rows: int, turn: float) -> tuple[Array, Array]:
+def average_windows(u: Array, rows: int, turn: float) -> tuple[Array, Array]:
     """Means (channel, windows) of so many rows each, turned back by `turn` a row about each
     window's middle; which rows they are."""
     windows = u.shape[1] // rows

@@ -81,15 +81,15 @@ class TimeJudge:
             " from row to row: sort the log, name another time column, or give sample_rate_hz"
         )
 
-    def even_step(self) -> tuple[float, float]:
+    def find_even_step(self) -> tuple[float, float]:
         """Step of the best even grid through the times and the largest departure from it,
         seconds."""
         if self.rows < 2:
             return np.nan, np.inf
         step = (self.last - self.first) / (self.rows - 1)
-        return step, self.departure(step)
+        return step, self.measure_departure(step)
 
-    def departure(self, step: float) -> float:
+    def measure_departure(self, step: float) -> float:
         """Largest departure [s] of the times from an even grid of this step, its constant fitted
         (half the range)."""
         first, low, high = np.concatenate(self.groups, axis=1)

@@ -28,7 +28,7 @@ QUIET = 0.01
 """Part of the noise's power to which what is left shall have fallen: a tenth of σ."""
 
 
-def settling_rows(start: Array, correlated_rows: float, turn: float, variance: float) -> int:
+def count_settling_rows(start: Array, correlated_rows: float, turn: float, variance: float) -> int:
     """Rows of an envelope's start (channel, n) before the filter has settled; 0 where nothing shows
     that it had to. turn: the oscillation's turn a row [rad]; variance: of a row's noise, all parts.
 

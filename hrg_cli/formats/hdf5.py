@@ -20,7 +20,7 @@ import numpy as np
 from ..errors import HrgError
 from ..store.heaps import check_heaps
 from .log import BLOCK_ROWS, ONE_DEMODULATOR, Array, Blocks, Channel, Log, Reader
-from .scalars import rate_of
+from .scalars import find_rate
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MOST_COLUMNS = 512
@@ -60,7 +60,7 @@ def open_hdf5(path: Path) -> Log:
         found, scalars = _numbers(path, nodes)
         clock, rate, start = (
             _clock_base(nodes, scalars),
-            rate_of(scalars),
+            find_rate(scalars),
             _text(file.attrs.get("start_time", "")),
         )
     if not found:

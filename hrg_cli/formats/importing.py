@@ -40,12 +40,12 @@ from .log_options import (
     TimeUnits,
     ToS,
 )
-from .opened_log import first_reasons, open_channels, scales_of, unit_of_channels
+from .opened_log import find_channel_unit, find_scales, list_first_reasons, open_channels
 from .run_heading import RunHeading, UnitsTold
 from .sample_blocks import stream_blocks
 from .slow import SlowLog
-from .taken import Taken, checked_range
-from .timing import timing_of
+from .taken import Taken, check_range
+from .timing import judge_timing
 
 
 def import_log(
@@ -181,7 +181,7 @@ def import_log(
     >>> round(recording.sample_rate_hz), recording.c_units, recording.physical(0, 3)[0].tolist()
     (10000, 'V', [1.0, 0.8, 0.31])
     """
-    checked_range(from_s, to_s)
+    check_range(from_s, to_s)
     if readout == "carrier" and carrier_hz is None:
         raise HrgError('readout is "carrier": give carrier_hz too')
     asked: dict[str, str | int | None] = {
@@ -197,9 +197,11 @@ def import_log(
     timed = TimingTold(sample_rate_hz is not None, clock_hz is not None)
     opened = open_channels(Path(path), s_file, asked, format, separator, decimal, timed)
     log, roles, where = opened.log, opened.roles, opened.files[0]
-    unit = unit_of_channels(log, roles, units, str(where))
+    unit = find_channel_unit(log, roles, units, str(where))
     told = UnitsTold(time_units, rate_units, temperature_units)
-    timing = timing_of(log, roles, where, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
+    timing = judge_timing(
+        log, roles, where, time_units, clock_hz, sample_rate_hz, sampling_tolerance
+    )
     heading = RunHeading(mode, mode_number, gyro_id, run_id, lot_id, start_time)
     blank = Recording(
         c=np.empty(0),
@@ -210,9 +212,9 @@ def import_log(
         nominal_frequency_hz=nominal_frequency_hz,
         c_units=unit,
         s_units=unit,
-        **heading.fields(log, where),
-        **scales_of(log, roles, c_scale_factor, s_scale_factor),
-    ).judged(first_reasons(opened, timing))
+        **heading.make_fields(log, where),
+        **find_scales(log, roles, c_scale_factor, s_scale_factor),
+    ).judged(list_first_reasons(opened, timing))
     slow = SlowLog(
         log,
         roles,
@@ -222,6 +224,6 @@ def import_log(
         constants={"rate": constant_rate_rad_s, "temperature": constant_temperature_degc},
         most=auxiliary_rows,
     )
-    by_role = told.by_role(("c", "s"), unit)
-    taken = Taken(log, roles.columns(), by_role, timing.sample_rate_hz, from_s, to_s)
+    by_role = told.list_by_role(("c", "s"), unit)
+    taken = Taken(log, roles.list_columns(), by_role, timing.sample_rate_hz, from_s, to_s)
     return open_single(stream_blocks(opened, blank, timing, slow, taken))

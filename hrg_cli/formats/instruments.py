@@ -16,7 +16,7 @@ from pathlib import Path
 from ..errors import HrgError
 from .dialect import Dialect, split_line
 from .log import ONE_DEMODULATOR, Channel
-from .quantities import time_factor
+from .quantities import find_time_factor
 
 HEADER_BYTES = 1 << 16
 _NUMBER = r"([+-]?\d[\d.]*(?:[eE][+-]?\d+)?)"
@@ -140,7 +140,7 @@ def _data_below(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> 
 def _header_file(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> LogLayout | None:
     """Rohde & Schwarz RTO and RTE: NAME.Wfm.csv holds the values, NAME.csv beside it the keys
     (Resolution:1e-9:)."""
-    beside = header_beside(path)
+    beside = find_header(path)
     if dialect.header or beside is None:
         return None
     with open(beside, encoding="latin-1") as file:
@@ -164,7 +164,7 @@ def _header_file(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) ->
     )
 
 
-def header_beside(path: Path) -> Path | None:
+def find_header(path: Path) -> Path | None:
     """The header file of NAME.Wfm.csv; None where the name is another or there is none."""
     found = re.match(r"^(.*)\.wfm(\.csv)$", path.name, re.IGNORECASE)
     beside = None if found is None else path.with_name(f"{found[1]}{found[2]}")
@@ -233,7 +233,7 @@ def _preamble_rate(dialect: Dialect) -> float | None:
             key,
         ):
             try:
-                return 1 / (number * time_factor(unit or "s"))
+                return 1 / (number * find_time_factor(unit or "s"))
             except HrgError:
                 return 1 / number
         if re.search(r"sampl\w*[ _]?(rate|frequency)|\bfs\b", key):

@@ -9,7 +9,7 @@ from .log import Channel, Log
 from .quantities import is_rate, is_temperature, is_time
 
 
-def left_columns(log: Log, taken: Mapping[str, int]) -> list[dict[str, Any]]:
+def list_left_columns(log: Log, taken: Mapping[str, int]) -> list[dict[str, Any]]:
     """Column (from 1), name, unit and reason of every column of which nothing was taken; `taken` is
     role -> index."""
     return [

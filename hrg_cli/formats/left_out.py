@@ -51,7 +51,7 @@ class LeftOut:
     samples: bool = True
     """Rows of samples that cannot be read, rather than words that an instrument closes a log with."""
 
-    def sentence(self) -> str:
+    def describe(self) -> str:
         """What was left out, for a person."""
         lines = (
             f"line {self.first_line}"
@@ -64,7 +64,7 @@ class LeftOut:
         )
 
 
-def unread_rows(
+def find_unread_rows(
     above: Sequence[Line],
     kinds: Sequence[str],
     cells_of: Callable[[str], list[str]],

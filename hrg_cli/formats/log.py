@@ -80,7 +80,7 @@ class Reader:
     open: Callable[..., Log]
 
 
-def log_of_arrays(
+def make_log(
     format: str, arrays: Mapping[str, Array], units: Mapping[str, str] | None = None, **more: object
 ) -> Log:
     """A log over one-dimensional arrays, in memory or lazily sliced (h5py datasets)."""

@@ -117,12 +117,12 @@ class Roles:
     drive_quadrature: int | None
     auxiliary_time: int | None = None
 
-    def columns(self) -> dict[str, int]:
+    def list_columns(self) -> dict[str, int]:
         """The columns present, in the order of `ALIASES`: role -> index."""
         found = {role: getattr(self, role) for role in ALIASES}
         return {role: index for role, index in found.items() if index is not None}
 
-    def auxiliary(self) -> dict[str, int]:
+    def list_auxiliary(self) -> dict[str, int]:
         """The slow columns present: role -> index."""
         found = {
             role: getattr(self, role)
@@ -131,7 +131,7 @@ class Roles:
         return {role: index for role, index in found.items() if index is not None}
 
 
-def listing(log: Log) -> str:
+def list_columns(log: Log) -> str:
     """The log's columns for an error message."""
     return name_some(
         f"{i + 1} {c.name}" + (f" [{c.units}]" if c.units else "")
@@ -187,7 +187,7 @@ def find(
     _fill_channels(log, path, taken, free, single="s" in left_out)
     if taken["c"] == taken["s"]:
         raise HrgError(
-            f"{path}: c and s are both column {(taken['c'] or 0) + 1}; name two of {listing(log)}"
+            f"{path}: c and s are both column {(taken['c'] or 0) + 1}; name two of {list_columns(log)}"
         )
     return Roles(**taken)  # type: ignore[arg-type]
 
@@ -229,13 +229,13 @@ def _fill_channels(
         return
     if len([i for i in numbers if i != taken["time"]]) == 1 and not single:
         raise HrgError(
-            f"{path}: has one channel only ({listing(log)}), two (C and S) were expected; name"
+            f"{path}: has one channel only ({list_columns(log)}), two (C and S) were expected; name"
             ' the other one\'s file with s_file, or give s = "none": frequency and damping alone'
             " can then be found"
         )
     asked_for = " and which ".join(m.upper() for m in missing)
     raise HrgError(
-        f"{path}: which column is channel {asked_for}? Its columns are {listing(log)}; name"
+        f"{path}: which column is channel {asked_for}? Its columns are {list_columns(log)}; name"
         " them with c and s"
     )
 
@@ -245,7 +245,7 @@ def _named(log: Log, path: str, role: str, wanted: str | int) -> int:
         number = int(wanted)
         if not 1 <= number <= len(log.channels):
             raise HrgError(
-                f"{path}: {role} = {number}: it has {len(log.channels)} columns ({listing(log)});"
+                f"{path}: {role} = {number}: it has {len(log.channels)} columns ({list_columns(log)});"
                 " name one of these"
             )
         index = number - 1
@@ -275,7 +275,7 @@ def _named(log: Log, path: str, role: str, wanted: str | int) -> int:
         if len(alike) != 1:
             raise HrgError(
                 f"{path}: {role} = {wanted!r} is the name of"
-                f" {'several columns' if alike else 'no column'}; its columns are {listing(log)}"
+                f" {'several columns' if alike else 'no column'}; its columns are {list_columns(log)}"
             )
         index = alike[0]
     kind = log.channels[index].kind
@@ -283,12 +283,12 @@ def _named(log: Log, path: str, role: str, wanted: str | int) -> int:
         raise HrgError(
             f"{path}: {role} = {wanted}: that column holds"
             f" {'times' if kind == 'clock' else 'text'}, numbers were expected; its columns are"
-            f" {listing(log)}"
+            f" {list_columns(log)}"
         )
     return index
 
 
-def number_of_column(log: Log, path: str, role: str, wanted: str | int) -> int:
+def find_column_number(log: Log, path: str, role: str, wanted: str | int) -> int:
     """Index of the column of numbers that was named. HrgError: there is none, or it holds no
     numbers."""
     return _named(log, path, role, wanted)

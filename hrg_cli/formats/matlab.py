@@ -16,8 +16,8 @@ import numpy as np
 
 from ..errors import HrgError
 from . import matlab_child
-from .log import Log, Reader, log_of_arrays
-from .scalars import rate_of
+from .log import Log, Reader, make_log
+from .scalars import find_rate
 
 LEAST_S, S_PER_BYTE = 60.0, 1e-6
 """Time after which a file is given up, and what is added for its size."""
@@ -38,7 +38,7 @@ def open_matlab(path: Path) -> Log:
     arrays, scalars = _read_in_a_child(path)
     if not arrays:
         raise HrgError(f"{path}: holds no vector of numbers; a variable a channel was expected")
-    return log_of_arrays("matlab", arrays, sample_rate_hz=rate_of(scalars))
+    return make_log("matlab", arrays, sample_rate_hz=find_rate(scalars))
 
 
 def _read_in_a_child(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:

@@ -13,10 +13,10 @@ from typing import IO
 import numpy as np
 
 from ..errors import HrgError
-from .log import Array, Log, Reader, log_of_arrays
+from .log import Array, Log, Reader, make_log
 from .matlab_child import split_columns
 from .quantities import split_name
-from .scalars import rate_of
+from .scalars import find_rate
 
 MAGIC = b"\x93NUMPY"
 MEMBER = ".npy"
@@ -47,11 +47,11 @@ def open_numpy(path: Path) -> Log:
         )
     titles = {name: split_name(name) for name in columns}
     scalars = {name: float(a.reshape(())) for name, a in arrays.items() if _is_number(a)}
-    return log_of_arrays(
+    return make_log(
         "numpy",
         {titles[name][0]: column for name, column in columns.items()},
         {title: unit for title, unit in titles.values()},
-        sample_rate_hz=rate_of(scalars),
+        sample_rate_hz=find_rate(scalars),
         header=not bare or arrays[""].dtype.names is not None,
     )
 

@@ -14,8 +14,8 @@ from ..errors import HrgError, name_some
 from ..records.recording import ONE_CHANNEL
 from .log import Log
 from .log_columns import Roles, TimingTold, find
-from .pairing import pair_logs, second_file
-from .quantities import channel_unit, is_level
+from .pairing import find_second_file, pair_logs
+from .quantities import is_level, spell_channel_unit
 from .readers import open_log
 from .timing import Timing
 
@@ -42,8 +42,8 @@ def open_channels(
     timing: TimingTold,
 ) -> OpenedLog:
     """The log of one file, or of one file per channel, and which of its columns is what."""
-    files = [path, *([] if s_file is None else [second_file(path, s_file)])]
-    before = state_of(files)
+    files = [path, *([] if s_file is None else [find_second_file(path, s_file)])]
+    before = judge_state(files)
     log = open_log(path, format, separator, decimal)
     asked = dict(asked)
     if s_file is not None:
@@ -54,7 +54,7 @@ def open_channels(
     return OpenedLog(files, log, roles, before)
 
 
-def scales_of(log: Log, roles: Roles, c_factor: float, s_factor: float) -> dict[str, Any]:
+def find_scales(log: Log, roles: Roles, c_factor: float, s_factor: float) -> dict[str, Any]:
     """Scale and offset of both channels: what is asked for on top of the log's own. HrgError: a
     factor that is 0 or not finite."""
     found: dict[str, Any] = {}
@@ -71,7 +71,7 @@ def scales_of(log: Log, roles: Roles, c_factor: float, s_factor: float) -> dict[
     return found
 
 
-def first_reasons(opened: OpenedLog, timing: Timing) -> list[str]:
+def list_first_reasons(opened: OpenedLog, timing: Timing) -> list[str]:
     """What is wrong with the recording, as far as it can be told before its rows are read."""
     reasons = [*opened.log.reasons, *timing.reasons]
     if opened.roles.s is None:
@@ -81,7 +81,7 @@ def first_reasons(opened: OpenedLog, timing: Timing) -> list[str]:
     return reasons
 
 
-def state_of(files: Sequence[Path]) -> States:
+def judge_state(files: Sequence[Path]) -> States:
     """Size and time of each file, by which a change is seen; None where they cannot be told."""
     try:
         return tuple((stat.st_size, stat.st_mtime_ns) for stat in (path.stat() for path in files))
@@ -97,8 +97,8 @@ def need_same_length(log: Log, roles: Roles, where: str) -> None:
         for role, i in (("c", roles.c), ("s", roles.s), ("time", roles.time))
         if i is not None
     }
-    slow = {role: log.channels[i].length for role, i in roles.auxiliary().items()}
-    timed = all(log.channels[i].sample_rate_hz for i in roles.auxiliary().values())
+    slow = {role: log.channels[i].length for role, i in roles.list_auxiliary().items()}
+    timed = all(log.channels[i].sample_rate_hz for i in roles.list_auxiliary().values())
     if roles.auxiliary_time is not None:
         slow["auxiliary_time"] = log.channels[roles.auxiliary_time].length
         timed = True
@@ -113,7 +113,7 @@ def need_same_length(log: Log, roles: Roles, where: str) -> None:
     )
 
 
-def unit_of_channels(log: Log, roles: Roles, units: str | None, where: str) -> str:
+def find_channel_unit(log: Log, roles: Roles, units: str | None, where: str) -> str:
     """The unit of both channels, as told or as the log has it. HrgError: a level in decibels, two
     units."""
     for role, index in (("C", roles.c), ("S", roles.s)):
@@ -130,7 +130,7 @@ def unit_of_channels(log: Log, roles: Roles, units: str | None, where: str) -> s
             )
     if units is not None:
         return units
-    found = [channel_unit(log.channels[i].units) for i in (roles.c, roles.s) if i is not None]
+    found = [spell_channel_unit(log.channels[i].units) for i in (roles.c, roles.s) if i is not None]
     if len(set(found)) > 1:
         raise HrgError(
             f"{where}: channel C is in {found[0]!r} and channel S in {found[1]!r}; "

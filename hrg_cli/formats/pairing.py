@@ -13,14 +13,14 @@ import numpy as np
 from ..errors import HrgError
 from .log import ONE_DEMODULATOR, Array, Blocks, Log
 from .log_columns import Roles, find
-from .quantities import is_time, time_factor
+from .quantities import find_time_factor, is_time
 
 Asked = dict[str, str | int | None]
 STEPS = 1e-3
 """Difference of the two files' times, in sampling steps, that is still called none."""
 
 
-def second_file(path: Path, s_file: str) -> Path:
+def find_second_file(path: Path, s_file: str) -> Path:
     """The file of channel S: a name beside the log (or from here), or OLD=NEW put into the log's
     own name (CH1=CH2).
 
@@ -45,7 +45,7 @@ def second_file(path: Path, s_file: str) -> Path:
     return named
 
 
-def partners(logs: Sequence[Path], s_file_of: Callable[[Path], str | None]) -> set[Path]:
+def find_partners(logs: Sequence[Path], s_file_of: Callable[[Path], str | None]) -> set[Path]:
     """Those of the logs that are the second file of another one of them; s_file_of: the setting for
     a log."""
     found: set[Path] = set()
@@ -53,7 +53,7 @@ def partners(logs: Sequence[Path], s_file_of: Callable[[Path], str | None]) -> s
         s_file = s_file_of(log)
         if s_file is not None:
             with contextlib.suppress(HrgError):
-                found.add(second_file(log, s_file).absolute())
+                found.add(find_second_file(log, s_file).absolute())
     return {log for log in logs if log.absolute() in found}
 
 
@@ -165,7 +165,7 @@ def _seconds(log: Log, index: int) -> float:
     """Seconds a unit of a time column, as far as it is told (the same for both files otherwise)."""
     channel = log.channels[index]
     known = channel.kind == "number" and is_time(channel.units)
-    return channel.scale_factor * (time_factor(channel.units) if known else 1.0)
+    return channel.scale_factor * (find_time_factor(channel.units) if known else 1.0)
 
 
 def _read_together(

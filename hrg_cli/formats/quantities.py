@@ -180,29 +180,29 @@ def split_name(name: str) -> tuple[str, str]:
     return name, ""
 
 
-def channel_unit(unit: str) -> str:
+def spell_channel_unit(unit: str) -> str:
     """A channel's unit as files spell it; "1" where none is known."""
     return {"volt": "V", "volts": "V", "": "1", "counts": "1", "lsb": "1", "adc": "1"}.get(
         unit.lower(), unit
     )
 
 
-def time_factor(unit: str) -> float:
+def find_time_factor(unit: str) -> float:
     """Seconds a unit of time."""
     return float(_look_up(TIME, unit, "time_units"))
 
 
-def phase_factor(unit: str) -> float:
+def find_phase_factor(unit: str) -> float:
     """rad a unit of phase."""
     return float(_look_up(PHASE, unit, "phase_units"))
 
 
-def rate_factor(unit: str) -> float:
+def find_rate_factor(unit: str) -> float:
     """rad/s a unit of rate."""
     return float(_look_up(RATE, unit, "rate_units"))
 
 
-def temperature_scale(unit: str) -> tuple[float, float]:
+def find_temperature_scale(unit: str) -> tuple[float, float]:
     """Factor and offset to °C."""
     scale: tuple[float, float] = _look_up(TEMPERATURE, unit, "temperature_units")
     return scale
@@ -212,10 +212,10 @@ def _look_up(table: dict, unit: str, setting: str):  # type: ignore[no-untyped-d
     for factor, spellings in table.items():
         if _spelled(unit) in spellings:
             return factor
-    raise HrgError(f"{setting} is {unit!r}, expected one of {listed(table)}")
+    raise HrgError(f"{setting} is {unit!r}, expected one of {list_units(table)}")
 
 
-def listed(table: Mapping[Any, tuple[str, ...]]) -> str:
+def list_units(table: Mapping[Any, tuple[str, ...]]) -> str:
     """A table's units, for a sentence."""
     shown = {"degc": "degC", "k": "K", "degf": "degF"}
     return ", ".join(shown.get(first, first) for first, *_ in table.values())

@@ -77,7 +77,7 @@ class RowNoise:
         return max(1.0, float(self.density.sum()) / total) if total > 0 else 1.0
 
 
-def row_noise(looks: Sequence[Array]) -> RowNoise:
+def estimate_row_noise(looks: Sequence[Array]) -> RowNoise:
     """Noise of evenly spaced complex rows, looks of (channel, n) without gaps.
 
     Pieces of growing length look at ever lower frequencies. Of those whose spectrum is level there,
@@ -218,7 +218,7 @@ def _levels(looks: Sequence[Array], rows: int) -> tuple[Array, Array, Array, int
     return low, high, middle.mean(-1), len(power)
 
 
-def gain_of_filter(looks: Sequence[Array]) -> float:
+def estimate_filter_gain(looks: Sequence[Array]) -> float:
     """Gain of the filter at the oscillation over that at the reference, from the noise of both
     places; 1 where it cannot be told."""
     rows = min(max(look.shape[1] for look in looks) // FEWEST_PIECES, LONGEST)

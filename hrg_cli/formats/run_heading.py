@@ -21,7 +21,7 @@ class RunHeading:
     lot_id: str
     start_time: str
 
-    def fields(self, log: Log, path: Path) -> dict[str, Any]:
+    def make_fields(self, log: Log, path: Path) -> dict[str, Any]:
         """Fields of the record: a run without a name has its file's, one without a start the log's."""
         return {
             "mode": self.mode,
@@ -41,7 +41,7 @@ class UnitsTold:
     rate: str | None
     temperature: str | None
 
-    def by_role(self, signals: Iterable[str], unit: str) -> dict[str, str]:
+    def list_by_role(self, signals: Iterable[str], unit: str) -> dict[str, str]:
         """Role -> unit, of the signals and of every column whose unit was told."""
         told = {"time": self.time, "rate": self.rate, "temperature": self.temperature}
         return dict.fromkeys(signals, unit) | {role: of for role, of in told.items() if of}

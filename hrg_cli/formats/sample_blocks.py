@@ -11,7 +11,7 @@ from ..records import Recording
 from ..records.clock import shift_time
 from .log import Array, Log
 from .log_columns import Roles
-from .opened_log import OpenedLog, state_of
+from .opened_log import OpenedLog, judge_state
 from .readers import guard_reading
 from .slow import SlowLog
 from .taken import Taken
@@ -37,7 +37,7 @@ def stream_blocks(
             s = np.zeros_like(c) if roles.s is None else columns[1]
             _count_not_finite(c, s, row, taken)
             slow_columns = columns[fast : fast + len(slow.indexes)]
-            auxiliary = slow.block(
+            auxiliary = slow.make_block(
                 path, timing, times, slow_columns, first, following is None, shift
             )
             block = blank.replace(
@@ -62,14 +62,14 @@ def _count_not_finite(c: Array, s: Array, row: int, taken: Taken) -> None:
 
 def _close(block: Recording, opened: OpenedLog, taken: Taken) -> Recording:
     """The last block with what the whole log tells. HrgError: the file changed meanwhile."""
-    if state_of(opened.files) != opened.before:
+    if judge_state(opened.files) != opened.before:
         raise HrgError(
             f"{opened.files[0]}: changed while it was read; wait until it is written and import it"
             " again"
         )
-    for status, reason in taken.verdicts():
+    for status, reason in taken.judge():
         block = block.judged([reason], status)
-    return block.replace(details=taken.details())
+    return block.replace(details=taken.dump_facts())
 
 
 def _pieces(
@@ -92,7 +92,7 @@ def _pieces(
             times = np.asarray(columns[-1], float) * timing.factor * scale - timing.first
         else:
             times = np.arange(row, row + len(columns[0])) / timing.sample_rate_hz
-        part = taken.block(times)
+        part = taken.take_block(times)
         if part.stop > part.start:
             yield row + part.start, times[part], [column[part] for column in columns]
         row += len(times)

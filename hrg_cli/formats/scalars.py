@@ -14,7 +14,7 @@ _STEP = re.compile(
 )
 
 
-def rate_of(scalars: Mapping[str, float]) -> float | None:
+def find_rate(scalars: Mapping[str, float]) -> float | None:
     """The sampling rate [Hz] among named numbers (paths count by their last part); None where there
     is none."""
     for pattern, invert in ((_RATE, False), (_STEP, True)):

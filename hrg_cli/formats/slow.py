@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import HrgError
-from .column_units import unit_of_column
+from .column_units import find_column_unit
 from .log import Array, Log
 from .log_columns import Roles
-from .quantities import rate_factor, temperature_scale
+from .quantities import find_rate_factor, find_temperature_scale
 from .readers import guard_reading
 from .run_heading import UnitsTold
 from .timing import Timing
@@ -48,34 +48,34 @@ class SlowLog:
         self.log, self.roles = log, roles
         self.constants = {role: value for role, value in constants.items() if value is not None}
         for role in self.constants:
-            if role in roles.auxiliary():
+            if role in roles.list_auxiliary():
                 raise HrgError(
                     f"a {role} column and constant_{FIELD[role]} were both given; leave one out"
                 )
         self.scales: dict[str, tuple[float, float]] = {}
-        for role, index in roles.auxiliary().items():
+        for role, index in roles.list_auxiliary().items():
             channel = log.channels[index]
             factor, offset = 1.0, 0.0
             if role == "rate":
-                unit = unit_of_column(where, role, index, channel, told.rate)
-                factor = rate_scale_factor * rate_factor(unit)
+                unit = find_column_unit(where, role, index, channel, told.rate)
+                factor = rate_scale_factor * find_rate_factor(unit)
             if role == "temperature":
-                unit = unit_of_column(where, role, index, channel, told.temperature)
-                factor, offset = temperature_scale(unit)
+                unit = find_column_unit(where, role, index, channel, told.temperature)
+                factor, offset = find_temperature_scale(unit)
             self.scales[role] = (
                 factor * channel.scale_factor,
                 factor * channel.add_offset + offset,
             )
         own = roles.auxiliary_time is not None or any(
             log.channels[i].length != log.channels[roles.c].length
-            for i in roles.auxiliary().values()
+            for i in roles.list_auxiliary().values()
         )
         self.own = own and bool(self.scales)
-        self.indexes = [] if self.own else list(roles.auxiliary().values())
+        self.indexes = [] if self.own else list(roles.list_auxiliary().values())
         self.every = max(1, -(-(log.rows or 0) // most))
         self.left: list[Array] | None = None
 
-    def block(
+    def make_block(
         self,
         path: Path,
         timing: Timing,
@@ -98,7 +98,7 @@ class SlowLog:
                 [times[-1]] if last and not (first and len(times) == 1) else []
             )
             return self._with_constants([np.array(rows, float)]) if self.constants else {}
-        stacked = [times, *self.converted(columns)]
+        stacked = [times, *self.convert(columns)]
         if self.left is not None:
             stacked = [np.concatenate(pair) for pair in zip(self.left, stacked)]
         whole = len(stacked[0]) if last else len(stacked[0]) // self.every * self.every
@@ -107,15 +107,15 @@ class SlowLog:
         seen = ~np.all([np.isnan(values) for values in grouped[1:]], axis=0)
         return self._with_constants([values[seen] for values in grouped])
 
-    def fields(self) -> list[str]:
+    def list_fields(self) -> list[str]:
         """Fields of a record that the columns fill, in their order."""
         return [FIELD[role] for role in self.scales]
 
-    def constant_fields(self) -> dict[str, float]:
+    def list_constant_fields(self) -> dict[str, float]:
         """Fields that were given as constants."""
         return {FIELD[role]: value for role, value in self.constants.items()}
 
-    def converted(self, columns: list[Array]) -> list[Array]:
+    def convert(self, columns: list[Array]) -> list[Array]:
         """Slow columns in SI units."""
         return [
             np.asarray(values, float) * factor + offset
@@ -132,7 +132,7 @@ class SlowLog:
         }
 
     def _own_rows(self, path: Path, timing: Timing, shift_s: float) -> list[Array]:
-        indexes = list(self.roles.auxiliary().values())
+        indexes = list(self.roles.list_auxiliary().values())
         clock = self.roles.auxiliary_time
         rows = self.log.channels[indexes[0]].length or 0
         if rows > MOST_OWN_ROWS:
@@ -156,7 +156,7 @@ class SlowLog:
                 f"{path}: the times of its slow columns do not rise at their row {fallen}; sort the"
                 " log or leave the columns out"
             )
-        return [times - shift_s, *self.converted(joined)]
+        return [times - shift_s, *self.convert(joined)]
 
     def _filled_rows(
         self, path: Path, times: Array, values: list[Array]

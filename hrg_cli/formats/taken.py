@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import Status
-from .left_columns import left_columns
+from .left_columns import list_left_columns
 from .left_out import LeftOut
 from .log import Array, Channel, Log
 
@@ -34,7 +34,7 @@ GAPS_NAMED = 5
 """Gaps and places told one by one; the rest are counted."""
 
 
-def checked_range(from_s: float | None, to_s: float | None) -> None:
+def check_range(from_s: float | None, to_s: float | None) -> None:
     """HrgError: an empty range."""
     if from_s is not None and to_s is not None and not from_s < to_s:
         raise HrgError(
@@ -66,7 +66,7 @@ class Taken:
     seen: int = 0
     _last_read_s: float | None = None
 
-    def block(self, times_s: Array) -> slice:
+    def take_block(self, times_s: Array) -> slice:
         """The part of a block of the log (times from its first row on) that lies in the range asked
         for; looks for gaps."""
         low = 0 if self.from_s is None else int(np.searchsorted(times_s, self.from_s))
@@ -115,7 +115,7 @@ class Taken:
                 f" {self._last_read_s or 0.0:.6g} s long"
             )
 
-    def verdicts(self) -> list[tuple[Status, str]]:
+    def judge(self) -> list[tuple[Status, str]]:
         """Reasons, each with how bad it is."""
         found = [*self._judge_lost_rows(), *self._tell_closing(), *self._judge_not_finite()]
         if self.gaps:
@@ -138,7 +138,7 @@ class Taken:
         lost = sum(part.rows for part in parts)
         if not lost:
             return []
-        told = "; ".join(part.sentence() for part in parts[:GAPS_NAMED])
+        told = "; ".join(part.describe() for part in parts[:GAPS_NAMED])
         share = lost / (lost + self.seen)
         few = lost <= FEW_ROWS and share < FEW_SHARE
         status: Status = "valid" if few else "refused" if share > REFUSED_SHARE else "suspect"
@@ -152,7 +152,7 @@ class Taken:
 
     def _tell_closing(self) -> list[tuple[Status, str]]:
         return [
-            ("valid", f"not taken: {part.sentence()}")
+            ("valid", f"not taken: {part.describe()}")
             for part in self.log.left_out
             if not part.samples
         ]
@@ -184,7 +184,7 @@ class Taken:
     def _step(self) -> float:
         return 1 / self.sample_rate_hz if self.sample_rate_hz else self.usual_step_s
 
-    def facts(self) -> dict[str, Any]:
+    def list_facts(self) -> dict[str, Any]:
         """Everything for JSON."""
         channels = self.log.channels
         facts: dict[str, Any] = {
@@ -198,7 +198,7 @@ class Taken:
                 | self._converted(role, channels[index])
                 for role, index in self.columns.items()
             },
-            "columns_left": left_columns(self.log, self.columns),
+            "columns_left": list_left_columns(self.log, self.columns),
             "samples": self.rows,
             "sample_rate_hz": self.sample_rate_hz,
             "duration_s": self.last_s - self.first_s if self.first_s is not None else 0.0,
@@ -222,9 +222,9 @@ class Taken:
         units = self.units.get(role, channel.units)
         return {} if taken_in is None or taken_in == units else {"taken_in": taken_in}
 
-    def details(self) -> str:
-        """`facts` as JSON text."""
-        return json.dumps(self.facts(), ensure_ascii=False)
+    def dump_facts(self) -> str:
+        """What `list_facts` gives, as JSON text."""
+        return json.dumps(self.list_facts(), ensure_ascii=False)
 
 
 def _plain(part: LeftOut) -> dict[str, Any]:

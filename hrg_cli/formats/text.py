@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import HrgError
-from .clock import Clock, floating_quantum, quantum
+from .clock import Clock, find_floating_quantum, find_quantum
 from .closing_lines import count_closing_lines, describe_closing
-from .dialect import HEAD_BYTES, Dialect, cell_kind, is_text, sniff, split_line
+from .dialect import HEAD_BYTES, Dialect, find_cell_kind, is_text, sniff, split_line
 from .instruments import understand
 from .log import Array, Blocks, Channel, Log, Reader
 from .unpacked import open_unpacked, read_ends
@@ -49,7 +49,7 @@ def open_text(path: Path, separator: str | None = None, decimal: str | None = No
     layout = understand(path, dialect, channels)
     start = next(
         (
-            Clock("date", row[i], str(path)).start_time()
+            Clock("date", row[i], str(path)).format_start_time()
             for row in dialect.sample[:1]
             for i, k in enumerate(dialect.kinds)
             if k == "date"
@@ -87,7 +87,7 @@ def _end_before_closing(path: Path, dialect: Dialect, last: Sequence[str]) -> Di
     """The dialect with its end at the last row, where words close the log."""
 
     def is_value(cell: str) -> bool:
-        return any(cell_kind(cell, sign) not in ("text", "") for sign in ".,")
+        return any(find_cell_kind(cell, sign) not in ("text", "") for sign in ".,")
 
     def cells_of(line: str) -> list[str]:
         comment = dialect.comment and line.lstrip().startswith(dialect.comment)
@@ -128,10 +128,10 @@ def _quantum(dialect: Dialect, last: list[str], index: int) -> float:
         if len(cells := split_line(line, dialect.separator)) == len(dialect.kinds)
     ]
     if dialect.kinds[index] != "number":
-        return min((quantum(text) for text in texts if text), default=0.0)
+        return min((find_quantum(text) for text in texts if text), default=0.0)
     if any("e" in text.lower() for text in texts):
-        return floating_quantum(texts)
-    return min((step for text in texts if (step := quantum(text)) > 0), default=0.0)
+        return find_floating_quantum(texts)
+    return min((step for text in texts if (step := find_quantum(text)) > 0), default=0.0)
 
 
 def _lines(path: Path, dialect: Dialect) -> Iterator[tuple[int, bytes]]:
@@ -192,7 +192,7 @@ def _read(path: Path, dialect: Dialect, indexes: tuple[int, ...]) -> Blocks:
                     clock = clocks[index] = Clock(
                         dialect.kinds[index], first, f"{path}: line {number + 1}"
                     )
-                columns.append(clock.seconds(values.to_numpy(object)))
+                columns.append(clock.parse_seconds(values.to_numpy(object)))
             else:
                 columns.append(values.to_numpy(float))
         yield columns
@@ -275,7 +275,7 @@ def _name_bad_cell(
             if (
                 index < len(cells)
                 and dialect.kinds[index] == "number"
-                and cell_kind(cells[index], dialect.decimal) not in ("number", "")
+                and find_cell_kind(cells[index], dialect.decimal) not in ("number", "")
             ):
                 raise HrgError(
                     f"{path}: line {number + row + 1}: {cells[index][:40]!r} in column {index + 1}"

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import HrgError
-from .column_units import unit_of_column
+from .column_units import find_column_unit
 from .even_times import TimeJudge
 from .log import Log
-from .log_columns import Roles, listing
-from .quantities import time_factor
+from .log_columns import Roles, list_columns
+from .quantities import find_time_factor
 from .readers import guard_reading
 
 
@@ -26,7 +26,7 @@ class Timing:
     reasons: tuple[str, ...] = ()
 
 
-def timing_of(
+def judge_timing(
     log: Log,
     roles: Roles,
     path: Path,
@@ -42,7 +42,7 @@ def timing_of(
         if rate is None:
             raise HrgError(
                 f"{path}: neither a time column nor a sampling rate was found (columns:"
-                f" {listing(log)}); give time or sample_rate_hz"
+                f" {list_columns(log)}); give time or sample_rate_hz"
             )
         return Timing(float(rate), 1.0)
     channel = log.channels[roles.time]
@@ -65,7 +65,7 @@ def timing_of(
     if single_precision:
         largest = max(abs(judge.first), abs(judge.last))
         rounding = max(rounding, float(np.spacing(np.float32(largest))))
-    step, departure = judge.even_step()
+    step, departure = judge.find_even_step()
     allowed = max(
         tolerance * step, min(rounding, 0.5 * step) * 0.51, 4 * np.spacing(abs(judge.last))
     )
@@ -88,7 +88,7 @@ def _seconds_per_unit(
             f"{path}: its time column counts ticks of the instrument's clock; give clock_hz (ticks"
             " a second; 60e6 for an MFLI)"
         )
-    return time_factor(unit_of_column(str(path), "time", column, channel, time_units))
+    return find_time_factor(find_column_unit(str(path), "time", column, channel, time_units))
 
 
 def _nice(rate: float, step: float, rows: int, rounding: float) -> float:

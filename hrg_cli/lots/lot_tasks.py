@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import HrgError
-from ..formats import partners
+from ..formats import find_partners
 from .groups import Origin
 from .identity import Told, find_owner, group_keys, is_readable, read_gyro_id
 from .lot_settings import PER_GYRO, PER_RECORDING, LotSettings
@@ -56,7 +56,7 @@ def list_tasks(
     by: dict[str, str] = {}
     used: set[tuple[str, str]] = set()
     epoch = read_epoch(lot)
-    second = partners(
+    second = find_partners(
         [file for _, file in recordings], lambda file: lot.table("import", file.name).get("s_file")
     )
     for named, file in recordings:

@@ -174,10 +174,10 @@ def work_gyro(task: GyroTask) -> dict[str, Any]:
 
 def _logs(task: RecordingTask) -> list[Path]:
     """The log, and the file of its channel S where it has one of its own."""
-    from ..formats import second_file
+    from ..formats import find_second_file
 
     source, s_file = Path(task.source), task.settings["import"]["s_file"]
-    return [source] if s_file is None else [source, second_file(source, s_file)]
+    return [source] if s_file is None else [source, find_second_file(source, s_file)]
 
 
 def _worst(results: Mapping[str, Any], errors: list[str]) -> str:

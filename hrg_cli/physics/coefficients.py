@@ -90,7 +90,7 @@ class Coefficients:
     def _matrix(self, t: Array, values: Array) -> Array:
         return np.stack([self._row(t, values[:, i]) for i in range(4)], -1).reshape(-1, 2, 2)
 
-    def knot_stride(self, h: float) -> int:
+    def choose_knot_stride(self, h: float) -> int:
         """Steps between knots, so that the chord of the exponential errs by less than
         `_CHORD_ERROR_1_S` a second."""
         if not self.moving:
@@ -103,7 +103,7 @@ class Coefficients:
             )
         )
 
-    def knots(self, first: int, steps: int, h: float, stride: int) -> Array:
+    def list_knots(self, first: int, steps: int, h: float, stride: int) -> Array:
         """Step numbers at which exponentials are made: multiples of `stride` and both sides of each
         corner of the environment."""
         if not self.moving:
@@ -117,7 +117,7 @@ class Coefficients:
         everything = np.unique(np.concatenate([regular, corner, corner + 1]))
         return everything[(everything >= regular[0]) & (everything <= regular[-1])]
 
-    def propagators(self, knots: Array, h: float, scale: float) -> tuple[Array, Array]:
+    def compute_propagators(self, knots: Array, h: float, scale: float) -> tuple[Array, Array]:
         """exp(hA) (m, 4, 4) of the state (z, p/scale) at the middle of the step of each knot, and
         what the loop needs there (m, 14).
 

@@ -150,7 +150,7 @@ def compute_drive(
         feed_forward_1_s * control.main_amplitude + control.amplitude_gain_1_s * error + integral[0]
     )
     rate = np.array([control.amplitude_integral_1_s2 * error, 0.0])
-    logged = control.logged(np.array([time_s]))
+    logged = control.interpolate_log(np.array([time_s]))
     if len(logged):
         # No loop acts beside a log: its integrals stand still.
         main, rate = logged[0, 0], np.zeros(2)

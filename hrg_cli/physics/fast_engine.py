@@ -116,7 +116,9 @@ def run(
     )  # fmt: skip
     knocks = _knocks(plant, step_s)
     for first in range(0, count, CHUNK):
-        yield engine.block(first, engine.samples(first, min(CHUNK, count - first), knocks))
+        yield engine.make_block(
+            first, engine.make_samples(first, min(CHUNK, count - first), knocks)
+        )
 
 
 class _Knock(NamedTuple):
@@ -154,7 +156,7 @@ class _Engine:
         self.substeps = _substeps(self.nonlinear, control.forced, mechanics.frequency_hz * step_s)
         self.h = step_s / self.substeps
         self.table = Coefficients(environment, plant)
-        self.stride = self.table.knot_stride(self.h)
+        self.stride = self.table.choose_knot_stride(self.h)
         self.advance = fast_loop.compile_loop(plant.extra)
 
         e_A = np.array([math.cos(start_angle_rad), math.sin(start_angle_rad)])
@@ -184,7 +186,7 @@ class _Engine:
         memory[AXIS_COS], memory[AXIS_SIN] = e_A
         return memory
 
-    def samples(self, first: int, n: int, knocks: list[_Knock]) -> Rows:
+    def make_samples(self, first: int, n: int, knocks: list[_Knock]) -> Rows:
         """The next n samples; the knocks felt among them are taken off the list."""
         parts, done = [], first
         while knocks and knocks[0].felt <= first + n:
@@ -206,8 +208,8 @@ class _Engine:
     def _between_knocks(self, first: int, n: int) -> Rows:
         """The next n samples by the compiled loop."""
         step, steps = first * self.substeps, n * self.substeps
-        knots = self.table.knots(step, steps, self.h, self.stride)
-        propagators, local = self.table.propagators(knots, self.h, self.omega)
+        knots = self.table.list_knots(step, steps, self.h, self.stride)
+        propagators, local = self.table.compute_propagators(knots, self.h, self.omega)
         rows = Rows(
             z=np.empty((2, n)),
             v=np.empty((2, n)),
@@ -215,19 +217,19 @@ class _Engine:
             command=np.zeros((2, n)),
             noise=np.zeros((2, n)),
         )
-        commanded = self.control.logged((step + np.arange(steps)) * self.h)
+        commanded = self.control.interpolate_log((step + np.arange(steps)) * self.h)
         self.advance(
             self.memory,
             Motion(step, n, self.substeps, self.h, self.omega, knots - step, propagators, local),
-            Forces(self.polynomial, self.nonlinear, *self.source.kicks(steps)),
+            Forces(self.polynomial, self.nonlinear, *self.source.draw_kicks(steps)),
             self.loops._replace(commanded=commanded),
             self.board,
-            self.source.electronics(step, steps),
+            self.source.draw_electronics(step, steps),
             rows,
         )
         return rows
 
-    def block(self, first: int, rows: Rows) -> Block:
+    def make_block(self, first: int, rows: Rows) -> Block:
         """The rows with their times and environment; velocity and envelopes are made when asked
         for."""
         t = np.arange(first, first + rows.z.shape[1]) * self.step_s
@@ -286,7 +288,7 @@ def _velocity(table: Coefficients, t: Array, z: Array, v: Array, omega: float) -
 def _carried(table: Coefficients, start: float, stop: float, change: Array, scale: float) -> Array:
     """The state (z, p/scale) that a jump of the velocity leaves a part of a sample later (4,)."""
     part = stop - start
-    propagator, _ = table.propagators(
+    propagator, _ = table.compute_propagators(
         np.array([start / part]) if part > 0 else np.zeros(1), part, scale
     )
     return propagator[0] @ np.array([0.0, 0.0, change[0] / scale, change[1] / scale])

@@ -105,7 +105,7 @@ def compute_thermal_kicks(mechanics: Mechanics, noise: Noise, h: float) -> Array
     >>> np.round(np.diag(R @ R.T), 7).tolist()
     [0.0002, 0.0002]
     """
-    value, vector = np.linalg.eigh(mechanics.damping_matrix())
+    value, vector = np.linalg.eigh(mechanics.build_damping_matrix())
     return np.asarray(
         vector * np.sqrt(2 * noise.thermal_velocity2 * np.expm1(2 * np.maximum(value, 0.0) * h))
     )
@@ -169,7 +169,7 @@ class Flicker:
         self._random = random
         self._state = random.standard_normal((len(self._tau), len(self._std)))
 
-    def knot_s(self) -> float:
+    def choose_knot_s(self) -> float:
         """Spacing of knots that draws the fastest process."""
         return float(self._tau[-1] / _KNOTS_A_TIME)
 
@@ -193,12 +193,12 @@ class FlickerSeries:
     each other."""
 
     def __init__(self, source: Flicker, h: float) -> None:
-        self.stride = max(1, int(source.knot_s() / h))
+        self.stride = max(1, int(source.choose_knot_s() / h))
         self._source, self._h = source, h
         self._knots = np.zeros((0, 0))
         self._first = 0
 
-    def over(self, first: int, steps: int) -> tuple[Array, int]:
+    def draw_over(self, first: int, steps: int) -> tuple[Array, int]:
         """Knots (k, channels) that enclose steps first … first + steps, and the step of the first
         of them."""
         begin, end = first // self.stride, (first + steps) // self.stride + 2

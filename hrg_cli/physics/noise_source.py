@@ -55,7 +55,7 @@ class NoiseSource:
         drive = noise.drive_density**2 * noise.drive_corner_hz
         return FlickerSeries(Flicker(np.repeat([readout, drive], 4), corner, steps * h, random), h)
 
-    def kicks(self, steps: int) -> tuple[Array, Array]:
+    def draw_kicks(self, steps: int) -> tuple[Array, Array]:
         """Changes of the momentum (over ω) at the next steps (n, 2) by Brownian force, and by white
         drive noise; empty without.
 
@@ -71,10 +71,10 @@ class NoiseSource:
             (steps, 2)
         ) if self._drive else _NOTHING
 
-    def electronics(self, first: int, steps: int) -> Disturbance:
+    def draw_electronics(self, first: int, steps: int) -> Disturbance:
         """White and 1/f noise of the steps first … first + steps of the run."""
         white = self._std * self._white.standard_normal((steps, 2)) if self.readout else _NOTHING
         if self._series is None:
             return Disturbance(white, _NO_KNOTS, 1, 0)
-        knots, begin = self._series.over(first, steps)
+        knots, begin = self._series.draw_over(first, steps)
         return Disturbance(white, knots, self._series.stride, begin - first)

@@ -73,7 +73,7 @@ class Plant:
         """Add a further acceleration to what is there."""
         self.extra = further if self.extra is None else add_accelerations(self.extra, further)
 
-    def retuned(self, relative: Array) -> Array:
+    def retune_stiffness(self, relative: Array) -> Array:
         """W of a frequency higher by a part `relative` (k,) of the linear resonator's, the split in
         rad/s as it was (so measured over temperature, PHYSICS M9).
 
@@ -142,25 +142,27 @@ class ThermalCourses:
     frequency_split: tuple[float, ...] = ()
     scale_factor: tuple[float, ...] = ()
 
-    def factor(self, course: tuple[float, ...], temperature_degc: Array) -> Array:
+    def compute_factor(self, course: tuple[float, ...], temperature_degc: Array) -> Array:
         """1 + c₁ΔT + c₂ΔT² + … of a course."""
         change = np.asarray(temperature_degc, float) - self.reference_degc
         return 1 + sum((c * change ** (k + 1) for k, c in enumerate(course)), np.zeros_like(change))
 
-    def at(self, mechanics: Mechanics, temperature_degc: float) -> Mechanics:
+    def make_mechanics(self, mechanics: Mechanics, temperature_degc: float) -> Mechanics:
         """The resonator as it is at a temperature."""
         T = np.array(temperature_degc)
         return replace(
             mechanics,
-            frequency_hz=float(mechanics.frequency_hz * self.factor(self.frequency, T)),
-            damping_rate_1_s=float(mechanics.damping_rate_1_s * self.factor(self.damping_rate, T)),
+            frequency_hz=float(mechanics.frequency_hz * self.compute_factor(self.frequency, T)),
+            damping_rate_1_s=float(
+                mechanics.damping_rate_1_s * self.compute_factor(self.damping_rate, T)
+            ),
             damping_split_1_s=float(
-                mechanics.damping_split_1_s * self.factor(self.damping_split, T)
+                mechanics.damping_split_1_s * self.compute_factor(self.damping_split, T)
             ),
             frequency_split_rad_s=float(
-                mechanics.frequency_split_rad_s * self.factor(self.frequency_split, T)
+                mechanics.frequency_split_rad_s * self.compute_factor(self.frequency_split, T)
             ),
-            scale_factor=float(mechanics.scale_factor * self.factor(self.scale_factor, T)),
+            scale_factor=float(mechanics.scale_factor * self.compute_factor(self.scale_factor, T)),
         )
 
 
@@ -197,21 +199,23 @@ def make_linear_plant(
     [[0.55, 0.0], [0.0, 0.55]]
     """
     T = environment.temperature_degc
-    omega = (mechanics.omega_rad_s * courses.factor(courses.frequency, T))[:, None, None]
-    split = (mechanics.frequency_split_rad_s * courses.factor(courses.frequency_split, T))[
+    omega = (mechanics.omega_rad_s * courses.compute_factor(courses.frequency, T))[:, None, None]
+    split = (mechanics.frequency_split_rad_s * courses.compute_factor(courses.frequency_split, T))[
         :, None, None
     ]
-    damping = (mechanics.damping_rate_1_s * courses.factor(courses.damping_rate, T))[:, None, None]
-    damping_split = (mechanics.damping_split_1_s * courses.factor(courses.damping_split, T))[
+    damping = (mechanics.damping_rate_1_s * courses.compute_factor(courses.damping_rate, T))[
         :, None, None
     ]
+    damping_split = (
+        mechanics.damping_split_1_s * courses.compute_factor(courses.damping_split, T)
+    )[:, None, None]
     m = mechanics.mode_number
     return Plant(
         mechanics,
         damping * IDENTITY + damping_split * make_reflection(2 * m * mechanics.damping_axis_rad),
         (omega**2 + split**2) * IDENTITY
         + 2 * omega * split * make_reflection(2 * m * mechanics.stiffness_axis_rad),
-        mechanics.scale_factor * courses.factor(courses.scale_factor, T),
+        mechanics.scale_factor * courses.compute_factor(courses.scale_factor, T),
     )
 
 
@@ -248,7 +252,7 @@ class Control:
     """Rows (time_s, a_ΦA, a_ΦB) of a drive that is replayed along straight lines, constant before
     the first and after the last; none: the loops act."""
 
-    def logged(self, time_s: Array) -> Array:
+    def interpolate_log(self, time_s: Array) -> Array:
         """a_ΦA and a_ΦB (n, 2) of the log at any times; (0, 2) where the loops act."""
         if not len(self.log):
             return np.zeros((0, 2))

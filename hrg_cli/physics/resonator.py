@@ -49,13 +49,13 @@ class Mechanics:
         """Mean angular frequency ω = (ω_p + ω_q)/2."""
         return 2 * np.pi * self.frequency_hz
 
-    def damping_matrix(self) -> Array:
+    def build_damping_matrix(self) -> Array:
         """N, 1/s."""
         return self.damping_rate_1_s * IDENTITY + self.damping_split_1_s * make_reflection(
             2 * self.mode_number * self.damping_axis_rad
         )
 
-    def stiffness_matrix(self) -> Array:
+    def build_stiffness_matrix(self) -> Array:
         """W, rad²/s²: eigenvalues (ω ± δω)²."""
         omega, split = self.omega_rad_s, self.frequency_split_rad_s
         return (omega**2 + split**2) * IDENTITY + 2 * omega * split * make_reflection(
@@ -153,13 +153,13 @@ def build_generator(
         * (mechanics.frequency_hz if reference_frequency_hz is None else reference_frequency_hz)
     )
     turning = mechanics.scale_factor * np.asarray(rate_rad_s, float)[..., None, None] * J
-    damping = mechanics.damping_matrix() - turning
+    damping = mechanics.build_damping_matrix() - turning
     if second_order == 0:
         split = mechanics.frequency_split_rad_s * make_reflection(
             2 * mechanics.mode_number * mechanics.stiffness_axis_rad
         )
         return -damping + 1j * (split + (mechanics.omega_rad_s - omega_r) * IDENTITY)
-    return find_solvent(damping, mechanics.stiffness_matrix(), omega_r, second_order)
+    return find_solvent(damping, mechanics.build_stiffness_matrix(), omega_r, second_order)
 
 
 def find_solvent(

@@ -155,10 +155,13 @@ def follow(
     True
     """
     count, steps = len(t), len(t) - 1
-    L, corrections = motion.generators(t)
-    halves = motion.propagator(t[:-1], h / 2), motion.propagator(t[:-1] + h / 2, h / 2)
-    middle = motion.generators(t[:-1] + h / 2)[1]
-    at_nodes, at_middles = motion.state(t), motion.state(t[:-1] + h / 2)
+    L, corrections = motion.build_generators(t)
+    halves = (
+        motion.compute_propagator(t[:-1], h / 2),
+        motion.compute_propagator(t[:-1] + h / 2, h / 2),
+    )
+    middle = motion.build_generators(t[:-1] + h / 2)[1]
+    at_nodes, at_middles = motion.find_state(t), motion.find_state(t[:-1] + h / 2)
     path = EnvelopePath(
         t,
         h,
@@ -181,7 +184,7 @@ def follow(
 
         switched = motion.switches[(motion.switches > t[k]) & (motion.switches < t[k + 1])]
         if len(switched):
-            u = motion.across(t[k], t[k + 1], switched, u, memory)
+            u = motion.step_across(t[k], t[k + 1], switched, u, memory)
         elif motion.lively:
             moments = now, take_row(at_middles, k), take_row(at_nodes, k + 1)
             beside = corrections[k], middle[k], corrections[k + 1]
@@ -249,7 +252,7 @@ def sample(
     envelopes = _interpolate(path, times, cell, x)
     drives, commands = between(path.force), between(path.command)
     state = replace(
-        motion.state(times),
+        motion.find_state(times),
         drive=drives,
         forced=np.any(commands != 0, axis=1).astype(float),
         phase_rad=path.phase_rad[cell],

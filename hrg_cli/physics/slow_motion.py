@@ -56,7 +56,7 @@ class _Clock:
         )
         self._plant = plant
 
-    def state(self, t: Array) -> SlowState:
+    def find_state(self, t: Array) -> SlowState:
         """What of the environment an effect's slow term may look at, at times t."""
         rate = np.interp(t, self._t, self._rate)
         cell = np.clip(np.searchsorted(self._t, t, side="right") - 1, 0, len(self._slope) - 1)
@@ -91,21 +91,21 @@ class EnvelopeMotion:
         self._feed = self.plant.mechanics.damping_rate_1_s
         self.lively = control.forced or len(terms.motion) > 0
         self.switches = np.unique(control.on_off) if control.forced else np.zeros(0)
-        self.jumps = [jump(self._clock.state(np.zeros(1))) for jump in terms.jumps]
+        self.jumps = [jump(self._clock.find_state(np.zeros(1))) for jump in terms.jumps]
         self.jumps = sorted(
             ((at, np.reshape(change, 2)) for at, change in self.jumps if at > 0),
             key=lambda one: one[0],
         )
 
-    def state(self, t: Array) -> SlowState:
+    def find_state(self, t: Array) -> SlowState:
         """What the effects see at times t, the environment made true by theirs; nothing of the wave
         or the drive yet."""
-        state = self._clock.state(t)
+        state = self._clock.find_state(t)
         for change in self._terms.environment:
             state = change(state)
         return state
 
-    def generators(self, t: Array) -> tuple[Array, Array]:
+    def build_generators(self, t: Array) -> tuple[Array, Array]:
         """L (n, 2, 2) at times t, and the matrix by which a force's envelope is corrected, f + C f.
 
         With frequency and damping that move, L² + 2ΓL gains L' − (KΩ)'J = −N' + jW'/2ω. A force
@@ -114,7 +114,7 @@ class EnvelopeMotion:
         omega_r = self.plant.mechanics.omega_rad_s
         matrices = []
         for moment in (t, t - _DERIVATIVE_S, t + _DERIVATIVE_S):
-            state = self.state(moment)
+            state = self.find_state(moment)
             there = self._plant_at(
                 Environment(
                     moment,
@@ -140,12 +140,15 @@ class EnvelopeMotion:
         L = L - moved / (2j * omega)
         return L, -(2 * N - turning + L - 1j * (omega - omega_r) * np.eye(2)) / (2j * omega)
 
-    def propagator(self, t: Array, h: float) -> Array:
+    def compute_propagator(self, t: Array, h: float) -> Array:
         """The linear motion from t to t + h (n, 2, 2): Magnus, fourth order, (L₁+L₂)/2 + (√3
         h/12)[L₂, L₁] at the Gauss points."""
         # The Gauss points of a step lie h/2√3 on either side of its middle.
         offset = h / (2 * np.sqrt(3))
-        L1, L2 = self.generators(t + h / 2 - offset)[0], self.generators(t + h / 2 + offset)[0]
+        L1, L2 = (
+            self.build_generators(t + h / 2 - offset)[0],
+            self.build_generators(t + h / 2 + offset)[0],
+        )
         return exponentiate((L1 + L2) / 2 + np.sqrt(3) * h / 12 * (L2 @ L1 - L1 @ L2), h)
 
     def _beside(
@@ -200,15 +203,17 @@ class EnvelopeMotion:
         memory.integral = I + h / 6 * (i1 + 2 * i2 + 2 * i3 + i4)
         return E2 @ (base + h / 6 * (E1 @ k1) + h / 3 * (k2 + k3)) + h / 6 * k4
 
-    def across(self, start: float, stop: float, switches: Array, u: Array, memory: Memory) -> Array:
+    def step_across(
+        self, start: float, stop: float, switches: Array, u: Array, memory: Memory
+    ) -> Array:
         """u after a step within which the drive is switched."""
         edges = np.concatenate([[start], switches, [stop]])
         for a, b in pairwise(edges):
             h = b - a
             t = a + h * np.array([0.0, 0.5, 1.0])
-            _, corrections = self.generators(t)
-            states = self.state(t)
-            halves = self.propagator(a + h * np.array([0.0, 0.5]), h / 2)
+            _, corrections = self.build_generators(t)
+            states = self.find_state(t)
+            halves = self.compute_propagator(a + h * np.array([0.0, 0.5]), h / 2)
             u = self.step(
                 h,
                 [take_row(states, k) for k in range(3)],

@@ -297,7 +297,7 @@ def test_the_slow_lag_undoes_the_thermometers():
 
 def test_pages_name_what_a_physicist_looks_for():
     for effect in EFFECTS:
-        page = " ".join(effects.page(effect.name).split())
+        page = " ".join(effects.format_page(effect.name).split())
         for word in (
             "Physics:",
             "Equation:",

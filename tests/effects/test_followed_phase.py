@@ -4,7 +4,7 @@ frequency."""
 import numpy as np
 import pytest
 
-from hrg_cli.effects.effect import followed
+from hrg_cli.effects.effect import follow_phase
 from hrg_cli.physics import ellipse
 
 
@@ -15,7 +15,7 @@ def test_the_phase_is_continuous_through_blocks_and_turns_of_the_wave(samples_a_
     u = ellipse.compute_envelopes(np.full(len(n), 1.0), np.full(len(n), 0.05), angle, phase)
     w = u * np.exp(2j * np.pi * n / samples_a_period)[:, None]
     last = []
-    found = np.concatenate([followed(part, last) for part in np.split(w, (1, 5, 4000, 4001))])
+    found = np.concatenate([follow_phase(part, last) for part in np.split(w, (1, 5, 4000, 4001))])
     assert np.exp(1j * (found - phase - 2 * np.pi * n / samples_a_period)) == pytest.approx(
         1, abs=1e-6
     )

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.formats import import_envelope
-from hrg_cli.formats.row_noise import DELAY, row_noise
+from hrg_cli.formats.row_noise import DELAY, estimate_row_noise
 from hrg_cli.records import FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Periods, collect
 from hrg_cli.stages.diagnose import diagnose
 from hrg_cli.stages.estimate import estimate
@@ -95,7 +95,7 @@ def test_noise_behind_a_filter(poles, constant_s, correlated):
     """κ is ∫ρ: 2τ, 4τ, 6.4τ for 1, 2, 4 poles; a long average has the density's variance; the delay
     is near DELAY·κ."""
     _, u = lock_in(poles, constant_s, seconds=200.0, noise=0.3)
-    found = row_noise([u - u.mean(1, keepdims=True)])
+    found = estimate_row_noise([u - u.mean(1, keepdims=True)])
     assert found.level and found.correlated_rows == pytest.approx(correlated, rel=0.2)
     np.testing.assert_allclose(
         found.density, 0.3**2 / 20, rtol=0.25
@@ -109,7 +109,7 @@ def test_white_rows_are_windows_as_they_are():
     u = envelope(time) + 0.01 * (
         rng.standard_normal((2, 6000)) + 1j * rng.standard_normal((2, 6000))
     )
-    found = row_noise([u])
+    found = estimate_row_noise([u])
     assert found.correlated_rows < 1.15
     np.testing.assert_allclose(found.density, 1e-4, rtol=0.2)
 
@@ -399,7 +399,7 @@ def test_white_rows_noise_is_as_well_known_as_their_number_allows(rows):
     found = []
     for _ in range(40):
         noise = rng.normal(size=(2, 2, rows)) * 2e-4
-        found.append(row_noise([u + noise[0] + 1j * noise[1]]))
+        found.append(estimate_row_noise([u + noise[0] + 1j * noise[1]]))
     size = np.sqrt([one.density.mean() for one in found]) / 2e-4
     expected = 1 / np.sqrt(2 * 4 * rows * 26 / 32)
     assert abs(size.mean() - 1) < 4 * expected / np.sqrt(len(size)) + 0.01
@@ -425,7 +425,7 @@ def test_errors_of_few_rows_are_as_large_as_stated(kind, rows):
     √⟨σ²/s²⟩ over draws of s (of k degrees of freedom it is √(k/(k − 2))), within 5 %."""
     rng = np.random.default_rng(rows)
     stated = [
-        row_noise([noisy(kind, rows, rng)]).density[0, 0]
+        estimate_row_noise([noisy(kind, rows, rng)]).density[0, 0]
         for _ in range(1000 if rows < 1000 else 100)
     ]
     assert 0.95 < np.sqrt(np.mean(2e-4**2 / np.array(stated))) < 1.05
@@ -434,7 +434,7 @@ def test_errors_of_few_rows_are_as_large_as_stated(kind, rows):
 @pytest.mark.parametrize("rows", [12, 24])
 def test_of_very_few_rows_the_differences_of_an_amplitude_are_of_one_quadrature(rows):
     rng = np.random.default_rng(rows)
-    stated = [row_noise([noisy("amplitude", rows, rng)]) for _ in range(400)]
+    stated = [estimate_row_noise([noisy("amplitude", rows, rng)]) for _ in range(400)]
     assert np.median([one.density[0, 0] for one in stated]) == pytest.approx(2e-4**2, rel=0.2)
     assert not any(one.level for one in stated)
 
@@ -465,7 +465,7 @@ def test_noise_of_a_wave_that_turns_fast_beside_its_rows(rows, turn, beat):
     u = (vectors * start) @ np.exp(np.multiply.outer(values, np.arange(rows)))
     for noise in (1e-6, 1e-3):
         white = rng.standard_normal((2, rows)) + 1j * rng.standard_normal((2, rows))
-        found = row_noise([u + noise * white])
+        found = estimate_row_noise([u + noise * white])
         assert found.density.mean() / noise**2 == pytest.approx(1.0, abs=0.4)
         assert found.variance.mean() / noise**2 == pytest.approx(1.0, abs=0.3)
 

@@ -47,7 +47,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("(omega**2 + split**2) * IDENTITY", "omega**2 * IDENTITY"),
             ("+ 2 * omega * split * make_reflection", "- 2 * omega * split * make_reflection"),
             ("np.stack([sin, -cos], -1)", "np.stack([sin, cos], -1)"),
-            ("damping = mechanics.damping_matrix() - turning", "damping = mechanics.damping_matrix() + turning"),
+            ("damping = mechanics.build_damping_matrix() - turning", "damping = mechanics.build_damping_matrix() + turning"),
             ("(mechanics.omega_rad_s - omega_r) * IDENTITY", "(omega_r - mechanics.omega_rad_s) * IDENTITY"),
             ("(L @ L + 2 * damping @ L)", "(L @ L + damping @ L)"),
             ("1 + x**2 / 6", "1 - x**2 / 6"),

@@ -57,8 +57,8 @@ def test_fast_instrument_axes_are_the_matrices_of_the_resonator():
     got = axes.turned_axes(np.concatenate([z, v]), GYRO, 0.0, RATE, 0.4)[2:]
     turning = GYRO.scale_factor * resonator.J
     want = (
-        -2 * (GYRO.damping_matrix() - RATE * turning) @ v
-        - (GYRO.stiffness_matrix() - 0.4 * turning) @ z
+        -2 * (GYRO.build_damping_matrix() - RATE * turning) @ v
+        - (GYRO.build_stiffness_matrix() - 0.4 * turning) @ z
     )
     assert np.allclose(got, want, rtol=1e-12)
 

@@ -74,7 +74,7 @@ def test_allan_deviation_of_a_driven_gyro_is_the_angle_random_walk(source):
 
 def test_flicker_has_the_density_h_over_f():
     source = Flicker(np.array([1.0, 4.0]), 1.0, 1000.0, np.random.default_rng(2))
-    step = source.knot_s()
+    step = source.choose_knot_s()
     x = source.draw(int(1000 / step), step)
     spectrum = np.abs(np.fft.rfft(x - x.mean(axis=0), axis=0)) ** 2 * 2 * step / len(x)
     f = np.fft.rfftfreq(len(x), step)

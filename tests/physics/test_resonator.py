@@ -43,9 +43,9 @@ def test_what_the_second_order_is_worth(second_order, low, high):
     """PHYSICS §5: four seconds at 1 rad/s against the exponential of the second-order motion."""
     omega, time_s = OF_THE_PAGE.omega_rad_s, 4.0
     turning = OF_THE_PAGE.scale_factor * J
-    damping = OF_THE_PAGE.damping_matrix() - turning
+    damping = OF_THE_PAGE.build_damping_matrix() - turning
     motion = np.block(
-        [[np.zeros((2, 2)), np.eye(2)], [-OF_THE_PAGE.stiffness_matrix(), -2 * damping]]
+        [[np.zeros((2, 2)), np.eye(2)], [-OF_THE_PAGE.build_stiffness_matrix(), -2 * damping]]
     )
     start = np.array([0.955 + 0.006j, 0.296 - 0.019j])
     speed = (1j * omega * np.eye(2) + resonator.build_generator(OF_THE_PAGE, 1.0)) @ start
@@ -60,7 +60,7 @@ def test_the_second_order_written_out():
     omega, turning = OF_THE_PAGE.omega_rad_s, OF_THE_PAGE.scale_factor * J
     first = resonator.build_generator(OF_THE_PAGE, 1.0, second_order=0)
     full = resonator.build_generator(OF_THE_PAGE, 1.0)
-    gamma = OF_THE_PAGE.damping_matrix() - turning
+    gamma = OF_THE_PAGE.build_damping_matrix() - turning
     delta = OF_THE_PAGE.frequency_split_rad_s * make_reflection(4 * OF_THE_PAGE.stiffness_axis_rad)
     out = first - 1j * gamma @ gamma / (2 * omega) - (gamma @ delta - delta @ gamma) / (2 * omega)
     assert np.abs(out - full).max() < 1e-4 * np.abs(first - full).max()

@@ -18,7 +18,10 @@ def run_down(angle, rng, sample_rate_hz=4000.0, seconds=6.0, noise=1e-5):
     """Samples of z̈ + 2Nż + Wz = 0 from rest at a wave angle, step by step by its own matrix
     exponential: no envelope, no averaging."""
     motion = np.block(
-        [[np.zeros((2, 2)), np.eye(2)], [-TRUE.stiffness_matrix(), -2 * TRUE.damping_matrix()]]
+        [
+            [np.zeros((2, 2)), np.eye(2)],
+            [-TRUE.build_stiffness_matrix(), -2 * TRUE.build_damping_matrix()],
+        ]
     )
     step = expm(motion / sample_rate_hz)
     state = np.array([np.cos(2 * angle), np.sin(2 * angle), 0.0, 0.0])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...effects.effect import Effect, frame, no_term, same_signal, same_state
+from ...effects.effect import Effect, find_frame, no_term, same_signal, same_state
 from ...physics.resonator import exponentiate
 from ..envelopes import coordinates
 from ..envelopes.coordinates import COUNT, SECOND_ORDER
@@ -227,7 +227,7 @@ def _base_sources(
     held = np.isfinite(series.held_amplitude)
     if held.any():
         # the drive makes up for what the resonator loses along the wave, whatever its parameters
-        turn, e_A, _, _ = frame(u, series.phase_rad)
+        turn, e_A, _, _ = find_frame(u, series.phase_rad)
         for c in columns:
             along = held * np.real(np.sum(c * e_A, axis=-1) * np.conj(turn)) * turn
             c -= along[..., None] * e_A

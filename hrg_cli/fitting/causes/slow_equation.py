@@ -21,8 +21,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ...effects.effect import Effect, frame, no_term
-from ...effects.envelope_jumps import part_after
+from ...effects.effect import Effect, find_frame, no_term
+from ...effects.envelope_jumps import find_part_after
 from ...physics.plant import SlowState
 from ...physics.resonator import exponentiate
 from ..envelopes import coordinates
@@ -124,7 +124,7 @@ class RungeKuttaStage:
 
     def _along(self, u: Array, v: Array) -> Array:
         """The drive along the axes of envelopes u that move as v does."""
-        turn, e_A, e_B, a_A = frame(u, self.state.phase_rad)
+        turn, e_A, e_B, a_A = find_frame(u, self.state.phase_rad)
         main = self.main
         if self.holds:
             # the amplitude's own equation solved for the force, and a slow pull to where it was measured
@@ -492,7 +492,7 @@ def predict_jumps(
     assert effect.slow_jump is not None
     instant, change = effect.slow_jump(values, build_state(series, point))
     t, h = series.time_s, series.step_s
-    share = np.diff(part_after(t, instant), axis=1) * (h > 0)
+    share = np.diff(find_part_after(t, instant), axis=1) * (h > 0)
     L = build_generators(series, point)[:, 1:]
     near = np.where(share != 0, t[:, 1:] - instant, 0.0)
     return share[..., None] * apply_generators(

@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from ...effects.effect import Effect, frame
+from ...effects.effect import Effect, find_frame
 from ...errors import HrgError
 from ...fitting.causes import extended_fit, fit_point, slow_equation, slow_prediction
 from ...fitting.causes.coordinate_priors import CoordinatePriors
@@ -159,7 +159,7 @@ def _fit_model(wave: Wave, resonator: Resonator | None) -> tuple[MeasuredRuns, P
 def _complete_envelopes(u: Array) -> Array:
     """Envelopes u (n, 2) with their companion, (n, 2, 2): e^{jφ}[e_A, e_B][[a, −jb], [−jb, a]],
     which no ellipse makes singular."""
-    turn, e_A, e_B, _ = frame(u, 0.0)
+    turn, e_A, e_B, _ = find_frame(u, 0.0)
     a, b = (np.sum(u * e, axis=-1) * np.conj(turn) for e in (e_A, e_B))
     companion = turn[:, None] * (b[:, None] * e_A + a[:, None] * e_B)
     return np.stack([u, companion], axis=-1)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...effects.effect import frame
+from ...effects.effect import find_frame
 from ...errors import HrgError
 from ...physics.plant import Readout, Samples
 from ...records import Recording, Wave
@@ -93,7 +93,7 @@ class Injection:
 
     def _drive(self, t: Array, q: Array) -> Array:
         """Commanded force on the envelopes turned to the instant, (2, n)."""
-        turn, e_A, e_B, _ = frame(q, 0.0)
+        turn, e_A, e_B, _ = find_frame(q, 0.0)
         main, quadrature = self._log("drive_main", t, 0.0), self._log("drive_quadrature", t, 0.0)
         return (turn[:, None] * (main[:, None] * e_A - 1j * quadrature[:, None] * e_B)).T
 

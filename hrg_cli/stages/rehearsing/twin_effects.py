@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...effects.effect import Effect, Values, frame
+from ...effects.effect import Effect, Values, find_frame
 from ...fourier import evaluate
 from ...physics.plant import SlowState
 from ...physics.resonator import J
@@ -62,7 +62,7 @@ def make_tables_effect(
     )
 
     def slow(_: Values, u: Array, state: SlowState) -> Array:
-        e_A = frame(u, state.phase_rad)[1]
+        e_A = find_frame(u, state.phase_rad)[1]
         angle = np.arctan2(e_A[..., 1], e_A[..., 0]).ravel() / mode
         x = state.temperature_degc if frequency is None else np.interp(state.time_s, *frequency)
         at = np.broadcast_to(x, u.shape[:-1]).ravel()

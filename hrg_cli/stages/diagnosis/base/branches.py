@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....effects.effect import branch
+from ....effects.effect import find_branch
 
 Array = np.ndarray
 SMOOTH = 0.5
@@ -20,7 +20,7 @@ beside a corner they have none."""
 def average_branch(time_s: Array, temperature: Array) -> Array:
     """Mean of the branch (+1 rising, −1 falling, 0 before any change) over the step that follows
     each row, (n,); the last row has none and repeats the one before."""
-    signs = branch(temperature)[1:]  # of every step
+    signs = find_branch(temperature)[1:]  # of every step
     if len(signs) == 0 or not signs.any():
         return np.zeros(len(time_s))
     starts, values = [float(time_s[0])], [float(signs[0])]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ....effects.effect import frame
+from ....effects.effect import find_frame
 from ....errors import HrgError
 from ....fitting.causes.fit_point import Point
 from ....fitting.causes.measured_runs import MeasuredRuns
@@ -134,7 +134,7 @@ def _drive_less_loss(run: EnvelopeRun, wave: Wave, damping_1_s: float) -> Array 
     def at_rows(values: Array | None) -> Array:
         return np.interp(run.time_s, *_finite(wave.time_s, values))
 
-    turn, e_A, e_B, _ = frame(run.envelope, at_rows(wave.phase_rad))
+    turn, e_A, e_B, _ = find_frame(run.envelope, at_rows(wave.phase_rad))
     main = at_rows(wave.drive_main)
     quadrature = at_rows(wave.drive_quadrature) if _has(wave.drive_quadrature) else 0 * main
     force = turn[:, None] * (main[:, None] * e_A - 1j * quadrature[:, None] * e_B)

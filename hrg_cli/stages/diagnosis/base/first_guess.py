@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ....effects.effect import frame
+from ....effects.effect import find_frame
 from ....fitting.causes.slow_equation import apply_generators
 from ....fitting.causes.wave_frame import to_reals
 from ....fitting.envelopes import coordinates, propagator, rows
@@ -157,7 +157,7 @@ def _integrated(run: EnvelopeRun, wave: Wave, offset: float) -> tuple[Array, Arr
         _interpolate_column(t, wave, _logged(wave, name))
         for name in ("drive_main", "drive_quadrature", "phase_rad")
     )
-    turn, e_A, e_B, _ = frame(run.envelope, phase)
+    turn, e_A, e_B, _ = find_frame(run.envelope, phase)
     force = back * turn[:, None] * (main[:, None] * e_A - 1j * quadrature[:, None] * e_B)
     rate = np.gradient(run.turn_rad, t)[:, None]
     turning = rate * np.stack([u[:, 1], -u[:, 0]], axis=-1)

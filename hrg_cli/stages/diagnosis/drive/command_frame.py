@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ....effects.effect import frame
+from ....effects.effect import find_frame
 from ....fitting.causes import extended_fit, whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
@@ -151,7 +151,7 @@ def carry_turns(flow: Propagation, series: MeasuredRuns, angle: Array, phase: Ar
 def find_courses(fit: ExtendedFit) -> tuple[Array, Array]:
     """Angle mθ and phase of the wave over the rows, rad (R, n), in driven runs."""
     series, v = fit.series, fit.flow.prediction.motion
-    turn, e_A, _, _ = frame(v, series.phase_rad)
+    turn, e_A, _, _ = find_frame(v, series.phase_rad)
     driven = np.where(series.weight > 0, series.forced, 0.0)
     angle = np.unwrap(np.arctan2(e_A[..., 1], e_A[..., 0]), axis=1)
     return driven * angle, driven * np.unwrap(np.angle(turn), axis=1)

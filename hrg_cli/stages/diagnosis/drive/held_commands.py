@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ....effects.effect import frame
+from ....effects.effect import find_frame
 from ....fitting.causes import designs, whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit, place_on_rows
 from ....fitting.causes.measured_runs import MeasuredRuns
@@ -160,7 +160,7 @@ def _span_linear_maps(flow: Propagation) -> Array:
 
 def _force(series: MeasuredRuns, v: Array) -> Array:
     """The commanded force on envelopes v (R, n, 2)."""
-    turn, e_A, e_B, _ = frame(v, series.phase_rad)
+    turn, e_A, e_B, _ = find_frame(v, series.phase_rad)
     main, quadrature = series.main_drive[..., None], series.quadrature_drive[..., None]
     return turn[..., None] * (main * e_A - 1j * quadrature * e_B)
 
@@ -182,7 +182,7 @@ def _of_commands(series: MeasuredRuns, v: Array) -> tuple[Array, Array]:
     """Along the wave and across it (R, n, 2): f' of the commands beyond their scatter, and what of it
     the wave's own turn makes, (F' + jQψ', Fψ' − jQ') and (jQψ', Fψ')."""
     smooth = remove_command_scatter(series)
-    _, e_A, _, _ = frame(v, series.phase_rad)
+    _, e_A, _, _ = find_frame(v, series.phase_rad)
     turning = compute_slope(series.time_s, np.unwrap(np.arctan2(e_A[..., 1], e_A[..., 0]), axis=1))
     main, quadrature = smooth.main_drive, smooth.quadrature_drive
     turned = np.stack([1j * quadrature * turning, main * turning], axis=-1)
@@ -193,7 +193,7 @@ def _of_commands(series: MeasuredRuns, v: Array) -> tuple[Array, Array]:
 def _means(series: MeasuredRuns, v: Array, change: Array, turned: Array) -> Array:
     """(j/2ω) f'*, the same a quarter later, and what a wave read beside itself makes of its turn, for
     one amplitude of the beat, as reals (R, n, 4, 3)."""
-    turn, e_A, e_B, _ = frame(v, series.phase_rad)
+    turn, e_A, e_B, _ = find_frame(v, series.phase_rad)
 
     def vector(parts: Array) -> Array:
         return turn[..., None] * (parts[..., :1] * e_A + parts[..., 1:] * e_B)
@@ -215,7 +215,7 @@ def _spectrum(fit: ExtendedFit, left: Sequence[_Left], beats: Array) -> Array:
     series, rest = fit.series, np.zeros(len(fit.residual))
     for run in left:
         rest[run.rows] = run.rest
-    turn, _, e_B, _ = frame(fit.prediction.motion, series.phase_rad)
+    turn, _, e_B, _ = find_frame(fit.prediction.motion, series.phase_rad)
     beside = np.conj(turn) * np.sum(e_B * to_complex(place_on_rows(fit, rest)), axis=-1)
     power = np.zeros(len(beats))
     for t, z, weight in zip(series.time_s, beside, series.weight, strict=True):

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....effects.effect import frame
+from ....effects.effect import find_frame
 from ....fitting.causes import whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.slow_equation import (
@@ -94,7 +94,7 @@ def _doings(fit: ExtendedFit) -> Array:
 def _forces(stage: RungeKuttaStage, L: Array, v: Array) -> Array:
     """The five forces on the envelopes v, as reals (R, n, 4, 5)."""
     G = apply_generators(L, v) + stage.compute_source(v)
-    turn, e_A, e_B, _ = frame(v, stage.state.phase_rad)
+    turn, e_A, e_B, _ = find_frame(v, stage.state.phase_rad)
     seen = [np.conj(turn) * np.sum(axis * w, axis=-1) for w in (v, G) for axis in (e_A, e_B)]
     a, b, G_A, G_B = seen[0].real, -seen[1].imag, seen[2], seen[3]
     # −(j/2ω)A*G = (−jP − QJ)G/4ω(a² − b²) in the wave's own axes, where (JG)_A = G_B, (JG)_B =

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ....effects.effect import frame
+from ....effects.effect import find_frame
 from ....fitting.causes import designs, extended_fit, whitened_rows
 from ....fitting.causes.designs import Basis, Softened
 from ....fitting.causes.extended_fit import ExtendedFit
@@ -273,7 +273,7 @@ def _runs(fit: ExtendedFit, scatter: Scatter, pieces: LogPieces) -> list[_Run]:
 
 def _predict_command_forces(fit: ExtendedFit) -> tuple[Array, Array]:
     """Forces (R, n − 1, 2) in the steps' middles of one unit of either command, in phasors."""
-    turn, e_A, e_B, _ = frame(fit.flow.middle, fit.flow.centre.phase_rad)
+    turn, e_A, e_B, _ = find_frame(fit.flow.middle, fit.flow.centre.phase_rad)
     return turn[..., None] * e_A, -1j * turn[..., None] * e_B
 
 
@@ -286,7 +286,7 @@ def _predict_frame_forces(fit: ExtendedFit) -> tuple[Array, Array]:
 def turn_forces(series: MeasuredRuns, v: Array) -> tuple[Array, Array]:
     """Forces (R, n, 2) on envelopes v that a radian between the commands' angle, and their phase, and
     the wave's makes: e^{jφ}(f_A e_B + j f_B e_A) and jF."""
-    turn, e_A, e_B, _ = frame(v, series.phase_rad)
+    turn, e_A, e_B, _ = find_frame(v, series.phase_rad)
     main = series.main_drive[..., None] * turn[..., None]
     quadrature = series.quadrature_drive[..., None] * turn[..., None]
     return main * e_B + 1j * quadrature * e_A, 1j * main * e_A + quadrature * e_B

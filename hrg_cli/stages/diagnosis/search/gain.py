@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ....effects.effect import frame
+from ....effects.effect import find_frame
 from ....fitting.causes import left_out_folds
 from ....fitting.causes.coordinate_priors import build_coordinate_rows
 from ....fitting.causes.extended_fit import ExtendedFit, place_on_rows
@@ -178,7 +178,7 @@ def _quantities(
     mθ and of the amplitude (ppm)."""
     series, u = fit.series, fit.prediction.seen
     difference = series.to_units(to_complex(place_on_rows(fit, left)))
-    turn, e_A, e_B, a_A = frame(u, series.phase_rad)
+    turn, e_A, e_B, a_A = find_frame(u, series.phase_rad)
     angle = np.real(np.sum(difference * e_B, axis=-1) * np.conj(turn)) / a_A
     amplitude = np.real(np.sum(difference * e_A, axis=-1) * np.conj(turn)) / a_A
     out: dict[str, list[float]] = {

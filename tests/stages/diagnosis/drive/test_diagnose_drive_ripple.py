@@ -4,7 +4,7 @@ along the instant state, and what the fit of the slow model makes of its rows an
 
 import numpy as np
 
-from hrg_cli.effects.effect import frame
+from hrg_cli.effects.effect import find_frame
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
 from hrg_cli.fitting.causes.fit_point import Point
@@ -38,7 +38,7 @@ def recorded(gain_1_s):
     t, h = 0.0, 1 / HZ / STEPS
 
     def slow(u, quadrature):
-        turn, e_A, e_B, _ = frame(u, near)
+        turn, e_A, e_B, _ = find_frame(u, near)
         force = turn[:, None] * (P[0] * e_A - 1j * quadrature[:, None] * e_B)
         return np.einsum("rij,rj->ri", L, u) + force
 

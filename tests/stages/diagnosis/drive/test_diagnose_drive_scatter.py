@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hrg_cli.effects.effect import frame
+from hrg_cli.effects.effect import find_frame
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
 from hrg_cli.fitting.causes.designs import Softened
@@ -46,7 +46,7 @@ def loops(draws, loop_noise, seed):
     commands = np.zeros((draws, RUNS, ROWS, TICKS, 2))
 
     def force(u, main, quadrature):
-        turn, e_A, e_B, _ = frame(u, near)
+        turn, e_A, e_B, _ = find_frame(u, near)
         return turn[..., None] * (main[..., None] * e_A - 1j * quadrature[..., None] * e_B)
 
     def moved(u):
@@ -56,7 +56,7 @@ def loops(draws, loop_noise, seed):
         for tick in range(TICKS):
             if tick == TICKS // 2:
                 seen[:, :, row] = u
-            turn, _, e_B, a_A = frame(u, near)
+            turn, _, e_B, a_A = find_frame(u, near)
             a_B = -np.imag(np.sum(u * e_B, -1) * np.conj(turn))
             noise = loop_noise * random.normal(size=(2, draws, RUNS))
             main = P[0] + GAINS_1_S[0] * (1 - a_A - noise[0])

@@ -9,7 +9,7 @@ from diagnosis_programme import programme, verdict, waves
 
 from hrg_cli.effects import find
 from hrg_cli.effects.effect import INSTANT, RUN
-from hrg_cli.effects.envelope_jumps import jumps
+from hrg_cli.effects.envelope_jumps import find_jumps
 from hrg_cli.fitting.causes import evidence
 from hrg_cli.stages.diagnose import diagnose, summary
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
@@ -109,7 +109,7 @@ def test_a_knock_that_its_neighbours_do_not_show_is_named(clean):
     true = knock_of(CLEAN, 13.0, fit_of(clean))
     runs = waves(struck(CLEAN, true))
     fit = fit_of(runs)
-    assert jumps(fit.series) == []
+    assert find_jumps(fit.series) == []
     found = places.place_cause(anywhere("momentum_kick", fit), fit)
     row_s = float(np.median(np.diff(fit.series.time_s[0])))
     assert {v.values[RUN] for v in found} == {true[RUN]}
@@ -130,7 +130,7 @@ def test_what_strikes_all_runs_at_one_time_of_theirs_strikes_none(name):
     one_harder[2] += 0.05 * blow[2][:, None]
     for envelope, struck_runs in ((all_alike, []), (one_alone, [1]), (one_harder, [2])):
         seen = replace(series, envelope=envelope)
-        assert len({jump.run for jump in jumps(seen)}) == RUNS
+        assert len({jump.run for jump in find_jumps(seen)}) == RUNS
         assert [start[RUN] for start in find(name).starts(seen)] == struck_runs
 
 
