@@ -15,7 +15,7 @@ import numpy as np
 
 from hrg_cli import store
 from hrg_cli.records import Wave
-from hrg_cli.stages.calibrate import calibrate, summary
+from hrg_cli.stages.calibrate import calibrate, summarise
 
 TEMPERATURES, RATES = (-20.0, 0.0, 20.0, 40.0, 60.0), (-0.5, 0.05, 0.5)
 WINDOW_S, NOISE = 0.01, 1e-5
@@ -67,7 +67,7 @@ def calibrate_gyro(folder: Path, gyro: int, windows: int) -> tuple[float, dict[s
     taken = time.perf_counter() - began
     for path in paths:
         path.unlink()
-    out = summary(record)
+    out = summarise(record)
     return taken, {
         "before": out["drift_rms_rad_s"]["before"],
         "held out": out["drift_rms_rad_s"]["held_out"],

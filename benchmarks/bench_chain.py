@@ -37,7 +37,7 @@ def stages(run: Path) -> dict[str, tuple[float, float]]:
     for name in STAGES:
         stage = pipeline.STAGES[name]
         output = run.with_suffix(f".{stage.gives}.h5")
-        values = settings.check_settings(stage.function(), GIVEN[name])
+        values = settings.check_settings(stage.load_function(), GIVEN[name])
         before = time.process_time()
         pipeline.run_stage(name, [source], output, values, force=True, command_line=f"hrg {name}")
         found[name] = (

@@ -13,7 +13,7 @@ from hrg_cli.fitting.envelopes.base_fit import fit_base_model
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.resonator import Mechanics, build_generator, exponentiate
 from hrg_cli.records import Wave
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 
 RUNS, WINDOWS, WINDOW_S, NOISE = 8, 500, 0.008, 2e-5
 DEVICE = Mechanics(5000.0, 0.3, 0.012, 0.35, 0.11, 0.9, 0.55)
@@ -60,7 +60,7 @@ def timed(waves: list[Wave]) -> tuple[float, float, dict]:
     Whatever else the machine does slows both alike; the best of a few rounds would favour the
     shorter one.
     """
-    base, whole, out = [], [], summary(diagnose(waves))
+    base, whole, out = [], [], summarise(diagnose(waves))
     for _ in range(ROUNDS):
         for work, times in (
             (lambda: fit_base_model([envelope_runs.from_wave(w) for w in waves]), base),

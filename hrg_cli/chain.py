@@ -245,7 +245,7 @@ def _rehearse_result(
         raise
     except HrgError as error:
         return Step("rehearse", (output.name,), output.name, "failed", (str(error),))
-    return Step("rehearse", (output.name,), output.name, told.status, told.reasons, told.table())
+    return Step("rehearse", (output.name,), output.name, told.status, told.reasons, told.to_json())
 
 
 def _list_steps(steps: Sequence[Mapping[str, Any]]) -> Iterator[Step]:

@@ -131,7 +131,7 @@ def resolve_settings(
     from .formats import import_log
 
     functions = {
-        name: import_log if name == "import" else STAGES[name].function() for name in stages
+        name: import_log if name == "import" else STAGES[name].load_function() for name in stages
     }
     return {
         name: settings.check_settings(function, tables.get(name, {}))

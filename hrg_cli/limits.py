@@ -277,9 +277,9 @@ def figures_of(record: Record) -> dict[str, float]:
     try:
         _flatten("", summary(record), figures)
         if isinstance(record, Calibration):
-            from .stages.figures_of_merit import calibration_figures
+            from .stages.figures_of_merit import compute_calibration_figures
 
-            figures |= calibration_figures(record)
+            figures |= compute_calibration_figures(record)
             _flatten("details", json.loads(record.details), figures)
     except (
         KeyError,
@@ -308,11 +308,11 @@ def figures_of(record: Record) -> dict[str, float]:
 
 
 def _summary_of(record: Record) -> Callable[[Any], Mapping[str, Any]]:
-    """What sums a record up: the `summary` of the stage that made it."""
+    """What sums a record up: the `summarise` of the stage that made it."""
     if isinstance(record, Recording):  # of a log or a simulation: no stage found figures in it
         return lambda _: {}
     stage = record.made_by.removeprefix("hrg ")
-    found: Callable[[Any], Mapping[str, Any]] = import_module(f"hrg_cli.stages.{stage}").summary
+    found: Callable[[Any], Mapping[str, Any]] = import_module(f"hrg_cli.stages.{stage}").summarise
     return found
 
 

@@ -41,13 +41,13 @@ class Stage:
     many_beside: tuple[str, ...] = ()
     """Names of the further records of which there may be several."""
 
-    def function(self) -> Callable[..., Any]:
+    def load_function(self) -> Callable[..., Any]:
         """The stage's function, imported now."""
         return getattr(import_module(f"hrg_cli.stages.{self.name}"), self.name)
 
-    def summary(self, record: Record) -> dict[str, Any]:
-        """The stage's part of the JSON, by the `summary` that every stage's module has."""
-        figures: dict[str, Any] = import_module(f"hrg_cli.stages.{self.name}").summary(record)
+    def summarise(self, record: Record) -> dict[str, Any]:
+        """The stage's part of the JSON, by the `summarise` that every stage's module has."""
+        figures: dict[str, Any] = import_module(f"hrg_cli.stages.{self.name}").summarise(record)
         return figures
 
 
@@ -143,16 +143,16 @@ def run_stage(
             result,
             force,
             finish=lambda last: _with_provenance(
-                last, parents, sources.done(), text, command_line or f"hrg {name}"
+                last, parents, sources.finish(), text, command_line or f"hrg {name}"
             ),
         )
     if isinstance(result, Record):
-        return Outcome(written, report(written, output, started, stage.summary(written)))
+        return Outcome(written, report(written, output, started, stage.summarise(written)))
     with (
         gone_if_it_fails(output),
         store.open_record(output, type(written)) as whole,
     ):  # `written` is only the stream's last block
-        return Outcome(written, report(written, output, started, stage.summary(whole)))
+        return Outcome(written, report(written, output, started, stage.summarise(whole)))
 
 
 def _run_on_all(
@@ -173,7 +173,7 @@ def _run_on_all(
         for path in inputs
     ]
     with _naming(None):
-        result = stage.function()(records, **arguments)
+        result = stage.load_function()(records, **arguments)
     return _by_files(result, inputs, records), records
 
 
@@ -188,7 +188,7 @@ def _run_on_one(
     of."""
     record = open_files.enter_context(store.open_record(inputs[0], _KIND[stage.takes]))
     with _naming(inputs[0]):
-        result = stage.function()(record, **arguments)
+        result = stage.load_function()(record, **arguments)
     if not isinstance(result, Record):
         result = _watched(result, record, inputs[0], progress)
     return result, [record]
@@ -222,7 +222,7 @@ def write_first(
             output,
             stream,
             force,
-            finish=lambda last: _with_provenance(last, [], hashed.done(), text, command_line),
+            finish=lambda last: _with_provenance(last, [], hashed.finish(), text, command_line),
         )
 
 

@@ -44,7 +44,7 @@ def rehearse_file(
         )
     record = store.read(path, kind)
     stage = STAGE_OF[kind]
-    own = settings.check_settings(pipeline.STAGES[stage].function(), settings_of(path, stage))
+    own = settings.check_settings(pipeline.STAGES[stage].load_function(), settings_of(path, stage))
     inputs = [attach_measured(wave, beside) for wave in inputs_of(path, beside)]
 
     def share(works: Sequence[Work]) -> list[Rehearsed | None]:
@@ -115,7 +115,7 @@ def identified_of(path: Path, record: Record, beside: Sequence[Path]) -> list[Id
                     store.read(file, Resonator),
                     [attach_measured(wave, beside) for wave in inputs_of(file, beside)],
                     settings.check_settings(
-                        pipeline.STAGES["identify"].function(), settings_of(file, "identify")
+                        pipeline.STAGES["identify"].load_function(), settings_of(file, "identify")
                     ),
                 )
             )

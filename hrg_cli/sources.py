@@ -56,7 +56,7 @@ class Sources:
         stat = path.stat()
         return stat.st_size, stat.st_mtime_ns
 
-    def done(self) -> tuple[Source, ...]:
+    def finish(self) -> tuple[Source, ...]:
         """The sources, after checking that none changed since the command began."""
         hashes = [future.result() for future in self._hashes]
         for path, before in zip(self._paths, self._before):

@@ -142,5 +142,5 @@ def test_json_never_holds_nan(hrg, recording, tmp_path):
 
 def test_stages_and_records_agree():
     for stage in STAGES.values():
-        function = stage.function()
+        function = stage.load_function()
         assert function.__name__ == stage.name and function.__doc__

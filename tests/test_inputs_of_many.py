@@ -101,5 +101,5 @@ def test_a_source_tells_the_part_that_was_taken(tmp_path):
     told = []
     for taken in ({}, {"from_s": 0.0, "to_s": 0.05}):
         with Sources([path], taken=taken) as sources:
-            told += sources.done()[0].samples
+            told += sources.finish()[0].samples
     assert told[1] == f"{told[0]}@0.0:0.05"

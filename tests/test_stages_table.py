@@ -26,8 +26,8 @@ def resonator():
 def test_a_stage_has_its_function_and_its_summary(name):
     stage = STAGES[name]
     module = importlib.import_module(f"hrg_cli.stages.{name}")
-    assert inspect.isfunction(stage.function())
-    assert len(inspect.signature(module.summary).parameters) == 1
+    assert inspect.isfunction(stage.load_function())
+    assert len(inspect.signature(module.summarise).parameters) == 1
 
 
 def test_every_kind_that_a_stage_makes_is_summed_up():
@@ -39,8 +39,8 @@ def test_every_kind_that_a_stage_makes_is_summed_up():
 def test_a_summary_that_moved_is_no_empty_one(monkeypatch):
     """The JSON without its figures would look like a result that has none."""
     module = importlib.import_module("hrg_cli.stages.identify")
-    monkeypatch.delattr(module, "summary")
-    with pytest.raises(AttributeError, match="summary"):
-        STAGES["identify"].summary(resonator())
-    with pytest.raises(AttributeError, match="summary"):
+    monkeypatch.delattr(module, "summarise")
+    with pytest.raises(AttributeError, match="summarise"):
+        STAGES["identify"].summarise(resonator())
+    with pytest.raises(AttributeError, match="summarise"):
         figures_of(resonator())

@@ -34,7 +34,7 @@ def made(tmp_path_factory):
         ("estimate", [f"p{n}.h5"], f"w{n}.h5") for n in (0, 1)
     ]
     for name, inputs, output in [*steps, ("identify", ["w0.h5", "w1.h5"], "resonator.h5")]:
-        values = settings.check_settings(pipeline.STAGES[name].function(), {})
+        values = settings.check_settings(pipeline.STAGES[name].load_function(), {})
         typed = f"hrg {name} {' '.join(inputs)} -o {output}"
         paths = [folder / i for i in inputs]
         pipeline.run_stage(name, paths, folder / output, values, command_line=typed)
@@ -287,7 +287,7 @@ def test_a_source_made_again_with_other_settings_is_found(chain):
     from hrg_cli import pipeline, settings
 
     values = settings.check_settings(
-        pipeline.STAGES["demodulate"].function(), {"periods_per_window": 3.0}
+        pipeline.STAGES["demodulate"].load_function(), {"periods_per_window": 3.0}
     )
     pipeline.run_stage("demodulate", [chain / "r0.h5"], chain / "p0.h5", values, force=True)
     verdicts = results(chain)
@@ -296,7 +296,7 @@ def test_a_source_made_again_with_other_settings_is_found(chain):
         "estimate",
         [chain / "p0.h5"],
         chain / "w0.h5",
-        settings.check_settings(pipeline.STAGES["estimate"].function(), {}),
+        settings.check_settings(pipeline.STAGES["estimate"].load_function(), {}),
         force=True,
     )
     assert results(chain)["resonator.h5"].result == "changed"
@@ -306,7 +306,7 @@ def test_settings_that_differ_between_runs_are_noted(chain):
     from hrg_cli import pipeline, settings
 
     values = settings.check_settings(
-        pipeline.STAGES["estimate"].function(), {"solver": "levenberg-marquardt"}
+        pipeline.STAGES["estimate"].load_function(), {"solver": "levenberg-marquardt"}
     )
     pipeline.run_stage("estimate", [chain / "p0.h5"], chain / "w0.h5", values, force=True)
     inputs = [chain / "w0.h5", chain / "w1.h5"]
@@ -314,7 +314,7 @@ def test_settings_that_differ_between_runs_are_noted(chain):
         "identify",
         inputs,
         chain / "resonator.h5",
-        settings.check_settings(pipeline.STAGES["identify"].function(), {}),
+        settings.check_settings(pipeline.STAGES["identify"].load_function(), {}),
         force=True,
     )
     verdict = results(chain)["resonator.h5"]

@@ -70,7 +70,7 @@ def batch_file(
     seeds = (
         f"{name}.seed={run.seed}"
         for name in PER_GYRO
-        if settings.accepts(STAGES[name].function(), "seed")
+        if settings.accepts(STAGES[name].load_function(), "seed")
     )
     assignments = (*run.assignments, *(seeds if run.seed is not None else ()))
     if run.show_config:

@@ -18,7 +18,7 @@ from ..pipeline import Outcome
 from ..records import Calibration
 from ..reporting import tables
 from ..stages import earth_rate
-from ..stages.calibrate import calibrate, summary
+from ..stages.calibrate import calibrate, summarise
 from ..stages.rate_table import rate_table
 from .common import Common
 from .frame import JOBS_OF_REHEARSAL, Files, Rehearsals, command, command_line, existing
@@ -122,7 +122,7 @@ def calibrate_table(files: list[Path], run: Common, flags: Mapping[str, Any]) ->
         force=run.force,
         command_line=command_line(),
     )
-    return Outcome(record, pipeline.report(record, output, started, summary(record)))
+    return Outcome(record, pipeline.report(record, output, started, summarise(record)))
 
 
 def _columns(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -20,8 +20,8 @@ from ..records import Diagnosis, Resonator, Wave
 from ..reporting import console, tables
 from ..reporting.answer import answer
 from ..stages.diagnose import diagnose
-from ..stages.simulation.gyro import courses_of, mechanics_of
-from ..stages.simulation_file import runs_of
+from ..stages.simulation.gyro import make_courses, make_mechanics
+from ..stages.simulation_file import list_runs
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, EffectsFrom, Files, command, command_line, existing
 from .options import flags_of
@@ -117,10 +117,10 @@ def mean_temperature(waves: Sequence[Path]) -> float | None:
 def read_believed(file: Path, temperature_degc: float | None) -> Resonator:
     """The resonator of a simulation file at the runs' temperature, without errors: values the user
     holds for true."""
-    settings_of_run = runs_of(settings.load_toml(file), str(file))[0]
-    mechanics = mechanics_of(settings_of_run)
+    settings_of_run = list_runs(settings.load_toml(file), str(file))[0]
+    mechanics = make_mechanics(settings_of_run)
     if temperature_degc is not None:
-        mechanics = courses_of(settings_of_run).make_mechanics(mechanics, temperature_degc)
+        mechanics = make_courses(settings_of_run).make_mechanics(mechanics, temperature_degc)
     names = [name for name, _ in PARAMETERS]
     values = np.array([getattr(mechanics, name) for name in names])
     if not np.all(np.isfinite(values)):

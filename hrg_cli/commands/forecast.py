@@ -20,7 +20,7 @@ from ..records import Resonator
 from ..reporting import console
 from ..reporting.quantities import round_with_std
 from ..reporting.text import format_number
-from ..stages.forecast import Forecast, forecast, summary
+from ..stages.forecast import Forecast, forecast, summarise
 from ..units import DEGREE
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command, existing
@@ -68,7 +68,7 @@ def forecast_file(
     made = forecast(store.read(path, Resonator), **values)
     report = {
         **pipeline.common_keys("forecast", made.status, made.status_reasons, run.output, started),
-        **summary(made),
+        **summarise(made),
     }
     if run.output is not None:
         with store.atomic_path(run.output, run.force) as temporary:

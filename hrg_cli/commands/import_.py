@@ -102,11 +102,8 @@ def import_file(
     log = existing([log] if log else [], "a log, or - for standard input")[0]
     output = run.need_output("periods.h5" if envelope else "recording.h5")
     with _on_disk(log) as path:
-        sources = (
-            [path]
-            if values.get("s_file") is None
-            else [path, find_second_file(path, values["s_file"])]
-        )
+        second = values.get("s_file")
+        sources = [path] if second is None else [path, find_second_file(path, second)]
         record: Record = pipeline.write_first(
             output,
             function(path, **values),

@@ -24,7 +24,7 @@ def run_stage_on_files(
     """The body of every command that is one stage on files; its result is rehearsed so many times
     where that is asked for."""
     stage = STAGES[name]
-    values = run.settings(stage.function(), **flags)
+    values = run.settings(stage.load_function(), **flags)
     inputs = existing(inputs, f"a {stage.takes} file")
     output = run.need_output(f"{stage.gives}.h5")
     with console.show_progress(name, run.quiet or run.json) as progress:

@@ -17,9 +17,9 @@ from ..reporting import console
 from ..reporting.figure_names import name_of_figure
 from ..reporting.quantities import format_rounded
 from ..reporting.text import format_number
-from ..stages.plan import plan, summary
-from ..stages.planning.like_measured import menu_like
-from ..stages.planning.questions import in_words
+from ..stages.plan import plan, summarise
+from ..stages.planning.like_measured import make_menu_like
+from ..stages.planning.questions import say_in_words
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, Files, command, existing
 from .options import flags_of
@@ -59,7 +59,7 @@ def show(report: Mapping[str, Any]) -> None:
     console.print_table("", ("run", "why"), [(r["run_id"], r["reason"]) for r in report["runs"]])
     told = [
         (
-            " from ".join(map(in_words, row["causes"])),
+            " from ".join(map(say_in_words, row["causes"])),
             *(f"{format_number(row[f'{when}_sigma'], 3)} σ" for when in ("before", "after")),
         )
         for row in report["separations"]
@@ -105,13 +105,13 @@ def plan_files(
             temporary.write_text(settings.to_toml(made.file), encoding="utf-8")
     return {
         **pipeline.common_keys("plan", made.status, made.status_reasons, run.output, started),
-        **summary(made),
+        **summarise(made),
     }
 
 
 def _menu_of(known: Resonator | Diagnosis, file: Path) -> dict[str, Any]:
     """Runs like those measured. UsageError: the file does not say how such a run is recorded."""
-    like = menu_like(known) if isinstance(known, Diagnosis) else None
+    like = make_menu_like(known) if isinstance(known, Diagnosis) else None
     if like is None:
         raise UsageError(
             f"no menu is named, and {file} does not say how free runs are recorded; add --menu FILE"

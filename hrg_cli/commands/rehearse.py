@@ -89,14 +89,14 @@ def rehearse_files(
         **pipeline.common_keys("rehearsal", told.status, told.reasons, run.output, started),
         "file": str(results[0]),
         "written": not keep_file,
-        **told.table(),
+        **told.to_json(),
     }
     if run.output is not None:
         with store.atomic_path(run.output, run.force) as temporary:
             _write(report, run.output.suffix, temporary)
     if not keep_file:
         console.tell(f"{results[0]}: the verdict ({told.status}) was written into its status")
-    return report, lambda: show(told.table())
+    return report, lambda: show(told.to_json())
 
 
 def show(told: Mapping[str, Any]) -> None:
@@ -145,6 +145,6 @@ def and_rehearse(
             **outcome.json,
             "status": record.status,
             "status_reasons": reasons,
-            "rehearsal": told.table(),
+            "rehearsal": told.to_json(),
         },
     )

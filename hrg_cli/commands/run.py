@@ -219,7 +219,7 @@ def tables_of(
     if rehearse is not None:
         settings.assign(tables, "rehearse.times", rehearse)
     for name, stage in STAGES.items():
-        if run.seed is not None and settings.accepts(stage.function(), "seed"):
+        if run.seed is not None and settings.accepts(stage.load_function(), "seed"):
             settings.assign(tables, f"{name}.seed", run.seed)
     if run.seed is not None and "rehearse" in tables:
         settings.assign(tables, "rehearse.seed", run.seed)
@@ -231,7 +231,7 @@ def tables_of(
         )
     if run.show_config:
         whole = {
-            name: settings.check_settings(stage.function(), tables.get(name, {}))
+            name: settings.check_settings(stage.load_function(), tables.get(name, {}))
             for name, stage in STAGES.items()
         }
         rehearsals = rehearsals_of(tables)

@@ -19,8 +19,8 @@ from ..executors import local_processes, run_tasks
 from ..extras import warn_of_plain_python
 from ..records import Recording
 from ..reporting import console
-from ..stages.simulate import simulate, size_bytes, summary
-from ..stages.simulation_file import SimulationFile, runs_of
+from ..stages.simulate import compute_size_bytes, simulate, summarise
+from ..stages.simulation_file import SimulationFile, list_runs
 from .common import Common
 from .frame import EffectsFrom, command, command_line, existing
 from .options import flags_of
@@ -70,7 +70,7 @@ def simulate_files(
         if text not in for_stage:
             settings.assign(config, *settings.parse_assignment(text))
     values = settings.resolve(simulate, run.config, for_stage, {**flags, "seed": run.seed})
-    runs = {each.run_id: each for each in runs_of(config, str(file))}
+    runs = {each.run_id: each for each in list_runs(config, str(file))}
     if run.show_config:
         run.leave_with_settings({"simulate": values, "runs": runs})
     names = list(runs) if values["run"] is None else [values["run"]]
@@ -106,7 +106,7 @@ def simulate_files(
 
 def _need_room(runs: Sequence[SimulationFile], file: Path, folder: Path) -> None:
     """HrgError: the disk has no room for what the runs would hold."""
-    need, free = sum(map(size_bytes, runs)), shutil.disk_usage(folder).free
+    need, free = sum(map(compute_size_bytes, runs)), shutil.disk_usage(folder).free
     if need > free:
         raise HrgError(
             f"{file}: would give {need / 1e9:.3g} GB of samples, {folder} has {free / 1e9:.3g} GB"
@@ -157,7 +157,7 @@ def _simulate_one(task: Task, progress: pipeline.Progress | None = None) -> dict
     extra = load_effects(task.effects_from) if task.effects_from is not None else ()
     stream = simulate(task.config, extra, **task.values)
     chosen = next(
-        each for each in runs_of(task.config) if task.values["run"] in (None, each.run_id)
+        each for each in list_runs(task.config) if task.values["run"] in (None, each.run_id)
     )
     if progress is not None:
         stream = _timed(
@@ -172,7 +172,7 @@ def _simulate_one(task: Task, progress: pipeline.Progress | None = None) -> dict
         "output": str(task.output),
         "status": record.status,
         "status_reasons": list(record.status_reasons),
-        **summary(record),
+        **summarise(record),
     }
 
 

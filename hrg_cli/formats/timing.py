@@ -26,7 +26,7 @@ class Timing:
     reasons: tuple[str, ...] = ()
 
 
-def judge_timing(
+def get_timing(
     log: Log,
     roles: Roles,
     path: Path,

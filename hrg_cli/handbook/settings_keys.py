@@ -61,7 +61,7 @@ def tables_of_command(name: str) -> list[tuple[str, Callable[..., Any]]]:
     settings."""
     if name in FUNCTIONS:
         return FUNCTIONS[name]
-    return [(name, STAGES[name].function())] if name in STAGES else []
+    return [(name, STAGES[name].load_function())] if name in STAGES else []
 
 
 def command_settings() -> str:

@@ -168,7 +168,7 @@ class LotSettings(BaseModel):
 
     def values(self, stage: str, file_name: str = "", where: str = "the lot's file") -> Table:
         """The whole checked settings of a stage; `where` names what holds them."""
-        function = import_log if stage == "import" else STAGES[stage].function()
+        function = import_log if stage == "import" else STAGES[stage].load_function()
         checked = settings.validate(
             settings.model_of(function),
             self.table(stage, file_name),

@@ -15,7 +15,7 @@ from ..effects.effect import no_term, same_signal
 from ..errors import HrgError
 from ..records import Calibration, Diagnosis
 from ..stages.calibration.table import read_measured_part
-from ..stages.planning.like_measured import menu_like
+from ..stages.planning.like_measured import make_menu_like
 from ..stages.rate_table import is_rate_table
 from .json_text import list_entries, read_float, take_child
 
@@ -179,5 +179,5 @@ def list_commands(
 def _tells_runs(diagnosis: Diagnosis) -> bool:
     """Whether the next runs can be planned without a menu."""
     with suppress(HrgError):  # a damaged model: `hrg plan` would say so
-        return menu_like(diagnosis) is not None
+        return make_menu_like(diagnosis) is not None
     return False

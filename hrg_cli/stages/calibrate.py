@@ -24,7 +24,7 @@ from .calibration.odd_run import OddRun, find_odd_run
 from .calibration.preparation import KnownRates, need_one_gyro, prepare
 from .calibration.prices import forecast_hour_more
 from .calibration.repeatability import say_unstable
-from .calibration.summary import summary as summary
+from .calibration.summary import summarise as summarise
 from .calibration.table import check_between
 from .calibration.thermal_memory import find_shown_memory, tell_one_way
 from .calibration.trials import (
@@ -36,8 +36,8 @@ from .calibration.trials import (
     try_models,
 )
 from .calibration.variant_solutions import Wanted
-from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
-from .figures_of_merit import trade_figures
+from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, find_earth_rate
+from .figures_of_merit import compute_trade_figures
 
 Array = np.ndarray
 LARGEST_LIMIT = 4
@@ -165,7 +165,7 @@ def calibrate(
     need_one_gyro(waves, given)
     limits = _looked_at(harmonics, scale_factor_harmonics, interpolation)
     needed = 1 if harmonics is None else harmonics
-    earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
+    earth = find_earth_rate(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
     rates = KnownRates(rates_rad_s or {}, rate_rad_s, earth)
     runs = prepare(waves, rates, axis, nodes, max(limits), needed)
     refusals, remarks = list(runs.refusals), list(runs.remarks)
@@ -179,9 +179,9 @@ def calibrate(
     wanted = Wanted(harmonics, scale_factor_harmonics, seed, not refusals)
     tried = try_models(whole, folds, wanted, coefficients, model, bool(refusals))
 
-    chosen = Chosen.of(fitted, folds, tried.answer, wanted, programmes)
-    chosen = chosen.stable_alone() if stable_only else chosen
-    chosen = chosen.smoothed() if interpolation == "smooth" else chosen
+    chosen = Chosen.from_answer(fitted, folds, tried.answer, wanted, programmes)
+    chosen = chosen.drop_unstable() if stable_only else chosen
+    chosen = chosen.smooth() if interpolation == "smooth" else chosen
     remarks += chosen.not_dropped
     answer, strays, odd = chosen.answer, find_stray_harmonics(fitted, fitted.solution), None
     if answer.failed and not refusals:
@@ -191,16 +191,16 @@ def calibrate(
         refused, doubted = _judge(chosen, strays, odd, given)
         refusals, remarks = refused, [*remarks, *doubted]
 
-    details = chosen.details(bootstrap, seed) | {
+    details = chosen.list_details(bootstrap, seed) | {
         "held_out_by": held_out_by,
         "band_limit_scores": choose_limits(fitted, harmonics, scale_factor_harmonics)[2],
         "stray_harmonics": strays,
-        "rate_log": None if late is None else late.table(),
-        **tried.details(chosen, model in ("auto", "all"), bootstrap, seed),
+        "rate_log": None if late is None else late.to_json(),
+        **tried.list_details(chosen, model in ("auto", "all"), bootstrap, seed),
     }
     if ladder and not refusals and not odd:  # runs of two gyros show faults that neither has
         details |= _climb_all_stages(chosen, whole, bootstrap, seed)
-    record = chosen.record(runs.usable.waves, runs.valid, details)
+    record = chosen.make_record(runs.usable.waves, runs.valid, details)
     if not refusals:
         record = _with_use(record, details, fitted)
         record = record if odd else _with_notes(record, chosen)
@@ -244,7 +244,7 @@ def _doubts_of(chosen: Chosen, strays: Sequence[Mapping[str, Any]]) -> list[str]
 def _with_use(record: Calibration, details: dict[str, Any], fitted: Fitted) -> Calibration:
     """The record with the figures of merit of its tables, and what an hour more would buy."""
     use = {
-        "trade": trade_figures(record, fitted.paths),
+        "trade": compute_trade_figures(record, fitted.paths),
         "hour": forecast_hour_more(record, fitted.paths),
     }
     return record.replace(details=json.dumps(details | use))

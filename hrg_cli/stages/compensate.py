@@ -23,7 +23,7 @@ from .calibration.table import (
 from .compensation.angle_spread import AngleSpread
 from .compensation.logged_run import LoggedRun
 from .compensation.run_sums import IncrementRates, RateErrors, RunSums
-from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
+from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, find_earth_rate
 
 Array = np.ndarray
 CORRECTION = "rate = (D - m*dtheta/dt) / K; subtract drift first, then divide"
@@ -96,12 +96,12 @@ def compensate(
     (159, 2.0)
     """
     _guard(wave, calibration)
-    run = LoggedRun.of(wave)
-    earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
+    run = LoggedRun.from_wave(wave)
+    earth = find_earth_rate(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
     return _compensate_pieces(run, calibration, windows_per_increment, earth)
 
 
-def summary(record: Compensated) -> dict[str, Any]:
+def summarise(record: Compensated) -> dict[str, Any]:
     """Figures of a compensated run for the JSON."""
     return dict(json.loads(record.details))
 
@@ -147,13 +147,13 @@ def _compensate_pieces(
 ) -> Iterator[Compensated]:
     """The run in pieces that fit into memory, each with the figures of all so far."""
     sums = RunSums(calibration, -(-len(run.wave) // windows), run.logged)
-    for piece, of_log in run.pieces(windows):
+    for piece, of_log in run.split_pieces(windows):
         path = build_path(
             piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False
         )
         need_range(calibration, path.find_abscissa(calibration.axis), run.name)
         found = _correct(path, calibration, sums.angles)
-        known = run.known_rates(of_log)
+        known = run.find_known_rates(of_log)
         sums.widen(path.rate_rad_s[known] if known.any() else _smooth(found.rate_rad_s))
         errors = _errors_of(path, found, known, calibration) if run.logged else None
         sums.add(path, found, errors)
@@ -168,7 +168,7 @@ def _compensate_pieces(
             angle_estimate_rad_std=found.angle_std,
             residual_before_rad_s=None if errors is None else errors.before_rad_s,
             residual_after_rad_s=None if errors is None else errors.after_rad_s,
-            details=json.dumps(sums.figures()),
+            details=json.dumps(sums.compute_figures()),
         )
         judged = _judge_rates(record, calibration, sums, run.name)
         yield judged.judged(list_failures([sums.against.check()]))
@@ -181,8 +181,8 @@ def _correct(path: AnglePath, calibration: Calibration, angles: AngleSpread) -> 
     blocks = path.find_abscissa(calibration.axis)
     drift, scale = compute_corrections(calibration, path)
     rate = (drift - path.turn / path.interval_s) / scale
-    noise, of_tables = deviations(calibration, path, blocks, rate, scale)
-    return IncrementRates(rate, noise, of_tables, angles.along(path, blocks, rate, scale))
+    noise, of_tables = compute_rate_std(calibration, path, blocks, rate, scale)
+    return IncrementRates(rate, noise, of_tables, angles.compute_std(path, blocks, rate, scale))
 
 
 def _errors_of(
@@ -208,11 +208,11 @@ def _record_of(run: LoggedRun, calibration: Calibration, **columns: Any) -> Comp
         lot_id=wave.lot_id,
         mode_number=wave.mode_number,
         status=wave.status,
-        status_reasons=(*wave.status_reasons, *run.doubts()),
+        status_reasons=(*wave.status_reasons, *run.list_doubts()),
     )
 
 
-def deviations(
+def compute_rate_std(
     calibration: Calibration, path: AnglePath, blocks: Array, rate: Array, scale: Array
 ) -> tuple[Array, Array]:
     """Standard deviations (n,) of the increments' rates by noise, and by the tables, √(σ_D² +

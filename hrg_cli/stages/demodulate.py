@@ -176,7 +176,7 @@ SUMMARY_ROWS = 1 << 17
 by block."""
 
 
-def summary(periods: Periods) -> dict[str, Any]:
+def summarise(periods: Periods) -> dict[str, Any]:
     """What a person or another program wants to know of demodulated signals: windows, frequency,
     noise, flags, the strongest lines."""
     names = {

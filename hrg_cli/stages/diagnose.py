@@ -69,8 +69,14 @@ from .diagnosis.suspects import (
 from .diagnosis.suspects.rivals import fit_nearest
 from .diagnosis.thresholds import GROSS
 from .identification.modes import has_dead_channel, thin_run
-from .one_gyro import need_each_once, of_one_gyro
-from .usable import ESTIMATE_AGAIN, named_apart, not_refused, why_refused, with_known_rates
+from .one_gyro import need_each_once, need_same_gyro
+from .usable import (
+    ESTIMATE_AGAIN,
+    drop_refused,
+    explain_refusal,
+    name_apart,
+    restrict_to_known_rates,
+)
 
 Array = np.ndarray
 MOTIONS_EACH = 40 * extended_fit.MOST_STEPS
@@ -145,26 +151,26 @@ def diagnose(
     >>> found.verdict, [cause["name"] for cause in found.told("effects")]
     ('explained', ['gain_mismatch'])
     """
-    of_one_gyro(waves, "diagnose")
+    need_same_gyro(waves, "diagnose")
     need_each_once(waves)
-    usable = with_known_rates(not_refused(waves))
-    with usable.blamed():
+    usable = restrict_to_known_rates(drop_refused(waves))
+    with usable.blame_refusals():
         _need_both_channels(usable.waves)
     asked = Asked(
-        tuple(_with_clipped(w) for w in named_apart(usable.waves)),
+        tuple(_with_clipped(w) for w in name_apart(usable.waves)),
         resonator,
         tuple(e for e in (*EFFECTS, *extra_effects) if e.seen_in == "dynamics"),
         tuple(extra_effects),
         most_effects,
         partial(fit_base, scale_factor=scale_factor, blocks=blocks, free_phase=free_phase),
     )
-    return replace(usable, refusals=()).judged(_diagnose_usable(asked))
+    return replace(usable, refusals=()).judge(_diagnose_usable(asked))
 
 
 def _diagnose_usable(asked: Asked) -> Diagnosis:
     """The diagnosis of runs that can be used, or the refusal of runs that are not what they say."""
     unfit = [
-        Suspicion(w.run_id, "its wave is refused", why_refused(w), ESTIMATE_AGAIN)
+        Suspicion(w.run_id, "its wave is refused", explain_refusal(w), ESTIMATE_AGAIN)
         for w in asked.waves
         if w.status == "refused"
     ]
@@ -257,7 +263,7 @@ def _judge(
     asked: Asked, cut: Cut, case: Case, pieces: Sequence[Wave], tones: Sequence[Tone]
 ) -> ClosedCase:
     """The case held against the samples, against its own simulation, and by the closing checks."""
-    sized = Sized.of(case)
+    sized = Sized.from_case(case)
     samples = _seen_in_samples(asked.waves, case, cut, tones)
     model, written = _written(asked, case, cut, pieces, samples)
     closing = make_closing_checks(
@@ -281,7 +287,7 @@ def _report_result(
     untouched = _untouched(case, cut) if cut.steps or result.tones else case.search.base
     gain = predict_held_out(untouched, case.search.final, cut.own, cut.origin)
     report = report_of(verdict, case, result.sized, gain, asked.resonator, untouched)
-    mistakes = [] if result.mistake is None else [result.mistake.table()]
+    mistakes = [] if result.mistake is None else [result.mistake.to_json()]
     return report | {
         "effects": samples.shown + [take_form(cause, case.form) for cause in report["effects"]],
         "lines": samples.lines,
@@ -289,7 +295,7 @@ def _report_result(
         "wander": describe_wander(case.search.final),
         "forecast": ahead,
         "checks": [check.to_json() for check in result.closing],
-        "written_model": None if written is None else written.table(),
+        "written_model": None if written is None else written.to_json(),
         "suspect_runs": [],
         "stability": examine_stability(case, ahead, lambda: asked.fit(pieces, coarser=2)),
         "scores": tabulate_scores(case, result.sized),
@@ -406,7 +412,7 @@ def _need_both_channels(waves: Sequence[Wave]) -> None:
         )
 
 
-def summary(diagnosis: Diagnosis) -> dict[str, Any]:
+def summarise(diagnosis: Diagnosis) -> dict[str, Any]:
     """The contract's JSON keys of diagnose; `extended_model` is the TOML's path, which whoever
     writes the file fills in."""
     return diagnosis.read_report()

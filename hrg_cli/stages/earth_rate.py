@@ -26,7 +26,7 @@ OPTIONS = ("earth_rate_deg_h", "latitude_deg", "axis_tilt_deg", "axis_azimuth_de
 """Their names."""
 
 
-def earth_rate_rad_s(
+def find_earth_rate(
     earth_rate_deg_h: float | None = None,
     latitude_deg: float | None = None,
     axis_tilt_deg: float = 0.0,
@@ -61,7 +61,7 @@ def earth_rate_rad_s(
     )
 
 
-def earth_rate_of(settings: Mapping[str, Any]) -> float:
+def read_earth_rate(settings: Mapping[str, Any]) -> float:
     """The same from a stage's settings, rad/s."""
     given = {name: settings[name] for name in OPTIONS if settings.get(name) is not None}
-    return earth_rate_rad_s(**given)
+    return find_earth_rate(**given)

@@ -156,7 +156,7 @@ _SUMMARISED = (
 )
 
 
-def summary(wave: Wave) -> dict[str, Any]:
+def summarise(wave: Wave) -> dict[str, Any]:
     """Figures of a wave record for the command's JSON."""
     out: dict[str, Any] = {"windows": len(wave), "usable": 0, "flagged": 0, "not_converged": 0}
     every = max(1, len(wave) // SUMMARY_ROWS)

@@ -22,7 +22,7 @@ from .calibration.table import compute_corrections
 Array = np.ndarray
 
 
-def calibration_figures(calibration: Calibration) -> dict[str, float]:
+def compute_calibration_figures(calibration: Calibration) -> dict[str, float]:
     """Bias (mean over angle and temperature), angle-dependent bias (half its range over the angle,
     worst node), temperature bias, and the same of the scale factor in ppm; all of input rate, from
     the tables; residual figures held out."""
@@ -67,7 +67,7 @@ class ScaleFactorFigures:
     residual_ppm: list[float]
 
 
-def scale_factor_figures(
+def compute_scale_factor_figures(
     waves: Sequence[Wave | AnglePath],
     calibration: Calibration | None = None,
     *,
@@ -178,16 +178,19 @@ def _asymmetry(
     return float((found[0] - found[1]) / mean * 1e6), float(std / mean * 1e6)
 
 
-def trade_figures(calibration: Calibration, paths: Sequence[AnglePath]) -> dict[str, float | None]:
+def compute_trade_figures(
+    calibration: Calibration, paths: Sequence[AnglePath]
+) -> dict[str, float | None]:
     """The figures of a calibration that its JSON and its table show; None where the runs cannot
     tell."""
     out: dict[str, float | None] = {
-        k: v if np.isfinite(v) else None for k, v in calibration_figures(calibration).items()
+        k: v if np.isfinite(v) else None
+        for k, v in compute_calibration_figures(calibration).items()
     }
     names = ("error_ppm", "asymmetry_ppm", "nonlinearity_ppm")
     try:
-        compensated = scale_factor_figures(paths, calibration)
-        raw = scale_factor_figures(paths, temperatures_by=calibration)
+        compensated = compute_scale_factor_figures(paths, calibration)
+        raw = compute_scale_factor_figures(paths, temperatures_by=calibration)
     except HrgError:
         return out | {f"scale_factor_{name}": None for name in names}
     found = {
@@ -225,7 +228,7 @@ ALLAN_UNITS = {
 }
 
 
-def allan_figures(
+def compute_allan_figures(
     rate_rad_s: Array, interval_s: float, window_s: float = 0.0, bend_off_s: float = 0.0
 ) -> AllanFigures:
     """Overlapping Allan deviation of an evenly sampled rate and its coefficients, fitted with the

@@ -30,11 +30,11 @@ from .forecasting.course import (
     LARGEST_RATIO,
     Conditions,
     follow_wave,
+    list_times,
     say_short,
-    times_of,
 )
 from .forecasting.drift_map import map_drift, name_figures
-from .forecasting.trim import Trim, trim_of
+from .forecasting.trim import Trim, compute_trim
 
 Array = np.ndarray
 SMALL_SPLIT = 0.3
@@ -139,7 +139,9 @@ def forecast(
     _usable(resonator, scale_factor, drive, quadrature_gain_1_s)
     whole = make_mechanics(resonator, scale_factor)
     x, covariance = make_vector(whole), compute_vector_covariance(resonator)
-    spring, trimmed = trim_of(whole, x, covariance, drive, quadrature_gain_1_s, trim_step_rad_s)
+    spring, trimmed = compute_trim(
+        whole, x, covariance, drive, quadrature_gain_1_s, trim_step_rad_s
+    )
     x = trimmed if trim else x
     points = spread_points(x, covariance)
     gyros = from_vector(points, whole)
@@ -183,7 +185,7 @@ def forecast(
 def _ends(table: dict[str, Array], run: Conditions) -> list[str]:
     """What of the table ends before its time."""
     said = []
-    if len(table["time_s"]) < len(times_of(run.duration_s)):
+    if len(table["time_s"]) < len(list_times(run.duration_s)):
         said.append(say_short(table, run.duration_s, run.drive))
     lost = np.isnan(table["error_worst_rad"])
     if lost.any():
@@ -195,7 +197,7 @@ def _ends(table: dict[str, Array], run: Conditions) -> list[str]:
     return said
 
 
-def summary(made: Forecast) -> dict[str, Any]:
+def summarise(made: Forecast) -> dict[str, Any]:
     """The JSON of a forecast."""
     m = made.mechanics
     return {

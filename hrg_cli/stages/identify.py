@@ -18,7 +18,7 @@ from ..fitting.envelopes.base_freedom import Known
 from ..fitting.envelopes.frozen import CORRECTION, find_frozen
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
-from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
+from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, find_earth_rate
 from .identification.by_likelihood import identify_by_likelihood
 from .identification.by_regression import compare_methods, identify_by_regression
 from .identification.methods import RegressionMethod
@@ -26,8 +26,8 @@ from .identification.monitored import monitor_working_mode
 from .identification.outcome import Verdict
 from .identification.resampled_errors import profile_intervals, resample_errors
 from .identification.unknown_rate import identify_with_unknown_rate
-from .one_gyro import need_each_once, of_one_gyro
-from .usable import not_refused, with_known_rates
+from .one_gyro import need_each_once, need_same_gyro
+from .usable import drop_refused, restrict_to_known_rates
 
 Array = np.ndarray
 ROWS_AT_ONCE = 1 << 16
@@ -132,29 +132,33 @@ def identify(
     waves = list(waves)
     if not waves:
         raise HrgError("there is no run; give at least one wave file of a free run-down")
-    of_one_gyro(waves, "identify")
+    need_same_gyro(waves, "identify")
     need_each_once(waves)
-    usable = not_refused(waves)
+    usable = drop_refused(waves)
     if window == "auto" and method != "working-mode":
         free = [part for wave in usable.waves for part in free_windows.cut_free_windows(wave)]
         usable = replace(usable, waves=free)
     given = [] if rate_rad_s is None else [w.run_id for w in usable.waves]
-    usable = with_known_rates(usable, given)
+    usable = restrict_to_known_rates(usable, given)
     waves = usable.waves
-    with usable.blamed():
+    with usable.blame_refusals():
         if method == "working-mode":
             whole = [w.rows(0, len(w)) for w in waves]
-            return usable.judged(record_of(monitor_working_mode(whole, rate_rad_s), waves, method))
+            return usable.judge(
+                make_resonator_record(monitor_working_mode(whole, rate_rad_s), waves, method)
+            )
         known = Known(scale_factor, damping_axis_rad, stiffness_axis_rad)
-        earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
+        earth = find_earth_rate(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
         runs = condensed.read_runs(waves, rate_rad_s, earth, known, blocks)
         check_runs(runs)
         if most_different is not None:
             chosen = free_windows.choose_different(runs, most_different)
             runs, waves = [runs[i] for i in chosen], [waves[i] for i in chosen]
         if fit_rate:
-            return usable.judged(
-                record_of(identify_with_unknown_rate(runs, known, blocks), waves, method)
+            return usable.judge(
+                make_resonator_record(
+                    identify_with_unknown_rate(runs, known, blocks), waves, method
+                )
             )
         if method in ("likelihood", "all"):
             verdict = identify_by_likelihood(runs, known, blocks)
@@ -166,10 +170,10 @@ def identify(
             verdict = identify_by_regression(runs, known, method, eliminate_rate, blocks)
         if method == "all":
             verdict.details["methods"] = compare_methods(runs, known, verdict, eliminate_rate)
-        return usable.judged(record_of(verdict, waves, method))
+        return usable.judge(make_resonator_record(verdict, waves, method))
 
 
-def record_of(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
+def make_resonator_record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
     """The verdict as a record: parameters in the contract's order, unknown ones left out."""
     units = dict(PARAMETERS)
     names = [n for n, _ in PARAMETERS if n in verdict.values]
@@ -228,7 +232,7 @@ def _temperature(waves: Sequence[Wave]) -> tuple[float | None, float | None]:
     return float(np.mean(means)), max(highs) - min(lows)
 
 
-def summary(resonator: Resonator) -> dict[str, Any]:
+def summarise(resonator: Resonator) -> dict[str, Any]:
     """The contract's JSON keys of identify."""
     details = json.loads(resonator.details)
     assumed = details.get("assumed", [])

@@ -109,10 +109,10 @@ def inject(
         effect.readout(p, pickoff)
     return Injection(
         recording, wave, change, pickoff, _change_logs(recording, hidden), bool(moving), name
-    ).blocks(block_samples)
+    ).make_blocks(block_samples)
 
 
-def summary(record: Recording) -> dict[str, Any]:
+def summarise(record: Recording) -> dict[str, Any]:
     """The stage's part of the JSON."""
     settings = (
         parse_toml(record.provenance.settings).get("inject", {})

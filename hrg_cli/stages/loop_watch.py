@@ -27,7 +27,7 @@ class LoopWatch:
         self._ratio: list[Array] = []
         self._beyond, self._count = 0, 0
 
-    def unstable(self, time_s: float) -> HrgError:
+    def make_error(self, time_s: float) -> HrgError:
         """What is to be said where the wave has grown beyond all numbers."""
         return HrgError(
             f"simulation: run {self._settings.run_id}: the loops are unstable, the wave grows"
@@ -35,12 +35,12 @@ class LoopWatch:
             " electronics.drive_full_scale"
         )
 
-    def see(self, rows: Mapping[str, Array]) -> None:
+    def take_rows(self, rows: Mapping[str, Array]) -> None:
         """Further rows of log and truth. HrgError: the wave has grown beyond all numbers."""
         time = rows["truth_time_s"]
         a_A, a_B = rows["truth_main_amplitude"], rows["truth_quadrature_amplitude"]
         if not np.all(np.isfinite(a_A)):
-            raise self.unstable(float(time[np.argmin(np.isfinite(a_A))]))
+            raise self.make_error(float(time[np.argmin(np.isfinite(a_A))]))
         full = self._settings.electronics.drive_full_scale if self._settings.electronics else None
         if full is not None:
             self._beyond += int(
@@ -51,7 +51,7 @@ class LoopWatch:
         self._amplitude.append(a_A[late])
         self._ratio.append(np.abs(a_B[late] / a_A[late]))
 
-    def reasons(self) -> list[str]:
+    def list_reasons(self) -> list[str]:
         """Sentences about loops that did not hold; empty where they did."""
         c, e = self._settings.control, self._settings.electronics
         amplitude = np.concatenate(self._amplitude) if self._amplitude else np.zeros(0)

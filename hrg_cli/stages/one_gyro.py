@@ -17,7 +17,7 @@ FIRST_ROWS = 4096
 """Rows by which a run is told from others."""
 
 
-def of_one_gyro(waves: Sequence[Wave], command: str, resonator: Resonator | None = None) -> None:
+def need_same_gyro(waves: Sequence[Wave], command: str, resonator: Resonator | None = None) -> None:
     """HrgError naming the runs of each gyro where the files name more than one; runs that name none
     go with any."""
     runs: dict[str, list[str]] = {}

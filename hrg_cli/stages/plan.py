@@ -18,17 +18,17 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..records import Diagnosis, Resonator, Status, Wave
-from .planning.known import device_table, mechanics_of
-from .planning.menu import candidates
-from .planning.prospects import Prospects, reason_of, weigh_menu
-from .planning.questions import Question, never_told
+from .planning.known import make_device_table, make_mechanics
+from .planning.menu import make_candidates
+from .planning.prospects import Prospects, explain_run, weigh_menu
+from .planning.questions import Question, list_never_told
 from .planning.worth import (
     choose_runs,
-    deviations,
+    compute_log_information,
+    compute_separation,
+    compute_std,
     find_impossible,
-    log_information,
-    separation,
-    sum_of_separations,
+    sum_separations,
 )
 
 Array = np.ndarray
@@ -112,29 +112,31 @@ def plan(
     >>> [run.run_id for run in plan(known, menu, runs=1).runs]
     ['turning']
     """
-    mechanics = mechanics_of(known)
-    common, tables, feasible = candidates(menu, device_table(mechanics))
+    mechanics = make_mechanics(known)
+    common, tables, feasible = make_candidates(menu, make_device_table(mechanics))
     prospects = weigh_menu(known, made, feasible, causes)
     if criterion == "separate" and not prospects.questions:
         raise HrgError(
             "nothing is to be separated: name causes (--causes), or give a diagnosis that left some"
             " open"
         )
-    asked = [] if criterion == "variance" else prospects.answerable()
+    asked = [] if criterion == "variance" else prospects.list_answerable()
     offered = prospects.offered
     worth = _worth_of(prospects, asked)
     names = choose_runs(prospects.had, offered, min(runs, len(offered)), worth)
-    refused = find_impossible(prospects.everything(), prospects.questions, prospects.layout)
+    refused = find_impossible(
+        prospects.sum_all_information(), prospects.questions, prospects.layout
+    )
     answers_nothing = bool(prospects.questions) and len(refused) >= len(prospects.questions)
     return Plan(
         runs=tuple(
-            PlannedRun(name, tables[name], reason_of(name, names, prospects, asked))
+            PlannedRun(name, tables[name], explain_run(name, names, prospects, asked))
             for name in names
         ),
-        before=deviations(prospects.had, mechanics),
-        after=deviations(prospects.after(names), mechanics),
+        before=compute_std(prospects.had, mechanics),
+        after=compute_std(prospects.sum_information(names), mechanics),
         separations=_separations(prospects, names),
-        impossible=tuple(dict.fromkeys([*refused, *never_told(known)])),
+        impossible=tuple(dict.fromkeys([*refused, *list_never_told(known)])),
         file={**common, "run": [dict(tables[name]) for name in names]},
         status="suspect" if answers_nothing else "valid",
         status_reasons=tuple(refused) if answers_nothing else (),
@@ -144,24 +146,24 @@ def plan(
 def _worth_of(prospects: Prospects, asked: Sequence[Question]) -> Callable[[Array], float]:
     """What an information is worth: separations where causes are to be told apart, else variance."""
     if asked:
-        return partial(sum_of_separations, questions=asked, layout=prospects.layout)
-    return partial(log_information, m=prospects.mechanics)
+        return partial(sum_separations, questions=asked, layout=prospects.layout)
+    return partial(compute_log_information, m=prospects.mechanics)
 
 
 def _separations(prospects: Prospects, names: Sequence[str]) -> tuple[dict[str, Any], ...]:
     """How many σ apart each cause and its rival are, before and after the runs of these names."""
-    layout, after = prospects.layout, prospects.after(names)
+    layout, after = prospects.layout, prospects.sum_information(names)
     return tuple(
         {
             "causes": [q.cause, q.rival],
-            "before_sigma": separation(prospects.had, q, layout),
-            "after_sigma": separation(after, q, layout),
+            "before_sigma": compute_separation(prospects.had, q, layout),
+            "after_sigma": compute_separation(after, q, layout),
         }
         for q in prospects.questions
     )
 
 
-def summary(made: Plan) -> dict[str, Any]:
+def summarise(made: Plan) -> dict[str, Any]:
     """The JSON of a plan."""
     return {
         "runs": [{"run_id": run.run_id, "reason": run.reason} for run in made.runs],

@@ -21,7 +21,7 @@ from ..fitting.envelopes.rate_from_model import TOO_COARSE, fit_free_rate
 from ..fitting.samples.rate_log import describe_left_out, find_stretches
 from ..records import Calibration, Compensated, Resonator, Wave, list_doubts, name_record
 from ..units import DEGREE_PER_HOUR
-from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, earth_rate_rad_s
+from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, find_earth_rate
 from .rate_by_tables import TableRate, rate_by_tables
 from .rate_nodes import DOUBTFUL, follow
 
@@ -136,11 +136,11 @@ def rate(
             return fit_free_rate(wave, resonator, count)
 
     found, foretold = follow(fit(nodes), fit, nodes is None)
-    earth = earth_rate_rad_s(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
+    earth = find_earth_rate(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
     found = dataclasses.replace(
         found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth
     )
-    impossible, doubtful = closing_checks(found, foretold)
+    impossible, doubtful = make_closing_checks(found, foretold)
     beside = None
     if calibration is not None:
         where = (earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
@@ -176,7 +176,7 @@ def _record_of(
     angle, angle_std = found.integrate()
     figures = _figures(found, before, after) | {"checks": [check.to_json() for check in checked]}
     if beside is not None:
-        figures["tables"] = beside.figures()
+        figures["tables"] = beside.to_json()
     result = Compensated(
         time_s=found.time_s,
         rate_estimate_rad_s=found.rate_rad_s,
@@ -274,7 +274,9 @@ def _need_resonator_of(wave: Wave, resonator: Resonator, name: str) -> None:
         raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
 
 
-def closing_checks(found: RateEstimate, foretold: float = 0.0) -> tuple[list[Check], list[Check]]:
+def make_closing_checks(
+    found: RateEstimate, foretold: float = 0.0
+) -> tuple[list[Check], list[Check]]:
     """The closing checks of a rate: (what refuses it, what makes it suspect); foretold: variance of
     the nodes by interpolation over that by noise."""
     count, more = len(found.time_s), _more_nodes(found)
@@ -350,7 +352,7 @@ def _more_nodes(found: RateEstimate) -> str:
     return f"demodulate with windows of at most {shorter:.2g} s, which carry {wanted} nodes"
 
 
-def summary(record: Compensated) -> dict[str, Any]:
+def summarise(record: Compensated) -> dict[str, Any]:
     """Figures of the estimate for the JSON."""
     return dict(json.loads(record.details))
 

@@ -36,7 +36,7 @@ class TableRate:
         known = self.difference_rad_s[np.isfinite(self.difference_rad_s)]
         return float(known.mean()) if len(known) else None
 
-    def figures(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """For the JSON: means over the run, null where the tables have no row at all."""
         mean = self.mean_difference_rad_s
         square = np.square(self.difference_rad_s)

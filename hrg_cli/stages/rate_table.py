@@ -186,7 +186,7 @@ def _remarked(record: Calibration, keep: Array, spike_sigma: float, turning: boo
     return record.replace(status_reasons=tuple(remarks))
 
 
-def rate_of(record: Calibration, output: Array, temperature_degc: Array | float = 0.0) -> Array:
+def find_rate(record: Calibration, output: Array, temperature_degc: Array | float = 0.0) -> Array:
     """Rate [rad/s] of outputs at temperatures with a calibration of `rate_table`; the powers of the
     rate by fixed-point steps."""
     details = json.loads(record.details)
@@ -216,7 +216,7 @@ def rate_of(record: Calibration, output: Array, temperature_degc: Array | float 
     return np.asarray(rate)
 
 
-def summary(record: Calibration) -> dict[str, Any]:
+def summarise(record: Calibration) -> dict[str, Any]:
     """Figures of a table's calibration for the JSON: the keys of every calibration and the table's own.
 
     `scale_factor_rms_ppm`: the residual as a part of the largest rate; nulls where the gyro did not

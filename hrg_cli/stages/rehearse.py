@@ -97,7 +97,7 @@ def rehearse(
     >>> wave = collect(estimate(collect(demodulate(recording, periods_per_window=10))))
     >>> run = Measured(wave, sample_rate_hz=2000.0, demodulate={"periods_per_window": 10.0})
     >>> told = rehearse(identify([wave]), [run], settings.check_settings(identify, {}), times=3)
-    >>> frequency = told.table()["figures"][0]
+    >>> frequency = told.to_json()["figures"][0]
     >>> frequency["name"], frequency["error_over_std_rms"] < 5
     ('frequency_hz', True)
     """

@@ -29,7 +29,7 @@ FEWEST, ROUNDS = 20, 8
 """Windows from which a loop is looked for, and rounds of the fit of its level."""
 
 
-def sample_noise(wave: Wave, sample_rate_hz: float) -> float:
+def compute_sample_noise(wave: Wave, sample_rate_hz: float) -> float:
     """Noise of one sample that gives the windows' noise at this sampling rate."""
     std = np.asarray(wave.signal_std, float)
     std = std[np.isfinite(std) & (std > 0)]
@@ -40,7 +40,7 @@ def sample_noise(wave: Wave, sample_rate_hz: float) -> float:
     )
 
 
-def rate_course(
+def make_rate_course(
     time_s: Array, rate_rad_s: Array | None, length_s: float, straight: bool = False
 ) -> dict[str, Any]:
     """The logged rate (n,) as a part of [environment] of a run of a length, constant or along
@@ -56,13 +56,13 @@ def rate_course(
         return {"rate_rad_s": float(rate.mean())}
     at = np.asarray(time_s, float)[known]
     if straight:
-        times, values = points(at, rate)
+        times, values = choose_points(at, rate)
     else:
-        times, (values,) = chords([build_course(at, rate)], length_s)
+        times, (values,) = fit_chords([build_course(at, rate)], length_s)
     return {"rate": {"kind": "points", "time_s": times, "rate_rad_s": values}}
 
 
-def drive_log(wave: Wave, length_s: float) -> dict[str, Any] | None:
+def make_drive_log(wave: Wave, length_s: float) -> dict[str, Any] | None:
     """The logged commands of a driven run of a length as [control.log]; None where the main one was
     not logged."""
     names = [
@@ -76,11 +76,11 @@ def drive_log(wave: Wave, length_s: float) -> dict[str, Any] | None:
     known = np.all([np.isfinite(values) for values in columns.values()], axis=0)
     t = np.asarray(wave.time_s, float)[known]
     logs = [build_from_means(t, column[known], wave.window_s) for column in columns.values()]
-    times, values = chords(logs, length_s)
+    times, values = fit_chords(logs, length_s)
     return {"time_s": times} | dict(zip(columns, values, strict=True))
 
 
-def temperature_course(time_s: Array, temperature_degc: Array | None) -> dict[str, Any]:
+def make_temperature_course(time_s: Array, temperature_degc: Array | None) -> dict[str, Any]:
     """The logged temperature (n,) as a part of [environment], constant or along straight lines;
     nothing where none is logged."""
     if temperature_degc is None or not np.any(known := np.isfinite(temperature_degc)):
@@ -88,11 +88,11 @@ def temperature_course(time_s: Array, temperature_degc: Array | None) -> dict[st
     warm = np.asarray(temperature_degc, float)[known]
     if np.ptp(warm) <= STEADY_DEGC:
         return {"temperature_degc": float(warm.mean())}
-    times, values = points(np.asarray(time_s, float)[known], warm)
+    times, values = choose_points(np.asarray(time_s, float)[known], warm)
     return {"temperature": {"kind": "points", "time_s": times, "temperature_degc": values}}
 
 
-def chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], list[list[float]]]:
+def fit_chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], list[list[float]]]:
     """Corners of straight lines from 0 to the run's length with the logs' integrals, to 4th order
     of the lines' lengths; all logs have the same rows, and the lines the same corners.
 
@@ -108,7 +108,7 @@ def chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], list[l
     corner = np.unique(
         np.concatenate(
             [
-                points(fine, log.interpolate(fine), CHORDS if log.alpha.any() else COURSE)[0]
+                choose_points(fine, log.interpolate(fine), CHORDS if log.alpha.any() else COURSE)[0]
                 for log in logs
             ]
         )
@@ -125,7 +125,9 @@ def chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], list[l
     return [float(x) for x in corner], values
 
 
-def points(t: Array, values: Array, share: float = COURSE) -> tuple[list[float], list[float]]:
+def choose_points(
+    t: Array, values: Array, share: float = COURSE
+) -> tuple[list[float], list[float]]:
     """Corners of straight lines that follow the values to a share of their range: the point
     furthest off is added until none is."""
     t, place = np.unique(t, return_index=True)

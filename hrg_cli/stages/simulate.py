@@ -21,16 +21,16 @@ from ..records import Recording
 from .simulation.blocks import record_blocks
 from .simulation.gyro import (
     add_spring,
-    control_of,
-    courses_of,
-    electronics_of,
-    mechanics_of,
-    noise_of,
-    readout_of,
-    start_of,
+    make_control,
+    make_courses,
+    make_electronics,
+    make_mechanics,
+    make_noise,
+    make_readout,
+    make_start,
 )
-from .simulation.world import environment_of
-from .simulation_file import SimulationFile, runs_of
+from .simulation.world import make_environment
+from .simulation_file import SimulationFile, list_runs
 
 Array = np.ndarray
 Active = Sequence[tuple[Any, dict[str, Any]]]
@@ -90,7 +90,7 @@ def simulate(
     >>> len(recording), recording.sample_rate_hz
     (4000, 8000.0)
     """
-    runs = {settings.run_id: settings for settings in runs_of(config)}
+    runs = {settings.run_id: settings for settings in list_runs(config)}
     if run is None and len(runs) > 1:
         raise HrgError(
             f"simulation: holds {len(runs)} runs; choose one by --run, e.g. --run"
@@ -104,19 +104,19 @@ def simulate(
     )
 
 
-def run_ids(config: Mapping[str, Any]) -> list[str]:
+def list_run_ids(config: Mapping[str, Any]) -> list[str]:
     """The runs of a simulation file, in its order; the whole file is checked."""
-    return [settings.run_id for settings in runs_of(config)]
+    return [settings.run_id for settings in list_runs(config)]
 
 
-def size_bytes(settings: SimulationFile) -> int:
+def compute_size_bytes(settings: SimulationFile) -> int:
     """Bytes of a run's samples of both channels, before they are compressed."""
     bits = settings.readout.adc_bits
     each = np.dtype(settings.recording.samples).itemsize if bits == 0 else 2 if bits <= 16 else 4
     return 2 * each * _count(settings)
 
 
-def summary(record: Recording) -> dict[str, Any]:
+def summarise(record: Recording) -> dict[str, Any]:
     """The stage's part of the JSON."""
     return {
         name: getattr(record, name)
@@ -168,12 +168,12 @@ def _fast(
     settings: SimulationFile, active: Active, random: np.random.Generator
 ) -> tuple[Iterator[Block], Readout, Environment]:
     mechanics, courses, control, pickoff = (
-        mechanics_of(settings),
-        courses_of(settings),
-        control_of(settings),
-        readout_of(settings),
+        make_mechanics(settings),
+        make_courses(settings),
+        make_control(settings),
+        make_readout(settings),
     )
-    world = environment_of(settings, bool(active))
+    world = make_environment(settings, bool(active))
     for effect, p in active:
         _call(effect, "environment", p, world)
     plant = add_spring(settings, make_linear_plant(mechanics, courses, world))
@@ -182,11 +182,11 @@ def _fast(
         _call(effect, "control", p, control)
         _call(effect, "readout", p, pickoff)
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
-    start, angle = start_of(settings)
+    start, angle = make_start(settings)
     warn_of_plain_python()
     made = fast_engine.run(
         world, plant, control, start, step, _count(settings), angle,
-        electronics=electronics_of(settings, pickoff), noise=noise_of(settings, pickoff), random=random,
+        electronics=make_electronics(settings, pickoff), noise=make_noise(settings, pickoff), random=random,
     )  # fmt: skip
     return made, pickoff, world
 
@@ -210,12 +210,19 @@ def _slow_terms(active: Active) -> slow_motion.SlowTerms:
 
 
 def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
-    mechanics, courses, pickoff = mechanics_of(settings), courses_of(settings), readout_of(settings)
-    if settings.electronics is not None or not noise_of(settings, pickoff).silent:
+    mechanics, courses, pickoff = (
+        make_mechanics(settings),
+        make_courses(settings),
+        make_readout(settings),
+    )
+    if settings.electronics is not None or not make_noise(settings, pickoff).silent:
         raise HrgError(
             "simulation: [electronics] and [noise] act on samples; simulate with --model fast"
         )
-    world, logged = environment_of(settings, bool(active)), environment_of(settings, bool(active))
+    world, logged = (
+        make_environment(settings, bool(active)),
+        make_environment(settings, bool(active)),
+    )
     for effect, p in active:
         _call(effect, "environment", p, logged)
         if (
@@ -234,10 +241,10 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
     def plant_at(world: Environment) -> Plant:
         return add_spring(settings, make_linear_plant(mechanics, courses, world))
 
-    start, angle = start_of(settings)
+    start, angle = make_start(settings)
     return (
         slow_engine.run(
-            world, plant_at, control_of(settings), terms, start, step, _count(settings), angle
+            world, plant_at, make_control(settings), terms, start, step, _count(settings), angle
         ),
         pickoff,
         logged,

@@ -104,7 +104,7 @@ def _need_sizes(config: Mapping[str, Any], where: str) -> None:
             )
 
 
-def runs_of(config: Mapping[str, Any], where: str = "simulation") -> list[SimulationFile]:
+def list_runs(config: Mapping[str, Any], where: str = "simulation") -> list[SimulationFile]:
     """The runs of a simulation file, each whole and checked. HrgError: what is wrong, where, and
     what was meant."""
     _need_sizes(config, where)

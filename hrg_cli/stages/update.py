@@ -96,7 +96,7 @@ def update(
     _guard(calibration, resonator, reference)
     x = _find_place(calibration, resonator)
     new, new_covariance = compute_coefficients(resonator, partly=True)
-    state = TableState.of(calibration, x)
+    state = TableState.from_calibration(calibration, x)
     then, then_covariance, told_by = _recall_coefficients(calibration, reference, state)
     known = np.isfinite(then) & np.isfinite(new)
     if not known.any():
@@ -113,11 +113,11 @@ def update(
     doubt = _cannot_tell(new_covariance, then, known)
     held = known & state.held
     state = (
-        state.combined(new, new_covariance, held, moved)
+        state.combine(new, new_covariance, held, moved)
         if reference is None
-        else state.shifted(change, spread, moved & held)
+        else state.shift(change, spread, moved & held)
     )
-    record = state.tables(calibration)
+    record = state.write_into(calibration)
     details = json.loads(record.details)
     details["update"] = {
         "moved": _rows(
@@ -159,7 +159,7 @@ def _remarks_on(resonator: Resonator, moved_from_tables: bool) -> list[str]:
     return remarks
 
 
-def summary(record: Calibration) -> dict[str, Any]:
+def summarise(record: Calibration) -> dict[str, Any]:
     """What moved, in σ."""
     return dict(json.loads(record.details)["update"]) | {
         "model": record.model,
@@ -232,7 +232,7 @@ def _recall_coefficients(
     if reference is not None:
         return _recall_from_reference(calibration, reference, state)
     by_resonator = calibration.model == "physical"
-    return *state.level(), "the physical model's resonator" if by_resonator else "the tables"
+    return *state.find_level(), "the physical model's resonator" if by_resonator else "the tables"
 
 
 def _recall_from_reference(
@@ -240,8 +240,10 @@ def _recall_from_reference(
 ) -> tuple[Array, Array, str]:
     """Those of the reference, carried from its own place by what the tables say of the way."""
     then, covariance = compute_coefficients(reference)
-    there = TableState.of(calibration, _find_place(calibration, reference, "reference"))
-    change, spread = state.travel_from(there)
+    there = TableState.from_calibration(
+        calibration, _find_place(calibration, reference, "reference")
+    )
+    change, spread = state.compute_travel(there)
     told_by = "the reference resonator"
     if change.any():
         told_by += ", carried to the new one's place by the tables"

@@ -41,13 +41,13 @@ class Usable:
     refusals: tuple[str, ...] = ()
     inherited: tuple[str, ...] = ()
 
-    def judged(self, record: R) -> R:
+    def judge(self, record: R) -> R:
         """The result with these sentences in its status."""
         noted = record.judged(self.notes, "valid").judged(self.doubts, "suspect")
         return noted.judged(self.refusals, "refused").judged(self.inherited, "suspect")
 
     @contextmanager
-    def blamed(self) -> Iterator[None]:
+    def blame_refusals(self) -> Iterator[None]:
         """A fit of these runs: where refused ones were all there is, its error names that first."""
         try:
             yield
@@ -63,7 +63,7 @@ def flag_wild(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str, ...]]:
     return [wave for wave, _ in flagged], tuple(said for _, said in flagged if said)
 
 
-def not_refused(waves: Sequence[Wave]) -> Usable:
+def drop_refused(waves: Sequence[Wave]) -> Usable:
     """The runs whose waves were not refused; all of them, with refusals, where each one was."""
     kept, notes = flag_wild([w for w in waves if w.status != "refused"])
     bad = [w for w in waves if w.status == "refused"]
@@ -71,11 +71,11 @@ def not_refused(waves: Sequence[Wave]) -> Usable:
         said = (f"the wave of run {w.run_id or '?'} is refused and is left out" for w in bad)
         doubted = ((name_record(w), w) for w in kept if w.status == "suspect")
         return Usable(kept, notes, tuple(said), inherited=tuple(list_doubts(doubted)))
-    why = (f"the wave of run {w.run_id or '?'} is refused: {why_refused(w)}" for w in bad)
+    why = (f"the wave of run {w.run_id or '?'} is refused: {explain_refusal(w)}" for w in bad)
     return Usable(list(waves), refusals=tuple(why))
 
 
-def with_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
+def restrict_to_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
     """The windows whose rate is known, and the runs that keep enough of them; all of those runs
     whose rate is given otherwise, by their run_id.
 
@@ -87,7 +87,7 @@ def with_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
         if stretch.all():
             waves.append(wave)
             continue
-        own = stretches_taken(wave, stretch)
+        own = choose_stretches(wave, stretch)
         waves += [restrict_to_log(wave, stretch == number) for number in own]
         sentence = describe_left_out(wave, np.isin(stretch, own))
         if short := np.count_nonzero(~np.isin(stretch, [0, *own])):
@@ -103,7 +103,7 @@ def with_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
     return replace(usable, waves=waves, notes=tuple(notes), doubts=tuple(doubts))
 
 
-def named_apart(waves: Sequence[Wave]) -> tuple[Wave, ...]:
+def name_apart(waves: Sequence[Wave]) -> tuple[Wave, ...]:
     """The waves, those whose run_id an earlier one has numbered from 2."""
     seen: dict[str, int] = {}
     out = []
@@ -113,7 +113,7 @@ def named_apart(waves: Sequence[Wave]) -> tuple[Wave, ...]:
     return tuple(out)
 
 
-def stretches_taken(wave: Wave, stretch: Array) -> list[int]:
+def choose_stretches(wave: Wave, stretch: Array) -> list[int]:
     """The stretches (n,) of a rate log that are worth a start of their own, in order of time: those
     of `LEAST_STRETCH` good windows; the longest may be as short as any run."""
     good = np.bincount(np.where(wave.good(), stretch, 0), minlength=2)
@@ -123,7 +123,7 @@ def stretches_taken(wave: Wave, stretch: Array) -> list[int]:
     return [k for k in range(1, len(good)) if good[k] >= least.get(k, LEAST_STRETCH)]
 
 
-def why_refused(wave: Wave) -> str:
+def explain_refusal(wave: Wave) -> str:
     """A refused wave's own last reason, which is the worst, shortened."""
     why = wave.status_reasons[-1] if wave.status_reasons else "no reason is given"
     return why if len(why) <= WHY else f"{why[:WHY]}…"

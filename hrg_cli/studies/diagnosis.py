@@ -21,7 +21,7 @@ from pydantic import Field
 from ..effects import EFFECTS, find
 from ..errors import UsageError
 from ..executors import local_processes, run_tasks
-from ..stages.diagnose import diagnose, summary
+from ..stages.diagnose import diagnose, summarise
 from ..stages.diagnosis.thresholds import SIGNIFICANT
 from .hidden import Hiding, effects_beside, hide, programme, waves
 from .power import coverage, curve, ideal, share
@@ -85,13 +85,13 @@ def draw_of(task: tuple[str, str, int, tuple[float, ...], float, int]) -> list[d
     first = int(random.integers(2**31))
     if sort == "clean":
         shown = KINDS[name]
-        report = summary(diagnose(waves(programme(random, shown, noise), first, shown)))
+        report = summarise(diagnose(waves(programme(random, shown, noise), first, shown)))
         named = [e["name"] for e in report["effects"]]
         return [{"clean": name, "named": named, "verdict": report["verdict"]}]
     hidden = hide(name, random, noise)
     rows = []
     for k, size in enumerate((1.0,) if find(name).whole_samples else sizes):
-        report = summary(
+        report = summarise(
             diagnose(hidden.measured(size, first + k), scale_factor=hidden.scale_factor)
         )
         rows.append(

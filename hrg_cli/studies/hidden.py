@@ -28,7 +28,7 @@ from ..stages.diagnosis.base.base_priors import choose_freedom
 from ..stages.diagnosis.base.data import prepare
 from ..stages.diagnosis.base.rate_steps import fit_rate_steps
 from ..stages.estimate import estimate
-from ..stages.simulate import run_ids, simulate
+from ..stages.simulate import list_run_ids, simulate
 
 Array = np.ndarray
 SAMPLE_RATE_HZ, DURATION_S = 20011.0, 2.0
@@ -287,7 +287,7 @@ def waves(table: Mapping[str, Any], seed: int, shown: str) -> list[Wave]:
     log of its command."""
     table = copy.deepcopy(dict(table))
     out: list[Wave] = []
-    for run in run_ids(table):
+    for run in list_run_ids(table):
         periods = collect(
             demodulate(collect(simulate(table, run=run, seed=seed)), periods_per_window=40.0)
         )

@@ -23,7 +23,7 @@ from ..errors import HrgError, UsageError
 from ..executors import local_processes, run_tasks
 from ..records import Recording, Wave, collect
 from ..stages.demodulate import demodulate
-from ..stages.diagnose import diagnose, summary
+from ..stages.diagnose import diagnose, summarise
 from ..stages.estimate import estimate
 from ..stages.inject import inject
 from ..stages.injection.samples import UnchangedError
@@ -272,7 +272,7 @@ def _make_wave(recording: Recording, periods_per_window: float) -> Wave:
 def _diagnosed(waves: Sequence[Wave], scale_factor: float | None) -> Row:
     """The diagnosis's report; a refusal is one, too."""
     try:
-        report = summary(diagnose(waves, scale_factor=scale_factor))
+        report = summarise(diagnose(waves, scale_factor=scale_factor))
     except (HrgError, ArithmeticError, np.linalg.LinAlgError) as error:
         # of data that an injection spoilt beyond any model: no name is given, and that is what the
         # study counts

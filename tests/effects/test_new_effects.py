@@ -13,9 +13,9 @@ from hrg_cli.physics import ellipse
 from hrg_cli.physics.plant import SlowState, add_accelerations
 from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.records import collect
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.diagnosis.base.data import prepare
-from hrg_cli.stages.simulate import run_ids, simulate
+from hrg_cli.stages.simulate import list_run_ids, simulate
 from hrg_cli.studies.hidden import programme, waves
 
 NOISE = 3e-4
@@ -124,7 +124,7 @@ def measured(effects, run=None, seed=5):
     ],
 )
 def test_a_new_effect_is_named_with_its_size(name):
-    report = summary(diagnose(measured({name: FOUND[name]})))
+    report = summarise(diagnose(measured({name: FOUND[name]})))
     found = next(e for e in report["effects"] if e["name"] == name)
     for parameter, true in FOUND[name].items():
         value = found["parameters"][parameter]
@@ -136,7 +136,7 @@ def test_a_knock_in_one_run_is_named_with_its_run_instant_and_velocities():
     kick = {"c_velocity_over_omega": 2e-3, "s_velocity_over_omega": -1e-3, "time_s": 0.813}
     runs = measured({"momentum_kick": kick}, run=2)
     made = diagnose(runs)
-    report = summary(made)
+    report = summarise(made)
     assert [e["name"] for e in report["effects"]] == ["momentum_kick"] and report["after"][
         "chi2_per_dof"
     ] < 1.05
@@ -153,7 +153,7 @@ def test_a_knock_in_one_run_is_named_with_its_run_instant_and_velocities():
     assert [
         k for k, run in enumerate(written["run"]) if "momentum_kick" in run.get("effects", {})
     ] == [2]
-    assert len(run_ids(written)) == len(runs)
+    assert len(list_run_ids(written)) == len(runs)
 
 
 def test_runs_without_a_knock_offer_no_instant():

@@ -5,9 +5,9 @@ import numpy as np
 
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.simulate import run_ids, simulate
+from hrg_cli.stages.simulate import list_run_ids, simulate
 
 RATES = (0.0, 0.0, 2.0, -2.0, 0.0, 0.0, 1.0, -1.0)
 
@@ -77,7 +77,7 @@ def programme(
 def waves(table, extra=(), seed=0, periods_per_window=40.0):
     """What the chain makes of the programme's raw samples."""
     out = []
-    for run in run_ids(table):
+    for run in list_run_ids(table):
         periods = collect(
             demodulate(
                 collect(simulate(table, extra, run=run, seed=seed)),
@@ -91,4 +91,4 @@ def waves(table, extra=(), seed=0, periods_per_window=40.0):
 def verdict(table, extra=(), **settings):
     """The diagnosis and its JSON."""
     diagnosis = diagnose(waves(table, extra), **settings)
-    return diagnosis, summary(diagnosis)
+    return diagnosis, summarise(diagnosis)

@@ -9,7 +9,7 @@ from diagnosis_programme import programme
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.simulate import run_ids, simulate
+from hrg_cli.stages.simulate import list_run_ids, simulate
 
 TURNING = (0.0, 1.5, 2.0, -2.0, -1.0, 1.0)
 KINDS = {
@@ -44,7 +44,7 @@ def table_of(seed, effects=None, *, turning=None, runs=6, **settings):
 
 def recordings(table, seed=0):
     """The raw samples of every run."""
-    return [collect(simulate(table, run=run, seed=seed)) for run in run_ids(table)]
+    return [collect(simulate(table, run=run, seed=seed)) for run in list_run_ids(table)]
 
 
 def estimated(records, periods_per_window=40.0):

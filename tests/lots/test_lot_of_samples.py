@@ -11,8 +11,8 @@ from hrg_cli import store
 from hrg_cli.lots.common_causes import find_common_causes
 from hrg_cli.lots.groups import Origin
 from hrg_cli.records import collect
-from hrg_cli.stages.diagnose import diagnose, summary
-from hrg_cli.stages.simulate import run_ids, simulate
+from hrg_cli.stages.diagnose import diagnose, summarise
+from hrg_cli.stages.simulate import list_run_ids, simulate
 
 GAIN_STD = 1.6e-5
 """σ of the gain by the four runs of one gyro below, as their own diagnoses state it."""
@@ -22,7 +22,7 @@ FEW_SIGMA = 2.5
 def diagnosed(seed, sigma):
     """A random device in four runs of 1 s, its gain mismatch `sigma` times what they can tell."""
     effects = {"gain_mismatch": {"gain": sigma * GAIN_STD}} if sigma else {}
-    return summary(diagnose(waves(programme(seed, effects, runs=4, duration_s=1.0), seed=seed)))
+    return summarise(diagnose(waves(programme(seed, effects, runs=4, duration_s=1.0), seed=seed)))
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_batch_says_it_everywhere(hrg, tmp_path):
             duration_s=1.0,
         )
         table["recording"]["gyro_id"] = f"SN-{k:03}"
-        for run in run_ids(table):
+        for run in list_run_ids(table):
             store.write(tmp_path / f"sn-{k:03}-{run}.h5", collect(simulate(table, run=run, seed=k)))
     whole = (tmp_path / "sn-002-run0.h5").read_bytes()
     (tmp_path / "sn-002-run9.h5").write_bytes(whole[:9000])

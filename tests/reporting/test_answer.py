@@ -34,7 +34,7 @@ from hrg_cli.stages.diagnosis.report.shares import (
     list_sets_left_out,
 )
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.simulate import run_ids, simulate
+from hrg_cli.stages.simulate import list_run_ids, simulate
 from hrg_cli.units import DEGREE_PER_HOUR
 
 GAIN, DAMPING = 0.004, 2e-3
@@ -56,7 +56,7 @@ def programme(effects):
             for k, (angle, rate) in enumerate(runs)
         ],
     }  # fmt: skip
-    made = (collect(simulate(config, run=name, seed=4)) for name in run_ids(config))
+    made = (collect(simulate(config, run=name, seed=4)) for name in list_run_ids(config))
     return [collect(estimate(collect(demodulate(one, periods_per_window=10)))) for one in made]
 
 

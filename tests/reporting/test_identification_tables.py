@@ -4,7 +4,7 @@ and why, what the runs cannot tell."""
 from synthetic_waves import programme
 
 from hrg_cli.reporting import tables
-from hrg_cli.stages.identify import identify, summary
+from hrg_cli.stages.identify import identify, summarise
 
 
 def test_methods_intervals_and_sentences_are_printed(capsys):
@@ -13,7 +13,7 @@ def test_methods_intervals_and_sentences_are_printed(capsys):
         method="all",
         profile=True,
     )
-    tables.show(record, summary(record))
+    tables.show(record, summarise(record))
     lines = capsys.readouterr().out.splitlines()
     start = [line.split()[0] for line in lines if line.split()]
     assert {

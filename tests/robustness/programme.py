@@ -206,7 +206,7 @@ CASES = (
 def build(folder: Path) -> Path:
     """The good inputs of every command."""
     store.write(folder / "recording.h5", records_by_hand.recording(seconds=0.3))
-    values = settings.check_settings(pipeline.STAGES["demodulate"].function(), {})
+    values = settings.check_settings(pipeline.STAGES["demodulate"].load_function(), {})
     pipeline.run_stage("demodulate", [folder / "recording.h5"], folder / "periods.h5", values)
     for n, (theta, rate) in enumerate(((0.1, 0.0), (0.6, 2.0), (0.4, -2.0))):
         wave = synthetic_waves.run_down(
@@ -221,7 +221,7 @@ def build(folder: Path) -> Path:
             truth, temperature, rate, 40.0, n, dt=0.4, run_id=f"{n}", gyro_id="G-17"
         )
         store.write(folder / f"forced{n}.h5", wave)
-    values = settings.check_settings(pipeline.STAGES["identify"].function(), {})
+    values = settings.check_settings(pipeline.STAGES["identify"].load_function(), {})
     for name, waves in (("resonator", "free"), ("later", "warm")):
         pipeline.run_stage(
             "identify",
@@ -232,7 +232,7 @@ def build(folder: Path) -> Path:
     for kind in ("wave", "diagnosis"):
         record = records_by_hand.RECORDS[kind]()
         store.write(folder / f"{kind}.h5", record if kind != "wave" else record.rows(0, 300))
-    table = settings.check_settings(pipeline.STAGES["calibrate"].function(), {"harmonics": 1})
+    table = settings.check_settings(pipeline.STAGES["calibrate"].load_function(), {"harmonics": 1})
     pipeline.run_stage(
         "calibrate", [folder / f"forced{n}.h5" for n in range(6)], folder / "calibration.h5", table
     )

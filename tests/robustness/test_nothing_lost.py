@@ -251,7 +251,7 @@ def test_a_source_that_changes_while_it_is_read(change, tmp_path):
     source = tmp_path / "in.h5"
     store.write(source, records_by_hand.recording(seconds=20.0, truth=False))
     values = settings.check_settings(
-        pipeline.STAGES["demodulate"].function(), {"block_samples": 20_000}
+        pipeline.STAGES["demodulate"].load_function(), {"block_samples": 20_000}
     )
     done = []
 

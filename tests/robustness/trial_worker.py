@@ -19,7 +19,7 @@ from hrg_cli import pipeline, settings, store
 from hrg_cli.errors import HrgError
 from hrg_cli.formats import import_log, read_table
 from hrg_cli.records import Record, Recording, collect
-from hrg_cli.stages.simulation_file import runs_of
+from hrg_cli.stages.simulation_file import list_runs
 
 ADDRESS_SPACE = 8 << 30
 
@@ -53,13 +53,13 @@ def run_chain(path: Path) -> None:
                 "demodulate",
                 [path],
                 periods,
-                settings.check_settings(pipeline.STAGES["demodulate"].function(), {}),
+                settings.check_settings(pipeline.STAGES["demodulate"].load_function(), {}),
             )
             pipeline.run_stage(
                 "estimate",
                 [periods],
                 wave,
-                settings.check_settings(pipeline.STAGES["estimate"].function(), {}),
+                settings.check_settings(pipeline.STAGES["estimate"].load_function(), {}),
             )
         finally:
             for left in Path(folder).iterdir():
@@ -71,7 +71,7 @@ def use_toml(path: Path) -> None:
     """A settings file, then the same as a simulation file."""
     tree = settings.load_toml(path)
     settings.to_toml(tree)
-    runs_of(tree, str(path))
+    list_runs(tree, str(path))
 
 
 def use_log(path: Path) -> None:

@@ -9,7 +9,7 @@ from forced_runs import Truth, forced_run, programme
 from hrg_cli import Calibration, store
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables import table_design
-from hrg_cli.stages.calibrate import calibrate, summary
+from hrg_cli.stages.calibrate import calibrate, summarise
 from hrg_cli.stages.calibration import chosen
 from hrg_cli.stages.calibration.table import compute_standard_deviations
 
@@ -119,7 +119,7 @@ def test_held_out_drift_is_near_what_the_true_coefficients_leave(monkeypatch):
         )
         left = caught["truth"]
         true_rms = np.sqrt(np.mean(left.residual_rad_s[left.low, -1] ** 2))
-        figures = summary(record)["drift_rms_rad_s"]
+        figures = summarise(record)["drift_rms_rad_s"]
         ratios.append(figures["held_out"] / true_rms)
         assert figures["before"] > 3 * figures["held_out"] >= 2.9 * figures["after"]
     assert max(ratios) < 1.3
@@ -133,12 +133,12 @@ def test_a_run_worked_through_in_stretches_gives_the_same(monkeypatch):
     assert parts.drift_harmonics == pytest.approx(whole.drift_harmonics, abs=1e-10)
     assert parts.covariance == pytest.approx(whole.covariance, rel=1e-4, abs=1e-22)
     for key in ("drift_rms_rad_s", "scale_factor_rms_ppm"):
-        assert summary(parts)[key] == pytest.approx(summary(whole)[key], rel=1e-6)
+        assert summarise(parts)[key] == pytest.approx(summarise(whole)[key], rel=1e-6)
 
 
 def test_band_limit_is_found_and_the_ladder_descends():
     record = calibrate(programme(Truth(2), (0, 30), (-0.5, 0.5), duration=25), bootstrap=50)
-    out = summary(record)
+    out = summarise(record)
     assert out["harmonics"] == 2
     drift = [row["drift_rms_rad_s"] for row in out["ladder"]]
     scale = [row["scale_factor_rms_ppm"] for row in out["ladder"]]
@@ -159,7 +159,7 @@ def test_repeated_programmes_are_held_out_as_whole_runs():
         for w in programme(truth, (10, 40), (-0.4, 0.4), seed=day, duration=15)
     ]
     waves = [w.replace(run_id=f"{w.run_id} {i}") for i, w in enumerate(waves)]
-    assert summary(calibrate(waves, **FIXED))["held_out_by"] == "runs"
+    assert summarise(calibrate(waves, **FIXED))["held_out_by"] == "runs"
 
 
 @pytest.mark.parametrize(
@@ -342,7 +342,7 @@ def test_odd_columns(change, status, words):
         words is None or any(words in reason for reason in record.status_reasons)
     )
     assert np.isfinite(record.drift_rad_s_std).all()
-    json.dumps(summary(record), allow_nan=False)
+    json.dumps(summarise(record), allow_nan=False)
 
 
 def test_noise_that_damps_the_harmonics_is_said():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hrg_cli.records import collect
-from hrg_cli.stages.calibrate import calibrate, summary
+from hrg_cli.stages.calibrate import calibrate, summarise
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import simulate
@@ -63,7 +63,7 @@ def test_damping_anisotropy_and_scale_factor_from_samples():
         )
         assert record.drift_harmonics[j] == pytest.approx(truth, abs=0.01 * split)
     assert np.mean(square) < 3 and max(square) < 20
-    figures = summary(record)["drift_rms_rad_s"]
+    figures = summarise(record)["drift_rms_rad_s"]
     assert figures["before"] > 5 * figures["held_out"]
 
 
@@ -76,12 +76,12 @@ def test_drift_that_moves_with_the_quadrature_is_bought_back():
     table, measured, chosen = (
         calibrate(runs, model=model, bootstrap=0) for model in ("table", "quadrature", "auto")
     )
-    held_out = [summary(record)["drift_rms_rad_s"]["held_out"] for record in (table, measured)]
+    held_out = [summarise(record)["drift_rms_rad_s"]["held_out"] for record in (table, measured)]
     assert held_out[1] < 0.85 * held_out[0]
     assert table.status == "suspect" and any(
         "moves with the measured quadrature" in reason for reason in table.status_reasons
     )
-    assert chosen.model in ("quadrature", "combined"), summary(chosen)["choice"]
+    assert chosen.model in ("quadrature", "combined"), summarise(chosen)["choice"]
     assert not any("quadrature" in reason for reason in chosen.status_reasons), (
         chosen.status_reasons
     )

@@ -12,7 +12,7 @@ from hrg_cli import store
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables.increments import build_path
 from hrg_cli.physics.drift import compute_drift
-from hrg_cli.stages.calibrate import calibrate, summary
+from hrg_cli.stages.calibrate import calibrate, summarise
 from hrg_cli.stages.calibration.table import compute_measured_drift, compute_standard_deviations
 
 PLAN = ((0.4, 0.1, 0.05), (-0.4, 0.9, -0.05), (0.4, 0.7, -0.04), (-0.4, 0.3, 0.06))
@@ -97,7 +97,7 @@ def test_physical_coefficients_that_do_not_fit_are_refused_and_not_given_more_no
     wrong = [resonator_of(tempered(20.0), T) for T in (0.0, 20.0, 40.0)]
     record = calibrate(waves, wrong, model="physical", bootstrap=0)
     assert record.status == "refused" and record.status_reasons
-    assert summary(record)["checks"] and json.loads(record.details)["chi2_per_dof"] > 2
+    assert summarise(record)["checks"] and json.loads(record.details)["chi2_per_dof"] > 2
 
 
 @pytest.mark.parametrize("draws", [2, pytest.param(5, marks=pytest.mark.slow)])
@@ -121,7 +121,7 @@ def test_physical_over_temperature_predicts_the_drift_at_temperatures_never_seen
         square.append(np.mean(z**2))
         assert error < 0.01 * 8e-4
     assert 0.5 < np.sqrt(np.mean(square)) < 1.5
-    kept = summary(record)["resonator"]
+    kept = summarise(record)["resonator"]
     assert [row["temperature_degc"] for row in kept] == [0.0, 20.0, 40.0] and np.shape(
         kept[0]["covariance"]
     ) == (5, 5)
@@ -161,13 +161,13 @@ def test_a_weak_quadrature_loop_is_never_valid_without_the_measured_quadrature(m
 def test_auto_is_the_default_and_says_why():
     waves = elliptic_programme((0.0, 20.0, 40.0))
     record = calibrate(waves, bootstrap=0)
-    choice = summary(record)["choice"]
+    choice = summarise(record)["choice"]
     assert (
         record.model == choice["model"] in ("quadrature", "phase", "combined")
         and record.status == "valid"
     ), record.status_reasons
     assert "held-out" in choice["why"] and "no resonator file" in choice["not_tried"]["physical"]
-    rows = {row["model"]: row for row in summary(record)["variants"]}
+    rows = {row["model"]: row for row in summarise(record)["variants"]}
     assert (
         not rows["table"]["passed"]
         and not rows["parametric"]["passed"]
@@ -192,7 +192,7 @@ def test_no_figure_is_nothing_plus_or_minus_nothing(model):
 def test_auto_keeps_the_table_where_higher_harmonics_are_there():
     record = calibrate(programme(Truth(2), (0, 30), (-0.5, 0.5), duration=15), bootstrap=0)
     assert record.model == "table" and record.status == "valid"
-    assert summary(record)["choice"]["not_tried"]["quadrature"].startswith(
+    assert summarise(record)["choice"]["not_tried"]["quadrature"].startswith(
         "the runs hold no quadrature"
     )
 
@@ -204,7 +204,7 @@ def test_more_noise_than_the_windows_state_is_said():
     assert record.status == "suspect" and any(
         "scatter 3" in reason for reason in record.status_reasons
     ), record.status_reasons
-    assert summary(calibrate(waves, bootstrap=0))["noise"]["white_over_stated"] == pytest.approx(
+    assert summarise(calibrate(waves, bootstrap=0))["noise"]["white_over_stated"] == pytest.approx(
         1, abs=0.05
     )
 
@@ -215,7 +215,7 @@ def test_a_random_walk_is_noise_and_a_misfit_is_not():
         programme(truth, (0, 30), (-0.5, 0.5), duration=15, walk=1e-11), bootstrap=0
     )
     assert walking.status == "valid", walking.status_reasons
-    assert summary(walking)["noise"]["angle_random_walk_rad_sqrt_s"] == pytest.approx(
+    assert summarise(walking)["noise"]["angle_random_walk_rad_sqrt_s"] == pytest.approx(
         np.sqrt(1e-11) / 0.55, rel=0.5
     )
 
@@ -244,7 +244,7 @@ def test_an_instability_reaches_status_reasons_and_json():
     assert record.status == "suspect" and any(
         "drift 8θ does not repeat" in reason for reason in record.status_reasons
     ), record.status_reasons
-    rows = summary(record)["stability"]["harmonics"]
+    rows = summarise(record)["stability"]["harmonics"]
     assert next(row for row in rows if row["name"] == "drift 8θ")["p_value"] < 1e-20
 
 

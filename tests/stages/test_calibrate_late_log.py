@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from forced_runs import Truth, forced_run
 
-from hrg_cli.stages.calibrate import calibrate, summary
+from hrg_cli.stages.calibrate import calibrate, summarise
 
 RATES = (-0.6, -0.35, 0.3, 0.65)
 
@@ -32,7 +32,7 @@ def tables_of(waves):
 def test_a_late_log_is_named_and_taken_off(late_s):
     truth, waves = programme(late_s)
     tables, (said,) = tables_of(waves)
-    found = summary(tables)["rate_log"]
+    found = summarise(tables)["rate_log"]
     assert found["late_s"] == pytest.approx(late_s, abs=4.5 * found["std_s"])
     assert found["std_s"] < 5e-4 and found["taken_off_s"] != 0
     assert tables.status == "suspect"
@@ -56,4 +56,4 @@ def test_a_log_that_is_right_is_not_called_late():
 def test_steady_rates_tell_nothing_of_the_logs_time():
     _, waves = programme(late_s=0.05, swing=0.0)
     tables, said = tables_of(waves)
-    assert "rate_log" not in summary(tables) and not said
+    assert "rate_log" not in summarise(tables) and not said

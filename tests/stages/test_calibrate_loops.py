@@ -8,7 +8,7 @@ import pytest
 from forced_runs import Truth, forced_run
 
 from hrg_cli.records import collect
-from hrg_cli.stages.calibrate import calibrate, summary
+from hrg_cli.stages.calibrate import calibrate, summarise
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import simulate
@@ -68,7 +68,7 @@ def programme(names, seed=3, duration=8.0, device=DEVICE):
 
 def climbed(waves):
     record = calibrate(waves, ladder=True, harmonics=2, scale_factor_harmonics=1, bootstrap=50)
-    return summary(record), json.loads(record.details)["final_analysis"]
+    return summarise(record), json.loads(record.details)["final_analysis"]
 
 
 def found(out):

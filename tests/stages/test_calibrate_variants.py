@@ -11,10 +11,9 @@ from forced_runs import Truth, forced_run, programme
 from hrg_cli.fitting.tables.increments import build_path
 from hrg_cli.records import Resonator, collect
 from hrg_cli.reporting.calibration import show_bought
-from hrg_cli.stages.calibrate import calibrate, summary
+from hrg_cli.stages.calibrate import calibrate, summarise
 from hrg_cli.stages.calibration.table import compute_measured_drift
 from hrg_cli.stages.compensate import compensate
-from hrg_cli.stages.compensate import summary as compensated_figures
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +80,7 @@ def test_all_variants_in_one_table(free_runs):
         covariance=np.eye(5) * 1e-14,
     )  # fmt: skip
     record = calibrate(free_runs, resonator, model="all", bootstrap=0)
-    rows = {row["model"]: row for row in summary(record)["variants"]}
+    rows = {row["model"]: row for row in summarise(record)["variants"]}
     assert set(rows) == {"table", "parametric", "quadrature", "phase", "combined", "physical"}
     for name in ("quadrature", "phase", "physical"):
         assert rows[name]["drift_rms_rad_s"] < 0.2 * rows["parametric"]["drift_rms_rad_s"]
@@ -105,9 +104,9 @@ def test_measured_part_is_applied_in_operation(free_runs):
     after = {}
     for model in ("parametric", "quadrature", "phase"):
         record = calibrate(free_runs, model=model, scale_factor_harmonics=0, bootstrap=0)
-        after[model] = compensated_figures(collect(compensate(unseen, record)))[
-            "angle_cell_rms_rad_s"
-        ]["after"]
+        after[model] = summarise(collect(compensate(unseen, record)))["angle_cell_rms_rad_s"][
+            "after"
+        ]
     assert (
         after["quadrature"] < 0.15 * after["parametric"]
         and after["phase"] < 0.15 * after["parametric"]
@@ -133,7 +132,7 @@ def driven(seed=0, drive_error=3e-4):
 
 def test_the_ladder_separates_the_drive_by_free_runs():
     record = calibrate(driven(), ladder=True, harmonics=2, scale_factor_harmonics=0, bootstrap=50)
-    rows = summary(record)["ladder"]
+    rows = summarise(record)["ladder"]
     assert [row["stage"][0] for row in rows] == list("1234567")
     assert all(
         np.isfinite([row["drift_rms_rad_s"], row["scale_factor_rms_ppm"]]).all() for row in rows
@@ -155,7 +154,7 @@ def test_the_ladder_separates_the_drive_by_free_runs():
 
 def test_every_factor_says_what_it_needs():
     record = calibrate(driven(), ladder=True, harmonics=2, scale_factor_harmonics=0, bootstrap=0)
-    report = summary(record)
+    report = summarise(record)
     needs = {row["name"]: row["needs"] for row in report["factors"]}
     assert needs["drive matrix, forced runs against free ones"].startswith("free run-downs")
     assert "thermometer" in needs["drift over temperature"]
@@ -171,7 +170,7 @@ def test_an_hour_more_brings_what_longer_recordings_do():
         for again in [programme(Truth(2), (0, 30), (-0.5, 0.5), seed=seed, duration=20)]
     ]
     short, long = (
-        summary(calibrate(waves, harmonics=2, scale_factor_harmonics=2, bootstrap=0))["hour"]
+        summarise(calibrate(waves, harmonics=2, scale_factor_harmonics=2, bootstrap=0))["hour"]
         for waves in (runs[0], [*runs[0], *runs[1]])
     )
     assert long["recorded_s"] == pytest.approx(2 * short["recorded_s"], rel=0.01)
@@ -182,7 +181,7 @@ def test_an_hour_more_brings_what_longer_recordings_do():
 
 
 def test_ladder_names_what_it_cannot_reach():
-    rows = summary(
+    rows = summarise(
         calibrate(programme(Truth(2), (0, 30), (-0.5, 0.5), duration=15), ladder=True, bootstrap=0)
     )["ladder"]
     assert (

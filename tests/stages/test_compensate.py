@@ -9,7 +9,7 @@ from forced_runs import Truth, forced_run, programme
 from hrg_cli.errors import HrgError
 from hrg_cli.records import Provenance, collect
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.compensate import compensate, summary
+from hrg_cli.stages.compensate import compensate, summarise
 from hrg_cli.stages.compensation import logged_run
 
 
@@ -50,7 +50,7 @@ def test_angle_and_rate_of_an_unseen_run(tables, run):
         np.abs(np.interp(done.time_s, run.time_s, constant) - true_angle).max()
         > 20 * np.abs(done.angle_estimate_rad - true_angle).max()
     )
-    figures = summary(done)["angle_cell_rms_rad_s"]
+    figures = summarise(done)["angle_cell_rms_rad_s"]
     assert figures["after"] < 0.1 * figures["before"]
     assert done.status == "valid"
 
@@ -129,7 +129,7 @@ def test_rates_outside_are_doubted(tables, truth):
     done = collect(compensate(fast, tables))
     assert done.status == "suspect" and "beyond those calibrated" in done.status_reasons[-1]
     assert collect(compensate(fast.replace(rate_rad_s=None), tables)).status == "suspect"
-    json.dumps(summary(done), allow_nan=False)
+    json.dumps(summarise(done), allow_nan=False)
 
 
 def test_a_scale_factor_of_another_gyro_is_doubted(tables, truth):
@@ -159,13 +159,13 @@ def test_tables_that_have_aged_are_contradicted_by_the_runs_own_log(tables, trut
     )
     done = collect(compensate(later, tables))
     assert done.status == "suspect" and "tables that have aged" in done.status_reasons[-1]
-    assert summary(done)["error_over_std_rms"] < 1.3  # hardly anything is seen in single rates
-    figures = summary(done)["angle_against_log"]
+    assert summarise(done)["error_over_std_rms"] < 1.3  # hardly anything is seen in single rates
+    figures = summarise(done)["angle_against_log"]
     assert figures["largest_over_std"] > 7
     at = np.argmin(np.abs(done.time_s - figures["time_s"]))
     stated = figures["largest_over_std"] * done.angle_estimate_rad_std[at]
     # what the rates scatter beyond their deviations is the log's own and widens it
     assert stated <= abs(figures["error_rad"]) < 1.3 * stated
     without = collect(compensate(later.replace(rate_rad_s=None), tables))
-    assert without.status == "valid" and "angle_against_log" not in summary(without)
-    assert summary(collect(compensate(run, tables)))["angle_against_log"]["largest_over_std"] < 5
+    assert without.status == "valid" and "angle_against_log" not in summarise(without)
+    assert summarise(collect(compensate(run, tables)))["angle_against_log"]["largest_over_std"] < 5

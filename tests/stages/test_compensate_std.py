@@ -8,7 +8,7 @@ from forced_runs import Truth, forced_run, programme
 
 from hrg_cli import calibrate, collect, compensate, demodulate, estimate, simulate
 from hrg_cli.records.windowed import FLAG_GAP
-from hrg_cli.stages.compensate import summary
+from hrg_cli.stages.compensate import summarise
 from hrg_cli.stages.compensation import logged_run
 
 RATE = 0.7
@@ -91,7 +91,7 @@ def test_a_log_that_ends_early_changes_no_deviation(raw):
     )
     assert short.rate_estimate_rad_s_std == pytest.approx(whole.rate_estimate_rad_s_std)
     for done in (whole, short):
-        assert 0.8 < summary(done)["error_over_std_rms"] < 1.25
+        assert 0.8 < summarise(done)["error_over_std_rms"] < 1.25
 
 
 def test_the_tables_own_errors_are_in_it():
@@ -104,7 +104,7 @@ def test_the_tables_own_errors_are_in_it():
         flight = forced_run(truth, 20, 0.2, 3, 1, noise=1e-9, start=0.4)
         done = collect(compensate(flight, tables))
         off.append(np.mean(done.rate_estimate_rad_s) - 0.2)
-        told.append(summary(done)["rate_std_rad_s"]["by_tables"])
+        told.append(summarise(done)["rate_std_rad_s"]["by_tables"])
         angle = done.angle_estimate_rad - 0.2 * (done.time_s - done.time_s[0] + 0.01)
         summed.append((angle / done.angle_estimate_rad_std)[-1])
     assert 0.6 < np.sqrt(np.mean(np.square(off) / np.square(told))) < 1.4

@@ -11,7 +11,7 @@ import pytest
 from hrg_cli import calibrate, collect, compensate, demodulate, estimate, simulate
 from hrg_cli.fitting.tables.joint import TableLayout, fit
 from hrg_cli.physics.noise import BOLTZMANN_J_K
-from hrg_cli.stages.calibrate import summary
+from hrg_cli.stages.calibrate import summarise
 from hrg_cli.stages.calibration.factors import build
 from hrg_cli.stages.calibration.preparation import KnownRates, prepare
 from hrg_cli.stages.calibration.variants import FACTORS
@@ -62,7 +62,7 @@ def test_a_brownian_gyro_shows_the_angle_random_walk_of_physics(waves):
         assert allan["bias_instability_rad_s"]["value"] == 0
     assert np.mean(found) == pytest.approx(formula(config), rel=0.022)
     # calibrate says the same walk from means over some windows, which know it to 3 %
-    said = summary(tables)["noise"]["angle_random_walk_rad_sqrt_s"]
+    said = summarise(tables)["noise"]["angle_random_walk_rad_sqrt_s"]
     assert said == pytest.approx(formula(config), rel=0.08)
 
 

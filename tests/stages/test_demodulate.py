@@ -18,7 +18,7 @@ from hrg_cli.records import (
     collect,
 )
 from hrg_cli.records.recording import ONE_CHANNEL
-from hrg_cli.stages.demodulate import demodulate, summary
+from hrg_cli.stages.demodulate import demodulate, summarise
 
 
 def recording(c: np.ndarray, s: np.ndarray, rate: float, **more: object) -> Recording:
@@ -389,7 +389,7 @@ def test_harmonics_and_mains_are_kept_as_lines_and_do_not_spoil_the_standard_dev
     error = (made.signals - truth(made, 5000.3, np.array([1, -0.5j]), -0.1)) / made.signals_std
     ratios = (error**2).mean(0)
     assert (ratios > 0.8).all() and (ratios < 1.25).all()
-    held = summary(made)
+    held = summarise(made)
     assert (
         held["windows"] == 25_000
         and held["residual_lines"][0]["power_ratio"] > 100

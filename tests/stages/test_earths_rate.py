@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hrg_cli.stages.earth_rate import earth_rate_rad_s
+from hrg_cli.stages.earth_rate import find_earth_rate
 
 SIDEREAL_DAY_S = 86164.0905
 
@@ -39,6 +39,6 @@ def test_earths_rate_is_how_fast_the_case_turns_about_its_axis(place):
     latitude, tilt, azimuth = place
     before, after = (case_in_space(latitude, 30.0, tilt, azimuth, s) for s in (-30.0, 30.0))
     in_case = (before.inv() * after).as_rotvec() / 60.0
-    told = earth_rate_rad_s(None, latitude, tilt, azimuth)
+    told = find_earth_rate(None, latitude, tilt, azimuth)
     assert told == pytest.approx(in_case[2], abs=1e-6 * 2 * np.pi / SIDEREAL_DAY_S)
     assert np.linalg.norm(in_case) == pytest.approx(2 * np.pi / SIDEREAL_DAY_S, rel=1e-9)

@@ -18,7 +18,7 @@ from hrg_cli.records import (
     collect,
 )
 from hrg_cli.stages import estimate as module
-from hrg_cli.stages.estimate import estimate, summary
+from hrg_cli.stages.estimate import estimate, summarise
 
 SOLVERS = ("closed-form", "gauss-newton", "levenberg-marquardt")
 WINDOW = 0.01
@@ -320,7 +320,7 @@ def test_a_stream_of_a_file_is_a_whole_file(tmp_path, monkeypatch):
     np.testing.assert_allclose(
         wave.wave_angle_rad, collect(estimate(record)).wave_angle_rad, atol=1e-8
     )
-    assert summary(wave)["usable"] == 950
+    assert summarise(wave)["usable"] == 950
 
 
 def test_a_circular_wave_has_a_large_finite_angle_deviation():
@@ -365,7 +365,7 @@ def test_useless_input_never_looks_like_success(change, status):
     wave = collect(estimate(turning(100)[0].replace(**change)))
     assert wave.status == status
     assert all("run 7" in reason and "100 windows" in reason for reason in wave.status_reasons)
-    summary(wave)
+    summarise(wave)
 
 
 @pytest.mark.parametrize(

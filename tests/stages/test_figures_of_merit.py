@@ -10,7 +10,11 @@ from forced_runs import Truth, forced_run, programme
 
 from hrg_cli.errors import HrgError
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.figures_of_merit import allan_figures, calibration_figures, scale_factor_figures
+from hrg_cli.stages.figures_of_merit import (
+    compute_allan_figures,
+    compute_calibration_figures,
+    compute_scale_factor_figures,
+)
 
 
 def test_allan_deviation_agrees_with_allantools_and_its_coefficients_with_the_truth():
@@ -21,7 +25,7 @@ def test_allan_deviation_agrees_with_allantools_and_its_coefficients_with_the_tr
         walk / np.sqrt(interval) * draw.normal(size=40_000)
         + np.cumsum(draw.normal(size=40_000)) * 2e-8
     )
-    found = allan_figures(rate, interval)
+    found = compute_allan_figures(rate, interval)
     # allantools leaves out multiples that differ only by rounding, so it is asked for our own
     _, expected, _, _ = allantools.oadev(
         rate, rate=1 / interval, data_type="freq", taus=found.time_s
@@ -30,7 +34,7 @@ def test_allan_deviation_agrees_with_allantools_and_its_coefficients_with_the_tr
     assert found.angle_random_walk_rad_sqrt_s == pytest.approx(walk, rel=0.03)
     assert found.rate_random_walk_rad_s_sqrt_s == pytest.approx(2e-8 / np.sqrt(interval), rel=0.5)
     with pytest.raises(HrgError, match="at least 30"):
-        allan_figures(rate[:10], interval)
+        compute_allan_figures(rate[:10], interval)
 
 
 def test_scale_factor_asymmetry_and_nonlinearity():
@@ -39,7 +43,7 @@ def test_scale_factor_asymmetry_and_nonlinearity():
         forced_run(truth, 20.0, rate, 30, i, noise=1e-6)
         for i, rate in enumerate((-0.8, -0.4, 0.4, 0.8))
     ]
-    plain = scale_factor_figures(runs)
+    plain = compute_scale_factor_figures(runs)
     assert plain.scale_factor == pytest.approx(0.55, rel=1e-4)
     assert abs(plain.asymmetry_ppm) < 60
     # positive rates read 300 ppm more
@@ -47,12 +51,14 @@ def test_scale_factor_asymmetry_and_nonlinearity():
         r.replace(wave_angle_rad=r.wave_angle_rad * (1 + 3e-4 * (r.rate_rad_s[0] > 0)))
         for r in runs
     ]
-    assert scale_factor_figures(skew).asymmetry_ppm - plain.asymmetry_ppm == pytest.approx(
+    assert compute_scale_factor_figures(skew).asymmetry_ppm - plain.asymmetry_ppm == pytest.approx(
         300, rel=0.1
     )
-    assert np.isnan(scale_factor_figures(runs[1:3]).nonlinearity_ppm), "two rates are on a line"
+    assert np.isnan(compute_scale_factor_figures(runs[1:3]).nonlinearity_ppm), (
+        "two rates are on a line"
+    )
     with pytest.raises(HrgError, match="one rate only"):
-        scale_factor_figures(runs[:1])
+        compute_scale_factor_figures(runs[:1])
 
 
 def test_the_scale_factor_s_figures_are_half_its_range():
@@ -61,7 +67,7 @@ def test_the_scale_factor_s_figures_are_half_its_range():
     angle = np.asarray(record.wave_angle_rad)
     over_t = 40e-6 * np.linspace(-1, 1, len(record.node))[:, None]
     record = record.replace(scale_factor=0.277 * (1 + over_t + 25e-6 * np.cos(4 * angle)))
-    figures = calibration_figures(record)
+    figures = compute_calibration_figures(record)
     assert figures["scale_factor_angle_ppm"] == pytest.approx(25, rel=1e-3)
     assert figures["scale_factor_temperature_ppm"] == pytest.approx(40, rel=1e-3)
 
@@ -70,7 +76,7 @@ def test_figures_of_a_calibration_are_those_of_its_truth():
     truth = Truth(5)
     waves = programme(truth, (0, 20, 40), (-0.5, 0.5), duration=20)
     record = calibrate(waves, harmonics=2, scale_factor_harmonics=2, bootstrap=0)
-    figures = calibration_figures(record)
+    figures = compute_calibration_figures(record)
     theta = record.wave_angle_rad
     bias = np.stack(
         [truth.drift(T + 0 * theta, theta) / truth.scale(T + 0 * theta, theta) for T in (0, 20, 40)]
@@ -79,7 +85,7 @@ def test_figures_of_a_calibration_are_those_of_its_truth():
     assert figures["angle_dependent_bias_rad_s"] == pytest.approx(
         np.ptp(bias, axis=1).max() / 2, rel=0.02
     )
-    corrected = scale_factor_figures(waves, record)
+    corrected = compute_scale_factor_figures(waves, record)
     assert abs(corrected.error_ppm) < 5 and max(np.abs(corrected.residual_ppm)) < 20
 
 

@@ -22,7 +22,7 @@ from hrg_cli.physics import drift, ellipse, resonator
 from hrg_cli.physics.resonator import PARAMETERS
 from hrg_cli.records import Resonator
 from hrg_cli.reporting.quantities import round_with_std
-from hrg_cli.stages.forecast import forecast, summary
+from hrg_cli.stages.forecast import forecast, summarise
 
 
 def made(nu=0.02, split=0.004, spread=0.02, mode_number=2, **change):
@@ -268,7 +268,7 @@ def test_forecast_command(tmp_path, hrg):
 
 
 def test_summary_is_plain():
-    json.dumps(summary(forecast(made(), duration_s=20.0)), allow_nan=False)
+    json.dumps(summarise(forecast(made(), duration_s=20.0)), allow_nan=False)
 
 
 def test_a_wave_that_passes_a_circle_between_two_rows_has_ended():

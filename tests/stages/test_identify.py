@@ -12,7 +12,7 @@ from synthetic_waves import GYRO, NAMES, PROGRAMME, as_wave, envelope, errors, p
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.envelopes.rate_from_model import fit_free_rate
 from hrg_cli.physics.resonator import Mechanics
-from hrg_cli.stages.identify import identify, summary
+from hrg_cli.stages.identify import identify, summarise
 from hrg_cli.store.covariance_checks import find_covariance_problem
 
 
@@ -245,7 +245,7 @@ def test_growing_and_driven_waves():
 
 
 def test_summary_is_the_contract():
-    out = summary(identify(programme(std=1e-3)))
+    out = summarise(identify(programme(std=1e-3)))
     assert set(out["parameters"]) == set(NAMES)
     assert set(out["parameters"]["scale_factor"]) == {"value", "std", "units"}
     assert out["runs"] == [f"run {i}" for i in range(6)]

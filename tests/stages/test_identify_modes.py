@@ -17,7 +17,7 @@ from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.identify import identify, summary
+from hrg_cli.stages.identify import identify, summarise
 
 BOWL = Mechanics(526.4, 0.13)
 
@@ -161,9 +161,9 @@ def test_aliases_of_the_windows_are_named():
         )
     assert any(
         "cannot tell" in s and "windows every 0.04 s" in s
-        for s in summary(record)["identifiability"]["flat_directions"]
+        for s in summarise(record)["identifiability"]["flat_directions"]
     )
-    assert all({"name", "value", "limit", "passed"} <= set(c) for c in summary(record)["checks"])
+    assert all({"name", "value", "limit", "passed"} <= set(c) for c in summarise(record)["checks"])
 
 
 measured = pytest.mark.skipif(
@@ -261,7 +261,7 @@ def test_an_amplitude_alone_measures_no_frequency():
         record = identify(runs)
         value, std, _ = record.parameters()["frequency_hz"]
         assert value == 526.4 and std == pytest.approx(12.5)
-        told = summary(record)
+        told = summarise(record)
         assert told["parameters"]["frequency_hz"]["assumed"]
         assert "assumed" not in told["parameters"]["damping_rate_1_s"]
         said = told["identifiability"]["flat_directions"]
@@ -274,7 +274,7 @@ def test_an_amplitude_alone_measures_no_frequency():
     record = identify([recorded(False, 1), recorded(True, 2)])
     value, std, _ = record.parameters()["frequency_hz"]
     assert abs(value - 526.4 - 1 / np.pi) < 5 * std < 1e-3
-    assert "assumed" not in summary(record)["parameters"]["frequency_hz"]
+    assert "assumed" not in summarise(record)["parameters"]["frequency_hz"]
 
 
 def test_modes_that_did_not_settle_are_refused(monkeypatch):

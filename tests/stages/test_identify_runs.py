@@ -20,7 +20,7 @@ from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identification.verdict import DISAGREES
 from hrg_cli.stages.identify import identify
-from hrg_cli.stages.rate import rate, summary
+from hrg_cli.stages.rate import rate, summarise
 from hrg_cli.stages.simulate import simulate
 
 
@@ -106,7 +106,7 @@ def test_rate_stage_sees_the_rate_without_the_drift():
         0.3, lambda t: 0.3 * np.sin(2 * np.pi * t / 3) + 0.2, mechanics=gyro, std=1e-4, seed=11
     )
     record = rate(wave, resonator, nodes=16)
-    figures = summary(record)
+    figures = summarise(record)
     assert record.status == "valid" and len(record.time_s) == 16
     assert figures["error_rms_rad_s"] < 0.2 * figures["plain_error_rms_rad_s"]
     assert np.mean(
@@ -131,7 +131,7 @@ def test_rate_through_circular_orbits(split, ratio):
     error = record.rate_estimate_rad_s - course(record.time_s)
     assert record.status == "valid" and np.sqrt(np.mean(error**2)) < 0.003
     assert np.mean((error / record.rate_estimate_rad_s_std) ** 2) < 4
-    assert summary(record)["plain_error_rms_rad_s"] > 0.1
+    assert summarise(record)["plain_error_rms_rad_s"] > 0.1
 
 
 def test_a_quick_rate_takes_more_nodes_or_says_they_are_too_few():

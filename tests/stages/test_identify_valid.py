@@ -34,7 +34,7 @@ from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identification.methods import ALL
-from hrg_cli.stages.identify import identify, summary
+from hrg_cli.stages.identify import identify, summarise
 from hrg_cli.stages.rate import rate
 from hrg_cli.stages.simulate import simulate
 from hrg_cli.studies.run_downs import draw
@@ -61,7 +61,7 @@ def on_a_table(std=1e-5, gyro=TABLE, windows=30_000, seed=1):
 
 
 def checks_of(record):
-    return {c["name"]: c for c in summary(record)["checks"]}
+    return {c["name"]: c for c in summarise(record)["checks"]}
 
 
 def within(record, gyro, limit=4.5):
@@ -203,7 +203,7 @@ def test_a_method_that_disagrees_with_its_data_says_so():
     for method in ("likelihood", "stokes", "products", "increments", "fixed-axes", "propagator"):
         record = identify(waves, method=method)
         assert record.status != "valid", method
-        assert not all(c["passed"] for c in summary(record)["checks"]) or record.status_reasons
+        assert not all(c["passed"] for c in summarise(record)["checks"]) or record.status_reasons
 
 
 def test_an_ellipse_on_a_changing_rate_is_no_drift_of_its_frequency():

@@ -7,7 +7,7 @@ import pytest
 from hrg_cli.errors import HrgError
 from hrg_cli.physics.resonator import PARAMETERS
 from hrg_cli.records import Resonator, collect
-from hrg_cli.stages.calibrate import calibrate, summary
+from hrg_cli.stages.calibrate import calibrate, summarise
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identification.monitored import monitor_working_mode
@@ -72,11 +72,11 @@ def test_the_ladder_tells_how_late_the_loops_act(waves, logged):
     if not logged:
         runs = [w.replace(drive_main=None, drive_quadrature=None) for w in runs]
     made = calibrate(runs, ladder=True, model="quadrature", scale_factor_harmonics=1, bootstrap=0)
-    steps = summary(made)["ladder"]
+    steps = summarise(made)["ladder"]
     for figure in ("drift_rms_rad_s", "scale_factor_rms_ppm"):
         # of the forced runs' cells, whatever the rates of the free ones
         assert 0.5 < steps[5][figure] / steps[4][figure] < 1.2
-    loops = {row["name"]: row for row in summary(made)["loops"]}
+    loops = {row["name"]: row for row in summarise(made)["loops"]}
     late = loops.pop("loop_delay")
     assert late["units"] == "s" and late["z"] > 100
     # without a log the free runs' own decay stands for the drive
@@ -91,7 +91,7 @@ def test_free_runs_at_rest_tell_no_delay(waves):
     still = [w.replace(rate_rad_s=0 * np.asarray(w.time_s)) for w in waves.values()]
     runs = [w if w.mode == "forced" else s for w, s in zip(waves.values(), still, strict=True)]
     made = calibrate(runs, ladder=True, model="quadrature", scale_factor_harmonics=0, bootstrap=0)
-    assert "loop_delay" not in {row["name"] for row in summary(made)["loops"]}
+    assert "loop_delay" not in {row["name"] for row in summarise(made)["loops"]}
 
 
 @pytest.mark.parametrize("turning", RATES)

@@ -12,11 +12,11 @@ from hrg_cli.physics.resonator import PARAMETERS, Mechanics
 from hrg_cli.records import Resonator, collect
 from hrg_cli.settings import to_toml
 from hrg_cli.stages.demodulate import demodulate
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
 from hrg_cli.stages.plan import plan
-from hrg_cli.stages.planning.like_measured import menu_like
+from hrg_cli.stages.planning.like_measured import make_menu_like
 from hrg_cli.stages.simulate import simulate
 
 TRUTH = Mechanics(500.0, 0.4, 0.02, 0.35, 0.6, 0.9, 0.55)
@@ -94,7 +94,7 @@ def test_the_promised_separation_is_the_measured_one():
         run["environment"] = {"rate_rad_s": 2.0}
     made = waves(table)
     blind = diagnose(made)
-    assert summary(blind)["effects"] == []
+    assert summarise(blind)["effects"] == []
     menu = {
         "recording": table["recording"],
         "readout": table["readout"],
@@ -107,7 +107,7 @@ def test_the_promised_separation_is_the_measured_one():
     (row,) = chosen.separations
     assert all(run.table["environment"]["rate_rad_s"] == -2.0 for run in chosen.runs)
     further = waves({**table, "run": chosen.file["run"]}, seed=1)
-    first = summary(diagnose([*made, *further]))["effects"][0]
+    first = summarise(diagnose([*made, *further]))["effects"][0]
     assert first["name"] == "gain_mismatch"
     measured_sigma = first["parameters"]["gain"]["value"] / first["parameters"]["gain"]["std"]
     assert measured_sigma / row["after_sigma"] == pytest.approx(1.0, abs=0.1)
@@ -168,7 +168,7 @@ def written(**parts):
 def test_without_a_menu_runs_like_those_measured_are_offered():
     """No faster, no longer, no quieter than the bench has shown; and K, which rest hides, is asked
     for by turning."""
-    menu = menu_like(written())
+    menu = make_menu_like(written())
     assert menu["recording"] == {"sample_rate_hz": 4000.0, "duration_s": 4.0}
     assert menu["readout"]["noise"] == 1e-3
     again, grid = menu["run"][:2], menu["run"][2:]
@@ -182,7 +182,7 @@ def test_without_a_menu_runs_like_those_measured_are_offered():
 
 
 def test_runs_that_no_model_tells_are_asked_for(tmp_path, hrg):
-    assert menu_like(written(control={"mode": "forced"})) is None
+    assert make_menu_like(written(control={"mode": "forced"})) is None
     store.write(tmp_path / "r.h5", known(1e-3))
     done = hrg("plan", tmp_path / "r.h5", "-o", tmp_path / "next.toml")
     assert done.status == 2 and "add --menu FILE" in done.err

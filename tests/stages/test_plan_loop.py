@@ -4,7 +4,7 @@ that do, and those name the cause."""
 import pytest
 from diagnosis_programme import programme, waves
 
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.plan import plan
 
 FOLLOWS = {
@@ -54,7 +54,7 @@ def test_one_ramp_leaves_lag_and_gradient_open_and_the_planned_runs_tell_them() 
     table = on_one_ramp()
     made = waves(table)
     blind = diagnose(made)
-    said = summary(blind)
+    said = summarise(blind)
     assert {e["name"] for e in said["effects"]} == set(FOLLOWS)
     group = next(
         g for g in said["not_separable"] if {"thermal_lag", "thermal_gradient"} <= set(g["effects"])
@@ -66,7 +66,7 @@ def test_one_ramp_leaves_lag_and_gradient_open_and_the_planned_runs_tell_them() 
         r for r in chosen.separations if set(r["causes"]) == {"thermal_lag", "thermal_gradient"}
     )
     assert row["before_sigma"] < 20 and row["after_sigma"] > 100
-    found = summary(diagnose([*made, *waves({**table, "run": chosen.file["run"]}, seed=1)]))[
+    found = summarise(diagnose([*made, *waves({**table, "run": chosen.file["run"]}, seed=1)]))[
         "effects"
     ]
     assert {e["name"] for e in found} == {*FOLLOWS, "thermal_gradient"}
@@ -81,7 +81,7 @@ def test_runs_at_rest_leave_the_read_out_open_in_one_group() -> None:
         run["environment"] = {"rate_rad_s": 0.0}
     made = waves(table)
     blind = diagnose(made)
-    groups = [set(g["effects"]) for g in summary(blind)["not_separable"]]
+    groups = [set(g["effects"]) for g in summarise(blind)["not_separable"]]
     assert not any(a < b for a in groups for b in groups if len(a) > 1)
     menu = {
         "recording": table["recording"],
@@ -93,7 +93,7 @@ def test_runs_at_rest_leave_the_read_out_open_in_one_group() -> None:
     }
     chosen = plan(blind, menu, made, runs=2)
     assert any(run.table["environment"]["rate_rad_s"] != 0 for run in chosen.runs)
-    first = summary(diagnose([*made, *waves({**table, "run": chosen.file["run"]}, seed=1)]))[
+    first = summarise(diagnose([*made, *waves({**table, "run": chosen.file["run"]}, seed=1)]))[
         "effects"
     ][0]
     assert first["name"] == "gain_mismatch" and first["indistinguishable_from"] == []

@@ -9,7 +9,7 @@ from hrg_cli.records import Resonator, collect
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.rate import rate, summary
+from hrg_cli.stages.rate import rate, summarise
 from hrg_cli.stages.simulate import simulate
 
 DEVICE = dict(
@@ -126,7 +126,7 @@ def test_the_tables_rate_stands_beside_the_models():
     right = rate(wave, resonator(**split), tables)
     stiff = rate(wave, resonator(**split, scale_factor=0.55 * (1 + 1e-3)), tables)
 
-    agree, apart = (summary(found)["tables"] for found in (right, stiff))
+    agree, apart = (summarise(found)["tables"] for found in (right, stiff))
     assert abs(agree["difference_mean_rad_s"]) < 2e-5  # the angle's noise over the run's 20 s
     shift = apart["difference_mean_rad_s"] - agree["difference_mean_rad_s"]
     assert shift == pytest.approx(1e-3 * right.rate_estimate_rad_s.mean(), abs=1e-5)

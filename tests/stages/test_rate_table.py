@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hrg_cli.errors import HrgError
-from hrg_cli.stages.rate_table import rate_of, rate_table, summary
+from hrg_cli.stages.rate_table import find_rate, rate_table, summarise
 
 
 def dwells(seed, rows=600, noise=2e-5):
@@ -34,7 +34,7 @@ def test_gain_bias_and_cubic_are_recovered_with_honest_errors():
         square.append(
             ((record.drift_rad_s[:, 0] - truth_drift) / record.drift_rad_s_std[:, 0]) ** 2
         )
-        cubes.append(summary(record)["power_coefficients"][1])
+        cubes.append(summarise(record)["power_coefficients"][1])
     assert 0.75 < np.mean(square) < 1.4
     assert np.mean(cubes) == pytest.approx(-3e-4, rel=0.01)
 
@@ -50,20 +50,22 @@ def test_a_slow_table_bends_as_a_fast_one_does():
     assert found.scale_factor == pytest.approx(fast.scale_factor)
     assert found.scale_factor_std == pytest.approx(fast.scale_factor_std)
     assert found.drift_rad_s == pytest.approx(fast.drift_rad_s * 1e-5)
-    powers, coefficients = summary(fast)["powers"], summary(fast)["power_coefficients"]
-    assert powers == summary(found)["powers"] and 3 in powers
+    powers, coefficients = summarise(fast)["powers"], summarise(fast)["power_coefficients"]
+    assert powers == summarise(found)["powers"] and 3 in powers
     in_slow = [c * 1e5 ** (p - 1) for p, c in zip(powers, coefficients, strict=True)]
-    assert summary(found)["power_coefficients"] == pytest.approx(in_slow)
+    assert summarise(found)["power_coefficients"] == pytest.approx(in_slow)
 
 
 def test_rates_come_back_through_the_nonlinearity():
     table, _, _ = dwells(1)
     record = rate_table(table, output="out", rate="rate", temperature="degc")
-    error = rate_of(record, table["out"], table["degc"]) - table["rate"]
+    error = find_rate(record, table["out"], table["degc"]) - table["rate"]
     assert np.sqrt(np.mean(error**2)) < 1.2 * 2e-5
-    assert summary(record)["scale_factor_coefficient_ppm_per_degc"] == pytest.approx(400, rel=0.02)
+    assert summarise(record)["scale_factor_coefficient_ppm_per_degc"] == pytest.approx(
+        400, rel=0.02
+    )
     with pytest.raises(HrgError, match="leave the table"):
-        rate_of(record, np.zeros(1), 90.0)
+        find_rate(record, np.zeros(1), 90.0)
 
 
 def test_spikes_are_rejected_and_said():
@@ -71,7 +73,8 @@ def test_spikes_are_rejected_and_said():
     table["out"][[5, 100, 400]] += 3e3
     record = rate_table(table, output="out", rate="rate", temperature="degc")
     assert (
-        summary(record)["rejected"] == 3 and "3 of 600 rows are spikes" in record.status_reasons[0]
+        summarise(record)["rejected"] == 3
+        and "3 of 600 rows are spikes" in record.status_reasons[0]
     )
 
 
@@ -105,11 +108,11 @@ def test_fibre_optic_gyro():
         temperature="gyro_temp_C",
         gyro_id="fog",
     )
-    figures = summary(record)["residual_rms_rad_s"]
+    figures = summarise(record)["residual_rms_rad_s"]
     assert figures["held_out"] < 4.2e-4 and figures["after"] < 3.2e-4 < figures["before"]
-    assert -500 < summary(record)["scale_factor_coefficient_ppm_per_degc"] < -400
+    assert -500 < summarise(record)["scale_factor_coefficient_ppm_per_degc"] < -400
     assert (np.diff(record.scale_factor[:, 0]) < 0).all()
-    assert 1e4 < summary(record)["nonlinearity_ppm"] < 5e4
+    assert 1e4 < summarise(record)["nonlinearity_ppm"] < 5e4
 
 
 def test_cold_mems_gyro():
@@ -130,8 +133,8 @@ def test_cold_mems_gyro():
     for axis, change in (("x", 0.0085), ("y", 0.004)):
         assert abs(np.ptp(records[axis].drift_rad_s)) == pytest.approx(change, rel=0.15)
         assert (
-            summary(records[axis])["residual_rms_rad_s"]["held_out"]
-            < 0.5 * summary(records[axis])["residual_rms_rad_s"]["before"]
+            summarise(records[axis])["residual_rms_rad_s"]["held_out"]
+            < 0.5 * summarise(records[axis])["residual_rms_rad_s"]["before"]
         )
     assert all("bias only" in record.status_reasons[-1] for record in records.values())
 
@@ -149,7 +152,7 @@ def test_smooth_dwells_without_repetition_have_no_spikes_and_an_honest_spread():
     six temperatures."""
     table, truth = counted()
     record = rate_table(table, output="hz", temperature="degc")
-    assert summary(record)["rejected"] == 0 and not any(
+    assert summarise(record)["rejected"] == 0 and not any(
         "spike" in reason for reason in record.status_reasons
     )
     assert len(record.node) <= 7 and (np.abs(record.drift_rad_s) > 3e6).all()
@@ -197,7 +200,7 @@ def test_a_true_spike_among_a_few_dwells_and_a_curve_that_is_wrong():
     record = rate_table(
         {"out": out, "degc": degc}, output="out", temperature="degc", node_spacing_degc=20
     )
-    assert summary(record)["rejected"] == 1
+    assert summarise(record)["rejected"] == 1
     bent = 1.0 + 1e-2 * np.sin((degc - 20) / 3) ** 9
     wrong = rate_table(
         {"out": bent + 1e-6 * draw.normal(size=40), "degc": degc},
@@ -205,7 +208,7 @@ def test_a_true_spike_among_a_few_dwells_and_a_curve_that_is_wrong():
         temperature="degc",
         node_spacing_degc=40,
     )
-    assert summary(wrong)["rejected"] <= 8
+    assert summarise(wrong)["rejected"] <= 8
 
 
 def test_three_dwell_temperatures_carry_three_nodes():
@@ -225,5 +228,5 @@ def test_three_dwell_temperatures_carry_three_nodes():
 def test_quartz_has_no_spike():
     table = measured("quartz_temperature", "B100.csv")
     record = rate_table(table, output="frequency_hz", temperature="temperature_c")
-    assert summary(record)["rejected"] == 0 and (np.abs(record.drift_rad_s) > 3e6).all()
+    assert summarise(record)["rejected"] == 0 and (np.abs(record.drift_rad_s) > 3e6).all()
     assert (record.drift_rad_s_std > 20).all() and (record.drift_rad_s_std < 1000).all()

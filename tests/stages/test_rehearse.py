@@ -28,7 +28,7 @@ from hrg_cli.stages.rehearsing.rehearsals import judge_by_rehearsal
 from hrg_cli.stages.rehearsing.repeat import make_wave
 from hrg_cli.stages.rehearsing.statistics import Named, judge_figure
 from hrg_cli.stages.rehearsing.twin import make_twin
-from hrg_cli.stages.rehearsing.twin_colour import course
+from hrg_cli.stages.rehearsing.twin_colour import draw_course
 from hrg_cli.stages.rehearsing.twin_run import Measured
 from hrg_cli.stages.simulate import simulate
 
@@ -157,7 +157,7 @@ def test_limits_leave_right_results_alone_and_find_wrong_ones():
         return np.mean(
             [
                 any(
-                    judge_figure("x", factor * random.normal(size=times) + bias, 7).sentence()
+                    judge_figure("x", factor * random.normal(size=times) + bias, 7).describe_fault()
                     for _ in range(7)
                 )
                 for _ in range(600)
@@ -326,7 +326,7 @@ def test_a_wander_has_the_density_and_the_correlation_it_is_asked_for():
     random = np.random.default_rng(4)
     for tau in (0.0, 0.3):
         noise = ColouredNoise(1.0, 2.0, tau, 0.0)
-        ends = [course(noise, 0.02, 1.0, random) for _ in range(3000)]
+        ends = [draw_course(noise, 0.02, 1.0, random) for _ in range(3000)]
         end = np.array([np.interp(1.0, t, x) for t, x in ends])
         assert np.std(end) == pytest.approx(noise.compute_std_after(1.0), rel=0.06)
 
@@ -336,7 +336,7 @@ def test_the_colour_of_the_noise_is_measured_and_simulated():
     config = {**TOML, "recording": {"sample_rate_hz": RATE_HZ, "duration_s": 4.0}}
     made = []
     for number, run in enumerate(("up", "down")):
-        wander = twin_colour.effect(wandering(2e-5, 0.0), 0.0, 0.004, 4.0, (number, 1))
+        wander = twin_colour.make_effect(wandering(2e-5, 0.0), 0.0, 0.004, 4.0, (number, 1))
         noisy = {**config, "effects": {wander.name: {}}}
         recording = collect(simulate(noisy, (wander,), run=run, seed=5))
         wave = collect(estimate(collect(demodulate(recording, **WINDOWS))))
@@ -353,11 +353,13 @@ def test_the_colour_of_the_noise_is_measured_and_simulated():
         < 2
     )
     again = [make_wave(twin, number, 3) for number in range(2)]
-    simulated = twin_colour.of_free_runs(again, own(), 0.0)[2]
+    simulated = twin_colour.estimate_of_free_runs(again, own(), 0.0)[2]
     assert 0.4 < simulated.compute_std_after(0.1) / measured.compute_std_after(0.1) < 2.5
     plain = replace(twin, runs=[replace(run, colour=()) for run in twin.runs])
-    assert not twin_colour.of_free_runs([make_wave(plain, n, 3) for n in range(2)], own(), 0.0)
-    told = rehearse(result, made, own(), times=2).table()
+    assert not twin_colour.estimate_of_free_runs(
+        [make_wave(plain, n, 3) for n in range(2)], own(), 0.0
+    )
+    told = rehearse(result, made, own(), times=2).to_json()
     assert "angle" in [c["component"] for c in told["colour"]]
 
 
@@ -402,17 +404,17 @@ def test_a_diagnosis_is_rehearsed_with_its_extended_model_for_truth(inputs):
     result = diagnose([m.wave for m in made])
     assert [e["name"] for e in json.loads(result.report)["effects"]] == ["gain_mismatch"]
     told = rehearse(result, made, settings.check_settings(diagnose, {}), times=2)
-    table = told.table()
+    table = told.to_json()
     assert {"gain_mismatch gain", "scale_factor"} <= {f["name"] for f in table["figures"]}
     assert table["causes"][0] == {"name": "gain_mismatch", "held": True, "named": 2, "times": 2}
     judged = judge_by_rehearsal(result, told)
     assert json.loads(judged.report)["rehearsal"]["times"] == 2
     assert judged.extended_model == result.extended_model
 
-    assert "is named in 1 of 30" in Named("gain_mismatch", True, 1, 30).sentence(1)
-    assert "does not hold it" in Named("saturation", False, 9, 30).sentence(1)
-    assert not Named("saturation", False, 4, 30).sentence(1)
-    assert not Named("gain_mismatch", True, 12, 30).sentence(1)
+    assert "is named in 1 of 30" in Named("gain_mismatch", True, 1, 30).describe_fault(1)
+    assert "does not hold it" in Named("saturation", False, 9, 30).describe_fault(1)
+    assert not Named("saturation", False, 4, 30).describe_fault(1)
+    assert not Named("gain_mismatch", True, 12, 30).describe_fault(1)
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from hrg_cli.records import Recording, collect
 from hrg_cli.settings import load_toml
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.simulate import run_ids, simulate, summary
+from hrg_cli.stages.simulate import list_run_ids, simulate, summarise
 
 DEVICE = {
     "frequency_hz": 2000.0, "damping_rate_1_s": 0.4, "damping_split_1_s": 0.02, "damping_axis_rad": 0.35,
@@ -404,7 +404,7 @@ def test_recording_round_trip_and_memory(tmp_path):
             "V",
         )
         assert record.nominal_frequency_hz == 2000.0
-        assert summary(record)["mode"] == "free"
+        assert summarise(record)["mode"] == "free"
 
 
 def test_runs_of_one_file():
@@ -415,7 +415,7 @@ def test_runs_of_one_file():
             {"run_id": "turning", "environment": {"rate_rad_s": 2.0}},
         ],
     )
-    assert run_ids(c) == ["run1", "turning"]
+    assert list_run_ids(c) == ["run1", "turning"]
     first, turning = run(c, run="run1"), run(c, run="turning")
     assert first.truth_wave_angle_rad[0] == pytest.approx(0.1)
     assert turning.truth_wave_angle_rad[0] == pytest.approx(0.2)
@@ -433,7 +433,7 @@ def test_examples_run(name):
     from pathlib import Path
 
     tables = load_toml(Path(__file__).parents[2] / "configs" / f"{name}.toml")
-    first = run_ids(tables)[0]
+    first = list_run_ids(tables)[0]
     record = next(simulate(tables, run=first, block_samples=4000))
     assert len(record) == 4000
     assert np.isfinite(record.physical()[0]).all()

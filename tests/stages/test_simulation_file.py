@@ -6,7 +6,7 @@ import copy
 import pytest
 
 from hrg_cli.errors import HrgError
-from hrg_cli.stages.simulation_file import runs_of
+from hrg_cli.stages.simulation_file import list_runs
 
 GOOD = {
     "device": {"frequency_hz": 5000.0, "time_constant_s": 3.0},
@@ -58,12 +58,12 @@ def changed(**tables):
 )  # fmt: skip
 def test_what_is_wrong_is_said(tables, sentence):
     with pytest.raises(HrgError, match=sentence):
-        runs_of(changed(**tables), "file.toml")
+        list_runs(changed(**tables), "file.toml")
 
 
 def test_a_missing_table_is_named():
     with pytest.raises(HrgError, match=r"file.toml: device is missing; recording is missing"):
-        runs_of({}, "file.toml")
+        list_runs({}, "file.toml")
 
 
 def test_runs_override_parts_and_programmes_replace_each_other():
@@ -78,7 +78,7 @@ def test_runs_override_parts_and_programmes_replace_each_other():
             {"environment": {"rate": {"amplitude_rad_s": 3.0}}, "readout": {"noise": 2e-3}},
         ],
     )
-    first, second = runs_of(tree)
+    first, second = list_runs(tree)
     assert first.environment.rate.kind == "steps"
     assert first.environment.temperature_degc == 10.0
     assert (second.environment.rate.amplitude_rad_s, second.environment.rate.frequency_hz) == (
@@ -94,7 +94,7 @@ def test_what_happens_in_one_run_is_in_that_one_alone():
 
     def struck(run):
         tree = changed(effects={"momentum_kick": knock | run}) | {"run": names}
-        return [run.run_id for run in runs_of(tree) if "momentum_kick" in run.effects]
+        return [run.run_id for run in list_runs(tree) if "momentum_kick" in run.effects]
 
     assert struck({"run": 1}) == ["b"]
     assert struck({"run": -1}) == struck({}) == ["a", "b", "c"]
@@ -102,11 +102,11 @@ def test_what_happens_in_one_run_is_in_that_one_alone():
         struck({"run": 3})
     own = [*names[:2], {"run_id": "c", "effects": {"momentum_kick": knock}}]
     tree = changed() | {"run": own}
-    assert ["momentum_kick" in run.effects for run in runs_of(tree)] == [False, False, True]
+    assert ["momentum_kick" in run.effects for run in list_runs(tree)] == [False, False, True]
 
 
 def test_integers_serve_as_numbers():
-    assert runs_of(changed(device={"frequency_hz": 5000}))[0].device.frequency_hz == 5000.0
+    assert list_runs(changed(device={"frequency_hz": 5000}))[0].device.frequency_hz == 5000.0
 
 
 def test_damping_by_quality_factor_and_split_by_frequency_difference():
@@ -116,7 +116,7 @@ def test_damping_by_quality_factor_and_split_by_frequency_difference():
         "frequency_split_hz": 1e-3,
         "damping_split": 0.01,
     }
-    settings = runs_of({"device": device, "recording": GOOD["recording"]})[0].device
+    settings = list_runs({"device": device, "recording": GOOD["recording"]})[0].device
     assert 1 / settings.rate_1_s == pytest.approx(637, abs=0.5)
     assert settings.split_1_s == pytest.approx(1.57e-5, rel=2e-3)
     assert settings.frequency_split == pytest.approx(3.14e-3, rel=1e-3)

@@ -13,7 +13,7 @@ from hrg_cli.physics.drift import compute_drift
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.calibration.resonators import compute_coefficients
 from hrg_cli.stages.calibration.table import compute_measured_drift, compute_standard_deviations
-from hrg_cli.stages.update import _chi2, summary, update
+from hrg_cli.stages.update import _chi2, summarise, update
 
 PLAN = ((0.4, 0.1, 0.05), (-0.4, 0.9, -0.05), (0.4, 0.7, -0.04), (-0.4, 0.3, 0.06))
 
@@ -69,8 +69,8 @@ def test_a_reference_of_another_temperature_is_carried_to_the_new_ones(calibrati
         new = resonator_of((later if moved else tempered)(20.0), 20.0, 2e-3, seed=seed)
         old = resonator_of(tempered(40.0), 40.0, 2e-3, seed=50 + seed)
         record = update(calibration, new, old)
-        assert record.status == "valid" and summary(record)["changed"] == moved
-        assert "carried" in summary(record)["reference"]
+        assert record.status == "valid" and summarise(record)["changed"] == moved
+        assert "carried" in summarise(record)["reference"]
         if moved:
             before, _ = drift_error(calibration, later, 20.0)
             ratios.append(drift_error(record, later, 20.0)[0] / before)
@@ -84,8 +84,8 @@ def test_what_moved_is_put_right_and_told_in_sigma(calibration, by_reference):
         new = resonator_of(later(20.0), 20.0, 2e-3, seed=seed)
         old = resonator_of(tempered(20.0), 20.0, 2e-3, seed=50 + seed) if by_reference else None
         record = update(calibration, new, old)
-        rows = {row["name"]: row for row in summary(record)["moved"]}
-        assert summary(record)["changed"] and abs(rows["K_DC_rad_s"]["moved_sigma"]) > 10
+        rows = {row["name"]: row for row in summarise(record)["moved"]}
+        assert summarise(record)["changed"] and abs(rows["K_DC_rad_s"]["moved_sigma"]) > 10
         for row in rows.values():  # each with its own deviation, that of the change with both
             assert row["std"] == pytest.approx(np.hypot(row["before_std"], row["now_std"]))
             variance = np.diag(compute_coefficients(new)[1])
@@ -105,9 +105,9 @@ def test_a_gyro_that_did_not_move_stays_and_nothing_is_claimed(calibration):
         resonator_of(tempered(20.0), 20.0, 2e-3, seed=3),
         resonator_of(tempered(20.0), 20.0, 2e-3, seed=4),
     )
-    assert record.status == calibration.status and not summary(record)["changed"]
-    assert all(abs(row["moved_sigma"]) < 5 for row in summary(record)["moved"])
-    assert all(row["tables"] == "kept" for row in summary(record)["moved"])
+    assert record.status == calibration.status and not summarise(record)["changed"]
+    assert all(abs(row["moved_sigma"]) < 5 for row in summarise(record)["moved"])
+    assert all(row["tables"] == "kept" for row in summarise(record)["moved"])
     assert np.array_equal(record.drift_harmonics, calibration.drift_harmonics)
     assert record.drift_rad_s_std == pytest.approx(calibration.drift_rad_s_std)
 
@@ -212,7 +212,7 @@ def test_what_the_working_mode_does_not_tell_stays_as_it_was(calibration):
     K and its deviation are the tables'."""
     now = without(resonator_of(later(20.0), 20.0, 2e-3, seed=1), "damping_rate_1_s", "scale_factor")
     record = update(calibration, now)
-    rows = {row["name"]: row for row in summary(record)["moved"]}
+    rows = {row["name"]: row for row in summarise(record)["moved"]}
     assert "K" not in rows and abs(rows["K_DC_rad_s"]["moved_sigma"]) > 10
     np.testing.assert_allclose(record.scale_factor, calibration.scale_factor, rtol=1e-12)
     assert record.scale_factor_std == pytest.approx(calibration.scale_factor_std)

@@ -119,7 +119,7 @@ def test_a_source_that_cannot_be_read_is_not_one_without_samples(tmp_path, monke
     store.write(path, small(Recording))
     log.write_text("time [s],C,S\n0,1,2\n")
     with Sources([path, log]) as sources:
-        run, foreign = sources.done()
+        run, foreign = sources.finish()
     assert len(run.samples) == 1 and foreign.samples == () and foreign.kind == "csv"
 
     def failing(self):

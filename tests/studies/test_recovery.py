@@ -13,7 +13,7 @@ from hrg_cli import store
 from hrg_cli.effects import find
 from hrg_cli.errors import HrgError
 from hrg_cli.records import collect
-from hrg_cli.stages.simulate import run_ids, simulate
+from hrg_cli.stages.simulate import list_run_ids, simulate
 from hrg_cli.studies import recovery
 from hrg_cli.studies.hidden import programme
 from hrg_cli.studies.recovery import assemble, figure, judge_report, recovery_study, table
@@ -28,7 +28,7 @@ def recordings():
     made = programme(np.random.default_rng(8), "gain_mismatch", 3e-4)
     made["recording"] = {"sample_rate_hz": 20011.0, "duration_s": 1.0}
     made["run"], made["effects"] = made["run"][:3], {"cubic_stiffness": {"pull_rad_s": 0.3}}
-    return [collect(simulate(made, run=run)) for run in run_ids(made)]
+    return [collect(simulate(made, run=run)) for run in list_run_ids(made)]
 
 
 @pytest.mark.slow

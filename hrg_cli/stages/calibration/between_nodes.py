@@ -49,7 +49,7 @@ class _Nodes:
     covariance: Array
     basis: Array
 
-    def energy(self, combined: Array) -> float:
+    def compute_energy(self, combined: Array) -> float:
         """Mean square over the wave angle of a combination (J,) of the nodes, less what noise makes
         of it."""
         rows = (combined[None, :, None] * self.basis[:, None, :]).reshape(len(self.basis), -1)
@@ -120,7 +120,7 @@ def _judge_left_out(nodes: _Nodes, kind: str) -> float:
         rest = np.arange(count) != j
         miss = np.zeros(count)
         miss[j], miss[rest] = 1.0, -node_weights(nodes.places[[j]], nodes.places[rest], kind)[0]
-        excess += nodes.energy(miss)
+        excess += nodes.compute_energy(miss)
     return shrink * float(np.sqrt(max(excess, 0.0) / (count - 2)))
 
 
@@ -130,7 +130,7 @@ def _judge_orders(nodes: _Nodes, kind: str) -> float:
     within = np.linspace(-1, 1, FINE)
     at_nodes = (2 * nodes.places - low - high) / (high - low)
     to_orders = np.linalg.inv(chebyshev.chebvander(at_nodes, count - 1))
-    seen = [max(nodes.energy(row), 0.0) for row in to_orders[1:]]
+    seen = [max(nodes.compute_energy(row), 0.0) for row in to_orders[1:]]
     sizes = [*seen, *_predict_orders(seen, nodes.values.shape[1])]
     weights = node_weights(within, at_nodes, kind)
     missed = [

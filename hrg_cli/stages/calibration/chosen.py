@@ -48,7 +48,7 @@ class Chosen:
     smoothness: float | None = None
 
     @classmethod
-    def of(
+    def from_answer(
         cls,
         fitted: Fitted,
         folds: Array,
@@ -63,7 +63,7 @@ class Chosen:
         told = repeat_of_harmonics(fitted, coefficients, drift, scale, programmes)
         return cls(fitted, folds, answer, wanted, told)
 
-    def stable_alone(self) -> Chosen:
+    def drop_unstable(self) -> Chosen:
         """The same without the harmonics that do not repeat."""
         if self.stability is None:
             why = (
@@ -83,7 +83,7 @@ class Chosen:
         )
         return replace(self, answer=answer, dropped=tuple(dropped))
 
-    def smoothed(self) -> Chosen:
+    def smooth(self) -> Chosen:
         """The same with a penalty on curvature between the nodes; as it is where it comes from
         elsewhere or harmonics were dropped."""
         if self.answer.tried.foreign or self.dropped:
@@ -113,7 +113,7 @@ class Chosen:
         there is; coefficients from elsewhere keep their own errors."""
         return 1.0 if self.answer.tried.foreign else max(self.chi2_per_dof, 1.0)
 
-    def steps(self, draws: int, seed: int) -> list[dict[str, Any]]:
+    def list_steps(self, draws: int, seed: int) -> list[dict[str, Any]]:
         """Figures of the first stages and of the answer, on data used and left out."""
         stages = list_first_stages(self.fitted.layout, *self.answer.limits)
         tried = self.answer.tried
@@ -134,9 +134,9 @@ class Chosen:
             return None
         return compare_thermal_memory(self.fitted, tried.model, tried.solution.coefficients)
 
-    def details(self, draws: int, seed: int) -> dict[str, Any]:
+    def list_details(self, draws: int, seed: int) -> dict[str, Any]:
         """What the record keeps of the answer itself."""
-        fitted, answer, steps = self.fitted, self.answer, self.steps(draws, seed)
+        fitted, answer, steps = self.fitted, self.answer, self.list_steps(draws, seed)
         solution, model = answer.tried.solution, answer.tried.model
         return {
             "scale_factor": self.scale_factor,
@@ -165,7 +165,7 @@ class Chosen:
             "runs": _noise_of_runs(fitted),
         }
 
-    def record(
+    def make_record(
         self, waves: Sequence[Wave], valid: tuple[float, float], details: dict[str, Any]
     ) -> Calibration:
         """The tables as a record, valid between two values of the nodes' quantity."""

@@ -26,7 +26,7 @@ FEWEST_RATES = 4
 """Different mean rates from which a square and a cube of the rate are told from the tables."""
 
 
-def quadrature(path: AnglePath) -> Array:
+def build_quadrature(path: AnglePath) -> Array:
     """r/(1 − r²)·(cos 2mθ, sin 2mθ): seed A (11), exact in r: D = −2rδω cos ζ/(1 − r²);
     coefficients −2δω(cos 2mθ_ω, sin 2mθ_ω)."""
     ratio = path.average_neighbours(path.ratio)
@@ -36,7 +36,7 @@ def quadrature(path: AnglePath) -> Array:
     )
 
 
-def ellipticity(path: AnglePath) -> Array:
+def build_ellipticity(path: AnglePath) -> Array:
     """2r²/(1 − r²)·(cos 2mθ, sin 2mθ): what the damping anisotropy adds in an ellipse, νδμ sin χ·(1
     + r²)/(1 − r²) (PHYSICS §4, (8))."""
     square = path.average_neighbours(path.ratio) ** 2
@@ -46,7 +46,7 @@ def ellipticity(path: AnglePath) -> Array:
     )
 
 
-def courses(factor: Factor, nodes: Array, axis: str, interpolation: str) -> Factor:
+def spread_over_nodes(factor: Factor, nodes: Array, axis: str, interpolation: str) -> Factor:
     """A factor whose coefficients are interpolated between the nodes: columns ψ_j(x)·factor (n,
     J·q), node-major."""
 
@@ -69,14 +69,14 @@ def find_node_weights(path: AnglePath, nodes: Array, axis: str, interpolation: s
     return node_weights(x, nodes, "linear" if interpolation in ("linear", "monotone") else "cubic")
 
 
-def phase_ratio(path: AnglePath) -> Array:
+def compute_phase_ratio(path: AnglePath) -> Array:
     """−2r/(1 + r²) (n,): what seed A (12) multiplies dφ/dt with, exact in r (PHYSICS §4, unnumbered
     after (7))."""
     ratio = path.average_neighbours(path.ratio)
     return np.asarray(-2 * ratio / (1 + ratio**2))
 
 
-def flattening(path: AnglePath) -> Array:
+def build_flattening(path: AnglePath) -> Array:
     """−2r²/(1 + r²)·(cos 2mθ, sin 2mθ): what an ellipse takes from the damping in (12), νδμ sin
     χ·(1 − r²)/(1 + r²)."""
     square = path.average_neighbours(path.ratio) ** 2
@@ -89,24 +89,27 @@ def choose_reference_hz(paths: Sequence[AnglePath]) -> float:
     return float(np.mean([np.mean(path.frequency_hz) for path in paths]))
 
 
-def phase(reference: float) -> Factor:
+def make_phase_factor(reference: float) -> Factor:
     """−2r/(1 + r²)·dφ/dt: seed A (12), coefficient 1 when dφ/dt is taken against the mean
     frequency; here against `reference`, Hz."""
 
     def columns(path: AnglePath) -> Array:
         return np.asarray(
-            phase_ratio(path) * 2 * np.pi * (path.average_neighbours(path.frequency_hz) - reference)
+            compute_phase_ratio(path)
+            * 2
+            * np.pi
+            * (path.average_neighbours(path.frequency_hz) - reference)
         )[:, None]
 
     return columns
 
 
-def mean_frequency(path: AnglePath) -> Array:
+def build_mean_frequency(path: AnglePath) -> Array:
     """4πr/(1 + r²) (n, 1): what a hertz of the mean frequency f(T) adds to `phase`."""
-    return np.asarray(-2 * np.pi * phase_ratio(path))[:, None]
+    return np.asarray(-2 * np.pi * compute_phase_ratio(path))[:, None]
 
 
-def rate_powers(fastest: float) -> Factor:
+def build_rate_powers(fastest: float) -> Factor:
     """((Ω/Ω_max)², (Ω/Ω_max)³): a drift that moves with the rate itself."""
 
     def columns(path: AnglePath) -> Array:
@@ -115,13 +118,13 @@ def rate_powers(fastest: float) -> Factor:
     return columns
 
 
-def quadrature_drive(path: AnglePath) -> Array:
+def build_quadrature_drive(path: AnglePath) -> Array:
     """a_ΦB/a_A: phase error of the quadrature loop's force, D = −(a_ΦB/a_A)Δφ_B (PHYSICS C1); zero
     in free runs."""
     return _a_second(path, path.drive_quadrature)[:, None]
 
 
-def main_drive(path: AnglePath) -> Array:
+def build_main_drive(path: AnglePath) -> Array:
     """a_ΦA/a_A·(1, cos 2mθ, sin 2mθ): the drive matrix, coefficients ρ, ε/2 and −g/2 (PHYSICS C5,
     C4, C3); zero in free runs."""
     return np.asarray(_a_second(path, path.drive_main)[:, None] * path.build_angle_basis(1))
@@ -138,13 +141,13 @@ def _a_second(path: AnglePath, drive: Array | None) -> Array:
     )
 
 
-def late_force(path: AnglePath) -> Array:
+def build_late_force(path: AnglePath) -> Array:
     """−a_ΦA/a_A·mθ' (n, 1): a main force that stands τ behind the wave turns it back, coefficient
     τ [s] (`loop_delay`); zero in free runs."""
     return np.asarray(-_a_second(path, path.drive_main) * carry_turn(path))[:, None]
 
 
-def late_and_unlogged(path: AnglePath) -> Array:
+def build_late_unlogged_force(path: AnglePath) -> Array:
     """The same of a drive without a log: −mθ' in forced runs only, coefficient ντ."""
     return np.asarray(-float(path.forced) * carry_turn(path))[:, None]
 
@@ -157,7 +160,7 @@ def carry_turn(path: AnglePath) -> Array:
     return np.asarray(columns @ own / path.interval_s)
 
 
-def forced_only(path: AnglePath) -> Array:
+def build_forced_only(path: AnglePath) -> Array:
     """(1, cos 2mθ, sin 2mθ) in forced runs only: the drive matrix, told from the resonator by free
     runs."""
     return np.asarray(path.build_angle_basis(1) * float(path.forced))
@@ -170,33 +173,33 @@ def build(
     at_nodes = nodes, axis, interpolation
     count = len(nodes)
     available: dict[str, tuple[Factor, int]] = {
-        "quadrature": (quadrature, 2),
-        "drive_matrix": (forced_only, 3),
-        "drive_delay": (late_and_unlogged, 1),
-        "ellipticity": (ellipticity, 2),
+        "quadrature": (build_quadrature, 2),
+        "drive_matrix": (build_forced_only, 3),
+        "drive_delay": (build_late_unlogged_force, 1),
+        "ellipticity": (build_ellipticity, 2),
     }
     if any(np.any(p.ratio) for p in paths):
         available |= {
-            "quadrature_course": (courses(quadrature, *at_nodes), 2 * count),
-            "ellipticity_course": (courses(ellipticity, *at_nodes), 2 * count),
+            "quadrature_course": (spread_over_nodes(build_quadrature, *at_nodes), 2 * count),
+            "ellipticity_course": (spread_over_nodes(build_ellipticity, *at_nodes), 2 * count),
         }
         if all(np.isfinite(p.frequency_hz).all() for p in paths):
             available |= {
-                "phase": (phase(choose_reference_hz(paths)), 1),
-                "mean_frequency": (courses(mean_frequency, *at_nodes), count),
-                "flattening_course": (courses(flattening, *at_nodes), 2 * count),
+                "phase": (make_phase_factor(choose_reference_hz(paths)), 1),
+                "mean_frequency": (spread_over_nodes(build_mean_frequency, *at_nodes), count),
+                "flattening_course": (spread_over_nodes(build_flattening, *at_nodes), 2 * count),
             }
     fastest = max(float(np.abs(p.rate_rad_s).max(initial=0.0)) for p in paths)
     means = np.array([float(np.mean(p.rate_rad_s)) for p in paths])
     if fastest > 0 and len(np.unique(np.round(means / fastest, 2))) >= FEWEST_RATES:
-        available["rate"] = (rate_powers(fastest), 2)
+        available["rate"] = (build_rate_powers(fastest), 2)
     if any(is_rate_moving(p) for p in paths):
         available[LATE] = (compute_rate_slope, 1)
     forced = [p for p in paths if p.forced]
     for name, logs, factor, width in (
-        ("quadrature_drive", [p.drive_quadrature for p in forced], quadrature_drive, 1),
-        ("main_drive", [p.drive_main for p in forced], main_drive, 3),
-        ("loop_delay", [p.drive_main for p in forced], late_force, 1),
+        ("quadrature_drive", [p.drive_quadrature for p in forced], build_quadrature_drive, 1),
+        ("main_drive", [p.drive_main for p in forced], build_main_drive, 3),
+        ("loop_delay", [p.drive_main for p in forced], build_late_force, 1),
     ):
         if (
             forced

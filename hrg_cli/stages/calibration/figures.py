@@ -67,7 +67,7 @@ class _RateLimits:
     """Smallest mean rate of a run, rad/s."""
 
     @classmethod
-    def of(cls, paths: Sequence[AnglePath]) -> _RateLimits:
+    def from_paths(cls, paths: Sequence[AnglePath]) -> _RateLimits:
         return cls(
             max((float(np.abs(p.rate_rad_s).max()) for p in paths), default=0.0),
             min((float(np.abs(p.rate_rad_s).mean()) for p in paths), default=0.0),
@@ -78,7 +78,7 @@ class _RateLimits:
         """Rate up to which an increment speaks of the drift, rad/s."""
         return max(0.1 * self.fastest, 1.05 * self.slowest)
 
-    def kind(self, rate: Array) -> Array:
+    def classify(self, rate: Array) -> Array:
         """0 for the drift, 1 for the scale factor, 2 in between."""
         fast = np.where(np.abs(rate) >= 0.5 * self.fastest, 1, 2)
         return np.where(np.abs(rate) <= self.low, 0, fast)
@@ -120,7 +120,7 @@ def _cells_of_run(
 ) -> tuple[Array, ...]:
     """Of run r: mean residual rates used and unseen (c, models), their noise variance, rate, run."""
     path = fitted.paths[r]
-    kind = limits.kind(path.rate_rad_s)
+    kind = limits.classify(path.rate_rad_s)
     keys, place = np.unique(_cell_of_increments(fitted, path, kind), return_inverse=True)
     time = np.bincount(place, path.interval_s)
     bands = build_covariance_bands(path, fitted.noises[r])
@@ -151,7 +151,7 @@ def gather_cells(
 ) -> tuple[Cells, Cells]:
     """Cells of the residuals of the given coefficients: (used data, held-out data); of the first
     `runs` runs alone, whose rates then tell low from high."""
-    limits = _RateLimits.of(fitted.paths[:runs])
+    limits = _RateLimits.from_paths(fitted.paths[:runs])
     inside = [
         _cells_of_run(fitted, r, _residuals(fitted, r, whole, held, folds), limits)
         for r in range(len(fitted.paths[:runs]))

@@ -46,7 +46,7 @@ class Lateness:
             " right, correct their times, or keep both on one clock"
         )
 
-    def table(self) -> dict[str, float]:
+    def to_json(self) -> dict[str, float]:
         """For the JSON."""
         return {"late_s": self.value_s, "std_s": self.std_s, "taken_off_s": self.taken_s}
 

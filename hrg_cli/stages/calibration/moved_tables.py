@@ -44,7 +44,7 @@ class TableState:
     """(5,) whether the tables hold the coefficient."""
 
     @classmethod
-    def of(cls, calibration: Calibration, x: float) -> TableState:
+    def from_calibration(cls, calibration: Calibration, x: float) -> TableState:
         """The state of a calibration's tables, looked at from x of their axis."""
         nodes = np.asarray(calibration.node, float)
         kind = "linear" if calibration.interpolation in ("linear", "monotone") else "cubic"
@@ -75,19 +75,19 @@ class TableState:
             everywhere[of_nodes, row] = 1.0
         return cls(value, covariance, at_place, everywhere, np.arange(5) < len(places))
 
-    def level(self) -> tuple[Array, Array]:
+    def find_level(self) -> tuple[Array, Array]:
         """The five coefficients at the place, NaN where the tables hold none, and their
         covariance."""
         level = np.where(self.held, self.at_place @ self.value, np.nan)
         return level, self.at_place @ self.covariance @ self.at_place.T
 
-    def travel_from(self, there: TableState) -> tuple[Array, Array]:
+    def compute_travel(self, there: TableState) -> tuple[Array, Array]:
         """What the five coefficients change by from another place of the same tables to this one, 0
         where the tables hold none, and its covariance."""
         way = self.at_place - there.at_place
         return way @ self.value, way @ self.covariance @ way.T
 
-    def combined(self, new: Array, covariance: Array, known: Array, moved: Array) -> TableState:
+    def combine(self, new: Array, covariance: Array, known: Array, moved: Array) -> TableState:
         """The state after the coefficients `new` (5,), of which `known` (5,) were found, those
         `moved` (5,) by an unknown amount."""
         level = self.at_place[known]
@@ -105,7 +105,7 @@ class TableState:
         after = left @ self.covariance @ left.T + gain @ covariance[np.ix_(known, known)] @ gain.T
         return self._with(self.value + gain @ (new[known] - level @ self.value), after)
 
-    def shifted(self, change: Array, covariance: Array, moved: Array) -> TableState:
+    def shift(self, change: Array, covariance: Array, moved: Array) -> TableState:
         """The state with a change (5,) of its own covariance added to every node, where it
         moved."""
         shift = self.everywhere[:, moved]
@@ -119,7 +119,7 @@ class TableState:
             value, (covariance + covariance.T) / 2, self.at_place, self.everywhere, self.held
         )
 
-    def tables(self, calibration: Calibration) -> Calibration:
+    def write_into(self, calibration: Calibration) -> Calibration:
         """The calibration with this state in its tables, their standard deviations and its measured
         part."""
         count, first = np.shape(calibration.drift_harmonics)

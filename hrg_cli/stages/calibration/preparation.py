@@ -11,8 +11,8 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting.tables.increments import AnglePath, build_path
 from ...records import Calibration, Resonator, Wave
-from ..one_gyro import find_two_gyros, need_each_once, of_one_gyro
-from ..usable import Usable, not_refused, with_known_rates
+from ..one_gyro import find_two_gyros, need_each_once, need_same_gyro
+from ..usable import Usable, drop_refused, restrict_to_known_rates
 from .programme import choose_nodes, examine
 
 Array = np.ndarray
@@ -26,7 +26,7 @@ class KnownRates:
     of_all: float | None
     earth_rad_s: float
 
-    def of(self, wave: Wave) -> float | None:
+    def find_rate(self, wave: Wave) -> float | None:
         """The constant rate of a run; None where its log tells."""
         return self.of_runs.get(wave.run_id, self.of_all if wave.rate_rad_s is None else None)
 
@@ -69,13 +69,13 @@ def prepare(
 
     HrgError: no run that can be read as a path, or no nodes.
     """
-    usable = with_known_rates(not_refused(waves), rates.of_runs)
-    with usable.blamed():
+    usable = restrict_to_known_rates(drop_refused(waves), rates.of_runs)
+    with usable.blame_refusals():
         paths = [
             build_path(
                 wave,
                 harmonics=harmonics,
-                rate_rad_s=rates.of(wave),
+                rate_rad_s=rates.find_rate(wave),
                 earth_rate_rad_s=rates.earth_rad_s,
             )
             for wave in usable.waves
@@ -129,10 +129,10 @@ def need_one_gyro(waves: Sequence[Wave], resonators: Sequence[Resonator]) -> Non
     """HrgError: no run, or runs and resonators of several gyros or mode numbers."""
     if not waves:
         raise HrgError("calibrate needs at least one wave file of a forced run; none was given")
-    of_one_gyro(waves, "calibrate")
+    need_same_gyro(waves, "calibrate")
     need_each_once(waves)
     for resonator in resonators:
-        of_one_gyro(waves, "calibrate", resonator)
+        need_same_gyro(waves, "calibrate", resonator)
     modes = sorted({w.mode_number for w in waves})
     if len(modes) > 1:
         raise HrgError(

@@ -141,11 +141,11 @@ class ResonatorCoefficients:
     interpolation: str
     checks: tuple[Check, ...] = ()
 
-    def at_nodes(self, layout: TableLayout) -> tuple[Array, Array]:
+    def interpolate_at_nodes(self, layout: TableLayout) -> tuple[Array, Array]:
         """Coefficients at the layout's nodes (J·5,) and their covariance (J·5, J·5)."""
-        return self.at(layout.nodes)
+        return self.interpolate(layout.nodes)
 
-    def at(self, x: Array) -> tuple[Array, Array]:
+    def interpolate(self, x: Array) -> tuple[Array, Array]:
         """Coefficients interpolated to x (J·5,), and their covariance."""
         # linear in the measured coefficients, so the covariance follows by the same weights
         weights = node_weights(np.asarray(x, float), self.place, self.interpolation)
@@ -155,7 +155,7 @@ class ResonatorCoefficients:
             whole[5 * k : 5 * k + 5, 5 * k : 5 * k + 5] = block
         return spread @ self.value.ravel(), spread @ whole @ spread.T
 
-    def spread(self, layout: TableLayout) -> Array:
+    def build_node_map(self, layout: TableLayout) -> Array:
         """Map (size, J·5) from the coefficients at the nodes to the layout's."""
         out = np.zeros((layout.size, 5 * len(layout.nodes)))
         for j in range(len(layout.nodes)):
@@ -169,7 +169,7 @@ class ResonatorCoefficients:
                     out[layout.factor("ellipticity_course").start + 2 * j + h, 5 * j + h] = 1.0
         return out
 
-    def table(self) -> list[dict[str, Any]]:
+    def list_rows(self) -> list[dict[str, Any]]:
         """One row a resonator: where it was identified, each coefficient and its standard
         deviation, their covariance."""
         key = "temperature_degc" if self.axis == "temperature" else "frequency_hz"

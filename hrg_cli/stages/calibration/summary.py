@@ -7,7 +7,6 @@ from typing import Any
 
 from ...records import Calibration
 from ..rate_table import is_rate_table
-from ..rate_table import summary as table_summary
 
 OF_ANALYSIS = ("loops", "readout_matrix", "factors", "significant", "correlated", "false_rate")
 """Keys of the ladder's final analysis."""
@@ -16,10 +15,10 @@ WHERE_GIVEN = ("choice", "checks", "noise", "resonator", "rate_log", "stability"
 OF_VARIANT = ("coefficients", "held_out_chi2_per_row", "passed", "why_not")
 
 
-def summary(record: Calibration) -> dict[str, Any]:
+def summarise(record: Calibration) -> dict[str, Any]:
     """The JSON of a calibration (docs/reference/json.md)."""
     if is_rate_table(record):
-        return table_summary(record)
+        return summarise(record)
     details = json.loads(record.details)
     return {
         "drift_rms_rad_s": _before_and_after(details["figures"]["drift"]),

@@ -17,7 +17,7 @@ from ...fitting.tables.increments import AnglePath
 from ...fourier import harmonic_basis, node_weights
 from ...records import Calibration
 from .between_nodes import make_bump
-from .factors import ellipticity, flattening, phase_ratio, quadrature
+from .factors import build_ellipticity, build_flattening, build_quadrature, compute_phase_ratio
 
 Array = np.ndarray
 TABLES = ("drift_rad_s", "scale_factor")
@@ -280,9 +280,9 @@ def compute_measured_drift(calibration: Calibration, path: AnglePath) -> Array:
     if part is None:
         return np.zeros(len(path))
     if part.kind == "quadrature":
-        drift = (quadrature(path) * part.quadrature).sum(axis=1)
+        drift = (build_quadrature(path) * part.quadrature).sum(axis=1)
         return np.asarray(
-            drift + (ellipticity(path) * part.damping).sum(axis=1) if part.exact else drift
+            drift + (build_ellipticity(path) * part.damping).sum(axis=1) if part.exact else drift
         )
     speed = (
         2
@@ -291,4 +291,6 @@ def compute_measured_drift(calibration: Calibration, path: AnglePath) -> Array:
     )
     if not part.exact:
         return np.asarray(-2 * path.average_neighbours(path.ratio) * speed)
-    return np.asarray(phase_ratio(path) * speed + (flattening(path) * part.damping).sum(axis=1))
+    return np.asarray(
+        compute_phase_ratio(path) * speed + (build_flattening(path) * part.damping).sum(axis=1)
+    )

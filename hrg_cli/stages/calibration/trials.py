@@ -99,14 +99,16 @@ class TriedModels:
     """Why, by the model's name."""
     coefficients: ResonatorCoefficients | None
 
-    def details(self, chosen: Chosen, explained: bool, draws: int, seed: int) -> dict[str, Any]:
+    def list_details(
+        self, chosen: Chosen, explained: bool, draws: int, seed: int
+    ) -> dict[str, Any]:
         """What the record keeps of the comparison; `explained`: the choice among models, too."""
         fitted, folds = chosen.fitted, chosen.folds
         told: dict[str, Any] = {
             "choice": explain_choice(fitted, self.answers, chosen.answer, self.not_tried)
             if explained
             else None,
-            "resonator": None if self.coefficients is None else self.coefficients.table(),
+            "resonator": None if self.coefficients is None else self.coefficients.list_rows(),
         }
         if len(self.answers) > 1:
             told["variants"] = compare_variants(

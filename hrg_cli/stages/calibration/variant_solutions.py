@@ -133,8 +133,10 @@ def solve_foreign(
 ) -> VariantSolution:
     """The resonators' coefficients, with their covariance; nothing is fitted to the runs."""
     assert model.start is not None
-    spread = coefficients.spread(layout)
-    solution = TableSolution(model.start, spread @ coefficients.at_nodes(layout)[1] @ spread.T, 0.0)
+    spread = coefficients.build_node_map(layout)
+    solution = TableSolution(
+        model.start, spread @ coefficients.interpolate_at_nodes(layout)[1] @ spread.T, 0.0
+    )
     return VariantSolution(model, solution, (solution,) * folds, foreign=True)
 
 

@@ -68,7 +68,7 @@ def build_variant(
         return Model(
             name,
             np.zeros((layout.size, 0)),
-            coefficients.spread(layout) @ coefficients.at_nodes(layout)[0],
+            coefficients.build_node_map(layout) @ coefficients.interpolate_at_nodes(layout)[0],
         )
     lowest, highest = (0, drift_limit) if name in WHOLE_DRIFT else (1, 1)
     drift = layout.build_part_map("drift", highest, lowest=lowest)

@@ -49,7 +49,7 @@ class AngleAgainstLog:
         beyond = self.ratios2 / self.rows - 1 - CLEARLY * np.sqrt(2 / self.rows)
         return float(max(beyond, 0.0) * self.variance)
 
-    def figures(self) -> dict[str, Any]:
+    def compute_figures(self) -> dict[str, Any]:
         """For the JSON; empty where no increment has a log and a standard deviation."""
         if not self.rows:
             return {}

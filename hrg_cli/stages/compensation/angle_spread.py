@@ -32,7 +32,7 @@ class AngleSpread:
         self.begin: tuple[float, float, float] | None = None
         """Time, variance of the angle and width of the first block."""
 
-    def along(self, path: AnglePath, blocks: Array, rate: Array, scale: Array) -> Array:
+    def compute_std(self, path: AnglePath, blocks: Array, rate: Array, scale: Array) -> Array:
         """σ (n,) of the angle in the middles of a piece's increments, NaN where the angle's own is
         not stated.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...fitting.tables.increments import AnglePath
 from ..calibration.figures import CELLS_A_PERIOD
-from ..figures_of_merit import allan_figures
+from ..figures_of_merit import compute_allan_figures
 
 Array = np.ndarray
 LEAST_RATES, MOST_RATES = 100, 100_000
@@ -58,7 +58,7 @@ class Totals:
         """Least-squares K of m·Δθ = −K∫Ω dt; NaN without rotation."""
         return -self.followed / self.turned if self.turned > 0 else float("nan")
 
-    def figures(self) -> dict[str, Any]:
+    def compute_figures(self) -> dict[str, Any]:
         """Rms of the errors and of their means in cells of wave angle, and the trade's."""
         seen = self.cells[0] > 0
         means = self.cells[1:, seen] / self.cells[0, seen]
@@ -67,10 +67,10 @@ class Totals:
         return {
             "residual_rms_rad_s": {"before": float(row[0]), "after": float(row[1])},
             "angle_cell_rms_rad_s": {"before": float(cell[0]), "after": float(cell[1])},
-            **self.trade(),
+            **self.compute_trade_figures(),
         }
 
-    def trade(self) -> dict[str, dict[str, Any]]:
+    def compute_trade_figures(self) -> dict[str, dict[str, Any]]:
         """Bias residual and Allan coefficients of the compensated rate's error (None: not seen),
         then these with 95 % intervals.
 
@@ -80,7 +80,7 @@ class Totals:
         if len(errors) < LEAST_RATES:
             return {"trade": {}}
         rows = max(self.rows, 1)
-        found = allan_figures(
+        found = compute_allan_figures(
             errors, self.time_s / rows * self.together, self.windows_s / rows, self.bend_off_s
         )
         trade = {
@@ -112,7 +112,7 @@ class RateSpread:
             self.over += float(ratio @ ratio)
             self.held += len(ratio)
 
-    def figures(self) -> dict[str, Any]:
+    def compute_figures(self) -> dict[str, Any]:
         """Rms of the deviations by part, and of the errors over them; empty where none is stated."""
         if not self.rows:
             return {}

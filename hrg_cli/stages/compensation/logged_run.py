@@ -23,7 +23,7 @@ class LoggedRun:
     stretch: Array
 
     @classmethod
-    def of(cls, wave: Wave) -> LoggedRun:
+    def from_wave(cls, wave: Wave) -> LoggedRun:
         """The run with its rate log read."""
         return cls(wave, find_stretches(wave))
 
@@ -37,12 +37,12 @@ class LoggedRun:
         """Whether any of its rate was logged."""
         return self.wave.rate_rad_s is not None and bool(self.stretch.any())
 
-    def doubts(self) -> list[str]:
+    def list_doubts(self) -> list[str]:
         """What to say of the windows that the log does not cover."""
         outside = describe_left_out(self.wave, self.stretch > 0)
         return [f"{outside} of its figures"] if outside else []
 
-    def pieces(self, windows: int) -> Iterator[tuple[Wave, Array]]:
+    def split_pieces(self, windows: int) -> Iterator[tuple[Wave, Array]]:
         """The wave in pieces, and on which stretch of the log each good block of `windows` stands.
 
         Each begins with the last good block of the one before, so that no increment is lost between
@@ -61,7 +61,7 @@ class LoggedRun:
             yield piece, _find_block_stretches(self.stretch[begin:stop], windows)[kept]
             begin += int(kept[-1]) * windows
 
-    def known_rates(self, of_log: Array) -> Array:
+    def find_known_rates(self, of_log: Array) -> Array:
         """Increments (n,) whose rate is known: both blocks, of stretch `of_log` (n + 1,), are in the
         same one."""
         return (of_log[1:] == of_log[:-1]) & (of_log[1:] > 0) & self.logged

@@ -77,7 +77,7 @@ class RunSums:
             )
         self.spread.add(found.noise_std, found.tables_std, after)
 
-    def figures(self) -> dict[str, Any]:
+    def compute_figures(self) -> dict[str, Any]:
         """Figures of all pieces so far: the last piece has those of the run."""
-        of_log = {} if self.totals is None else self.totals.figures()
-        return of_log | self.spread.figures() | self.against.figures()
+        of_log = {} if self.totals is None else self.totals.compute_figures()
+        return of_log | self.spread.compute_figures() | self.against.compute_figures()

@@ -56,7 +56,7 @@ def follow_wave(
     m, K, rate = mechanics.mode_number, mechanics.scale_factor, run.rate_rad_s
     starts = np.arange(STARTS) * np.pi / m / STARTS
     angles = run.wave_angle_rad + np.concatenate([[0.0], starts])
-    times = times_of(run.duration_s)
+    times = list_times(run.duration_s)
     followed, largest = _follow(gyros, angles, run, times, STEP_ANGLE / 2)
     alive = np.all(largest < LARGEST_RATIO, axis=1)  # (times, angles): a course ends by itself
     if run.drive == "free":
@@ -105,7 +105,7 @@ def _no_angle(within_s: float, poorly: bool) -> HrgError:
     )
 
 
-def times_of(duration_s: float) -> Array:
+def list_times(duration_s: float) -> Array:
     """1, 2, 5, 10 … s up to the duration, and the duration."""
     decades = range(-6, 7)
     steps = [m * 10.0**k for k in decades for m in (1, 2, 5)]

@@ -37,7 +37,7 @@ class Trim:
     drift_bound_after_rad_s: float
 
 
-def trim_of(
+def compute_trim(
     mechanics: Mechanics,
     x: Array,
     covariance: Array,

@@ -43,7 +43,7 @@ class Seen:
         """Its degrees of freedom."""
         return self.two.dof if self.two is not None else self.mode.dof
 
-    def residual(self) -> Array:
+    def compute_residual(self) -> Array:
         """Its misfit over the noise, row by row (n, k)."""
         if self.two is not None:
             return self.two.residual

@@ -40,7 +40,7 @@ class PreparedRows:
     """The same with the scale of the second order one of its standard deviations larger; None where
     that scale is held."""
 
-    def noiseless(self, p: Array) -> list[EnvelopeRun]:
+    def simulate(self, p: Array) -> list[EnvelopeRun]:
         """The rows as a resonator of coordinates p (7,) would show them, started as the runs
         did."""
         data = make_batch(self.rows)

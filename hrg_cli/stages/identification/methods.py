@@ -76,11 +76,11 @@ def _solve_on_rows(
         )
     start = np.append(best.p[:6], 0.0)
     if method == "rotation-integrals":
-        return rotation_integrals.solve(ready.rows, ready.noiseless, start)
+        return rotation_integrals.solve(ready.rows, ready.simulate, start)
     if method == axis_crossings.METHOD:
-        return axis_crossings.solve(ready.rows, ready.noiseless, start)
+        return axis_crossings.solve(ready.rows, ready.simulate, start)
     return regressions.solve(
-        ready.rows, ready.space, method, eliminate_rate, ready.noiseless, start, spread
+        ready.rows, ready.space, method, eliminate_rate, ready.simulate, start, spread
     )
 
 

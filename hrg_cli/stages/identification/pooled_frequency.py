@@ -29,7 +29,7 @@ class PooledFrequency:
     differ: bool
     drift_hz: float
 
-    def details(self) -> dict[str, Any]:
+    def list_details(self) -> dict[str, Any]:
         """What the record keeps of it."""
         std = np.sqrt(np.diag(self.runs.covariance))
         return {

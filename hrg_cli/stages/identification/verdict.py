@@ -138,7 +138,7 @@ def judge_parameters(
         mode_number=mode,
         fit=fit,
     )
-    verdict.details = pooled.details() | _details_of(fit, known, mode, factor, colour)
+    verdict.details = pooled.list_details() | _details_of(fit, known, mode, factor, colour)
     verdict.details |= state_splits(
         verdict.values, verdict.std, fit.p, _expand_covariance(fit, of_z)
     )

@@ -26,7 +26,7 @@ from ...physics.resonator import exponentiate
 from ...records import Resonator, Wave
 from ..diagnosis.base.base_priors import choose_freedom
 from ..diagnosis.base.data import prepare
-from ..planning.known import mechanics_of
+from ..planning.known import make_mechanics
 from .oscillation import interpolate_oscillation
 
 Array = np.ndarray
@@ -135,11 +135,11 @@ def _fit_model(wave: Wave, resonator: Resonator | None) -> tuple[MeasuredRuns, P
                 f"the resonator has mode_number {resonator.mode_number}, the recording"
                 f" {wave.mode_number}; use one of the same"
             )
-        scale = mechanics_of(resonator).scale_factor
+        scale = make_mechanics(resonator).scale_factor
     series, point, _ = prepare([wave], scale, ROWS)
     free = choose_freedom(series, point, scale)
     if resonator is not None:
-        p = from_mechanics(mechanics_of(resonator))
+        p = from_mechanics(make_mechanics(resonator))
         point, free = replace(point, p=p), CoordinatePriors(p, np.zeros(COUNT))
     try:
         fit = extended_fit.fit(series, point, free)

@@ -25,7 +25,7 @@ class Oscillation:
     spline: Callable[[Array], Array]
     omega_r: float
 
-    def at(self, t: Array) -> Array:
+    def interpolate(self, t: Array) -> Array:
         """Analytic signal u e^{jω_r t} (n, 2)."""
         return self.spline(t) * np.exp(1j * self.omega_r * t)[:, None]
 

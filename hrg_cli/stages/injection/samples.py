@@ -38,7 +38,7 @@ class Injection:
     moved: bool
     name: str
 
-    def blocks(self, rows: int) -> Iterator[Recording]:
+    def make_blocks(self, rows: int) -> Iterator[Recording]:
         """The recording block by block."""
         source, oscillation = self.recording, interpolate_oscillation(self.wave)
         offset = self._mean_position(oscillation, rows)
@@ -75,7 +75,7 @@ class Injection:
 
     def _apply_effects(self, t: Array, y: Array, oscillation: Oscillation) -> Array:
         """Samples (2, n) about their mean position with the effects in them."""
-        q = oscillation.at(t)
+        q = oscillation.interpolate(t)
         # the motion first: what a read-out does, it does to the motion as it then is
         if self.change is not None:
             moved = np.einsum("nij,nj->ni", self.change(t), q)
@@ -111,7 +111,8 @@ class Injection:
         for first in range(0, len(self.recording.c), rows):
             t = self.recording.times(first, first + rows)
             beside = (
-                np.stack(self.recording.physical(first, first + rows)) - oscillation.at(t).real.T
+                np.stack(self.recording.physical(first, first + rows))
+                - oscillation.interpolate(t).real.T
             )
             total += np.nansum(beside, axis=1)
             count += np.count_nonzero(np.isfinite(beside), axis=1)

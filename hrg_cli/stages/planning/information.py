@@ -50,7 +50,7 @@ class InformationColumns:
     def __post_init__(self) -> None:
         assert len({c.name for c in self.causes}) == len(self.causes)
 
-    def columns(self, name: str) -> list[int]:
+    def find_columns(self, name: str) -> list[int]:
         """Columns of a cause."""
         first = COUNT
         for cause in self.causes:
@@ -60,11 +60,11 @@ class InformationColumns:
             first += count
         raise KeyError(name)
 
-    def free(self, *questioned: str) -> list[int]:
+    def list_free(self, *questioned: str) -> list[int]:
         """Columns marginalised beside the causes in question: the base model and whatever else
         acts."""
         return list(range(COUNT)) + [
-            k for name in self.acting if name not in questioned for k in self.columns(name)
+            k for name in self.acting if name not in questioned for k in self.find_columns(name)
         ]
 
     @property
@@ -73,17 +73,17 @@ class InformationColumns:
         return COUNT + sum(len(c.fitted()) for c in self.causes)
 
 
-def wave_of(run: SimulationFile) -> Wave:
+def make_wave(run: SimulationFile) -> Wave:
     """The wave a run would show, without noise, with the standard deviations of its noise."""
     table = run.recording
     step = table.duration_s / STEPS
-    start, electrical = simulate.start_of(run)
-    world = simulate.environment_of(run)
-    plant = partial(make_linear_plant, simulate.mechanics_of(run), simulate.courses_of(run))
+    start, electrical = simulate.make_start(run)
+    world = simulate.make_environment(run)
+    plant = partial(make_linear_plant, simulate.make_mechanics(run), simulate.make_courses(run))
     blocks = slow_engine.run(
         world,
         plant,
-        simulate.control_of(run),
+        simulate.make_control(run),
         slow_motion.SlowTerms(),
         start,
         step,
@@ -123,7 +123,7 @@ def _converter(run: SimulationFile) -> float:
     return (run.readout.full_scale or 1.0) / 2 ** (run.readout.adc_bits - 1) / np.sqrt(12)
 
 
-def information(
+def compute_information(
     waves: Sequence[Wave],
     mechanics: Mechanics,
     layout: InformationColumns,
@@ -171,7 +171,7 @@ def information(
     return out
 
 
-def left_over(M: Array, wanted: Sequence[int], free: Sequence[int]) -> Array:
+def marginalise(M: Array, wanted: Sequence[int], free: Sequence[int]) -> Array:
     """Information on the columns `wanted` after the columns `free` are marginalised (Schur
     complement)."""
     wanted, free = list(wanted), list(free)

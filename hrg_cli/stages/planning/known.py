@@ -21,7 +21,7 @@ from .information import InformationColumns
 Array = np.ndarray
 
 
-def mechanics_of(known: Resonator | Diagnosis) -> Mechanics:
+def make_mechanics(known: Resonator | Diagnosis) -> Mechanics:
     """The resonator's parameters. HrgError: neither frequency nor damping among them."""
     if isinstance(known, Diagnosis):
         given = {row["name"]: float(row["value"]) for row in known.told("values")}
@@ -45,7 +45,7 @@ def _mode_number(extended_model: str) -> int:
     return found
 
 
-def device_table(m: Mechanics) -> dict[str, Any]:
+def make_device_table(m: Mechanics) -> dict[str, Any]:
     """[device] of the simulation file."""
     damping = max(m.damping_rate_1_s, 0.0)
     return {name: float(getattr(m, name)) for name, _ in PARAMETERS} | {
@@ -55,7 +55,7 @@ def device_table(m: Mechanics) -> dict[str, Any]:
     }
 
 
-def reference_temperatures(
+def find_reference_temperatures(
     waves: Sequence[Wave], effects: Sequence[Effect]
 ) -> dict[str, dict[str, float]]:
     """Temperature from which the effects count: the mean of all runs."""
@@ -72,7 +72,7 @@ def reference_temperatures(
     }
 
 
-def weak_prior(m: Mechanics, layout: InformationColumns) -> Array:
+def make_weak_prior(m: Mechanics, layout: InformationColumns) -> Array:
     """Weak information that keeps what nothing measures finite: ten times the damping, thirty times
     the split, K within 3."""
     damping = max(abs(m.damping_rate_1_s), 1e-9)
@@ -83,7 +83,9 @@ def weak_prior(m: Mechanics, layout: InformationColumns) -> Array:
     return M
 
 
-def information_of(known: Resonator | Diagnosis, m: Mechanics, layout: InformationColumns) -> Array:
+def read_information(
+    known: Resonator | Diagnosis, m: Mechanics, layout: InformationColumns
+) -> Array:
     """The resonator's own covariance as information on the coordinates; a diagnosis without its
     waves brings its stds."""
     M = np.zeros((layout.size, layout.size))

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...records import Diagnosis
 from ...settings import parse_toml
-from ..simulation_file import SimulationFile, runs_of
+from ..simulation_file import SimulationFile, list_runs
 
 ANGLES = 4
 """Wave angles to begin from, spread over the period π/m after which a wave is the same again."""
@@ -26,12 +26,12 @@ OF_A_RUN = {"start", "environment", "readout", "recording"}
 """Tables that say how a run is made; of its device and loops only the measurement knows."""
 
 
-def menu_like(diagnosis: Diagnosis) -> dict[str, Any] | None:
+def make_menu_like(diagnosis: Diagnosis) -> dict[str, Any] | None:
     """The menu of runs like the free ones that were diagnosed; None where there was none, since what
     driven runs need of their loops no model tells. HrgError: the model it keeps is damaged."""
     if not diagnosis.extended_model:
         return None
-    made = runs_of(parse_toml(diagnosis.extended_model), "the extended model that it keeps")
+    made = list_runs(parse_toml(diagnosis.extended_model), "the extended model that it keeps")
     free = [run for run in made if run.control.mode == "free"]
     if not free:
         return None

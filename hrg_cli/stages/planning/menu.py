@@ -14,12 +14,12 @@ from typing import Any
 
 from ...errors import HrgError
 from ...settings import assign
-from ..simulation_file import SimulationFile, runs_of
+from ..simulation_file import SimulationFile, list_runs
 
 MOST_RUNS = 400
 
 
-def candidates(
+def make_candidates(
     menu: Mapping[str, Any], device: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, dict[str, Any]], dict[str, SimulationFile]]:
     """The file's common tables with the device, the [[run]] table of every candidate, and each
@@ -45,7 +45,7 @@ def candidates(
             f"the menu holds {len(tables)} runs, at most {MOST_RUNS} are weighed; shorten its grid"
         )
     named = [{"run_id": f"run{number:03d}"} | table for number, table in enumerate(tables, 1)]
-    checked = {run.run_id: run for run in runs_of({**common, "run": named}, "the menu")}
+    checked = {run.run_id: run for run in list_runs({**common, "run": named}, "the menu")}
     silent = next(
         (
             run.run_id

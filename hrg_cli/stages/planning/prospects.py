@@ -12,10 +12,10 @@ from ...effects import find
 from ...physics.resonator import Mechanics
 from ...records import Diagnosis, Resonator, Wave
 from ..simulation_file import SimulationFile
-from .information import InformationColumns, information, wave_of
-from .known import information_of, mechanics_of, reference_temperatures, weak_prior
-from .questions import BASE, Question, in_words, open_causes, questions_of
-from .worth import TOLD, deviations, separation
+from .information import InformationColumns, compute_information, make_wave
+from .known import find_reference_temperatures, make_mechanics, make_weak_prior, read_information
+from .questions import BASE, Question, list_open_causes, list_questions, say_in_words
+from .worth import TOLD, compute_separation, compute_std
 
 Array = np.ndarray
 
@@ -31,18 +31,18 @@ class Prospects:
     offered: Mapping[str, Array]
     questions: Sequence[Question]
 
-    def after(self, names: Sequence[str]) -> Array:
+    def sum_information(self, names: Sequence[str]) -> Array:
         """Information after the runs of these names."""
         return np.asarray(self.had + sum(self.offered[name] for name in names))
 
-    def everything(self) -> Array:
+    def sum_all_information(self) -> Array:
         """Information after all runs of the menu."""
-        return self.after(list(self.offered))
+        return self.sum_information(list(self.offered))
 
-    def answerable(self) -> list[Question]:
+    def list_answerable(self) -> list[Question]:
         """Questions that all runs of the menu together answer."""
-        whole = self.everything()
-        return [q for q in self.questions if separation(whole, q, self.layout) >= TOLD]
+        whole = self.sum_all_information()
+        return [q for q in self.questions if compute_separation(whole, q, self.layout) >= TOLD]
 
 
 def weigh_menu(
@@ -52,27 +52,27 @@ def weigh_menu(
     causes: Sequence[str],
 ) -> Prospects:
     """Informations and questions for the feasible runs (by name) of a menu."""
-    mechanics = mechanics_of(known)
-    sizes, groups = open_causes(known, causes)
+    mechanics = make_mechanics(known)
+    sizes, groups = list_open_causes(known, causes)
     acting = _acting_causes(sizes, groups)
     rivals = (rival for group in groups for rival in group)
     effects = tuple(find(name) for name in dict.fromkeys([*sizes, *acting, *rivals]))
     layout = InformationColumns(effects, acting)
-    waves = {name: wave_of(run) for name, run in feasible.items()}
-    references = reference_temperatures([*made, *waves.values()], effects)
-    added = information(list(waves.values()), mechanics, layout, references, False)
+    waves = {name: make_wave(run) for name, run in feasible.items()}
+    references = find_reference_temperatures([*made, *waves.values()], effects)
+    added = compute_information(list(waves.values()), mechanics, layout, references, False)
     # the runs made, where they are at hand, know what the result's covariance has forgotten
     known_by_runs = (
-        sum(information(made, mechanics, layout, references, True))
+        sum(compute_information(made, mechanics, layout, references, True))
         if made
-        else information_of(known, mechanics, layout)
+        else read_information(known, mechanics, layout)
     )
     return Prospects(
         mechanics,
         layout,
-        weak_prior(mechanics, layout) + known_by_runs,
+        make_weak_prior(mechanics, layout) + known_by_runs,
         dict(zip(waves, added, strict=True)),
-        questions_of(sizes, groups, layout, [*made, *waves.values()]),
+        list_questions(sizes, groups, layout, [*made, *waves.values()]),
     )
 
 
@@ -88,30 +88,33 @@ def _acting_causes(
     return acting
 
 
-def reason_of(
+def explain_run(
     name: str, names: Sequence[str], prospects: Prospects, asked: Sequence[Question]
 ) -> str:
     """What would be lost without this run of those chosen: of the questions asked the one that it
     answers most, else the parameter."""
     layout = prospects.layout
-    without = prospects.after([n for n in names if n != name])
+    without = prospects.sum_information([n for n in names if n != name])
     total = without + prospects.offered[name]
     if asked:
         gains = [
             (
-                np.log1p(separation(total, q, layout) ** 2)
-                - np.log1p(separation(without, q, layout) ** 2),
+                np.log1p(compute_separation(total, q, layout) ** 2)
+                - np.log1p(compute_separation(without, q, layout) ** 2),
                 q,
             )
             for q in asked
         ]
         q = max(gains, key=lambda pair: pair[0])[1]
-        before_sigma, after_sigma = separation(without, q, layout), separation(total, q, layout)
+        before_sigma, after_sigma = (
+            compute_separation(without, q, layout),
+            compute_separation(total, q, layout),
+        )
         return (
-            f"tells {in_words(q.cause)} from {in_words(q.rival)}: {before_sigma:.3g} σ without it,"
+            f"tells {say_in_words(q.cause)} from {say_in_words(q.rival)}: {before_sigma:.3g} σ without it,"
             f" {after_sigma:.3g} σ with it"
         )
-    before, after = (deviations(M, prospects.mechanics) for M in (without, total))
+    before, after = (compute_std(M, prospects.mechanics) for M in (without, total))
     best = max(before, key=lambda key: (before[key] or 0.0) / max(after[key] or 0.0, 1e-300))
     times = (before[best] or 0.0) / max(after[best] or 0.0, 1e-300)
-    return f"makes σ of the {in_words(best)} {times:.3g} times smaller"
+    return f"makes σ of the {say_in_words(best)} {times:.3g} times smaller"

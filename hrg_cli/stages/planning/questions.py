@@ -33,7 +33,7 @@ class Question:
     rival_size: Array | None = None
 
 
-def open_causes(
+def list_open_causes(
     known: Resonator | Diagnosis, causes: Sequence[str]
 ) -> tuple[dict[str, dict[str, float]], list[list[str]]]:
     """Sizes of the causes found, and groups [cause, rivals…] to be separated.
@@ -95,19 +95,19 @@ def _unseen(report: Mapping[str, Any]) -> list[list[str]]:
     return out
 
 
-def never_told(known: Resonator | Diagnosis) -> list[str]:
+def list_never_told(known: Resonator | Diagnosis) -> list[str]:
     """Sentences about what the diagnosis left open and no run of any menu can tell."""
     if not isinstance(known, Diagnosis):
         return []
     told = {name for group in known.told("not_separable") for name in group["effects"]}
     return [
-        f"no run can tell {in_words(name)} from {same}"
+        f"no run can tell {say_in_words(name)} from {same}"
         for name, same in INHERENT.items()
         if name in told
     ]
 
 
-def questions_of(
+def list_questions(
     sizes: Mapping[str, Mapping[str, float]],
     groups: Sequence[Sequence[str]],
     layout: InformationColumns,
@@ -137,7 +137,7 @@ def questions_of(
     return out
 
 
-def in_words(name: str) -> str:
+def say_in_words(name: str) -> str:
     """A cause or a parameter without the marks of a key and its unit.
 
     Examples

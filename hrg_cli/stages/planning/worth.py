@@ -9,8 +9,8 @@ import numpy as np
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics, to_parameters
 from ...fitting.envelopes.inference import widen_axes
 from ...physics.resonator import PARAMETERS, Mechanics
-from .information import InformationColumns, left_over
-from .questions import BASE, INHERENT, Question, in_words
+from .information import InformationColumns, marginalise
+from .questions import BASE, INHERENT, Question, say_in_words
 
 Array = np.ndarray
 
@@ -21,7 +21,7 @@ NOTHING = 1e-3
 """σ that rounding alone may give."""
 
 
-def separation(M: Array, question: Question, layout: InformationColumns) -> float:
+def compute_separation(M: Array, question: Question, layout: InformationColumns) -> float:
     """σ by which the cause stands out with the base model free; of two causes, σ of the one that
     the other, free too, follows less.
 
@@ -38,23 +38,21 @@ def _find_cause_std(
     M: Array, cause: str, size: Array, rival: str, layout: InformationColumns
 ) -> float:
     """σ of a cause of that size with the base model, and the rival, free."""
-    free = layout.free(cause, rival) + ([] if rival == BASE else layout.columns(rival))
-    S = left_over(M, layout.columns(cause), free)
-    whole = M[np.ix_(layout.columns(cause), layout.columns(cause))]
+    free = layout.list_free(cause, rival) + ([] if rival == BASE else layout.find_columns(rival))
+    S = marginalise(M, layout.find_columns(cause), free)
+    whole = M[np.ix_(layout.find_columns(cause), layout.find_columns(cause))]
     left, all_of_it = float(size @ S @ size), float(size @ whole @ size)
     return float(np.sqrt(left)) if left > max(1e-9 * all_of_it, NOTHING**2) else 0.0
 
 
-def sum_of_separations(
-    M: Array, questions: Sequence[Question], layout: InformationColumns
-) -> float:
+def sum_separations(M: Array, questions: Sequence[Question], layout: InformationColumns) -> float:
     """Sum of log(1 + σ²): the least separated count most."""
-    return float(sum(np.log1p(separation(M, q, layout) ** 2) for q in questions))
+    return float(sum(np.log1p(compute_separation(M, q, layout) ** 2) for q in questions))
 
 
-def log_information(M: Array, m: Mechanics) -> float:
+def compute_log_information(M: Array, m: Mechanics) -> float:
     """−log det of the covariance of the six parameters."""
-    sign, value = np.linalg.slogdet(left_over(M, range(6), [6]) / np.outer(_units(m), _units(m)))
+    sign, value = np.linalg.slogdet(marginalise(M, range(6), [6]) / np.outer(_units(m), _units(m)))
     return float(value) if sign > 0 else -np.inf
 
 
@@ -66,14 +64,14 @@ def _units(m: Mechanics) -> Array:
     return 1 / np.array([damping, damping, damping, split, split, 1.0])
 
 
-def deviations(M: Array, m: Mechanics) -> dict[str, float | None]:
+def compute_std(M: Array, m: Mechanics) -> dict[str, float | None]:
     """Standard deviation of every parameter but the frequency from the base model's information."""
     _, slopes = to_parameters(from_mechanics(m), m.mode_number)
     u = _units(m)
     covariance = np.zeros((COUNT, COUNT))
     # The second order is a nuisance here: its part is marginalised, not shown as a parameter.
     covariance[:6, :6] = np.linalg.pinv(
-        left_over(M, range(6), [6]) / np.outer(u, u), hermitian=True
+        marginalise(M, range(6), [6]) / np.outer(u, u), hermitian=True
     ) / np.outer(u, u)
     predicted = slopes @ covariance @ slopes.T
     widen_axes(predicted, covariance, from_mechanics(m), m.mode_number)
@@ -114,11 +112,11 @@ def find_impossible(
     out = []
     for q in questions:
         if q.cause in INHERENT and q.rival == BASE:
-            out.append(f"no run can tell {in_words(q.cause)} from {INHERENT[q.cause]}")
-        elif separation(everything, q, layout) < TOLD:
-            sigma = separation(everything, q, layout)
+            out.append(f"no run can tell {say_in_words(q.cause)} from {INHERENT[q.cause]}")
+        elif compute_separation(everything, q, layout) < TOLD:
+            sigma = compute_separation(everything, q, layout)
             out.append(
-                f"all runs of the menu together tell {in_words(q.cause)} from {in_words(q.rival)}"
+                f"all runs of the menu together tell {say_in_words(q.cause)} from {say_in_words(q.rival)}"
                 f" by {sigma:.1f} σ only; add other runs"
             )
     return out

@@ -14,7 +14,7 @@ from ...fitting.envelopes.coordinates import SPLITS
 from ...fourier import coefficients_at
 from ...records import Calibration, Diagnosis, Record, Resonator
 from .twin import Twin
-from .twin_diagnosis import base_values, causes, causes_held, same_sign
+from .twin_diagnosis import find_sign, list_base_values, list_causes, list_held_causes
 
 CLEAR = 4.0
 """Standard deviations from which a split's size is Gaussian, and its axis; below, its components are
@@ -30,7 +30,7 @@ class RehearsedFigure:
     truth: float
     period: float = 0.0
 
-    def t(self) -> float:
+    def compute_t(self) -> float:
         """(estimate − truth)/σ, an angle modulo its period."""
         error = self.value - self.truth
         if self.period:
@@ -89,22 +89,22 @@ def _compare_parameters(record: Resonator, truth: Resonator) -> dict[str, Rehear
 def _compare_sizes(record: Diagnosis, truth: Diagnosis, twin: Twin) -> dict[str, RehearsedFigure]:
     """The named causes' parameters, and the resonator beside them."""
     found: dict[str, RehearsedFigure] = {}
-    named = causes(record)
-    for name, (true, _) in causes_held(twin).items():
+    named = list_causes(record)
+    for name, (true, _) in list_held_causes(twin).items():
         seen = named[name][0] if name in named else {}
-        sign = same_sign(name, seen, true)
+        sign = find_sign(name, seen, true)
         for key, (value, std) in seen.items():
             if key in true:
                 found[f"{name} {key}"] = RehearsedFigure(sign * value, std, true[key][0])
     period = np.pi / int(truth.read_report().get("mode_number", 2))
-    beside = base_values(truth)
+    beside = list_base_values(truth)
     lost = {
         name
         for size, axis, _ in SPLITS
         if size in beside and not beside[size][0] >= CLEAR * beside[size][1]
         for name in (size, axis)
     }
-    for name, (value, std) in base_values(record).items():
+    for name, (value, std) in list_base_values(record).items():
         if name in beside and name not in lost and np.isfinite(std) and std > 0:
             axis = period if name.endswith("axis_rad") else 0.0
             found[name] = RehearsedFigure(value, std, beside[name][0], axis)

@@ -29,7 +29,7 @@ def match_noise(twin: Twin, inputs: Sequence[Measured], seed: int) -> Twin:
     runs = []
     for number, (run, measured) in enumerate(zip(twin.config["run"], inputs, strict=True)):
         noise = run["readout"]["noise"]
-        trials = int(np.clip(np.ceil(TRIAL_SAMPLES / twin.samples_of(run)), 1, MOST_TRIALS))
+        trials = int(np.clip(np.ceil(TRIAL_SAMPLES / twin.count_samples(run)), 1, MOST_TRIALS))
         found = float(
             np.mean(
                 [

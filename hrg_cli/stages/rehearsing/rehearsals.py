@@ -18,7 +18,7 @@ from . import twin_colour
 from .figures import Rehearsed
 from .statistics import FigureStatistics, Named, judge_figure
 from .twin import Twin
-from .twin_diagnosis import causes, causes_held
+from .twin_diagnosis import list_causes, list_held_causes
 
 FEWEST = 2
 """Rehearsals that must succeed for anything to be said."""
@@ -45,7 +45,7 @@ class Rehearsal:
         """Whether the result's errors hold."""
         return "suspect" if self.reasons else "valid"
 
-    def table(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """The rehearsal as the JSON has it."""
         return {
             "times": self.times,
@@ -63,11 +63,11 @@ def _count_names(twin: Twin, good: Sequence[Rehearsed]) -> list[Named]:
     any other."""
     if not isinstance(twin.truth, Diagnosis):
         return []
-    true = causes_held(twin)
+    true = list_held_causes(twin)
     alike = {name: {name} | rivals for name, (_, rivals) in true.items()}
     known = set().union(*alike.values()) if alike else set()
     # what the file names and the twin cannot hold is neither expected of it nor strange to it
-    known |= set(causes(twin.truth))
+    known |= set(list_causes(twin.truth))
     out = [
         Named(name, True, sum(bool(own & set(one.named)) for one in good), len(good))
         for name, own in alike.items()
@@ -93,13 +93,13 @@ def summarise(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
         if _is_estimated([one.figures[name].value for one in good if name in one.figures])
     ]
     t = {
-        name: np.array([one.figures[name].t() for one in good if name in one.figures])
+        name: np.array([one.figures[name].compute_t() for one in good if name in one.figures])
         for name in names
     }
     figures = [judge_figure(name, values, len(names)) for name, values in t.items()]
     named = _count_names(twin, good)
-    reasons = [sentence for sentence in (f.sentence() for f in figures) if sentence]
-    reasons += [s for s in (cause.sentence(len(named)) for cause in named) if s]
+    reasons = [sentence for sentence in (f.describe_fault() for f in figures) if sentence]
+    reasons += [s for s in (cause.describe_fault(len(named)) for cause in named) if s]
     if len(failed) > FAILING * len(done):
         reasons.append(
             f"{PREFIX}{len(failed)} of {len(done)} simulated twins gave no result; the first:"
@@ -140,7 +140,7 @@ def judge_by_rehearsal(record: Record, rehearsal: Rehearsal) -> Record:
         else record.status
     )
     place = "report" if isinstance(record, Diagnosis) else "details"
-    told = json.loads(getattr(record, place)) | {"rehearsal": rehearsal.table()}
+    told = json.loads(getattr(record, place)) | {"rehearsal": rehearsal.to_json()}
     return record.replace(
         status=status,
         status_reasons=others,

@@ -19,7 +19,7 @@ from ..identify import identify
 from ..simulate import simulate
 from .figures import Rehearsed, compare_figures
 from .twin import Twin
-from .twin_diagnosis import causes
+from .twin_diagnosis import list_causes
 from .twin_effects import make_effects
 
 STREAMS = 1_000_003
@@ -45,7 +45,7 @@ def rehearse_once(work: Work) -> Rehearsed:
         compare_figures(record, twin),
         record.status,
         record.status_reasons[0] if record.status_reasons else "",
-        tuple(causes(record)) if isinstance(record, Diagnosis) else (),
+        tuple(list_causes(record)) if isinstance(record, Diagnosis) else (),
     )
 
 

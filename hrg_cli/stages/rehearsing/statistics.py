@@ -42,7 +42,7 @@ class FigureStatistics:
     rms_limit: float
     rms_least: float
 
-    def sentence(self) -> str:
+    def describe_fault(self) -> str:
         """What is wrong with the figure's error, or nothing."""
         if not abs(self.bias_over_std) <= self.bias_limit:
             return (
@@ -74,7 +74,7 @@ class Named:
     named: int
     times: int
 
-    def sentence(self, causes: int) -> str:
+    def describe_fault(self, causes: int) -> str:
         """What is wrong with that, or nothing; `causes`: how many are looked at."""
         from scipy.special import bdtr, bdtrc
 

@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import HrgError
 from ...physics.resonator import Mechanics
 from ...records import Calibration, Record, Resonator
-from ..earth_rate import earth_rate_of
+from ..earth_rate import read_earth_rate
 from . import twin_colour
 from .twin_colour import Colour
 from .twin_device import build_carrier_of_tables, build_resonator, find_hidden_rate
@@ -37,17 +37,17 @@ class Twin:
     @property
     def samples(self) -> int:
         """Samples of all runs together."""
-        own = sum(self.samples_of(run) for run in self.config["run"])
+        own = sum(self.count_samples(run) for run in self.config["run"])
         return own + sum(beside.samples for beside in self.resonators)
 
     @property
     def longest(self) -> int:
         """Samples of the longest run."""
-        own = max(self.samples_of(run) for run in self.config["run"])
+        own = max(self.count_samples(run) for run in self.config["run"])
         return max([own, *(beside.longest for beside in self.resonators)])
 
     @staticmethod
-    def samples_of(run: Mapping[str, Any]) -> int:
+    def count_samples(run: Mapping[str, Any]) -> int:
         """Samples of one run of the simulation file."""
         return int(run["recording"]["duration_s"] * run["recording"]["sample_rate_hz"])
 
@@ -111,7 +111,7 @@ def _plan_of_resonator(
     truth: Resonator, inputs: Sequence[Measured], settings: Mapping[str, Any]
 ) -> TwinPlan:
     hidden = find_hidden_rate(truth, settings)
-    colour = twin_colour.of_free_runs([one.wave for one in inputs], settings, hidden)
+    colour = twin_colour.estimate_of_free_runs([one.wave for one in inputs], settings, hidden)
     # what a method adds to the answer without changing it is not repeated
     quicker: dict[str, Any] = {"profile": False}
     if settings.get("method") == "all":
@@ -131,12 +131,12 @@ def _plan_of_tables(
     settings: Mapping[str, Any],
     identified: Sequence[Identified],
 ) -> TwinPlan:
-    colours = twin_colour.of_calibration(truth)
+    colours = twin_colour.read_calibration_noise(truth)
     return TwinPlan(
         "calibrate",
         {**settings, "ladder": False, "bootstrap": 0},
         build_carrier_of_tables(truth, inputs, identified),
-        earth_rate_of(settings),
+        read_earth_rate(settings),
         [colours.get(one.wave.run_id, ()) for one in inputs],
     )
 

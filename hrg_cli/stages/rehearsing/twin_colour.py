@@ -38,7 +38,9 @@ Colour = tuple[ColouredNoise, ...]
 """The noise of the four components, in the order of `colour.COMPONENTS`; empty: white as stated."""
 
 
-def of_free_runs(waves: Sequence[Wave], settings: Mapping[str, Any], earth_rad_s: float) -> Colour:
+def estimate_of_free_runs(
+    waves: Sequence[Wave], settings: Mapping[str, Any], earth_rad_s: float
+) -> Colour:
     """The wander that a resonator fitted to these runs leaves; empty where there is none, or where
     they show modes only.
 
@@ -67,7 +69,7 @@ def of_free_runs(waves: Sequence[Wave], settings: Mapping[str, Any], earth_rad_s
     return tuple(n if n.wander_1_s > 0 else WHITE for n in found)
 
 
-def of_calibration(truth: Calibration) -> dict[str, Colour]:
+def read_calibration_noise(truth: Calibration) -> dict[str, Colour]:
     """The noise that a calibration found in its runs: white angles over what the windows state, and
     their random walk, by run_id."""
     details = json.loads(truth.details)
@@ -80,7 +82,7 @@ def of_calibration(truth: Calibration) -> dict[str, Colour]:
     return out
 
 
-def of_diagnosis(truth: Diagnosis) -> Colour:
+def read_diagnosis_wander(truth: Diagnosis) -> Colour:
     """The wander that a diagnosis reports of its final residual."""
     rows = {row["component"]: row for row in truth.read_report().get("wander") or []}
     if not rows:
@@ -99,7 +101,7 @@ def _density(row: Mapping[str, Any]) -> float:
     return float((row["after_one_hour"] / one) ** 2)
 
 
-def effect(
+def make_effect(
     noises: Colour, std: float, window_s: float, duration_s: float, seed: Sequence[int]
 ) -> Effect:
     """The effect that puts the noise into a run's samples, y + Re[(α + jφ) w + (β + jε) J w* e^{2jψ}],
@@ -109,7 +111,7 @@ def effect(
     over each window, what the scatter has above the windows' stated σ of one real (amplitude).
     """
     random = np.random.default_rng(list(seed))
-    wanders = [course(noise, window_s, duration_s, random) for noise in noises]
+    wanders = [draw_course(noise, window_s, duration_s, random) for noise in noises]
     windows = int(np.ceil(duration_s / window_s)) + 1
     excess = np.sqrt(np.maximum(np.array([n.white for n in noises]) ** 2 - 1, 0.0)) * std
     held = excess[:, None] * random.standard_normal((len(noises), windows))
@@ -134,7 +136,7 @@ def effect(
     return Effect(NAME, "read-out", "Noise as coloured as a measured run's.", (), readout=readout)
 
 
-def course(
+def draw_course(
     noise: ColouredNoise, step_s: float, duration_s: float, random: np.random.Generator
 ) -> tuple[Array, Array]:
     """A wander's times and values (n,) from 0: an Ornstein–Uhlenbeck rate of ⟨v v'⟩ = (q/2τ)

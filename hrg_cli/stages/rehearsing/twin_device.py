@@ -14,7 +14,7 @@ from ...errors import HrgError
 from ...fitting.envelopes.base_freedom import choose_scale_factor
 from ...physics.resonator import Mechanics
 from ...records import Calibration, Resonator
-from ..earth_rate import earth_rate_of
+from ..earth_rate import read_earth_rate
 from ..rate_table import is_rate_table
 from . import twin_mode
 from .twin_physical import Identified, is_physical
@@ -36,7 +36,7 @@ def build_resonator(
     """The device of a resonator file; what was held, or is not told by such runs, has the value
     that the fit held it at."""
     if twin_mode.is_modes(truth):
-        return twin_mode.device(truth)
+        return twin_mode.make_device(truth)
     values = {name: value for name, (value, _, _) in truth.parameters().items()}
     for name in ("scale_factor", "damping_axis_rad", "stiffness_axis_rad"):
         if settings.get(name) is not None:
@@ -95,7 +95,7 @@ def _find_decay(inputs: Sequence[Measured]) -> float:
 def find_hidden_rate(truth: Resonator, settings: Mapping[str, Any]) -> float:
     """Rate about the axis that the logs leave out, rad/s: Earth's, and the unknown one that was
     fitted."""
-    return earth_rate_of(settings) + float(
+    return read_earth_rate(settings) + float(
         json.loads(truth.details).get("rate_rad_s", {}).get("value", 0.0)
         if settings.get("fit_rate")
         else 0.0

@@ -44,7 +44,7 @@ def make_twin_of_diagnosis(
             f"has an extended model of {len(config['run'])} runs, {len(inputs)} waves were"
             " diagnosed: runs without a row that counts are not in it; diagnose the others alone"
         )
-    colour = twin_colour.of_diagnosis(truth)
+    colour = twin_colour.read_diagnosis_wander(truth)
     runs, tables = [], []
     for run, measured in zip(config["run"], inputs, strict=True):
         wave = measured.wave
@@ -65,7 +65,7 @@ def make_twin_of_diagnosis(
     return Twin(config, runs, "diagnose", dict(settings), truth)
 
 
-def causes(record: Diagnosis) -> Causes:
+def list_causes(record: Diagnosis) -> Causes:
     """The causes that a diagnosis names; a cause seen twice, as it is told first."""
     out: Causes = {}
     for one in record.told("effects"):
@@ -78,21 +78,21 @@ def causes(record: Diagnosis) -> Causes:
     return out
 
 
-def causes_held(twin: Twin) -> Causes:
+def list_held_causes(twin: Twin) -> Causes:
     """The causes of the twin's truth that its simulation holds."""
     inside = set(twin.config.get("effects", {}))
     for run in twin.config["run"]:
         inside |= set(run.get("effects", {}))
     assert isinstance(twin.truth, Diagnosis)
-    return {name: one for name, one in causes(twin.truth).items() if name in inside}
+    return {name: one for name, one in list_causes(twin.truth).items() if name in inside}
 
 
-def base_values(record: Diagnosis) -> dict[str, tuple[float, float]]:
+def list_base_values(record: Diagnosis) -> dict[str, tuple[float, float]]:
     """The resonator beside the causes: values and standard deviations by name."""
     return {row["name"]: (float(row["value"]), float(row["std"])) for row in record.told("values")}
 
 
-def same_sign(
+def find_sign(
     name: str, found: Mapping[str, tuple[float, float]], true: Mapping[str, Any]
 ) -> float:
     """−1 for a coherent effect whose vector came out the other way round, else 1."""

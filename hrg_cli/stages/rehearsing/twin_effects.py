@@ -30,16 +30,18 @@ def make_effects(twin: Twin, number: int, seed: int) -> tuple[Effect, ...]:
     if isinstance(twin.truth, Calibration):
         factor = twin.config["device"]["scale_factor"]
         out.append(
-            twin_physical.effect(twin.truth, run.frequency)
+            twin_physical.make_effect(twin.truth, run.frequency)
             if is_physical(twin.truth)
             else make_tables_effect(twin.truth, factor, run.frequency)
         )
     elif isinstance(twin.truth, Resonator) and twin_mode.is_modes(twin.truth):
-        out.append(twin_mode.effect(twin_mode.laws_of(twin.truth), run.silent))
+        out.append(twin_mode.make_effect(twin_mode.read_laws(twin.truth), run.silent))
     if run.colour:
         length = float(table["recording"]["duration_s"])
         out.append(
-            twin_colour.effect(run.colour, run.std, run.window_s, length, (seed, number, COLOUR))
+            twin_colour.make_effect(
+                run.colour, run.std, run.window_s, length, (seed, number, COLOUR)
+            )
         )
     return tuple(out)
 

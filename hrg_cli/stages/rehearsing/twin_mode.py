@@ -28,7 +28,7 @@ def is_modes(truth: Resonator) -> bool:
     return bool(json.loads(truth.details).get("modes"))
 
 
-def device(truth: Resonator) -> Mechanics:
+def make_device(truth: Resonator) -> Mechanics:
     """The device of a file of one mode: no splits. HrgError: it holds two modes."""
     if len(json.loads(truth.details)["modes"]) > 1:
         raise HrgError(
@@ -49,7 +49,7 @@ def device(truth: Resonator) -> Mechanics:
     )
 
 
-def laws_of(truth: Resonator) -> Laws:
+def read_laws(truth: Resonator) -> Laws:
     """The terms that follow the amplitude, as the file keeps them."""
     found = json.loads(truth.details).get("amplitude_dependence") or {}
     return {
@@ -62,7 +62,7 @@ def laws_of(truth: Resonator) -> Laws:
     }
 
 
-def one_signal(wave: Wave) -> bool:
+def has_one_signal(wave: Wave) -> bool:
     """Whether the run's second channel held exactly nothing."""
     good = wave.good()
     angle, quadrature = (
@@ -72,7 +72,7 @@ def one_signal(wave: Wave) -> bool:
     return not np.any(np.sin(wave.mode_number * angle)) and not np.any(quadrature)
 
 
-def effect(laws: Laws, silent: bool) -> Effect:
+def make_effect(laws: Laws, silent: bool) -> Effect:
     """−(ln a)' = ν + f/a + ν₁ a + ν₂ a² and φ' = δ + κ a² + κ₄ a⁴ beside ν and δ
     (`fitting.envelopes.one_mode`); silent: the second channel is empty."""
 

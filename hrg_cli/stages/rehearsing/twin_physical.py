@@ -37,7 +37,7 @@ def is_physical(truth: object) -> bool:
     return isinstance(truth, Calibration) and truth.model == "physical"
 
 
-def coefficients(truth: Calibration) -> tuple[Array, Array]:
+def read_coefficients(truth: Calibration) -> tuple[Array, Array]:
     """Places (J,) and the coefficients of `resonators.NAMES` there (J, 5). HrgError: the file does
     not keep them."""
     rows = json.loads(truth.details).get("resonator")
@@ -48,13 +48,13 @@ def coefficients(truth: Calibration) -> tuple[Array, Array]:
     return places, np.array([[float(row[name]) for name in NAMES] for row in rows])
 
 
-def effect(truth: Calibration, frequency: tuple[Array, Array] | None = None) -> Effect:
+def make_effect(truth: Calibration, frequency: tuple[Array, Array] | None = None) -> Effect:
     """What the resonators' splits and K add to a device that has none: u' = … + (−Δν·R + jδω·R +
     KΩJ)u, all of them followed over temperature or the course `frequency` (times, Hz) of a run.
 
     K_DC = −νδμ sin 2mθ_μ, K_DS = νδμ cos 2mθ_μ; the measured quadrature's are −2δω(cos, sin)2mθ_ω.
     """
-    places, values = coefficients(truth)
+    places, values = read_coefficients(truth)
     kind = "linear" if truth.interpolation in ("linear", "monotone") else "cubic"
 
     def slow(_: Values, u: Array, state: SlowState) -> Array:

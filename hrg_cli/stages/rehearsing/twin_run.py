@@ -15,7 +15,12 @@ from ...fitting.envelopes import free_windows
 from ...physics import ellipse
 from ...physics.resonator import Mechanics, build_generator, exponentiate
 from ...records import Wave
-from ..run_tables import describe_loops, rate_course, sample_noise, temperature_course
+from ..run_tables import (
+    compute_sample_noise,
+    describe_loops,
+    make_rate_course,
+    make_temperature_course,
+)
 from . import twin_mode
 from .twin_colour import Colour
 
@@ -92,13 +97,13 @@ def imitate_run(
     sampling = choose_sample_rate(measured, device.frequency_hz, carrier or 0.0, samples_a_period)
     # noise far above the rounding of single precision hides it, and halves the file
     amplitude = float(np.median(wave.main_amplitude[good]))
-    coarse = sample_noise(wave, 1.0) > FLOAT32 * amplitude
+    coarse = compute_sample_noise(wave, 1.0) > FLOAT32 * amplitude
     table: dict[str, Any] = {
         "run_id": name,
         "start": _trace_back_start(wave, first, device, first_rate + hidden_rad_s),
         "environment": _write_environment(wave, begin, length, rate, hidden_rad_s),
         "readout": {
-            "noise": sample_noise(wave, sampling),
+            "noise": compute_sample_noise(wave, sampling),
             "units": wave.units,
             **write_carrier(carrier),
         },
@@ -128,7 +133,7 @@ def _name_twin(
         carried,
         absent + missing,
         std=float(np.nanmedian(wave.signal_std)),
-        silent=twin_mode.one_signal(wave),
+        silent=twin_mode.has_one_signal(wave),
         window_s=wave.window_s,
     )
 
@@ -140,10 +145,10 @@ def _write_environment(
     leaves out of the rate."""
     times = np.asarray(wave.time_s, float) - begin_s
     kept = slice(None, None, max(1, len(times) // LOG_POINTS))
-    environment = rate_course(times[kept], None if rate is None else rate[kept], length_s)
+    environment = make_rate_course(times[kept], None if rate is None else rate[kept], length_s)
     if wave.temperature_degc is not None:
         temperature = np.asarray(wave.temperature_degc, float)
-        environment |= temperature_course(times[kept], temperature[kept])
+        environment |= make_temperature_course(times[kept], temperature[kept])
     if hidden_rad_s:
         environment |= {"earth_rate_rad_s": hidden_rad_s, "earth_logged": False}
     return environment

@@ -49,7 +49,7 @@ def record_blocks(
             rows, last_wave = _rows(block, at, first, world, settings, last_wave)
             waiting_rows.append(rows)
             if watch is not None:
-                watch.see(rows)
+                watch.take_rows(rows)
         first += n
         if sum(w.shape[1] for w in waiting) > block_samples:
             joined = np.concatenate(waiting, axis=1)
@@ -59,7 +59,7 @@ def record_blocks(
                 waiting_rows = [{name: values[:0] for name, values in waiting_rows[0].items()}]
             waiting = [joined]
     last = _recording(head, np.concatenate(waiting, axis=1), waiting_rows, settings.recording)
-    yield last if watch is None else last.judged(watch.reasons())
+    yield last if watch is None else last.judged(watch.list_reasons())
 
 
 def _need_finite(block: Block, settings: SimulationFile, watch: LoopWatch | None) -> None:
@@ -69,7 +69,7 @@ def _need_finite(block: Block, settings: SimulationFile, watch: LoopWatch | None
         return
     at = float(block.samples.time_s[wrong[0]])
     if watch is not None and settings.control.mode == "forced":
-        raise watch.unstable(at)
+        raise watch.make_error(at)
     raise HrgError(
         f"simulation: the motion of run {settings.run_id} is no finite number from {at:.6g} s on; it"
         " grows without bound, or its settings are beyond what can be simulated: correct them"

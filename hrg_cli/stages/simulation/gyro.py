@@ -15,7 +15,7 @@ from .device_tables import Course
 Array = np.ndarray
 
 
-def start_of(settings: SimulationFile) -> tuple[Array, float]:
+def make_start(settings: SimulationFile) -> tuple[Array, float]:
     """Envelopes and electrical angle mθ at t = 0."""
     start = settings.start
     a_A, a_B, angle, phase = np.array(
@@ -28,7 +28,7 @@ def start_of(settings: SimulationFile) -> tuple[Array, float]:
     )
 
 
-def mechanics_of(settings: SimulationFile) -> Mechanics:
+def make_mechanics(settings: SimulationFile) -> Mechanics:
     """The resonator of [device] at the reference temperature."""
     d = settings.device
     return Mechanics(
@@ -36,7 +36,7 @@ def mechanics_of(settings: SimulationFile) -> Mechanics:
     )  # fmt: skip
 
 
-def courses_of(settings: SimulationFile) -> ThermalCourses:
+def make_courses(settings: SimulationFile) -> ThermalCourses:
     """The courses of the resonator's parameters over temperature, [device.temperature]."""
     t = settings.device.temperature
 
@@ -53,7 +53,7 @@ def courses_of(settings: SimulationFile) -> ThermalCourses:
     )
 
 
-def control_of(settings: SimulationFile) -> Control:
+def make_control(settings: SimulationFile) -> Control:
     """The loops of [control]."""
     c = settings.control
     if c.mode == "free":
@@ -94,7 +94,7 @@ def add_spring(settings: SimulationFile, plant: Plant) -> Plant:
     return plant
 
 
-def electronics_of(settings: SimulationFile, pickoff: Readout) -> Electronics | None:
+def make_electronics(settings: SimulationFile, pickoff: Readout) -> Electronics | None:
     """The board of [electronics], with the converter of the read-out."""
     e = settings.electronics
     if e is None:
@@ -115,7 +115,7 @@ def electronics_of(settings: SimulationFile, pickoff: Readout) -> Electronics | 
     )
 
 
-def noise_of(settings: SimulationFile, pickoff: Readout) -> noises.Noise:
+def make_noise(settings: SimulationFile, pickoff: Readout) -> noises.Noise:
     """What is noisy, in the engine's units."""
     n = settings.noise
     warm = n.temperature_k is not None and n.effective_mass_kg is not None
@@ -134,7 +134,7 @@ def noise_of(settings: SimulationFile, pickoff: Readout) -> noises.Noise:
     )
 
 
-def readout_of(settings: SimulationFile) -> Readout:
+def make_readout(settings: SimulationFile) -> Readout:
     """The pick-offs and converter of [readout]; the full scale is 1.5 times the largest amplitude,
     3 times with a carrier, where none is given."""
     r = settings.readout

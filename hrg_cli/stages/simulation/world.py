@@ -11,7 +11,7 @@ from ..simulation_file import SimulationFile
 from .bench_tables import Cycle, Ramp, RatePoints, Sine, Soak, Steps, Sweep, TemperaturePoints
 
 
-def environment_of(settings: SimulationFile, fine: bool = False) -> Environment:
+def make_environment(settings: SimulationFile, fine: bool = False) -> Environment:
     """The run's world; `fine`: on a grid that effects may bend."""
     e, duration = settings.environment, settings.recording.duration_s
     rates = [_rate_programme(e.rate, duration)] if e.rate else []

@@ -14,11 +14,11 @@ from hrg_cli.effects import EFFECTS, Effect, Parameter
 from hrg_cli.errors import HrgError
 from hrg_cli.physics.plant import POLYNOMIAL
 from hrg_cli.records import Resonator
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 from hrg_cli.stages.diagnosis.samples.tone_search import find_strongest_tone
 from hrg_cli.stages.diagnosis.samples.tones import confirm_tones
-from hrg_cli.stages.simulation_file import runs_of
+from hrg_cli.stages.simulation_file import list_runs
 
 FORCED = {
     "drive_feedthrough",
@@ -360,7 +360,7 @@ def test_the_users_own_effect_is_a_candidate():
         slow=lambda p, u, state: -p["size"] * (np.asarray(state.time_s) > 0.9)[..., None] * u,
     )
     table = programme(9, {"step_at_nine_tenths": {"size": 4e-3}}, runs=4)
-    out = summary(diagnose(waves(table, (own,)), None, (own,)))
+    out = summarise(diagnose(waves(table, (own,)), None, (own,)))
     assert out["effects"][0]["name"] == "step_at_nine_tenths"
     assert out["effects"][0]["parameters"]["size"]["value"] == pytest.approx(4e-3, rel=0.03)
 
@@ -391,7 +391,7 @@ def test_wrong_values_are_values_and_not_effects():
         units=np.array(["s-1", "1", "rad s-1"], object),
         covariance=np.eye(3) * 1e-12,
     )
-    out = summary(diagnose(waves(table), resonator))
+    out = summarise(diagnose(waves(table), resonator))
     rows = {row["name"]: row for row in out["values"]}
     assert out["effects"] == [] and out["verdict"] == "adequate"
     assert rows["damping_rate_1_s"]["wrong"] and rows["damping_rate_1_s"]["sigma"] < -10
@@ -403,7 +403,7 @@ def test_the_extended_model_simulates_and_is_then_adequate():
     mismatch."""
     diagnosis, first = verdict(programme(13, {"gain_mismatch": {"gain": 2e-3}}, runs=4))
     table = tomllib.loads(diagnosis.extended_model)
-    assert len(runs_of(table)) == 4
+    assert len(list_runs(table)) == 4
     _, second = verdict(table)
     one, other = (out["effects"][0]["parameters"]["gain"] for out in (first, second))
     assert abs(one["value"] - other["value"]) < 5 * np.hypot(one["std"], other["std"])
@@ -432,7 +432,7 @@ def test_it_takes_what_laboratories_bring(change):
         found = [w.replace(**{c: getattr(w, c) * size for c in columns}) for w in found]
     if change == "other mode number":
         found = [w.replace(mode_number=3, wave_angle_rad=w.wave_angle_rad * 2 / 3) for w in found]
-    out = summary(diagnose(found))
+    out = summarise(diagnose(found))
     pull = out["effects"][0]
     assert pull["name"] == "cubic_stiffness"
     assert pull["parameters"]["pull_rad_s"]["value"] * size**2 == pytest.approx(1e-2, rel=0.02)

@@ -6,7 +6,7 @@ import pytest
 from diagnosis_programme import programme, verdict, waves
 
 from hrg_cli.effects import Effect, Parameter
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 
 SOAK = {
     "kind": "soak",
@@ -86,7 +86,7 @@ def test_an_offset_hidden_by_a_larger_cause_needs_no_phase_of_its_own_sign(force
         else wave
         for number, wave in enumerate(recorded)
     ]
-    as_written, otherwise = (summary(diagnose(runs)) for runs in (recorded, turned))
+    as_written, otherwise = (summarise(diagnose(runs)) for runs in (recorded, turned))
     for out in (as_written, otherwise):
         assert out["verdict"] == "explained"
         assert [e["name"] for e in out["effects"]] == ["gain_mismatch", "coherent_offset"]
@@ -313,7 +313,7 @@ def test_a_gap_is_no_cause():
         )
         for w in waves(table)
     ]
-    out = summary(diagnose(found))
+    out = summarise(diagnose(found))
     assert out["verdict"] == "adequate" and out["effects"] == []
     true_values(table, out, "scale_factor", "damping_split_1_s", "frequency_split_rad_s")
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from diagnosis_programme import programme, waves
 
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 
 PULL = 0.02
 IN_TIME = ("time_s",)
@@ -36,7 +36,7 @@ def found(runs):
 
 
 def named(runs):
-    report = summary(diagnose(runs))
+    report = summarise(diagnose(runs))
     return report["verdict"], {
         e["name"]: {k: (p["value"], p["std"]) for k, p in e["parameters"].items()}
         for e in report["effects"]
@@ -81,7 +81,7 @@ def test_counts_do_not_widen_the_size_of_a_damping_by_a_power(unit):
     """ν₂ of 10 σ in counts of a converter: what another power would be at an amplitude of one count
     is no error of it."""
     table = programme(5, {"nonlinear_damping": {"damping_1_s": 2e-4}}, runs=4)
-    report = summary(diagnose([scaled(w, SIZES, unit) for w in waves(table)]))
+    report = summarise(diagnose([scaled(w, SIZES, unit) for w in waves(table)]))
     assert report["verdict"] == "explained", report["checks"]
     (one,) = report["effects"]
     size = one["parameters"]["damping_1_s"]

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import simulate
 from hrg_cli.units import DEGREE_PER_HOUR
@@ -109,7 +109,7 @@ def waves(recording):
 
 
 def diagnosed(recording):
-    return summary(diagnose(waves(recording), scale_factor=1.0))
+    return summarise(diagnose(waves(recording), scale_factor=1.0))
 
 
 def found_in(out):
@@ -169,7 +169,7 @@ def florence(scale=1.0):
 
 def shown_by_florence(periods, scale):
     wave = collect(estimate(collect(demodulate(florence(scale), periods_per_window=periods))))
-    out = summary(diagnose([wave]))
+    out = summarise(diagnose([wave]))
     found = [e for e in out["effects"] if e.get("view") != "waveform"]
     first = found[0]
     assert (

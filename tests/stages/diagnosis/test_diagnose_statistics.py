@@ -24,7 +24,7 @@ from diagnosis_statistics import (
 )
 
 from hrg_cli.effects import EFFECTS, find
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 
 INSEPARABLE = {"clock_error", "table_rate_error"}
 """Exactly the scale factor, or frequency, damping and scale factor together, in every
@@ -46,7 +46,7 @@ TOO_ALIKE = {frozenset(("damping_drift", "thermal_damping"))}
 
 def check(name, seed):
     effects, runs = hidden(name, seed)
-    out = summary(diagnose(runs))
+    out = summarise(diagnose(runs))
     entries = [e for e in out["effects"] if e["name"] not in effects or e["name"] == name]
     assert entries, f"{name} was not seen: {out['verdict']}"
     group = [entries[0]["name"], *entries[0]["indistinguishable_from"]]
@@ -78,7 +78,7 @@ def alarm(seed, programme_of=clean_programme):
     table, periods, logged = programme_of(seed)
     runs = waves(table, seed=seed, periods_per_window=periods)
     return (
-        summary(diagnose(runs if logged else [w.replace(temperature_degc=None) for w in runs]))[
+        summarise(diagnose(runs if logged else [w.replace(temperature_degc=None) for w in runs]))[
             "verdict"
         ]
         != "adequate"
@@ -127,7 +127,7 @@ def pair(seed):
     table["effects"] = {
         name: sized(find(name), base, float(random.uniform(15, 60)), random) for name in names
     }
-    return names, summary(diagnose(waves(table)))
+    return names, summarise(diagnose(waves(table)))
 
 
 @pytest.mark.slow

@@ -134,8 +134,8 @@ def _fit_beside_frames(fit: ExtendedFit) -> ExtendedFit:
     """The fit beside what is the same in all runs of one instrument, in the frame that the waves make
     likely beside the causes there are: what these have done would be laid on it."""
     for _ in range(FRAMES_AGAIN):
-        frames = FrameAnswers.of(fit)
-        beside = _allow_answers(fit, frames.spread(fit))
+        frames = FrameAnswers.from_fit(fit)
+        beside = _allow_answers(fit, frames.compute_spread(fit))
         fit = follow_frames(beside, frames)
         if fit is beside:
             break
@@ -147,13 +147,13 @@ def fit_beside_delay(fit: ExtendedFit) -> ExtendedFit | None:
     too; None where there are free runs, or where no frame is allowed for."""
     if fit.series.unsettled is None or not are_all_driven(fit.series):
         return None
-    return _allow_answers(fit, FrameAnswers.of(fit).doings)
+    return _allow_answers(fit, FrameAnswers.from_fit(fit).doings)
 
 
 def _allow_answers(fit: ExtendedFit, of_frames: Array) -> ExtendedFit:
     """The fit beside what loops may have answered, these columns (N, k) of their frame's among it."""
     answers = [
-        Ripple.of(fit).spread,
+        Ripple.from_fit(fit).spread,
         of_frames,
         predict_lateness(fit),
         predict_command_scatter(fit),

@@ -220,7 +220,7 @@ def estimate_unknown_walk(fit: ExtendedFit) -> float:
     that the fit's own σ do not hold."""
     if fit.series.scatter is not None:
         return 0.0
-    return float(np.max(Scatter.of(fit.series).walk))
+    return float(np.max(Scatter.from_commands(fit.series).walk))
 
 
 def check_beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
@@ -246,7 +246,7 @@ def _causes(search: Search, sized: Sized, waveform: Sequence[dict[str, object]])
         name = one.variant.effect.name
         # a strike's sizes are held in the fit; their generalised least squares gave Δχ² as its gain
         sigma = (
-            sized.sigma_off(one.variant.effect)
+            sized.measure_sigma_off(one.variant.effect)
             if one.sizes is None
             else float(np.sqrt(max(one.delta_bic, 0.0)))
         )

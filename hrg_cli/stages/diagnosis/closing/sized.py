@@ -38,7 +38,7 @@ class Sized:
     between them are not known better than that."""
 
     @classmethod
-    def of(cls, case: Case) -> Sized:
+    def from_case(cls, case: Case) -> Sized:
         """From the final fit of the catalogue's causes and what is left over."""
         final = case.search.final
         factor = max(case.inquiry.noise.slow, final.chi2 / final.dof, 1.0)
@@ -52,13 +52,13 @@ class Sized:
         of the other fits."""
         return float(np.sqrt(self.factor * std**2 + sum((value - v) ** 2 for v in others)))
 
-    def sigma_off(self, effect: Effect) -> float:
+    def measure_sigma_off(self, effect: Effect) -> float:
         """How many of the standard deviations that are told an effect of the fit stands off neutral:
         aᵀ C⁻¹ a with what is left over and the other fits in C (Wald), as a square root."""
         columns = self.fit.layout.effect(effect.name)
         covariance = self.factor * self.fit.covariance[columns, columns]
         off, _ = self.fit.measure_distance(effect)
-        for other in self.others_of(effect.name):
+        for other in self.find_others(effect.name):
             moved = off - other.measure_distance(effect)[0]
             covariance = covariance + np.outer(moved, moved)
         wald = square_over_covariance(off, covariance)
@@ -69,7 +69,7 @@ class Sized:
         """Fits in which a number stands elsewhere by what counts as an error of its own."""
         return [self.beside, *self.off.values()]
 
-    def others_of(self, cause: str) -> list[ExtendedFit]:
+    def find_others(self, cause: str) -> list[ExtendedFit]:
         """Those that hold a cause, and in which its own numbers mean the same."""
         there = [self.beside, *(fit for name, fit in self.off.items() if name != cause)]
         return [fit for fit in there if cause in {one.name for one, _ in fit.point.active}]

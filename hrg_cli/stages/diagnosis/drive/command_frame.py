@@ -64,7 +64,7 @@ class FrameAnswers:
     doings: Array
 
     @classmethod
-    def of(cls, fit: ExtendedFit) -> FrameAnswers:
+    def from_fit(cls, fit: ExtendedFit) -> FrameAnswers:
         """Beside a fit."""
         series, courses = fit.series, find_courses(fit)
         turning = float(np.max(np.abs(compute_slope(series.time_s, courses[0]))))
@@ -72,14 +72,14 @@ class FrameAnswers:
         moved = fit.flow.whiten_read_out(carry_turns(fit.flow, series, angle, phase))
         return cls(angle, phase, whitened_rows.flatten_own(series, moved))
 
-    def spread(self, fit: ExtendedFit) -> Array:
+    def compute_spread(self, fit: ExtendedFit) -> Array:
         """What one standard deviation of each does, over σ (N, 2k); driven runs alone show that
         scale factor which their loops make of it."""
         return (
             _project_scale_factor(fit, self.doings) if are_all_driven(fit.series) else self.doings
         )
 
-    def turn(self, size: Array) -> Array:
+    def compute_turn(self, size: Array) -> Array:
         """Turn of the frame by answers of these sizes (2k,), rad (R, n, 2)."""
         angle, phase = np.split(size, 2)
         return np.stack([self.angle @ angle, self.phase @ phase], axis=-1)
@@ -98,7 +98,7 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     if series.unsettled is None or are_all_driven(series):
         return fit
     size = answers.doings.T @ series.unsettled.project_out(fit.residual)
-    turn = answers.turn(size)
+    turn = answers.compute_turn(size)
     if np.abs(turn).max() > MOST_TURNED_RAD:
         return fit
     before = 0.0 if series.frame_turn is None else series.frame_turn

@@ -106,7 +106,7 @@ def predict_command_scatter(fit: ExtendedFit) -> Array:
     it would be followed by the waves in part: as if every command were so much too large.
     """
     series = fit.series
-    if not np.any(Scatter.of(series).counts(series)):
+    if not np.any(Scatter.from_commands(series).find_moved_runs(series)):
         return np.zeros((len(fit.residual), 0))
     smooth, columns = remove_command_scatter(series), []
     for command, integral in COMMANDS:
@@ -155,7 +155,7 @@ def remove_command_scatter(series: MeasuredRuns) -> MeasuredRuns:
     """
     from scipy.fft import dct, idct
 
-    size = Scatter.of(series).size
+    size = Scatter.from_commands(series).size
     columns = {}
     for n, name in enumerate(("main_drive", "quadrature_drive")):
         values = getattr(series, name).copy()

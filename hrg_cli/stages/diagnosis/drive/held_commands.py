@@ -64,7 +64,7 @@ class _Left:
     beside: Array
     rest: Array
 
-    def evidence(self, doings: Array) -> float:
+    def compute_log_odds(self, doings: Array) -> float:
         """ln of the odds for these doings (N, k) of standard deviation 1 each against none; none where
         they would be larger than steps are."""
         free = doings - self.beside @ (self.beside.T @ doings)
@@ -133,7 +133,7 @@ def _likeliest(fit: ExtendedFit, left: Sequence[_Left], beats: Array) -> tuple[f
     """Which of these beats has most evidence, and how much."""
     moved = whitened_rows.flatten_rows(fit.series, fit.flow.whiten_read_out(_moved(fit, beats)))
     found = [
-        sum(run.evidence(moved[run.rows, PARTS * k : PARTS * (k + 1)]) for run in left)
+        sum(run.compute_log_odds(moved[run.rows, PARTS * k : PARTS * (k + 1)]) for run in left)
         for k in range(len(beats))
     ]
     best = int(np.argmax(found))

@@ -51,7 +51,7 @@ class Ripple:
     quadrature_1_s: float
 
     @classmethod
-    def of(cls, fit: ExtendedFit) -> Ripple:
+    def from_fit(cls, fit: ExtendedFit) -> Ripple:
         """Beside a fit, from its residual and from the loops' own gains; without a quadrature loop
         nothing is seen, and nothing answers.
 

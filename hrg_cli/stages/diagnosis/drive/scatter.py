@@ -66,7 +66,7 @@ class Scatter:
     walk: Array
 
     @classmethod
-    def of(cls, series: MeasuredRuns) -> Scatter:
+    def from_commands(cls, series: MeasuredRuns) -> Scatter:
         """Of the logged commands; 0 where none is logged, or too few rows."""
         size, walk = np.zeros((len(series.names), 2)), np.zeros(len(series.names))
         for k, weight in enumerate(series.weight):
@@ -84,7 +84,7 @@ class Scatter:
         return cls(size, walk)
 
     @classmethod
-    def of_frame(cls, series: MeasuredRuns) -> Scatter:
+    def from_frame(cls, series: MeasuredRuns) -> Scatter:
         """White noise of the angle and of the phase to which the commands are turned, rad (R, 2), as
         the windows' own noise makes it."""
         size, walk = np.zeros((len(series.names), 2)), np.zeros(len(series.names))
@@ -101,7 +101,7 @@ class Scatter:
             walk[k] = float(np.median(force)) * size[k, 0] * step * np.sqrt(rows) / std
         return cls(size, walk)
 
-    def counts(self, series: MeasuredRuns) -> Array:
+    def find_moved_runs(self, series: MeasuredRuns) -> Array:
         """Runs (R,) in which it moves the wave by what could be seen."""
         rows = np.count_nonzero(series.weight > 0, axis=1)
         return np.asarray(self.walk * np.sqrt(rows) > LEAST)
@@ -141,10 +141,10 @@ def allow_scatter(fit: ExtendedFit) -> ExtendedFit:
     if not has_log(fit.series):
         return fit
     for scatter, forces in (
-        (Scatter.of(fit.series), _predict_command_forces),
-        (Scatter.of_frame(fit.series), _predict_frame_forces),
+        (Scatter.from_commands(fit.series), _predict_command_forces),
+        (Scatter.from_frame(fit.series), _predict_frame_forces),
     ):
-        if np.any(scatter.counts(fit.series)):
+        if np.any(scatter.find_moved_runs(fit.series)):
             pieces = _pieces(fit, scatter.size, forces(fit))
             runs = _runs(fit, scatter, pieces)
             part = _estimate_part(fit.residual, runs)
@@ -232,7 +232,7 @@ def allow(fit: ExtendedFit, columns: Array) -> ExtendedFit:
 
 def describe_scatter(fit: ExtendedFit) -> str:
     """What is to be said of a log that scatters; empty where it hardly moves the wave."""
-    scatter = Scatter.of(fit.series)
+    scatter = Scatter.from_commands(fit.series)
     walk = scatter.walk[scatter.worst] * fit.series.scatter_part
     if walk < TOLD:
         return ""
@@ -250,14 +250,18 @@ def find_corner_hz(fit: ExtendedFit) -> float:
     s/2πσ: the walk's density is s²h/(2πf)², that of the noise σ²h; 0 where none is."""
     if fit.series.scatter is None:
         return 0.0
-    size = Scatter.of(fit.series).size.max(axis=1)
+    size = Scatter.from_commands(fit.series).size.max(axis=1)
     weights = [float(np.median(w[w > 0])) if w.any() else 0.0 for w in fit.series.weight]
     return float(np.max(size * weights)) / (2 * np.pi)
 
 
 def _runs(fit: ExtendedFit, scatter: Scatter, pieces: LogPieces) -> list[_Run]:
     """The runs whose scatter counts."""
-    series, counts, kicks = fit.series, scatter.counts(fit.series), pieces.build_jumps()
+    series, moves, kicks = (
+        fit.series,
+        scatter.find_moved_runs(fit.series),
+        pieces.build_jumps(),
+    )
     nothing = np.zeros((*series.weight.shape, 4, kicks.shape[-1]))
     moved = fit.flow.whiten_read_out(fit.flow.propagate(nothing, nothing[:, 1:], in_steps=kicks))
     doings = whitened_rows.flatten_rows(series, moved)
@@ -265,7 +269,7 @@ def _runs(fit: ExtendedFit, scatter: Scatter, pieces: LogPieces) -> list[_Run]:
     slow = whitened_rows.flatten_rows(series, _slow(fit))
     out = []
     for k, (rows, _, own) in enumerate(fit.design.own):
-        if counts[k]:
+        if moves[k]:
             beside = np.concatenate([own, shared[rows], slow[rows]], axis=1)
             out.append(_Run(k, rows, doings[rows], beside))
     return out

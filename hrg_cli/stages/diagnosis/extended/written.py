@@ -28,7 +28,7 @@ from ....records import Wave, collect
 from ...demodulate import demodulate_quiet
 from ...estimate import estimate
 from ...simulate import simulate_run
-from ...simulation_file import SimulationFile, runs_of
+from ...simulation_file import SimulationFile, list_runs
 from ..samples.tone import Tone
 from .model import TONE
 from .run_changes import find_change
@@ -77,7 +77,7 @@ class Written:
         """How much worse the file is than the fit."""
         return self.rms_over_noise / max(self.fitted_rms_over_noise, 1e-300)
 
-    def table(self) -> dict[str, float]:
+    def to_json(self) -> dict[str, float]:
         """As JSON."""
         return {
             "rms_over_noise": self.rms_over_noise,
@@ -171,7 +171,7 @@ def hold_written(
     if tone is None:
         table.get("effects", {}).pop(TONE, None)
     try:
-        runs = runs_of(table)
+        runs = list_runs(table)
     except HrgError:
         return None
     share, simulated = _simulate_first_part(
@@ -189,12 +189,12 @@ def hold_written(
     compared = np.zeros(series.weight.shape, bool)
     for k in range(len(series.names)):
         course = courses[origin[k]]
-        inside = course.within(series.time_s[k]) & (series.weight[k] > 0) & ~_jumping(fit, k)
+        inside = course.find_within(series.time_s[k]) & (series.weight[k] > 0) & ~_jumping(fit, k)
         if not inside.any():
             continue
         measured = series.envelope[k][inside]
         compared[k] = inside
-        missed[k, inside] = measured - course.at(series.time_s[k][inside])
+        missed[k, inside] = measured - course.interpolate(series.time_s[k][inside])
         fitted[k, inside] = measured - fit.prediction.by_log[k][inside]
     missed, fitted = (to_reals(series.whiten(one)) for one in (missed, fitted))
     # what nobody knows of the runs (the way through a step of the rate) counts neither for the fit
@@ -272,11 +272,11 @@ class SimulatedCourse:
     slow: Array
     turn_rad_s: float
 
-    def within(self, t: Array) -> Array:
+    def find_within(self, t: Array) -> Array:
         """Which of the times (k,) lie between the first and the last."""
         return np.asarray((t >= self.time_s[0]) & (t <= self.time_s[-1]))
 
-    def at(self, t: Array) -> Array:
+    def interpolate(self, t: Array) -> Array:
         """Envelopes (k, 2) at times."""
         from scipy.interpolate import make_interp_spline
 
@@ -291,8 +291,8 @@ def _course_of(wave: Wave, fit: ExtendedFit, tone: Tone | None, k: int) -> Simul
     t = np.asarray(wave.time_s, float)[good]
     u = compute_envelopes(wave, good)
     if tone is not None:
-        seen = tone.in_windows(float(fit.frequency_hz[k]), float(wave.window_s))
-        u = u - seen.envelope(k, t, float(wave.reference_frequency_hz))
+        seen = tone.average_in_windows(float(fit.frequency_hz[k]), float(wave.window_s))
+        u = u - seen.compute_envelopes(k, t, float(wave.reference_frequency_hz))
     phase = np.asarray(wave.phase_rad, float)[good]
     shift = 2 * np.pi * (float(wave.reference_frequency_hz) - fit.series.reference_frequency_hz)
     own = float((phase[-1] - phase[0]) / (t[-1] - t[0]))

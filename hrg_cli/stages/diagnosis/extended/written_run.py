@@ -19,7 +19,13 @@ from ....fitting.envelopes.coordinates import DAMPING
 from ....fitting.samples.course import build_course
 from ....physics import ellipse
 from ....records import Wave
-from ...run_tables import describe_loops, drive_log, points, rate_course, sample_noise
+from ...run_tables import (
+    choose_points,
+    compute_sample_noise,
+    describe_loops,
+    make_drive_log,
+    make_rate_course,
+)
 from ..base.data import integrate_command, interpolate_command
 from ..drive.command_log import shift_commands
 
@@ -76,11 +82,11 @@ def run_table(
     run: dict[str, Any] = {
         "start": {"amplitude": a_A, "quadrature": a_B, "wave_angle_rad": angle, "phase_rad": phase},
         "environment": _environment(fit, own, wave, length, way.straight),
-        "readout": {"noise": sample_noise(piece, sample_rate_hz), "units": wave.units},
+        "readout": {"noise": compute_sample_noise(piece, sample_rate_hz), "units": wave.units},
         "recording": {"duration_s": length},
     }
     if wave.mode == "forced":
-        log = drive_log(wave, length) if way.replayed else None
+        log = make_drive_log(wave, length) if way.replayed else None
         run["control"] = {"mode": "forced"}
         if log is None:
             run["control"] |= describe_loops(
@@ -161,7 +167,7 @@ def _environment(
     """Rate and temperature, constant or along straight lines; the temperature is the resonator's
     where the thermometer lags."""
     series = fit.series
-    out = rate_course(wave.time_s, wave.rate_rad_s, length_s, straight)
+    out = make_rate_course(wave.time_s, wave.rate_rad_s, length_s, straight)
     if series.has_temperature:
         # an effect may make the logged temperature the resonator's
         true = build_state(series, fit.point)
@@ -176,7 +182,7 @@ def _environment(
         else:
             ends = np.array([0.0, length_s])
             outside = warm[[0, -1]] + steep[[0, -1]] * (ends - t[[0, -1]])
-            times, values = points(
+            times, values = choose_points(
                 np.concatenate([ends[:1], t, ends[1:]]),
                 np.concatenate([outside[:1], warm, outside[1:]]),
             )

@@ -62,7 +62,7 @@ def add_shares(record: Diagnosis, shares: Shares) -> Diagnosis:
 
 def take_form(effect: dict[str, Any], form: Form | None) -> dict[str, Any]:
     """The report's entry of a cause, in the better form where there is one."""
-    return form.amended(effect) if form is not None else effect
+    return form.amend(effect) if form is not None else effect
 
 
 def describe_left_over(
@@ -71,7 +71,7 @@ def describe_left_over(
     """The report's remainder: open terms, what the catalogue's form leaves, else the sentences of
     the checks that failed."""
     if form is not None:
-        return form.completed(remainder)
+        return form.complete(remainder)
     return describe_in_words("; ".join(failed)) if failed and remainder is None else remainder
 
 

@@ -70,7 +70,7 @@ def _unexplained(
     case = Case(Inquiry(tuple(candidates), 0), search)
     origin = list(range(len(waves)))
     gain = predict_held_out(base, base, origin, origin)
-    report = report_of("unexplained", case, Sized.of(case), gain, resonator, base)
+    report = report_of("unexplained", case, Sized.from_case(case), gain, resonator, base)
     report |= {
         "lines": [],
         "frequencies": {},
@@ -78,7 +78,7 @@ def _unexplained(
         "forecast": None,
         "checks": [closing.to_json()],
         "written_model": None,
-        "suspect_runs": [one.table() for one in suspicions],
+        "suspect_runs": [one.to_json() for one in suspicions],
         "stability": [],
         "scores": None,
         "remainder": describe_in_words(closing.sentence),

@@ -87,7 +87,7 @@ def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[st
                 else sized.std(
                     fit.parameter_std(effect.name, p.name),
                     active[p.name],
-                    [other.values(effect.name)[p.name] for other in sized.others_of(effect.name)],
+                    [other.values(effect.name)[p.name] for other in sized.find_others(effect.name)],
                 ),
                 "units": p.units,
             }

@@ -93,7 +93,7 @@ def _fitted(sized: Sized, effect: Effect, name: str) -> tuple[float, float]:
     """Value off neutral and σ of a parameter in the fit."""
     neutral = next(p.neutral for p in effect.parameters if p.name == name)
     value = sized.fit.values(effect.name)[name]
-    others = [other.values(effect.name)[name] for other in sized.others_of(effect.name)]
+    others = [other.values(effect.name)[name] for other in sized.find_others(effect.name)]
     return value - neutral, sized.std(sized.fit.parameter_std(effect.name, name), value, others)
 
 

@@ -144,7 +144,7 @@ def _find_jump_between(
 ) -> EnvelopeJump | None:
     """The jump between rows `first` and `last` of the good ones; None where it is none or the run
     begins or ends there. table: its angle at the rows."""
-    seen = Crossing.of(time, z, noise, table, first, last)
+    seen = Crossing.from_rows(time, z, noise, table, first, last)
     if seen is None or not seen.jumps:
         return None
     size = float(np.sqrt(np.sum(np.abs(seen.before) ** 2)))
@@ -194,7 +194,7 @@ class Crossing:
         return step > JUMP_SIGMA * self.std and float(np.abs(self.across).max()) >= AT_ONCE * step
 
     @classmethod
-    def of(
+    def from_rows(
         cls, time: Array, z: Array, noise: Array, table: Array, first: int, last: int
     ) -> Crossing | None:
         """Every row is carried to the instant along the run's own motion, where it stands still but
@@ -217,8 +217,8 @@ class Crossing:
         else:  # a constant rate is a part of the motion's own exponents
             table = np.zeros(len(table))
         bend = table - np.interp(middle, time, table)
-        motion = OwnMotion.of(time, z, table, left, right)
-        carried = motion.carried_to(middle, time[span], bend[span], z[span])
+        motion = OwnMotion.from_rows(time, z, table, left, right)
+        carried = motion.carry_to(middle, time[span], bend[span], z[span])
         still, inverse = carried[near - near[0]], np.linalg.pinv(design)
         solution = inverse @ still
         turning = np.interp(middle, (time[1:] + time[:-1]) / 2, np.diff(table) / np.diff(time))
@@ -236,7 +236,7 @@ class Crossing:
         return cls(
             before=solution[0],
             after=solution[0] + solution[3],
-            slope=motion.slope(solution[0], turning) + solution[1] / np.ptp(x),
+            slope=motion.compute_slope(solution[0], turning) + solution[1] / np.ptp(x),
             std=float(np.linalg.norm(doubts)),
             across=carried[last - near[0]] - carried[first - near[0]],
             length_s=float(np.ptp(x)),
@@ -253,7 +253,7 @@ class OwnMotion:
     scale_factor: float
 
     @classmethod
-    def of(cls, time: Array, z: Array, table: Array, left: Array, right: Array) -> OwnMotion:
+    def from_rows(cls, time: Array, z: Array, table: Array, left: Array, right: Array) -> OwnMotion:
         """From steps of equal length on either side, R⁻½ z_{k+1} = M R½ z_k, R the step's turn by the
         table with the K that leaves least.
 
@@ -289,7 +289,7 @@ class OwnMotion:
         rates = np.median(turns_rad / np.diff(time[pairs], axis=1), axis=0)
         return cls(np.eye(2, dtype=complex), 1j * rates, 0.0)
 
-    def carried_to(self, middle: float, time: Array, bend: Array, z: Array) -> Array:
+    def carry_to(self, middle: float, time: Array, bend: Array, z: Array) -> Array:
         """Rows z (n, 2) where they would be at the instant `middle`, from either side of it row by
         row; bend (n,): the table's turn since then."""
         back = np.linalg.inv(self.directions)
@@ -304,7 +304,7 @@ class OwnMotion:
                 t, turned = time[k], bend[k]
         return out
 
-    def slope(self, z: Array, rate_rad_s: float) -> Array:
+    def compute_slope(self, z: Array, rate_rad_s: float) -> Array:
         """ż of z (2,) where the table turns so fast."""
         own = (self.directions * self.exponents) @ np.linalg.solve(self.directions, z)
         return own + 1j * self.scale_factor * rate_rad_s * np.array([-1.0, 1.0]) * z

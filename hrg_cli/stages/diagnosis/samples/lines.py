@@ -70,7 +70,7 @@ class Line:
 
         return misfit(wave) + BETTER < misfit(np.ones(len(size)))
 
-    def listed(self, multiple: int, meaning: str) -> dict[str, Any]:
+    def make_entry(self, multiple: int, meaning: str) -> dict[str, Any]:
         """The line as the report lists it."""
         return {
             "frequency_hz": self.frequency_hz,

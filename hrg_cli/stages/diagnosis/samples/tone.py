@@ -44,19 +44,19 @@ class Tone:
         scatter = np.abs(self.vector - self.mean) ** 2 / self.std**2
         return bool(np.sum(scatter) < SCATTER * self.gain)
 
-    def in_windows(self, frequency_hz: float, window_s: float) -> Tone:
+    def average_in_windows(self, frequency_hz: float, window_s: float) -> Tone:
         """What windows of an oscillation show of a true tone."""
         part = compute_window_response((self.frequency_hz - frequency_hz) * window_s)
         return replace(self, vector=self.vector * part, std=self.std * abs(part))
 
-    def true(self, frequency_hz: float, window_s: float) -> Tone:
+    def undo_windows(self, frequency_hz: float, window_s: float) -> Tone:
         """The tone whose part is seen; as seen where windows show next to nothing of it."""
         part = compute_window_response((self.frequency_hz - frequency_hz) * window_s)
         if abs(part) <= SHOWN:
             return self
         return replace(self, vector=self.vector / part, std=self.std / abs(part))
 
-    def envelope(self, k: int, time_s: Array, reference_hz: float) -> Array:
+    def compute_envelopes(self, k: int, time_s: Array, reference_hz: float) -> Array:
         """Its envelopes (n, 2) in run k against a reference: e e^{j2π(f − f_ref)t}."""
         turn = np.exp(2j * np.pi * (self.frequency_hz - reference_hz) * time_s)
         return np.asarray(self.vector[k] * turn[:, None])

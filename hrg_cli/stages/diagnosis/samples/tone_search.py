@@ -89,7 +89,7 @@ class ResidualSpectrum:
     level: Array
     runs: int
 
-    def mirrored(self, centre_hz: float) -> Array:
+    def find_mirror_power(self, centre_hz: float) -> Array:
         """Power at each bin's mirror about a frequency."""
         step_hz = self.frequency_hz[1]
         return np.interp(
@@ -99,7 +99,7 @@ class ResidualSpectrum:
             period=len(self.power) * step_hz,
         )
 
-    def by_chance(self) -> Array:
+    def compute_chance(self) -> Array:
         """Probability of as much power in a bin from noise alone: a sum of 2·runs exponentials, its
         median set to the floor."""
         from scipy.special import chdtrc
@@ -169,12 +169,12 @@ def _stand_out(spectrum: ResidualSpectrum, data: Sequence[Residual], fit: Extend
     walk = 1 + (find_corner_hz(fit) / np.maximum(nearest, 1 / longest)) ** 2
     spectrum = replace(spectrum, level=spectrum.level * walk)
     power, level = spectrum.power, spectrum.level
-    mirror = spectrum.mirrored(float(np.mean(fit.point.offset_rad_s)) / (2 * np.pi))
+    mirror = spectrum.find_mirror_power(float(np.mean(fit.point.offset_rad_s)) / (2 * np.pi))
     noise = MIRRORED * level / np.sqrt(2 * spectrum.runs)  # of a sum of 2·runs exponentials
     wanted = (
         (nearest * shortest > NEAREST_CYCLES)
         & (mirror - level < (power - level) / ONE_SIDED + noise)
-        & (spectrum.by_chance() < 1e-6 / len(power))
+        & (spectrum.compute_chance() < 1e-6 / len(power))
     )
     if is_gross(fit):
         wanted &= power > ISOLATED * _find_largest_beside(power, longest * spectrum.frequency_hz[1])

@@ -28,7 +28,7 @@ def take_out_tone(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
     for k, wave in enumerate(waves):
         t = np.asarray(wave.time_s, float)
         u = compute_envelopes(wave)
-        u = u - tone.envelope(k, t, float(wave.reference_frequency_hz))
+        u = u - tone.compute_envelopes(k, t, float(wave.reference_frequency_hz))
         a_A, a_B, angle, phase = ellipse.find_wave(u, wave.mode_number)
         angle, phase = ellipse.unwrap(angle, phase, wave.mode_number)
         out.append(

@@ -76,15 +76,15 @@ def find_waveform_causes(
         if multiple:
             harmonics.setdefault(multiple, line)
         if meaning:
-            listed.append(line.listed(multiple, meaning))
+            listed.append(line.make_entry(multiple, meaning))
         else:
             open_lines.append(line)
     sidebands = [line for line in open_lines if _is_sideband(line, far, frequency_hz, cell)]
-    listed += [line.listed(0, SIDEBAND) for line in sidebands]
+    listed += [line.make_entry(0, SIDEBAND) for line in sidebands]
     open_lines = [line for line in open_lines if line not in sidebands]
     named = open_lines if len(open_lines) <= MOST_TONES else []
     unjudged = f"one of {len(open_lines)} lines: partials or several sources, none judged"
-    listed += [line.listed(0, "a tone" if named else unjudged) for line in open_lines]
+    listed += [line.make_entry(0, "a tone" if named else unjudged) for line in open_lines]
 
     offered = [
         offer
@@ -108,13 +108,15 @@ def _judge_tones(
         if multiple := _multiple(tone, waves, frequency_hz):
             near.append((line, multiple))
             listed.append(
-                line.listed(multiple, f"harmonic {multiple} of the oscillation, folded beside it")
+                line.make_entry(
+                    multiple, f"harmonic {multiple} of the oscillation, folded beside it"
+                )
             )
         elif _is_image(tone, far, waves):
-            listed.append(line.listed(0, IMAGE))
+            listed.append(line.make_entry(0, IMAGE))
         elif not tone.standing:
             listed.append(
-                line.listed(
+                line.make_entry(
                     0, "it dies away beside the wave: a partial of the resonator and no tone"
                 )
             )
@@ -231,7 +233,7 @@ def list_near_tones(
     far = find_lines(waves)
     window = float(np.median([w.window_s for w in waves]))
     return [
-        tone.true(frequency_hz, window)
+        tone.undo_windows(frequency_hz, window)
         for tone in tones
         if tone.standing
         and not _multiple(tone, waves, frequency_hz)

@@ -87,10 +87,10 @@ def _judge_cause(
     one: Found, without: ExtendedFit, final: ExtendedFit, candidates: Sequence[Variant]
 ) -> JudgedCause:
     rank = max(1, one.score.rank)
-    taken = TakenAway.away(final, without, rank)
+    taken = TakenAway.from_fits(final, without, rank)
     tried = _independent_tries(without, candidates, taken.power)
     tried *= count_places(one.variant.effect, without)
-    chance = evidence.correct_for_tries(taken.chance(rank), min(tried, one.tried))
+    chance = evidence.correct_for_tries(taken.compute_chance(rank), min(tried, one.tried))
     return JudgedCause(one, without, taken.beside, chance)
 
 
@@ -100,7 +100,7 @@ def _independent_tries(without: ExtendedFit, candidates: Sequence[Variant], powe
     spaces = []
     for score, _ in score_effects(without, candidates):
         if score.visible:
-            spectrum = Spectrum.of(score.space, without)
+            spectrum = Spectrum.from_values(score.space, without)
             spaces.append(spectrum.coefficients * np.sqrt(power[spectrum.band])[:, None])
     return evidence.count_independent(spaces)
 
@@ -114,7 +114,7 @@ def _settle_rivals(case: Case, judged: Sequence[JudgedCause]) -> tuple[Case, boo
         if not stands and (simpler := _simpler(case, one)) is not None:
             return simpler, False
         if not stands or len(others) > MOST_RIVALS:
-            return case.without(one.cause, one.without), False
+            return case.give_up(one.cause, one.without), False
         named = replace(one.cause, rivals=tuple(dict.fromkeys([*one.cause.rivals, *others])))
         found = tuple(named if f.variant is one.cause.variant else f for f in case.search.found)
         case = replace(case, search=replace(case.search, found=found))
@@ -137,7 +137,7 @@ def _simpler(case: Case, one: JudgedCause) -> Case | None:
             hold_unseen(variant, fit), score, one.cause.tried, worth, tuple(sorted(others))
         )
         if _judge_cause(found, one.without, fit, case.inquiry.candidates).chance <= BESIDE_MISFIT:
-            kept = case.without(one.cause, one.without).search
+            kept = case.give_up(one.cause, one.without).search
             last = tuple(s for s, _ in score_effects(fit, case.inquiry.candidates))
             search = replace(kept, final=fit, found=(*kept.found, found), last=last)
             return replace(case, search=search, remainder=search_rest(fit, case.inquiry.noise))
@@ -172,14 +172,14 @@ class TakenAway:
     numbers: Array
 
     @classmethod
-    def away(cls, final: ExtendedFit, without: ExtendedFit, rank: int) -> TakenAway:
+    def from_fits(cls, final: ExtendedFit, without: ExtendedFit, rank: int) -> TakenAway:
         """By a cause that is in the final fit and not in the other one, of the same rows."""
         from scipy.special import chdtrc
 
-        difference = Spectrum.of(without.residual - final.residual, final).squares
+        difference = Spectrum.from_values(without.residual - final.residual, final).squares
         share = np.array([squares.sum() for squares in difference])
-        left = Spectrum.of(final.residual, final).squares
-        before = Spectrum.of(without.residual, final).squares
+        left = Spectrum.from_values(final.residual, final).squares
+        before = Spectrum.from_values(without.residual, final).squares
         power, numbers = np.ones(len(left)), np.full(len(left), np.inf)
         for b, (squares, first) in enumerate(zip(left, before, strict=True)):
             if len(squares) and chdtrc(len(squares), squares.sum()) < INADEQUATE:
@@ -197,7 +197,7 @@ class TakenAway:
         """Mean power of what is left along what was taken; 1: the stated noise."""
         return float(self.share @ self.power)
 
-    def chance(self, rank: int) -> float:
+    def compute_chance(self, rank: int) -> float:
         """Probability that so many parameters take as much away by chance: that of Δχ² where
         nothing is left over."""
         from scipy.special import chdtrc, fdtrc
@@ -219,7 +219,7 @@ class Spectrum:
     band: Array
 
     @classmethod
-    def of(cls, residual: Array, fit: ExtendedFit) -> Spectrum:
+    def from_values(cls, residual: Array, fit: ExtendedFit) -> Spectrum:
         """Of values (N, ...) over σ that stand on the rows of a fit, along whose wave the components
         lie."""
         from scipy.fft import dct

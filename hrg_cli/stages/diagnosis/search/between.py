@@ -84,7 +84,7 @@ def _adopt_pattern(
 ) -> tuple[ExtendedFit, Found]:
     """The fit with the cause, the runs' frequencies held together up to the wander that is left."""
     known = best.known
-    size, _ = best.offsets.follow(known.response, best.wander)
+    size, _ = best.offsets.fit_response(known.response, best.wander)
     estimate = known.aside + known.directions @ size
     values = dict(best.variant.values)
     for name, value in zip(best.variant.steps, estimate, strict=True):
@@ -99,11 +99,11 @@ def _adopt_pattern(
     )
     S = fit.find_sensitivities([best.variant.wanted])[0]
     score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)
-    level = best.left_over(best.wander)
+    level = best.compute_misfit(best.wander)
     rivals = [
         o.variant.effect.name
         for o in ranked
-        if o is not best and o.allowed and o.left_over(best.wander) < level + RIVAL
+        if o is not best and o.allowed and o.compute_misfit(best.wander) < level + RIVAL
     ]
     worth = evidence.find_bic_gain(best.gain, known.response.shape[1], len(fit.residual))
     return again, Found(
@@ -152,7 +152,7 @@ def _describe_frequencies(
             "sentence": "one run alone: its frequency is compared with no other's",
         }
     z, p = judge_scatter(offsets)
-    wander_hz = offsets.wander() * hz
+    wander_hz = offsets.estimate_wander() * hz
     out |= {"scatter_hz": wander_hz, "sigma": z}
     if p > SCATTER:
         return out | {"sentence": _say_agreement(follows)}

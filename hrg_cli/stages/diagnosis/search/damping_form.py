@@ -68,7 +68,7 @@ class Form:
             text += f", not told by χ² from {' or '.join(others)}"
         return text + (f"; not told apart from {' and '.join(self.rivals)}" if self.rivals else "")
 
-    def amended(self, effect: dict[str, Any]) -> dict[str, Any]:
+    def amend(self, effect: dict[str, Any]) -> dict[str, Any]:
         """The report's entry of the damping, its z that of ν_n at a₀: at unit amplitude level and
         power are hardly told apart."""
         if effect["name"] != NAME:
@@ -80,7 +80,7 @@ class Form:
             "form": self.formula,
         }
 
-    def completed(self, remainder: dict[str, Any] | None) -> dict[str, Any]:
+    def complete(self, remainder: dict[str, Any] | None) -> dict[str, Any]:
         """The remainder with what the catalogue's form leaves open in front."""
         terms = remainder["terms"] if remainder else []
         further = f"; then {remainder['description']}" if remainder and terms else ""

@@ -59,7 +59,7 @@ class Fold:
     test: Array
     whole_runs: bool
 
-    def taught(self, point: Point) -> Point:
+    def select_taught(self, point: Point) -> Point:
         """A point of all runs for those that teach, found by number: pieces of one run have its
         name in common."""
         kept = self.train.numbers
@@ -89,7 +89,7 @@ class Errors:
         """e of every row, (k,)."""
         return np.sum(self.difference**2, axis=1)
 
-    def surprise(self, misfit: float) -> float:
+    def compute_surprise(self, misfit: float) -> float:
         """−2 ln of the density that the forecast gave what came, less a constant: of errors e with
         C = s² + MMᵀ over σ, eᵀC⁻¹e + ln det C/s², M what was `learned` and s² = `misfit`.
 
@@ -108,7 +108,7 @@ class Errors:
         white = channel_noise.whiten_reals(self.whitening, values[:, None])[:, 0]
         return white * self.weight[:, None, None]
 
-    def drawn(self, random: np.random.Generator) -> Array:
+    def draw(self, random: np.random.Generator) -> Array:
         """e had the training taught something else within its own uncertainty, (k, DRAWS)."""
         taught = random.standard_normal((DRAWS, self.learned.shape[-1]))
         # one at a time: all together are as large as everything else that a diagnosis holds
@@ -192,7 +192,9 @@ def forecast(case: Case, unit: str, seed: int = 0) -> dict[str, Any] | None:
 
 def train(base: ExtendedFit, fold: Fold) -> ExtendedFit:
     """The base model fitted to a fold's training data alone."""
-    return extended_fit.fit(fold.train, replace(fold.taught(base.point), active=()), base.freedom)
+    return extended_fit.fit(
+        fold.train, replace(fold.select_taught(base.point), active=()), base.freedom
+    )
 
 
 def find_forecast_errors(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
@@ -268,7 +270,7 @@ def drop_misleading(case: Case) -> Case:
             continue
         reduced = leave_out(case.search.final, name)
         if reduced is not None:
-            case = case.without(one, reduced)
+            case = case.give_up(one, reduced)
     return case
 
 
@@ -283,7 +285,7 @@ def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequ
     fitted = max(1.0, final.chi2 / final.dof)
     for fold in folds:
         with contextlib.suppress(extended_fit.DivergedError):
-            taught = extended_fit.fit(fold.train, fold.taught(final.point), final.freedom)
+            taught = extended_fit.fit(fold.train, fold.select_taught(final.point), final.freedom)
             if taught.chi2 / taught.dof > WORSE_TAUGHT * fitted:
                 continue
             ratio = [
@@ -297,7 +299,8 @@ def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequ
                 continue
             misfit = max(1.0, reduced.chi2 / reduced.dof)
             one, other = (
-                find_forecast_errors(f, base, fold).surprise(misfit) for f in (taught, reduced)
+                find_forecast_errors(f, base, fold).compute_surprise(misfit)
+                for f in (taught, reduced)
             )
             if np.isfinite(one) and np.isfinite(other):
                 with_it, without_it = with_it + one, without_it + other
@@ -313,7 +316,7 @@ def bootstrap_gain(
     for pair in zip(before, after, strict=True):
         blocks = [b for b in np.array_split(np.arange(len(pair[0].run)), BLOCKS) if len(b)]
         for side, one in enumerate(pair):
-            drawn = one.drawn(random)
+            drawn = one.draw(random)
             sums[side] += [drawn[b].sum(axis=0) for b in blocks]
     count = len(sums[0])
     picked = random.multinomial(count, np.full(count, 1 / count), DRAWS)

@@ -91,7 +91,7 @@ def _drop_instants(case: Case, sharp: Sequence[Effect]) -> Case:
         if one.variant.effect.name in names:
             reduced = leave_out(search.final, one.variant.effect.name, base=search.base)
             if reduced is not None:
-                search = search.without(one, reduced, case.inquiry.candidates)
+                search = search.give_up(one, reduced, case.inquiry.candidates)
     return case if search is case.search else replace(case, search=search)
 
 
@@ -168,13 +168,15 @@ def list_strikes(fit: ExtendedFit, tried: Sequence[Variant]) -> list[Strike]:
     """Of every variant that these runs show beside the model."""
     columns = fit.find_sensitivities([variant.wanted for variant in tried])
     model = _model(fit)
-    residual = Spectrum.of(fit.residual, fit)
+    residual = Spectrum.from_values(fit.residual, fit)
     out = []
     for variant, S in zip(tried, columns, strict=True):
         free = fit.basis.project_out(fit.basis.project_out(S))
         shown = np.linalg.norm(free, axis=0) > evidence.BLIND * np.linalg.norm(S, axis=0)
         if shown.all():
-            out.append(_strike(variant, Spectrum.of(free, fit).coefficients, model, residual))
+            out.append(
+                _strike(variant, Spectrum.from_values(free, fit).coefficients, model, residual)
+            )
     return out
 
 
@@ -232,4 +234,4 @@ def _model(fit: ExtendedFit) -> Array:
     """Coefficients (N, k) of an orthonormal basis of the model's own columns."""
     J = fit.design.to_matrix()
     basis = designs.orthonormalise(J[:, np.linalg.norm(J, axis=0) > 0], designs.CLEAR_RANK)
-    return Spectrum.of(basis, fit).coefficients
+    return Spectrum.from_values(basis, fit).coefficients

@@ -24,7 +24,7 @@ class Offsets:
     covariance: Array
     means: Array
 
-    def misfit(self, wander: float, extra: Array | None = None) -> tuple[float, Array]:
+    def compute_misfit(self, wander: float, extra: Array | None = None) -> tuple[float, Array]:
         """(χ² that means and extra columns leave, their projector's whitened basis) with a wander
         of that size."""
         C = np.linalg.cholesky(self.covariance + wander**2 * np.eye(len(self.value)))
@@ -34,11 +34,11 @@ class Offsets:
         left = y - basis @ (basis.T @ y)
         return float(left @ left), basis
 
-    def less(self, shift: Array, covariance: Array) -> Offsets:
+    def subtract(self, shift: Array, covariance: Array) -> Offsets:
         """The offsets without a shift (R,) that is known with a covariance (R, R)."""
         return replace(self, value=self.value - shift, covariance=self.covariance + covariance)
 
-    def information(self, response: Array) -> Array:
+    def compute_information(self, response: Array) -> Array:
         """Of the offsets on what moves them by `response` (R, m), the means free: (m, m)."""
         C = np.linalg.cholesky(self.covariance)
         basis = designs.orthonormalise(np.linalg.solve(C, self.means), 1e-6)
@@ -46,7 +46,7 @@ class Offsets:
         seen = seen - basis @ (basis.T @ seen)
         return seen.T @ seen
 
-    def follow(self, response: Array, wander: float) -> tuple[Array, Array]:
+    def fit_response(self, response: Array, wander: float) -> tuple[Array, Array]:
         """(sizes (q,), covariance (q, q)) of what moves them by `response` (R, q), the means
         free, beside a wander of that size."""
         C = np.linalg.cholesky(self.covariance + wander**2 * np.eye(len(self.value)))
@@ -55,18 +55,20 @@ class Offsets:
         first = self.means.shape[1]
         return solution[first:], covariance[first:, first:]
 
-    def wander(self, extra: Array | None = None) -> float:
+    def estimate_wander(self, extra: Array | None = None) -> float:
         """s of largest restricted likelihood: where χ² equals the degrees of freedom left, 0 where
         it is smaller from the start."""
-        dof = len(self.value) - self.misfit(0.0, extra)[1].shape[1]
-        if dof <= 0 or self.misfit(0.0, extra)[0] <= dof:
+        dof = len(self.value) - self.compute_misfit(0.0, extra)[1].shape[1]
+        if dof <= 0 or self.compute_misfit(0.0, extra)[0] <= dof:
             return 0.0
         low, high = 0.0, 10 * float(np.ptp(self.value)) + float(np.sqrt(np.trace(self.covariance)))
         # χ² falls with the wander throughout, and at `high` is below the freedom; 60 halvings end
         # at the rounding of a double
         for _ in range(60):
             middle = (low + high) / 2
-            low, high = (middle, high) if self.misfit(middle, extra)[0] > dof else (low, middle)
+            low, high = (
+                (middle, high) if self.compute_misfit(middle, extra)[0] > dof else (low, middle)
+            )
         return high
 
 
@@ -84,6 +86,6 @@ def read_offsets(fit: ExtendedFit, noise: NoiseLevel) -> tuple[Offsets, list[int
 
 def judge_scatter(offsets: Offsets) -> tuple[float, float]:
     """(equivalent z, p) of the offsets' scatter about their means against their own noise."""
-    chi2, basis = offsets.misfit(0.0)
+    chi2, basis = offsets.compute_misfit(0.0)
     dof = len(offsets.value) - basis.shape[1]
     return evidence.find_significance(chi2, dof) if dof > 0 else (0.0, 1.0)

@@ -38,7 +38,7 @@ class Rival:
         """χ² + rank·ln N."""
         return _criterion(self.fit, self.described)
 
-    def mimics(self, case: Case) -> bool:
+    def is_clearly_better(self, case: Case) -> bool:
         """Whether one open term does clearly better than the next cause, where the list of causes
         leaves something over."""
         if case.remainder is None or self.beyond is None:
@@ -67,7 +67,7 @@ def give_way_to_open_terms(case: Case) -> Case:
             continue
         rival = _rival(case, start, count, beyond)
         if _is_open(rival, case.search.found[count:], case.inquiry.noise.slow):
-            mimic = rival.mimics(case)
+            mimic = rival.is_clearly_better(case)
             # nothing is given up for a description that leaves clearly more over
             near = rival.criterion < full + clearly
             # beside open terms too a cause must earn its place

@@ -130,7 +130,7 @@ class SignedNormal:
     b: Array
 
     @classmethod
-    def beside(cls, base: ExtendedFit, columns: Array, runs: int) -> SignedNormal:
+    def from_columns(cls, base: ExtendedFit, columns: Array, runs: int) -> SignedNormal:
         """Of columns (N, K) off what the base fit leaves free."""
         count = columns.shape[1]
         size = np.linalg.norm(columns, axis=0)
@@ -143,19 +143,19 @@ class SignedNormal:
         A = (wide.T @ wide).reshape(runs, count, runs, count)
         return cls(A, (wide.T @ base.residual).reshape(runs, count))
 
-    def gain(self, signs: Array) -> float:
+    def compute_gain(self, signs: Array) -> float:
         """What the vector takes of χ² with these signs (R,)."""
         right = signs @ self.b
         shared = np.einsum("r,ricj,c->ij", signs, self.A, signs)
         return square_over_covariance(right, shared, evidence.BLIND**2)
 
-    def gain_of_each(self) -> float:
+    def compute_gain_of_each(self) -> float:
         """What a vector of its own in every run takes of χ²: no signs take more."""
         right = self.b.ravel()
         whole = self.A.reshape(len(right), -1)
         return square_over_covariance(right, whole, evidence.BLIND**2)
 
-    def along_clearest(self) -> Array:
+    def find_signs_along_clearest(self) -> Array:
         """Signs (R,) by which the runs' own vectors point the way of the one that takes most."""
         runs = len(self.b)
         alone = np.array(
@@ -166,13 +166,13 @@ class SignedNormal:
 
     def climb(self, start: Array) -> tuple[float, Array]:
         """(gain, signs) from a start on: one sign after the other is turned while that gains."""
-        signs, gain = start.copy(), self.gain(start)
+        signs, gain = start.copy(), self.compute_gain(start)
         improved = True
         while improved:
             improved = False
             for k in range(len(signs)):
                 signs[k] = -signs[k]
-                trial = self.gain(signs)
+                trial = self.compute_gain(signs)
                 if trial > gain * (1 + 1e-12):
                     gain, improved = trial, True
                 else:
@@ -186,12 +186,12 @@ def _turn_signs(columns: Array, base: ExtendedFit, runs: int) -> Turned:
     All 2^(R − 1) are too many to try, and one climb from all + may end where two runs would have to
     turn together; the runs' own vectors are the second start.
     """
-    normal = SignedNormal.beside(base, columns, runs)
-    untouched = normal.gain(np.ones(runs))
-    if normal.gain_of_each() - untouched < CLEARLY:
+    normal = SignedNormal.from_columns(base, columns, runs)
+    untouched = normal.compute_gain(np.ones(runs))
+    if normal.compute_gain_of_each() - untouched < CLEARLY:
         return Turned(untouched, untouched, np.ones(runs))
     best, signs = -np.inf, np.ones(runs)
-    for start in (np.ones(runs), normal.along_clearest()):
+    for start in (np.ones(runs), normal.find_signs_along_clearest()):
         gain, reached = normal.climb(start)
         if gain > best:
             best, signs = gain, reached

@@ -70,7 +70,7 @@ class Term:
         estimate = np.nan_to_num(self.score.estimate).reshape(self.covariate.parts, -1)
         return int(np.argmax(np.linalg.norm(contrasts.T @ estimate, axis=1)))
 
-    def worth(self, rows: int, noise: NoiseLevel = STATED) -> float:
+    def compute_bic_gain(self, rows: int, noise: NoiseLevel = STATED) -> float:
         """ΔBIC."""
         return evidence.find_bic_gain(self.score.gain / noise.slow, self.score.rank, rows)
 
@@ -85,7 +85,7 @@ def score_terms(fit: ExtendedFit) -> list[Term]:
         for term in judge_terms(fit, list(_pairs(fit)), fit.residual, fit.basis)
         if term.score.visible
     ]
-    return sorted(out, key=lambda t: -round(t.worth(rows), 3))
+    return sorted(out, key=lambda t: -round(t.compute_bic_gain(rows), 3))
 
 
 def _pairs(fit: ExtendedFit) -> Iterator[tuple[Place, Covariate]]:
@@ -225,13 +225,16 @@ def find_best_term(fit: ExtendedFit, ranked: Sequence[Term]) -> Term:
     for term in shaped:
         first.setdefault((term.place.name, _shape(term).make), term)
     better = [refine_term(fit, t) for t in list(first.values())[:SHAPED]]
-    near = sorted([*better, *near], key=lambda t: -round(t.worth(rows), 3))
+    near = sorted([*better, *near], key=lambda t: -round(t.compute_bic_gain(rows), 3))
     best = near[0]
     if best.place.readout:
         margin = max(WORTH, ALIKE * best.score.gain)
         alike = (t for t in near if not t.place.readout and t.covariate.name == best.covariate.name)
         moving = next(alike, None)
-        if moving is not None and moving.worth(rows) > best.worth(rows) - margin:
+        if (
+            moving is not None
+            and moving.compute_bic_gain(rows) > best.compute_bic_gain(rows) - margin
+        ):
             best = refine_term(fit, moving)
     return best
 
@@ -281,7 +284,10 @@ def describe(fit: ExtendedFit, noise: NoiseLevel, most: int, significant: float)
         tried = len(ranked) + (CELLS - PEAKS) * len(PLACES)
         best = find_best_term(fit, ranked)
         _, p = evidence.find_significance(best.score.gain / noise.slow, best.score.rank)
-        if evidence.correct_for_tries(p, tried) > significant or best.worth(rows, noise) < WORTH:
+        if (
+            evidence.correct_for_tries(p, tried) > significant
+            or best.compute_bic_gain(rows, noise) < WORTH
+        ):
             break
         again = add_term(fit, best, name := f"open term {len(chosen)}")
         if again is None or not again.chi2 < fit.chi2 - WORTH * noise.slow:
@@ -338,7 +344,7 @@ def exchange_terms(
             continue
         lost = (compute_bic(reduced) - compute_bic(fit)) / noise.slow
         new = find_best_term(reduced, score_terms(reduced))
-        better = new.worth(rows, noise)
+        better = new.compute_bic_gain(rows, noise)
         place = [one for one, _ in chosen].index(name)
         if max(better, lost) < WORTH:
             fit, chosen = reduced, [*chosen[:place], *chosen[place + 1 :]]

@@ -55,9 +55,9 @@ class Pattern:
     stands: bool
     """Whether the cause stands already, and this is what its runs alone do not show of it."""
 
-    def left_over(self, wander: float) -> float:
+    def compute_misfit(self, wander: float) -> float:
         """χ² of the offsets beside the cause and a wander of that size."""
-        return self.offsets.misfit(wander, self.known.response)[0]
+        return self.offsets.compute_misfit(wander, self.known.response)[0]
 
 
 def find_patterns(
@@ -79,7 +79,7 @@ def find_patterns(
         response = (fit.covariance @ fit.design.multiply_transposed(S))[list(index)]
         if not np.all(np.isfinite(response)) or not response.any():
             continue
-        known = Knowledge.of(fit, S, offsets, response, inquiry.noise.slow)
+        known = Knowledge.from_sensitivities(fit, S, offsets, response, inquiry.noise.slow)
         if known is None or not _thinkable(known, variant, offsets, fit):
             continue
         pattern = _pattern(variant, known, offsets, variant.effect.name in active)
@@ -110,7 +110,7 @@ class Knowledge:
     chance: float
 
     @classmethod
-    def of(
+    def from_sensitivities(
         cls, fit: ExtendedFit, S: Array, offsets: Offsets, response: Array, slow: float
     ) -> Knowledge | None:
         """From sensitivities (N, m) and the response (R, m), the rows' variances times `slow`; None
@@ -124,7 +124,7 @@ class Knowledge:
         # what was taken off
         own = fit.basis.project_out(fit.basis.project_out(S / size))
         inside = own.T @ own / slow
-        beside = offsets.information(response / size)
+        beside = offsets.compute_information(response / size)
         scale = np.sqrt(np.maximum(np.diag(inside + beside), 1e-300))
         power, vectors = np.linalg.eigh((inside + beside) / np.outer(scale, scale))
         seen = power > BLIND * power[-1]
@@ -157,7 +157,7 @@ class Knowledge:
 def _thinkable(known: Knowledge, variant: Variant, offsets: Offsets, fit: ExtendedFit) -> bool:
     """Whether along one direction the size that would scatter the offsets as they are is one that
     such a cause can have, and that the rows of the runs do not exclude."""
-    wander = offsets.wander()
+    wander = offsets.estimate_wander()
     apart = known.response - known.response.mean(axis=0)
     for k, direction in enumerate(known.directions.T):
         needed = wander / max(float(np.sqrt(np.mean(apart[:, k] ** 2))), 1e-300)
@@ -175,20 +175,20 @@ def _pattern(variant: Variant, known: Knowledge, offsets: Offsets, stands: bool)
     """How well the cause follows the offsets; None where too few runs are left to say so."""
     from scipy.special import chdtrc, fdtrc
 
-    left = offsets.less(known.shift, known.blur)
-    wander = left.wander(known.response)
-    before, means = left.misfit(wander)
-    after, basis = left.misfit(wander, known.response)
+    left = offsets.subtract(known.shift, known.blur)
+    wander = left.estimate_wander(known.response)
+    before, means = left.compute_misfit(wander)
+    after, basis = left.compute_misfit(wander, known.response)
     rank, dof = basis.shape[1] - means.shape[1], len(left.value) - basis.shape[1]
     if rank < 1 or dof < SPARE:
         return None
     # the wander is the one beside the cause, so that after = dof where there is any: F judges the
     # cause by what it leaves, and by no less than the offsets' own noise
     p = float(fdtrc(rank, dof, (before - after) / rank / max(1.0, after / dof)))
-    size, covariance = left.follow(known.response, wander)
+    size, covariance = left.fit_response(known.response, wander)
     if known.shift.any() or float(np.sum(known.information * size**2)) > TELLING:
         p = evidence.combine_chances(p, known.chance)
-    quiet = float(chdtrc(dof, left.misfit(0.0, known.response)[0]))
+    quiet = float(chdtrc(dof, left.compute_misfit(0.0, known.response)[0]))
     allowed = _agrees(known, size, covariance)
     return Pattern(variant, known, left, p, before - after, wander, quiet, allowed, stands)
 

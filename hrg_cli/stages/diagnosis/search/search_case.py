@@ -24,8 +24,8 @@ class Case:
     frequencies: Mapping[str, Any] = field(default_factory=dict)
     form: Form | None = None
 
-    def without(self, cause: Found, fit: ExtendedFit) -> Case:
+    def give_up(self, cause: Found, fit: ExtendedFit) -> Case:
         """The case in which a cause is given up; `fit`: the fit without it, whose rest is sought
         again."""
-        search = self.search.without(cause, fit, self.inquiry.candidates)
+        search = self.search.give_up(cause, fit, self.inquiry.candidates)
         return replace(self, search=search, remainder=search_rest(fit, self.inquiry.noise))

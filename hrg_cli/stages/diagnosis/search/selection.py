@@ -67,7 +67,7 @@ class Search:
     first: tuple[Score, ...]
     last: tuple[Score, ...]
 
-    def without(self, cause: Found, fit: ExtendedFit, candidates: Sequence[Variant]) -> Search:
+    def give_up(self, cause: Found, fit: ExtendedFit, candidates: Sequence[Variant]) -> Search:
         """The search in which a cause is given up; `fit`: the fit without it."""
         left = tuple(one for one in self.found if one.variant is not cause.variant)
         last = tuple(score for score, _ in score_effects(fit, candidates))

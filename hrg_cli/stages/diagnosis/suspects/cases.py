@@ -50,7 +50,7 @@ class SuspectCase:
         """Of all runs."""
         return self.fit.dof + (self.apart.dof if self.apart else 0)
 
-    def price(self, noise: float) -> float:
+    def compute_price(self, noise: float) -> float:
         """Excess of χ² at a noise, what its freedom costs, and a scale factor that no resonator has."""
         rows = len(self.fit.residual) + (len(self.apart.residual) if self.apart else 0)
         odd = 0.0 if has_usual_scale_factor(self.fit) else ODD

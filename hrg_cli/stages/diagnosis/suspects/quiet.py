@@ -51,7 +51,7 @@ class QuietMistake:
     causes: tuple[str, ...]
     surely: bool
 
-    def table(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """As an entry of what the runs cannot tell apart."""
         runs = name_some(one.run_id for one in self.suspicions)
         return {

@@ -154,9 +154,11 @@ def choose_case(cases: Sequence[SuspectCase]) -> tuple[SuspectCase, tuple[Suspec
     """The reading that explains most for what it costs, and those that explain as much: of as many
     numbers first the one with the temperature nearest to the other runs'."""
     noise = max(1.0, min(case.chi2 / case.dof for case in cases))
-    ranked = sorted(cases, key=lambda case: case.price(noise) + PRICE * case.reading.parameters)
-    limit = ranked[0].price(noise) + PRICE
-    alike = [c for c in ranked if c is ranked[0] or c.price(noise) < limit]
+    ranked = sorted(
+        cases, key=lambda case: case.compute_price(noise) + PRICE * case.reading.parameters
+    )
+    limit = ranked[0].compute_price(noise) + PRICE
+    alike = [c for c in ranked if c is ranked[0] or c.compute_price(noise) < limit]
 
     def name_rivals(case: SuspectCase) -> tuple[int, int, bool]:
         reading = case.reading
@@ -245,7 +247,7 @@ def _read(
     if len(made) > FINALISTS and is_any_logged(_flat(pieces)):
         quickly = fit_all(made, quick=True)
         noise = max(1.0, min((case.chi2 / case.dof for case in quickly), default=1.0))
-        ranked = sorted(quickly, key=lambda case: case.price(noise))
+        ranked = sorted(quickly, key=lambda case: case.compute_price(noise))
         made = [case.reading for case in ranked[:FINALISTS]]
     return fit_all(made, quick=False)
 

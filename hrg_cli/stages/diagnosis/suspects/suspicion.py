@@ -16,7 +16,7 @@ class Suspicion:
     evidence: str
     correction: str
 
-    def table(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """The suspicion as the JSON has it."""
         return asdict(self)
 

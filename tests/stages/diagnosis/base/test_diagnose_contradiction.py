@@ -6,7 +6,7 @@ import pytest
 from diagnosis_programme import programme, waves
 
 from hrg_cli.errors import HrgError
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.identify import identify
 
 
@@ -16,7 +16,7 @@ def turned(runs, k):
 
 def refused(runs):
     diagnosis = diagnose(runs)
-    out = summary(diagnosis)
+    out = summarise(diagnosis)
     assert diagnosis.status == "refused" and out["effects"] == []
     return {one["run_id"]: one for one in out["suspect_runs"]}
 
@@ -40,7 +40,7 @@ def test_rotation_without_a_log_is_told_from_a_cause():
 
 
 def test_an_effect_of_many_thousand_sigma_is_a_cause_and_no_contradiction():
-    out = summary(diagnose(waves(programme(7, {"gain_mismatch": {"gain": 0.05}}))))
+    out = summarise(diagnose(waves(programme(7, {"gain_mismatch": {"gain": 0.05}}))))
     assert out["baseline"]["chi2_per_dof"] > 1e3
     assert out["effects"][0]["name"] == "gain_mismatch"
 

@@ -6,7 +6,7 @@ import pytest
 
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
@@ -65,7 +65,7 @@ def pooled(runs):
 
 def named(found):
     """Verdict, χ² a degree of freedom, and each cause's first parameter with its σ."""
-    report = summary(found)
+    report = summarise(found)
     causes = {
         one["name"]: next((p["value"], p["std"]) for p in one["parameters"].values())
         for one in report["effects"]

@@ -4,7 +4,7 @@ import pytest
 from diagnosis_programme import programme
 from wrong_runs import estimated, recordings
 
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 
 LEVEL = 0.9985
 
@@ -17,7 +17,7 @@ def test_a_clip_just_under_the_driven_amplitude_is_named_alone(seed):
         seed, {"saturation": {"inverse_level": 1 / LEVEL}}, forced=True, runs=3, noise=5e-4
     )
     table["recording"]["sample_rate_hz"] = 40_009.0
-    out = summary(diagnose(estimated(recordings(table, seed))))
+    out = summarise(diagnose(estimated(recordings(table, seed))))
     assert out["verdict"] == "explained"
     (cause,) = out["effects"]
     assert cause["name"] == "saturation"

@@ -96,7 +96,7 @@ def errors(fit):
 
 def test_a_drive_along_the_instant_state_makes_the_force_that_averaging_gives():
     fit = fitted(measured(*recorded(0.0), seed=1))
-    column = fit.basis.project_out(Ripple.of(fit).doings[:, 0])
+    column = fit.basis.project_out(Ripple.from_fit(fit).doings[:, 0])
     size = float(column @ column)
     # four σ, and what is of third order in the rates over ω
     assert abs(float(column @ fit.residual) / size - 1) < 4 * size**-0.5 + 0.01
@@ -107,7 +107,7 @@ def test_what_loops_answer_to_the_ripple_is_in_every_standard_deviation():
     before, after, left, std = [], [], [], []
     for seed in range(8):
         plain = fitted(measured(seen, log, seed))
-        beside = drive_scatter.allow(plain, Ripple.of(plain).spread)
+        beside = drive_scatter.allow(plain, Ripple.from_fit(plain).spread)
         before.append(errors(plain))
         after.append(errors(beside))
         left.append(beside.chi2 / beside.dof)
@@ -121,5 +121,5 @@ def test_what_loops_answer_to_the_ripple_is_in_every_standard_deviation():
 
 
 def test_without_a_quadrature_loop_no_answer_is_allowed_for():
-    ripple = Ripple.of(fitted(measured(*recorded(0.0), seed=2)))
+    ripple = Ripple.from_fit(fitted(measured(*recorded(0.0), seed=2)))
     assert ripple.quadrature_1_s == 0.0 and not ripple.spread[:, 1:].any()

@@ -113,7 +113,7 @@ def judged(draws, loop_noise, logged):
         before.append(errors(plain))
         after.append(errors(beside))
         left.append(beside.chi2 / beside.dof)
-        walk = max(walk, float(Scatter.of(plain.series).walk.max()))
+        walk = max(walk, float(Scatter.from_commands(plain.series).walk.max()))
     return rms(before), rms(after), float(np.mean(left)), walk
 
 
@@ -173,7 +173,7 @@ def test_a_log_that_scatters_is_told():
     seen, commands = loops(1, 0.0, seed=5)
     smooth = fitted(measured(seen[0], commands[0], VALUES, 1))
     assert drive_scatter.describe_scatter(smooth) == ""
-    assert not Scatter.of(smooth.series).counts(smooth.series).any()
+    assert not Scatter.from_commands(smooth.series).find_moved_runs(smooth.series).any()
 
 
 def test_the_walk_of_a_scatter_is_that_of_independent_commands():
@@ -182,7 +182,7 @@ def test_the_walk_of_a_scatter_is_that_of_independent_commands():
     series = measured(seen[0], commands[0], MEANS, 1)
     random, size = np.random.default_rng(6), 0.05
     noise = size * random.normal(size=series.time_s.shape)
-    scatter = Scatter.of(replace(series, main_drive=series.main_drive + noise))
+    scatter = Scatter.from_commands(replace(series, main_drive=series.main_drive + noise))
     ends = (size * ROW_S * random.normal(size=(4000, ROWS))).sum(axis=1).std() / NOISE
     assert abs(scatter.size[scatter.worst].max() / size - 1) < 0.3
     assert abs(scatter.walk.max() / ends - 1) < 0.3
@@ -194,7 +194,7 @@ def test_a_line_must_stand_out_of_the_walk_and_a_cause_of_what_is_not_allowed_fo
     seen, commands = loops(1, 3e-4, seed=5)
     plain = fitted(measured(seen[0], commands[0], VALUES, 1))
     beside = drive_scatter.allow_scatter(plain)
-    size = Scatter.of(plain.series).size.max()
+    size = Scatter.from_commands(plain.series).size.max()
     assert drive_scatter.find_corner_hz(plain) == 0.0
     assert abs(drive_scatter.find_corner_hz(beside) / (size / NOISE / 2 / np.pi) - 1) < 1e-6
     assert closing.estimate_unknown_walk(beside) == 0.0

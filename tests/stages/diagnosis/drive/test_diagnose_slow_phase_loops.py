@@ -4,7 +4,7 @@ in part, and the commands' frame stands beside the wave by what it leaves."""
 import pytest
 
 from hrg_cli import collect, demodulate, estimate, simulate
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 
 pytest.importorskip("numba")
 RATES = (4.0, -3.0, 2.0)
@@ -40,5 +40,5 @@ def test_whatever_its_bandwidth_a_phase_loop_is_no_fault(phase_loop_hz):
     }
     samples = [collect(simulate(table, run=run["run_id"], seed=1)) for run in table["run"]]
     waves = [collect(estimate(collect(demodulate(r, periods_per_window=20)))) for r in samples]
-    out = summary(diagnose(waves))
+    out = summarise(diagnose(waves))
     assert (out["verdict"], out["effects"], out["remainder"]) == ("adequate", [], None)

@@ -6,9 +6,9 @@ from diagnosis_programme import programme
 
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.simulate import run_ids, simulate
+from hrg_cli.stages.simulate import list_run_ids, simulate
 
 LOG = ("auxiliary_time_s", "temperature_degc", "rate_rad_s", "drive_main", "drive_quadrature")
 
@@ -28,10 +28,10 @@ def thinned(recording: Recording, step_s: float) -> Recording:
 
 def diagnosed(table: dict, step_s: float) -> dict:
     waves = []
-    for run in run_ids(table):
+    for run in list_run_ids(table):
         recording = thinned(collect(simulate(table, run=run, seed=1)), step_s)
         waves.append(collect(estimate(collect(demodulate(recording, periods_per_window=40.0)))))
-    return summary(diagnose(waves))
+    return summarise(diagnose(waves))
 
 
 def test_a_rate_that_swings_beside_a_log_of_twenty_rows_a_period():

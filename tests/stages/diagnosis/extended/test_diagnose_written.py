@@ -11,9 +11,9 @@ from wrong_runs import estimated, recordings, table_of
 from hrg_cli.fitting.samples.course import build_course
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.run_tables import chords
+from hrg_cli.stages.run_tables import fit_chords
 
 FREQUENCY_HZ, SAMPLES_A_PERIOD, LENGTH_S = 401.0, 9.3, 0.6
 OMEGA = 2 * np.pi * FREQUENCY_HZ
@@ -102,7 +102,7 @@ def runs(periods_per_window, noise):
 @pytest.mark.parametrize("periods_per_window", (pytest.param(3.0, marks=pytest.mark.slow), 5.0))
 def test_a_rate_that_bends_between_few_windows_is_given_back_at_low_noise(periods_per_window):
     diagnosis = diagnose(runs(periods_per_window, 2e-6))
-    out = summary(diagnosis)
+    out = summarise(diagnosis)
     held = out["written_model"]
     assert held["rms_over_noise"] < 1.1 * held["fitted_rms_over_noise"]
     assert out["verdict"] == "adequate", out["checks"]
@@ -111,7 +111,7 @@ def test_a_rate_that_bends_between_few_windows_is_given_back_at_low_noise(period
 def test_lines_through_a_curve_keep_its_integral():
     t = np.linspace(0.004, 0.996, 80)
     log = build_course(t, np.sin(9 * t))
-    corner, (value,) = chords([log], 1.0)
+    corner, (value,) = fit_chords([log], 1.0)
     corner, value = np.array(corner), np.array(value)
     assert corner[0] == 0.0 and corner[-1] == 1.0
     turned = np.concatenate([[0.0], np.cumsum(np.diff(corner) * (value[1:] + value[:-1]) / 2)])
@@ -131,7 +131,7 @@ def test_lines_through_noise_and_jumps_are_the_rows_themselves():
     random = np.random.default_rng(3)
     t = np.linspace(0.0, 1.0, 50)
     y = random.standard_normal(50)
-    corner, (value,) = chords([build_course(t, y)], 1.0)
+    corner, (value,) = fit_chords([build_course(t, y)], 1.0)
     np.testing.assert_allclose(np.interp(t, corner, value), y, atol=0.3)
 
 
@@ -147,7 +147,7 @@ def test_a_drive_that_no_loop_of_the_file_makes_is_replayed():
         record = record.replace(drive_main=restless(t[::4]), drive_quadrature=0 * t[::4])
         measured.append(wave_of(record, 5.0))
     diagnosis = diagnose(measured)
-    out = summary(diagnosis)
+    out = summarise(diagnosis)
     model = tomllib.loads(diagnosis.extended_model)
     assert all("log" in run["control"] for run in model["run"])
     held = out["written_model"]
@@ -168,7 +168,7 @@ def test_samples_lost_are_given_back_whole_at_the_sampling_of_the_file():
             c=np.asarray(records[k].c)[keep], s=np.asarray(records[k].s)[keep]
         )
     diagnosis = diagnose(estimated(records))
-    out = summary(diagnosis)
+    out = summarise(diagnosis)
     assert [e["name"] for e in out["effects"]] == ["dropped_samples"] * 2
     assert sorted(e["samples"] for e in out["effects"]) == [3, 7]
     for run in tomllib.loads(diagnosis.extended_model)["run"]:

@@ -8,7 +8,7 @@ from diagnosis_statistics import CYCLE, FORCED, base_of, measured, sized, table_
 
 from hrg_cli.effects import EFFECTS, find
 from hrg_cli.fitting.causes import evidence
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.diagnosis.fits.variants import list_variants
 from hrg_cli.stages.diagnosis.report import tested
 from hrg_cli.stages.diagnosis.search.inquiry import STATED
@@ -65,7 +65,7 @@ def holds(name, seed):
     table["effects"] = {
         name: sized(find(name), base_of(measured(table, name)), float(random.uniform(0, 3)), random)
     }
-    out = summary(diagnose(measured(table, name)))
+    out = summarise(diagnose(measured(table, name)))
     row = next(t for t in out["tested"] if t["name"] == name)
     if row["upper_limit"] is None:
         return any(e["name"] == name for e in out["effects"])

@@ -9,12 +9,12 @@ from wrong_runs import estimated, recordings, table_of
 from hrg_cli.physics import ellipse
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.diagnosis.samples.jumps import find_jumps
 from hrg_cli.stages.diagnosis.samples.waveform import find_phase_steps, find_waveform_causes
 from hrg_cli.stages.diagnosis.suspects.transformations import scale_times
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.simulate import run_ids, simulate
+from hrg_cli.stages.simulate import list_run_ids, simulate
 
 RATE_HZ = 20011.0
 
@@ -28,7 +28,7 @@ def test_a_tone_keeps_its_size_where_the_windows_damp_it(offset_hz):
     table["effects"] = {
         "mains_tone": {"frequency_hz": table["device"]["frequency_hz"] + offset_hz, **tone}
     }
-    out = summary(diagnose(waves(table, periods_per_window=40.0)))
+    out = summarise(diagnose(waves(table, periods_per_window=40.0)))
     assert [e["name"] for e in out["effects"]] == ["mains_tone"]
     for name, true in tone.items():
         found = out["effects"][0]["parameters"][name]
@@ -52,7 +52,7 @@ def test_a_tone_within_short_windows_explains_all_and_is_in_the_file(same_phase)
     for run, vector in zip(table["run"], vectors, strict=True):
         parts = {"c_cos": vector.real, "c_sin": -vector.imag, "s_cos": 0.5 * vector.real}
         run["effects"] = {"mains_tone": tone | parts}
-    out = summary(diagnose(waves(table, periods_per_window=3.0)))
+    out = summarise(diagnose(waves(table, periods_per_window=3.0)))
     assert [e["name"] for e in out["effects"]] == ["mains_tone"]
     assert out["effects"][0]["same_phase_in_all_runs"] is same_phase
     assert out["verdict"] == "explained", out["checks"]
@@ -74,7 +74,7 @@ def test_a_tone_of_fifteen_sigma_is_named_whatever_noise_its_mirror_has(seed):
             "s_sin": 0.6 * size,
         }
     }
-    out = summary(diagnose(waves(table, periods_per_window=3.0)))
+    out = summarise(diagnose(waves(table, periods_per_window=3.0)))
     assert [e["name"] for e in out["effects"]] == ["mains_tone"]
     assert out["verdict"] == "explained", out["checks"]
 
@@ -100,7 +100,7 @@ def test_a_line_far_below_is_named_where_it_is_and_not_at_its_images_in_the_wind
     for k, run in enumerate(table["run"]):
         parts = {"c_cos": 0.01 * np.cos(k), "c_sin": 0.01 * np.sin(k), "s_cos": 0.007 * np.cos(k)}
         run["effects"] = {"mains_tone": {"frequency_hz": 50.0, **parts}}
-    out = summary(diagnose(waves(table, periods_per_window=10.0)))
+    out = summarise(diagnose(waves(table, periods_per_window=10.0)))
     assert [e["name"] for e in out["effects"]] == ["mains_tone"]
     assert abs(out["effects"][0]["parameters"]["frequency_hz"]["value"] - 50) < 0.1
     assert out["verdict"] == "explained", out["checks"]
@@ -112,12 +112,12 @@ def test_an_offset_that_drifts_is_no_tone_and_not_explained():
     a line at a multiple of their rate that the samples do not have."""
     table = programme(5, runs=4, duration_s=0.4)
     drifting = []
-    for run in run_ids(table):
+    for run in list_run_ids(table):
         record = collect(simulate(table, run=run))
         drift = np.arange(len(record.c)) / record.sample_rate_hz
         record = record.replace(c=record.c + drift, s=record.s + drift)
         drifting.append(collect(estimate(collect(demodulate(record, periods_per_window=10.0)))))
-    out = summary(diagnose(drifting))
+    out = summarise(diagnose(drifting))
     assert out["effects"] == [] and out["verdict"] == "unexplained"
     assert any("leaks into the windows" in line["meaning"] for line in out["lines"])
 
@@ -129,12 +129,12 @@ def test_two_sidebands_of_the_oscillation_are_a_modulation_and_no_tones():
     for run in table["run"]:
         run["start"]["amplitude"] = 1.0
     seen = []
-    for run in run_ids(table):
+    for run in list_run_ids(table):
         record = collect(simulate(table, run=run))
         gain = 1 + 1e-3 * np.cos(2 * np.pi * 700 * np.arange(len(record.c)) / record.sample_rate_hz)
         record = record.replace(c=record.c * gain, s=record.s * gain)
         seen.append(collect(estimate(collect(demodulate(record, periods_per_window=40.0)))))
-    out = summary(diagnose(seen))
+    out = summarise(diagnose(seen))
     assert out["effects"] == [], out["effects"]
     assert sum("its modulation" in line["meaning"] for line in out["lines"]) == 2
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hrg_cli import Recording, collect, demodulate, estimate, identify, simulate
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 
 FREQUENCY_HZ, QUALITY = 1.009, 199.0
 
@@ -61,7 +61,7 @@ def test_clean_gyros_are_clean(samples_a_period, noise):
     stated = np.array([np.median(wave.signal_std) for wave in waves]) / noise
     # two of five samples make a coefficient: no less than that, and a third more for what is taken off
     assert np.all((stated > 0.5) & (stated < 1.5)), stated
-    report = summary(diagnose(waves))
+    report = summarise(diagnose(waves))
     failed = [(c["name"], c["value"], c["limit"]) for c in report["checks"] if not c["passed"]]
     assert report["verdict"] == "adequate", failed
     assert identify(waves).status == "valid"

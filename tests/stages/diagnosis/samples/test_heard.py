@@ -7,7 +7,7 @@ from wrong_runs import estimated, recordings
 
 from hrg_cli.effects import EFFECTS, Effect, Parameter
 from hrg_cli.physics import ellipse
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.diagnosis.samples.heard import (
     bound_power_in_looks,
     compute_harmonic_power,
@@ -131,6 +131,6 @@ def test_a_curve_is_excluded_by_samples_that_lack_its_harmonics_and_by_no_others
 
 
 def test_bent_envelopes_of_straight_samples_are_no_pickoff():
-    found = summary(diagnose(measured(False, "pickoff_nonlinearity", 0.05)))
+    found = summarise(diagnose(measured(False, "pickoff_nonlinearity", 0.05)))
     assert not {e["name"] for e in found["effects"]} & {*CURVES, "saturation"}
     assert found["verdict"] not in ("explained", "adequate")

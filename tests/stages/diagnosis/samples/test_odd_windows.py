@@ -7,10 +7,10 @@ from diagnosis_programme import programme, waves
 
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.diagnosis.samples.odd_windows import are_at_top, find_odd_windows
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.simulate import run_ids, simulate
+from hrg_cli.stages.simulate import list_run_ids, simulate
 
 NOISE = 3e-4
 
@@ -19,7 +19,7 @@ def damaged(table, damage, periods_per_window=10.0):
     """The programme's waves, every run's samples (n,) of both channels changed by damage(k, c, s,
     random)."""
     random, out = np.random.default_rng(4), []
-    for k, run in enumerate(run_ids(table)):
+    for k, run in enumerate(list_run_ids(table)):
         recording = collect(simulate(table, run=run))
         c, s = damage(k, np.array(recording.c), np.array(recording.s), random)
         recording = recording.replace(c=c, s=s)
@@ -60,7 +60,7 @@ def test_sound_runs_have_none(periods):
 
 def test_a_burst_is_told_and_takes_the_word_away():
     diagnosis = diagnose(damaged(programme(2, runs=4, noise=NOISE), burst))
-    out = summary(diagnosis)
+    out = summarise(diagnosis)
     assert out["effects"] == [] and out["verdict"] == "unexplained"
     failed = [check["name"] for check in out["checks"] if not check["passed"]]
     assert failed == ["windows_alike"] and "run1 at 0.4" in str(diagnosis.status_reasons)
@@ -74,7 +74,7 @@ def test_noisy_tops_that_were_clipped_are_saturation():
         run["start"]["wave_angle_rad"] = 0.02
     seen = damaged(table, clipped(0.96))
     assert len(odd := find_odd_windows(seen)) >= 3 and are_at_top(seen, odd)
-    out = summary(diagnose(seen))
+    out = summarise(diagnose(seen))
     assert [e["name"] for e in out["effects"]] == ["saturation"]
     level = out["effects"][0]["parameters"]["inverse_level"]
     assert level["value"] == pytest.approx(1 / 0.96, rel=0.03)

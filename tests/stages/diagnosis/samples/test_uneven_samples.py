@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hrg_cli import Recording, collect, demodulate, estimate
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 
 FREQUENCY_HZ, SAMPLING_HZ, LENGTH_S, NOISE = 1000.0, 9499.35, 6.0, 1e-3
 DAMPING_1_S, SPLIT_RAD_S = 0.3, 0.2
@@ -46,5 +46,5 @@ def test_uneven_samples_fold_no_harmonic_onto_a_tone(jitter, verdict, causes):
         collect(estimate(collect(demodulate(recording(run, jitter, 3), periods_per_window=20))))
         for run in range(3)
     ]
-    out = summary(diagnose(waves))
+    out = summarise(diagnose(waves))
     assert (out["verdict"], [cause["name"] for cause in out["effects"]]) == (verdict, causes)

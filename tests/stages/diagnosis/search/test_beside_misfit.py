@@ -42,7 +42,7 @@ def chances(seed, runs, misfit, decay, own=0.0):
         cause /= np.linalg.norm(cause)
         without = rest + own * cause
         final = without - (cause @ without) * cause
-        out.append(TakenAway.away(fit(final, runs), fit(without, runs), 1).chance(1))
+        out.append(TakenAway.from_fits(fit(final, runs), fit(without, runs), 1).compute_chance(1))
     return np.array(out)
 
 

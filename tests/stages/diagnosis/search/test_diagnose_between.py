@@ -9,7 +9,7 @@ from diagnosis_programme import programme, verdict, waves
 
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import evidence, extended_fit, fit_point
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 from hrg_cli.stages.diagnosis.fits.variants import list_variants
 from hrg_cli.stages.diagnosis.search.between import take_from_frequencies
@@ -162,7 +162,7 @@ def test_one_sign_of_rotation_hides_a_gain_behind_the_damping_split():
     table = programme(7, {"gain_mismatch": {"gain": 2e-3}}, runs=4)
     for run in table["run"]:
         run["environment"]["rate_rad_s"] = 2.0
-    out = summary(diagnose(waves(table)))
+    out = summarise(diagnose(waves(table)))
     entry = next(g for g in out["not_separable"] if g["effects"] == ["gain_mismatch"])
     assert (
         out["effects"] == []
@@ -228,7 +228,7 @@ def test_frequencies_that_differ_by_parts_in_a_thousand_million_are_no_adequate_
             )
             for run, sign in zip(runs, (1, -1, -1, 1), strict=True)
         ]
-        out = summary(diagnose(shifted))
+        out = summarise(diagnose(shifted))
         assert out["verdict"] == word, out["checks"]
 
 

@@ -11,7 +11,7 @@ from hrg_cli.effects import find
 from hrg_cli.effects.effect import INSTANT, RUN
 from hrg_cli.effects.envelope_jumps import find_jumps
 from hrg_cli.fitting.causes import evidence
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
 from hrg_cli.stages.diagnosis.fits import places
 from hrg_cli.stages.diagnosis.fits.variants import list_variants
@@ -114,7 +114,7 @@ def test_a_knock_that_its_neighbours_do_not_show_is_named(clean):
     row_s = float(np.median(np.diff(fit.series.time_s[0])))
     assert {v.values[RUN] for v in found} == {true[RUN]}
     assert abs(found[0].values[INSTANT] - true[INSTANT]) < 3 * row_s
-    assert_named(summary(diagnose(runs)), 13.0)
+    assert_named(summarise(diagnose(runs)), 13.0)
 
 
 @pytest.mark.parametrize("name", ["momentum_kick", "gain_step"])

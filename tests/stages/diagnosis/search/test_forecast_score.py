@@ -26,7 +26,7 @@ def test_the_surprise_is_minus_twice_the_logarithm_of_the_density():
             e = (one.difference * one.weight[:, None]).ravel()
             M = (one.learned * one.weight[:, None, None]).reshape(len(e), -1)
             C = misfit * np.eye(len(e)) + M @ M.T
-            found.append(one.surprise(misfit))
+            found.append(one.compute_surprise(misfit))
             wanted.append(-2 * multivariate_normal(np.zeros(len(e)), C).logpdf(e))
             wanted[-1] -= len(e) * np.log(2 * np.pi * misfit)
     np.testing.assert_allclose(found, wanted, rtol=1e-10)
@@ -40,4 +40,4 @@ def test_what_a_forecast_does_not_know_costs_it_little():
     far = 30 * one.learned[..., 0]
     along = Errors(one.run, one.time_s, far, one.parts, 100 * one.learned, one.weight)
     beside = Errors(one.run, one.time_s, far, one.parts, 1e-3 * one.learned, one.weight)
-    assert along.surprise(1.0) < 60 < 1000 < beside.surprise(1.0)
+    assert along.compute_surprise(1.0) < 60 < 1000 < beside.compute_surprise(1.0)

@@ -5,7 +5,7 @@ import pytest
 from diagnosis_programme import programme, waves
 from wrong_runs import COURSES
 
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 
 
 def suspected(report):
@@ -21,7 +21,7 @@ def with_rate(runs, k, factor=1.0, offset=0.0):
 def test_a_small_offset_of_one_log_is_no_knock():
     """3e-4 rad/s in a log that swings by 2: a knock took up 8 σ of it, "explained"."""
     runs = with_rate(waves(programme(5, duration_s=1.0, rate=COURSES)), 3, offset=3e-4)
-    report = summary(diagnose(runs))
+    report = summarise(diagnose(runs))
     assert suspected(report) == [("run3", "rate log offset")]
     assert report["effects"] == []
     assert "+0.00032" in report["suspect_runs"][0]["evidence"]
@@ -31,7 +31,7 @@ def test_a_wrong_scale_beside_a_real_cause():
     """A thousandth in one log beside a damping that follows the temperature: a scale factor that does
     so too was named, 55 σ, "explained"."""
     table = programme(3, {"thermal_damping": {"relative_1_k": 0.01}}, runs=8, duration_s=1.0)
-    report = summary(diagnose(with_rate(waves(table), 2, factor=1.001)))
+    report = summarise(diagnose(with_rate(waves(table), 2, factor=1.001)))
     assert suspected(report) == [("run2", "rate log of wrong scale")]
     evidence = report["suspect_runs"][0]["evidence"]
     factor = float(evidence.split("multiplied by ")[1].split()[0])
@@ -41,7 +41,7 @@ def test_a_wrong_scale_beside_a_real_cause():
 def test_a_cause_that_one_log_could_feign_says_so():
     """Half of that in runs that turn at few temperatures: either could be."""
     runs = with_rate(waves(programme(3, runs=8, duration_s=1.0)), 2, factor=1.0005)
-    report = summary(diagnose(runs))
+    report = summarise(diagnose(runs))
     assert [cause["name"] for cause in report["effects"]] == ["scale_factor_temperature"]
     told = [
         g["base"] for g in report["not_separable"] if g["effects"] == ["scale_factor_temperature"]
@@ -57,7 +57,7 @@ def test_a_damping_that_creeps_up_by_parts_of_a_percent_is_no_force():
     for k, run in enumerate(table["run"]):
         run["device"] = {"damping_rate_1_s": (1 + 0.001 * k) * damping}
         run["environment"] = {"rate_rad_s": 0.0, "temperature_degc": 22.0}
-    report = summary(diagnose(waves(table)))
+    report = summarise(diagnose(waves(table)))
     assert (
         report["baseline"]["chi2_per_dof"] < 10
     )  # below a gross misfit, where runs are asked first

@@ -8,7 +8,7 @@ from wrong_runs import COURSES, KINDS, estimated, knocked, recordings, table_of,
 
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.causes import extended_fit
-from hrg_cli.stages.diagnose import diagnose, summary
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.diagnosis.base.base_priors import choose_freedom
 from hrg_cli.stages.diagnosis.base.data import prepare
 from hrg_cli.stages.diagnosis.base.rate_steps import fit_rate_steps
@@ -181,7 +181,7 @@ def test_a_column_that_stands_still_is_refused_whatever_the_fit_says(column):
     values[-40:] = values[-40]
     diagnosis = diagnose([waves[0], waves[1].replace(**{column: values})])
     words = {"wave_angle_rad": "wave angle stuck", "phase_rad": "phase stuck"}[column]
-    (one,) = summary(diagnosis)["suspect_runs"]
+    (one,) = summarise(diagnosis)["suspect_runs"]
     assert (one["run_id"], one["what"]) == (waves[1].run_id, words)
     assert f"40 of {len(waves[1])} windows" in one["evidence"] and diagnosis.status == "refused"
 
@@ -191,7 +191,7 @@ def test_a_channel_whose_samples_stand_still_is_refused():
     c = np.array(records[0].c)
     c[round(0.7 * len(c)) :] = c[round(0.7 * len(c))]
     diagnosis = diagnose(estimated([records[0].replace(c=c), records[1]]))
-    told_of = [(one["run_id"], one["what"]) for one in summary(diagnosis)["suspect_runs"]]
+    told_of = [(one["run_id"], one["what"]) for one in summarise(diagnosis)["suspect_runs"]]
     assert told_of == [("run0", "channel C stuck")] and diagnosis.status == "refused"
 
 
@@ -369,7 +369,7 @@ def test_a_rate_log_two_thousandths_off_is_named_below_a_gross_misfit():
     temperature takes up in part, and the log's scale whole."""
     runs = waves(programme(3, runs=8, duration_s=1.0))
     runs[2] = runs[2].replace(rate_rad_s=1.002 * runs[2].rate_rad_s)
-    report = summary(diagnose(runs))
+    report = summarise(diagnose(runs))
     assert report["effects"] == [] and report["verdict"] == "unexplained"
     (one,) = report["suspect_runs"]
     assert (one["run_id"], one["what"]) == ("run2", "rate log of wrong scale")
