@@ -316,6 +316,6 @@ def _check_against_limits(record: Record, limits: Mapping[str, Any]) -> list[dic
     from .limits import check
 
     return [
-        {"name": row.name, "passed": row.passed, "sentence": row.sentence()}
+        {"name": row.name, "passed": row.passed, "sentence": row.describe()}
         for row in check(record, limits)
     ]

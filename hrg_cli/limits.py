@@ -47,7 +47,7 @@ class Row:
         room += [self.maximum - self.value] if self.maximum is not None else []
         return min(room) / self.std if room else None
 
-    def sentence(self) -> str:
+    def describe(self) -> str:
         """Why the figure does or does not pass."""
         if self.words is not None:
             return (
@@ -117,7 +117,7 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
     ...     units=np.array(["rad s-1"]), covariance=np.array([[1e-8]]),
     ... )
     >>> for row in check(resonator, {"resonator": {"frequency_split_rad_s": "1 mrad/s"}}):
-    ...     print(row.passed, row.sentence(), row.margin_sigma)
+    ...     print(row.passed, row.describe(), row.margin_sigma)
     True the file is valid, valid was wanted None
     False frequency_split_rad_s is 0.002, at most 0.001 was wanted -10.0
     """

@@ -36,7 +36,7 @@ class FileState:
     not_followed: list[str] = field(default_factory=list)
     """Sources that do not lie in the folder."""
 
-    def worse(self, result: str, finding: str) -> None:
+    def worsen(self, result: str, finding: str) -> None:
         """Add a finding that makes the result at least this bad."""
         self.result = max(self.result, result, key=RESULTS.index)
         self.findings.append(finding)
@@ -59,10 +59,10 @@ def verify(paths: Sequence[Path]) -> list[FileState]:
         raise HrgError(f"{paths[0]}: holds no hrg files; name a folder of a chain or of a lot")
     work = _Verification()
     for path in given:
-        work.file(path)
+        work.verify_file(path)
     for path in paths:
         for note in sorted(path.rglob("*.json")) if path.is_dir() else []:
-            work.note(note)
+            work.verify_note(note)
     return list(work.verdicts.values())
 
 
@@ -97,7 +97,7 @@ class _Verification:
         self._digests: dict[Path, str | None] = {}
         self._beside: dict[Path, list[Path]] = {}
 
-    def file(self, path: Path) -> None:
+    def verify_file(self, path: Path) -> None:
         """Verify a file, then the sources of it that are found, and theirs."""
         waiting = [path]
         while waiting:
@@ -116,19 +116,19 @@ class _Verification:
             verdict.kind = store.kind_of(path).kind
             changed = store.changes(path)
             if changed is None:
-                verdict.worse(
+                verdict.worsen(
                     "without checksums",
                     "keeps no checksums (a laboratory's file, or an older hrg's); changes would not"
                     " show",
                 )
                 for sentence in store.unreadable(path):
-                    verdict.worse("damaged", sentence)
+                    verdict.worsen("damaged", sentence)
             for sentence in changed or []:
-                verdict.worse("changed", sentence)
+                verdict.worsen("changed", sentence)
             with store.open_record(path, store.kind_of(path)) as record:
                 return record
         except HrgError as error:
-            verdict.worse("damaged", str(error).removeprefix(f"{path}: "))
+            verdict.worsen("damaged", str(error).removeprefix(f"{path}: "))
             return None
 
     def _sources(self, path: Path, record: Record, verdict: FileState) -> list[Path]:
@@ -151,7 +151,7 @@ class _Verification:
             if match is not None and match != named and named.is_file():
                 verdict.notes.append(f"its source {source.name} lies here as {match.name}")
             if match is None and named.is_file() and self._digest(named) is None:
-                verdict.worse("damaged", f"its source {source.name} cannot be read")
+                verdict.worsen("damaged", f"its source {source.name} cannot be read")
             elif match is None and named.is_file():
                 others.append(source.name)
             elif match is None:
@@ -159,7 +159,7 @@ class _Verification:
             elif store.is_hdf5(match) and _is_ours(match):
                 found.append(match)
         if others:
-            verdict.worse(
+            verdict.worsen(
                 "changed",
                 f"was made from another {name_some(others)} than lies here; that was changed or"
                 " made again",
@@ -196,7 +196,7 @@ class _Verification:
         writes what it made after what it was made from."""
         gone = [line for line in made.history if line not in own.history]
         if gone:
-            verdict.worse(
+            verdict.worsen(
                 "changed",
                 f"its history lacks {len(gone)} of {len(made.history)} lines of its source {source}"
                 f" ({name_some(gone)}); it was shortened, or the file was made from another",
@@ -207,7 +207,7 @@ class _Verification:
                 " was wrong, or a time was changed"
             )
 
-    def note(self, path: Path) -> None:
+    def verify_note(self, path: Path) -> None:
         """A lot's note of what it made: every output it names must be there as it was noted."""
         try:
             noted = (
@@ -226,7 +226,7 @@ class _Verification:
             output = path.parent / Path(str(name)).name
             if problem := self._unlike(output, digest, path.name):
                 state = FileState(str(output), output.suffix.lstrip("."))
-                self.verdicts.setdefault(output.resolve(), state).worse(*problem)
+                self.verdicts.setdefault(output.resolve(), state).worsen(*problem)
 
     def _unlike(self, output: Path, digest: object, note: str) -> tuple[str, str] | None:
         """(result, finding) where an output of a lot is not as its note says."""

@@ -12,7 +12,7 @@ import records_by_hand as by_hand
 from hrg_cli import store
 from hrg_cli.chain import Step
 from hrg_cli.commands.run import _judge
-from hrg_cli.commands.told_differences import told_beyond
+from hrg_cli.commands.told_differences import describe_beyond
 from hrg_cli.comparing import compare, compare_tables
 from hrg_cli.errors import UsageError
 from hrg_cli.limit_values import limit_value, quantity_of, suggest, unit_of
@@ -237,7 +237,7 @@ def test_diff_of_diagnoses_and_tables():
         verdict="adequate",
         report=json.dumps(report | {"verdict": "adequate", "effects": report["effects"][:1]}),
     )
-    said = told_beyond(compare(old, new), 5.0)
+    said = describe_beyond(compare(old, new), 5.0)
     assert (
         "cause gain mismatch is in the old result alone" in said
         and "verdict was explained, is adequate" in said

@@ -12,7 +12,7 @@ import typer.main
 from conftest import PACKAGE
 
 from hrg_cli import cli
-from hrg_cli.commands.options import column, flags_of, numbers, words
+from hrg_cli.commands.options import make_flags, parse_column, parse_numbers, parse_words
 from hrg_cli.reporting.text import take_first_paragraph
 from hrg_cli.settings import model_of
 from hrg_cli.stages.calibrate import calibrate
@@ -101,10 +101,10 @@ def test_an_option_not_given_leaves_the_say_to_the_file(hrg, tmp_path):
 
 
 def test_lists_and_columns_are_read(hrg):
-    assert column("3") == 3 and column("time") == "time"
-    assert numbers("-20,0,2.5") == [-20.0, 0.0, 2.5] and words("a, b,") == ["a", "b"]
+    assert parse_column("3") == 3 and parse_column("time") == "time"
+    assert parse_numbers("-20,0,2.5") == [-20.0, 0.0, 2.5] and parse_words("a, b,") == ["a", "b"]
     with pytest.raises(typer.BadParameter, match="joined by commas"):
-        numbers("1;2")
+        parse_numbers("1;2")
     shown = hrg("calibrate", "--nodes", "-20,0,20", "--show-config", "--json").json
     assert shown["calibrate"]["nodes"] == [-20.0, 0.0, 20.0]
 
@@ -115,4 +115,4 @@ def test_a_setting_without_a_meaning_makes_no_option():
 
     for name in ("silent", "strange"):
         with pytest.raises(TypeError):
-            flags_of(stage, name)
+            make_flags(stage, name)

@@ -36,14 +36,14 @@ def test_within_and_outside(record):
     )
     assert [row.passed for row in rows] == [True, True, False]
     assert (
-        "drift_rms_rad_s.held_out is" in rows[2].sentence()
-        and "at most 1e-12" in rows[2].sentence()
+        "drift_rms_rad_s.held_out is" in rows[2].describe()
+        and "at most 1e-12" in rows[2].describe()
     )
 
 
 def test_what_is_not_in_the_file_does_not_pass(record):
     row = check(record, {"calibration": {"quality": 1.0}})[-1]
-    assert not row.passed and row.sentence() == "quality is not in the file"
+    assert not row.passed and row.describe() == "quality is not in the file"
 
 
 def test_status_is_judged(record):

@@ -192,7 +192,7 @@ def test_run_refuses_mixed_gyros(hrg, tmp_path):
 
 def test_run_tells_a_reason_once():
     from hrg_cli.chain import Step
-    from hrg_cli.commands.run import reasons_of
+    from hrg_cli.commands.run import list_reasons
 
     steps = [
         Step("estimate", (f"{k}.periods.h5",), f"{k}.wave.h5", "suspect", ("windows too long",))
@@ -203,7 +203,7 @@ def test_run_tells_a_reason_once():
         "6 more inputs are suspect or refused",
     )
     steps.append(Step("identify", (), "resonator.h5", "suspect", (*inherited, "its own doubt")))
-    assert reasons_of(steps) == [
+    assert list_reasons(steps) == [
         "0.wave.h5 and 11 more: windows too long",
         "resonator.h5: its own doubt",
     ]

@@ -7,7 +7,7 @@ import pytest
 import records_by_hand as by_hand
 
 from hrg_cli import store
-from hrg_cli.commands.told_differences import told_beyond, told_differences
+from hrg_cli.commands.told_differences import describe_beyond, list_differences
 from hrg_cli.comparing import compare, compare_tables
 from hrg_cli.reporting.figure_names import name_figures, name_of_figure
 
@@ -32,7 +32,7 @@ def test_the_screen_has_no_keys_and_no_radians(tmp_path, hrg):
 def test_a_change_has_the_size_and_sign_of_its_figure():
     old = by_hand.resonator()
     found = compare(old, moved(old, -3.0)).differences
-    rows = {row[0]: row for row in told_differences([d for d in found if d.sigma is not None])}
+    rows = {row[0]: row for row in list_differences([d for d in found if d.sigma is not None])}
     values = dict(zip(old.name, zip(old.value, old.std)))
     factor, std = values["scale_factor"]
     change = rows["scale factor K"][3]
@@ -66,7 +66,7 @@ def test_keys_in_words(key, words):
 def test_a_figure_kept_twice_is_told_once():
     old = by_hand.diagnosis()
     report = json.loads(old.report)
-    rows = told_differences(compare(old, old.replace(report=json.dumps(report))).differences)
+    rows = list_differences(compare(old, old.replace(report=json.dumps(report))).differences)
     assert len(rows) == len(set(rows))
 
 
@@ -113,7 +113,7 @@ def test_what_moved_too_far_is_said_in_names_and_units(tmp_path, hrg):
     both = [json.loads(by_hand.diagnosis().report), by_hand.diagnosis()]
     less = both[1].replace(report=json.dumps(both[0] | {"effects": both[0]["effects"][1:]}))
     gone = both[0]["effects"][0]["name"]
-    [said] = [s for s in told_beyond(compare(both[1], less), 1e9) if s.startswith("cause")]
+    [said] = [s for s in describe_beyond(compare(both[1], less), 1e9) if s.startswith("cause")]
     assert said == f"cause {gone.replace('_', ' ')} is in the old result alone"
 
 

@@ -19,10 +19,10 @@ from ..pipeline import STAGES
 from ..reporting import console
 from ..reporting.text import format_number
 from .common import Common
-from .frame import OneFile, command, existing
+from .frame import OneFile, make_command, need_inputs
 
 
-@command(
+@make_command(
     "batch",
     "hrg batch lot.toml -o lot/ --jobs 4",
     says={
@@ -63,7 +63,7 @@ def batch_file(
 ) -> Shown:
     """Run a lot; the command's JSON and what shows it. Keys of the lot's file, then [batch] of
     --config, then --set, then --seed."""
-    path = existing([lot] if lot else [], "a lot's file (TOML)")[0]
+    path = need_inputs([lot] if lot else [], "a lot's file (TOML)")[0]
     over = settings.load_toml(run.config).get("batch", {}) if run.config else {}
     if not isinstance(over, dict):
         raise HrgError(f"{run.config}: batch is not a table; write the lot's keys under [batch]")
@@ -129,7 +129,7 @@ def resolve_lot(lot: LotSettings) -> dict[str, Any]:
     """The whole lot with every default of every stage, in the form of a lot's file."""
     tree = lot.model_dump(by_alias=True, exclude_unset=False)
     for name in (*PER_RECORDING, *lot.stages):
-        tree[name] = lot.values(name)
+        tree[name] = lot.check_settings(name)
     tree["runs"] = {
         pattern: run.model_dump(by_alias=True, exclude_unset=True)
         for pattern, run in lot.runs.items()

@@ -21,9 +21,16 @@ from ..stages import earth_rate
 from ..stages.calibrate import calibrate, summarise
 from ..stages.rate_table import rate_table
 from .common import Common
-from .frame import JOBS_OF_REHEARSAL, Files, Rehearsals, command, command_line, existing
+from .frame import (
+    JOBS_OF_REHEARSAL,
+    Files,
+    Rehearsals,
+    make_command,
+    need_inputs,
+    read_command_line,
+)
 from .one_stage import run_stage_on_files
-from .options import flags_of
+from .options import make_flags
 
 OF_WAVES = (
     *("model", "harmonics", "axis", "interpolation", "nodes", "scale_factor_harmonics"),
@@ -33,12 +40,12 @@ OF_TABLE = {"output": "output_column", "rate": "rate_column", "temperature": "te
 """Settings of a table of dwells -> their options."""
 
 
-@command(
+@make_command(
     "calibrate",
     "hrg calibrate forced-*.wave.h5 -o calibration.h5 --harmonics 2 --ladder",
     flags=[
-        *flags_of(calibrate, *OF_WAVES),
-        *flags_of(rate_table, prefix="Of a table of dwells (CSV …): ", **OF_TABLE),
+        *make_flags(calibrate, *OF_WAVES),
+        *make_flags(rate_table, prefix="Of a table of dwells (CSV …): ", **OF_TABLE),
     ],
     says=JOBS_OF_REHEARSAL,
 )
@@ -107,8 +114,8 @@ def calibrate_table(files: list[Path], run: Common, flags: Mapping[str, Any]) ->
         raise UsageError(
             "a table of dwells needs the column of the gyro's output; add --output-column NAME"
         )
-    values = run.settings(rate_table, "calibrate", **flags)
-    path = existing(files, "a table of dwells")[0]
+    values = run.resolve_settings(rate_table, "calibrate", **flags)
+    path = need_inputs(files, "a table of dwells")[0]
     if len(files) > 1:
         raise UsageError(f"{len(files)} tables were given, one is calibrated at a time; join them")
     output = run.need_output("calibration.h5")
@@ -120,7 +127,7 @@ def calibrate_table(files: list[Path], run: Common, flags: Mapping[str, Any]) ->
         "calibrate",
         [path],
         force=run.force,
-        command_line=command_line(),
+        command_line=read_command_line(),
     )
     return Outcome(record, pipeline.report(record, output, started, summarise(record)))
 

@@ -20,15 +20,15 @@ from ..records import Record
 from ..reporting import check_pages, console
 from ..reporting.answer import Answer, answer
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, Files, command, existing
-from .told_differences import told_beyond
+from .frame import NO_DRAWS, ONE_PROCESS, Files, make_command, need_inputs
+from .told_differences import describe_beyond
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
 USUAL_SIGMA = 5.0
 """Difference from a baseline, in σ, that passes where the command does not say another."""
 
 
-@command(
+@make_command(
     "check",
     "hrg check results/*.h5 --limits configs/limits.toml --junit check.xml",
     idle=NO_DRAWS | ONE_PROCESS | {"strict": "the limits say which status passes"},
@@ -104,7 +104,7 @@ def check_files(
     """Hold files against limits: those of --limits, tables of --config over them, --set over both;
     and against a baseline's results."""
     started = time.monotonic()
-    wanted = limits_of(run, limits)
+    wanted = resolve_limits(run, limits)
     if not wanted and baseline is None:
         raise UsageError("no limits are named; add --limits limits.toml, or --baseline results/")
     if run.show_config:
@@ -112,7 +112,7 @@ def check_files(
     for path in (junit, markdown):
         if path is not None:
             store.check_output(path, run.force)
-    paths = existing(files, "hrg files")
+    paths = need_inputs(files, "hrg files")
     with ExitStack() as opened:
         records = [opened.enter_context(_needed_of(path)) for path in paths]
         compared = [
@@ -139,7 +139,7 @@ def check_files(
             with store.atomic_path(target, run.force) as temporary:
                 temporary.write_text(text, encoding="utf-8")
     report = _report(done, found) | {"elapsed_s": round(time.monotonic() - started, 3)}
-    return run.kept(report), lambda: _show(done)
+    return run.write_report(report), lambda: _show(done)
 
 
 def _needed_of(path: Path) -> AbstractContextManager[Record]:
@@ -171,7 +171,7 @@ def _report(done: Sequence[Checked], found: Answer | None) -> dict[str, Any]:
             for reason in check_pages.explain_missed(one)
         ],
         "passed": passed,
-        "answer": found.json() if found else None,
+        "answer": found.to_json() if found else None,
         "files": [
             {
                 "file": str(one.path),
@@ -202,7 +202,7 @@ def _show(done: Sequence[Checked]) -> None:
             console.say(f"{one.name}: nothing moved from the baseline")
 
 
-def limits_of(run: Common, limits: Path | None) -> dict[str, Any]:
+def resolve_limits(run: Common, limits: Path | None) -> dict[str, Any]:
     """The limits of --limits, tables of --config over them, --set over both."""
     wanted: dict[str, Any] = {}
     for path in (p for p in (limits, run.config) if p is not None):
@@ -225,9 +225,11 @@ def _compare_with(path: Path, record: Record, baseline: Path, limit_sigma: float
     """What has moved by more than `limit_sigma` since the baseline."""
     if not baseline.is_dir():
         with _needed_of(baseline) as earlier:
-            return told_beyond(compare(earlier, record, (str(baseline), str(path))), limit_sigma)
+            return describe_beyond(
+                compare(earlier, record, (str(baseline), str(path))), limit_sigma
+            )
     other = baseline / path.name
     if not other.exists():
         return [f"{other.name} is not in the baseline {baseline}"]
     with _needed_of(other) as earlier:
-        return told_beyond(compare(earlier, record, (str(other), str(path))), limit_sigma)
+        return describe_beyond(compare(earlier, record, (str(other), str(path))), limit_sigma)

@@ -14,7 +14,7 @@ import typer
 import typer.main
 
 from ..errors import UsageError
-from .guard import DONE, REFUSED, unread_is_no_failure
+from .guard import DONE, REFUSED, forgive_closed_pipe
 
 SAME_CONTENT = {".h5": (".h5", ".hdf5", ".he5", ".nc", ".nc4"), ".html": (".html", ".htm")}
 OTHER_CONTENT = (
@@ -43,7 +43,7 @@ class Common:
     piped: bool = False
     """The output is a temporary file whose name goes through a pipe."""
 
-    def settings(
+    def resolve_settings(
         self, function: Callable[..., Any], table: str = "", **flags: Any
     ) -> dict[str, Any]:
         """The command's resolved settings; with --show-config they are printed and the command
@@ -78,7 +78,7 @@ class Common:
             print(text, end="")
         raise typer.Exit(DONE)
 
-    def kept(self, report: Mapping[str, Any]) -> dict[str, Any]:
+    def write_report(self, report: Mapping[str, Any]) -> dict[str, Any]:
         """The report of a command that only answers, written as JSON where --output names a
         file."""
         from ..reporting import console
@@ -130,7 +130,7 @@ class Common:
         """
         from ..reporting import console
 
-        with unread_is_no_failure():
+        with forgive_closed_pipe():
             self._print(report, show)
         if self.verbose and not self.quiet and report.get("elapsed_s") is not None:
             console.tell(f"{report['kind']}: {report['elapsed_s']:g} s")

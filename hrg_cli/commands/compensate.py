@@ -11,15 +11,15 @@ from ..errors import UsageError
 from ..stages import earth_rate
 from ..stages.compensate import compensate
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, make_command
 from .one_stage import run_stage_on_files
-from .options import flags_of
+from .options import make_flags
 
 
-@command(
+@make_command(
     "compensate",
     "hrg compensate wave.h5 --calibration calibration.h5 -o compensated.h5",
-    flags=flags_of(compensate, "windows_per_increment", *earth_rate.OPTIONS),
+    flags=make_flags(compensate, "windows_per_increment", *earth_rate.OPTIONS),
     idle=NO_DRAWS | ONE_PROCESS,
 )
 def main(

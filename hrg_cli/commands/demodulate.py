@@ -6,15 +6,15 @@ from typing import Any
 
 from ..stages.demodulate import demodulate
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, make_command
 from .one_stage import run_stage_on_files
-from .options import flags_of
+from .options import make_flags
 
 
-@command(
+@make_command(
     "demodulate",
     "hrg demodulate run.h5 -o periods.h5 --periods-per-window 50",
-    flags=flags_of(demodulate, "periods_per_window", "nominal_frequency_hz", "from_s", "to_s"),
+    flags=make_flags(demodulate, "periods_per_window", "nominal_frequency_hz", "from_s", "to_s"),
     idle=NO_DRAWS | ONE_PROCESS,
 )
 def main(run: Common, /, recording: OneFile = None, **flags: Any) -> None:

@@ -23,14 +23,22 @@ from ..stages.diagnose import diagnose
 from ..stages.simulation.gyro import make_courses, make_mechanics
 from ..stages.simulation_file import list_runs
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, EffectsFrom, Files, command, command_line, existing
-from .options import flags_of
+from .frame import (
+    NO_DRAWS,
+    ONE_PROCESS,
+    EffectsFrom,
+    Files,
+    make_command,
+    need_inputs,
+    read_command_line,
+)
+from .options import make_flags
 
 
-@command(
+@make_command(
     "diagnose",
     "hrg diagnose wave-*.h5 -o diagnosis.h5 --model resonator.h5",
-    flags=flags_of(diagnose, "scale_factor", "free_phase"),
+    flags=make_flags(diagnose, "scale_factor", "free_phase"),
     idle=NO_DRAWS | ONE_PROCESS,
 )
 def main(
@@ -63,8 +71,8 @@ def diagnose_files(
 ) -> pipeline.Outcome:
     """Diagnose wave files; writes the diagnosis and, beside it, the extended model as TOML and its
     resonator."""
-    values = run.settings(diagnose, **flags)
-    waves = existing(waves, "wave files")
+    values = run.resolve_settings(diagnose, **flags)
+    waves = need_inputs(waves, "wave files")
     output = run.need_output("diagnosis.h5")
     extended, resonator = beside_it(output)
     for path in (extended, resonator):
@@ -75,7 +83,7 @@ def diagnose_files(
         {"extra_effects": load_effects(effects_from)} if effects_from is not None else {}
     )
     if model is not None and model.suffix == ".toml":
-        further["resonator"] = read_believed(model, mean_temperature(waves))
+        further["resonator"] = read_believed(model, average_temperature(waves))
     elif model is not None:
         beside["resonator"] = model
     with store.whole_or_none([output, extended, resonator]):
@@ -87,7 +95,7 @@ def diagnose_files(
             beside=beside,
             further=further,
             force=run.force,
-            command_line=command_line(),
+            command_line=read_command_line(),
             progress=progress,
         )
         assert isinstance(outcome.record, Diagnosis)
@@ -96,12 +104,12 @@ def diagnose_files(
     more = {
         "extended_model": str(extended) if extended in written else None,
         "extended_resonator": str(resonator) if resonator in written else None,
-        "answer": told.json() if told else None,
+        "answer": told.to_json() if told else None,
     }
     return pipeline.Outcome(outcome.record, outcome.json | more)
 
 
-def mean_temperature(waves: Sequence[Path]) -> float | None:
+def average_temperature(waves: Sequence[Path]) -> float | None:
     """Mean of the runs' logged temperatures in °C; None where none is logged."""
     means = []
     for path in waves:

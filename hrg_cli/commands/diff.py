@@ -15,18 +15,18 @@ from ..comparing import Comparison, compare
 from ..errors import UsageError
 from ..reporting import console
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, command, existing, no_settings
-from .told_differences import HEAD, told_beyond, told_differences, told_lone
+from .frame import NO_DRAWS, ONE_PROCESS, make_command, need_inputs, refuse_settings
+from .told_differences import HEAD, describe_beyond, list_differences, list_lone_causes
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
 
 
-@command(
+@make_command(
     "diff",
     "hrg diff old/resonator.h5 new/resonator.h5 --limit-sigma 5",
     idle=NO_DRAWS
     | ONE_PROCESS
-    | no_settings("there is nothing to set")
+    | refuse_settings("there is nothing to set")
     | {"strict": "--limit-sigma says what passes"},
     says={"output": "File to write the JSON report into."},
 )
@@ -52,7 +52,7 @@ def diff_files(old: Path | None, new: Path | None, run: Common, limit_sigma: flo
     """Hold two results against each other; refused (exit 3) only where --limit-sigma is given and
     exceeded."""
     started = time.monotonic()
-    paths = existing([p for p in (old, new) if p is not None], "two results, OLD and NEW")
+    paths = need_inputs([p for p in (old, new) if p is not None], "two results, OLD and NEW")
     if len(paths) != 2:
         raise UsageError("one result is named; name two, OLD and NEW")
     with ExitStack() as opened:  # the figures are few: rows stay on disk
@@ -60,7 +60,7 @@ def diff_files(old: Path | None, new: Path | None, run: Common, limit_sigma: flo
             opened.enter_context(store.open_record(p, store.kind_of(p))) for p in paths
         )
         found = compare(before, after, (str(paths[0]), str(paths[1])))
-    beyond = told_beyond(found, limit_sigma) if limit_sigma is not None else []
+    beyond = describe_beyond(found, limit_sigma) if limit_sigma is not None else []
     report = {
         "kind": "diff",
         "status": "refused" if beyond else "valid",
@@ -72,7 +72,7 @@ def diff_files(old: Path | None, new: Path | None, run: Common, limit_sigma: flo
         "only_new": list(found.only_new),
         "words": [{"name": n, "old": a, "new": b} for n, a, b in found.words],
     }
-    return run.kept(report), lambda: _show(found)
+    return run.write_report(report), lambda: _show(found)
 
 
 SHOWN = 30
@@ -85,7 +85,7 @@ def _show(found: Comparison) -> None:
     for name, old, new in found.words:
         console.say(f"{name}: {old} → {new}")
     known = [d for d in found.differences if d.sigma is not None]
-    rows = told_differences([d for d in known if abs(d.sigma or 0.0) >= LEAST_SIGMA])
+    rows = list_differences([d for d in known if abs(d.sigma or 0.0) >= LEAST_SIGMA])
     if rows:
         console.print_table("", HEAD, rows[:SHOWN])
     elif found.is_empty:
@@ -96,5 +96,5 @@ def _show(found: Comparison) -> None:
             if known
             else "no figure has a standard deviation in both"
         )
-    for place, cause in told_lone(found):
+    for place, cause in list_lone_causes(found):
         console.say(f"cause {cause}: in the {place} result alone")

@@ -11,20 +11,20 @@ import typer
 from ..effects import EFFECTS, format_page
 from ..reporting import console
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, command, no_settings
+from .frame import NO_DRAWS, ONE_PROCESS, make_command, refuse_settings
 
 
-def effect_names(incomplete: str) -> list[str]:
+def list_effect_names(incomplete: str) -> list[str]:
     """Names of effects, for the shell's completion."""
     return [effect.name for effect in EFFECTS if effect.name.startswith(incomplete)]
 
 
-@command(
+@make_command(
     "effects",
     "hrg effects gain_mismatch",
     idle=NO_DRAWS
     | ONE_PROCESS
-    | no_settings("the catalogue has no settings")
+    | refuse_settings("the catalogue has no settings")
     | {"strict": "nothing is judged"},
     says={"output": "File to write the JSON report into."},
 )
@@ -36,15 +36,15 @@ def main(
         typer.Argument(
             metavar="NAME",
             help="One effect's page; all in one list otherwise.",
-            autocompletion=effect_names,
+            autocompletion=list_effect_names,
         ),
     ] = None,
 ) -> None:
     """The catalogue of effects: what a simulation can contain and a diagnosis can name."""
-    run.finish(*effects_page(name, run))
+    run.finish(*show_effects(name, run))
 
 
-def effects_page(name: str | None, run: Common) -> tuple[dict[str, Any], Callable[[], None]]:
+def show_effects(name: str | None, run: Common) -> tuple[dict[str, Any], Callable[[], None]]:
     """The catalogue of effects, or one effect's page."""
     started = time.monotonic()
     report: dict[str, Any] = {"kind": "effects", "status": "valid", "status_reasons": []}
@@ -64,4 +64,4 @@ def effects_page(name: str | None, run: Common) -> tuple[dict[str, Any], Callabl
         text = "\n".join(f"{e['name']:30}{e['family']:12}{e['title']}" for e in listed)
         report |= {"effects": listed}
     report["elapsed_s"] = round(time.monotonic() - started, 3)
-    return run.kept(report), lambda: console.say(text)
+    return run.write_report(report), lambda: console.say(text)

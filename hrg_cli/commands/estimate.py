@@ -6,15 +6,15 @@ from typing import Any
 
 from ..stages.estimate import estimate
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, make_command
 from .one_stage import run_stage_on_files
-from .options import flags_of
+from .options import make_flags
 
 
-@command(
+@make_command(
     "estimate",
     "hrg estimate periods.h5 -o wave.h5",
-    flags=flags_of(estimate, "solver", "start", "carrier_phase_rad"),
+    flags=make_flags(estimate, "solver", "start", "carrier_phase_rad"),
     idle=NO_DRAWS | ONE_PROCESS,
 )
 def main(run: Common, /, periods: OneFile = None, **flags: Any) -> None:

@@ -15,14 +15,14 @@ from ..exporting import export
 from ..exporting_records import FORMATS, export_record, format_of
 from ..records import Calibration
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command, existing
-from .options import flags_of
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, make_command, need_inputs
+from .options import make_flags
 
 
-@command(
+@make_command(
     "export",
     "hrg export calibration.h5 -o table.h --fixed-point-bits 16",
-    flags=flags_of(export, "fixed_point_bits", "precision"),
+    flags=make_flags(export, "fixed_point_bits", "precision"),
     idle=NO_DRAWS | ONE_PROCESS,
 )
 def main(
@@ -64,8 +64,8 @@ def export_file(
 ) -> dict[str, Any]:
     """Export a file; the command's JSON. The output's suffix names the format."""
     started = time.monotonic()
-    values = run.settings(export, **flags)
-    path = existing([file] if file else [], "an hrg file")[0]
+    values = run.resolve_settings(export, **flags)
+    path = need_inputs([file] if file else [], "an hrg file")[0]
     output = run.need_output(
         "table.csv, table.json, table.parquet, table.xlsx, table.mat or (a calibration) table.h"
     )

@@ -23,8 +23,8 @@ from ..reporting.text import format_number
 from ..stages.forecast import Forecast, forecast, summarise
 from ..units import DEGREE
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command, existing
-from .options import flags_of
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, make_command, need_inputs
+from .options import make_flags
 
 FLAGS = (
     *("drive", "wave_angle_rad", "rate_rad_s", "duration_s", "quadrature_gain_1_s"),
@@ -32,10 +32,10 @@ FLAGS = (
 )
 
 
-@command(
+@make_command(
     "forecast",
     "hrg forecast resonator.h5 --drive parametric -o forecast.svg",
-    flags=flags_of(forecast, *FLAGS),
+    flags=make_flags(forecast, *FLAGS),
     idle=NO_DRAWS | ONE_PROCESS,
 )
 def main(run: Common, /, resonator: OneFile = None, **flags: Any) -> None:
@@ -58,8 +58,8 @@ def forecast_file(
     """Forecast; writes the output its suffix asks for; the command's JSON and the function that
     shows the table."""
     started = time.monotonic()
-    values = run.settings(forecast, **flags)
-    path = existing([file] if file else [], "a resonator file")[0]
+    values = run.resolve_settings(forecast, **flags)
+    path = need_inputs([file] if file else [], "a resonator file")[0]
     if run.output is not None and run.output.suffix not in SUFFIXES:
         raise UsageError(
             f"{run.output}: a forecast is written as {', '.join(SUFFIXES)}; choose one of these"

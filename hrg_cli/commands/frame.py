@@ -135,12 +135,12 @@ ONE_PROCESS = {"jobs": "the work is done by one process"}
 _SETTINGS = ("config", "assignments", "show_config")
 
 
-def no_settings(why: str) -> dict[str, str]:
+def refuse_settings(why: str) -> dict[str, str]:
     """The reason why a command has no settings, for each option that would change them."""
     return dict.fromkeys(_SETTINGS, why)
 
 
-def command(
+def make_command(
     name: str,
     example: str,
     *,
@@ -152,7 +152,7 @@ def command(
     """Make a command of its body: common options added, errors turned into one line and an exit
     status, an example under its help.
 
-    flags: options made from a stage's signature (`options.flags_of`), which the body takes as
+    flags: options made from a stage's signature (`options.make_flags`), which the body takes as
     **flags; idle: common option -> why it changes nothing in this command, whose help leaves it out
     and which says so where it is given all the same; says: common option -> its help in this
     command; also_written: the command's own options that name further outputs.
@@ -261,12 +261,12 @@ def _piped(
 ) -> None:
     """The command with its pipes: `-` among the inputs, `-o -`; what an interrupted one leaves is
     said."""
-    from .pipes import DASH, piped_output, remove, take_from_pipe
+    from .pipes import DASH, name_piped_output, remove, take_from_pipe
 
     if common.output == DASH:
         if common.json:
             raise UsageError("-o - prints the name of a file, --json an object; choose one of them")
-        common = replace(common, output=piped_output(name), piped=True)
+        common = replace(common, output=name_piped_output(name), piped=True)
     given, names = take_from_pipe(name, arguments)
     outputs = [*_paths(common.output), *(p for key in also_written for p in _paths(given[key]))]
     taken = [value for key, value in given.items() if key not in also_written]
@@ -307,7 +307,7 @@ def _say_idle(name: str, given: Mapping[str, Any], idle: Mapping[str, str]) -> N
             print(f"hrg {name}: {option} has no effect here: {why}", file=sys.stderr)
 
 
-def command_line() -> str:
+def read_command_line() -> str:
     """The command as it was typed, for `history`."""
     import shlex
 
@@ -315,7 +315,7 @@ def command_line() -> str:
     return typed.encode("utf-8", "backslashreplace").decode()  # a file's name may be no text
 
 
-def existing(paths: Sequence[Path], what: str) -> list[Path]:
+def need_inputs(paths: Sequence[Path], what: str) -> list[Path]:
     """The inputs, at least one."""
     if not paths:
         raise UsageError(f"no input is named; name {what}")

@@ -30,7 +30,7 @@ DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 @contextlib.contextmanager
-def unread_is_no_failure() -> Iterator[None]:
+def forgive_closed_pipe() -> Iterator[None]:
     """A reader that left (`hrg info x | head -1`) is no error of the command: what is printed from
     then on is dropped."""
     try:
@@ -41,7 +41,7 @@ def unread_is_no_failure() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def own_standard_output() -> Iterator[None]:
+def keep_standard_output() -> Iterator[None]:
     """Standard output for this program alone: libraries below Python (LAPACK) that print there
     would break --json. HrgError: what is printed cannot be written.
     """
@@ -69,7 +69,7 @@ def own_standard_output() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def libraries_silent(verbose: bool) -> Iterator[None]:
+def silence_libraries(verbose: bool) -> Iterator[None]:
     """Without the warnings and logs of libraries, which are for programmers: here results are
     judged, in sentences."""
     if verbose:
@@ -88,7 +88,7 @@ def libraries_silent(verbose: bool) -> Iterator[None]:
 def run_guarded(body: Callable[[], None], verbose: bool = False) -> None:
     """Run a command's body; every failure becomes one line on standard error and an exit status."""
     try:
-        with libraries_silent(verbose), own_standard_output(), unread_is_no_failure():
+        with silence_libraries(verbose), keep_standard_output(), forgive_closed_pipe():
             body()
     except UsageError as error:
         leave(str(error), USAGE)
@@ -117,7 +117,7 @@ def _unforeseen(error: Exception, verbose: bool) -> NoReturn:
         leave(f"this needs {how_to_install(gone)}", FAILED)
     if is_no_memory(error):
         leave(NO_MEMORY, FAILED)
-    if isinstance(error, OSError) and (said := said_by_system(error)):
+    if isinstance(error, OSError) and (said := explain_system_error(error)):
         leave(said, FAILED)
     if verbose:
         import traceback
@@ -147,7 +147,7 @@ REFUSALS = {
 """What the system refuses wherever a file is touched, and what to do then."""
 
 
-def said_by_system(error: OSError) -> str | None:
+def explain_system_error(error: OSError) -> str | None:
     """The sentence for what the system refused; None where it may be an error of the program."""
     if isinstance(error, FileNotFoundError) and error.filename is None and _folder_is_gone():
         return "the folder that this was started in is gone; change into one that is there"

@@ -7,9 +7,9 @@ from typing import Any
 from ..stages import earth_rate
 from ..stages.identify import identify
 from .common import Common
-from .frame import JOBS_OF_REHEARSAL, Files, Rehearsals, command
+from .frame import JOBS_OF_REHEARSAL, Files, Rehearsals, make_command
 from .one_stage import run_stage_on_files
-from .options import flags_of
+from .options import make_flags
 
 FLAGS = (
     *("method", "rate_rad_s", "fit_rate", "scale_factor", "damping_axis_rad"),
@@ -18,10 +18,10 @@ FLAGS = (
 )
 
 
-@command(
+@make_command(
     "identify",
     "hrg identify wave-*.h5 -o resonator.h5 --method all",
-    flags=flags_of(identify, *FLAGS),
+    flags=make_flags(identify, *FLAGS),
     says=JOBS_OF_REHEARSAL,
 )
 def main(run: Common, /, waves: Files = None, rehearse: Rehearsals = None, **flags: Any) -> None:

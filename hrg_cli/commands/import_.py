@@ -20,8 +20,8 @@ from ..formats import find_second_file, import_envelope, import_log
 from ..records import Record, Recording
 from ..reporting.console import print_table
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command, command_line, existing
-from .options import flags_of
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, make_command, need_inputs, read_command_line
+from .options import make_flags
 
 FLAGS = (
     *("c", "s", "s_file", "time", "temperature", "rate", "sample_rate_hz", "mode", "mode_number"),
@@ -39,12 +39,12 @@ LEFT_SHOWN = 20
 """Columns left that are told one by one on the screen."""
 
 
-@command(
+@make_command(
     "import",
     "hrg import log.csv -o recording.h5 --c 2 --s 3 --time 1 --mode free",
     flags=[
-        *flags_of(import_log, *FLAGS),
-        *flags_of(import_envelope, *OF_ENVELOPES, prefix="Envelope: "),
+        *make_flags(import_log, *FLAGS),
+        *make_flags(import_envelope, *OF_ENVELOPES, prefix="Envelope: "),
     ],
     idle=NO_DRAWS | ONE_PROCESS,
 )
@@ -94,12 +94,12 @@ def import_file(
             f"--{flag} is for"
             f" {'samples; leave it out with --envelope' if envelope else 'demodulated signals: add --envelope'}"
         )
-    values = run.settings(
+    values = run.resolve_settings(
         function,
         table,
         **{name: value for name, value in flags.items() if settings.accepts(function, name)},
     )
-    log = existing([log] if log else [], "a log, or - for standard input")[0]
+    log = need_inputs([log] if log else [], "a log, or - for standard input")[0]
     output = run.need_output("periods.h5" if envelope else "recording.h5")
     with _on_disk(log) as path:
         second = values.get("s_file")
@@ -111,7 +111,7 @@ def import_file(
             table,
             sources,
             force=run.force,
-            command_line=command_line(),
+            command_line=read_command_line(),
         )
     facts: dict[str, Any] = {"run_id": getattr(record, "run_id", "")}
     if isinstance(record, Recording):

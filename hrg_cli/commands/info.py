@@ -13,7 +13,7 @@ from .. import store
 from ..reporting import answer_text, console, figures_in_words, tables
 from ..reporting.answer import answer
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command, existing, no_settings
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, make_command, need_inputs, refuse_settings
 
 LINES_OF_HISTORY = 3
 """Lines of the history that are told without --full: the last ones made this file."""
@@ -21,12 +21,12 @@ RESULTS = ("diagnosis", "resonator", "calibration")
 """Kinds that have an answer; of the others the figures are told."""
 
 
-@command(
+@make_command(
     "info",
     "hrg info wave.h5 --json",
     idle=NO_DRAWS
     | ONE_PROCESS
-    | no_settings("a file is told as it is")
+    | refuse_settings("a file is told as it is")
     | {"strict": "the status is told, not judged"},
     says={"output": "File to write the JSON report into."},
 )
@@ -45,7 +45,7 @@ def info_file(
 ) -> tuple[dict[str, Any], Callable[[], None]]:
     """What a file holds. Its status is told, not judged: the command ends with 0 whatever it is."""
     started = time.monotonic()
-    path = existing([file] if file else [], "an hrg file")[0]
+    path = need_inputs([file] if file else [], "an hrg file")[0]
     with store.open_record(path, store.kind_of(path)) as record:
         facts = tables.list_facts(record)
     found = (
@@ -60,7 +60,7 @@ def info_file(
         "status_reasons": list(record.status_reasons),
         "elapsed_s": round(time.monotonic() - started, 3),
         "facts": facts,
-        "answer": found.json() if found else None,
+        "answer": found.to_json() if found else None,
         "history": list(provenance.history),
         "created": provenance.created,
         "generated_by": provenance.generated_by,
@@ -87,4 +87,4 @@ def info_file(
         for line in told:
             console.say(line)
 
-    return run.kept(report), show
+    return run.write_report(report), show

@@ -14,11 +14,19 @@ from ..errors import HrgError, UsageError
 from ..reporting import console
 from ..stages.inject import inject
 from .common import Common
-from .effects import effect_names
-from .frame import NO_DRAWS, ONE_PROCESS, EffectsFrom, OneFile, command, command_line, existing
+from .effects import list_effect_names
+from .frame import (
+    NO_DRAWS,
+    ONE_PROCESS,
+    EffectsFrom,
+    OneFile,
+    make_command,
+    need_inputs,
+    read_command_line,
+)
 
 
-@command(
+@make_command(
     "inject",
     "hrg inject recording.h5 --effect gain_mismatch --set gain=0.01 -o injected.h5",
     idle=NO_DRAWS | ONE_PROCESS,
@@ -38,7 +46,7 @@ def main(
         typer.Option(
             help="Effect to hide; may be repeated.",
             show_default=False,
-            autocompletion=effect_names,
+            autocompletion=list_effect_names,
         ),
     ] = None,
     resonator: Annotated[
@@ -70,13 +78,13 @@ def inject_file(
 ) -> pipeline.Outcome:
     """Hide effects in a recording file; the record and the command's JSON."""
     extra = load_effects(effects_from) if effects_from is not None else ()
-    assignments = tuple(of_effects(names, run.assignments, (*extra, *EFFECTS)))
+    assignments = tuple(complete_keys(names, run.assignments, (*extra, *EFFECTS)))
     values = settings.resolve(inject, run.config, assignments)
     for name in names:
         values["effects"].setdefault(name, {})
     if run.show_config:
         run.leave_with_settings({"inject": values})
-    paths = existing([recording] if recording else [], "a recording file")
+    paths = need_inputs([recording] if recording else [], "a recording file")
     output = run.need_output("injected.h5")
     beside = {} if resonator is None else {"resonator": resonator}
     further: dict[str, Any] = {"extra_effects": extra} if extra else {}
@@ -88,12 +96,12 @@ def inject_file(
         beside=beside,
         further=further,
         force=run.force,
-        command_line=command_line(),
+        command_line=read_command_line(),
         progress=progress,
     )
 
 
-def of_effects(
+def complete_keys(
     names: Sequence[str], assignments: Sequence[str], known: Sequence[Effect]
 ) -> list[str]:
     """The assignments with whole keys: PARAMETER=VALUE belongs to the effect that has it,

@@ -23,8 +23,8 @@ from ..ledger.overview import Overview, overview
 from ..ledger.report import head, of_history, of_overview
 from ..ledger.times import moment
 from ..reporting import console, ledger_tables
-from .check import limits_of
-from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing
+from .check import resolve_limits
+from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, make_command, need_inputs
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
 Chosen = tuple[str | None, Sequence[str], str | None]
@@ -94,7 +94,7 @@ ASKING = {
 }
 
 
-@command(
+@make_command(
     "add",
     "hrg ledger add results/*.h5 --station 2 --operator ann",
     idle=NO_DRAWS | ONE_PROCESS | {"strict": "a result is entered whatever its status"},
@@ -140,7 +140,7 @@ def add(
     run.finish(*add_files(files or [], run, ledger, given))
 
 
-@command(
+@make_command(
     "show",
     "hrg ledger show --limits configs/limits.toml --golden SN-001",
     idle=NO_DRAWS | ONE_PROCESS,
@@ -167,7 +167,7 @@ def show(
     run.finish(*show_ledger(run, ledger, limits, chosen, golden, guard_sigma, by.value))
 
 
-@command(
+@make_command(
     "history",
     "hrg ledger history SN-017 --limits configs/limits.toml",
     idle=NO_DRAWS | ONE_PROCESS,
@@ -195,8 +195,8 @@ def add_files(
 ) -> Shown:
     """Enter files; the command's JSON."""
     started = time.monotonic()
-    values = run.settings(enter, "ledger", **given)
-    paths = existing(files, "result files (resonator, calibration, diagnosis)")
+    values = run.resolve_settings(enter, "ledger", **given)
+    paths = need_inputs(files, "result files (resonator, calibration, diagnosis)")
     done = enter(ledger, paths, **values)
     report = {
         "kind": "ledger",
@@ -215,7 +215,7 @@ def add_files(
             console.say(f"{path.name}: {entry.kind} of {entry.gyro_id}, {entry.status}: {said}")
         console.say(f"{ledger}: {report['added']} added, {report['known']} known")
 
-    return run.kept(report), show
+    return run.write_report(report), show
 
 
 def show_ledger(
@@ -273,7 +273,7 @@ def show_history(
 
 
 def _parse_wanted(run: Common, limits: Path | None) -> dict[str, Any]:
-    wanted = limits_of(run, limits)
+    wanted = resolve_limits(run, limits)
     if run.show_config:
         run.leave_with_settings(wanted)
     return wanted
@@ -313,7 +313,7 @@ def _hand_over(
     report itself."""
     output = run.output
     if output is None or output.suffix not in (*FORMATS, PAGE):
-        return run.kept(report)
+        return run.write_report(report)
     content = page().encode() if output.suffix == PAGE else FORMATS[output.suffix](entries)
     with store.atomic_path(output, run.force) as temporary:
         temporary.write_bytes(content)

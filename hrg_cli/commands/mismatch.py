@@ -21,14 +21,14 @@ from ..reporting.text import format_number
 from ..stages.mismatch import Mismatch, mismatch
 from ..units import to_deg_per_hour
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command, existing
-from .options import flags_of
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, make_command, need_inputs
+from .options import make_flags
 
 
-@command(
+@make_command(
     "mismatch",
     "hrg mismatch wave.h5 --main-amplitude 1.0 -o mismatch.csv",
-    flags=flags_of(mismatch, "main_amplitude", "computing_s"),
+    flags=make_flags(mismatch, "main_amplitude", "computing_s"),
     idle=NO_DRAWS | ONE_PROCESS,
 )
 def main(run: Common, /, wave: OneFile = None, **flags: Any) -> None:
@@ -42,8 +42,8 @@ def mismatch_file(
 ) -> tuple[dict[str, Any], Callable[[], None]]:
     """Write the signals; the command's JSON and the function that shows their noise and delay."""
     started = time.monotonic()
-    values = run.settings(mismatch, **flags)
-    path = existing([file] if file else [], "a wave file")[0]
+    values = run.resolve_settings(mismatch, **flags)
+    path = need_inputs([file] if file else [], "a wave file")[0]
     output = run.need_output("mismatch.csv")
     if output.suffix not in (".csv", ".json"):
         raise UsageError(

@@ -9,7 +9,7 @@ from typing import Any
 from ..pipeline import STAGES, Outcome, run_stage
 from ..reporting import console
 from .common import Common
-from .frame import command_line, existing
+from .frame import need_inputs, read_command_line
 
 
 def run_stage_on_files(
@@ -24,8 +24,8 @@ def run_stage_on_files(
     """The body of every command that is one stage on files; its result is rehearsed so many times
     where that is asked for."""
     stage = STAGES[name]
-    values = run.settings(stage.load_function(), **flags)
-    inputs = existing(inputs, f"a {stage.takes} file")
+    values = run.resolve_settings(stage.load_function(), **flags)
+    inputs = need_inputs(inputs, f"a {stage.takes} file")
     output = run.need_output(f"{stage.gives}.h5")
     with console.show_progress(name, run.quiet or run.json) as progress:
         outcome = run_stage(
@@ -35,17 +35,17 @@ def run_stage_on_files(
             values,
             beside={key: path for key, path in (beside or {}).items() if path is not None},
             force=run.force,
-            command_line=command_line(),
+            command_line=read_command_line(),
             progress=progress,
         )
     if rehearse is None:
         run.finish(outcome.json, lambda: _show(outcome))
         return
     # A rehearsal needs the whole chain, the simulation and the diagnosis too, which take a second to load.
-    from .rehearse import and_rehearse
+    from .rehearse import rehearse_outcome
     from .rehearse import show as show_rehearsal
 
-    whole = and_rehearse(outcome, output, inputs, rehearse, run)
+    whole = rehearse_outcome(outcome, output, inputs, rehearse, run)
 
     def show() -> None:
         _show(whole)

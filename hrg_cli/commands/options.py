@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import typer
 
 
-def flags_of(
+def make_flags(
     stage: Callable[..., Any], *names: str, prefix: str = "", **renamed: str
 ) -> list[inspect.Parameter]:
     """Options for settings of a stage: those named, and those that the command calls otherwise.
@@ -50,12 +50,12 @@ def _accepted(kind: Any) -> tuple[Any, dict[str, Any]]:
     of_union = get_origin(kind) in (Union, UnionType)
     kinds = [k for k in (get_args(kind) if of_union else (kind,)) if k is not type(None)]
     if set(kinds) == {str, int}:
-        return str, {"parser": column, "metavar": "COLUMN"}
+        return str, {"parser": parse_column, "metavar": "COLUMN"}
     [only] = kinds
     if only == list[float]:
-        return str, {"parser": numbers, "metavar": "NUMBER,..."}
+        return str, {"parser": parse_numbers, "metavar": "NUMBER,..."}
     if only == list[str]:
-        return str, {"parser": words, "metavar": "NAME,..."}
+        return str, {"parser": parse_words, "metavar": "NAME,..."}
     if only in (str, int, float, bool) or get_origin(only) is Literal:
         return only, {}
     raise TypeError(f"no option can be made of {kind}")
@@ -70,12 +70,12 @@ def _sentence(prefix: str, meaning: str, default: Any) -> str:
     return f"{text}{shown}."
 
 
-def column(text: str) -> str | int:
+def parse_column(text: str) -> str | int:
     """A column's title, or its number."""
     return int(text) if text.isdigit() else text
 
 
-def numbers(text: str) -> list[float]:
+def parse_numbers(text: str) -> list[float]:
     """Numbers joined by commas."""
     try:
         return [float(part) for part in text.split(",")]
@@ -85,6 +85,6 @@ def numbers(text: str) -> list[float]:
         ) from None
 
 
-def words(text: str) -> list[str]:
+def parse_words(text: str) -> list[str]:
     """Names joined by commas."""
     return [part.strip() for part in text.split(",") if part.strip()]

@@ -37,7 +37,7 @@ READS_CONTENT = ("import",)
 """Commands to which `-` is the content itself."""
 
 
-def piped_output(command: str) -> Path:
+def name_piped_output(command: str) -> Path:
     """The name of a temporary output that does not exist yet. UsageError: the command makes no hrg
     file."""
     if command not in MAKES_A_FILE:

@@ -21,14 +21,14 @@ from ..stages.plan import plan, summarise
 from ..stages.planning.like_measured import make_menu_like
 from ..stages.planning.questions import say_in_words
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, Files, command, existing
-from .options import flags_of
+from .frame import NO_DRAWS, ONE_PROCESS, Files, make_command, need_inputs
+from .options import make_flags
 
 
-@command(
+@make_command(
     "plan",
     "hrg plan resonator.h5 --menu configs/menu.toml -o next.toml --runs 3",
-    flags=flags_of(plan, "runs", "criterion", "causes"),
+    flags=make_flags(plan, "runs", "criterion", "causes"),
     idle=NO_DRAWS | ONE_PROCESS,
 )
 def main(
@@ -88,8 +88,8 @@ def plan_files(
 ) -> dict[str, Any]:
     """Plan the next runs; writes them as a simulation file; the command's JSON."""
     started = time.monotonic()
-    values = run.settings(plan, **flags)
-    first, *waves = existing(
+    values = run.resolve_settings(plan, **flags)
+    first, *waves = need_inputs(
         files, "a resonator or diagnosis file, then the waves measured already"
     )
     known = store.read_any(first)

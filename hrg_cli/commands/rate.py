@@ -11,9 +11,9 @@ from ..errors import UsageError
 from ..stages import earth_rate
 from ..stages.rate import rate
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, make_command
 from .one_stage import run_stage_on_files
-from .options import flags_of
+from .options import make_flags
 
 FLAGS = (
     *("nodes", *earth_rate.OPTIONS),
@@ -21,10 +21,10 @@ FLAGS = (
 )
 
 
-@command(
+@make_command(
     "rate",
     "hrg rate wave.h5 --resonator resonator.h5 -o rate.h5",
-    flags=flags_of(rate, *FLAGS),
+    flags=make_flags(rate, *FLAGS),
     idle=NO_DRAWS | ONE_PROCESS,
 )
 def main(

@@ -19,14 +19,14 @@ from ..reporting import console
 from ..reporting.rehearsal_tables import tabulate_rehearsal
 from ..stages.rehearse import rehearse
 from .common import Common
-from .frame import Files, command, command_line, existing
-from .options import flags_of
+from .frame import Files, make_command, need_inputs, read_command_line
+from .options import make_flags
 
 
-@command(
+@make_command(
     "rehearse",
     "hrg rehearse resonator.h5 --times 30 --jobs 2 -o rehearsal.svg",
-    flags=flags_of(rehearse, "times"),
+    flags=make_flags(rehearse, "times"),
     says={
         "output": "File for the report (.json), its picture (.svg) or both (.html).",
         "jobs": "Processes that share the rehearsals.",
@@ -66,7 +66,7 @@ def rehearse_files(
     """Rehearse the one result among the files, the others are its inputs; the command's JSON and
     the function that shows its table."""
     started = time.monotonic()
-    values = run.settings(rehearse, **flags)
+    values = run.resolve_settings(rehearse, **flags)
     if run.output is not None:
         if run.output.suffix not in SUFFIXES:
             raise UsageError(
@@ -74,7 +74,7 @@ def rehearse_files(
                 " these suffixes"
             )
         store.check_output(run.output, run.force)
-    given = existing(files, "a resonator, calibration or diagnosis file")
+    given = need_inputs(files, "a resonator, calibration or diagnosis file")
     results = [path for path in given if store.kind_of(path) in RESULTS]
     if len(results) != 1:
         found = "none" if not results else " and ".join(str(path) for path in results)
@@ -83,7 +83,7 @@ def rehearse_files(
             " of FILE are its inputs"
         )
     told = rehearse_file(
-        results[0], given, values, run.jobs, progress, None if keep_file else command_line()
+        results[0], given, values, run.jobs, progress, None if keep_file else read_command_line()
     )
     report = {
         **pipeline.common_keys("rehearsal", told.status, told.reasons, run.output, started),
@@ -125,7 +125,7 @@ def _write(report: Mapping[str, Any], suffix: str, path: Path) -> None:
     write_standalone_svg(plot, path)
 
 
-def and_rehearse(
+def rehearse_outcome(
     outcome: pipeline.Outcome, output: Path, inputs: Sequence[Path], times: int, run: Common
 ) -> pipeline.Outcome:
     """What `--rehearse N` of a command adds to its outcome: the verdict in the file's status and in
@@ -135,7 +135,7 @@ def and_rehearse(
     )
     with console.show_progress("rehearse", run.quiet or run.json) as progress:
         told = rehearse_file(
-            output, inputs, values, run.jobs, progress, f"{command_line()} (its rehearsal)"
+            output, inputs, values, run.jobs, progress, f"{read_command_line()} (its rehearsal)"
         )
     record = store.read(output, type(outcome.record))
     reasons = list(record.status_reasons)

@@ -13,8 +13,8 @@ from pydantic import Field
 
 from .. import pipeline, settings, store
 from ..holding import concerns, hold
-from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, command, existing
-from .options import flags_of
+from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, make_command, need_inputs
+from .options import make_flags
 
 
 def report(
@@ -54,10 +54,10 @@ def report(
     return [output]
 
 
-@command(
+@make_command(
     "report",
     "hrg report run.h5 wave.h5 resonator.h5 -o report.html",
-    flags=flags_of(report, "format", "truth", "full"),
+    flags=make_flags(report, "format", "truth", "full"),
     idle=NO_DRAWS | ONE_PROCESS | {"strict": "the page of a suspect result is a valid page"},
 )
 def main(
@@ -81,8 +81,8 @@ def report_files(
     from ..reporting.page import find_worst_status
 
     started = time.monotonic()
-    values = run.settings(report, **flags)
-    paths = existing(files, "the files to report on")
+    values = run.resolve_settings(report, **flags)
+    paths = need_inputs(files, "the files to report on")
     output = run.need_output("report.html")
     made = report(
         paths,

@@ -27,14 +27,14 @@ from ..reporting.check_pages import explain_figure
 from ..stages.demodulate import demodulate
 from .common import Common
 from .dry_run import say_by_hand
-from .frame import Files, command, command_line, existing, make_rehearse_option
-from .options import flags_of
+from .frame import Files, make_command, make_rehearse_option, need_inputs, read_command_line
+from .options import make_flags
 
 
-@command(
+@make_command(
     "run",
     "hrg run recordings/ -o results/ --jobs 2",
-    flags=flags_of(demodulate, "from_s", "to_s"),
+    flags=make_flags(demodulate, "from_s", "to_s"),
     says={
         "output": "Folder of the results; the same folder resumes.",
         "config": "TOML file with a table a stage.",
@@ -66,7 +66,7 @@ def main(
     """The whole chain on the recordings (or logs, or a folder of them) of one gyro: the answer, and
     a page to show."""
     if run.show_config:
-        tables_of(run, part, rehearse)
+        resolve_tables(run, part, rehearse)
     run.finish(*run_files(recordings or [], run, limits, full, dry_run, part, rehearse))
 
 
@@ -90,11 +90,11 @@ def run_files(
     HrgError: every recording failed, mixed gyros, outputs in the way.
     """
     started = time.monotonic()
-    tables = tables_of(run, part or {}, rehearse)
-    rehearsals = rehearsals_of(tables)
+    tables = resolve_tables(run, part or {}, rehearse)
+    rehearsals = read_rehearsals(tables)
     wanted = settings.load_toml(limits) if limits is not None else {}
     check_tables(wanted)
-    paths = existing(recordings, "the recordings of one gyro, or their folder")
+    paths = need_inputs(recordings, "the recordings of one gyro, or their folder")
     folder = run.need_output("results/")
     if dry_run:
         return _plan(say_by_hand(paths, folder, tables, run), started)
@@ -116,7 +116,7 @@ def run_files(
         _write_page(page, [*recorded, *made], rows, full, force)
     report = _judge(steps, rows) | {
         "output": str(folder),
-        "answer": found.json() if found else None,
+        "answer": found.to_json() if found else None,
         "steps": [dataclasses.asdict(step) for step in steps],
         "report": str(page) if made and not pageless else None,
     }
@@ -168,7 +168,7 @@ def _follow_chain(
             tables,
             limits=wanted,
             force=run.force,
-            command_line=command_line(),
+            command_line=read_command_line(),
             told=told,
             jobs=run.jobs,
             rehearse=rehearsals,
@@ -199,14 +199,14 @@ def _judge(steps: Sequence[Step], rows: Sequence[Row]) -> dict[str, Any]:
     return {
         "kind": "run",
         "status": worst,
-        "status_reasons": [*missed, *reasons_of(deciding)],
+        "status_reasons": [*missed, *list_reasons(deciding)],
     }
 
 
 _ORDER = ["valid", "suspect", "refused"]
 
 
-def tables_of(
+def resolve_tables(
     run: Common, part: Mapping[str, float | None], rehearse: int | None = None
 ) -> dict[str, Any]:
     """The settings a stage; with --show-config they are printed and the command ends."""
@@ -234,12 +234,12 @@ def tables_of(
             name: settings.check_settings(stage.load_function(), tables.get(name, {}))
             for name, stage in STAGES.items()
         }
-        rehearsals = rehearsals_of(tables)
+        rehearsals = read_rehearsals(tables)
         run.leave_with_settings(whole | ({} if rehearsals is None else {"rehearse": rehearsals}))
     return tables
 
 
-def rehearsals_of(tables: Mapping[str, Any]) -> dict[str, Any] | None:
+def read_rehearsals(tables: Mapping[str, Any]) -> dict[str, Any] | None:
     """The whole settings of the rehearsals; None where a run is to have none.
 
     HrgError: something is set of them, but not how many there are to be.
@@ -256,7 +256,7 @@ def rehearsals_of(tables: Mapping[str, Any]) -> dict[str, Any] | None:
     return settings.check_settings(rehearse, tables["rehearse"])
 
 
-def reasons_of(steps: Sequence[Step]) -> list[str]:
+def list_reasons(steps: Sequence[Step]) -> list[str]:
     """Every reason once: what a result inherits from its inputs is told at the input, and the same
     reason of many files once for all."""
     doubted = {step.output for step in steps if step.status in ("suspect", "refused")}

@@ -22,14 +22,14 @@ from ..reporting import console
 from ..stages.simulate import compute_size_bytes, simulate, summarise
 from ..stages.simulation_file import SimulationFile, list_runs
 from .common import Common
-from .frame import EffectsFrom, command, command_line, existing
-from .options import flags_of
+from .frame import EffectsFrom, make_command, need_inputs, read_command_line
+from .options import make_flags
 
 
-@command(
+@make_command(
     "simulate",
     "hrg simulate configs/free_run_downs.toml -o run.h5",
-    flags=flags_of(simulate, "model", "run"),
+    flags=make_flags(simulate, "model", "run"),
 )
 def main(
     run: Common,
@@ -43,7 +43,7 @@ def main(
     """Simulate recordings of a gyro described in TOML; several [[run]] tables give OUTPUT-RUN.h5
     each."""
     started = time.monotonic()
-    file = existing([config_file] if config_file else [], "a simulation file (TOML)")[0]
+    file = need_inputs([config_file] if config_file else [], "a simulation file (TOML)")[0]
     with console.show_progress("simulate", run.quiet or run.json) as progress:
         report = simulate_files(file, run, flags, effects_from, progress)
     run.finish({**report, "elapsed_s": round(time.monotonic() - started, 3)})
@@ -83,8 +83,9 @@ def simulate_files(
     for path in outputs:
         store.check_output(path, run.force)
     _need_room([runs[name] for name in names if name in runs], file, output.parent)
+    typed = read_command_line()
     tasks = [
-        Task(config, file, effects_from, {**values, "run": name}, path, run.force, command_line())
+        Task(config, file, effects_from, {**values, "run": name}, path, run.force, typed)
         for name, path in zip(names, outputs)
     ]
     with store.whole_or_none(outputs):

@@ -22,8 +22,8 @@ from ..reporting import console
 from ..store import atomic_path, check_output
 from ..version import __version__
 from .common import Common
-from .frame import command
-from .options import numbers, words
+from .frame import make_command
+from .options import parse_numbers, parse_words
 
 STUDIES = {
     "gauss-newton": "gauss_newton",
@@ -42,7 +42,7 @@ def _study_names(incomplete: str) -> list[str]:
     return [name for name in STUDIES if name.startswith(incomplete)]
 
 
-@command(
+@make_command(
     "study",
     "hrg study gauss-newton -o study/",
     idle={"strict": "a study has no validity of its own"},
@@ -75,7 +75,7 @@ def main(
         typer.Option(
             help="Effects to hide, joined by commas (default: all).",
             show_default=False,
-            parser=words,
+            parser=parse_words,
             metavar="NAME,...",
         ),
     ] = None,
@@ -84,7 +84,7 @@ def main(
         typer.Option(
             help="Their sizes in σ, joined by commas.",
             show_default=False,
-            parser=numbers,
+            parser=parse_numbers,
             metavar="NUMBER,...",
         ),
     ] = None,
@@ -153,7 +153,7 @@ def _settings_of_study(
     for key, value in flags.items():
         if value is not None and not settings.accepts(study, key):
             raise UsageError(f"the study {name} has no --{key}; leave it out")
-    return run.settings(
+    return run.resolve_settings(
         study, **{key: value for key, value in flags.items() if settings.accepts(study, key)}
     )
 

@@ -12,7 +12,7 @@ from ..reporting.text import clean_text, format_number
 HEAD = ("figure", "old", "new", "change", "moved by, σ")
 
 
-def told_differences(found: Sequence[Difference]) -> list[tuple[str, ...]]:
+def list_differences(found: Sequence[Difference]) -> list[tuple[str, ...]]:
     """Figure, old, new, change and σ of each difference; a figure kept in two places once."""
     rows: list[tuple[str, ...]] = []
     for one in found:
@@ -28,20 +28,22 @@ def told_differences(found: Sequence[Difference]) -> list[tuple[str, ...]]:
     return rows
 
 
-def told_beyond(found: Comparison, limit_sigma: float) -> list[str]:
+def describe_beyond(found: Comparison, limit_sigma: float) -> list[str]:
     """Sentences: what moved by more, what is in one alone (causes), which words changed."""
     far = [d for d in found.differences if d.sigma is not None and abs(d.sigma) > limit_sigma]
     said = [
         f"{name} moved by {sigma} σ ({change}), at most {limit_sigma:g} was wanted"
-        for name, _, _, change, sigma in told_differences(far)
+        for name, _, _, change, sigma in list_differences(far)
     ]
-    said += [f"cause {cause} is in the {place} result alone" for place, cause in told_lone(found)]
+    said += [
+        f"cause {cause} is in the {place} result alone" for place, cause in list_lone_causes(found)
+    ]
     return said + [
         f"{name} was {clean_text(old)}, is {clean_text(new)}" for name, old, new in found.words
     ]
 
 
-def told_lone(found: Comparison) -> list[tuple[str, str]]:
+def list_lone_causes(found: Comparison) -> list[tuple[str, str]]:
     """Causes that one result alone has, in words: "old" or "new", and the cause."""
     return [(place, clean_text(cause.replace("_", " "))) for place, cause in found.lone_causes]
 

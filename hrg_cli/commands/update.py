@@ -9,11 +9,11 @@ import typer
 
 from ..errors import UsageError
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, OneFile, command
+from .frame import NO_DRAWS, ONE_PROCESS, OneFile, make_command
 from .one_stage import run_stage_on_files
 
 
-@command(
+@make_command(
     "update",
     "hrg update calibration.h5 --resonator resonator.h5 -o updated.h5",
     idle=NO_DRAWS | ONE_PROCESS,

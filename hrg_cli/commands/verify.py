@@ -15,13 +15,13 @@ from ..reporting import console
 from ..reporting.text import drop_empty_columns
 from ..verification import report, verify
 from .common import Common
-from .frame import NO_DRAWS, ONE_PROCESS, Files, command, existing, no_settings
+from .frame import NO_DRAWS, ONE_PROCESS, Files, make_command, need_inputs, refuse_settings
 
 
-@command(
+@make_command(
     "verify",
     "hrg verify lot/",
-    idle=NO_DRAWS | ONE_PROCESS | no_settings("files are held against what was written"),
+    idle=NO_DRAWS | ONE_PROCESS | refuse_settings("files are held against what was written"),
     says={
         "output": "File to write the JSON report into.",
         "strict": "Files that keep no checksums (a laboratory's), too, end with status 3.",
@@ -54,7 +54,7 @@ def verify_files(
     """Verify, and sign what is whole; the command's JSON and its table."""
     started = time.monotonic()
     key = None if sign_with is None else signatures.private_key(sign_with)
-    verdicts = verify(existing(files, "hrg files or their folder"))
+    verdicts = verify(need_inputs(files, "hrg files or their folder"))
     if key is not None and all(verdict.result == "whole" for verdict in verdicts):
         for path in files:
             if path.is_file():
@@ -69,4 +69,4 @@ def verify_files(
         if absent:
             console.say(f"not in the folder, so not followed: {name_some(absent)}")
 
-    return run.kept(told), show
+    return run.write_report(told), show

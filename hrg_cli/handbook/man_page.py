@@ -137,7 +137,7 @@ def _common() -> Any:
     def nothing(run: Any) -> None:
         """Nothing."""
 
-    return frame.command("bare", "")(nothing)
+    return frame.make_command("bare", "")(nothing)
 
 
 def _option(command: Any, parameter: Any) -> Iterator[str]:

@@ -48,7 +48,7 @@ def golden_unit(entries: Sequence[Entry], names: Sequence[str], by: str) -> list
         stations = np.array([str(getattr(e, by)) for e in whole.entries], dtype=object)
         for station in sorted(set(stations)):
             here = stations == station
-            rows.append(_row(station, whole.where(here), whole.where(~here)))
+            rows.append(_row(station, whole.select(here), whole.select(~here)))
     return rows
 
 

@@ -57,7 +57,7 @@ class History:
     @property
     def missed(self) -> list[str]:
         """Sentences: which limits the newest results miss."""
-        return [row.sentence(self.guard_sigma) for row in self.held if not row.passed]
+        return [row.describe(self.guard_sigma) for row in self.held if not row.passed]
 
     @property
     def doubts(self) -> list[str]:

@@ -46,11 +46,11 @@ class Held:
         """Within the limit, and clear of its guard band."""
         return self.row.passed and not self.in_guard_band
 
-    def sentence(self, k: float) -> str:
+    def describe(self, k: float) -> str:
         """Why it does not pass, in people's names and units."""
         shown = describe_requirement(self.row)
         if self.row.words is not None:
-            return self.row.sentence()
+            return self.row.describe()
         if self.row.value is None:
             return f"{shown.label} is not in the file"
         if self.row.passed and self.in_guard_band:

@@ -87,7 +87,7 @@ class Overview:
     def missed(self) -> list[str]:
         """Sentences: which gyro misses which limit."""
         return [
-            f"{s.entry.gyro_id}, {s.entry.kind}: {row.sentence(self.guard_sigma)}"
+            f"{s.entry.gyro_id}, {s.entry.kind}: {row.describe(self.guard_sigma)}"
             for s in self.standings
             for row in s.held
             if not row.passed
@@ -201,7 +201,7 @@ def list_gyros(
     alone."""
     made = newest(e for e in entries if name in e.figures)
     population = series([e for e in made.values() if e.gyro_id != golden], name)
-    population = population.where(np.argsort(population.times, kind="stable"))
+    population = population.select(np.argsort(population.times, kind="stable"))
     values = population.values
     every = series(entries, name)
     own = np.where(np.isnan(every.stds), 0.0, every.stds)

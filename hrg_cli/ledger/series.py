@@ -34,7 +34,7 @@ class FigureSeries:
     def __len__(self) -> int:
         return len(self.values)
 
-    def where(self, chosen: Array) -> FigureSeries:
+    def select(self, chosen: Array) -> FigureSeries:
         """The measurements of a mask (n,), or those at these places in their order."""
         entries = tuple(self.entries[i] for i in np.arange(len(self))[chosen])
         return FigureSeries(

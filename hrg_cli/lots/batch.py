@@ -78,7 +78,7 @@ def run_lot(
                 work,
                 list[Task](tasks.recordings),
                 open_executor or choose_executor(),
-                then=course.after,
+                then=course.take_result,
             )
         found = [plain_paths(r, folder, path) for r in course.gyros]
         told = [plain_paths(r, folder, path) for r in fail_copies(course.recordings)]

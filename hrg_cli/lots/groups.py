@@ -50,7 +50,7 @@ class Group:
         """Whether it is limited in time."""
         return bool(self.since or self.until)
 
-    def words(self) -> str:
+    def describe(self) -> str:
         """In words, for instance: all gyros of station 2 since 2026-05-04."""
         text = f"all gyros of {self.by} {self.value}" if self.by else "all gyros"
         if self.also:

@@ -30,7 +30,7 @@ class LotCourse:
         self._recordings: dict[tuple[str, str], dict[str, Any]] = {}
         self._gyros: dict[str, dict[str, Any]] = {}
 
-    def after(self, task: Task, result: dict[str, Any] | None) -> Sequence[Task]:
+    def take_result(self, task: Task, result: dict[str, Any] | None) -> Sequence[Task]:
         """Note what came of a task (None: its process was killed); a gyro's, where that was the last
         of its recordings."""
         following: list[Task] = []
@@ -38,7 +38,7 @@ class LotCourse:
         if isinstance(task, GyroTask):
             self._gyros[task.gyro_id] = result or killed
         else:
-            told = self._tasks.examined(task, result or killed | {"name": task.name})
+            told = self._tasks.examine(task, result or killed | {"name": task.name})
             self._recordings[task.gyro_id, task.name] = told
             own = self._of_gyro[task.gyro_id]
             if all((one.gyro_id, one.name) in self._recordings for one in own):
@@ -61,7 +61,7 @@ class LotCourse:
         """The results of all gyros, in the order of their names."""
         return [self._gyros[gyro] for gyro in self._of_gyro]
 
-    def sentence(self) -> str:
+    def describe(self) -> str:
         """How far it has come."""
         return (
             f"{len(self._gyros)} of {len(self._of_gyro)} gyros and {len(self._recordings)} of"
@@ -76,8 +76,8 @@ def say_how_far(folder: Path, course: LotCourse) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        raise InterruptedRunError(f"{folder}: interrupted: {course.sentence()}") from None
+        raise InterruptedRunError(f"{folder}: interrupted: {course.describe()}") from None
     except DiskFullError as error:
-        raise DiskFullError(f"{error}; {course.sentence()}") from error
+        raise DiskFullError(f"{error}; {course.describe()}") from error
     finally:
         store.remove_stale(folder, below=True)

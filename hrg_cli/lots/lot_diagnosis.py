@@ -79,7 +79,7 @@ def _cause(
     alone = [names[k] for k in one.alone]
     inside = set(one.group.members)
     others = [e for e in one.estimates if e[0] not in inside]
-    sentence = f"{one.group.words()}: {say_in_words(effect)} {size_cause(parameter, one.value, one.std, one.units)}"
+    sentence = f"{one.group.describe()}: {say_in_words(effect)} {size_cause(parameter, one.value, one.std, one.units)}"
     return {
         "kind": "cause",
         "name": effect,
@@ -120,7 +120,7 @@ def _shift(one: Shift, names: Sequence[str]) -> dict[str, Any]:
     )
     sign = "higher" if one.value > 0 else "lower"
     size = size_cause(one.name, abs(one.value), one.std, units)
-    sentence = f"{one.group.words()}: {words} {sign} by {size} than the others'"
+    sentence = f"{one.group.describe()}: {words} {sign} by {size} than the others'"
     return {
         "kind": "parameter",
         "name": one.name,

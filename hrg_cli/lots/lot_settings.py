@@ -141,7 +141,7 @@ class LotSettings(BaseModel):
                     own.setdefault(key, getattr(gyro, key))
         return noted
 
-    def grouped(self, gyro: str) -> dict[str, str]:
+    def find_groups(self, gyro: str) -> dict[str, str]:
         """The keys that group a gyro, by its own table, else by the first pattern that fits its
         name."""
         own, out = self._noted.get(gyro, {}), {}
@@ -152,11 +152,11 @@ class LotSettings(BaseModel):
                     break
         return out | {key: own[key] for key in GROUPED_BY if key in own}
 
-    def day_of(self, gyro: str) -> str:
+    def find_day(self, gyro: str) -> str:
         """The day that the lot's file gives a gyro."""
         return self._noted.get(gyro, {}).get("day", "")
 
-    def table(self, stage: str, file_name: str = "") -> Table:
+    def merge_given(self, stage: str, file_name: str = "") -> Table:
         """The settings given for a stage: the lot's, then those of every pattern that fits the
         file's name."""
         attribute = "import_" if stage == "import" else stage
@@ -166,12 +166,14 @@ class LotSettings(BaseModel):
                 given |= getattr(run, attribute)
         return given
 
-    def values(self, stage: str, file_name: str = "", where: str = "the lot's file") -> Table:
+    def check_settings(
+        self, stage: str, file_name: str = "", where: str = "the lot's file"
+    ) -> Table:
         """The whole checked settings of a stage; `where` names what holds them."""
         function = import_log if stage == "import" else STAGES[stage].load_function()
         checked = settings.validate(
             settings.model_of(function),
-            self.table(stage, file_name),
+            self.merge_given(stage, file_name),
             where,
             prefix=f"{stage}.",
         )
@@ -203,7 +205,7 @@ def read_lot(
                 bounds(name, limit)
     for stage in ("import", *PER_RECORDING, *lot.stages):
         for pattern in ("", *lot.runs):
-            lot.values(stage, pattern, str(path))
+            lot.check_settings(stage, pattern, str(path))
     return lot
 
 

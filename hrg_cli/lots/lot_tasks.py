@@ -38,7 +38,7 @@ class LotTasks:
     unreadable: Sequence[dict[str, Any]]
     origins: Mapping[str, Origin]
 
-    def examined(self, task: RecordingTask, result: dict[str, Any]) -> dict[str, Any]:
+    def examine(self, task: RecordingTask, result: dict[str, Any]) -> dict[str, Any]:
         """The result of a recording; of one that failed also whether it could be read at all."""
         if result["status"] != "failed" or task.foreign or is_readable(Path(task.source)):
             return result
@@ -57,7 +57,8 @@ def list_tasks(
     used: set[tuple[str, str]] = set()
     epoch = read_epoch(lot)
     second = find_partners(
-        [file for _, file in recordings], lambda file: lot.table("import", file.name).get("s_file")
+        [file for _, file in recordings],
+        lambda file: lot.merge_given("import", file.name).get("s_file"),
     )
     for named, file in recordings:
         if file in second:
@@ -70,7 +71,7 @@ def list_tasks(
                 told[file] = Told(named, "", {})
             continue
         foreign = own is None
-        said = own or Told(str(lot.table("import", file.name).get("gyro_id", "")), "", {})
+        said = own or Told(str(lot.merge_given("import", file.name).get("gyro_id", "")), "", {})
         gyro = named or said.gyro_id or file.parent.name
         told[file] = Told(gyro, said.day, said.groups)
         by[str(file)] = BY_LOT if named else _tell_origin(said)
@@ -79,7 +80,7 @@ def list_tasks(
             name = f"{name}-{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
         used.add((gyro, name))
         stages = (*(["import"] if foreign else []), *PER_RECORDING)
-        values = {stage: lot.values(stage, file.name) for stage in stages}
+        values = {stage: lot.check_settings(stage, file.name) for stage in stages}
         place = str(folder.absolute() / make_safe_name(gyro))
         tasks.append(
             RecordingTask(str(file), place, name, gyro, epoch, values, foreign, lot.lot_id, command)
@@ -113,7 +114,7 @@ def make_gyro_task(
         tuple(sorted(waves["forced"])),
         one.epoch,
         stages,
-        {stage: lot.values(stage) for stage in stages},
+        {stage: lot.check_settings(stage) for stage in stages},
         dict.fromkeys(JUDGED, VALID) | lot.limits,
         one.command,
     )
@@ -138,8 +139,8 @@ def _origins(lot: LotSettings, told: Mapping[Path, Told]) -> dict[str, Origin]:
         of.setdefault(one.gyro_id, []).append(one)
     return {
         gyro: Origin(
-            group_keys(lot.grouped(gyro), ones),
-            lot.day_of(gyro) or min((one.day for one in ones if one.day), default=""),
+            group_keys(lot.find_groups(gyro), ones),
+            lot.find_day(gyro) or min((one.day for one in ones if one.day), default=""),
         )
         for gyro, ones in of.items()
     }

@@ -93,7 +93,7 @@ class Answer:
     snippet: str
     commands: tuple[str, ...]
 
-    def json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """The JSON key `answer`."""
         return dataclasses.asdict(self)
 
@@ -123,7 +123,7 @@ def answer(
     >>> answer([]) is None
     True
     """
-    results = Results.of(records)
+    results = Results.from_records(records)
     if not results.deciding:
         return None
     diagnosis, tables = results.diagnosis, results.tables
@@ -176,7 +176,7 @@ class Results:
     resonator: Record | None
 
     @classmethod
-    def of(cls, records: Sequence[Record]) -> Results:
+    def from_records(cls, records: Sequence[Record]) -> Results:
         """What of the records is a result."""
         of_kind = {record.kind: record for record in records}
         diagnosis, tables = of_kind.get("diagnosis"), of_kind.get("calibration")

@@ -46,7 +46,7 @@ def explain_missed(one: JudgedFile) -> list[str]:
 def explain_figure(row: Row) -> str:
     """Why a figure does not pass, in the units of the screen."""
     if row.words is not None or row.value is None:
-        return row.sentence()
+        return row.describe()
     shown = describe_requirement(row)
     return f"{clean_text(shown.name)} is {shown.value}, the limit is {shown.limit}"
 

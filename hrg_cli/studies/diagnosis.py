@@ -92,7 +92,7 @@ def draw_of(task: tuple[str, str, int, tuple[float, ...], float, int]) -> list[d
     rows = []
     for k, size in enumerate((1.0,) if find(name).whole_samples else sizes):
         report = summarise(
-            diagnose(hidden.measured(size, first + k), scale_factor=hidden.scale_factor)
+            diagnose(hidden.measure(size, first + k), scale_factor=hidden.scale_factor)
         )
         rows.append(
             {"hidden": name, "draw": draw, "size": size, **judge_report(report, hidden, size)}
@@ -107,7 +107,7 @@ def judge_report(report: dict[str, Any], hidden: Hiding, size: float) -> dict[st
     outcome: "named" (in a group of at most three), "wrong" (another cause), "described" (an open
     term) or "nothing".
     """
-    name, true = hidden.effect.name, hidden.values(size)
+    name, true = hidden.effect.name, hidden.choose_values(size)
     others = effects_beside(hidden.effect)
     entries = [e for e in report["effects"] if e["name"] not in others]
     group = [entries[0]["name"], *entries[0]["indistinguishable_from"]] if entries else []

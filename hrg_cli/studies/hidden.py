@@ -60,7 +60,7 @@ class Hiding:
     fit: ExtendedFit
     scale_factor: float | None
 
-    def values(self, size: float) -> dict[str, float]:
+    def choose_values(self, size: float) -> dict[str, float]:
         """The effect's parameters at a size; a clipping level has no slope, its size is sought."""
         if self.effect.sets_in:
             return {
@@ -72,11 +72,11 @@ class Hiding:
             for name, value in self.neutral.items()
         }
 
-    def measured(self, size: float | None, seed: int) -> list[Wave]:
+    def measure(self, size: float | None, seed: int) -> list[Wave]:
         """Waves of the programme with the effect at a size, or without it."""
         table = copy.deepcopy(dict(self.table)) | {"effects": effects_beside(self.effect)}
         if size is not None:
-            values = self.values(size)
+            values = self.choose_values(size)
             run = values.pop(RUN, OF_EVERY_RUN)
             own = table if run == OF_EVERY_RUN else table["run"][int(run)]
             own.setdefault("effects", {})[self.effect.name] = values

@@ -41,7 +41,7 @@ def test_a_common_cause_of_a_sigma_and_a_half_is_found():
     for seed in range(8):
         found = find_common_causes(*lot(seed))
         (one,) = found.causes
-        assert GAIN in (one.name, *one.rivals) and one.group.words() == "all gyros"
+        assert GAIN in (one.name, *one.rivals) and one.group.describe() == "all gyros"
         assert one.p_value < 0.01 and one.gyros >= 38
         if one.name == GAIN:
             assert abs(one.value - BELOW * 3e-4) < 4 * one.std and one.std < 1e-4
@@ -51,7 +51,7 @@ def test_a_station_among_two_is_named():
     right = 0
     for seed in range(12):
         found = find_common_causes(*lot(seed, at=lambda origin: origin.groups["station"] == "2"))
-        right += [c.group.words() for c in found.causes] == ["all gyros of station 2"]
+        right += [c.group.describe() for c in found.causes] == ["all gyros of station 2"]
         assert all(c.group.by in ("station", "") for c in found.causes)
     assert right >= 9  # power 0.95 a lot; 12 lots: fewer than 9 in one of 500
 
@@ -96,7 +96,7 @@ def test_two_causes_are_both_found():
         lots_by_hand.scores(rng, {GAIN: 2.5} | ({bias: 2.0} if o.groups["station"] == "1" else {}))
         for o in origins
     ]
-    found = {c.name: c.group.words() for c in find_common_causes(scores, origins).causes}
+    found = {c.name: c.group.describe() for c in find_common_causes(scores, origins).causes}
     assert found == {GAIN: "all gyros", bias: "all gyros of station 1"}
 
 
@@ -134,7 +134,7 @@ def test_beside_is_the_estimate_with_the_other_free():
 def test_groups_are_named_once_and_never_too_small():
     origins = [Origin({"station": "12"[k % 2], "fixture": "AB"[k % 2]}) for k in range(12)]
     found = list_groups(origins)
-    assert [g.words() for g in found] == [
+    assert [g.describe() for g in found] == [
         "all gyros",
         "all gyros of station 1 (which is fixture A)",
         "all gyros of station 2 (which is fixture B)",
@@ -218,4 +218,4 @@ def test_time_grows_in_proportion_to_the_gyros():
 
 def test_a_group_is_told_in_words():
     group = Group((0, 1), "station", "2", since="2026-05-04")
-    assert group.words() == "all gyros of station 2 since 2026-05-04" and group.depth == 2
+    assert group.describe() == "all gyros of station 2 since 2026-05-04" and group.depth == 2

@@ -97,9 +97,9 @@ def test_the_lots_file_groups_gyros_before_their_recordings_do():
         groups={"station": {"1": "SN-0*", "2": ["SN-1*"]}, "fixture": {"A": ["*"]}},
         gyro=[{"gyro_id": "SN-104", "station": 3, "day": "2026-05-04"}],
     )
-    assert lot.grouped("SN-104") == {"station": "3", "fixture": "A"}
-    assert lot.grouped("SN-105") == {"station": "2", "fixture": "A"}
-    assert lot.day_of("SN-104") == "2026-05-04" and lot.day_of("SN-105") == ""
+    assert lot.find_groups("SN-104") == {"station": "3", "fixture": "A"}
+    assert lot.find_groups("SN-105") == {"station": "2", "fixture": "A"}
+    assert lot.find_day("SN-104") == "2026-05-04" and lot.find_day("SN-105") == ""
     told = [Told("g", "", {"station": "9", "operator": "m"}), Told("g", "", {"operator": "m"})]
     assert group_keys({"station": "3"}, told) == {"station": "3", "operator": "m"}
     assert group_keys({}, [Told("g", "", {"station": s}) for s in "12"]) == {}

@@ -52,7 +52,7 @@ def test_the_lot_knows_what_no_gyro_does(few):
     assert sum(bool(report["effects"]) for report in few) <= 1  # chance 0.05 a gyro
     found = find_common_causes([report["scores"] for report in few], [Origin({}) for _ in few])
     (one,) = found.causes
-    assert one.name == "gain_mismatch.gain" and one.group.words() == "all gyros"
+    assert one.name == "gain_mismatch.gain" and one.group.describe() == "all gyros"
     assert abs(one.value - FEW_SIGMA * GAIN_STD) < 4 * one.std
 
 
@@ -64,11 +64,11 @@ def test_a_cause_of_a_sigma_and_a_half_in_forty_gyros():
     stations = [Origin({"station": "12"[k % 2]}) for k in range(40)]
     assert find_common_causes(clean, stations).causes == ()
     (whole,) = find_common_causes(moved, stations).causes
-    assert whole.name == "gain_mismatch.gain" and whole.group.words() == "all gyros"
+    assert whole.name == "gain_mismatch.gain" and whole.group.describe() == "all gyros"
     assert abs(whole.value - 1.5 * GAIN_STD) < 4 * whole.std
     mixed = [moved[k] if k % 2 else clean[k] for k in range(40)]
     (one,) = find_common_causes(mixed, stations).causes
-    assert one.name == "gain_mismatch.gain" and one.group.words() == "all gyros of station 2"
+    assert one.name == "gain_mismatch.gain" and one.group.describe() == "all gyros of station 2"
 
 
 @pytest.mark.slow

@@ -157,7 +157,7 @@ def test_a_fault_is_the_answer(two_faults):
     assert {p.name: p for p in found.parameters}["damping_rate_1_s"].text.startswith(
         "2.50"
     ) and found.parameters_of == "extended model"
-    assert json.loads(json.dumps(found.json()))["health"] == "fault found"
+    assert json.loads(json.dumps(found.to_json()))["health"] == "fault found"
 
 
 def test_what_was_not_found_is_scored_beside_what_was(two_faults):

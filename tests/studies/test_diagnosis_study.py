@@ -59,7 +59,7 @@ def test_a_size_is_what_an_ideal_detector_measures():
     size, found = 6.0, []
     one = hidden.hide("gain_mismatch", np.random.default_rng(4), 3e-4)
     for seed in range(8):
-        fit = hidden.base_fit(one.measured(size, seed), None, {})
+        fit = hidden.base_fit(one.measure(size, seed), None, {})
         step = scales.list_steps(one.effect, fit.series)
         direction = hidden._project_base(
             whitened_rows.find_sensitivity(fit.flow, one.effect, one.neutral, step), fit
@@ -141,12 +141,12 @@ def test_what_an_effect_needs_beside_it_has_a_size():
 def test_what_happens_at_an_instant_is_hidden_inside_one_run(name):
     """At a run's start nothing tells it from another start, whatever its size."""
     one = hidden.hide(name, np.random.default_rng(7), 3e-4)
-    values = one.values(10.0)
+    values = one.choose_values(10.0)
     run, instant = int(values["run"]), values["time_s"]
     assert 0 <= run < len(hidden.RATES) and 0.2 <= instant / hidden.DURATION_S <= 0.8
     largest = max(abs(values[p.name]) for p in one.effect.fitted())
     assert 1e-5 < largest < 1e-2
-    struck, plain = one.measured(10.0, 3), one.measured(None, 3)
+    struck, plain = one.measure(10.0, 3), one.measure(None, 3)
     for k, (a, b) in enumerate(zip(struck, plain, strict=True)):
         changed = np.abs(a.main_amplitude - b.main_amplitude) > 1e-9
         assert changed.any() == (k == run)

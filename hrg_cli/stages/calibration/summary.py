@@ -7,6 +7,7 @@ from typing import Any
 
 from ...records import Calibration
 from ..rate_table import is_rate_table
+from ..rate_table import summarise as summarise_rate_table
 
 OF_ANALYSIS = ("loops", "readout_matrix", "factors", "significant", "correlated", "false_rate")
 """Keys of the ladder's final analysis."""
@@ -18,7 +19,7 @@ OF_VARIANT = ("coefficients", "held_out_chi2_per_row", "passed", "why_not")
 def summarise(record: Calibration) -> dict[str, Any]:
     """The JSON of a calibration (docs/reference/json.md)."""
     if is_rate_table(record):
-        return summarise(record)
+        return summarise_rate_table(record)
     details = json.loads(record.details)
     return {
         "drift_rms_rad_s": _before_and_after(details["figures"]["drift"]),
