@@ -79,8 +79,11 @@ def invert_scaled(design: Array, rcond: float = 1e-12) -> Array:
     return np.asarray(np.linalg.pinv(design / length, rcond=rcond) / length[:, None])
 
 
-def invert_information(information: Array, rcond: float = 1e-12) -> Array:
-    """The pseudo-inverse of a symmetric information matrix, its rank judged on a diagonal of ones.
+def invert_information(
+    information: Array, rcond: float = 1e-12, units: Array | None = None
+) -> Array:
+    """The pseudo-inverse of a symmetric information or covariance matrix, its rank judged on a
+    diagonal of ones, or in units that are given.
 
     Parameters
     ----------
@@ -88,6 +91,10 @@ def invert_information(information: Array, rcond: float = 1e-12) -> Array:
         (k, k).
     rcond
         Part of the largest eigenvalue below which a direction is dropped.
+    units
+        Roots (k,) of what counts as one of the matrix's diagonal; None: those of the diagonal itself.
+        Numbers of one unit that turn into each other, as an anisotropy's components do, need a
+        common one: a direction of them that is not known would turn with units of their own.
 
     Returns
     -------
@@ -101,9 +108,10 @@ def invert_information(information: Array, rcond: float = 1e-12) -> Array:
     >>> np.diag(invert_information(np.diag([4.0, 2.0**-60, 0.0]))).tolist()
     [0.25, 1.152921504606847e+18, 0.0]
     """
-    size = np.sqrt(np.maximum(np.diag(information), 0.0))
-    size[size == 0] = 1.0
-    scale = np.outer(size, size)
+    if units is None:
+        units = np.sqrt(np.maximum(np.diag(information), 0.0))
+        units[units == 0] = 1.0
+    scale = np.outer(units, units)
     return np.asarray(np.linalg.pinv(information / scale, rcond=rcond, hermitian=True) / scale)
 
 
@@ -243,6 +251,33 @@ def fit_columns(design: Array, target: Array, rcond: float = 1e-12) -> Array:
     length = measure_columns(design)
     found = np.linalg.lstsq(design / length, target, rcond=rcond)[0]
     return np.asarray((found.T / length).T)
+
+
+def take_off_columns(target: Array, design: Array, rcond: float = 1e-12) -> Array:
+    """What a design leaves of a target, (1 − J J⁺) y: the part perpendicular to its columns.
+
+    Parameters
+    ----------
+    target
+        (n,) or (n, m).
+    design
+        (n, k).
+    rcond
+        As in `fit_columns`.
+
+    Returns
+    -------
+    ndarray
+        As the target.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.least_squares import take_off_columns
+    >>> take_off_columns(np.array([1.0, 2.0, 6.0]), np.ones((3, 1))).round(9).tolist()
+    [-2.0, -1.0, 3.0]
+    """
+    return np.asarray(target - design @ fit_columns(design, target, rcond))
 
 
 def solve(design: Array, target: Array, tolerance: float = 1e-9) -> tuple[Array, Array]:

@@ -116,7 +116,7 @@ def start_from_propagator(
     most = max(propagator.START_BLOCKS, rows.MOST_ROWS // len(runs))
     thin = propagator.thin_to_beats(runs, p, offsets, propagator.START_BLOCKS, most)
     space = make_freedom(known, p, runs[0].mode_number, span)
-    p = space.origin + space.directions @ np.linalg.pinv(space.directions) @ (p - space.origin)
+    p = space.origin + space.directions @ space.locate(p)
     p, offsets, covariance = propagator.identify(thin, space, p, offsets, from_shortest)
     return p, offsets, covariance, space
 
@@ -503,7 +503,7 @@ def _fit_from_start(
     p = p.copy()
     p[SECOND_ORDER] = 1.0
     data = make_batch(propagator.thin_rows(runs, p, offsets, rows.count_rows(p, runs, blocks)))
-    z = np.linalg.pinv(space.directions) @ (p - space.origin)
+    z = space.locate(p)
     start, phase = data.envelope[:, 0], (offsets * data.span_s)[:, None]
     try:
         if held_first:

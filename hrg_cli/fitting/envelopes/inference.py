@@ -630,7 +630,7 @@ def estimate_run_frequencies(fit: Fit, factor: float) -> Frequencies:
         # end: their sum over 2π·span is what the mean frequency lies above the reference
         pick = np.concatenate([np.zeros(4), np.ones(len(own) - 4)]) / (2 * np.pi * span[run])
         # the run's own unknowns at a given z: R⁻¹Qᵀ(residual − design·z)
-        back = pick @ np.linalg.pinv(R)
+        back = pick @ invert_scaled(R)
         variance[run] = factor * back @ back
         through[run] = -back @ (Q.T @ stack_reals(shared[:, run, :n]))
     x = np.linspace(0.0, 1.0, 65)

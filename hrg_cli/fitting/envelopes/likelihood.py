@@ -42,6 +42,10 @@ class Freedom:
     prior_mean: Array
     prior_std: Array
 
+    def locate(self, p: Array) -> Array:
+        """The z (k,) of the point that lies nearest to coordinates p (7,)."""
+        return fit_columns(self.directions, p - self.origin)
+
     def project(self, columns: Array) -> Array:
         """Sensitivities along the directions (k, ...) from those along the first coordinates (6 or
         7, ...)."""

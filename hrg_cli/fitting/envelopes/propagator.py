@@ -433,7 +433,7 @@ def regress(
     """
     k = len(freedom.names)
     information, gradient, misfit = _pair_equations(data, freedom, p, offsets)
-    here = np.linalg.pinv(freedom.directions) @ (p - freedom.origin)
+    here = freedom.locate(p)
     for i, std in enumerate(freedom.prior_std):
         if np.isfinite(std):  # a direction without information stays at its prior
             information[i, i] += std**-2.0

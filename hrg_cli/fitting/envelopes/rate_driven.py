@@ -21,6 +21,7 @@ from ...errors import HrgError
 from ...physics import drift as law
 from ...physics.resonator import Mechanics
 from ...records import Resonator, Wave
+from ..least_squares import invert_scaled
 from .rate_estimate import MOST_NODES, RateEstimate, integrate_cardinals
 from .rate_from_model import ROWS_A_FINER_NODE, TOO_COARSE, count_nodes
 from .resonator_spread import (
@@ -190,7 +191,7 @@ def _fit_nodes(
         np.column_stack([np.ones(len(size)), -g.scale_factor * mean(integrate_cardinals(grid, t))])
         / std[:, None]
     )
-    operator = np.linalg.pinv(design)
+    operator = invert_scaled(design)
     drift = np.atleast_2d(_drift(g, run, errors))
     data = mean(run.turned + run.taken_back - _cumulate(drift, t))[:, 0] / std
     x = operator @ data

@@ -202,7 +202,7 @@ def _chi2_held(best: Fit, row: int, value: float, mode_number: int) -> float:
         else:
             space = _hold_coordinate(best.freedom, row, value)
         # begun at the best fit, then where the last turn ended
-        z = np.linalg.pinv(space.directions) @ (p - space.origin)
+        z = space.locate(p)
         held = fit(best.response.batch, space, z, state.start, state.phase, max_iterations=6)
         p, state = held.p, held.response.state
         if is_size:

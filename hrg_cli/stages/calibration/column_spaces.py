@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...fitting.least_squares import take_off_columns
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import solve
 from ...fitting.tables.table_layout import Model
@@ -36,15 +37,17 @@ def solve_columns(A: Array, base: Array, targets: Array) -> Array:
 
 def take_along_nodes(all_nodes: Array, common: Array) -> Array:
     """The part of a model's space that differs between nodes."""
-    rest = all_nodes - common @ np.linalg.pinv(common) @ all_nodes
-    u, s, _ = np.linalg.svd(rest, full_matrices=False)
-    return np.asarray(u[:, s > 1e-9])
+    return _find_space(take_off_columns(all_nodes, common))
 
 
 def leave_out(matrix: Array, columns: Array) -> Array:
     """The model's space with a group of directions taken out."""
-    rest = matrix - columns @ np.linalg.pinv(columns) @ matrix
-    u, s, _ = np.linalg.svd(rest, full_matrices=False)
+    return _find_space(take_off_columns(matrix, columns))
+
+
+def _find_space(columns: Array) -> Array:
+    """Orthonormal basis of what columns span."""
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
     return np.asarray(u[:, s > 1e-9])
 
 

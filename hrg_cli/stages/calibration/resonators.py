@@ -16,6 +16,7 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting.checks import Check, check_goodness
 from ...fitting.envelopes.resonator_spread import compute_slope_covariance
+from ...fitting.least_squares import invert_information
 from ...fitting.tables.table_layout import TableLayout
 from ...fourier import node_weights
 from ...records import Resonator
@@ -392,8 +393,7 @@ def _invert(matrix: Array) -> Array:
     Both components of an anisotropy have one unit: an axis that is held leaves one direction of
     them, which units of their own would turn.
     """
-    size = np.ones(5)
+    units = np.ones(5)
     for places in ([0, 1], [2], [3, 4]):
-        size[places] = np.sqrt(max(float(np.diag(matrix)[places].sum()), 0.0)) or 1.0
-    scale = np.outer(size, size)
-    return np.asarray(np.linalg.pinv(matrix / scale, rcond=ROUNDING, hermitian=True) / scale)
+        units[places] = np.sqrt(max(float(np.diag(matrix)[places].sum()), 0.0)) or 1.0
+    return invert_information(matrix, ROUNDING, units)

@@ -13,6 +13,7 @@ from ...errors import HrgError
 from ...fitting.envelopes.base_freedom import choose_scale_factor
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics, to_parameters
 from ...fitting.envelopes.resonator_spread import compute_slope_covariance
+from ...fitting.least_squares import invert_information
 from ...physics.resonator import PARAMETERS, Mechanics
 from ...records import Diagnosis, Resonator, Wave
 from ...settings import parse_toml
@@ -107,5 +108,5 @@ def read_information(
         covariance = np.diag([stds[order[k]] ** 2 for k in rows])
     if rows:
         J = slopes[rows]
-        M[:COUNT, :COUNT] = J.T @ np.linalg.pinv(covariance, hermitian=True) @ J
+        M[:COUNT, :COUNT] = J.T @ invert_information(covariance) @ J
     return M

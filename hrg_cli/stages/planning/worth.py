@@ -8,6 +8,7 @@ import numpy as np
 
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics, to_parameters
 from ...fitting.envelopes.inference import widen_axes
+from ...fitting.least_squares import invert_information
 from ...physics.resonator import PARAMETERS, Mechanics
 from .information import InformationColumns, marginalise
 from .questions import BASE, INHERENT, Question, say_in_words
@@ -17,6 +18,9 @@ Array = np.ndarray
 
 TOLD = 3.0
 """σ from which a cause counts as told apart."""
+DOUBLES = 1e-15
+"""Part of the largest information below which a direction has none: what is hardly known keeps its
+large σ as far as doubles reach."""
 NOTHING = 1e-3
 """σ that rounding alone may give."""
 
@@ -67,12 +71,9 @@ def _units(m: Mechanics) -> Array:
 def compute_std(M: Array, m: Mechanics) -> dict[str, float | None]:
     """Standard deviation of every parameter but the frequency from the base model's information."""
     _, slopes = to_parameters(from_mechanics(m), m.mode_number)
-    u = _units(m)
     covariance = np.zeros((COUNT, COUNT))
     # The second order is a nuisance here: its part is marginalised, not shown as a parameter.
-    covariance[:6, :6] = np.linalg.pinv(
-        marginalise(M, range(6), [6]) / np.outer(u, u), hermitian=True
-    ) / np.outer(u, u)
+    covariance[:6, :6] = invert_information(marginalise(M, range(6), [6]), DOUBLES, _units(m))
     predicted = slopes @ covariance @ slopes.T
     widen_axes(predicted, covariance, from_mechanics(m), m.mode_number)
     stds = np.sqrt(np.maximum(np.diag(predicted), 0))

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from ....fitting.envelopes.envelope_runs import compute_envelopes, integrate_rate
-from ....fitting.least_squares import fit_columns
+from ....fitting.least_squares import fit_columns, invert_scaled
 from ....fitting.samples.neighbours import find_local_median
 from ....records import Array, Wave
 
@@ -219,14 +219,14 @@ class Crossing:
         bend = table - np.interp(middle, time, table)
         motion = OwnMotion.from_rows(time, z, table, left, right)
         carried = motion.carry_to(middle, time[span], bend[span], z[span])
-        still, inverse = carried[near - near[0]], np.linalg.pinv(design)
+        still, inverse = carried[near - near[0]], invert_scaled(design)
         solution = inverse @ still
         turning = np.interp(middle, (time[1:] + time[:-1]) / 2, np.diff(table) / np.diff(time))
         left_over = still - design @ solution
         spread = np.sum(np.abs(left_over) ** 2, axis=0) / (2 * max(1, len(x) - design.shape[1]))
         variance = max(spread.max(), float(np.median(noise[near])) ** 2)
         # what a straighter course would make of the step: the rest of it is not known to that
-        straight = np.linalg.pinv(design[:, [0, 1, 3]]) @ still
+        straight = fit_columns(design[:, [0, 1, 3]], still)
         size = float(np.sqrt(np.sum(np.abs(solution[0]) ** 2)))
         doubts = (
             np.sqrt(variance * (inverse @ inverse.T)[3, 3]),
