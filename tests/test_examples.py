@@ -51,7 +51,9 @@ HELD = (
             *("layout", "reading", "report_checks", "validity", "writing"),
         )
     ),
-    "records.doubts",
+    *(f"records.{name}" for name in ("clock", "details", "doubts")),
+    *(f"formats.{name}" for name in ("clock", "quantities")),
+    *(f"stages.{name}" for name in ("earth_rate", "run_tables")),
     "stages.calibration.resonators",
     "fitting.least_squares",
     *(

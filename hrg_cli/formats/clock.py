@@ -21,15 +21,48 @@ _NUMBER = re.compile(r"^[+-]?(\d*)\.?(\d*)(?:[eE]([+-]?\d{1,3}))?$")
 
 
 def find_clock_kind(text: str) -> str:
-    """Kind of a time: "clock" for HH:MM:SS.mmm, "date" for an ISO date-time, "" for others."""
+    """The way in which a text tells a time.
+
+    Parameters
+    ----------
+    text
+        A cell of a log.
+
+    Returns
+    -------
+    str
+        "clock" for HH:MM:SS.mmm, "date" for an ISO date-time, "" for anything else, plain seconds too.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.clock import find_clock_kind
+    >>> find_clock_kind("14:03:22,125"), find_clock_kind("2026-05-04T14:03:22Z"), find_clock_kind("0.125")
+    ('clock', 'date', '')
+    """
     if _CLOCK.match(text):
         return "clock"
     return "date" if _DATE_TIME.match(text) else ""
 
 
 def find_quantum(text: str) -> float:
-    """The rounding step of a printed number or time: the weight of its last digit (0 where none can
-    be seen)."""
+    """The rounding step of a printed number or time: the weight of its last digit.
+
+    Parameters
+    ----------
+    text
+        A cell, with a decimal point or comma.
+
+    Returns
+    -------
+    float
+        In the number's own unit, of a time in s; 0 where none can be seen.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.clock import find_quantum
+    >>> find_quantum("1.250"), find_quantum("1.5e3"), find_quantum("14:03:22,125"), find_quantum("14:03")
+    (0.001, 100.0, 0.001, 60.0)
+    """
     text = text.strip().replace(",", ".")
     if find_clock_kind(text):
         fraction = re.search(r"\.(\d+)", text)
@@ -39,11 +72,29 @@ def find_quantum(text: str) -> float:
 
 
 def find_floating_quantum(texts: Iterable[str]) -> float:
-    """The rounding step of the largest of numbers that are printed with so many significant digits
-    and an exponent where it is shorter ("%.10g", a language's own way); 0 where none can be seen.
+    """The rounding step of the largest of numbers that are printed with so many significant digits, and an
+    exponent where it is shorter (`%.10g`, a language's own way).
 
-    Zeros at the end may be left out, so that the longest number tells the digits; a bare 0 has
-    none to tell.
+    Zeros at the end may be left out, so that the longest number tells the digits; a bare 0 has none to
+    tell.
+
+    Parameters
+    ----------
+    texts
+        Cells of one column.
+
+    Returns
+    -------
+    float
+        In the column's unit; 0 where none can be seen.
+
+    Examples
+    --------
+    Six digits, of which the largest number has three before the point:
+
+    >>> from hrg_cli.formats.clock import find_floating_quantum
+    >>> find_floating_quantum(["0.125375", "102.4", "0"])
+    0.001
     """
     digits, leading = 0, -math.inf
     for text in texts:

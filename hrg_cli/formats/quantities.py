@@ -120,38 +120,164 @@ def _spelled(unit: str) -> str:
 
 
 def is_unit(text: str) -> bool:
-    """Whether a cell of a units row is a unit we know, bare or in brackets."""
+    """Whether a cell of a units row is a unit we know, bare or in brackets.
+
+    Parameters
+    ----------
+    text
+        The cell.
+
+    Returns
+    -------
+    bool
+        True for units of times, rates, temperatures and channels, and for levels in decibels.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.quantities import is_unit
+    >>> is_unit("[mV]"), is_unit("deg per s"), is_unit("CH1")
+    (True, True, False)
+    """
     return _spelled(text.strip().strip("()[]")) in _KNOWN
 
 
 def is_level(unit: str) -> bool:
-    """Whether a unit is a logarithm of an amplitude or a power."""
+    """Whether a unit is a logarithm of an amplitude or a power.
+
+    Parameters
+    ----------
+    unit
+        Any spelling, as in `TIME`, `RATE`, `TEMPERATURE`, `LEVELS`; capitals and look-alike signs do not
+        matter.
+
+    Returns
+    -------
+    bool
+        False also for a unit that is not known.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.quantities import is_level
+    >>> is_level("dBm"), is_level("mV")
+    (True, False)
+    """
     return _spelled(unit) in LEVELS
 
 
 def is_time(unit: str) -> bool:
-    """Whether a unit is one of time."""
+    """Whether a unit is one of time.
+
+    Parameters
+    ----------
+    unit
+        Any spelling, as in `TIME`, `RATE`, `TEMPERATURE`, `LEVELS`; capitals and look-alike signs do not
+        matter.
+
+    Returns
+    -------
+    bool
+        False also for a unit that is not known.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.quantities import is_time
+    >>> is_time("ms"), is_time("mV")
+    (True, False)
+    """
     return is_of(TIME, unit)
 
 
 def is_temperature(unit: str) -> bool:
-    """Whether a unit is one of temperature."""
+    """Whether a unit is one of temperature.
+
+    Parameters
+    ----------
+    unit
+        Any spelling, as in `TIME`, `RATE`, `TEMPERATURE`, `LEVELS`; capitals and look-alike signs do not
+        matter.
+
+    Returns
+    -------
+    bool
+        False also for a unit that is not known.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.quantities import is_temperature
+    >>> is_temperature("℃"), is_temperature("mV")
+    (True, False)
+    """
     return is_of(TEMPERATURE, unit)
 
 
 def is_rate(unit: str) -> bool:
-    """Whether a unit is one of angular rate."""
+    """Whether a unit is one of angular rate.
+
+    Parameters
+    ----------
+    unit
+        Any spelling, as in `TIME`, `RATE`, `TEMPERATURE`, `LEVELS`; capitals and look-alike signs do not
+        matter.
+
+    Returns
+    -------
+    bool
+        False also for a unit that is not known.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.quantities import is_rate
+    >>> is_rate("deg per s"), is_rate("Hz")
+    (True, False)
+    """
     return is_of(RATE, unit)
 
 
 def is_of(table: Mapping[Any, tuple[str, ...]], unit: str) -> bool:
-    """Whether a unit is one of a table's."""
+    """Whether a unit is one of a table's.
+
+    Parameters
+    ----------
+    table
+        Factor (or factor and offset) -> the spellings of a unit, as `TIME`.
+    unit
+        Any spelling.
+
+    Returns
+    -------
+    bool
+        False also for a unit that is not known.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.quantities import PHASE, is_of
+    >>> is_of(PHASE, "turns"), is_of(PHASE, "turns/s")
+    (True, False)
+    """
     return any(_spelled(unit) in spellings for spellings in table.values())
 
 
 def split_name(name: str) -> tuple[str, str]:
-    """Column title -> (name, unit): `time (ms)`, `CH1 [V]`, `CH1 in V`, `gyrox rad/s`,
-    `rate_deg_s`, `rate_deg/s`; unit empty where none is seen."""
+    """A column's name and its unit, as laboratories write both into one title.
+
+    Parameters
+    ----------
+    name
+        The title: `time (ms)`, `CH1 [V]`, `CH1 in V`, `gyrox rad/s`, `rate_deg_s`, `rate_deg/s`.
+
+    Returns
+    -------
+    tuple of str
+        The name, and its unit, "" where none is seen.
+
+    Examples
+    --------
+    The bracket of the last names a channel, not a unit:
+
+    >>> from hrg_cli.formats.quantities import split_name
+    >>> split_name("time (ms)"), split_name("rate_deg_s"), split_name("X(CH1)")
+    (('time', 'ms'), ('rate', 'deg/s'), ('CH1', ''))
+    """
     name = name.strip().strip('"').strip()
     found = re.match(r"^(.*?)\s*[\[(]([^\])]*)[\])]\s*$", name) or re.match(
         r"^(?:(.*?)\s)?in (\S+)$", name
@@ -181,29 +307,134 @@ def split_name(name: str) -> tuple[str, str]:
 
 
 def spell_channel_unit(unit: str) -> str:
-    """A channel's unit as files spell it; "1" where none is known."""
+    """A channel's unit as recordings spell it.
+
+    Parameters
+    ----------
+    unit
+        As the log spells it; "" where it names none.
+
+    Returns
+    -------
+    str
+        "1" for counts and where none is known; a spelling that files do not have otherwise is kept.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.quantities import spell_channel_unit
+    >>> spell_channel_unit("Volts"), spell_channel_unit("LSB"), spell_channel_unit("mV")
+    ('V', '1', 'mV')
+    """
     return {"volt": "V", "volts": "V", "": "1", "counts": "1", "lsb": "1", "adc": "1"}.get(
         unit.lower(), unit
     )
 
 
 def find_time_factor(unit: str) -> float:
-    """Seconds a unit of time."""
+    """Seconds per unit of time.
+
+    Parameters
+    ----------
+    unit
+        Any spelling in `TIME`.
+
+    Returns
+    -------
+    float
+        s.
+
+    Raises
+    ------
+    HrgError
+        An unknown unit; the sentence lists those that are known.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.quantities import find_time_factor
+    >>> find_time_factor("ms"), find_time_factor("hours")
+    (0.001, 3600.0)
+    """
     return float(_look_up(TIME, unit, "time_units"))
 
 
 def find_phase_factor(unit: str) -> float:
-    """rad a unit of phase."""
+    """Radians per unit of phase.
+
+    Parameters
+    ----------
+    unit
+        Any spelling in `PHASE`.
+
+    Returns
+    -------
+    float
+        rad.
+
+    Raises
+    ------
+    HrgError
+        An unknown unit; the sentence lists those that are known.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.quantities import find_phase_factor
+    >>> round(find_phase_factor("deg"), 6), round(find_phase_factor("turns"), 6)
+    (0.017453, 6.283185)
+    """
     return float(_look_up(PHASE, unit, "phase_units"))
 
 
 def find_rate_factor(unit: str) -> float:
-    """rad/s a unit of rate."""
+    """Radians per second in a unit of angular rate.
+
+    Parameters
+    ----------
+    unit
+        Any spelling in `RATE`.
+
+    Returns
+    -------
+    float
+        rad/s.
+
+    Raises
+    ------
+    HrgError
+        An unknown unit; the sentence lists those that are known.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.quantities import find_rate_factor
+    >>> round(find_rate_factor("rpm"), 6), round(find_rate_factor("°/h") * 3600, 6)
+    (0.10472, 0.017453)
+    """
     return float(_look_up(RATE, unit, "rate_units"))
 
 
 def find_temperature_scale(unit: str) -> tuple[float, float]:
-    """Factor and offset to °C."""
+    """What turns a temperature in some unit into °C, factor·value + offset.
+
+    Parameters
+    ----------
+    unit
+        Any spelling in `TEMPERATURE`.
+
+    Returns
+    -------
+    tuple of float
+        Factor [°C per unit] and offset [°C].
+
+    Raises
+    ------
+    HrgError
+        An unknown unit; the sentence lists those that are known.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.quantities import find_temperature_scale
+    >>> find_temperature_scale("K")
+    (1.0, -273.15)
+    """
     scale: tuple[float, float] = _look_up(TEMPERATURE, unit, "temperature_units")
     return scale
 
@@ -216,7 +447,24 @@ def _look_up(table: dict, unit: str, setting: str):  # type: ignore[no-untyped-d
 
 
 def list_units(table: Mapping[Any, tuple[str, ...]]) -> str:
-    """A table's units, for a sentence."""
+    """A table's units, for a sentence.
+
+    Parameters
+    ----------
+    table
+        As in `is_of`.
+
+    Returns
+    -------
+    str
+        The first spelling of each, joined by commas.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.quantities import TEMPERATURE, list_units
+    >>> list_units(TEMPERATURE)
+    'degC, K, degF'
+    """
     shown = {"degc": "degC", "k": "K", "degf": "degF"}
     return ", ".join(shown.get(first, first) for first, *_ in table.values())
 

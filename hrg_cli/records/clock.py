@@ -17,14 +17,35 @@ SAME_DAY_S = 86_400.0
 
 
 def measure_from_first_sample(recording: Recording) -> tuple[Recording, float]:
-    """The recording with its times counted from the first sample where doubles on its own clock are
-    too coarse for sums with them, and the first sample's time on that clock [s]; else as it is, and
-    0.
+    """The recording with its times counted from the first sample, where doubles on its own clock are too
+    coarse for sums with them.
 
-    Seconds since 1970 have a spacing of 2.4e-7 s, 1.5e-3 rad at 1 kHz. The stamps themselves are
-    given; what is lost lies in window centres and phases formed from them. Their differences from
-    the first are exact (Sterbenz). The logs beside the samples run on the same clock. Nothing is
-    read but the ends.
+    Seconds since 1970 have a spacing of 2.4e-7 s, 1.5e-3 rad at 1 kHz. The stamps themselves are given;
+    what is lost lies in window centres and phases formed from them. Their differences from the first are
+    exact (Sterbenz 1974, Floating-Point Computation). The logs beside the samples run on the same
+    clock. Nothing is read but the ends.
+
+    Parameters
+    ----------
+    recording
+        With times (n,) of its own, or evenly sampled.
+
+    Returns
+    -------
+    tuple
+        The recording, and the first sample's time on its own clock [s]; as it is, and 0, where that clock
+        is fine enough.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.records.clock import measure_from_first_sample
+    >>> stamps = 1.7e9 + np.arange(4) / 1024
+    >>> own = dict(c=np.zeros(4), s=np.zeros(4), sample_rate_hz=1024.0, time_s=stamps, mode="free")
+    >>> counted, first = measure_from_first_sample(Recording(**own))
+    >>> counted.time_s[:].tolist(), first
+    ([0.0, 0.0009765625, 0.001953125, 0.0029296875], 1700000000.0)
     """
     times, n = recording.time_s, len(recording.c)
     if times is None or n < 2 or len(times) != n:
@@ -47,7 +68,26 @@ def measure_from_first_sample(recording: Recording) -> tuple[Recording, float]:
 
 
 def shift_time(start_time: str, by_s: float) -> str:
-    """An ISO 8601 time so many seconds later; as it is where it cannot be read."""
+    """An ISO 8601 time so many seconds later.
+
+    Parameters
+    ----------
+    start_time
+        ISO 8601 text.
+    by_s
+        s.
+
+    Returns
+    -------
+    str
+        ISO 8601; as it is where it cannot be read.
+
+    Examples
+    --------
+    >>> from hrg_cli.records.clock import shift_time
+    >>> shift_time("2026-05-04T14:03:22Z", 1.5), shift_time("yesterday", 1.5)
+    ('2026-05-04T14:03:23.500000Z', 'yesterday')
+    """
     if not by_s:
         return start_time
     try:

@@ -11,8 +11,36 @@ from ..errors import HrgError
 
 
 def read_details_number(text: str, *keys: str, default: float) -> float:
-    """A number deep in a record's JSON text, `default` where it is not there. HrgError: something
-    else stands in its place."""
+    """A number deep in the JSON text that a record carries.
+
+    Parameters
+    ----------
+    text
+        A JSON object; "" for none.
+    *keys
+        The way to it, from the outermost key on.
+    default
+        What stands for a number that is not there.
+
+    Returns
+    -------
+    float
+        Finite.
+
+    Raises
+    ------
+    HrgError
+        Something else stands in its place.
+
+    Examples
+    --------
+    >>> from hrg_cli.records.details import read_details_number
+    >>> text = '{"noise": {"white_rad": 1e-6}}'
+    >>> read_details_number(text, "noise", "white_rad", default=0.0)
+    1e-06
+    >>> read_details_number(text, "noise", "walk_rad", default=0.0)
+    0.0
+    """
     tree: Any = json.loads(text or "{}")
     for key in keys:
         if not isinstance(tree, dict):

@@ -32,11 +32,41 @@ def find_earth_rate(
     axis_tilt_deg: float = 0.0,
     axis_azimuth_deg: float = 0.0,
 ) -> float:
-    """Component of the Earth's rotation along the axis, rad/s; 0 where nothing is given.
+    """Component of the Earth's rotation along a gyro's sensitive axis.
 
-    Ω_E (sin φ cos τ + cos φ sin τ cos α): latitude φ (north positive), the axis tilted by τ from
-    the vertical (up positive) towards the azimuth α from north. HrgError: both the rate and the
-    latitude, a tilt without a latitude, an impossible latitude.
+    Ω_E (sin φ cos τ + cos φ sin τ cos α): latitude φ, the axis tilted by τ from the vertical towards the
+    azimuth α from north.
+
+    Parameters
+    ----------
+    earth_rate_deg_h
+        The component itself, °/h; None: it follows from the latitude.
+    latitude_deg
+        φ, north positive.
+    axis_tilt_deg
+        τ, of an axis that points up at 0.
+    axis_azimuth_deg
+        α, from north through east.
+
+    Returns
+    -------
+    float
+        rad/s; 0 where neither is given.
+
+    Raises
+    ------
+    HrgError
+        Both the component and the latitude, a tilt without a latitude, an impossible latitude.
+
+    Examples
+    --------
+    An upright axis at 30° north feels half of 15.04 °/h, one that lies north–south cos 30° of it:
+
+    >>> import math
+    >>> from hrg_cli.stages.earth_rate import find_earth_rate
+    >>> upright, lying = find_earth_rate(None, 30.0), find_earth_rate(None, 30.0, 90.0)
+    >>> round(math.degrees(upright) * 3600, 2), round(lying / upright, 4)
+    (7.52, 1.7321)
     """
     if earth_rate_deg_h is not None and latitude_deg is not None:
         raise HrgError(
@@ -62,6 +92,30 @@ def find_earth_rate(
 
 
 def read_earth_rate(settings: Mapping[str, Any]) -> float:
-    """The same from a stage's settings, rad/s."""
+    """Component of the Earth's rotation that a stage was told of.
+
+    Parameters
+    ----------
+    settings
+        The stage's, by name; those of `find_earth_rate` are taken, others ignored.
+
+    Returns
+    -------
+    float
+        rad/s; 0 where none of them is given.
+
+    Raises
+    ------
+    HrgError
+        As `find_earth_rate`.
+
+    Examples
+    --------
+    >>> import math
+    >>> from hrg_cli.stages.earth_rate import read_earth_rate
+    >>> told = read_earth_rate({"nodes": 5, "earth_rate_deg_h": 7.5, "latitude_deg": None})
+    >>> round(math.degrees(told) * 3600, 6)
+    7.5
+    """
     given = {name: settings[name] for name in OPTIONS if settings.get(name) is not None}
     return find_earth_rate(**given)

@@ -30,7 +30,30 @@ FEWEST, ROUNDS = 20, 8
 
 
 def compute_sample_noise(wave: Wave, sample_rate_hz: float) -> float:
-    """Noise of one sample that gives the windows' noise at this sampling rate."""
+    """Noise of one sample that gives a wave's windows the noise they state.
+
+    A window of N samples shows an amplitude to σ_w = σ √(2/N), N = f_s T, the least variance that a fit
+    of cosine and sine can have (Rife and Boorstyn 1974).
+
+    Parameters
+    ----------
+    wave
+        Of a run; `signal_std` (n, …) and `window_s` are looked at.
+    sample_rate_hz
+        f_s of the samples to be made.
+
+    Returns
+    -------
+    float
+        σ in the signals' unit, from the windows' median; 0 where none states its noise.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.stages.run_tables import compute_sample_noise
+    >>> round(compute_sample_noise(SimpleNamespace(signal_std=[1e-4] * 9, window_s=0.02), 1e4), 9)
+    0.001
+    """
     std = np.asarray(wave.signal_std, float)
     std = std[np.isfinite(std) & (std > 0)]
     return (
@@ -43,11 +66,36 @@ def compute_sample_noise(wave: Wave, sample_rate_hz: float) -> float:
 def make_rate_course(
     time_s: Array, rate_rad_s: Array | None, length_s: float, straight: bool = False
 ) -> dict[str, Any]:
-    """The logged rate (n,) as a part of [environment] of a run of a length, constant or along
-    straight lines; nothing where none is logged.
+    """The logged rate as a part of [environment] of a simulation file.
 
-    A wave turns by the rate's integral: between its rows the log is the course that fits integrate,
-    and the lines keep its area. straight: they go through its rows instead.
+    A wave turns by the rate's integral: between its rows the log is the course that fits integrate, and
+    the lines keep its area.
+
+    Parameters
+    ----------
+    time_s
+        Rows (n,) of the log, s.
+    rate_rad_s
+        Rates (n,), rad/s, NaN where none is known; None: no log.
+    length_s
+        Of the run to be simulated, s.
+    straight
+        Whether the lines go through the log's rows instead.
+
+    Returns
+    -------
+    dict
+        A constant, or corners of straight lines; empty where no rate is logged.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.run_tables import make_rate_course
+    >>> t = np.arange(0.0, 10.5, 0.5)
+    >>> make_rate_course(t, np.full(21, 0.25), 10.0)
+    {'rate_rad_s': 0.25}
+    >>> make_rate_course(t, 0.01 * t, 10.0, straight=True)["rate"]["time_s"]
+    [0.0, 10.0]
     """
     if rate_rad_s is None or not np.any(known := np.isfinite(rate_rad_s)):
         return {}
@@ -63,8 +111,34 @@ def make_rate_course(
 
 
 def make_drive_log(wave: Wave, length_s: float) -> dict[str, Any] | None:
-    """The logged commands of a driven run of a length as [control.log]; None where the main one was
-    not logged."""
+    """The logged commands of a driven run as [control.log] of a simulation file.
+
+    Parameters
+    ----------
+    wave
+        The run's; rows where one of its logged commands is not known are left out.
+    length_s
+        Of the run to be simulated, s.
+
+    Returns
+    -------
+    dict or None
+        Corners [s] of straight lines with the commands' integrals, and the commands there [unit/s]; None
+        where the main one was not logged.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.stages.run_tables import make_drive_log
+    >>> t = 0.01 + np.arange(0.0, 2.0, 0.02)
+    >>> wave = SimpleNamespace(
+    ...     time_s=t, window_s=0.02, drive_main=np.full(100, 0.1), drive_quadrature=None
+    ... )
+    >>> log = make_drive_log(wave, 2.0)
+    >>> list(log), round(min(log["drive_main"]), 9), round(max(log["drive_main"]), 9)
+    (['time_s', 'drive_main'], 0.1, 0.1)
+    """
     names = [
         name
         for name in ("drive_main", "drive_quadrature")
@@ -81,8 +155,28 @@ def make_drive_log(wave: Wave, length_s: float) -> dict[str, Any] | None:
 
 
 def make_temperature_course(time_s: Array, temperature_degc: Array | None) -> dict[str, Any]:
-    """The logged temperature (n,) as a part of [environment], constant or along straight lines;
-    nothing where none is logged."""
+    """The logged temperature as a part of [environment] of a simulation file.
+
+    Parameters
+    ----------
+    time_s
+        Rows (n,) of the log, s.
+    temperature_degc
+        Temperatures (n,), °C, NaN where none is known; None: no log.
+
+    Returns
+    -------
+    dict
+        A constant, or corners of straight lines; empty where none is logged.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.run_tables import make_temperature_course
+    >>> t = np.arange(5.0)
+    >>> make_temperature_course(t, 20.0 + 2 * t)["temperature"]["temperature_degc"]
+    [20.0, 28.0]
+    """
     if temperature_degc is None or not np.any(known := np.isfinite(temperature_degc)):
         return {}
     warm = np.asarray(temperature_degc, float)[known]
@@ -93,11 +187,34 @@ def make_temperature_course(time_s: Array, temperature_degc: Array | None) -> di
 
 
 def fit_chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], list[list[float]]]:
-    """Corners of straight lines from 0 to the run's length with the logs' integrals, to 4th order
-    of the lines' lengths; all logs have the same rows, and the lines the same corners.
+    """Corners of straight lines that have the integrals of logs, to fourth order of the lines' lengths.
 
-    A chord of the bend f'' over h has h³f''/12 too much below it. Half of it is taken from either
-    end: the values at the corners, which two lines share, give up (e₋ + e₊)/(h₋ + h₊).
+    A chord of the bend f'' over h has h³f''/12 too much below it. Half of it is taken from either end:
+    the values at the corners, which two lines share, give up (e₋ + e₊)/(h₋ + h₊).
+
+    Parameters
+    ----------
+    logs
+        Courses of the same rows; the lines of all of them have the same corners.
+    length_s
+        Time up to which the lines go, from 0, s.
+
+    Returns
+    -------
+    tuple of list
+        Corners [s], and the values at them for each log.
+
+    Examples
+    --------
+    Lines along a parabola keep what lies below it, 9:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.course import build_course
+    >>> from hrg_cli.stages.run_tables import fit_chords
+    >>> t = np.linspace(0.0, 3.0, 31)
+    >>> corners, (values,) = fit_chords([build_course(t, t**2)], 3.0)
+    >>> round(float(np.trapezoid(values, corners)), 6)
+    9.0
     """
     t, bent = logs[0].time_s, np.any([log.alpha != 0 for log in logs], axis=0)
     parts = np.where(bent, FINER, 1)
@@ -128,8 +245,32 @@ def fit_chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], li
 def choose_points(
     t: Array, values: Array, share: float = COURSE
 ) -> tuple[list[float], list[float]]:
-    """Corners of straight lines that follow the values to a share of their range: the point
-    furthest off is added until none is."""
+    """Corners of straight lines that follow values, as few as keep to them.
+
+    The point furthest off is added until none is further off than a share of the range (Ramer 1972;
+    Douglas and Peucker 1973).
+
+    Parameters
+    ----------
+    t
+        Times (n,), s; of equal ones the first counts.
+    values
+        (n,).
+    share
+        Of the values' range, by which the lines may miss them.
+
+    Returns
+    -------
+    tuple of list
+        Corners and the values there.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.run_tables import choose_points
+    >>> choose_points(np.arange(5.0), np.array([0.0, 1.0, 2.0, 2.0, 2.0]))
+    ([0.0, 2.0, 4.0], [0.0, 2.0, 2.0])
+    """
     t, place = np.unique(t, return_index=True)
     values = values[place]
     kept, tolerance = [0, len(t) - 1], share * float(np.ptp(values))
@@ -145,10 +286,39 @@ def choose_points(
 
 
 def describe_loops(wave: Wave, damping_rate_1_s: float) -> dict[str, Any]:
-    """Set amplitude and gains of the amplitude and the quadrature loop, as far as the logged
-    commands show them.
+    """Set amplitude and gains of a driven run's loops, as far as the logged commands show them.
 
     a_ΦA = ν a₀ + k_A (a₀ − a_A) + k_I ∫(a₀ − a_A) dt and a_ΦB = −k_q a_B − k_i ∫a_B dt.
+
+    Parameters
+    ----------
+    wave
+        The run's, with its logged commands.
+    damping_rate_1_s
+        ν, 1/s.
+
+    Returns
+    -------
+    dict
+        Keys of [control]: `amplitude` [signals' unit] always, the median where no loop is seen; gains
+        [1/s] and integral gains [1/s²] where a loop explains half of its command.
+
+    Examples
+    --------
+    Loops of gains 5 and 40 per second:
+
+    >>> import numpy as np
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.stages.run_tables import describe_loops
+    >>> t = np.linspace(0.0, 4.0, 201)
+    >>> a, q = 1.0 - 0.1 * np.exp(-5 * t), 0.01 * np.exp(-40 * t)
+    >>> wave = SimpleNamespace(
+    ...     time_s=t, main_amplitude=a, quadrature_amplitude=q, good=lambda: np.ones(201, bool),
+    ...     drive_main=0.1 + 5 * (1 - a), drive_quadrature=-40 * q,
+    ... )
+    >>> found = describe_loops(wave, 0.1)
+    >>> [round(found[name], 6) for name in ("amplitude", "amplitude_gain_1_s", "quadrature_gain_1_s")]
+    [1.0, 5.0, 40.0]
     """
     level = float(np.median(wave.main_amplitude[wave.good()]))
     out: dict[str, Any] = {"amplitude": level}
