@@ -52,8 +52,14 @@ HELD = (
         )
     ),
     *(f"records.{name}" for name in ("clock", "details", "doubts")),
-    *(f"formats.{name}" for name in ("clock", "quantities")),
-    *(f"stages.{name}" for name in ("earth_rate", "run_tables")),
+    *(
+        f"formats.{name}"
+        for name in (
+            *("clock", "column_units", "decimal_commas", "dialect", "filter_start"),
+            *("quantities", "scalars"),
+        )
+    ),
+    *(f"stages.{name}" for name in ("earth_rate", "planning.worth", "run_tables")),
     "stages.calibration.resonators",
     "fitting.least_squares",
     *(

@@ -10,10 +10,40 @@ from .quantities import OF_ROLE, is_of, list_units
 def find_column_unit(
     where: str, role: str, column: int, channel: Channel, given: str | None
 ) -> str:
-    """The unit of a column of times, rates or temperatures: the one given, else the log's own, else
-    the SI one (°C of a temperature).
+    """The unit in which a column of times, rates or temperatures is read.
 
-    HrgError: the log's own is not one of that quantity; the sentence says what to do.
+    Parameters
+    ----------
+    where
+        The log, for messages.
+    role
+        "time", "rate" or "temperature".
+    column
+        Its index, from 0.
+    channel
+        The column as the log describes it.
+    given
+        As told; None: the log's own, else the SI one (°C of a temperature).
+
+    Returns
+    -------
+    str
+        One that `quantities` knows, but for one that was given, which is checked where it is used.
+
+    Raises
+    ------
+    HrgError
+        The log's own is not one of that quantity; the sentence says what to do.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.column_units import find_column_unit
+    >>> from hrg_cli.formats.log import Channel
+    >>> column = Channel("table", "deg/s")
+    >>> find_column_unit("bench.csv", "rate", 3, column, None)
+    'deg/s'
+    >>> find_column_unit("bench.csv", "rate", 3, column, "rpm")
+    'rpm'
     """
     table, default = OF_ROLE[role]
     unit = given or channel.units or default

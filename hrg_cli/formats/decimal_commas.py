@@ -15,10 +15,37 @@ ROWS = 200
 
 
 def need_one_meaning(path: Path, titles: int, rows: Sequence[Sequence[str]]) -> None:
-    """Cells between commas are numbers of their own.
+    """Refuse a log whose commas both separate cells and mark decimals.
 
-    HrgError: they are whole numbers only, and twice as many as the titles, or every second one is
-    written as the digits behind a decimal mark are (of one length, zeros in front).
+    Each of its numbers falls apart into two cells of whole numbers. It is known by twice as many cells as
+    titles, or by every second cell being written as the digits behind a decimal mark are: of one length,
+    zeros in front.
+
+    Parameters
+    ----------
+    path
+        The log, for messages.
+    titles
+        How many titles it has.
+    rows
+        Its first rows, each the cells between commas.
+
+    Raises
+    ------
+    HrgError
+        The commas have two meanings; the sentence says how to write the log.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.errors import HrgError
+    >>> from hrg_cli.formats.decimal_commas import need_one_meaning
+    >>> need_one_meaning(Path("bench.csv"), 2, [["1", "25"], ["1", "20"]])
+    >>> try:
+    ...     need_one_meaning(Path("bench.csv"), 2, [["0", "125", "1", "250"]])
+    ... except HrgError as error:
+    ...     print(error)
+    bench.csv: its commas both separate cells and mark decimals ('0,125,1,250' is 4 cells, ...
     """
     rows = rows[:ROWS]
     count = len(rows[0]) if rows else 0

@@ -60,7 +60,24 @@ class Dialect:
 
 
 def find_encoding(head: bytes) -> str:
-    """Encoding by byte-order mark; otherwise UTF-8, or Latin-1 where it is not UTF-8."""
+    """Encoding of a text log.
+
+    Parameters
+    ----------
+    head
+        Its first bytes; the last four may be half a character.
+
+    Returns
+    -------
+    str
+        By the byte-order mark; otherwise UTF-8, or Latin-1 where it is not UTF-8.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.dialect import find_encoding
+    >>> find_encoding("Zeit [µs];C".encode("latin-1")), find_encoding("Zeit;C".encode("utf-16"))
+    ('latin-1', 'utf-16')
+    """
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     if head.startswith(b"\xef\xbb\xbf"):
@@ -73,7 +90,24 @@ def find_encoding(head: bytes) -> str:
 
 
 def is_text(head: bytes) -> bool:
-    """Whether the first bytes can be a text log: no control bytes beside line ends and tabs."""
+    """Whether a file can be a text log: no control bytes beside line ends and tabs.
+
+    Parameters
+    ----------
+    head
+        Its first bytes.
+
+    Returns
+    -------
+    bool
+        True for UTF-16 with its mark as well, whose every second byte is 0.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.dialect import is_text
+    >>> is_text(b"1.0,2.0"), is_text(bytes([137, 72, 68, 70, 0, 1]))
+    (True, False)
+    """
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return True
     control = sum(byte < 9 or 13 < byte < 32 for byte in head[:4096])
@@ -81,7 +115,27 @@ def is_text(head: bytes) -> bool:
 
 
 def find_cell_kind(cell: str, decimal: str) -> str:
-    """Kind of a cell: "number", "clock", "date", "" (empty) or "text"."""
+    """What a cell of a log holds.
+
+    Parameters
+    ----------
+    cell
+        Its text.
+    decimal
+        "." or ",".
+
+    Returns
+    -------
+    str
+        "number", "clock" or "date" as `find_clock_kind` has them, "" (empty) or "text"; NaN and infinity
+        in words are numbers.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.dialect import find_cell_kind
+    >>> [find_cell_kind(cell, ",") for cell in ("1,5e-3", "1.5", "14:03:22,5", "nan", "")]
+    ['number', 'text', 'clock', 'number', '']
+    """
     if not cell:
         return ""
     text = cell
@@ -95,7 +149,26 @@ def find_cell_kind(cell: str, decimal: str) -> str:
 
 
 def split_line(line: str, separator: str) -> list[str]:
-    """Cells of one line, quotes respected, blanks around them removed."""
+    """Cells of one line, quotes respected, blanks around them removed.
+
+    Parameters
+    ----------
+    line
+        Without its end.
+    separator
+        One character; a blank stands for any run of blanks.
+
+    Returns
+    -------
+    list of str
+        The cells.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.dialect import split_line
+    >>> split_line('0.1, "C, raw" ,2', ","), split_line("0.1   2", " ")
+    (['0.1', 'C, raw', '2'], ['0.1', '2'])
+    """
     if separator == " ":
         return line.split()
     if '"' in line:
@@ -112,7 +185,39 @@ def split_line(line: str, separator: str) -> list[str]:
 def sniff(
     path: Path, head: bytes, separator: str | None = None, decimal: str | None = None
 ) -> Dialect:
-    """The dialect of a text log from its first bytes. HrgError: no numbers in it."""
+    r"""How a text log is written, from its first bytes.
+
+    Each pair of separator and decimal sign is tried on the lines; the one by which most cells of equally
+    long rows are numbers or times wins.
+
+    Parameters
+    ----------
+    path
+        The log, for messages.
+    head
+        Its first bytes, of which whole lines are looked at.
+    separator, decimal
+        As told; None: found.
+
+    Returns
+    -------
+    Dialect
+        Encoding, signs, titles, units, kinds of the columns, and where the rows begin.
+
+    Raises
+    ------
+    HrgError
+        It is empty, or holds no numbers.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.formats.dialect import sniff
+    >>> head = b"t [ms];C [V];S [V]\n" + b"0,1;1,25;0,5\n0,2;1,20;0,4\n"
+    >>> found = sniff(Path("bench.csv"), head)
+    >>> found.separator, found.decimal, found.names, found.units
+    (';', ',', ('t', 'C', 'S'), ('ms', 'V', 'V'))
+    """
     encoding = find_encoding(head)
     text = head.decode(encoding, "replace")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")

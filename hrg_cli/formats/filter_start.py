@@ -29,10 +29,39 @@ QUIET = 0.01
 
 
 def count_settling_rows(start: Array, correlated_rows: float, turn: float, variance: float) -> int:
-    """Rows of an envelope's start (channel, n) before the filter has settled; 0 where nothing shows
-    that it had to. turn: the oscillation's turn a row [rad]; variance: of a row's noise, all parts.
+    """Rows of an envelope's start before the filter that made it has settled.
 
-    Where the bend is no longer seen it goes on to fall as it did, until it is below the noise.
+    An exponential that dies away stands far out of what the second difference over a correlation shows
+    behind it. Where the bend is no longer seen it goes on to fall as it did, until it is below the noise.
+
+    Parameters
+    ----------
+    start
+        The first rows (channel, n), complex, signals' unit.
+    correlated_rows
+        κ, rows that count as one.
+    turn
+        The oscillation's turn per row, rad.
+    variance
+        Of a row's noise, all parts together, unit².
+
+    Returns
+    -------
+    int
+        0 where nothing shows that it had to settle, or where there are too few rows to tell.
+
+    Examples
+    --------
+    An envelope that rises to 1 within a few rows, and one that was there from the start:
+
+    >>> import numpy as np
+    >>> from hrg_cli.formats.filter_start import count_settling_rows
+    >>> noise = 1e-4 * np.random.default_rng(1).normal(size=(1, 400, 2)) @ [1, 1j]
+    >>> rising = 1 - np.exp(-np.arange(400.0) / 2)[None] + noise
+    >>> 10 < count_settling_rows(rising, 4.0, 0.0, 2e-8) < 30
+    True
+    >>> count_settling_rows(1 + noise, 4.0, 0.0, 2e-8)
+    0
     """
     lag = max(1, round(correlated_rows))
     longest = int(np.ceil(LONGEST * correlated_rows))

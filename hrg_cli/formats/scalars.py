@@ -15,8 +15,24 @@ _STEP = re.compile(
 
 
 def find_rate(scalars: Mapping[str, float]) -> float | None:
-    """The sampling rate [Hz] among named numbers (paths count by their last part); None where there
-    is none."""
+    """The sampling rate among a file's named numbers.
+
+    Parameters
+    ----------
+    scalars
+        Name -> number; of a path the last part counts. Rates go before steps.
+
+    Returns
+    -------
+    float or None
+        Hz; None where no name tells one, or its number is none.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.scalars import find_rate
+    >>> find_rate({"bench/dt": 1e-4, "gain": 2.0}), find_rate({"gain": 2.0})
+    (10000.0, None)
+    """
     for pattern, invert in ((_RATE, False), (_STEP, True)):
         for name, value in scalars.items():
             if pattern.match(name.split("/")[-1]) and math.isfinite(value) and value > 0:

@@ -26,11 +26,39 @@ NOTHING = 1e-3
 
 
 def compute_separation(M: Array, question: Question, layout: InformationColumns) -> float:
-    """σ by which the cause stands out with the base model free; of two causes, σ of the one that
-    the other, free too, follows less.
+    """σ by which a cause stands out with the base model free.
 
-    A lag does nothing that a gradient could not do, but not the other way round: either is named
-    where a gradient would stand out.
+    Of two causes it is σ of the one that the other, free too, follows less: a lag does nothing that a
+    gradient could not do, but not the other way round, and either is named where a gradient would stand
+    out. With S the cause's information after all that is free is marginalised and its size s, σ² = sᵀ S s.
+
+    Parameters
+    ----------
+    M
+        Information (size, size) in the columns of the layout.
+    question
+        The cause and its rival, with their sizes in columns' units.
+    layout
+        The columns.
+
+    Returns
+    -------
+    float
+        σ; 0 where what is left is rounding.
+
+    Examples
+    --------
+    Nine units of information on one parameter, of a size of two:
+
+    >>> import numpy as np
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.planning.information import InformationColumns
+    >>> from hrg_cli.stages.planning.questions import BASE, Question
+    >>> from hrg_cli.stages.planning.worth import compute_separation
+    >>> layout = InformationColumns((find("cubic_stiffness"),), {})
+    >>> M = np.diag([1.0] * 7 + [9.0])
+    >>> compute_separation(M, Question("cubic_stiffness", BASE, np.array([2.0])), layout)
+    6.0
     """
     one = _find_cause_std(M, question.cause, question.size, question.rival, layout)
     if question.rival_size is None:
@@ -50,12 +78,66 @@ def _find_cause_std(
 
 
 def sum_separations(M: Array, questions: Sequence[Question], layout: InformationColumns) -> float:
-    """Sum of log(1 + σ²): the least separated count most."""
+    """Worth of an information for several questions, Σ log(1 + σ²): the least separated count most.
+
+    Parameters
+    ----------
+    M
+        Information (size, size) in the columns of the layout.
+    questions
+        What is to be told apart.
+    layout
+        The columns.
+
+    Returns
+    -------
+    float
+        0 where nothing is told.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.planning.information import InformationColumns
+    >>> from hrg_cli.stages.planning.questions import BASE, Question
+    >>> from hrg_cli.stages.planning.worth import sum_separations
+    >>> layout = InformationColumns((find("cubic_stiffness"),), {})
+    >>> asked = [Question("cubic_stiffness", BASE, np.array([2.0]))]
+    >>> found = sum_separations(np.diag([1.0] * 7 + [9.0]), asked, layout)
+    >>> bool(np.isclose(found, np.log(37)))
+    True
+    """
     return float(sum(np.log1p(compute_separation(M, q, layout) ** 2) for q in questions))
 
 
 def compute_log_information(M: Array, m: Mechanics) -> float:
-    """−log det of the covariance of the six parameters."""
+    """−log det of the covariance of the six parameters, each in a unit of the resonator's own (D-optimality,
+    Kiefer and Wolfowitz 1959).
+
+    Parameters
+    ----------
+    M
+        Information, its first seven columns those of the coordinates; the second order is marginalised.
+    m
+        The resonator, for its units: damping and split.
+
+    Returns
+    -------
+    float
+        Larger where more is known; −∞ where a direction is not known at all.
+
+    Examples
+    --------
+    Four times the information is half the standard deviation of six numbers:
+
+    >>> import numpy as np
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.stages.planning.worth import compute_log_information
+    >>> m = Mechanics(frequency_hz=5e3, damping_rate_1_s=0.1)
+    >>> gained = compute_log_information(4 * np.eye(7), m) - compute_log_information(np.eye(7), m)
+    >>> bool(np.isclose(gained, 6 * np.log(4)))
+    True
+    """
     sign, value = np.linalg.slogdet(marginalise(M, range(6), [6]) / np.outer(_units(m), _units(m)))
     return float(value) if sign > 0 else -np.inf
 
@@ -69,7 +151,32 @@ def _units(m: Mechanics) -> Array:
 
 
 def compute_std(M: Array, m: Mechanics) -> dict[str, float | None]:
-    """Standard deviation of every parameter but the frequency from the base model's information."""
+    """Standard deviations of every parameter but the frequency that an information leaves.
+
+    Parameters
+    ----------
+    M
+        Information, its first seven columns those of the coordinates; the second order is a nuisance, and
+        no parameter shows it.
+    m
+        The resonator at which it holds.
+
+    Returns
+    -------
+    dict
+        Parameter -> standard deviation in its unit; an axis whose split is not clear of its noise is as
+        uncertain as any.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.stages.planning.worth import compute_std
+    >>> m = Mechanics(frequency_hz=5e3, damping_rate_1_s=0.1, damping_split_1_s=0.02)
+    >>> found = compute_std(np.diag([1e8] * 7), m)
+    >>> round(found["damping_rate_1_s"], 9)
+    0.0001
+    """
     _, slopes = to_parameters(from_mechanics(m), m.mode_number)
     covariance = np.zeros((COUNT, COUNT))
     # The second order is a nuisance here: its part is marginalised, not shown as a parameter.
@@ -83,7 +190,38 @@ def compute_std(M: Array, m: Mechanics) -> dict[str, float | None]:
 def choose_runs(
     had: Array, offered: Mapping[str, Array], count: int, worth: Callable[[Array], float]
 ) -> list[str]:
-    """Greedy choice of different runs, then exchanges while one helps."""
+    """Different runs that are worth most together: a greedy choice, then exchanges while one helps.
+
+    A first run that was best alone may be a poor one beside the others, and greedy choice keeps it
+    (Fedorov 1972, Theory of Optimal Experiments).
+
+    Parameters
+    ----------
+    had
+        Information (size, size) there is already.
+    offered
+        That of each run of the menu, by name.
+    count
+        Runs to be chosen, at most as many as are offered.
+    worth
+        Of an information.
+
+    Returns
+    -------
+    list of str
+        Names, in the order in which they were chosen.
+
+    Examples
+    --------
+    "both" is best alone, "left" and "right" are best together:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.planning.worth import choose_runs
+    >>> menu = {"both": np.diag([2.0, 2.0]), "left": np.diag([9.0, 0]), "right": np.diag([0, 9.0])}
+    >>> worth = lambda M: float(np.linalg.slogdet(np.eye(2) + M)[1])
+    >>> sorted(choose_runs(np.zeros((2, 2)), menu, 2, worth))
+    ['left', 'right']
+    """
     names: list[str] = []
     for _ in range(count):
         total = had + sum(offered[n] for n in names)
@@ -109,7 +247,34 @@ def choose_runs(
 def find_impossible(
     everything: Array, questions: Sequence[Question], layout: InformationColumns
 ) -> list[str]:
-    """Sentences about what all runs of the menu together cannot tell apart."""
+    """What all runs of a menu together cannot tell apart.
+
+    Parameters
+    ----------
+    everything
+        Information (size, size) of all of them.
+    questions
+        What is to be told apart.
+    layout
+        The columns.
+
+    Returns
+    -------
+    list of str
+        A sentence for each question below `TOLD` σ, or that no run of any menu could answer.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.planning.information import InformationColumns
+    >>> from hrg_cli.stages.planning.questions import BASE, Question
+    >>> from hrg_cli.stages.planning.worth import find_impossible
+    >>> layout = InformationColumns((find("cubic_stiffness"),), {})
+    >>> asked = [Question("cubic_stiffness", BASE, np.array([0.5]))]
+    >>> print(*find_impossible(np.diag([1.0] * 7 + [9.0]), asked, layout))
+    all runs of the menu together tell ... from the base model by 1.5 σ only; add other runs
+    """
     out = []
     for q in questions:
         if q.cause in INHERENT and q.rival == BASE:
