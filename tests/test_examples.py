@@ -59,6 +59,7 @@ HELD = (
             *("quantities", "scalars"),
         )
     ),
+    *(f"reporting.{name}" for name in ("quantities", "text")),
     *(f"stages.{name}" for name in ("earth_rate", "planning.worth", "run_tables")),
     "stages.calibration.resonators",
     "fitting.least_squares",

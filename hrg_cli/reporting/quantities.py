@@ -22,8 +22,26 @@ rounds to 10."""
 
 
 def round_with_std(value: Any, std: Any) -> str:
-    """A value with its standard deviation in brackets, in units of the last digit shown; a value
-    without a σ has six digits."""
+    """A value with its standard deviation in brackets, in units of the last digit shown.
+
+    Parameters
+    ----------
+    value
+        Finite; anything else is a dash.
+    std
+        σ in the same unit; None, or no positive number: not known.
+
+    Returns
+    -------
+    str
+        In the GUM's concise notation (JCGM 100:2008, 7.2.2); without a σ in six digits.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.quantities import round_with_std
+    >>> round_with_std(1003.70000031, 1.04e-6), round_with_std(2.5e-9, 4e-10), round_with_std(0.5, None)
+    ('1003.7000003(10)', '2.5(4)×10⁻⁹', '0.5')
+    """
     if not isinstance(value, int | float) or not math.isfinite(value):
         return "–"
     known = isinstance(std, int | float) and math.isfinite(std) and std >= sys.float_info.min
@@ -55,8 +73,30 @@ def _concise(value: float, std: float, last: int) -> str:
 
 
 def format_quantity(name: str, value: Any, std: Any, units: str) -> str:
-    """A value as people say it: unit and power chosen by what it is and how large it is, rounded by
-    its σ."""
+    """A value as people say it: unit and power by what it is and how large it is, rounded by its σ.
+
+    Parameters
+    ----------
+    name
+        As in the JSON, such as "damping_split_1_s"; of a path the last part counts.
+    value
+        Finite; anything else is a dash.
+    std
+        σ in the same unit; None: not known.
+    units
+        Of the value, as files spell them.
+
+    Returns
+    -------
+    str
+        Number and unit.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.quantities import format_quantity
+    >>> format_quantity("drift_rad_s", 4.848e-8, 5e-9, "rad s-1")
+    '0.0100(10) °/h'
+    """
     if not isinstance(value, int | float) or not math.isfinite(value):
         return "–"
     factor, unit = choose_unit(name, float(value), units)
@@ -65,13 +105,57 @@ def format_quantity(name: str, value: Any, std: Any, units: str) -> str:
 
 
 def format_rounded(name: str, value: float, units: str, digits: int) -> str:
-    """A value of which no σ is known in so many digits, in the unit that its size asks for."""
+    """A value of which no σ is known, in the unit that its size asks for.
+
+    Parameters
+    ----------
+    name
+        As in the JSON, such as "damping_split_1_s"; of a path the last part counts.
+    value
+        Finite.
+    units
+        Of the value, as files spell them.
+    digits
+        Significant ones.
+
+    Returns
+    -------
+    str
+        Number and unit.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.quantities import format_rounded
+    >>> format_rounded("drift_rad_s", 4.8e-8, "rad s-1", 2)
+    '0.0099 °/h'
+    """
     factor, unit = choose_unit(name, value, units)
     return f"{format_number(value * factor, digits)} {unit}".strip()
 
 
 def choose_unit(name: str, value: float, units: str) -> tuple[float, str]:
-    """Factor and unit in which people say a quantity of this name, size and unit."""
+    """The unit in which people say a quantity of this name, size and unit.
+
+    Parameters
+    ----------
+    name
+        As in the JSON, such as "damping_split_1_s"; of a path the last part counts.
+    value
+        Its size, in `units`.
+    units
+        Of the value, as files spell them.
+
+    Returns
+    -------
+    tuple
+        Factor to that unit, and how it is printed.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.quantities import choose_unit
+    >>> choose_unit("gain", 2e-4, "1"), choose_unit("scale_factor", 0.55, "1")
+    ((1000000.0, 'ppm'), (1.0, ''))
+    """
     size = abs(value)
     name = next((n for n in reversed(name.split(".")) if n not in ("value", "std")), name)
     if name.startswith("frequency_split_") and name.endswith("_rad_s"):
@@ -126,7 +210,24 @@ _BY_UNIT: dict[str, Callable[[float], tuple[float, str]]] = {
 
 
 def format_unit(units: str) -> str:
-    """A unit as it is printed: rad s-1 K-1 as rad/(s·K)."""
+    """A unit as it is printed.
+
+    Parameters
+    ----------
+    units
+        As files spell it: base units with their powers.
+
+    Returns
+    -------
+    str
+        With a stroke and raised powers; "" of a plain number.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.quantities import format_unit
+    >>> format_unit("rad s-1 K-1"), format_unit("m s-2"), format_unit("1")
+    ('rad/(s·K)', 'm/s²', '')
+    """
     above, below = [], []
     for part in units.split():
         base = part.rstrip("-0123456789")
@@ -164,15 +265,56 @@ what may be none says nothing."""
 
 
 def label_of(name: str, value: float, std: float) -> str:
-    """A parameter in words, as `format_parameter` tells its value."""
+    """A parameter in words, as `format_parameter` tells its value.
+
+    Parameters
+    ----------
+    name
+        Of a resonator's parameter; another one stays as it is.
+    value, std
+        In its unit.
+
+    Returns
+    -------
+    str
+        A damping that may be none is told as a rate, others as a decay time.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.quantities import label_of
+    >>> label_of("damping_rate_1_s", 0.1, 0.001), label_of("damping_rate_1_s", 0.1, 0.1)
+    ('decay time τ', 'damping rate ν')
+    """
     if name == "damping_rate_1_s" and not value > DECAYS * std:
         return RATE_OF_DECAY
     return LABELS.get(name, clean_text(name))
 
 
 def format_parameter(name: str, value: float, std: float, units: str) -> str:
-    """A resonator's parameter for people: the damping as decay time, the damping split as the drift
-    it makes."""
+    """A resonator's parameter for people.
+
+    Parameters
+    ----------
+    name
+        As in the resonator.
+    value, std
+        In its unit.
+    units
+        As files spell it.
+
+    Returns
+    -------
+    str
+        The damping as decay time [s], the damping split as the drift it makes [°/h].
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.quantities import format_parameter
+    >>> format_parameter("damping_rate_1_s", 0.1, 0.001, "s-1")
+    '10.00(10) s'
+    >>> format_parameter("damping_split_1_s", 4.848e-7, 5e-9, "s-1")
+    '0.1000(10) °/h of drift'
+    """
     if name == "damping_rate_1_s" and value > DECAYS * std:
         return f"{round_with_std(1 / value, std / value / value)} s"
     if name == "damping_split_1_s":
