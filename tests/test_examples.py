@@ -23,6 +23,8 @@ FURTHER = {
     "hrg_cli.stages.inject": ["inject"],
     "hrg_cli.formats.importing": ["import_log"],
     "hrg_cli.formats.envelope": ["import_envelope"],
+    "hrg_cli.formats.envelope_windows": ["estimate_mean_turn"],
+    "hrg_cli.stages.figures_of_merit": ["compute_allan_figures"],
     "hrg_cli.exporting": ["export"],
     "hrg_cli.limits": ["check", "figures_of"],
     "hrg_cli.store": [
@@ -56,11 +58,11 @@ HELD = (
         f"formats.{name}"
         for name in (
             *("clock", "column_units", "decimal_commas", "dialect", "filter_start"),
-            *("quantities", "scalars"),
+            *("quantities", "row_noise", "scalars"),
         )
     ),
     *(f"reporting.{name}" for name in ("quantities", "text")),
-    *(f"stages.{name}" for name in ("earth_rate", "planning.worth", "run_tables")),
+    *(f"stages.{name}" for name in ("earth_rate", "one_gyro", "planning.worth", "run_tables")),
     "stages.calibration.resonators",
     "fitting.least_squares",
     *(

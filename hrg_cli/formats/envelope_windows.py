@@ -179,7 +179,25 @@ def _choose_rows(looks: list[Array], noise: RowNoise, total: int) -> int:
 
 
 def estimate_mean_turn(look: Array) -> float:
-    """Mean turn a row [rad]."""
+    """Mean turn of envelopes from row to row.
+
+    Parameters
+    ----------
+    look
+        Envelopes (channel, n), NaN where a row is missing.
+
+    Returns
+    -------
+    float
+        rad per row, the phase of Σ u_{k+1} u_k*; within ±π.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.formats.envelope_windows import estimate_mean_turn
+    >>> round(estimate_mean_turn(np.exp(0.3j * np.arange(9.0))[None]), 9)
+    0.3
+    """
     pairs = look[:, 1:] * np.conj(look[:, :-1])
     return float(np.angle(pairs[np.isfinite(pairs)].sum()))
 

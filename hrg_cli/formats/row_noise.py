@@ -78,12 +78,33 @@ class RowNoise:
 
 
 def estimate_row_noise(looks: Sequence[Array]) -> RowNoise:
-    """Noise of evenly spaced complex rows, looks of (channel, n) without gaps.
+    """Noise of demodulated rows by their own scatter.
 
-    Pieces of growing length look at ever lower frequencies. Of those whose spectrum is level there,
-    the shortest stands, unless a longer one shows clearly more; a filter's S ≈ S₀(1 − cf²) is
-    continued to f = 0 from both octaves. Rows that are independent have the one variance of all
-    their residuals, many times better known, where the spectrum's low end agrees with it.
+    Pieces of growing length look at ever lower frequencies. Of those whose spectrum is level there, the
+    shortest stands, unless a longer one shows clearly more; a filter's S ≈ S₀(1 − cf²) is continued to f =
+    0 from both octaves. Rows that are independent have the one variance of all their residuals, many
+    times better known, where the spectrum's low end agrees with it.
+
+    Parameters
+    ----------
+    looks
+        Evenly spaced complex rows (channel, n) of the signals' unit, without gaps within a look.
+
+    Returns
+    -------
+    RowNoise
+        Density at low frequency and variance, of each channel along the wave's phase and across it.
+
+    Examples
+    --------
+    Independent rows of σ = 0.001 in each part about a wave of 1:
+
+    >>> import numpy as np
+    >>> from hrg_cli.formats.row_noise import estimate_row_noise
+    >>> noise = 1e-3 * np.random.default_rng(1).normal(size=(1, 4096, 2)) @ [1, 1j]
+    >>> found = estimate_row_noise([1.0 + noise])
+    >>> bool(np.allclose(found.variance, 1e-6, rtol=0.05)), found.correlated_rows
+    (True, 1.0)
     """
     longest = max(look.shape[1] for look in looks)
     tried: list[tuple[float, Array, Array, float]] = []
@@ -219,8 +240,31 @@ def _levels(looks: Sequence[Array], rows: int) -> tuple[Array, Array, Array, int
 
 
 def estimate_filter_gain(looks: Sequence[Array]) -> float:
-    """Gain of the filter at the oscillation over that at the reference, from the noise of both
-    places; 1 where it cannot be told."""
+    """Gain of a demodulator's filter at the oscillation over that at the reference.
+
+    Noise passes the filter as the signal does: its amplitude at both places tells the ratio.
+
+    Parameters
+    ----------
+    looks
+        As in `estimate_row_noise`.
+
+    Returns
+    -------
+    float
+        1 where it cannot be told.
+
+    Examples
+    --------
+    Unfiltered noise about an oscillation that turns by 0.3 rad per row:
+
+    >>> import numpy as np
+    >>> from hrg_cli.formats.row_noise import estimate_filter_gain
+    >>> noise = 1e-3 * np.random.default_rng(1).normal(size=(1, 4096, 2)) @ [1, 1j]
+    >>> gain = estimate_filter_gain([np.exp(0.3j * np.arange(4096))[None] + noise])
+    >>> 0.8 < gain < 1.25
+    True
+    """
     rows = min(max(look.shape[1] for look in looks) // FEWEST_PIECES, LONGEST)
     rows = 1 << int(np.log2(max(rows, 1)))
     power = (

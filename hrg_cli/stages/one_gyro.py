@@ -18,8 +18,35 @@ FIRST_ROWS = 4096
 
 
 def need_same_gyro(waves: Sequence[Wave], command: str, resonator: Resonator | None = None) -> None:
-    """HrgError naming the runs of each gyro where the files name more than one; runs that name none
-    go with any."""
+    """Refuse runs of which the files name more than one gyro.
+
+    Parameters
+    ----------
+    waves
+        The runs; one that names no gyro goes with any.
+    command
+        What is asked for, for the message.
+    resonator
+        Given beside them, which names its gyro too.
+
+    Raises
+    ------
+    HrgError
+        Two gyros are named; the sentence tells the runs of each.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.errors import HrgError
+    >>> from hrg_cli.stages.one_gyro import need_same_gyro
+    >>> runs = [SimpleNamespace(gyro_id=gyro, run_id=run) for gyro, run in (("A", "1"), ("B", "2"))]
+    >>> need_same_gyro(runs[:1], "identify")
+    >>> try:
+    ...     need_same_gyro(runs, "identify")
+    ... except HrgError as error:
+    ...     print(error)
+    runs of 2 gyros were given (A: 1; B: 2), one was expected; identify each gyro by itself, ...
+    """
     runs: dict[str, list[str]] = {}
     for wave in waves:
         if wave.gyro_id:
@@ -37,8 +64,38 @@ def need_same_gyro(waves: Sequence[Wave], command: str, resonator: Resonator | N
 
 
 def need_each_once(waves: Sequence[Wave]) -> None:
-    """HrgError: two runs hold the same rows, noise and all; files are told apart by their sources,
-    records in memory have none."""
+    """Refuse runs of which one is a copy of another: its rows would count twice.
+
+    Files are told apart by their sources; records in memory have none, and are by the first
+    `FIRST_ROWS` of their rows, noise and all.
+
+    Parameters
+    ----------
+    waves
+        The runs.
+
+    Raises
+    ------
+    HrgError
+        Two of them hold the same rows.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.errors import HrgError
+    >>> from hrg_cli.stages.one_gyro import need_each_once
+    >>> names = ("main_amplitude", "quadrature_amplitude", "wave_angle_rad", "phase_rad")
+    >>> rows = dict(zip(names, np.random.default_rng(1).normal(size=(4, 9))))
+    >>> told = dict(mode_number=2, reference_frequency_hz=5e3, provenance=SimpleNamespace(sources=()))
+    >>> one, other = (SimpleNamespace(run_id=run, **told, **rows) for run in "ab")
+    >>> need_each_once([one])
+    >>> try:
+    ...     need_each_once([one, other])
+    ... except HrgError as error:
+    ...     print(error)
+    runs a and b hold the same rows, so one is a copy of the other; name each run once, ...
+    """
     first: dict[tuple[int, float, bytes], str] = {}
     for place, wave in enumerate(waves, start=1):
         if wave.provenance.sources:
@@ -63,8 +120,29 @@ def need_each_once(waves: Sequence[Wave]) -> None:
 
 
 def find_two_gyros(names: Sequence[str], frequency_hz: Array) -> str | None:
-    """The runs on either side of the widest gap between their frequencies (r,), in words, where no
-    temperature makes it; else None."""
+    """The runs on either side of the widest gap between their frequencies, in words.
+
+    Parameters
+    ----------
+    names
+        Of the runs (r,).
+    frequency_hz
+        Mean frequency (r,) of each, Hz; NaN where it is not known.
+
+    Returns
+    -------
+    str or None
+        None where a temperature could make the gap: below `FREQUENCIES_APART` of the frequency.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.one_gyro import find_two_gyros
+    >>> print(find_two_gyros(["a", "b", "c"], np.array([5000.0, 7000.0, 5000.2])))
+    the runs are not of one gyro: a, c at 5000.1 Hz, b at 7000 Hz
+    >>> find_two_gyros(["a", "c"], np.array([5000.0, 5000.2])) is None
+    True
+    """
     hz = np.asarray(frequency_hz, float)
     order = np.argsort(hz)[: np.count_nonzero(np.isfinite(hz))]
     gaps = np.diff(hz[order]) / hz[order][:-1]
