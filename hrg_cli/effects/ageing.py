@@ -27,6 +27,12 @@ def slow(p: Values, u: Array, state: SlowState) -> Array:
     )
 
 
+def slow_rate(p: Values, u: Array, state: SlowState) -> Array:
+    """(jω α_t − m_c R(0) − m_s R(π/2)) u: while the frequency moves, aω^½ stays."""
+    split = split_matrix(p["split_cos_1_s2"], p["split_sin_1_s2"])
+    return 1j * state.mechanics.omega_rad_s * p["frequency_1_s"] * u - u @ split
+
+
 EFFECT = Effect(
     name="ageing",
     family="bench",
@@ -40,4 +46,5 @@ EFFECT = Effect(
     next_experiment="the same runs repeated later at the same temperatures, or a thermal cycle",
     plant=plant,
     slow=slow,
+    slow_rate=slow_rate,
 )

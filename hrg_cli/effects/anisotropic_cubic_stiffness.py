@@ -48,5 +48,6 @@ EFFECT = Effect(
     next_experiment="ring-downs at five wave angles or more and at two amplitudes",
     plant=plant,
     slow=slow,
+    nonlinear_force=True,
     part_of=("cubic_stiffness", "inertial_nonlinearity"),
 )

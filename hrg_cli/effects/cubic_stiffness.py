@@ -60,4 +60,5 @@ EFFECT = Effect(
     ),
     plant=plant,
     slow=slow,
+    nonlinear_force=True,
 )

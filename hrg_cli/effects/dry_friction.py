@@ -94,5 +94,6 @@ EFFECT = Effect(
     ),
     plant=plant,
     slow=slow,
+    nonlinear_force=True,
     acts_on="velocity",
 )

@@ -4,7 +4,8 @@ slow terms.
 Fast terms change the simulated gyro in place: `environment(p, env)`, `plant(p, plant, env)`,
 `control(p, control)`, `readout(p, readout)` (see physics/plant.py). Slow terms act on the complex
 envelopes u (..., 2), vectorised over any leading shape: `slow_environment(p, state) -> state`,
-`slow(p, u, state) -> du/dt`, `slow_readout(p, u, state) -> u`. `slow_jump(p, state) -> (time_s,
+`slow(p, u, state) -> du/dt`, `slow_rate(p, u, state) -> d/dt` of that where u stands and a spring
+moves, `slow_readout(p, u, state) -> u`. `slow_jump(p, state) -> (time_s,
 jump of u)` is what happens at one instant. `p` maps each parameter's name to its value; at all
 parameters' `neutral` value an effect does nothing.
 
@@ -142,7 +143,8 @@ class Effect:
     it puts a line of its own there. scales: the resonator's parameter that follows the temperature by
     it. same_as_parameter: the one that it changes, exactly, in every run. acts_on: "velocity" where
     its force follows the motion's velocity, whose envelopes turn beside those of the displacement by
-    KΩ/ω, so that its slow term is given these. starts: values from which
+    KΩ/ω, so that its slow term is given these. nonlinear_force: its force is no linear one of the
+    motion, so that to second order it changes with what split, damping and rate do to that. starts: values from which
     it is tried beside these runs: instants at which a parameter that is not
     fitted is held, levels of one
         that sets in.
@@ -160,6 +162,7 @@ class Effect:
     readout: Callable[[Values, Readout], None] = nothing
     slow_environment: Callable[[Values, SlowState], SlowState] = same_state
     slow: Callable[[Values, Array, SlowState], Array] = no_term
+    slow_rate: Callable[[Values, Array, SlowState], Array] = no_term
     slow_readout: Callable[[Values, Array, SlowState], Array] = same_signal
     slow_jump: Callable[[Values, SlowState], tuple[float, Array]] | None = None
     seen_in: Literal["dynamics", "waveform"] = "dynamics"
@@ -176,6 +179,7 @@ class Effect:
     scales: str = ""
     same_as_parameter: str = ""
     acts_on: Literal["displacement", "velocity"] = "displacement"
+    nonlinear_force: bool = False
     starts: Callable[[Runs], Sequence[Values]] = only_neutral
 
     def values(self, given: Mapping[str, Any] | None = None) -> dict[str, float]:
@@ -236,6 +240,12 @@ class Effect:
         """Whether a fitted parameter does nothing at all up to a level, so that the effect has no
         small size that grows in proportion."""
         return any(p.sets_in for p in self.fitted())
+
+
+def find_displacement(u: Array, state: SlowState | None) -> Array:
+    """The displacement's envelopes beside those, u, that an effect which acts on the velocity is
+    given."""
+    return u if state is None or state.displacement is None else state.displacement
 
 
 def find_frame(u: Array, phase_rad: Array | float) -> tuple[Array, Array, Array, Array]:

@@ -26,6 +26,12 @@ def slow(p: Values, u: Array, state: SlowState) -> Array:
     return 1j * (state.temperature_degc - p["reference_temperature_degc"])[..., None] * (u @ slope)
 
 
+def slow_rate(p: Values, u: Array, state: SlowState) -> Array:
+    """j dT/dt (s_c R(0) + s_s R(π/2)) u."""
+    slope = split_matrix(p["cos_rad_s_k"], p["sin_rad_s_k"])
+    return 1j * state.temperature_rate_degc_s[..., None] * (u @ slope)
+
+
 EFFECT = Effect(
     name="split_temperature",
     family="resonator",
@@ -42,4 +48,5 @@ EFFECT = Effect(
     ),
     plant=plant,
     slow=slow,
+    slow_rate=slow_rate,
 )

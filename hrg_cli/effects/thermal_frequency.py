@@ -27,6 +27,12 @@ def slow(p: Values, u: Array, state: SlowState) -> Array:
     return 1j * change[..., None] * u
 
 
+def slow_rate(p: Values, u: Array, state: SlowState) -> Array:
+    """jω α dT/dt u: while the frequency moves, aω^½ stays."""
+    change = state.mechanics.omega_rad_s * p["relative_1_k"] * state.temperature_rate_degc_s
+    return 1j * change[..., None] * u
+
+
 EFFECT = Effect(
     name="thermal_frequency",
     family="resonator",
@@ -40,5 +46,6 @@ EFFECT = Effect(
     next_experiment="a temperature cycle, up and down, at constant amplitude",
     plant=plant,
     slow=slow,
+    slow_rate=slow_rate,
     scales="frequency_hz",
 )

@@ -31,6 +31,13 @@ def slow(p: Values, u: Array, state: SlowState) -> Array:
     return 1j * change[..., None] * u
 
 
+def slow_rate(p: Values, u: Array, state: SlowState) -> Array:
+    """2jω β ΔT dT/dt u: while the frequency moves, aω^½ stays."""
+    warmer = state.temperature_degc - p[REFERENCE_TEMPERATURE]
+    change = 2 * p["relative_1_k2"] * warmer * state.temperature_rate_degc_s
+    return 1j * state.mechanics.omega_rad_s * change[..., None] * u
+
+
 EFFECT = Effect(
     name="thermal_frequency_curvature",
     family="resonator",
@@ -44,4 +51,5 @@ EFFECT = Effect(
     next_experiment="runs at three temperatures or more, well apart, at constant amplitude",
     plant=plant,
     slow=slow,
+    slow_rate=slow_rate,
 )

@@ -338,13 +338,14 @@ class _Seen:
         others = self.flow.rows.remove_effect(effect).read_out(self.u)
         rows = middles = direct = None
         if effect.slow is not no_term:
-            at = self.flow.rows.choose_envelopes(effect, self.u, self.at_rows)
-            between = self.flow.halves.choose_envelopes(effect, self.flow.middle, self.at_middle)
+            at, between = self.flow.rows, self.flow.halves
             rows = _differences(
-                lambda p: effect.slow(p, at, self.at_rows), pairs, self.at_rows.drive
+                lambda p: at.compute_force(effect, p, self.u, self.at_rows), pairs, self.at_rows.drive
             )
             middles = _differences(
-                lambda p: effect.slow(p, between, self.at_middle), pairs, self.at_middle.drive
+                lambda p: between.compute_force(effect, p, self.flow.middle, self.at_middle),
+                pairs,
+                self.at_middle.drive,
             )
         if effect.slow_readout is not same_signal:
             direct = _differences(

@@ -31,6 +31,9 @@ from .fit_point import Point, build_state
 from .measured_runs import MeasuredRuns
 
 Array = np.ndarray
+SMALL_MOVE = 1e-4
+"""Of the motion, by which its change is taken to differentiate a force: halfway between rounding and the
+third order."""
 FOLLOWING = 10.0
 """Relaxations in a run by which a held amplitude is followed."""
 
@@ -65,6 +68,7 @@ class RungeKuttaStage:
         if self.holds:
             self.L = build_generators(series, point) - build_mean_turns(series)[:, None]
         self.plain = _plain(series, point)
+        self.fastest_1_s = float(np.max(np.abs(self.plain), initial=0.0))
         self.frame_turn = series.frame_turn
         self.held, self.held_slope = series.held_amplitude, series.held_slope
         self.follow_1_s = FOLLOWING / max(float(series.time_s.max() - series.time_s.min()), 1e-9)
@@ -81,7 +85,7 @@ class RungeKuttaStage:
         run = self.state.run
         state.run = run[:, 0] if run is not None and isinstance(k, int) else run
         one.state, one.active, one.driven = state, self.active, self.driven
-        one.second, one.lead = self.second, self.lead
+        one.second, one.lead, one.fastest_1_s = self.second, self.lead, self.fastest_1_s
         one.main, one.quadrature = self.main[:, k], self.quadrature[:, k]
         one.L, one.plain = self.L[:, k], self.plain[:, k]
         one.frame_turn = None if self.frame_turn is None else self.frame_turn[:, k]
@@ -184,11 +188,32 @@ class RungeKuttaStage:
         )
         for effect, values in self.active:
             if effect.slow is not no_term:
-                total += effect.slow(values, self.choose_envelopes(effect, v, state), state)
+                total += self.compute_force(effect, values, v, state)
         return total
 
-    def choose_envelopes(self, effect: Effect, v: Array, state: SlowState) -> Array:
-        """Envelopes that an effect's slow term looks at: loops and forcers see the displacement u =
+    def compute_force(self, effect: Effect, values: Mapping[str, float], v: Array, state: SlowState) -> Array:
+        """What an effect adds to dv/dt, f, with what the second order makes of it.
+
+        With u̇ = Lu + g, (2jω + 2Γ + L)g + ġ = 2jωf: g = f + (j/2ω)[(2Γ + L)f + ḟ], 2Γ + L = −L₀*. A
+        spring that moves has ḟ = ∂f/∂t, which is −ω̇/2ω of the amplitude; a force that is not linear
+        changes with the motion that L₀ makes, ḟ = Df[L₀u]. What a linear one that stands makes of
+        both is part of how its parameters are defined.
+        """
+        force = effect.slow(values, *self.choose_envelopes(effect, v, state))
+        if self.lead == 0:
+            return force
+        second = np.zeros_like(force)
+        if effect.slow_rate is not no_term:
+            second += effect.slow_rate(values, v, state)
+        if effect.nonlinear_force and self.fastest_1_s > 0:
+            moved = SMALL_MOVE / self.fastest_1_s * apply_generators(self.plain, v)
+            change = effect.slow(values, v + moved, state) - effect.slow(values, v - moved, state)
+            second += self.fastest_1_s / (2 * SMALL_MOVE) * change
+            second -= apply_generators(np.conj(self.plain), force)
+        return force + self.lead * second
+
+    def choose_envelopes(self, effect: Effect, v: Array, state: SlowState) -> tuple[Array, SlowState]:
+        """Envelopes and state that an effect's slow term looks at: loops and forcers see the displacement u =
         v + jf/2ω, what slows the motion its velocity, ż = Re[(jωu + u̇) e^{jωt}], over jω: u + (Lv +
         f)/jω, and springs move as v does.
 
@@ -197,9 +222,11 @@ class RungeKuttaStage:
         damping that changes by Δν leaves out ΔνKΩ/ω of quadrature a second.
         """
         if effect.acts_on == "velocity":
-            return v - self.lead * (2 * apply_generators(self.plain, v) + state.drive)
+            beside = copy.copy(state)
+            beside.displacement = v + self.lead * state.drive
+            return v - self.lead * (2 * apply_generators(self.plain, v) + state.drive), beside
         by_loops = self.driven and effect.family == "control"
-        return v + self.lead * state.drive if by_loops else v
+        return (v + self.lead * state.drive if by_loops else v), state
 
     def read_out(self, v: Array) -> Array:
         """As demodulation shows it, through the read-outs."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from ....effects.effect import Effect
 from ....fitting.envelopes.envelope_runs import compute_envelopes
+from ....fitting.samples.envelope_motion import estimate_curvatures
 from ....fitting.samples.neighbours import find_local_median
 from ....records import Array, Wave
 
@@ -23,6 +24,9 @@ NEIGHBOURS = 12
 ODD = 1.9
 """σ over the neighbours' from which a window is odd: pooled ones differ by a few hundredths, one of four
 samples beside those of five by half, and one that keeps its own noise has twice theirs or more."""
+BENT = 4.0
+"""Times the doubt of the bend up to which an end's σ is that: the demodulation took it before other
+corrections."""
 BY_CHANCE = 1e-6
 """Chance at which the odd windows of all might be just those of the largest signal."""
 
@@ -47,6 +51,8 @@ def find_odd_windows(waves: Sequence[Wave]) -> list[OddWindow]:
         std = np.asarray(wave.signal_std, float)[rows]
         usual = find_local_median(std, NEIGHBOURS)
         odd = (std > ODD * usual) & ~_kinked(wave, rows, usual)
+        if odd.any():
+            odd &= ~_bent(wave, rows, std, usual)
         found += [
             OddWindow(number, int(rows[k]), float(wave.time_s[rows[k]]), float(std[k] / usual[k]))
             for k in np.flatnonzero(odd)
@@ -67,6 +73,18 @@ def _kinked(wave: Wave, rows: Array, usual: Array) -> Array:
         change = np.nan_to_num(np.fmax(change, np.append(change[1:], np.nan)))
         bent = np.maximum(bent, change * scale * wave.window_s / 8)
     return np.asarray(bent > usual)
+
+
+def _bent(wave: Wave, rows: Array, std: Array, usual: Array) -> Array:
+    """Rows (n,) whose σ holds no more beside the neighbours' than what the motion's bend is not known by:
+    at the ends of a run it is continued, and a wave that turns fast within a window makes that rough."""
+    u = compute_envelopes(wave)[rows].T[..., None]
+    turning = np.asarray(wave.frequency_hz, float)[rows] - wave.reference_frequency_hz
+    found = estimate_curvatures(u, np.array([2 * np.pi * np.nanmedian(turning)]), wave.window_s)
+    if found is None:
+        return np.zeros(len(rows), bool)
+    doubt = found[1].max(axis=(0, 2)) * wave.window_s**2 / 24
+    return np.asarray(std**2 - usual**2 < (BENT * doubt) ** 2)
 
 
 def find_channel_amplitudes(wave: Wave) -> Array:

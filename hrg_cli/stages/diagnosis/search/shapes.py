@@ -157,4 +157,6 @@ def _set_level(amplitude: float, fitted: bool) -> Effect:
         page="",
         parameters=(level, Parameter("power", "1", 1.0, "power", fitted=fitted)),
         slow=slow,
+        acts_on=nonlinear_damping.EFFECT.acts_on,
+        nonlinear_force=True,
     )
