@@ -89,8 +89,8 @@ def remove_effect(point: Point, name: str) -> Point:
     return replace(point, active=tuple(pair for pair in point.active if pair[0].name != name))
 
 
-def make_mechanics(p: Array, series: MeasuredRuns) -> Mechanics:
-    """The resonator of coordinates at the runs' reference frequency.
+def make_mechanics(p: Array, series: MeasuredRuns, offset_rad_s: Array | None = None) -> Mechanics:
+    """The resonator of coordinates at the runs' frequency.
 
     Parameters
     ----------
@@ -98,6 +98,9 @@ def make_mechanics(p: Array, series: MeasuredRuns) -> Mechanics:
         (7,).
     series
         The runs.
+    offset_rad_s
+        Of the runs (R,) beside their reference frequency, of which a part per kelvin is one of the
+        resonator's own; None: they are at the reference.
 
     Returns
     -------
@@ -114,7 +117,9 @@ def make_mechanics(p: Array, series: MeasuredRuns) -> Mechanics:
     >>> gyro.frequency_hz, round(gyro.damping_axis_rad * 8 / np.pi, 9)
     (5000.0, 1.0)
     """
-    return coordinates.to_mechanics(p, series.reference_frequency_hz, series.mode_number)
+    offset_hz = 0.0 if offset_rad_s is None else float(np.mean(offset_rad_s)) / (2 * np.pi)
+    frequency_hz = series.reference_frequency_hz + offset_hz
+    return coordinates.to_mechanics(p, frequency_hz, series.mode_number)
 
 
 def build_state(series: MeasuredRuns, point: Point) -> SlowState:
@@ -148,7 +153,7 @@ def build_state(series: MeasuredRuns, point: Point) -> SlowState:
     (0.1, [[20.0, 21.0, 22.0, 23.0]], [[0]])
     """
     state = SlowState(
-        mechanics=make_mechanics(point.p, series),
+        mechanics=make_mechanics(point.p, series, point.offset_rad_s),
         time_s=series.time_s,
         temperature_degc=series.temperature_degc,
         temperature_rate_degc_s=series.temperature_rate_degc_s,
