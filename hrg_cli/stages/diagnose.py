@@ -48,6 +48,7 @@ from .diagnosis.report.refusal import refuse, stop_search
 from .diagnosis.report.report import report as report_of
 from .diagnosis.report.scores import tabulate_scores
 from .diagnosis.report.shares import report_shares
+from .diagnosis.samples.harmonics import measure_motion_harmonics
 from .diagnosis.samples.heard import find_unheard
 from .diagnosis.samples.lines import describe_folded, find_common_step
 from .diagnosis.samples.odd_windows import say_odd_windows as odd_ones
@@ -359,9 +360,13 @@ def _seen_in_samples(
     waves: Sequence[Wave], case: Case, cut: Cut, tones: Sequence[Tone]
 ) -> InSamples:
     """What the samples show beside the causes of the dynamics."""
-    frequency_hz = float(np.mean(case.search.final.frequency_hz))
+    final = case.search.final
+    frequency_hz = float(np.mean(final.frequency_hz))
     found = [one.variant.effect for one in case.search.found]
-    shown, lines = find_waveform_causes(waves, cut.steps, tones, frequency_hz, found)
+    bends = [pair for pair in final.point.active if pair[0].makes_harmonics]
+    shown, lines = find_waveform_causes(
+        waves, cut.steps, tones, frequency_hz, found, measure_motion_harmonics(final)
+    )
     named = [*found, *(find(str(entry["name"])) for entry in shown)]
     return InSamples(
         shown,
@@ -369,7 +374,7 @@ def _seen_in_samples(
         lines,
         next(iter(list_near_tones(tones, waves, frequency_hz)), None),
         [t.frequency_hz for t in list_unnamed_tones(tones, named)],
-        odd_ones(waves, _instants(case.search.final, cut), named),
+        odd_ones(waves, _instants(final, cut), named, bends),
     )
 
 

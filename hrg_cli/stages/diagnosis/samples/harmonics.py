@@ -10,11 +10,16 @@ import numpy as np
 
 from ....effects import converter_nonlinearity, pickoff_nonlinearity, saturation
 from ....effects.effect import Effect
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.fit_point import build_state
+from ....fitting.causes.scales import measure_strength
 from ....records import Array, Wave
 from .lines import Line, find_cell_hz, find_median_amplitude
 from .odd_windows import are_at_top, find_channel_amplitudes, find_odd_windows
 from .offered import UNMEASURED, make_entry
 
+LARGER_THAN_MEAN = 4.0
+"""Times its mean over all runs that a harmonic of the motion may be in a single one: it follows a³."""
 CUBIC_LARGEST = 0.3
 """γa² of a pick-off's cubic beyond which it is none."""
 DITHERED, EXACTLY = 0.5, 1e-3
@@ -23,14 +28,29 @@ CLIPPED_PEAK = 4 / np.pi
 """Fundamental of a wave that is clipped to a square, over the level."""
 
 
+def measure_motion_harmonics(fit: ExtendedFit) -> float:
+    """Part of the wave's size that the third harmonic of the motion may have at most: forces of it, F₃,
+    of up to three times those at ω, F₁ = 2ω|u̇|, move it by F₃/8ω²."""
+    motion = fit.prediction.motion
+    state = build_state(fit.series, fit.point)
+    parts = [
+        measure_strength(effect, values, motion, state)[0]
+        for effect, values in fit.point.active
+        if effect.nonlinear_force
+    ]
+    return LARGER_THAN_MEAN * 0.75 * sum(parts)
+
+
 def name_bent_channels(
     waves: Sequence[Wave],
     harmonics: dict[int, Line],
     codes: Sequence[Line],
     found: Sequence[Effect],
+    of_motion: float = 0.0,
 ) -> list[dict[str, Any]]:
     """What the odd harmonics are, as entries; none where the dynamics found a read-out that makes
-    them (`found`)."""
+    them (`found`), and no cubic of the pick-off where the motion itself may make the third one, of
+    this part of the wave's size."""
     odd = [n for n in sorted(harmonics) if n % 2]
     if any(effect.makes_harmonics for effect in found):
         return []
@@ -44,7 +64,7 @@ def name_bent_channels(
         return []
     line, size = harmonics[3], float(np.median([find_median_amplitude(w) for w in waves]))
     cubic = 4 * float(np.max(line.amplitude)) / size**3
-    if not 0 < cubic * size**2 < CUBIC_LARGEST:
+    if not 4 * of_motion < cubic * size**2 < CUBIC_LARGEST:
         return []
     offer = make_entry(
         pickoff_nonlinearity.EFFECT,

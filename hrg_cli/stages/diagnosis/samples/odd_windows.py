@@ -7,7 +7,7 @@ a clipped top where the signal is at its largest, else a burst that is told and 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import comb
 
@@ -18,6 +18,7 @@ from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....fitting.samples.envelope_motion import estimate_curvatures
 from ....fitting.samples.neighbours import find_local_median
 from ....records import Array, Wave
+from .heard import compute_harmonic_power
 
 NEIGHBOURS = 12
 """Windows on either side whose noise is the usual one."""
@@ -33,12 +34,14 @@ BY_CHANCE = 1e-6
 
 @dataclass(frozen=True)
 class OddWindow:
-    """A window whose σ is so many times its neighbours': number of its wave, row, time."""
+    """A window whose σ is so many times its neighbours': number of its wave, row, time; by how much it is
+    larger, in squares."""
 
     run: int
     row: int
     time_s: float
     times: float
+    beyond: float
 
 
 def find_odd_windows(waves: Sequence[Wave]) -> list[OddWindow]:
@@ -54,7 +57,13 @@ def find_odd_windows(waves: Sequence[Wave]) -> list[OddWindow]:
         if odd.any():
             odd &= ~_bent(wave, rows, std, usual)
         found += [
-            OddWindow(number, int(rows[k]), float(wave.time_s[rows[k]]), float(std[k] / usual[k]))
+            OddWindow(
+                number,
+                int(rows[k]),
+                float(wave.time_s[rows[k]]),
+                float(std[k] / usual[k]),
+                float(np.sqrt(std[k] ** 2 - usual[k] ** 2)),
+            )
             for k in np.flatnonzero(odd)
         ]
     return found
@@ -87,6 +96,19 @@ def _bent(wave: Wave, rows: Array, std: Array, usual: Array) -> Array:
     return np.asarray(std**2 - usual**2 < (BENT * doubt) ** 2)
 
 
+def _find_harmonic_std(
+    wave: Wave, row: int, bends: Sequence[tuple[Effect, Mapping[str, float]]]
+) -> float:
+    """σ at most that harmonics of these read-outs add to a row's: of s rms in each of N samples it is
+    s√(2/N), and no window has fewer than four."""
+    amplitude = np.abs(compute_envelopes(wave, slice(row, row + 1)))
+    power = sum(
+        float(compute_harmonic_power(effect, values, amplitude).sum(axis=0).max())
+        for effect, values in bends
+    )
+    return float(np.sqrt(power / 2))
+
+
 def find_channel_amplitudes(wave: Wave) -> Array:
     """The larger amplitude of the two channels (n,)."""
     u = compute_envelopes(wave)
@@ -109,11 +131,16 @@ def are_at_top(
 
 
 def say_odd_windows(
-    waves: Sequence[Wave], instants: Sequence[tuple[int, float]], causes: Sequence[Effect]
+    waves: Sequence[Wave],
+    instants: Sequence[tuple[int, float]],
+    causes: Sequence[Effect],
+    bends: Sequence[tuple[Effect, Mapping[str, float]]] = (),
 ) -> str:
     """One sentence on the odd windows that no named cause makes; empty where there are none.
 
-    instants: (wave, time) at which a cause acts, within a window of which others may be odd.
+    instants: (wave, time) at which a cause acts, within a window of which others may be odd. bends:
+    read-outs with their values, whose harmonics stand in the windows of a single period by chance
+    of where the samples fall.
     """
     odd = find_odd_windows(waves)
     if any(cause.sets_in for cause in causes) and are_at_top(waves, odd, by_chance=1.0):
@@ -125,6 +152,7 @@ def say_odd_windows(
             run == one.run and abs(time_s - one.time_s) < 1.5 * waves[run].window_s
             for run, time_s in instants
         )
+        and one.beyond > _find_harmonic_std(waves[one.run], one.row, bends)
     ]
     if not odd:
         return ""

@@ -58,9 +58,11 @@ def find_waveform_causes(
     tones: Sequence[Tone],
     frequency_hz: float,
     found: Sequence[Effect],
+    of_motion: float = 0.0,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """(effects the waveform shows, as the report's entries; every line with its meaning). `found`:
-    effects named by the dynamics."""
+    effects named by the dynamics; of_motion: part of the wave's size that harmonics of the motion
+    itself may have."""
     far = find_lines(waves)
     near, listed = _judge_tones(tones, far, waves, frequency_hz)
     strange = list_near_tones(tones, waves, frequency_hz)
@@ -93,7 +95,7 @@ def find_waveform_causes(
     ]
     offered += [_beating(tone, waves) for tone in strange]
     offered += [_tone(line, waves) for line in named]
-    offered += name_bent_channels(waves, harmonics, codes, found) if direct else []
+    offered += name_bent_channels(waves, harmonics, codes, found, of_motion) if direct else []
     return [offer for offer in offered if is_sound(offer)], listed
 
 

@@ -58,6 +58,33 @@ def test_sound_runs_have_none(periods):
     assert find_odd_windows(waves(table, periods_per_window=periods)) == []
 
 
+def test_ends_of_a_run_that_turns_fast_within_a_window_are_none():
+    """A split of 2 rad/s bends the envelopes by 0.08 rad a window, and at the ends the bend is
+    continued: there σ holds that doubt, up to fourteen times the noise."""
+    table = programme(1, runs=4, noise=1e-5)
+    table["device"] |= {"frequency_hz": 1003.7, "frequency_split_rad_s": 2.0}
+    seen = waves(table)
+    assert max(w.signal_std[0] / np.median(w.signal_std) for w in seen) > 5
+    assert find_odd_windows(seen) == []
+
+
+def test_harmonics_of_a_named_read_out_make_no_odd_window():
+    """Seven samples and eight a period: what the third harmonic leaves in a window goes by where
+    they fall."""
+    table = programme(
+        3, {"pickoff_nonlinearity": {"cubic": 3e-3}}, runs=3, noise=1e-4, duration_s=5.0
+    )
+    table["device"] |= {"frequency_hz": 1003.7, "damping_rate_1_s": 0.5}
+    table["recording"]["sample_rate_hz"] = 8000.0
+    for run in table["run"]:
+        run["start"] |= {"amplitude": 1.0, "quadrature": 0.05}
+    seen = waves(table, periods_per_window=1.0)
+    assert len(find_odd_windows(seen)) >= 1
+    out = summary(diagnose(seen))
+    assert out["verdict"] == "explained"
+    assert [e["name"] for e in out["effects"]] == ["pickoff_nonlinearity"]
+
+
 def test_a_burst_is_told_and_takes_the_word_away():
     diagnosis = diagnose(damaged(programme(2, runs=4, noise=NOISE), burst))
     out = summarise(diagnosis)
