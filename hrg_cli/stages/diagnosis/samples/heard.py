@@ -32,6 +32,8 @@ EXCEEDS = 2.0
 POINTS, LEVELS, NODES = 256, 24, 16
 """Points of a period, amplitudes (and as many near the largest), and values of the noise at which a
 curve is drawn."""
+TAPERED = 32
+"""Instants of a stretch at which what comes and goes is looked at."""
 NEAREST_TOP = 1e-6
 """Distance of the last of these amplitudes from the largest, over it."""
 
@@ -110,28 +112,25 @@ def bound_power_in_looks(power: Array, time_s: Array, length_s: float) -> Array:
     """The least (orders, channels) that a spectrum may hold of a power (orders, n, channels) that
     comes and goes.
 
-    A spectrum is the mean of `LOOKS` stretches spread evenly along a run. A wave that is clipped
-    while it passes an axis may do so between them: of all places of the stretches, moved together
-    by up to half their distance, those count that see least.
+    A spectrum is the mean of `LOOKS` stretches spread evenly along a run, each tapered by sin². A
+    wave that is clipped while it passes an axis may do so between them, or at the end of one: of all
+    places of the stretches, moved together by up to half their distance, those count that see least.
     """
     span = time_s[-1] - time_s[0]
     pitch = (span - length_s) / (LOOKS - 1)
-    if len(time_s) < 2 or pitch <= length_s:
+    if len(time_s) < 2 or pitch <= 0:
         return np.asarray(power.mean(axis=1))
-    step = np.diff(time_s)[:, None]
-    energy = np.zeros_like(power)
-    np.cumsum((power[:, 1:] + power[:, :-1]) / 2 * step, axis=1, out=energy[:, 1:])
-    shift = np.linspace(-pitch / 2, pitch / 2, 2 * int(np.ceil(pitch / length_s)) + 1)
+    shift = np.linspace(-pitch / 2, pitch / 2, 2 * int(np.ceil(4 * pitch / length_s)) + 1)
     places = pitch * np.arange(LOOKS) + shift[:, None]
     begin = time_s[0] + np.clip(places, 0.0, span - length_s)
+    within = (np.arange(TAPERED) + 0.5) / TAPERED
+    weight = np.sin(np.pi * within) ** 4
+    instants = begin[..., None] + length_s * within
     seen = [
-        [
-            np.interp(begin + length_s, time_s, one) - np.interp(begin, time_s, one)
-            for one in order.T
-        ]
-        for order in energy
+        [np.interp(instants, time_s, one) @ (weight / weight.sum()) for one in order.T]
+        for order in power
     ]
-    return np.asarray(np.mean(seen, axis=-1).min(axis=-1) / length_s)
+    return np.asarray(np.mean(seen, axis=-1).min(axis=-1))
 
 
 def _period(level: Array, phase: Array) -> Samples:
