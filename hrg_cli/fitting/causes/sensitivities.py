@@ -340,7 +340,9 @@ class _Seen:
         if effect.slow is not no_term:
             at, between = self.flow.rows, self.flow.halves
             rows = _differences(
-                lambda p: at.compute_force(effect, p, self.u, self.at_rows), pairs, self.at_rows.drive
+                lambda p: at.compute_force(effect, p, self.u, self.at_rows),
+                pairs,
+                self.at_rows.drive,
             )
             middles = _differences(
                 lambda p: between.compute_force(effect, p, self.flow.middle, self.at_middle),

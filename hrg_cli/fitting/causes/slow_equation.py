@@ -191,7 +191,9 @@ class RungeKuttaStage:
                 total += self.compute_force(effect, values, v, state)
         return total
 
-    def compute_force(self, effect: Effect, values: Mapping[str, float], v: Array, state: SlowState) -> Array:
+    def compute_force(
+        self, effect: Effect, values: Mapping[str, float], v: Array, state: SlowState
+    ) -> Array:
         """What an effect adds to dv/dt, f, with what the second order makes of it.
 
         With u̇ = Lu + g, (2jω + 2Γ + L)g + ġ = 2jωf: g = f + (j/2ω)[(2Γ + L)f + ḟ], 2Γ + L = −L₀*. A
@@ -212,7 +214,9 @@ class RungeKuttaStage:
             second -= apply_generators(np.conj(self.plain), force)
         return force + self.lead * second
 
-    def choose_envelopes(self, effect: Effect, v: Array, state: SlowState) -> tuple[Array, SlowState]:
+    def choose_envelopes(
+        self, effect: Effect, v: Array, state: SlowState
+    ) -> tuple[Array, SlowState]:
         """Envelopes and state that an effect's slow term looks at: loops and forcers see the displacement u =
         v + jf/2ω, what slows the motion its velocity, ż = Re[(jωu + u̇) e^{jωt}], over jω: u + (Lv +
         f)/jω, and springs move as v does.

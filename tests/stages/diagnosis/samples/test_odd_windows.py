@@ -80,7 +80,7 @@ def test_harmonics_of_a_named_read_out_make_no_odd_window():
         run["start"] |= {"amplitude": 1.0, "quadrature": 0.05}
     seen = waves(table, periods_per_window=1.0)
     assert len(find_odd_windows(seen)) >= 1
-    out = summary(diagnose(seen))
+    out = summarise(diagnose(seen))
     assert out["verdict"] == "explained"
     assert [e["name"] for e in out["effects"]] == ["pickoff_nonlinearity"]
 
