@@ -66,15 +66,21 @@ FOLLOWS_1_K = 2e-6
 
 
 def soaked(theta_rad, window_s=8e-3, fine=50):
-    """A run-down whose frequency follows the levels of an oven, with the means of its windows."""
+    """A run-down whose frequency follows the levels of an oven, with the means of its windows; its
+    amplitude goes along."""
     wave = run_down(
         theta_rad, std=1e-6, seconds=CORNERS[-1], window=window_s, seed=int(9 * theta_rad)
     )
     t = (np.arange(len(wave) * fine) + 0.5) * window_s / fine
     warm = np.interp(t, CORNERS, SOAK_DEGC)
     turned = 2 * np.pi * GYRO.frequency_hz * FOLLOWS_1_K * np.cumsum(warm) * window_s / fine
+    warm_rows = warm.reshape(-1, fine).mean(axis=1)
+    # a spring that moves leaves aω^½ as it is
+    smaller = 1 - FOLLOWS_1_K * (warm_rows - SOAK_DEGC[0]) / 2
     return wave.replace(
-        temperature_degc=warm.reshape(-1, fine).mean(axis=1),
+        temperature_degc=warm_rows,
+        main_amplitude=wave.main_amplitude * smaller,
+        quadrature_amplitude=wave.quadrature_amplitude * smaller,
         phase_rad=wave.phase_rad + np.interp(wave.time_s, t + window_s / fine / 2, turned),
     )
 
