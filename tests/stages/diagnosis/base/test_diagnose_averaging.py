@@ -73,7 +73,8 @@ def soaked(theta_rad, window_s=8e-3, fine=50):
     )
     t = (np.arange(len(wave) * fine) + 0.5) * window_s / fine
     warm = np.interp(t, CORNERS, SOAK_DEGC)
-    turned = 2 * np.pi * GYRO.frequency_hz * FOLLOWS_1_K * np.cumsum(warm) * window_s / fine
+    warmer = np.cumsum(warm - 25.0) * window_s / fine
+    turned = 2 * np.pi * GYRO.frequency_hz * FOLLOWS_1_K * warmer
     warm_rows = warm.reshape(-1, fine).mean(axis=1)
     # a spring that moves leaves aω^½ as it is
     smaller = 1 - FOLLOWS_1_K * (warm_rows - SOAK_DEGC[0]) / 2
