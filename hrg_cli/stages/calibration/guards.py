@@ -31,6 +31,8 @@ from .noise_guards import compare_known_noise
 Array = np.ndarray
 MOST_NAMED = 3
 """Causes that are named of one variant."""
+WIDER = ("table", "combined")
+"""Variants that hold every harmonic."""
 LEAST_OWN = 1e-6
 """Part of a cause's information (relative to the whole) that must lie outside the variant's span to
 be tested."""
@@ -103,7 +105,7 @@ def name_causes(
         step = coefficients - before
         return float(2 * left @ step - step @ A @ step)
 
-    all_causes = {name: columns for name, columns, _ in list_doubtful_causes(layout)}
+    all_causes = {name: columns for name, columns, _ in list_doubtful_causes(layout, "")}
     while len(said) < MOST_NAMED:
         failed = {check.name: check for check in checks if not check.passed}
         if not failed:
@@ -182,29 +184,32 @@ def test_left_out(layout: TableLayout, A: Array, b: Array, tried: VariantSolutio
     u = u if tried.foreign else u - A @ (covariance @ u)
     sign = 1.0 if tried.foreign else -1.0
     checks = []
-    for name, columns, words in list_doubtful_causes(layout):
+    for name, columns, words in list_doubtful_causes(layout, tried.model.name):
         chi2, rank = score(A, u, columns, covariance, sign)
         if rank:
             checks.append(check_goodness(chi2, rank, words(float(np.sqrt(chi2 / rank))), name))
     chi2, rank = score(A, u, np.eye(layout.size), covariance, sign)
     sentence = (
         f"model {tried.model.name} leaves more than the noise: χ² = {chi2:.4g} of what the runs"
-        f" hold beside it, {rank} were expected; try --model auto, or run with --ladder to see what"
-        " each part buys"
+        f" hold beside it, {rank} were expected; run with --ladder to see what each part buys"
     )
     return [*checks, check_goodness(chi2, max(rank, 1), sentence, "lack_of_fit")]
 
 
-def list_doubtful_causes(layout: TableLayout) -> list[tuple[str, Array, Callable[[float], str]]]:
-    """(name, directions (size, g), sentence of the rms score) of every cause a variant may leave
-    out."""
+def list_doubtful_causes(
+    layout: TableLayout, variant: str
+) -> list[tuple[str, Array, Callable[[float], str]]]:
+    """(name, directions (size, g), sentence of the rms score) of every cause that the variant of this
+    name may leave out."""
     out: list[tuple[str, Array, Callable[[float], str]]] = []
     for k in range(layout.drift_harmonics + 1):
         directions = layout.build_part_map("drift", k, lowest=k)
-        out.append((f"drift_harmonic_{k}", directions, _say_harmonic(layout, "drift", k)))
+        out.append((f"drift_harmonic_{k}", directions, _say_harmonic(layout, "drift", k, variant)))
     for k in range(layout.scale_harmonics + 1):
         directions = layout.build_part_map("scale", k, lowest=k)
-        out.append((f"scale_factor_harmonic_{k}", directions, _say_harmonic(layout, "scale", k)))
+        out.append(
+            (f"scale_factor_harmonic_{k}", directions, _say_harmonic(layout, "scale", k, variant))
+        )
     out += [
         (name, layout.build_factor_map(name), partial(_say_factor, sentence))
         for name, sentence in FACTORS.items()
@@ -213,7 +218,7 @@ def list_doubtful_causes(layout: TableLayout) -> list[tuple[str, Array, Callable
     return out
 
 
-def _say_harmonic(layout: TableLayout, kind: str, k: int) -> Callable[[float], str]:
+def _say_harmonic(layout: TableLayout, kind: str, k: int, variant: str) -> Callable[[float], str]:
     """The sentence of a harmonic of D or K that a model does not hold."""
     what = "the drift" if kind == "drift" else "the scale factor"
     part = f"its harmonic {2 * layout.mode_number * k}θ" if k else "its constant part"
@@ -222,9 +227,10 @@ def _say_harmonic(layout: TableLayout, kind: str, k: int) -> Callable[[float], s
         if kind == "scale" and k == 0
         else "a defect beside the linear anisotropy"
     )
+    others = " or ".join(f"--model {name}" for name in WIDER if name != variant)
     return lambda z: (
         f"{what} holds more than the model does in {part} ({z:.3g} times its error): {cause};"
-        " use --model table, or --model combined"
+        f" use {others}"
     )
 
 
