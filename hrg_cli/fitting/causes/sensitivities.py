@@ -18,6 +18,7 @@ from .slow_equation import (
     apply_generators,
     build_generators,
     compute_second_order_force,
+    find_effect_turns,
     find_steady_generators,
     predict_jumps,
 )
@@ -169,15 +170,17 @@ def linearise_flow(prediction: Prediction) -> Propagation:
     steady = find_steady_generators(series, L)[:, None]
     L, M = L - steady, M - steady
     rows, halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
+    turn = find_effect_turns(rows, series)
+    steady, turned = steady + turn, make_real_matrix(turn)
     slope_rows = apply_generators(L, u) + rows.compute_source(u)
+    before = slope_rows[:, :-1] - apply_generators(turn, u[:, :-1])
+    after = slope_rows[:, 1:] - apply_generators(turn, u[:, 1:])
     hh, half = series.step_s[..., None], series.step_s / 2
     # cubic Hermite interpolation of the midpoint, in the frame that moves with the steady part
     ahead, back = exponentiate(steady, half), exponentiate(steady, -half)
     middle = (
         apply_generators(back, u[:, 1:]) + apply_generators(ahead, u[:, :-1])
-    ) / 2 + hh / 8 * (
-        apply_generators(ahead, slope_rows[:, :-1]) - apply_generators(back, slope_rows[:, 1:])
-    )
+    ) / 2 + hh / 8 * (apply_generators(ahead, before) - apply_generators(back, after))
     A, B = make_real_matrix(L), make_real_matrix(M)
     view = None
     if not rows.idle:
@@ -194,8 +197,9 @@ def linearise_flow(prediction: Prediction) -> Propagation:
         k4 = last @ E @ (E + h * k3)
         return E @ (E @ (eye + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
 
-    step = flow(A[:, :-1], B, A[:, 1:], h)
-    half = flow(B, (B + A[:, 1:]) / 2, A[:, 1:], h / 2)
+    first, mid, last = A[:, :-1] - turned, B - turned, A[:, 1:] - turned
+    step = flow(first, mid, last, h)
+    half = flow(mid, (mid + last) / 2, last, h / 2)
     return Propagation(prediction, centre, middle, step, half, view, rows, halves)
 
 

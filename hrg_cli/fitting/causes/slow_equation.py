@@ -34,6 +34,8 @@ Array = np.ndarray
 SMALL_MOVE = 1e-4
 """Of the motion, by which its change is taken to differentiate a force: halfway between rounding and the
 third order."""
+CLEAR_PART = 1e-8
+"""Of the largest energy of a run, from which a row has a phase."""
 FOLLOWING = 10.0
 """Relaxations in a run by which a held amplitude is followed."""
 
@@ -380,10 +382,7 @@ def build_mean_turns(series: MeasuredRuns) -> Array:
 def find_steady_generators(series: MeasuredRuns, L: Array) -> Array:
     """The part of every run's generators that its steps take exactly.
 
-    It is the mean of a free run's, of a driven run the mean turn alone. Where a free run's phase
-    turns by more beside its frequency than split, damping and rate could make, an effect turns it
-    (a temperature 20 K from the others: 55 rad/s of a gyro of 5 kHz), which the rule takes beside
-    the generator's own: there the turn that is seen stands in the mean. The rule of a step of
+    It is the mean of a free run's, of a driven run the mean turn alone. The rule of a step of
     length h misses (Lh)⁵/120 of the wave, which at a split of 0.2 rad/s and rows of a second is
     more than the noise of a quiet run. Of a driven run the commands stand against damping and
     split: the rule keeps that balance, while of L alone taken exactly it would miss what the
@@ -415,11 +414,58 @@ def find_steady_generators(series: MeasuredRuns, L: Array) -> Array:
     [(-0.1+0j), 0.5j]
     """
     driven = np.any(series.forced > 0, axis=1)[:, None, None]
-    mean, turns = L.mean(axis=1), build_mean_turns(series)
-    own = 0.5j * np.trace(mean, axis1=1, axis2=2).imag[:, None, None] * np.eye(2)
-    reach = np.linalg.norm(mean - own, axis=(1, 2), keepdims=True)
-    apart = np.abs(turns - own).max(axis=(1, 2), keepdims=True) > reach
-    return np.asarray(np.where(driven, turns, np.where(apart, mean - own + turns, mean)))
+    return np.asarray(np.where(driven, build_mean_turns(series), L.mean(axis=1)))
+
+
+def find_effect_turns(stage: RungeKuttaStage, series: MeasuredRuns) -> Array:
+    """jλ of the common turn λ that a point's effects give the waves in every step, as measured.
+
+    λ = Im u†f/u†u, the mean of both rows: what a frequency that moves makes of a long run is many
+    radians a step, which a rule of fourth order misses; taken exactly, it leaves the change of λ
+    within the step. Driven runs keep their balance of commands, damping and split (see
+    `find_steady_generators`).
+
+    Parameters
+    ----------
+    stage
+        At the rows.
+    series
+        The runs, R of n rows.
+
+    Returns
+    -------
+    ndarray
+        (R, n − 1, 2, 2) [1/s].
+
+    Examples
+    --------
+    Nothing acts:
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.slow_equation import find_effect_turns
+    >>> series = SimpleNamespace(time_s=np.zeros((1, 4)))
+    >>> find_effect_turns(SimpleNamespace(active=()), series).shape
+    (1, 3, 2, 2)
+    """
+    runs, rows = series.time_s.shape
+    rate = np.zeros((runs, rows))
+    acting = [pair for pair in stage.active if pair[0].slow is not no_term]
+    if acting:
+        u = np.where(np.isfinite(series.envelope), series.envelope, 0.0)
+        state = stage.make_state(u)
+        force = sum(stage.compute_force(*pair, u, state) for pair in acting)
+        size = np.sum(np.abs(u) ** 2, axis=-1)
+        # of what has next to no amplitude a phase is none
+        clear = (series.weight > 0) & (size > CLEAR_PART * size.max(axis=1, keepdims=True))
+        clear &= ~np.any(series.forced > 0, axis=1)[:, None]
+        turning = np.imag(np.sum(np.conj(u) * force, axis=-1))
+        for k, good in enumerate(clear):
+            if good.any():
+                places = np.flatnonzero(good)
+                rate[k] = np.interp(np.arange(rows), places, turning[k, good] / size[k, good])
+    mean = (rate[:, 1:] + rate[:, :-1]) / 2
+    return 1j * mean[..., None, None] * np.eye(2)
 
 
 def _orders(series: MeasuredRuns, point: Point) -> tuple[Array, Array]:

@@ -23,6 +23,7 @@ from .slow_equation import (
     RungeKuttaStage,
     apply_generators,
     build_generators,
+    find_effect_turns,
     find_steady_generators,
     predict_jumps,
 )
@@ -125,7 +126,9 @@ class Rule:
             find_steady_generators(series, build_generators(series, point)),
         )
         self.L, self.M = L - steady[:, None], build_generators(centre, point) - steady[:, None]
-        self.h, self.E = series.step_s[..., None], exponentiate(steady[:, None], series.step_s / 2)
+        self.turn = find_effect_turns(self.rows, series)
+        self.h = series.step_s[..., None]
+        self.E = exponentiate(steady[:, None] + self.turn, series.step_s / 2)
         self.jumps = sum(
             (
                 predict_jumps(series, point, *pair)
@@ -150,14 +153,11 @@ class Rule:
         """From envelopes at the rows before to those after (`place`: rows before, middles, rows
         after); without stages by L alone."""
         before, k, after = place
-        h, E = self.h[:, k], self.E[:, k]
+        h, E, turn = self.h[:, k], self.E[:, k], self.turn[:, k]
 
         def slope(L: Array, stage: int, v: Array) -> Array:
-            return (
-                apply_generators(L, v)
-                if stages is None
-                else apply_generators(L, v) + stages[stage].compute_source(v)
-            )
+            beside = apply_generators(L - turn, v)
+            return beside if stages is None else beside + stages[stage].compute_source(v)
 
         k1 = slope(self.L[:, before], 0, u)
         k2 = slope(self.M[:, k], 1, apply_generators(E, u + h / 2 * k1))

@@ -150,9 +150,10 @@ def list_covariates(
 
 def _of_runs(series: MeasuredRuns) -> Iterator[Covariate]:
     """What stands otherwise in every run: contrasts of the runs, since what all have in common is a
-    constant. A frequency, a damping and a turn of its own are asked of every run elsewhere."""
+    constant. A frequency, a damping and a turn of its own are asked of every run elsewhere; in driven
+    runs boards and loops do what differs with the rate."""
     count = len(series.names)
-    if 2 <= count <= MOST_RUNS:
+    if 2 <= count <= MOST_RUNS and not np.any(series.forced > 0):
         contrasts = np.zeros((count - 1, int(series.numbers.max()) + 1))
         contrasts[:, series.numbers] = null_space(np.ones((1, count))).T
         places = tuple(p.name for p in PLACES if p.name not in OF_EVERY_RUN)
