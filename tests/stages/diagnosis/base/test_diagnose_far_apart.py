@@ -1,13 +1,11 @@
 """Runs at temperatures so far apart that their frequencies beat hundreds of times a run: the mean
 turn is exact, and no beat is a tone."""
 
-import pytest
 from diagnosis_programme import programme, verdict
 
 TRUE = {"thermal_frequency": ("relative_1_k", 8.8e-5), "thermal_damping": ("relative_1_k", 6e-3)}
 
 
-@pytest.mark.slow  # test_diagnose_forced_temperature.py holds the same two causes, and others, of 40 °C
 def test_temperatures_forty_degrees_apart_are_named_with_their_sizes_and_no_tone():
     effects = {
         name: {parameter: value, "reference_temperature_degc": 20.0}
