@@ -21,10 +21,7 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """t (jω α_t − m_c R(0) − m_s R(π/2)) u."""
-    split = split_matrix(p["split_cos_1_s2"], p["split_sin_1_s2"])
-    return state.time_s[..., None] * (
-        1j * state.mechanics.omega_rad_s * p["frequency_1_s"] * u - u @ split
-    )
+    return state.time_s[..., None] * slow_rate(p, u, state)
 
 
 def slow_rate(p: Values, u: Array, state: SlowState) -> Array:

@@ -13,7 +13,7 @@ with quadrature present.
 import numpy as np
 
 from ..physics.plant import POLYNOMIAL, Environment, Plant, SlowState
-from .effect import Array, Effect, Parameter, Values
+from .effect import Array, Effect, Parameter, Values, find_invariants
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
@@ -25,10 +25,7 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """(j pull/3)[2(u†u) u + (uᵀu) u*] and the second order, κ²/ω³ = 64 pull²/9ω."""
-    size, square = (
-        np.sum(np.abs(u) ** 2, axis=-1, keepdims=True),
-        np.sum(u**2, axis=-1, keepdims=True),
-    )
+    size, square = find_invariants(u)
     first = p["pull_rad_s"] / 3 * (2 * size * u + square * np.conj(u))
     own, mirrored = size**2 / 32 - 3 * np.abs(square) ** 2 / 256, 5 * size * square / 128
     second = (

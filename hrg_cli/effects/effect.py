@@ -242,6 +242,11 @@ class Effect:
         return any(p.sets_in for p in self.fitted())
 
 
+def find_invariants(u: Array) -> tuple[Array, Array]:
+    """u†u and uᵀu (..., 1), of which every isotropic force is made."""
+    return np.sum(np.abs(u) ** 2, axis=-1, keepdims=True), np.sum(u**2, axis=-1, keepdims=True)
+
+
 def find_displacement(u: Array, state: SlowState | None) -> Array:
     """The displacement's envelopes beside those, u, that an effect which acts on the velocity is
     given."""

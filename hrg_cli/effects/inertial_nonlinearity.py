@@ -12,7 +12,7 @@ separates it: frequency pull and precession together: their ratio.
 import numpy as np
 
 from ..physics.plant import POLYNOMIAL, Environment, Plant, SlowState
-from .effect import Array, Effect, Parameter, Values, find_displacement
+from .effect import Array, Effect, Parameter, Values, find_displacement, find_invariants
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
@@ -22,16 +22,11 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
     plant.polynomial[POLYNOMIAL.index("r2_z")] += plant.mechanics.omega_rad_s**2 * curvature / 2
 
 
-def _invariants(u: Array) -> tuple[Array, Array]:
-    """u†u and uᵀu, (..., 1)."""
-    return np.sum(np.abs(u) ** 2, axis=-1, keepdims=True), np.sum(u**2, axis=-1, keepdims=True)
-
-
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """j(ω/ℓ²)[(w†w/4 − u†u/8) u − (wᵀw/8 + uᵀu/16) u*], w the velocity's envelopes, and the second
     order."""
-    (fast, turning), u = _invariants(u), find_displacement(u, state)
-    size, square = _invariants(u)
+    (fast, turning), u = find_invariants(u), find_displacement(u, state)
+    size, square = find_invariants(u)
     curvature = p["inverse_length_squared"]
     first = (fast / 4 - size / 8) * u - (turning / 8 + square / 16) * np.conj(u)
     own, mirrored = 7 * size**2 / 128 - 69 * np.abs(square) ** 2 / 1024, 13 * size * square / 512

@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from ..physics.plant import POLYNOMIAL, Acceleration, Environment, Plant, SlowState
-from .effect import Array, Effect, Parameter, Values, find_displacement
+from .effect import Array, Effect, Parameter, Values, find_displacement, find_invariants
 
 _EVEN = np.pi * (np.arange(16) + 0.5) / 16
 TURNS, WEIGHTS = np.cos(_EVEN + np.sin(_EVEN)), (1 + np.cos(_EVEN)) / 16
@@ -85,11 +85,7 @@ def slow(p: Values, u: Array, state: SlowState) -> Array:
             * np.sum(np.abs(u) ** 2, axis=-1, keepdims=True) ** (p["power"] / 2)
             * u
         )
-    displacement = find_displacement(u, state)
-    size, square = (
-        np.sum(np.abs(displacement) ** 2, axis=-1, keepdims=True),
-        np.sum(displacement**2, axis=-1, keepdims=True),
-    )
+    size, square = find_invariants(find_displacement(u, state))
     if p["power"] != 2:
         flat = np.abs(square)
         swing = ((size + flat * TURNS) / 2) ** (p["power"] / 2)

@@ -121,10 +121,8 @@ class Rule:
     def __init__(self, series: MeasuredRuns, point: Point) -> None:
         centre = series.average_neighbours()
         self.rows, self.halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
-        L, steady = (
-            build_generators(series, point),
-            find_steady_generators(series, build_generators(series, point)),
-        )
+        L = build_generators(series, point)
+        steady = find_steady_generators(series, L)
         self.L, self.M = L - steady[:, None], build_generators(centre, point) - steady[:, None]
         self.turn = find_effect_turns(self.rows, series)
         self.h = series.step_s[..., None]

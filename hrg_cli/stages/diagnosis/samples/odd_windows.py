@@ -19,6 +19,7 @@ from ....fitting.samples.envelope_motion import estimate_curvatures
 from ....fitting.samples.neighbours import find_local_median
 from ....records import Array, Wave
 from .heard import compute_harmonic_power
+from .lines import find_sampling_hz
 
 NEIGHBOURS = 12
 """Windows on either side whose noise is the usual one."""
@@ -28,14 +29,16 @@ samples beside those of five by half, and one that keeps its own noise has twice
 BENT = 4.0
 """Times the doubt of the bend up to which an end's σ is that: the demodulation took it before other
 corrections."""
+FEWEST = 4
+"""Samples of the shortest window."""
 BY_CHANCE = 1e-6
 """Chance at which the odd windows of all might be just those of the largest signal."""
 
 
 @dataclass(frozen=True)
 class OddWindow:
-    """A window whose σ is so many times its neighbours': number of its wave, row, time; by how much it is
-    larger, in squares."""
+    """A window whose σ is so many times its neighbours': number of its wave, row, time; σ beside
+    the neighbours' that makes it so."""
 
     run: int
     row: int
@@ -101,12 +104,13 @@ def _find_harmonic_std(
 ) -> float:
     """σ at most that harmonics of these read-outs add to a row's: of s rms in each of N samples it is
     s√(2/N), and no window has fewer than four."""
+    samples = max(FEWEST, wave.window_s * (find_sampling_hz([wave]) or 0.0))
     amplitude = np.abs(compute_envelopes(wave, slice(row, row + 1)))
     power = sum(
         float(compute_harmonic_power(effect, values, amplitude).sum(axis=0).max())
         for effect, values in bends
     )
-    return float(np.sqrt(power / 2))
+    return float(np.sqrt(2 * power / samples))
 
 
 def find_channel_amplitudes(wave: Wave) -> Array:

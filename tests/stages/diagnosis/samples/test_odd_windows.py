@@ -5,10 +5,15 @@ import numpy as np
 import pytest
 from diagnosis_programme import programme, waves
 
+from hrg_cli.effects import find
 from hrg_cli.records import collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose, summarise
-from hrg_cli.stages.diagnosis.samples.odd_windows import are_at_top, find_odd_windows
+from hrg_cli.stages.diagnosis.samples.odd_windows import (
+    are_at_top,
+    find_odd_windows,
+    say_odd_windows,
+)
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.simulate import list_run_ids, simulate
 
@@ -91,6 +96,13 @@ def test_a_burst_is_told_and_takes_the_word_away():
     assert out["effects"] == [] and out["verdict"] == "unexplained"
     failed = [check["name"] for check in out["checks"] if not check["passed"]]
     assert failed == ["windows_alike"] and "run1 at 0.4" in str(diagnosis.status_reasons)
+
+
+def test_a_burst_beside_a_named_read_out_is_told():
+    """In long windows harmonics hardly touch the fitted envelopes, whatever the read-out makes."""
+    seen = damaged(programme(2, runs=4, noise=NOISE), burst)
+    cubic = find("pickoff_nonlinearity")
+    assert "run1" in say_odd_windows(seen, [], [cubic], [(cubic, {"cubic": 3e-3})])
 
 
 def test_noisy_tops_that_were_clipped_are_saturation():
