@@ -21,9 +21,6 @@ FURTHER = {
     "hrg_cli.stages.update": ["update"],
     "hrg_cli.stages.rehearse": ["rehearse"],
     "hrg_cli.stages.inject": ["inject"],
-    "hrg_cli.formats.importing": ["import_log"],
-    "hrg_cli.formats.envelope": ["import_envelope"],
-    "hrg_cli.formats.envelope_windows": ["estimate_mean_turn"],
     "hrg_cli.stages.figures_of_merit": ["compute_allan_figures"],
     "hrg_cli.exporting": ["export"],
     "hrg_cli.limits": ["check", "figures_of"],
@@ -37,6 +34,15 @@ FURTHER = {
     "hrg_cli.settings": ["parse_assignment"],
 }
 """Functions with examples beside those that the package exports."""
+
+
+def modules_of(package):
+    """Every module of a package of hrg_cli."""
+    found = import_module(f"hrg_cli.{package}")
+    for module in pkgutil.walk_packages(found.__path__, f"{package}."):
+        yield module.name
+
+
 HELD = (
     *(
         f"physics.{name}"
@@ -54,13 +60,7 @@ HELD = (
         )
     ),
     *(f"records.{name}" for name in ("clock", "details", "doubts")),
-    *(
-        f"formats.{name}"
-        for name in (
-            *("clock", "column_units", "decimal_commas", "dialect", "filter_start"),
-            *("quantities", "row_noise", "scalars"),
-        )
-    ),
+    *modules_of("formats"),
     *(f"reporting.{name}" for name in ("quantities", "text")),
     *(f"stages.{name}" for name in ("earth_rate", "one_gyro", "planning.worth", "run_tables")),
     "stages.calibration.resonators",

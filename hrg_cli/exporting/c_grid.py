@@ -30,7 +30,7 @@ def refine_grid(calibration: Calibration, precision: float) -> tuple[Array, int]
 
     def error(count: int, angles: int) -> float:
         """The worst interpolation error, in the limits."""
-        nodes = even_nodes(low, high, count)
+        nodes = _even_nodes(low, high, count)
         px, pt = probe(nodes, angles, period)
         tables, truth = on_grid(calibration, nodes, angles), calibration.values_at(px, pt)
         return max(
@@ -50,10 +50,10 @@ def refine_grid(calibration: Calibration, precision: float) -> tuple[Array, int]
             count = finer_nodes
         else:
             angles = finer_angles
-    return even_nodes(low, high, count), angles
+    return _even_nodes(low, high, count), angles
 
 
-def even_nodes(low: float, high: float, count: int) -> Array:
+def _even_nodes(low: float, high: float, count: int) -> Array:
     """Nodes (count,) from low to high; the middle where there is one."""
     return np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
 

@@ -21,14 +21,14 @@ SUBTYPES = {
 scaling up)."""
 
 
-def recognises(path: Path, head: bytes) -> bool:
+def _recognises(path: Path, head: bytes) -> bool:
     """RIFF/RF64 … WAVE, or fLaC (after an ID3 tag too)."""
     return (head[:4] in (b"RIFF", b"RF64", b"RIFX") and head[8:12] == b"WAVE") or head[
         :4
     ] == b"fLaC"
 
 
-def open_audio(path: Path) -> Log:
+def _open_audio(path: Path) -> Log:
     """The channels of a sound file. HrgError: damaged, or fewer frames stored than its header
     claims."""
     import soundfile
@@ -127,4 +127,4 @@ def _claimed_frames(path: Path) -> int | None:
     return None
 
 
-READER = Reader("audio", recognises, open_audio)
+READER = Reader("audio", _recognises, _open_audio)

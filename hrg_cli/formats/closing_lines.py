@@ -67,7 +67,27 @@ def _is_word(cell: str) -> bool:
 
 
 def describe_closing(lines: Sequence[str], first_line: int) -> LeftOut:
-    """The entry of what was left out for closing lines, the first of them numbered from 1."""
+    """The entry of what was left out for the lines that close a log.
+
+    Parameters
+    ----------
+    lines
+        The closing lines, of which at least one is not blank.
+    first_line
+        Number of the first of them, from 1.
+
+    Returns
+    -------
+    LeftOut
+        With the first words as its example; it counts as no lost samples.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.closing_lines import describe_closing
+    >>> told = describe_closing(["", "stopped by hand"], 120)
+    >>> told.describe(), told.samples
+    ("lines 120 to 121 (2 rows): words below the last row ('stopped by hand')", False)
+    """
     told = next(line.strip() for line in lines if line.strip())
     return LeftOut(
         first_line, first_line + len(lines) - 1, len(lines), WHY, told[:40], samples=False

@@ -27,7 +27,7 @@ from .envelope_signal import EnvelopeSignal
 from .envelope_stream import stream_windows
 from .envelope_windows import WindowPlan, plan_windows
 from .log import ONE_DEMODULATOR, Log
-from .log_columns import Roles, TimingTold, find
+from .log_columns import Roles, TimingTold, find_roles
 from .log_options import (
     ClockHz,
     Column,
@@ -53,7 +53,7 @@ from .readers import open_log
 from .run_heading import RunHeading, UnitsTold
 from .slow import SlowLog
 from .taken import Taken, check_range
-from .timing import get_timing
+from .timing import find_timing
 
 
 def import_envelope(
@@ -190,7 +190,7 @@ def import_envelope(
     signal = EnvelopeSignal.find(log, path, named, decibel, phase_units, quadrature_sign)
     timed = TimingTold(sample_rate_hz is not None, clock_hz is not None)
     roles = _find_beside(log, path, signal, time, temperature, rate, timed)
-    timing = get_timing(log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
+    timing = find_timing(log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
     told = UnitsTold(time_units, rate_units, temperature_units)
     slow = SlowLog(
         log,
@@ -241,7 +241,7 @@ def _find_beside(
     """The columns of times, temperature and rate beside the envelope's; channel C stands for all of
     the envelope, so that none of its columns is taken for another."""
     first = next(iter(signal.columns.values()))
-    return find(
+    return find_roles(
         log,
         str(path),
         {"time": time, "c": first + 1, "s": "none", "temperature": temperature, "rate": rate},

@@ -12,8 +12,9 @@ from ..errors import HrgError
 from ..records import FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods
 from ..records.clock import shift_time
 from .envelope_rows import EnvelopeRows
-from .envelope_windows import WindowPlan, average_windows, estimate_mean_turn
+from .envelope_windows import WindowPlan, average_windows
 from .magnitudes import find_amplitudes
+from .row_noise import estimate_mean_turn
 from .taken import GAP_STEPS, Taken
 
 UNKNOWN_PHASE = np.pi / np.sqrt(3)
@@ -27,8 +28,54 @@ Rows = tuple[Array, Array, list[Array]]
 def stream_windows(
     source: EnvelopeRows, blank: Periods, plan: WindowPlan, taken: Taken
 ) -> Iterator[Periods]:
-    """Blocks of windows; the last one bears what only the whole log tells. HrgError: fewer rows
-    than one window."""
+    """The windows of a log of demodulated signals as periods, block by block, as they are read.
+
+    Parameters
+    ----------
+    source
+        The log's rows.
+    blank
+        Periods without rows, whose other fields the blocks take.
+    plan
+        How many rows make a window, and their noise.
+    taken
+        Filled with what is taken, for the last block.
+
+    Returns
+    -------
+    iterator of Periods
+        A window's signals are means of its rows; the last block bears what only the whole log
+        tells.
+
+    Raises
+    ------
+    HrgError
+        Fewer rows than one window, or none in the range asked for.
+
+    Examples
+    --------
+    A wave at rest of 2 V, seen by the first channel alone, in windows of 100 rows:
+
+    >>> from pathlib import Path
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.formats.envelope import _no_windows
+    >>> from hrg_cli.formats.envelope_stream import stream_windows
+    >>> from hrg_cli.formats.envelope_windows import plan_windows
+    >>> from hrg_cli.formats.log import Log
+    >>> from hrg_cli.formats.taken import Taken
+    >>> t, noise = np.arange(200) * 0.01, np.random.default_rng(1).standard_normal((2, 200, 2))
+    >>> u = [[2.0], [0.0]] + 1e-3 * noise.view(complex)[..., 0]
+    >>> source = Told(
+    ...     path="lock-in", read_blocks=lambda: iter([(t, u, [])]),
+    ...     signal=Told(columns={"s_in_phase": 2}, phase_known=True),
+    ...     slow=Told(list_fields=list, list_constant_fields=dict),
+    ... )
+    >>> plan, taken = plan_windows(Path(), [(t, u)], 100), Taken(Log("", (), iter), {}, {}, 100.0)
+    >>> (windows,) = stream_windows(source, _no_windows(5e3, 1.0), plan, taken)
+    >>> windows.time_s.round(9).tolist(), windows.signals.round(2)[:, 0].tolist()
+    ([0.495, 1.495], [2.0, 2.0])
+    """
     held: Periods | None = None
     left: Rows | None = None
     row = begun = 0

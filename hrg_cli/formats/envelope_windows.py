@@ -13,7 +13,13 @@ from ..errors import HrgError
 from ..records import Array, Status
 from .filter_start import count_settling_rows
 from .magnitudes import find_magnitude_noise
-from .row_noise import DELAY, RowNoise, estimate_filter_gain, estimate_row_noise
+from .row_noise import (
+    DELAY,
+    RowNoise,
+    estimate_filter_gain,
+    estimate_mean_turn,
+    estimate_row_noise,
+)
 
 LOOKS, LOOK_ROWS = 16, 1 << 14
 """Stretches of rows, at most, from which noise and correlation are found."""
@@ -121,8 +127,45 @@ def plan_windows(
     asked: int | None,
     phase_known: bool = True,
 ) -> WindowPlan:
-    """Noise and correlation of rows (times, envelopes), and rows per window: as asked, or by the
-    correlation; `phase_known` False: amplitudes alone. HrgError: too few rows."""
+    """How many rows make a window, with the noise and the correlation of the rows that decide it.
+
+    A demodulator's filter correlates neighbouring rows; windows of several correlation lengths are
+    nearly independent, so that their standard deviations add up as those of white noise do.
+
+    Parameters
+    ----------
+    path
+        Of the log, for messages.
+    blocks
+        Times (n,) [s] and envelopes (channel, n) of the rows, block by block.
+    asked
+        Rows per window; None: found from the correlation.
+    phase_known
+        False: the rows are amplitudes alone.
+
+    Returns
+    -------
+    WindowPlan
+        No more rows per window than there are rows.
+
+    Raises
+    ------
+    HrgError
+        Fewer than 8 rows, from which no noise is found.
+
+    Examples
+    --------
+    Rows of white noise are windows as they are; a filter's rows are put together:
+
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli.formats.envelope_windows import plan_windows
+    >>> t, random = np.arange(40_000) * 1e-3, np.random.default_rng(1)
+    >>> noise = 1e-3 * random.standard_normal((2, 40_009, 2)).view(complex)[..., 0]
+    >>> filtered = np.stack([np.convolve(row, np.full(10, 0.1), "valid") for row in noise])
+    >>> [plan_windows(Path(), [(t, 1 + u)], None).rows > 20 for u in (noise[:, 9:], filtered)]
+    [False, True]
+    """
     looks: list[Array] = []
     steps: list[float] = []
     total = 0
@@ -178,30 +221,6 @@ def _choose_rows(looks: list[Array], noise: RowNoise, total: int) -> int:
     return rows
 
 
-def estimate_mean_turn(look: Array) -> float:
-    """Mean turn of envelopes from row to row.
-
-    Parameters
-    ----------
-    look
-        Envelopes (channel, n), NaN where a row is missing.
-
-    Returns
-    -------
-    float
-        rad per row, the phase of Σ u_{k+1} u_k*; within ±π.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from hrg_cli.formats.envelope_windows import estimate_mean_turn
-    >>> round(estimate_mean_turn(np.exp(0.3j * np.arange(9.0))[None]), 9)
-    0.3
-    """
-    pairs = look[:, 1:] * np.conj(look[:, :-1])
-    return float(np.angle(pairs[np.isfinite(pairs)].sum()))
-
-
 def _bends(looks: list[Array], rows: int, noise: RowNoise) -> bool:
     """Whether the envelope's curvature moves the mean of so many rows by more than `BEND` of its
     standard deviation."""
@@ -223,8 +242,35 @@ def _bends(looks: list[Array], rows: int, noise: RowNoise) -> bool:
 
 
 def average_windows(u: Array, rows: int, turn: float) -> tuple[Array, Array]:
-    """Means (channel, windows) of so many rows each, turned back by `turn` a row about each
-    window's middle; which rows they are."""
+    """Means of an envelope over windows of equally many rows, each turned back about its middle.
+
+    Without turning back, a phasor that turns by φ from row to row would be shortened by
+    sin(nφ/2)/(n sin(φ/2)) in the mean of n rows.
+
+    Parameters
+    ----------
+    u
+        Envelopes (channel, n).
+    rows
+        Of a window; rows that fill no window are left out.
+    turn
+        The envelopes' turn from row to row [rad].
+
+    Returns
+    -------
+    tuple of ndarray
+        The means (channel, windows), and which rows they are of (windows, rows).
+
+    Examples
+    --------
+    A phasor of length 1 keeps its length, and the phase of the window's middle:
+
+    >>> import numpy as np
+    >>> from hrg_cli.formats.envelope_windows import average_windows
+    >>> means, which = average_windows(np.exp(0.3j * np.arange(11.0))[None], 5, 0.3)
+    >>> np.abs(means).round(9).tolist(), np.angle(means).round(9).tolist(), which.tolist()[1]
+    ([[1.0, 1.0]], [[0.6, 2.1]], [5, 6, 7, 8, 9])
+    """
     windows = u.shape[1] // rows
     part = u[:, : windows * rows].reshape(len(u), windows, rows)
     back = np.exp(-1j * turn * (np.arange(rows) - (rows - 1) / 2))

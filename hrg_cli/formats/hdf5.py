@@ -19,7 +19,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..store.heaps import check_heaps
-from .log import BLOCK_ROWS, ONE_DEMODULATOR, Array, Blocks, Channel, Log, Reader
+from .log import BLOCK_ROWS, ONE_DEMODULATOR, Array, Blocks, Channel, Log, Reader, is_rising
 from .scalars import find_rate
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -39,12 +39,12 @@ class _Place:
     across: int | None = None
 
 
-def recognises(path: Path, head: bytes) -> bool:
+def _recognises(path: Path, head: bytes) -> bool:
     """The HDF5 signature at the start or after MATLAB's user block of 512 bytes."""
     return head.startswith(SIGNATURE) or head[512:520] == SIGNATURE
 
 
-def open_hdf5(path: Path) -> Log:
+def _open_hdf5(path: Path) -> Log:
     """The columns of an HDF5 file. HrgError: an hrg file, damaged, no column of numbers, more
     claimed than stored."""
     with _file(path) as file:
@@ -169,7 +169,10 @@ def _believable(path: Path, dataset: Any, name: str) -> None:
 def _columns(name: str, dataset: Any) -> Iterator[tuple[Channel, _Place]]:
     units = _text(dataset.attrs.get("units", dataset.attrs.get("unit", "")))
     if dataset.ndim == 1:
-        yield Channel(name, units, rising=_rises(dataset[:200]), length=len(dataset)), _Place(name)
+        yield (
+            Channel(name, units, rising=is_rising(dataset[:200]), length=len(dataset)),
+            _Place(name),
+        )
     elif dataset.ndim == 2:
         axis = int(np.argmax(dataset.shape))
         others = dataset.shape[1 - axis]
@@ -180,15 +183,11 @@ def _columns(name: str, dataset: Any) -> Iterator[tuple[Channel, _Place]]:
                 Channel(
                     name if others == 1 else f"{name}/{across + 1}",
                     units,
-                    rising=_rises(head),
+                    rising=is_rising(head),
                     length=dataset.shape[axis],
                 ),
                 place,
             )
-
-
-def _rises(head: Array) -> bool:
-    return len(head) > 2 and bool(np.all(np.diff(np.asarray(head, float)) > 0))
 
 
 def _slice(dataset: Any, place: _Place, start: int, stop: int) -> Array:
@@ -258,4 +257,4 @@ def _text(value: Any) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-READER = Reader("hdf5", recognises, open_hdf5)
+READER = Reader("hdf5", _recognises, _open_hdf5)

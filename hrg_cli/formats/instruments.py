@@ -32,9 +32,38 @@ class LogLayout:
     reasons: tuple[str, ...] = ()
 
 
-def understand(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> LogLayout:
-    """The first layout whose words are there; plain columns with the rate and units of the lines
-    above them otherwise."""
+def find_layout(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> LogLayout:
+    """The columns of a log as its instrument meant them.
+
+    Parameters
+    ----------
+    path
+        The log; a header file may lie beside it.
+    dialect
+        How it is written.
+    channels
+        The columns by their titles.
+
+    Returns
+    -------
+    LogLayout
+        The first known layout whose words are there; otherwise the columns as they are, with the
+        rate and the units of the lines above them.
+
+    Examples
+    --------
+    A time stamp of LabOne counts ticks of the instrument's clock:
+
+    >>> from pathlib import Path
+    >>> from hrg_cli.formats.dialect import sniff
+    >>> from hrg_cli.formats.instruments import find_layout
+    >>> from hrg_cli.formats.log import Channel
+    >>> rows = ["chunk;timestamp;x;y", "0;100;1.5;0.5", "0;200;1.4;0.6", "0;300;1.3;0.7"]
+    >>> dialect = sniff(Path("dev.csv"), chr(10).join(rows).encode())
+    >>> found = find_layout(Path("dev.csv"), dialect, tuple(map(Channel, dialect.names)))
+    >>> [(column.name, column.kind, column.units) for column in found.channels[:2]]
+    [('chunk', 'text', ''), ('timestamp', 'number', 'ticks')]
+    """
     nameless = tuple(
         replace(c, kind="text") if not c.name and not any(row[i] for row in dialect.sample) else c
         for i, c in enumerate(channels)
@@ -140,7 +169,7 @@ def _data_below(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> 
 def _header_file(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) -> LogLayout | None:
     """Rohde & Schwarz RTO and RTE: NAME.Wfm.csv holds the values, NAME.csv beside it the keys
     (Resolution:1e-9:)."""
-    beside = find_header(path)
+    beside = _find_header(path)
     if dialect.header or beside is None:
         return None
     with open(beside, encoding="latin-1") as file:
@@ -164,7 +193,7 @@ def _header_file(path: Path, dialect: Dialect, channels: tuple[Channel, ...]) ->
     )
 
 
-def find_header(path: Path) -> Path | None:
+def _find_header(path: Path) -> Path | None:
     """The header file of NAME.Wfm.csv; None where the name is another or there is none."""
     found = re.match(r"^(.*)\.wfm(\.csv)$", path.name, re.IGNORECASE)
     beside = None if found is None else path.with_name(f"{found[1]}{found[2]}")

@@ -10,8 +10,31 @@ from .quantities import is_rate, is_temperature, is_time
 
 
 def list_left_columns(log: Log, taken: Mapping[str, int]) -> list[dict[str, Any]]:
-    """Column (from 1), name, unit and reason of every column of which nothing was taken; `taken` is
-    role -> index."""
+    """The columns of a log of which nothing was taken, each with the reason.
+
+    Parameters
+    ----------
+    log
+        As it was opened.
+    taken
+        Role -> index of its column, from 0.
+
+    Returns
+    -------
+    list of dict
+        Column (from 1), name, units and why, in the order of the log.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.formats.left_columns import list_left_columns
+    >>> from hrg_cli.formats.log import make_log
+    >>> columns = {name: np.zeros(3) for name in ("c", "s", "chamber")}
+    >>> log = make_log("bench", columns, {"chamber": "°C"})
+    >>> (left,) = list_left_columns(log, {"c": 0, "s": 1})
+    >>> left["column"], left["why"]
+    (3, 'its title does not say the temperature; --temperature chamber takes this one')
+    """
     return [
         {
             "column": index + 1,

@@ -72,13 +72,42 @@ def find_unread_rows(
     numbers_otherwise: Callable[[str], bool],
     beside_titles: Callable[[str], bool],
 ) -> list[tuple[Line, Class]]:
-    """The lines straight above the first readable row that are rows of samples, in the order of the
-    file.
+    """The lines straight above the first readable row of a log that are rows of samples.
 
-    cells_of splits a line as the log's own rows are; is_value: whether a cell is a number or a time
-    in any decimal sign; numbers_otherwise: whether a line is a whole row of numbers, written in
-    another way; beside_titles: cells that name keys. A row of titles may hold numbers, a row of
-    units "1", and an instrument's keys stand with theirs: none of these is a sample.
+    A row of titles may hold numbers, a row of units "1", and an instrument's keys stand with
+    theirs: none of these is a sample.
+
+    Parameters
+    ----------
+    above
+        Number (from 0) and text of the lines, in the order of the file.
+    kinds
+        Of the columns: "text" or of values.
+    cells_of
+        Splits a line as the log's own rows are.
+    is_value
+        Whether a cell is a number or a time in any decimal sign.
+    numbers_otherwise
+        Whether a line is a whole row of numbers, written in another way.
+    beside_titles
+        Whether a cell names a key.
+
+    Returns
+    -------
+    list of tuple
+        The lines with their class, in the order of the file.
+
+    Examples
+    --------
+    A lock-in that overloads at first writes a word where a sample was:
+
+    >>> from hrg_cli.formats.left_out import find_unread_rows
+    >>> above = [(0, "time,c,s"), (1, "0.0,OVL,0.5"), (2, "0.1,OVL,0.4")]
+    >>> cells = lambda line: line.split(",")
+    >>> value = lambda cell: cell.replace(".", "").isdigit()
+    >>> no = lambda text: False
+    >>> [number for (number, _), _ in find_unread_rows(above, ["number"] * 3, cells, value, no, no)]
+    [1, 2]
     """
     found: list[tuple[Line, Class]] = []
     title = False
@@ -129,7 +158,25 @@ def _is_key(first: str, firsts: list[str], is_value: Callable[[str], bool]) -> b
 
 
 def group_lines(found: Sequence[tuple[Line, Class]]) -> tuple[LeftOut, ...]:
-    """Neighbouring lines of one class as one entry."""
+    """What was left out, neighbouring lines of one class as one entry.
+
+    Parameters
+    ----------
+    found
+        Number (from 0) and text of each line, with its class.
+
+    Returns
+    -------
+    tuple of LeftOut
+        Lines are numbered from 1.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.left_out import group_lines
+    >>> lines = [((1, "0.0,OVL,0.5"), "broken"), ((2, "0.1,OVL,0.4"), "broken")]
+    >>> [part.describe() for part in group_lines(lines)]
+    ["lines 2 to 3 (2 rows): a cell is no number ('0.0,OVL,0.5')"]
+    """
     why = {
         "otherwise": "rows of numbers, written in another way than the rows below",
         "broken": "a cell is no number",

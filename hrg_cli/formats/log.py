@@ -83,11 +83,38 @@ class Reader:
 def make_log(
     format: str, arrays: Mapping[str, Array], units: Mapping[str, str] | None = None, **more: object
 ) -> Log:
-    """A log over one-dimensional arrays, in memory or lazily sliced (h5py datasets)."""
+    """A log over one-dimensional arrays, in memory or lazily sliced (h5py datasets).
+
+    Parameters
+    ----------
+    format
+        Its name.
+    arrays
+        Title -> values (n,) of a channel; lengths may differ.
+    units
+        Title -> unit, of those that have one.
+    more
+        Other fields of `Log`.
+
+    Returns
+    -------
+    Log
+        Its channels in the order of the arrays.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.formats.log import make_log
+    >>> log = make_log("bench", {"t": np.arange(4.0), "c": np.ones(4)}, {"t": "s"})
+    >>> [(channel.name, channel.units, channel.rising) for channel in log.channels]
+    [('t', 's', True), ('c', '', False)]
+    >>> [[column.tolist() for column in block] for block in log.read([1, 0])]
+    [[[1.0, 1.0, 1.0, 1.0], [0.0, 1.0, 2.0, 3.0]]]
+    """
     units = units or {}
     values = list(arrays.values())
     channels = tuple(
-        Channel(name, units.get(name, ""), rising=_rises(value), length=len(value))
+        Channel(name, units.get(name, ""), rising=is_rising(value), length=len(value))
         for name, value in arrays.items()
     )
 
@@ -105,11 +132,50 @@ def make_log(
     )
 
 
-def _rises(values: Array) -> bool:
+def is_rising(values: Array) -> bool:
+    """Whether a column rises from row to row, as times do.
+
+    Parameters
+    ----------
+    values
+        (n,); the first 200 are looked at.
+
+    Returns
+    -------
+    bool
+        False for fewer than three rows, which tell nothing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.formats.log import is_rising
+    >>> is_rising(np.array([0.0, 0.1, 0.3])), is_rising(np.array([0.0, 0.1, 0.1]))
+    (True, False)
+    """
     head = np.asarray(values[:200], dtype=float)
     return len(head) > 2 and bool(np.all(np.diff(head) > 0))
 
 
 def need_library(name: str, path: Path) -> HrgError:
-    """The sentence for an optional library that is not installed."""
+    """The error for an optional library that is not installed.
+
+    Parameters
+    ----------
+    name
+        Of the library.
+    path
+        The file that needs it.
+
+    Returns
+    -------
+    HrgError
+        Which says how to install it.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.formats.log import need_library
+    >>> print(need_library("npTDMS", Path("run.tdms")))
+    run.tdms: reading it needs npTDMS...
+    """
     return HrgError(f"{path}: reading it needs {how_to_install(name)}")

@@ -132,7 +132,26 @@ class Roles:
 
 
 def list_columns(log: Log) -> str:
-    """The log's columns for an error message."""
+    """The columns of a log, for a message.
+
+    Parameters
+    ----------
+    log
+        As it was opened.
+
+    Returns
+    -------
+    str
+        Numbers (from 1), titles and units; of many columns the first ones.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.formats.log_columns import list_columns
+    >>> from hrg_cli.formats.log import make_log
+    >>> list_columns(make_log("bench", {"t": np.arange(4.0), "ch1": np.ones(4)}, {"t": "ms"}))
+    '1 t [ms], 2 ch1'
+    """
     return name_some(
         f"{i + 1} {c.name}" + (f" [{c.units}]" if c.units else "")
         for i, c in enumerate(log.channels)
@@ -148,13 +167,41 @@ class TimingTold:
     clock: bool = False
 
 
-def find(
+def find_roles(
     log: Log, path: str, asked: dict[str, str | int | None], timing: TimingTold = TimingTold()
 ) -> Roles:
-    """The column of every role; `asked` names some by title or 1-based number, "none" leaves one
-    out.
+    """Which column of a log is what: as asked for, by its title, its unit, or by standing alone.
 
-    HrgError: no such column, or more than one reading of the log.
+    Parameters
+    ----------
+    log
+        As it was opened.
+    path
+        Of the log, for messages.
+    asked
+        Role -> title or number (from 1) of its column; "none" leaves a role out.
+    timing
+        What was said of the times beside the columns.
+
+    Returns
+    -------
+    Roles
+        Index of every role's column, from 0.
+
+    Raises
+    ------
+    HrgError
+        There is no such column, or the log can be read in more than one way.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.formats.log_columns import find_roles
+    >>> from hrg_cli.formats.log import make_log
+    >>> rows = np.arange(4.0)
+    >>> log = make_log("bench", {"t": rows, "ch1": 0 * rows, "ch2": 0 * rows, "oven": 0 * rows})
+    >>> find_roles(log, "bench", {"temperature": "oven"}).list_columns()
+    {'time': 0, 'c': 1, 's': 2, 'temperature': 3}
     """
     left_out = {
         role
@@ -164,7 +211,7 @@ def find(
     taken: dict[str, int | None] = {role: None for role in ALIASES}
     for role, wanted in asked.items():
         if wanted is not None and role not in left_out:
-            taken[role] = _named(log, path, role, wanted)
+            taken[role] = find_column_number(log, path, role, wanted)
     free = [
         i
         for i in range(len(log.channels))
@@ -240,7 +287,39 @@ def _fill_channels(
     )
 
 
-def _named(log: Log, path: str, role: str, wanted: str | int) -> int:
+def find_column_number(log: Log, path: str, role: str, wanted: str | int) -> int:
+    """Index of the column that was named for a role.
+
+    Parameters
+    ----------
+    log
+        As it was opened.
+    path
+        Of the log, for messages.
+    role
+        "time", "c" …; only a time may be a column of clock times.
+    wanted
+        Title, title with its unit, end of a path of titles, or number from 1.
+
+    Returns
+    -------
+    int
+        From 0.
+
+    Raises
+    ------
+    HrgError
+        There is no such column, several are called so, or it holds no numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.formats.log_columns import find_column_number
+    >>> from hrg_cli.formats.log import make_log
+    >>> log = make_log("bench", {"t": np.arange(4.0), "demod/x": np.ones(4)}, {"t": "ms"})
+    >>> [find_column_number(log, "bench", *of) for of in (("c", "X"), ("time", "t (ms)"))]
+    [1, 0]
+    """
     if isinstance(wanted, int) or wanted.isdigit():
         number = int(wanted)
         if not 1 <= number <= len(log.channels):
@@ -286,12 +365,6 @@ def _named(log: Log, path: str, role: str, wanted: str | int) -> int:
             f" {list_columns(log)}"
         )
     return index
-
-
-def find_column_number(log: Log, path: str, role: str, wanted: str | int) -> int:
-    """Index of the column of numbers that was named. HrgError: there is none, or it holds no
-    numbers."""
-    return _named(log, path, role, wanted)
 
 
 def _tells_time(channel: Channel) -> bool:

@@ -23,7 +23,7 @@ LEAST_S, S_PER_BYTE = 60.0, 1e-6
 """Time after which a file is given up, and what is added for its size."""
 
 
-def recognises(path: Path, head: bytes) -> bool:
+def _recognises(path: Path, head: bytes) -> bool:
     """The text header of MATLAB 5.0 files, and the byte-order word behind it."""
     return head.startswith(b"MATLAB 5.0") or (
         len(head) >= 128
@@ -32,7 +32,7 @@ def recognises(path: Path, head: bytes) -> bool:
     )
 
 
-def open_matlab(path: Path) -> Log:
+def _open_matlab(path: Path) -> Log:
     """Every vector, matrix column and structure field as a column. HrgError: damaged, truncated, no
     numbers."""
     arrays, scalars = _read_in_a_child(path)
@@ -97,4 +97,4 @@ def _receive(stream: IO[bytes]) -> tuple[dict, dict[str, np.ndarray]]:
     return told, {name: read_next() for name in told.get("arrays", [])}
 
 
-READER = Reader("matlab", recognises, open_matlab)
+READER = Reader("matlab", _recognises, _open_matlab)

@@ -33,7 +33,7 @@ class ClaimError(Exception):
     """A variable claims more than its file can hold."""
 
 
-def read_numbers(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+def _read_numbers(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:
     """Vectors, matrix columns and structure fields by name, and single numbers by name."""
     from scipy.io import loadmat, whosmat
 
@@ -81,7 +81,25 @@ def _flatten(
 
 def split_columns(matrix: np.ndarray) -> list[np.ndarray]:
     """The first columns of a matrix, whichever way it lies: a channel is longer than there are
-    channels."""
+    channels.
+
+    Parameters
+    ----------
+    matrix
+        (n, k) or (k, n).
+
+    Returns
+    -------
+    list of ndarray
+        Of at most 64 columns (n,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.formats.matlab_child import split_columns
+    >>> [len(column) for column in split_columns(np.zeros((2, 1000)))]
+    [1000, 1000]
+    """
     tall = matrix if matrix.shape[0] >= matrix.shape[1] else matrix.T
     return [tall[:, index] for index in range(min(tall.shape[1], MOST_COLUMNS))]
 
@@ -94,12 +112,12 @@ def _said(error: Exception) -> str:
     return f"cannot be read as a MATLAB file ({words}); it is truncated or damaged: save it again"
 
 
-def hand_over(path: Path) -> None:
+def _hand_over(path: Path) -> None:
     """Read the file and write what it holds on standard output."""
     out = sys.stdout.buffer
     warnings.simplefilter("ignore")
     try:
-        arrays, scalars = read_numbers(path)
+        arrays, scalars = _read_numbers(path)
     except MemoryError:
         out.write(json.dumps({"no_memory": True}).encode() + b"\n")
         return
@@ -111,7 +129,7 @@ def hand_over(path: Path) -> None:
         np.lib.format.write_array(out, np.ascontiguousarray(array), allow_pickle=False)
 
 
-def end_with_parent() -> None:
+def _end_with_parent() -> None:
     """End at Ctrl-C, also within the reader, and when standard input ends, as it does with the
     process that holds its other end."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -124,5 +142,5 @@ def end_with_parent() -> None:
 
 
 if __name__ == "__main__":
-    end_with_parent()
-    hand_over(Path(sys.argv[1]))
+    _end_with_parent()
+    _hand_over(Path(sys.argv[1]))

@@ -22,7 +22,7 @@ MAGIC = b"\x93NUMPY"
 MEMBER = ".npy"
 
 
-def recognises(path: Path, head: bytes) -> bool:
+def _recognises(path: Path, head: bytes) -> bool:
     """The magic word of `.npy`, or an archive whose first member is one."""
     if head.startswith(MAGIC):
         return True
@@ -30,7 +30,7 @@ def recognises(path: Path, head: bytes) -> bool:
     return head.startswith(b"PK\x03\x04") and head[30 : 30 + length].endswith(MEMBER.encode())
 
 
-def open_numpy(path: Path) -> Log:
+def _open_numpy(path: Path) -> Log:
     """Every vector, column, field and named variable as a channel; a complex one as two, `re` and `im`.
 
     A bare array of several columns has no titles, as a table of text without them. Raises HrgError:
@@ -118,4 +118,4 @@ def _columns_of(name: str, array: Array) -> Iterator[tuple[str, Array]]:
             yield f"{name}/im".lstrip("/"), array.imag
 
 
-READER = Reader("numpy", recognises, open_numpy)
+READER = Reader("numpy", _recognises, _open_numpy)

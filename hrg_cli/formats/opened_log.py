@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import HrgError, name_some
 from ..records.recording import ONE_CHANNEL
 from .log import Log
-from .log_columns import Roles, TimingTold, find
+from .log_columns import Roles, TimingTold, find_roles
 from .pairing import find_second_file, pair_logs
 from .quantities import is_level, spell_channel_unit
 from .readers import open_log
@@ -41,22 +41,93 @@ def open_channels(
     decimal: str | None,
     timing: TimingTold,
 ) -> OpenedLog:
-    """The log of one file, or of one file per channel, and which of its columns is what."""
+    """The log of one file, or of one file per channel, and which of its columns is what.
+
+    Parameters
+    ----------
+    path
+        The log.
+    s_file
+        The file of channel S, as `find_second_file` takes it; None: both are in one.
+    asked
+        Role -> title or number (from 1) of its column.
+    format
+        Its name; empty: told by its content.
+    separator, decimal
+        Of a text log; None: found.
+    timing
+        What was said of the times beside the columns.
+
+    Returns
+    -------
+    OpenedLog
+        With the files' sizes and times before they are read.
+
+    Raises
+    ------
+    HrgError
+        Not readable, of no known format, columns not told or of different length.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.formats.log_columns import TimingTold
+    >>> from hrg_cli.formats.opened_log import open_channels
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "bench.csv"
+    ...     with path.open("w") as log:
+    ...         print("ch1,ch2", "1,2", "3,4", "5,6", sep=chr(10), file=log)
+    ...     opened = open_channels(path, None, {}, "", None, None, TimingTold(rate=True))
+    >>> opened.roles.list_columns()
+    {'c': 0, 's': 1}
+    """
     files = [path, *([] if s_file is None else [find_second_file(path, s_file)])]
-    before = judge_state(files)
+    before = read_states(files)
     log = open_log(path, format, separator, decimal)
     asked = dict(asked)
     if s_file is not None:
         other = open_log(files[1], format, separator, decimal)
         log, asked = pair_logs(path, log, files[1], other, asked)
-    roles = find(log, str(path), asked, timing)
-    need_same_length(log, roles, str(path))
+    roles = find_roles(log, str(path), asked, timing)
+    _need_same_length(log, roles, str(path))
     return OpenedLog(files, log, roles, before)
 
 
 def find_scales(log: Log, roles: Roles, c_factor: float, s_factor: float) -> dict[str, Any]:
-    """Scale and offset of both channels: what is asked for on top of the log's own. HrgError: a
-    factor that is 0 or not finite."""
+    """Scale and offset of both channels: what is asked for, on top of the log's own.
+
+    Parameters
+    ----------
+    log
+        As it was opened.
+    roles
+        Which of its columns is what; a log of one channel gives S the scale of C.
+    c_factor, s_factor
+        Unit of the channel per value of the log.
+
+    Returns
+    -------
+    dict
+        The recording's fields: physical value = scale factor · raw + offset.
+
+    Raises
+    ------
+    HrgError
+        A factor that is 0 or not finite.
+
+    Examples
+    --------
+    An offset is scaled along:
+
+    >>> from hrg_cli.formats.log import Channel, Log
+    >>> from hrg_cli.formats.log_columns import find_roles
+    >>> from hrg_cli.formats.opened_log import find_scales
+    >>> log = Log("bench", tuple(Channel(n, scale_factor=0.5, add_offset=1.0) for n in "cs"), iter)
+    >>> found = find_scales(log, find_roles(log, "bench", {}), 10.0, 1.0)
+    >>> found["c_scale_factor"], found["c_add_offset"], found["s_add_offset"]
+    (5.0, 10.0, 1.0)
+    """
     found: dict[str, Any] = {}
     for name, index, factor in (
         ("c", roles.c, c_factor),
@@ -72,7 +143,32 @@ def find_scales(log: Log, roles: Roles, c_factor: float, s_factor: float) -> dic
 
 
 def list_first_reasons(opened: OpenedLog, timing: Timing) -> list[str]:
-    """What is wrong with the recording, as far as it can be told before its rows are read."""
+    """Why a recording may be doubted, as far as it is told before its rows are read.
+
+    Parameters
+    ----------
+    opened
+        The log.
+    timing
+        Of its rows.
+
+    Returns
+    -------
+    list of str
+        The log's own reasons, those of the times, and that there is one channel only.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.formats.log import make_log
+    >>> from hrg_cli.formats.log_columns import find_roles
+    >>> from hrg_cli.formats.opened_log import OpenedLog, list_first_reasons
+    >>> from hrg_cli.formats.timing import Timing
+    >>> log = make_log("bench", {"c": np.ones(4)}, sample_rate_hz=1e4)
+    >>> opened = OpenedLog([], log, find_roles(log, "bench", {"s": "none"}), None)
+    >>> list_first_reasons(opened, Timing(1e4, 1.0))
+    ['...: wave angle, quadrature and splits cannot be seen in this run']
+    """
     reasons = [*opened.log.reasons, *timing.reasons]
     if opened.roles.s is None:
         reasons.append(
@@ -81,15 +177,39 @@ def list_first_reasons(opened: OpenedLog, timing: Timing) -> list[str]:
     return reasons
 
 
-def judge_state(files: Sequence[Path]) -> States:
-    """Size and time of each file, by which a change is seen; None where they cannot be told."""
+def read_states(files: Sequence[Path]) -> States:
+    """Size and time of files, by which it is seen that one was changed.
+
+    Parameters
+    ----------
+    files
+        In any order, that is kept.
+
+    Returns
+    -------
+    tuple or None
+        Size [B] and time of the last change [ns] of each; None where they are not told.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.formats.opened_log import read_states
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     log = Path(folder) / "bench.csv"
+    ...     _ = log.write_text("1,2")
+    ...     before = read_states([log])
+    ...     _ = log.write_text("1,2,3")
+    ...     before[0][0], read_states([log]) == before
+    (3, False)
+    """
     try:
         return tuple((stat.st_size, stat.st_mtime_ns) for stat in (path.stat() for path in files))
     except OSError:
         return None
 
 
-def need_same_length(log: Log, roles: Roles, where: str) -> None:
+def _need_same_length(log: Log, roles: Roles, where: str) -> None:
     """Channels and times agree in length; slow columns among themselves, and where they are shorter
     they need times of their own."""
     length = {
@@ -114,8 +234,41 @@ def need_same_length(log: Log, roles: Roles, where: str) -> None:
 
 
 def find_channel_unit(log: Log, roles: Roles, units: str | None, where: str) -> str:
-    """The unit of both channels, as told or as the log has it. HrgError: a level in decibels, two
-    units."""
+    """The unit of both channels, as told or as the log has it.
+
+    Parameters
+    ----------
+    log
+        As it was opened.
+    roles
+        Which of its columns is what.
+    units
+        As told; None: the log's own.
+    where
+        The log, for messages.
+
+    Returns
+    -------
+    str
+        As recordings spell it; "1" where none is known.
+
+    Raises
+    ------
+    HrgError
+        A level in decibels, which is no sample of an oscillation, or two units.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.formats.log import make_log
+    >>> from hrg_cli.formats.log_columns import find_roles
+    >>> from hrg_cli.formats.opened_log import find_channel_unit
+    >>> log = make_log("bench", {"c": np.ones(4), "s": np.ones(4)}, {"c": "V", "s": "mV"})
+    >>> find_channel_unit(log, find_roles(log, "bench", {}), None, "bench")
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: bench: channel C is in 'V' and channel S in 'mV'; give units, ...
+    """
     for role, index in (("C", roles.c), ("S", roles.s)):
         level = (
             None

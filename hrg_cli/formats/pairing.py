@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import HrgError
 from .log import ONE_DEMODULATOR, Array, Blocks, Log
-from .log_columns import Roles, find
+from .log_columns import Roles, find_roles
 from .quantities import find_time_factor, is_time
 
 Asked = dict[str, str | int | None]
@@ -21,10 +21,36 @@ STEPS = 1e-3
 
 
 def find_second_file(path: Path, s_file: str) -> Path:
-    """The file of channel S: a name beside the log (or from here), or OLD=NEW put into the log's
-    own name (CH1=CH2).
+    """The file of channel S of a log that keeps each channel in a file of its own.
 
-    HrgError: no such file, a rule that does not fit the log's name.
+    Parameters
+    ----------
+    path
+        The log, which holds channel C.
+    s_file
+        A name beside the log (or from here), or OLD=NEW put into the log's own name.
+
+    Returns
+    -------
+    Path
+        A file that exists.
+
+    Raises
+    ------
+    HrgError
+        No such file, a rule that does not fit the log's name, or the log itself.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.formats.pairing import find_second_file
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     logs = [Path(folder) / f"run7_CH{k}.csv" for k in (1, 2)]
+    ...     for log in logs:
+    ...         log.touch()
+    ...     find_second_file(logs[0], "CH1=CH2").name
+    'run7_CH2.csv'
     """
     beside = path.parent / s_file
     named = beside if beside.exists() else Path(s_file)
@@ -46,8 +72,32 @@ def find_second_file(path: Path, s_file: str) -> Path:
 
 
 def find_partners(logs: Sequence[Path], s_file_of: Callable[[Path], str | None]) -> set[Path]:
-    """Those of the logs that are the second file of another one of them; s_file_of: the setting for
-    a log."""
+    """Those of some logs that are the second file of another one of them.
+
+    Parameters
+    ----------
+    logs
+        All that were named.
+    s_file_of
+        A log -> its setting of `s_file`; None: it holds both channels.
+
+    Returns
+    -------
+    set of Path
+        The logs that are no runs of their own.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.formats.pairing import find_partners
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     logs = [Path(folder) / f"run7_CH{k}.csv" for k in (1, 2)]
+    ...     for log in logs:
+    ...         log.touch()
+    ...     [log.name for log in find_partners(logs, lambda log: "CH1=CH2")]
+    ['run7_CH2.csv']
+    """
     found: set[Path] = set()
     for log in logs:
         s_file = s_file_of(log)
@@ -60,10 +110,48 @@ def find_partners(logs: Sequence[Path], s_file_of: Callable[[Path], str | None])
 def pair_logs(
     path: Path, log: Log, other_path: Path, other: Log, asked: Asked
 ) -> tuple[Log, Asked]:
-    """The log with the other file's channel as its last column, and its columns by number.
-    HrgError: times that disagree."""
-    mine = find(log, str(path), {**asked, "s": "none"})
-    theirs = find(other, str(other_path), _column_of_second(other, asked))
+    """Two logs of one channel each as one log, their times held against each other as they are
+    read.
+
+    Parameters
+    ----------
+    path
+        Of the log of channel C.
+    log
+        As it was opened.
+    other_path
+        Of the log of channel S.
+    other
+        As it was opened.
+    asked
+        Role -> title or number (from 1) of its column.
+
+    Returns
+    -------
+    tuple
+        The log with the other's channel as its last column, and the columns by number.
+
+    Raises
+    ------
+    HrgError
+        One of them has times or both have different rates or starts; as they are read: times that
+        differ by more than a thousandth of a step and their rounding, or one log that goes on.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli.formats.log import make_log
+    >>> from hrg_cli.formats.pairing import pair_logs
+    >>> one = make_log("bench", {"volt": np.ones(4)}, sample_rate_hz=1e4)
+    >>> two = make_log("bench", {"volt": np.zeros(4)}, sample_rate_hz=1e4)
+    >>> asked = dict.fromkeys(("time", "c", "s"))
+    >>> log, found = pair_logs(Path("CH1.csv"), one, Path("CH2.csv"), two, asked)
+    >>> [channel.name for channel in log.channels], found["c"], found["s"]
+    (['volt', 'volt of CH2.csv'], 1, 2)
+    """
+    mine = find_roles(log, str(path), {**asked, "s": "none"})
+    theirs = find_roles(other, str(other_path), _column_of_second(other, asked))
     _same_clock(path, log, mine, other_path, other, theirs)
     channel = other.channels[theirs.c]
     last = len(log.channels)

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from ..errors import HrgError
-from .log import BLOCK_ROWS, Blocks, Channel, Log, Reader, need_library
+from .log import BLOCK_ROWS, Blocks, Channel, Log, Reader, is_rising, need_library
 from .quantities import split_name
 
 
-def recognises(path: Path, head: bytes) -> bool:
+def _recognises(path: Path, head: bytes) -> bool:
     """The magic number PAR1."""
     return head[:4] == b"PAR1"
 
 
-def open_parquet(path: Path) -> Log:
+def _open_parquet(path: Path) -> Log:
     """The columns of a Parquet file. HrgError: pyarrow missing, damaged, no rows."""
     try:
         import pyarrow
@@ -44,7 +44,7 @@ def open_parquet(path: Path) -> Log:
                 or types.is_time(field.type)
             )
             name, unit = split_name(field.name)
-            rising = number and _rises(_numbers(head.column(index)))
+            rising = number and is_rising(_numbers(head.column(index)))
             channels.append(
                 Channel(
                     name,
@@ -84,10 +84,6 @@ def _start(head: Any, schema: Any) -> str:
     return ""
 
 
-def _rises(head: np.ndarray) -> bool:
-    return len(head) > 2 and bool(np.all(np.diff(np.asarray(head, float)) > 0))
-
-
 def _read(path: Path, names: Sequence[str]) -> Blocks:
     from pyarrow import parquet
 
@@ -123,4 +119,4 @@ def _numbers(column: Any, origins: dict[str, int] | None = None, name: str = "")
     return np.asarray(column.to_numpy(zero_copy_only=False))
 
 
-READER = Reader("parquet", recognises, open_parquet)
+READER = Reader("parquet", _recognises, _open_parquet)

@@ -147,8 +147,7 @@ def is_level(unit: str) -> bool:
     Parameters
     ----------
     unit
-        Any spelling, as in `TIME`, `RATE`, `TEMPERATURE`, `LEVELS`; capitals and look-alike signs do not
-        matter.
+        As in `is_of`.
 
     Returns
     -------
@@ -170,8 +169,7 @@ def is_time(unit: str) -> bool:
     Parameters
     ----------
     unit
-        Any spelling, as in `TIME`, `RATE`, `TEMPERATURE`, `LEVELS`; capitals and look-alike signs do not
-        matter.
+        As in `is_of`.
 
     Returns
     -------
@@ -193,8 +191,7 @@ def is_temperature(unit: str) -> bool:
     Parameters
     ----------
     unit
-        Any spelling, as in `TIME`, `RATE`, `TEMPERATURE`, `LEVELS`; capitals and look-alike signs do not
-        matter.
+        As in `is_of`.
 
     Returns
     -------
@@ -216,8 +213,7 @@ def is_rate(unit: str) -> bool:
     Parameters
     ----------
     unit
-        Any spelling, as in `TIME`, `RATE`, `TEMPERATURE`, `LEVELS`; capitals and look-alike signs do not
-        matter.
+        As in `is_of`.
 
     Returns
     -------
@@ -241,7 +237,7 @@ def is_of(table: Mapping[Any, tuple[str, ...]], unit: str) -> bool:
     table
         Factor (or factor and offset) -> the spellings of a unit, as `TIME`.
     unit
-        Any spelling.
+        Any spelling of it; capitals and look-alike signs do not matter.
 
     Returns
     -------

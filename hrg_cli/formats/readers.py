@@ -32,8 +32,41 @@ EXPECTED = "a log was expected: CSV or other text, WAV, FLAC, MATLAB, NumPy, TDM
 def open_log(
     path: Path | str, format: str = "", separator: str | None = None, decimal: str | None = None
 ) -> Log:
-    """The log of `path` by its content (or by `format`). HrgError: missing, unreadable, of no known
-    format, damaged."""
+    """The log of a file, its format told by its content and never by its name.
+
+    Parameters
+    ----------
+    path
+        The file.
+    format
+        Its name, where it is not to be told by the content.
+    separator, decimal
+        Of a text log; None: found.
+
+    Returns
+    -------
+    Log
+        Of which no row is read yet.
+
+    Raises
+    ------
+    HrgError
+        Missing, not readable, of no known format, or damaged.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli.formats.readers import open_log
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.log"
+    ...     with path.open("wb") as file:
+    ...         np.savez(file, c=np.ones(8), s=np.zeros(8), fs=1e4)
+    ...     log = open_log(path)
+    >>> log.format, [channel.name for channel in log.channels], log.sample_rate_hz
+    ('numpy', ['c', 's'], 10000.0)
+    """
     path = Path(path)
     head = _head(path)
     known = {reader.name: reader for reader in READERS}
@@ -72,7 +105,35 @@ def _head(path: Path) -> bytes:
 
 @contextlib.contextmanager
 def guard_reading(path: Path, format: str) -> Iterator[None]:
-    """Every way a library fails on a damaged file becomes one sentence."""
+    """Every way in which a library fails on a damaged file becomes one sentence.
+
+    Parameters
+    ----------
+    path
+        The file that is read within.
+    format
+        Its name.
+
+    Returns
+    -------
+    context manager
+        Errors of this program pass as they are.
+
+    Raises
+    ------
+    HrgError
+        Any error of reading.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.formats.readers import guard_reading
+    >>> with guard_reading(Path("run.wav"), "audio"):
+    ...     raise ValueError("chunk of -1 bytes")
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: run.wav: cannot be read as audio (chunk of -1 bytes); it is damaged ...
+    """
     try:
         yield
     except HrgError:

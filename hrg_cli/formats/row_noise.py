@@ -165,7 +165,9 @@ def _estimate_by_differences(looks: Sequence[Array]) -> Array:
     thirds = np.concatenate(
         [
             np.diff(
-                _turn_to_phase(look * np.exp(-1j * _turn(look) * np.arange(look.shape[1]))),
+                _turn_to_phase(
+                    look * np.exp(-1j * estimate_mean_turn(look) * np.arange(look.shape[1]))
+                ),
                 3,
                 axis=1,
             )
@@ -272,7 +274,7 @@ def estimate_filter_gain(looks: Sequence[Array]) -> float:
         if rows >= SHORTEST
         else []
     )
-    turn = float(np.median([_turn(look) for look in looks]))
+    turn = float(np.median([estimate_mean_turn(look) for look in looks]))
     place = round(-turn / (2 * np.pi) * rows)
     if len(power) < FEWEST_PIECES or abs(place) < 2 * LOW.stop:
         return 1.0
@@ -331,7 +333,7 @@ def _pieces(looks: Sequence[Array], rows: int) -> Iterator[tuple[Array, Array | 
 def _residuals(look: Array, rows: int, every: int) -> Iterator[tuple[Array, Array]]:
     """What its motion leaves of pieces (channel, rows), one in `every` rows, in the wave's own phase,
     and the functions (rows, k) that were taken off."""
-    turn, polynomials = _turn(look), make_polynomials(rows)
+    turn, polynomials = estimate_mean_turn(look), make_polynomials(rows)
     for start in range(0, look.shape[1] - rows + 1, every):
         u = look[:, start : start + rows] * np.exp(-1j * turn * np.arange(rows))
         if np.isfinite(u).all():
@@ -346,7 +348,25 @@ def _drop_lines(power: Array) -> Array:
     return np.median(np.lib.stride_tricks.sliding_window_view(padded, LINE, axis=-1), axis=-1)
 
 
-def _turn(look: Array) -> float:
-    """Mean turn a row [rad] of the envelopes (channel, n)."""
+def estimate_mean_turn(look: Array) -> float:
+    """Mean turn of envelopes from row to row.
+
+    Parameters
+    ----------
+    look
+        Envelopes (channel, n), NaN where a row is missing.
+
+    Returns
+    -------
+    float
+        rad per row, the phase of Σ u_{k+1} u_k*; within ±π.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.formats.row_noise import estimate_mean_turn
+    >>> round(estimate_mean_turn(np.exp(0.3j * np.arange(9.0))[None]), 9)
+    0.3
+    """
     pairs = look[:, 1:] * np.conj(look[:, :-1])
     return float(np.angle(pairs[np.isfinite(pairs)].sum()))

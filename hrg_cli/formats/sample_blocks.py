@@ -11,7 +11,7 @@ from ..records import Recording
 from ..records.clock import shift_time
 from .log import Array, Log
 from .log_columns import Roles
-from .opened_log import OpenedLog, judge_state
+from .opened_log import OpenedLog, read_states
 from .readers import guard_reading
 from .slow import SlowLog
 from .taken import Taken
@@ -21,8 +21,59 @@ from .timing import Timing
 def stream_blocks(
     opened: OpenedLog, blank: Recording, timing: Timing, slow: SlowLog, taken: Taken
 ) -> Iterator[Recording]:
-    """Blocks of the recording; the last one bears what only the whole log tells: what was taken,
-    what was left out or is not finite. HrgError: a broken row, no rows, a file that changes."""
+    """The rows of a log of samples as a recording, block by block, as they are read.
+
+    Parameters
+    ----------
+    opened
+        The log, and what was seen of its files before.
+    blank
+        A recording without samples, whose other fields the blocks take.
+    timing
+        Of the rows.
+    slow
+        The columns beside the channels.
+    taken
+        Filled with what is taken, for the last block.
+
+    Returns
+    -------
+    iterator of Recording
+        The last block bears what only the whole log tells: what was taken, what was left out or is
+        not finite.
+
+    Raises
+    ------
+    HrgError
+        A broken row, no rows, none in the range asked for, or a file that changes meanwhile.
+
+    Examples
+    --------
+    From 1 s on of a log at 2 Hz, whose first sample taken is t = 0:
+
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.formats.log import make_log
+    >>> from hrg_cli.formats.log_columns import find_roles
+    >>> from hrg_cli.formats.opened_log import OpenedLog
+    >>> from hrg_cli.formats.run_heading import UnitsTold
+    >>> from hrg_cli.formats.sample_blocks import stream_blocks
+    >>> from hrg_cli.formats.slow import SlowLog
+    >>> from hrg_cli.formats.taken import Taken
+    >>> from hrg_cli.formats.timing import Timing
+    >>> log = make_log("bench", {"c": np.arange(4.0), "s": np.zeros(4)}, sample_rate_hz=2.0)
+    >>> opened = OpenedLog([Path("no file")], log, find_roles(log, "bench", {}), None)
+    >>> taken = Taken(log, opened.roles.list_columns(), {}, 2.0, from_s=1.0)
+    >>> slow = SlowLog(
+    ...     log, opened.roles, where="", told=UnitsTold(None, None, None), rate_scale_factor=1.0,
+    ...     constants={}, most=10,
+    ... )
+    >>> blank = Recording(c=np.empty(0), s=np.empty(0), sample_rate_hz=2.0, mode="free")
+    >>> (block,) = stream_blocks(opened, blank, Timing(2.0, 1.0), slow, taken)
+    >>> block.c.tolist(), taken.first_s
+    ([2.0, 3.0], 1.0)
+    """
     path, roles = opened.files[0], opened.roles
     fast = 1 if roles.s is None else 2
     first = True
@@ -62,7 +113,7 @@ def _count_not_finite(c: Array, s: Array, row: int, taken: Taken) -> None:
 
 def _close(block: Recording, opened: OpenedLog, taken: Taken) -> Recording:
     """The last block with what the whole log tells. HrgError: the file changed meanwhile."""
-    if judge_state(opened.files) != opened.before:
+    if read_states(opened.files) != opened.before:
         raise HrgError(
             f"{opened.files[0]}: changed while it was read; wait until it is written and import it"
             " again"

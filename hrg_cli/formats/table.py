@@ -17,11 +17,38 @@ LARGEST_TABLE = 1 << 28
 def read_table(
     path: Path | str, *, separator: str | None = None, decimal: str | None = None
 ) -> Any:
-    """A pandas DataFrame of all columns of numbers or times (times in seconds); titles as in the
-    log, units in `attrs["units"]`.
+    """Any foreign log as a plain table, its columns named as the log names them.
 
-    HrgError: not readable, no numbers, a broken line, columns of different length, more than 2^28
-    values.
+    Parameters
+    ----------
+    path
+        The log, of any format that `import_log` reads.
+    separator, decimal
+        Of a text log; None: found.
+
+    Returns
+    -------
+    pandas.DataFrame
+        All columns of numbers or times (times in seconds); units stand in `attrs["units"]`.
+
+    Raises
+    ------
+    HrgError
+        Not readable, no numbers, a broken line, columns of different length, or more than 2^28
+        values.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.formats.table import read_table
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "rates.csv"
+    ...     with path.open("w") as log:
+    ...         print("time [min];table [deg/s]", "0;1,5", "1;3,0", sep=chr(10), file=log)
+    ...     table = read_table(path)
+    >>> table["table"].tolist(), table.attrs["units"]
+    ([1.5, 3.0], {'time': 'min', 'table': 'deg/s'})
     """
     import pandas as pd
 

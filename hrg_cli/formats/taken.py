@@ -35,7 +35,27 @@ GAPS_NAMED = 5
 
 
 def check_range(from_s: float | None, to_s: float | None) -> None:
-    """HrgError: an empty range."""
+    """Refuse a range of times that holds nothing.
+
+    Parameters
+    ----------
+    from_s, to_s
+        Where it begins and ends [s]; None: with the log.
+
+    Raises
+    ------
+    HrgError
+        It does not begin before it ends.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.taken import check_range
+    >>> check_range(None, 5.0)
+    >>> check_range(5.0, 5.0)
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: from_s = 5 is not before to_s = 5; a part of the log was expected
+    """
     if from_s is not None and to_s is not None and not from_s < to_s:
         raise HrgError(
             f"from_s = {from_s:g} is not before to_s = {to_s:g}; a part of the log was expected"

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 
 from ..errors import HrgError, name_some
-from .log import BLOCK_ROWS, Blocks, Channel, Log, Reader, need_library
+from .log import BLOCK_ROWS, Blocks, Channel, Log, Reader, is_rising, need_library
 
 
-def recognises(path: Path, head: bytes) -> bool:
+def _recognises(path: Path, head: bytes) -> bool:
     """The tag of a TDMS segment."""
     return head[:4] == b"TDSm"
 
 
-def open_tdms(path: Path) -> Log:
+def _open_tdms(path: Path) -> Log:
     """The channels of a TDMS file. HrgError: npTDMS missing, damaged, cut short."""
     try:
         from nptdms import TdmsFile
@@ -67,7 +67,7 @@ def _describe_channel(channel: Any) -> Channel:
         kind="clock" if kind == "M" else "number" if kind in "iufb" else "text",
         length=len(channel),
         sample_rate_hz=1 / float(step) if isinstance(step, int | float) and step > 0 else None,
-        rising=kind in "iuf" and _rises(channel[: min(200, len(channel))]),
+        rising=kind in "iuf" and is_rising(channel[: min(200, len(channel))]),
     )
 
 
@@ -83,11 +83,6 @@ def _complete(path: Path, status: Any) -> None:
         f"{path}: its last segment is cut short ({name_some(short) or 'samples are missing'}); copy"
         " or record it again"
     )
-
-
-def _rises(head: Any) -> bool:
-    values = np.asarray(head, float)
-    return len(values) > 2 and bool(np.all(np.diff(values) > 0))
 
 
 def _read(path: Path, names: Sequence[tuple[str, str]]) -> Blocks:
@@ -110,4 +105,4 @@ def _numbers(values: Any, first: Any) -> np.ndarray:
     return (array - first) / np.timedelta64(1, "ns") / 1e9 if array.dtype.kind == "M" else array
 
 
-READER = Reader("tdms", recognises, open_tdms)
+READER = Reader("tdms", _recognises, _open_tdms)

@@ -20,7 +20,7 @@ from ..errors import HrgError
 from .clock import Clock, find_floating_quantum, find_quantum
 from .closing_lines import count_closing_lines, describe_closing
 from .dialect import HEAD_BYTES, Dialect, find_cell_kind, is_text, sniff, split_line
-from .instruments import understand
+from .instruments import find_layout
 from .log import Array, Blocks, Channel, Log, Reader
 from .unpacked import open_unpacked, read_ends
 
@@ -30,12 +30,12 @@ TAIL_BYTES = 4096
 """Where the last row and what closes a log is looked for."""
 
 
-def recognises(path: Path, head: bytes) -> bool:
+def _recognises(path: Path, head: bytes) -> bool:
     """Anything without control bytes is tried as text; this reader is the last one asked."""
     return is_text(head)
 
 
-def open_text(path: Path, separator: str | None = None, decimal: str | None = None) -> Log:
+def _open_text(path: Path, separator: str | None = None, decimal: str | None = None) -> Log:
     """The log of a text file. HrgError: no numbers in it, or a line longer than any log has."""
     head, tail, size = read_ends(path, HEAD_BYTES, TAIL_BYTES)
     dialect = sniff(path, head, separator, decimal)
@@ -46,7 +46,7 @@ def open_text(path: Path, separator: str | None = None, decimal: str | None = No
         Channel(name, unit, kind={"date": "clock"}.get(kind, kind), rising=rising[i])  # type: ignore[arg-type]
         for i, (name, unit, kind) in enumerate(zip(dialect.names, dialect.units, dialect.kinds))
     )
-    layout = understand(path, dialect, channels)
+    layout = find_layout(path, dialect, channels)
     start = next(
         (
             Clock("date", row[i], str(path)).format_start_time()
@@ -284,4 +284,4 @@ def _name_bad_cell(
                 )
 
 
-READER = Reader("text", recognises, open_text)
+READER = Reader("text", _recognises, _open_text)

@@ -26,7 +26,7 @@ class Timing:
     reasons: tuple[str, ...] = ()
 
 
-def get_timing(
+def find_timing(
     log: Log,
     roles: Roles,
     path: Path,
@@ -35,8 +35,57 @@ def get_timing(
     given: float | None,
     tolerance: float,
 ) -> Timing:
-    """Judge the time column, or take the rate that was given or that the log states. HrgError:
-    none, or times that do not rise."""
+    """How rows become times: by an even rate, or by times of their own.
+
+    Times that are even within their own rounding and the tolerance become a rate, so that nothing
+    has to be resampled where nothing is uneven.
+
+    Parameters
+    ----------
+    log
+        As it was opened.
+    roles
+        Which of its columns is what.
+    path
+        Of the log, for messages.
+    time_units
+        Of the time column; None: the log's own.
+    clock_hz
+        Rate of the clock whose ticks the column counts; None: the log's own.
+    given
+        Sampling rate [Hz] that was given; it goes before the log's times, which are only held
+        against it.
+    tolerance
+        Part of a step by which even times may be off.
+
+    Returns
+    -------
+    Timing
+        With the reason why a given rate is doubtful.
+
+    Raises
+    ------
+    HrgError
+        Neither times nor a rate, times that do not rise, one row, or ticks of an unknown clock.
+
+    Examples
+    --------
+    Even times become a rate; where a row is missing, the times are kept:
+
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli.formats.log import make_log
+    >>> from hrg_cli.formats.log_columns import find_roles
+    >>> from hrg_cli.formats.timing import find_timing
+    >>> def look(times):
+    ...     rows = np.zeros(len(times))
+    ...     log = make_log("bench", {"t": times, "c": rows, "s": rows}, {"t": "ms"})
+    ...     roles = find_roles(log, "bench", {})
+    ...     return find_timing(log, roles, Path("bench"), None, None, None, 1e-3)
+    >>> even = np.arange(100) * 0.1
+    >>> look(even).sample_rate_hz, look(np.delete(even, 50)).sample_rate_hz
+    (10000.0, None)
+    """
     if roles.time is None:
         rate = given or log.sample_rate_hz
         if rate is None:

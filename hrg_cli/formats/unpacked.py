@@ -39,14 +39,69 @@ class _Packed(gzip.GzipFile):
 
 
 def is_packed(path: Path) -> bool:
-    """Whether a file begins as gzip does. HrgError: it cannot be read."""
+    """Whether a file begins as gzip does.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    bool
+        Told by its first two bytes, never by its name.
+
+    Raises
+    ------
+    HrgError
+        It cannot be read.
+
+    Examples
+    --------
+    >>> import gzip, tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.formats.unpacked import is_packed
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "bench.csv"
+    ...     _ = path.write_bytes(gzip.compress(b"1,2"))
+    ...     is_packed(path)
+    True
+    """
     with explain_reading(path), open(path, "rb") as file:
         return file.read(len(MAGIC)) == MAGIC
 
 
 @contextmanager
 def open_unpacked(path: Path) -> Iterator[BinaryIO]:
-    """A file for reading, without its compression. HrgError: it is compressed and damaged."""
+    """A file for reading, without its compression.
+
+    Parameters
+    ----------
+    path
+        Packed by gzip or not.
+
+    Returns
+    -------
+    context manager
+        Of the bytes; a log that unpacks to far more than any log does is not read on.
+
+    Raises
+    ------
+    HrgError
+        It is packed and damaged, cut short, or unpacks without end.
+
+    Examples
+    --------
+    >>> import gzip, tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.formats.unpacked import open_unpacked
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "bench.csv.gz"
+    ...     _ = path.write_bytes(gzip.compress(b"1,2"))
+    ...     with open_unpacked(path) as file:
+    ...         file.read()
+    b'1,2'
+    """
     if not is_packed(path):
         with open(path, "rb") as plain:
             yield plain
@@ -62,7 +117,36 @@ def open_unpacked(path: Path) -> Iterator[BinaryIO]:
 
 
 def read_ends(path: Path, head: int, tail: int) -> tuple[bytes, bytes, int]:
-    """The first and last bytes of a log and how many it has, all without its compression."""
+    """The first and the last bytes of a log and how many it has, all without its compression.
+
+    Parameters
+    ----------
+    path
+        Packed by gzip or not.
+    head, tail
+        How many bytes [B] are wanted of either end.
+
+    Returns
+    -------
+    tuple
+        The first bytes, the last ones, and the log's size [B].
+
+    Raises
+    ------
+    HrgError
+        It is packed and damaged.
+
+    Examples
+    --------
+    >>> import gzip, tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.formats.unpacked import read_ends
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "bench.csv.gz"
+    ...     _ = path.write_bytes(gzip.compress(b"0123456789" * 100))
+    ...     read_ends(path, 4, 2)
+    (b'0123', b'89', 1000)
+    """
     with open_unpacked(path) as file:
         first = file.read(head)
         if not is_packed(path):

@@ -70,13 +70,13 @@ def capability(
     sides = [(mean - minimum) / (3 * std)] if minimum is not None else []
     sides += [(maximum - mean) / (3 * std)] if maximum is not None else []
     above = error / 2 / len(sides)
-    lower = min(one_sided_bound(side, n, 1 - error / 2) for side in sides)
-    upper = min(one_sided_bound(side, n, above) for side in sides)
+    lower = min(_one_sided_bound(side, n, 1 - error / 2) for side in sides)
+    upper = min(_one_sided_bound(side, n, above) for side in sides)
     normal_p = float(stats.shapiro(x).pvalue) if n <= 5000 else None
     return Capability(n, mean, std, cp, cp_interval, min(sides), (lower, upper), normal_p)
 
 
-def one_sided_bound(found: float, n: int, probability: float) -> float:
+def _one_sided_bound(found: float, n: int, probability: float) -> float:
     """The Cpu (or Cpl) of a population in which a sample of n exceeds `found` with 1 − probability:
     a lower bound for probability near 1, an upper one near 0."""
     statistic = 3 * math.sqrt(n) * found

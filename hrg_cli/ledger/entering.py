@@ -87,7 +87,7 @@ def entry_of(path: Path, gyro_id: str, given: Mapping[str, str]) -> Entry:
         verdict=record.verdict if isinstance(record, Diagnosis) else None,
         mode_number=int(getattr(record, "mode_number", figures.get("mode_number", 2))),
         samples=_samples(record),
-        figures=told_figures(record, figures),
+        figures=_told_figures(record, figures),
     )
 
 
@@ -98,7 +98,7 @@ def _samples(record: Record) -> tuple[str, ...]:
     return tuple(sorted(known or {s.sha256 for s in sources if s.kind == "wave"}))
 
 
-def told_figures(record: Record, figures: dict[str, float]) -> dict[str, Figure]:
+def _told_figures(record: Record, figures: dict[str, float]) -> dict[str, Figure]:
     """Every finite figure that is told once, with its σ where it has one."""
     units = (
         {n: u for n, (_, _, u) in record.parameters().items()}
@@ -109,10 +109,10 @@ def told_figures(record: Record, figures: dict[str, float]) -> dict[str, Figure]
         name: Figure(float(value), std_of(name, figures), units.get(name, unit_of(name)))
         for name, value in figures.items()
         if math.isfinite(value) and is_told_once(name, figures)
-    } | (mean_coefficients(record) if isinstance(record, Calibration) else {})
+    } | (_mean_coefficients(record) if isinstance(record, Calibration) else {})
 
 
-def mean_coefficients(calibration: Calibration) -> dict[str, Figure]:
+def _mean_coefficients(calibration: Calibration) -> dict[str, Figure]:
     """The coefficients of D over the angle and the mean of K, each averaged over the nodes, with σ
     by their covariance: the figures of a table whose own σ is known."""
     nodes, drift = np.shape(calibration.drift_harmonics)

@@ -21,14 +21,14 @@ OF_ENTRY = (
 OF_FIGURE = ("figure", "value", "std", "units")
 
 
-def json_lines(entries: Sequence[Entry]) -> bytes:
+def _json_lines(entries: Sequence[Entry]) -> bytes:
     """One object a line: everything that is kept of a result."""
     return "".join(
         json.dumps(asdict(entry), ensure_ascii=False, allow_nan=False) + "\n" for entry in entries
     ).encode()
 
 
-def csv_table(entries: Sequence[Entry]) -> bytes:
+def _csv_table(entries: Sequence[Entry]) -> bytes:
     """A row a result and figure."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -37,7 +37,7 @@ def csv_table(entries: Sequence[Entry]) -> bytes:
     return text.getvalue().encode()
 
 
-def parquet_table(entries: Sequence[Entry]) -> bytes:
+def _parquet_table(entries: Sequence[Entry]) -> bytes:
     """The same rows, typed. HrgError: pyarrow is not installed."""
     pyarrow, parquet = package_for("pyarrow"), package_for("pyarrow.parquet")
     rows = _rows(entries)
@@ -54,9 +54,9 @@ def parquet_table(entries: Sequence[Entry]) -> bytes:
 
 
 FORMATS: Mapping[str, Callable[[Sequence[Entry]], bytes]] = {
-    ".jsonl": json_lines,
-    ".csv": csv_table,
-    ".parquet": parquet_table,
+    ".jsonl": _json_lines,
+    ".csv": _csv_table,
+    ".parquet": _parquet_table,
 }
 """Suffix of the output -> what makes its content."""
 

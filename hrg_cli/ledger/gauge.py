@@ -172,7 +172,7 @@ def _separable_components(design: _Design, gyros: int, cells: int) -> list[str]:
     return names
 
 
-def log_likelihood(design: _Design, std: dict[str, float]) -> float:
+def _log_likelihood(design: _Design, std: dict[str, float]) -> float:
     """Restricted log-likelihood of the values at given standard deviations, up to a constant."""
     return _terms(design, std)[0]
 
@@ -277,7 +277,7 @@ def _most_likely(design: _Design, names: Sequence[str]) -> tuple[dict[str, float
     best = min((_climb(design, names, s, {}) for s in starts), key=lambda f: float(f.fun))
     found, level = dict(zip(names, map(float, np.exp(best.x)))), -float(best.fun)
     for name in names:
-        without = log_likelihood(design, {**found, name: 0.0})
+        without = _log_likelihood(design, {**found, name: 0.0})
         if without >= level - 1e-6:
             found, level = {**found, name: 0.0}, without
     return found, level
@@ -299,7 +299,7 @@ def _interval(
     @functools.cache
     def short_of(value: float) -> float:
         if not others:
-            return log_likelihood(design, {name: value}) - wanted
+            return _log_likelihood(design, {name: value}) - wanted
         return -float(_climb(design, others, start, {name: value}).fun) - wanted
 
     def edge(outside: float, factor: float) -> float:

@@ -67,7 +67,7 @@ def select_independent(entries: Sequence[Entry]) -> list[Entry]:
         if not any(_shared(a, b) for a in entry.samples for b in used):
             kept.append(entry)
             used += entry.samples
-    times = times_of(kept)
+    times = _times_of(kept)
     return [kept[i] for i in np.argsort(times, kind="stable")]
 
 
@@ -78,7 +78,7 @@ def _shared(one: str, other: str) -> bool:
     return a == b and overlap(part_a, part_b)
 
 
-def times_of(entries: Sequence[Entry]) -> Array:
+def _times_of(entries: Sequence[Entry]) -> Array:
     """Seconds since 1970: of measurement where all know it, else of processing."""
     try:
         return np.array([moment(e.measured) for e in entries])
@@ -103,11 +103,11 @@ def series(entries: Sequence[Entry], name: str) -> FigureSeries:
     stds = [np.nan if f.std is None else f.std for f in figures]
     units = figures[0].units if figures else ""
     return FigureSeries(
-        name, units, np.array(values), np.array(stds), times_of(having), tuple(having)
+        name, units, np.array(values), np.array(stds), _times_of(having), tuple(having)
     )
 
 
-def with_std(entries: Iterable[Entry]) -> list[str]:
+def _with_std(entries: Iterable[Entry]) -> list[str]:
     """Names of the figures whose σ is known and above 0 in some result, in their order."""
     return list(dict.fromkeys(n for e in entries for n, figure in e.figures.items() if figure.std))
 
@@ -117,7 +117,7 @@ def list_usual_figures(entries: Iterable[Entry]) -> list[str]:
     telling of the resonator and of what it gained."""
     return [
         name
-        for name in with_std(entries)
+        for name in _with_std(entries)
         if not name.startswith(("details.", "values.", "gain."))
         or name == "gain.drift_error_deg_h.after"
     ]

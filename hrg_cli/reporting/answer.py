@@ -416,7 +416,7 @@ def _of_resonator(record: Record) -> str:
     return ""
 
 
-def group_records(records: Sequence[Record]) -> dict[str, list[Record]]:
+def _group_records(records: Sequence[Record]) -> dict[str, list[Record]]:
     """Records by gyro, in the order they came."""
     found: dict[str, list[Record]] = {}
     for record in records:

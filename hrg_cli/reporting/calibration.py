@@ -16,16 +16,16 @@ from .text import format_number
 def show(report: Mapping[str, Any]) -> None:
     """Print the tables of a calibration's JSON that it holds."""
     for head, rows in (
-        tabulate_variants(report),
+        _tabulate_variants(report),
         show_bought(report),
-        tabulate_stability(report),
-        tabulate_coefficients(report),
-        show_moved(report),
+        _tabulate_stability(report),
+        _tabulate_coefficients(report),
+        _show_moved(report),
     ):
         if rows:
             print_table("", head, rows)
     if hour := report.get("hour"):
-        say(tabulate_hour_more(hour))
+        say(_tabulate_hour_more(hour))
     choice = report.get("choice")
     if choice:
         say(choice["why"].split("; ")[0])  # the table above has the rest
@@ -41,7 +41,7 @@ def show(report: Mapping[str, Any]) -> None:
         say(f"noise: {noise['white_over_stated']:.3g} times what the windows state{beside}")
 
 
-def tabulate_variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def _tabulate_variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Every model tried: what it leaves of data left out, its coefficients, and whether it passes
     its checks."""
     rows = []
@@ -90,7 +90,7 @@ def _shorten_reason(reason: str) -> str:
     return re.split(r"[,;:(]", reason, maxsplit=1)[0].strip()
 
 
-def tabulate_hour_more(hour: Mapping[str, float]) -> str:
+def _tabulate_hour_more(hour: Mapping[str, float]) -> str:
     """What one hour more of recordings brings."""
     drift = [to_deg_per_hour(hour[f"drift_std_{when}rad_s"]) for when in ("", "with_it_")]
     scale = [hour[f"scale_factor_std_{when}ppm"] for when in ("", "with_it_")]
@@ -101,7 +101,7 @@ def tabulate_hour_more(hour: Mapping[str, float]) -> str:
     )
 
 
-def tabulate_stability(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def _tabulate_stability(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Harmonics between programmes: own size, scatter, and the chance of that scatter if they
     repeat."""
     found = report.get("stability") or {}
@@ -141,7 +141,7 @@ COEFFICIENTS = {
 """What each coefficient stands before in D, r = a_B/a_A, and its unit on the screen."""
 
 
-def tabulate_coefficients(
+def _tabulate_coefficients(
     report: Mapping[str, Any],
 ) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """The resonators' coefficients over temperature or frequency, a row each."""
@@ -160,7 +160,7 @@ def _said(name: str, value: float | None, std: float) -> str:
     return round_with_std(to_deg_per_hour(value), to_deg_per_hour(std))
 
 
-def show_moved(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def _show_moved(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """What an update moved: each coefficient before, now, the change, each with its own standard
     deviation, the change in σ, and what became of the tables'."""
     rows = []

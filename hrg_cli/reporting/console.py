@@ -58,7 +58,7 @@ def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) 
         )
         table.add_column(name, justify="left" if words else "right", overflow="fold")
     for row in rows:
-        table.add_row(*(format_cell(v) for v in row))
+        table.add_row(*(_format_cell(v) for v in row))
     console = Console(
         markup=False, highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 160
     )
@@ -68,7 +68,7 @@ def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) 
         raise BrokenPipeError from None
 
 
-def format_cell(value: Any) -> str:
+def _format_cell(value: Any) -> str:
     """A number with as many digits as a person reads, anything else as text."""
     if value is None:
         return "–"

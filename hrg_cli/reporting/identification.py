@@ -18,7 +18,7 @@ def show(report: Mapping[str, Any]) -> None:
     """Print the further tables and sentences of a resonator's JSON."""
     details = report.get("details", {})
     if details.get("methods"):
-        print_table("", *tabulate_methods(details["methods"], report["parameters"]))
+        print_table("", *_tabulate_methods(details["methods"], report["parameters"]))
         for row in details["methods"]:
             said = [*row["warnings"], *row.get("weak_splits", [])]
             for sentence in [row["refused"]] if row["refused"] else said:
@@ -42,7 +42,7 @@ def show(report: Mapping[str, Any]) -> None:
         say(sentence)
 
 
-def tabulate_methods(
+def _tabulate_methods(
     table: list[dict[str, Any]], parameters: Mapping[str, Mapping[str, Any]]
 ) -> tuple[tuple[str, ...], Rows]:
     """Head and rows of the comparison: every parameter that a method gives, rounded by its standard

@@ -32,7 +32,7 @@ def show(record: Record, report: Mapping[str, Any]) -> None:
     """Print the table of a record; `report` is the command's JSON."""
     if isinstance(record, Diagnosis):
         return diagnosis.show(record, report)
-    head, rows = tabulate(record, report)
+    head, rows = _tabulate(record, report)
     if rows:
         print_table("", head, rows)
     if isinstance(record, Resonator):
@@ -44,7 +44,7 @@ def show(record: Record, report: Mapping[str, Any]) -> None:
             print_table("", head, rows)
 
 
-def tabulate(
+def _tabulate(
     record: Record, report: Mapping[str, Any]
 ) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Head and rows of a record's table."""

@@ -31,7 +31,7 @@ def render_page(template: str, scripts: Sequence[str], **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["size"] = say_size
+    environment.filters["size"] = _say_size
     script = "".join((FOLDER / name).read_text(encoding="utf-8") for name in scripts)
     return environment.get_template(template).render(
         version=__version__,
@@ -43,7 +43,7 @@ def render_page(template: str, scripts: Sequence[str], **content: Any) -> str:
     )
 
 
-def say_size(count: float) -> str:
+def _say_size(count: float) -> str:
     """Bytes in the unit that gives few digits."""
     for unit in ("B", "kB", "MB"):
         if count < 1000:

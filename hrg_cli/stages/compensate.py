@@ -181,7 +181,7 @@ def _correct(path: AnglePath, calibration: Calibration, angles: AngleSpread) -> 
     blocks = path.find_abscissa(calibration.axis)
     drift, scale = compute_corrections(calibration, path)
     rate = (drift - path.turn / path.interval_s) / scale
-    noise, of_tables = compute_rate_std(calibration, path, blocks, rate, scale)
+    noise, of_tables = _compute_rate_std(calibration, path, blocks, rate, scale)
     return IncrementRates(rate, noise, of_tables, angles.compute_std(path, blocks, rate, scale))
 
 
@@ -212,7 +212,7 @@ def _record_of(run: LoggedRun, calibration: Calibration, **columns: Any) -> Comp
     )
 
 
-def compute_rate_std(
+def _compute_rate_std(
     calibration: Calibration, path: AnglePath, blocks: Array, rate: Array, scale: Array
 ) -> tuple[Array, Array]:
     """Standard deviations (n,) of the increments' rates by noise, and by the tables, √(σ_D² +

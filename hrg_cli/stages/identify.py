@@ -145,7 +145,7 @@ def identify(
         if method == "working-mode":
             whole = [w.rows(0, len(w)) for w in waves]
             return usable.judge(
-                make_resonator_record(monitor_working_mode(whole, rate_rad_s), waves, method)
+                _make_resonator_record(monitor_working_mode(whole, rate_rad_s), waves, method)
             )
         known = Known(scale_factor, damping_axis_rad, stiffness_axis_rad)
         earth = find_earth_rate(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
@@ -156,7 +156,7 @@ def identify(
             runs, waves = [runs[i] for i in chosen], [waves[i] for i in chosen]
         if fit_rate:
             return usable.judge(
-                make_resonator_record(
+                _make_resonator_record(
                     identify_with_unknown_rate(runs, known, blocks), waves, method
                 )
             )
@@ -170,10 +170,10 @@ def identify(
             verdict = identify_by_regression(runs, known, method, eliminate_rate, blocks)
         if method == "all":
             verdict.details["methods"] = compare_methods(runs, known, verdict, eliminate_rate)
-        return usable.judge(make_resonator_record(verdict, waves, method))
+        return usable.judge(_make_resonator_record(verdict, waves, method))
 
 
-def make_resonator_record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
+def _make_resonator_record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:
     """The verdict as a record: parameters in the contract's order, unknown ones left out."""
     units = dict(PARAMETERS)
     names = [n for n, _ in PARAMETERS if n in verdict.values]

@@ -140,7 +140,7 @@ def rate(
     found = dataclasses.replace(
         found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth
     )
-    impossible, doubtful = make_closing_checks(found, foretold)
+    impossible, doubtful = _make_closing_checks(found, foretold)
     beside = None
     if calibration is not None:
         where = (earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
@@ -274,7 +274,7 @@ def _need_resonator_of(wave: Wave, resonator: Resonator, name: str) -> None:
         raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
 
 
-def make_closing_checks(
+def _make_closing_checks(
     found: RateEstimate, foretold: float = 0.0
 ) -> tuple[list[Check], list[Check]]:
     """The closing checks of a rate: (what refuses it, what makes it suspect); foretold: variance of

@@ -39,7 +39,7 @@ DOUBTFUL = 0.5
 WHOLE = (0.0, 1.0)
 
 
-def predict_by_neighbours(found: RateEstimate) -> tuple[float, float]:
+def _predict_by_neighbours(found: RateEstimate) -> tuple[float, float]:
     """E, the variance of the nodes' error by interpolation over that of noise: of the whole run, and
     of its worst piece."""
     count = len(found.time_s)
@@ -104,7 +104,7 @@ def follow(
 ) -> tuple[RateEstimate, float]:
     """The rate on as many nodes as leave its curvature within the noise, as far as the run carries
     them, and what these are foretold to leave; `may_grow`: nobody has asked for a number."""
-    left, worst = predict_by_neighbours(found)
+    left, worst = _predict_by_neighbours(found)
     while may_grow and worst > NEGLIGIBLE:
         count = 2 * len(found.time_s) - 1
         if count > found.most_nodes:
@@ -112,5 +112,5 @@ def follow(
         finer = fit(count)
         if not finer.converged:
             break
-        found, (left, worst) = finer, predict_by_neighbours(finer)
+        found, (left, worst) = finer, _predict_by_neighbours(finer)
     return found, left

@@ -57,7 +57,7 @@ class Usable:
             raise HrgError(f"{_tell_first(self.refusals)}; {error}") from error
 
 
-def flag_wild(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str, ...]]:
+def _flag_wild(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str, ...]]:
     """The runs with windows that hold what no wave can flagged, and a note on each of these runs."""
     flagged = [flag_wild_rows(wave) for wave in waves]
     return [wave for wave, _ in flagged], tuple(said for _, said in flagged if said)
@@ -65,7 +65,7 @@ def flag_wild(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str, ...]]:
 
 def drop_refused(waves: Sequence[Wave]) -> Usable:
     """The runs whose waves were not refused; all of them, with refusals, where each one was."""
-    kept, notes = flag_wild([w for w in waves if w.status != "refused"])
+    kept, notes = _flag_wild([w for w in waves if w.status != "refused"])
     bad = [w for w in waves if w.status == "refused"]
     if kept or not bad:
         said = (f"the wave of run {w.run_id or '?'} is refused and is left out" for w in bad)
@@ -87,7 +87,7 @@ def restrict_to_known_rates(usable: Usable, given: Collection[str] = ()) -> Usab
         if stretch.all():
             waves.append(wave)
             continue
-        own = choose_stretches(wave, stretch)
+        own = _choose_stretches(wave, stretch)
         waves += [restrict_to_log(wave, stretch == number) for number in own]
         sentence = describe_left_out(wave, np.isin(stretch, own))
         if short := np.count_nonzero(~np.isin(stretch, [0, *own])):
@@ -113,7 +113,7 @@ def name_apart(waves: Sequence[Wave]) -> tuple[Wave, ...]:
     return tuple(out)
 
 
-def choose_stretches(wave: Wave, stretch: Array) -> list[int]:
+def _choose_stretches(wave: Wave, stretch: Array) -> list[int]:
     """The stretches (n,) of a rate log that are worth a start of their own, in order of time: those
     of `LEAST_STRETCH` good windows; the longest may be as short as any run."""
     good = np.bincount(np.where(wave.good(), stretch, 0), minlength=2)

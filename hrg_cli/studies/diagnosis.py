@@ -64,7 +64,7 @@ def diagnosis_study(
     jobs: Annotated[int, Field(ge=1, description="processes")] = 1,
 ) -> dict[str, Any]:
     """{sizes, ideal, effects: {name: figures}, all: figures, confusion, controls}; figures: see
-    `effect_figures`."""
+    `_effect_figures`."""
     names = effects or [e.name for e in EFFECTS]
     for name in names:
         find(name)
@@ -74,11 +74,11 @@ def diagnosis_study(
         ("hidden", name, draw, tuple(sizes), noise, seed) for draw in range(draws) for name in names
     ]
     tasks += [("clean", kind, draw, (), noise, seed) for draw in range(controls) for kind in KINDS]
-    found = run_tasks(draw_of, tasks, lambda: local_processes(jobs))
+    found = run_tasks(_draw_of, tasks, lambda: local_processes(jobs))
     return assemble([row for rows in found if rows is not None for row in rows], list(sizes))
 
 
-def draw_of(task: tuple[str, str, int, tuple[float, ...], float, int]) -> list[dict[str, Any]]:
+def _draw_of(task: tuple[str, str, int, tuple[float, ...], float, int]) -> list[dict[str, Any]]:
     """One device: what diagnosis says of it at every size, or of its clean programme."""
     sort, name, draw, sizes, noise, seed = task
     random = np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
@@ -95,12 +95,12 @@ def draw_of(task: tuple[str, str, int, tuple[float, ...], float, int]) -> list[d
             diagnose(hidden.measure(size, first + k), scale_factor=hidden.scale_factor)
         )
         rows.append(
-            {"hidden": name, "draw": draw, "size": size, **judge_report(report, hidden, size)}
+            {"hidden": name, "draw": draw, "size": size, **_judge_report(report, hidden, size)}
         )
     return rows
 
 
-def judge_report(report: dict[str, Any], hidden: Hiding, size: float) -> dict[str, Any]:
+def _judge_report(report: dict[str, Any], hidden: Hiding, size: float) -> dict[str, Any]:
     """The group named first, the outcome, (found − true)/σ of the parameters, whether the upper
     limit holds the truth.
 
@@ -138,7 +138,7 @@ def judge_report(report: dict[str, Any], hidden: Hiding, size: float) -> dict[st
 
 
 def assemble(rows: Sequence[dict[str, Any]], sizes: list[float]) -> dict[str, Any]:
-    """The study's figures from the rows of `draw_of`."""
+    """The study's figures from the rows of `_draw_of`."""
     hidden = [r for r in rows if "hidden" in r]
     clean = [r for r in rows if "clean" in r]
     names = [e.name for e in EFFECTS if any(r["hidden"] == e.name for r in hidden)]
@@ -150,11 +150,11 @@ def assemble(rows: Sequence[dict[str, Any]], sizes: list[float]) -> dict[str, An
         "false_alarm_rate": SIGNIFICANT,
         "ideal": ideal(sizes, SIGNIFICANT),
         "effects": {
-            name: effect_figures(own[name], sizes) | {"programme": programme_of(name)}
+            name: _effect_figures(own[name], sizes) | {"programme": _programme_of(name)}
             for name in names
         },
-        "all": effect_figures(scaled, sizes),
-        "confusion": confusion(own, sizes),
+        "all": _effect_figures(scaled, sizes),
+        "confusion": _confusion(own, sizes),
         "controls": {
             "alarms": share(sum(r["verdict"] != "adequate" for r in clean), len(clean)),
             "causes_named": share(wrong, len(clean)),
@@ -163,7 +163,7 @@ def assemble(rows: Sequence[dict[str, Any]], sizes: list[float]) -> dict[str, An
     }
 
 
-def effect_figures(rows: Sequence[dict[str, Any]], sizes: Sequence[float]) -> dict[str, Any]:
+def _effect_figures(rows: Sequence[dict[str, Any]], sizes: Sequence[float]) -> dict[str, Any]:
     """Of one effect (or all): chance of naming by size with its 95 % interval, size at which half
     and 90 % are named, what goes wrong.
 
@@ -191,7 +191,7 @@ def effect_figures(rows: Sequence[dict[str, Any]], sizes: Sequence[float]) -> di
     }
 
 
-def programme_of(name: str) -> str:
+def _programme_of(name: str) -> str:
     """What the effect needs to be seen, in words."""
     effect = find(name)
     needs = {
@@ -205,7 +205,7 @@ def programme_of(name: str) -> str:
     return ", ".join(words for words, needed in needs.items() if needed) or "free runs"
 
 
-def confusion(
+def _confusion(
     own: dict[str, list[dict[str, Any]]], sizes: Sequence[float]
 ) -> dict[str, dict[str, float]]:
     """{hidden: {named: share}} at the sizes that an ideal detector is sure of; a group shares its

@@ -93,7 +93,7 @@ def _experiment(draw: Any, vectors: int, generator: np.random.Generator) -> dict
         monotone += int(found.monotone.sum())
         worst = int(np.argmax(found.evaluations))
         if found.evaluations[worst] > most:
-            most, slowest = int(found.evaluations[worst]), misfits(z[worst], start[worst])
+            most, slowest = int(found.evaluations[worst]), _misfits(z[worst], start[worst])
         misfit = np.sqrt(((make_signals(solve_closed_form(z)[0]) - z) ** 2).mean(axis=1))
         closed_failures += int((misfit > TOLERANCE).sum())
         closed_worst = max(closed_worst, float(misfit.max()))
@@ -117,7 +117,7 @@ def _experiment(draw: Any, vectors: int, generator: np.random.Generator) -> dict
     }
 
 
-def misfits(z: Array, start: Array) -> list[float]:
+def _misfits(z: Array, start: Array) -> list[float]:
     """√(Σr²/8) at the start and after every iteration of (2), until it is within the tolerance; z
     (8), start (5)."""
     x, out = start[None], []
@@ -129,7 +129,7 @@ def misfits(z: Array, start: Array) -> list[float]:
     return out
 
 
-def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def _table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Headings and rows for a person: the iteration and the closed form in both experiments."""
     rows: list[tuple[Any, ...]] = []
     for name, title in TITLES.items():

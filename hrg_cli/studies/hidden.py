@@ -65,7 +65,7 @@ class Hiding:
         if self.effect.sets_in:
             return {
                 **self.neutral,
-                **setting_in(self.effect, self.neutral, self.fit, size, beside_base),
+                **setting_in(self.effect, self.neutral, self.fit, size, _beside_base),
             }
         return {
             name: value + size * self.direction.get(name, 0.0)
@@ -126,7 +126,7 @@ def hide(name: str, random: np.random.Generator, noise: float) -> Hiding:
     if effect.sets_in:
         return Hiding(effect, table, neutral, {}, fit, K)
     return Hiding(
-        effect, table, neutral, direction_of(effect, fit, neutral, random, beside_base), fit, K
+        effect, table, neutral, direction_of(effect, fit, neutral, random, _beside_base), fit, K
     )
 
 
@@ -179,7 +179,7 @@ def setting_in(
     return {parameter.name: low}
 
 
-def beside_base(fit: ExtendedFit, columns: Array) -> Array:
+def _beside_base(fit: ExtendedFit, columns: Array) -> Array:
     """Fisher information (K, K) of columns over σ (N, K) beside the base model, as free as the runs
     leave it."""
     free = _project_base(columns, fit)

@@ -55,7 +55,7 @@ def identification_study(
     chi2 = []
     for draw in range(draws):
         device = _device(rng, frequency_hz)
-        waves = programme(device, rng, noise, quadrature, duration_s, seed=seed * 1_000_003 + draw)
+        waves = _programme(device, rng, noise, quadrature, duration_s, seed=seed * 1_000_003 + draw)
         result = identify(waves, method=methods)
         details = _details(result.details)
         chi2.append(result.chi2_per_dof)
@@ -101,7 +101,7 @@ def _device(rng: np.random.Generator, frequency_hz: float) -> dict[str, float]:
     }
 
 
-def programme(
+def _programme(
     device: dict[str, float],
     rng: np.random.Generator,
     noise: float,

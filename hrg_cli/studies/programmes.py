@@ -69,7 +69,7 @@ def programmes_study(
     missing = [task for task in tasks if task not in done]
     for first in range(0, len(missing), AT_ONCE * jobs):
         some = missing[first : first + AT_ONCE * jobs]
-        for rows in run_tasks(answers_of, some, lambda: local_processes(jobs)):
+        for rows in run_tasks(_answers_of, some, lambda: local_processes(jobs)):
             answers += rows or []
         keep(list(answers))
     wanted = [answer for answer in answers if (answer["programme"], answer["raw"]) in set(tasks)]
@@ -85,7 +85,7 @@ def _taken_up(answer: Answer) -> Answer:
     return {**answer, **numbers}
 
 
-def answers_of(task: tuple[int, bool]) -> list[Answer]:
+def _answers_of(task: tuple[int, bool]) -> list[Answer]:
     """{programme, raw, method, said, errors, over_bound} of every method on one programme; said:
     "quiet", "doubted" or "refused"."""
     seed, raw = task
@@ -117,7 +117,7 @@ def answers_of(task: tuple[int, bool]) -> list[Answer]:
                     **mark,
                     "method": row["method"],
                     "said": said,
-                    "errors": errors(cells, row.get("split_components", {}), drawn),
+                    "errors": _errors(cells, row.get("split_components", {}), drawn),
                     "over_bound": {},
                     "why": "; ".join([*row["warnings"], *before]) or row["refused"],
                 }
@@ -134,13 +134,13 @@ def _judge_record(record: Resonator, drawn: DrawnProgramme, before: list[str]) -
     said = {"valid": "doubted" if before else "quiet", "suspect": "doubted"}
     return {
         "said": said.get(record.status, "refused"),
-        "errors": errors(cells, details.get("split_components", {}), drawn),
+        "errors": _errors(cells, details.get("split_components", {}), drawn),
         "over_bound": {n: cells[n][1] / b for n, b in bound.items() if n in cells and b > 0},
         "why": "; ".join([*record.status_reasons, *before]),
     }
 
 
-def errors(
+def _errors(
     cells: Mapping[str, tuple[float, float]],
     components: Mapping[str, Mapping[str, float]],
     drawn: DrawnProgramme,

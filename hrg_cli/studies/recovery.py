@@ -62,7 +62,7 @@ def recovery_study(
     jobs: Annotated[int, Field(ge=1, description="processes")] = 1,
 ) -> dict[str, Any]:
     """{sizes, background, effects: {name: figures}, all: figures, rows}; figures: see
-    `effect_figures`.
+    `_effect_figures`.
 
     known: rows of an interrupted study, which are not done again; keep: told all rows whenever
     there are more. HrgError: no recording, an unknown effect.
@@ -219,13 +219,13 @@ def assemble(rows: Sequence[Row], sizes: list[float], background: Row) -> dict[s
             "named": [e["name"] for e in background["effects"]],
             "chi2_per_dof": background["after"]["chi2_per_dof"],
         },
-        "effects": {name: effect_figures(of[name], sizes) for name in names},
-        "all": effect_figures([r for r in rows if not find(r["effect"]).whole_samples], sizes),
+        "effects": {name: _effect_figures(of[name], sizes) for name in names},
+        "all": _effect_figures([r for r in rows if not find(r["effect"]).whole_samples], sizes),
         "rows": list(rows),
     }
 
 
-def effect_figures(rows: Sequence[Row], sizes: Sequence[float]) -> dict[str, Any]:
+def _effect_figures(rows: Sequence[Row], sizes: Sequence[float]) -> dict[str, Any]:
     """Of one effect (or all), by size: shares named first, among others, with a false name beside;
     the size found over the true one.
 

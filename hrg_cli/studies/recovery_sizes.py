@@ -57,9 +57,9 @@ def choose_values(
     if effect.sets_in:
         return lambda size: {
             **neutral,
-            **setting_in(effect, neutral, fit, size * louder, beside_model),
+            **setting_in(effect, neutral, fit, size * louder, _beside_model),
         }
-    direction = direction_of(effect, fit, neutral, random, beside_model)
+    direction = direction_of(effect, fit, neutral, random, _beside_model)
     return lambda size: {
         name: value + size * louder * direction.get(name, 0.0) for name, value in neutral.items()
     }
@@ -92,7 +92,7 @@ def _tone_of_one_sigma(effect: Effect, wave: Wave, random: np.random.Generator) 
     return {p.name: float(v) for p, v in zip(effect.fitted(), vector, strict=True)}
 
 
-def beside_model(fit: ExtendedFit, columns: Array) -> Array:
+def _beside_model(fit: ExtendedFit, columns: Array) -> Array:
     """Fisher information (K, K) of columns over σ (N, K) beside the model with its priors, which
     one run needs: SᵀS − SᵀJ Cov JᵀS."""
     shared = fit.design.multiply_transposed(columns)

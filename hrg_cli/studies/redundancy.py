@@ -121,7 +121,7 @@ def _with_defect(x: Array, apply: Defect, size: float) -> Array:
     return from_sidebands(*apply(*find_sidebands(make_signals(x)), size))
 
 
-def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def _table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Headings and rows for a person."""
     rows = [
         (

@@ -53,7 +53,7 @@ class DrawnCourse:
     turned: Callable[[Array], Array]
 
 
-def draw_between(random: np.random.Generator, low: float, high: float) -> float:
+def _draw_between(random: np.random.Generator, low: float, high: float) -> float:
     """A number between two, its logarithm evenly spread."""
     return float(np.exp(random.uniform(np.log(low), np.log(high))))
 
@@ -64,11 +64,11 @@ def draw(seed: int, raw: bool = False) -> DrawnProgramme:
     Earth's rate; `raw`: from samples of 10 to 60 periods a window."""
     random = np.random.default_rng([seed, int(raw)])
     gyro = _gyro(random, raw)
-    seconds = draw_between(random, 0.5, 3) / gyro.damping_rate_1_s
+    seconds = _draw_between(random, 0.5, 3) / gyro.damping_rate_1_s
     if raw:
         seconds = min(seconds, RAW_SAMPLES / 8 / gyro.frequency_hz)
     rate = float(random.choice([0.0, 1.0], p=[0.15, 0.85])) * math.radians(
-        draw_between(random, 0.01, 100)
+        _draw_between(random, 0.01, 100)
     )
     kinds = random.choice(["steady", "sine", "ramp"], size=6, p=[0.6, 0.25, 0.15])
     if random.random() < 0.5:
@@ -83,7 +83,7 @@ def draw(seed: int, raw: bool = False) -> DrawnProgramme:
         for kind, sign in zip(kinds, signs, strict=False)
     ]
     starts = [(random.uniform(0, math.pi / gyro.mode_number), _ratio(random)) for _ in courses]
-    noise = draw_between(random, 1e-6, 1e-2)
+    noise = _draw_between(random, 1e-6, 1e-2)
     known = gyro.scale_factor if random.random() < 0.25 else None
     make = _simulate_samples if raw else _simulate_envelopes
     waves = make(gyro, courses, starts, earth, seconds, noise, random)
@@ -93,14 +93,14 @@ def draw(seed: int, raw: bool = False) -> DrawnProgramme:
 def _gyro(random: np.random.Generator, raw: bool) -> Mechanics:
     """Any gyro; one that is simulated sample by sample has few periods to its decay."""
     mode = int(random.choice([1, 2, 2, 2, 3]))
-    frequency = draw_between(random, 300, 1000) if raw else draw_between(random, 300, 10_000)
+    frequency = _draw_between(random, 300, 1000) if raw else _draw_between(random, 300, 10_000)
     longest = RAW_SAMPLES / 8 / frequency if raw else 1000.0
-    nu = 1 / draw_between(random, max(min(0.1, longest / 3), 48 / frequency), longest)
-    split = min(nu * draw_between(random, 0.01, 30), 2 * math.pi * frequency / 300)
+    nu = 1 / _draw_between(random, max(min(0.1, longest / 3), 48 / frequency), longest)
+    split = min(nu * _draw_between(random, 0.01, 30), 2 * math.pi * frequency / 300)
     return Mechanics(
         frequency,
         nu,
-        nu * float(random.choice([0.0, 1.0], p=[0.1, 0.9])) * draw_between(random, 1e-3, 0.6),
+        nu * float(random.choice([0.0, 1.0], p=[0.1, 0.9])) * _draw_between(random, 1e-3, 0.6),
         random.uniform(0, math.pi / mode),
         split * float(random.choice([0.0, 1.0], p=[0.1, 0.9])),
         random.uniform(0, math.pi / mode),
@@ -167,9 +167,9 @@ def _simulate_envelopes(
     fastest = _fastest(gyro, courses, seconds)
     most = MOST_WINDOWS if all(c.kind == "steady" for c in courses) else MOST_CHANGING
     windows = int(
-        np.clip(draw_between(random, 300, most), min(most, seconds * fastest / 0.8), most)
+        np.clip(_draw_between(random, 300, most), min(most, seconds * fastest / 0.8), most)
     )
-    size = draw_between(random, 1e-3, 1e3) if random.random() < 0.2 else 1.0
+    size = _draw_between(random, 1e-3, 1e3) if random.random() < 0.2 else 1.0
     waves = []
     for i, (course, (angle, ratio)) in enumerate(zip(courses, starts, strict=True)):
         times = (np.arange(windows) + 0.5) * seconds / windows
@@ -271,7 +271,7 @@ def _simulate_samples(
 ) -> list[Wave]:
     """Waves of simulated samples (second-order equations of motion), demodulated and estimated."""
     fastest = _fastest(gyro, courses, seconds)
-    periods = min(draw_between(random, 10, 60), max(1.0, 0.5 * gyro.frequency_hz / fastest))
+    periods = min(_draw_between(random, 10, 60), max(1.0, 0.5 * gyro.frequency_hz / fastest))
     device = {
         name: getattr(gyro, name) for name in (*NAMES, "mode_number") if name != "damping_split_1_s"
     } | {"damping_split": gyro.damping_split_1_s / gyro.damping_rate_1_s}

@@ -64,8 +64,10 @@ def estimate_variance_inflation(fit: Fit) -> tuple[float, float]:
     tuple of float
         The variance factor over the nominal noise, and its part due to colour (1: white).
 
-    Examples -------- Noise held over four rows each, of the stated size, moves what is slow by four
-    times its variance:
+    Examples
+    --------
+    Noise held over four rows each, of the stated size, moves what is slow by four times its
+    variance:
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
@@ -306,8 +308,10 @@ def differentiate_parameters(fit: Fit, mode_number: int) -> Array:
     ndarray
         (6, k); what is held moves with nothing, not even by rounding.
 
-    Examples -------- A damping split held on the axis 2mθ_μ = 0.6 rad: its size is the coordinate
-    along it, and the axis does not move.
+    Examples
+    --------
+    A damping split held on the axis 2mθ_μ = 0.6 rad: its size is the coordinate along it, and the
+    axis does not move.
 
     >>> from types import SimpleNamespace
     >>> import numpy as np

@@ -52,7 +52,7 @@ def plot_wave(record: Wave, truth: Recording | None, spectrum: bool = True) -> l
     if not len(record):
         return []
     found = [_course(record, truth)]
-    rates = compute_increments(record)
+    rates = _compute_increments(record)
     if rates is not None:
         found.append(_rates(record, rates))
     if (
@@ -157,7 +157,7 @@ def _branch(
     )
 
 
-def compute_increments(record: Wave) -> Rates | None:
+def _compute_increments(record: Wave) -> Rates | None:
     """Rates over increments of a run: differences of the means of neighbouring blocks, only where
     windows are good."""
     good = record.good()
@@ -193,7 +193,7 @@ def compute_increments(record: Wave) -> Rates | None:
     )
 
 
-def remove_constants(rates: Rates) -> tuple[Array, str]:
+def _remove_constants(rates: Rates) -> tuple[Array, str]:
     """m·dθ/dt less a constant drift and, where the rate turns enough, a constant scale factor times
     it; and what was taken out in words."""
     y = rates.precession_rad_s
@@ -237,7 +237,7 @@ def _abscissae_of_rates(record: Wave, rates: Rates) -> list[tuple[str, Array]]:
 
 
 def _rates(record: Wave, rates: Rates) -> Plot:
-    left, constants = remove_constants(rates)
+    left, constants = _remove_constants(rates)
     against = _abscissae_of_rates(record, rates)
     decay = rates.decay_1_s - rates.decay_1_s.mean()
     rows = (

@@ -46,7 +46,7 @@ def build_ellipticity(path: AnglePath) -> Array:
     )
 
 
-def spread_over_nodes(factor: Factor, nodes: Array, axis: str, interpolation: str) -> Factor:
+def _spread_over_nodes(factor: Factor, nodes: Array, axis: str, interpolation: str) -> Factor:
     """A factor whose coefficients are interpolated between the nodes: columns ψ_j(x)·factor (n,
     J·q), node-major."""
 
@@ -54,14 +54,14 @@ def spread_over_nodes(factor: Factor, nodes: Array, axis: str, interpolation: st
         own = factor(path)
         return np.asarray(
             (
-                find_node_weights(path, nodes, axis, interpolation)[:, :, None] * own[:, None, :]
+                _find_node_weights(path, nodes, axis, interpolation)[:, :, None] * own[:, None, :]
             ).reshape(len(own), -1)
         )
 
     return columns
 
 
-def find_node_weights(path: AnglePath, nodes: Array, axis: str, interpolation: str) -> Array:
+def _find_node_weights(path: AnglePath, nodes: Array, axis: str, interpolation: str) -> Array:
     """Weights ψ_j (n, J) of the nodes at the increments' temperature or frequency."""
     if len(nodes) == 1:
         return np.ones((len(path), 1))
@@ -89,7 +89,7 @@ def choose_reference_hz(paths: Sequence[AnglePath]) -> float:
     return float(np.mean([np.mean(path.frequency_hz) for path in paths]))
 
 
-def make_phase_factor(reference: float) -> Factor:
+def _make_phase_factor(reference: float) -> Factor:
     """−2r/(1 + r²)·dφ/dt: seed A (12), coefficient 1 when dφ/dt is taken against the mean
     frequency; here against `reference`, Hz."""
 
@@ -104,12 +104,12 @@ def make_phase_factor(reference: float) -> Factor:
     return columns
 
 
-def build_mean_frequency(path: AnglePath) -> Array:
+def _build_mean_frequency(path: AnglePath) -> Array:
     """4πr/(1 + r²) (n, 1): what a hertz of the mean frequency f(T) adds to `phase`."""
     return np.asarray(-2 * np.pi * compute_phase_ratio(path))[:, None]
 
 
-def build_rate_powers(fastest: float) -> Factor:
+def _build_rate_powers(fastest: float) -> Factor:
     """((Ω/Ω_max)², (Ω/Ω_max)³): a drift that moves with the rate itself."""
 
     def columns(path: AnglePath) -> Array:
@@ -118,13 +118,13 @@ def build_rate_powers(fastest: float) -> Factor:
     return columns
 
 
-def build_quadrature_drive(path: AnglePath) -> Array:
+def _build_quadrature_drive(path: AnglePath) -> Array:
     """a_ΦB/a_A: phase error of the quadrature loop's force, D = −(a_ΦB/a_A)Δφ_B (PHYSICS C1); zero
     in free runs."""
     return _a_second(path, path.drive_quadrature)[:, None]
 
 
-def build_main_drive(path: AnglePath) -> Array:
+def _build_main_drive(path: AnglePath) -> Array:
     """a_ΦA/a_A·(1, cos 2mθ, sin 2mθ): the drive matrix, coefficients ρ, ε/2 and −g/2 (PHYSICS C5,
     C4, C3); zero in free runs."""
     return np.asarray(_a_second(path, path.drive_main)[:, None] * path.build_angle_basis(1))
@@ -141,18 +141,18 @@ def _a_second(path: AnglePath, drive: Array | None) -> Array:
     )
 
 
-def build_late_force(path: AnglePath) -> Array:
+def _build_late_force(path: AnglePath) -> Array:
     """−a_ΦA/a_A·mθ' (n, 1): a main force that stands τ behind the wave turns it back, coefficient
     τ [s] (`loop_delay`); zero in free runs."""
-    return np.asarray(-_a_second(path, path.drive_main) * carry_turn(path))[:, None]
+    return np.asarray(-_a_second(path, path.drive_main) * _carry_turn(path))[:, None]
 
 
-def build_late_unlogged_force(path: AnglePath) -> Array:
+def _build_late_unlogged_force(path: AnglePath) -> Array:
     """The same of a drive without a log: −mθ' in forced runs only, coefficient ντ."""
-    return np.asarray(-float(path.forced) * carry_turn(path))[:, None]
+    return np.asarray(-float(path.forced) * _carry_turn(path))[:, None]
 
 
-def carry_turn(path: AnglePath) -> Array:
+def _carry_turn(path: AnglePath) -> Array:
     """mθ' of a run's increments (n,) as a scale factor and a first harmonic of its own carry it: the
     measured increments would put their noise into a column."""
     columns = np.column_stack([path.rotation, path.build_angle_basis(1) * path.interval_s[:, None]])
@@ -160,7 +160,7 @@ def carry_turn(path: AnglePath) -> Array:
     return np.asarray(columns @ own / path.interval_s)
 
 
-def build_forced_only(path: AnglePath) -> Array:
+def _build_forced_only(path: AnglePath) -> Array:
     """(1, cos 2mθ, sin 2mθ) in forced runs only: the drive matrix, told from the resonator by free
     runs."""
     return np.asarray(path.build_angle_basis(1) * float(path.forced))
@@ -174,32 +174,32 @@ def build(
     count = len(nodes)
     available: dict[str, tuple[Factor, int]] = {
         "quadrature": (build_quadrature, 2),
-        "drive_matrix": (build_forced_only, 3),
-        "drive_delay": (build_late_unlogged_force, 1),
+        "drive_matrix": (_build_forced_only, 3),
+        "drive_delay": (_build_late_unlogged_force, 1),
         "ellipticity": (build_ellipticity, 2),
     }
     if any(np.any(p.ratio) for p in paths):
         available |= {
-            "quadrature_course": (spread_over_nodes(build_quadrature, *at_nodes), 2 * count),
-            "ellipticity_course": (spread_over_nodes(build_ellipticity, *at_nodes), 2 * count),
+            "quadrature_course": (_spread_over_nodes(build_quadrature, *at_nodes), 2 * count),
+            "ellipticity_course": (_spread_over_nodes(build_ellipticity, *at_nodes), 2 * count),
         }
         if all(np.isfinite(p.frequency_hz).all() for p in paths):
             available |= {
-                "phase": (make_phase_factor(choose_reference_hz(paths)), 1),
-                "mean_frequency": (spread_over_nodes(build_mean_frequency, *at_nodes), count),
-                "flattening_course": (spread_over_nodes(build_flattening, *at_nodes), 2 * count),
+                "phase": (_make_phase_factor(choose_reference_hz(paths)), 1),
+                "mean_frequency": (_spread_over_nodes(_build_mean_frequency, *at_nodes), count),
+                "flattening_course": (_spread_over_nodes(build_flattening, *at_nodes), 2 * count),
             }
     fastest = max(float(np.abs(p.rate_rad_s).max(initial=0.0)) for p in paths)
     means = np.array([float(np.mean(p.rate_rad_s)) for p in paths])
     if fastest > 0 and len(np.unique(np.round(means / fastest, 2))) >= FEWEST_RATES:
-        available["rate"] = (build_rate_powers(fastest), 2)
+        available["rate"] = (_build_rate_powers(fastest), 2)
     if any(is_rate_moving(p) for p in paths):
         available[LATE] = (compute_rate_slope, 1)
     forced = [p for p in paths if p.forced]
     for name, logs, factor, width in (
-        ("quadrature_drive", [p.drive_quadrature for p in forced], build_quadrature_drive, 1),
-        ("main_drive", [p.drive_main for p in forced], build_main_drive, 3),
-        ("loop_delay", [p.drive_main for p in forced], build_late_force, 1),
+        ("quadrature_drive", [p.drive_quadrature for p in forced], _build_quadrature_drive, 1),
+        ("main_drive", [p.drive_main for p in forced], _build_main_drive, 3),
+        ("loop_delay", [p.drive_main for p in forced], _build_late_force, 1),
     ):
         if (
             forced

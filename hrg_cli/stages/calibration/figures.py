@@ -190,7 +190,7 @@ class HeldOutFigure:
     floor: float
 
 
-def compute_figure(
+def _compute_figure(
     found: Cells, kind: str, scale_factor: float, draws: int, seed: int
 ) -> HeldOutFigure:
     """`kind` "drift": rad/s over the low-rate cells; "scale": ppm over the high-rate cells."""
@@ -224,7 +224,7 @@ def tabulate_model_figures(
     rows: list[dict[str, Any]] = [{"stage": name} for name in names]
     for kind in ("drift", "scale"):
         for key, found in ((kind, unseen), (kind + "_used", used)):
-            f = compute_figure(found, kind, scale_factor, draws, seed)
+            f = _compute_figure(found, kind, scale_factor, draws, seed)
             for i, row in enumerate(rows):
                 numbers = (
                     ("value", f.value[i]),

@@ -78,12 +78,12 @@ def judge_variants(
     noise = compare_known_noise(fitted)
     out = []
     for t, white in zip(tried, _whiteness(fitted, tried)):
-        beside = test_left_out(fitted.layout, A, b, t)
-        general = [check_folds(fitted, folds, t), *white]
+        beside = _test_left_out(fitted.layout, A, b, t)
+        general = [_check_folds(fitted, folds, t), *white]
         always = [noise, _spread(fitted.layout, t)]
         # a cause that is named is said; what else failed for its sake stands in the checks
         words = (
-            name_causes(fitted.layout, A, b, t, beside[:-1])
+            _name_causes(fitted.layout, A, b, t, beside[:-1])
             or list_failures([beside[-1]])
             or list_failures(general)
         )
@@ -91,7 +91,7 @@ def judge_variants(
     return out
 
 
-def name_causes(
+def _name_causes(
     layout: TableLayout, A: Array, b: Array, tried: VariantSolution, checks: Sequence[Check]
 ) -> list[str]:
     """Sentences of the causes left out: the one that explains most, then those that still fail
@@ -105,7 +105,7 @@ def name_causes(
         step = coefficients - before
         return float(2 * left @ step - step @ A @ step)
 
-    all_causes = {name: columns for name, columns, _ in list_doubtful_causes(layout, "")}
+    all_causes = {name: columns for name, columns, _ in _list_doubtful_causes(layout, "")}
     while len(said) < MOST_NAMED:
         failed = {check.name: check for check in checks if not check.passed}
         if not failed:
@@ -121,7 +121,7 @@ def name_causes(
         worst = max(gains, key=lambda name: find_fall(gains[name].coefficients))
         said.append(failed[worst].sentence)
         matrix = np.concatenate([matrix, all_causes[worst]], axis=1)
-        checks = test_left_out(
+        checks = _test_left_out(
             layout,
             A,
             b,
@@ -174,7 +174,7 @@ def find_unseen_directions(information: Array, model: Model) -> Array:
     return np.asarray(M @ (unit[:, None] * vectors[:, values < LEAST_SEEN]))
 
 
-def test_left_out(layout: TableLayout, A: Array, b: Array, tried: VariantSolution) -> list[Check]:
+def _test_left_out(layout: TableLayout, A: Array, b: Array, tried: VariantSolution) -> list[Check]:
     """One check a cause that the variant may have left out, and one for all together."""
     u = b - A @ tried.solution.coefficients
     # of an average over harmonics in doubt, what plain least squares leaves free is tested: its own
@@ -184,7 +184,7 @@ def test_left_out(layout: TableLayout, A: Array, b: Array, tried: VariantSolutio
     u = u if tried.foreign else u - A @ (covariance @ u)
     sign = 1.0 if tried.foreign else -1.0
     checks = []
-    for name, columns, words in list_doubtful_causes(layout, tried.model.name):
+    for name, columns, words in _list_doubtful_causes(layout, tried.model.name):
         chi2, rank = score(A, u, columns, covariance, sign)
         if rank:
             checks.append(check_goodness(chi2, rank, words(float(np.sqrt(chi2 / rank))), name))
@@ -196,7 +196,7 @@ def test_left_out(layout: TableLayout, A: Array, b: Array, tried: VariantSolutio
     return [*checks, check_goodness(chi2, max(rank, 1), sentence, "lack_of_fit")]
 
 
-def list_doubtful_causes(
+def _list_doubtful_causes(
     layout: TableLayout, variant: str
 ) -> list[tuple[str, Array, Callable[[float], str]]]:
     """(name, directions (size, g), sentence of the rms score) of every cause that the variant of this
@@ -238,7 +238,7 @@ def _say_factor(sentence: str, z: float) -> str:
     return sentence.format(z=z)
 
 
-def check_folds(fitted: Fitted, folds: Array, tried: VariantSolution) -> Check:
+def _check_folds(fitted: Fitted, folds: Array, tried: VariantSolution) -> Check:
     """The worst fold predicted from the others, held against the prediction's own standard
     deviation."""
     worst = Check("held_out", 0.0, 1.0, True)

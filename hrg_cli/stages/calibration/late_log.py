@@ -64,7 +64,7 @@ def is_rate_moving(path: AnglePath) -> bool:
     return bool(np.ptp(means) > MOVES * np.abs(path.rate_rad_s).max())
 
 
-def estimate_lateness(fitted: Fitted) -> Lateness | None:
+def _estimate_lateness(fitted: Fitted) -> Lateness | None:
     """What the fit says of the logs; None where no rate moves, or it cannot say."""
     layout, solution = fitted.layout, fitted.solution
     if LATE not in layout.factors:
@@ -79,7 +79,7 @@ def estimate_lateness(fitted: Fitted) -> Lateness | None:
     return Lateness(value_s, abs(std_s)) if np.isfinite([value_s, std_s]).all() else None
 
 
-def set_right(path: AnglePath, late_s: float) -> AnglePath:
+def _set_right(path: AnglePath, late_s: float) -> AnglePath:
     """The path with the rate that was logged `late_s` later, where the log holds it."""
     from scipy.interpolate import CubicSpline
 
@@ -96,19 +96,19 @@ def follow(
 ) -> tuple[Fitted, list[AnglePath], Lateness | None]:
     """The fit, and other runs, with the logs set right, where a lateness is shown; else as they
     are."""
-    late = estimate_lateness(fitted)
+    late = _estimate_lateness(fitted)
     if late is None or abs(late.value_s) <= SHOWN * late.std_s:
         return fitted, list(others), late
     logged, taken = fitted.paths, 0.0
     for _ in range(ROUNDS):
         taken += late.value_s
         # From the logs as they were: a spline of a spline would smooth them at every round.
-        fitted = fit([set_right(path, taken) for path in logged], fitted.layout)
-        left = estimate_lateness(fitted)
+        fitted = fit([_set_right(path, taken) for path in logged], fitted.layout)
+        left = _estimate_lateness(fitted)
         if left is None:
             break
         late = left
         if abs(left.value_s) < SETTLED * left.std_s:
             break
     found = Lateness(taken + late.value_s, late.std_s, taken)
-    return fitted, [set_right(path, taken) for path in others], found
+    return fitted, [_set_right(path, taken) for path in others], found

@@ -23,7 +23,7 @@ FEWEST_RATES = 100
 def compare_known_noise(fitted: Fitted) -> Check:
     """The angles' white noise against what the windows state, as a ratio of variances; 0 where they
     state none."""
-    ratio = average_noise_ratio(fitted)
+    ratio = _average_noise_ratio(fitted)
     sentence = (
         f"the angles scatter {np.sqrt(ratio or 0):.3g} times as much as their windows state; the"
         " errors hold that, but what makes it is not known: look at the residual of demodulate,"
@@ -34,7 +34,7 @@ def compare_known_noise(fitted: Fitted) -> Check:
     )
 
 
-def average_noise_ratio(fitted: Fitted) -> float | None:
+def _average_noise_ratio(fitted: Fitted) -> float | None:
     """Mean over the runs of white noise found / expected (variances): what the windows state, and
     the third of a walk's step that a block's mean holds, by which no walk is quite white; None
     where no run states one."""
@@ -58,17 +58,17 @@ def average_noise_ratio(fitted: Fitted) -> float | None:
 def say_noise(fitted: Fitted) -> dict[str, float | None]:
     """The noise the variants were judged at: white against what the windows state, and the angle
     random walk beside it."""
-    ratio = average_noise_ratio(fitted)
+    ratio = _average_noise_ratio(fitted)
     scale_factor = fitted.layout.compute_mean_scale_factor(fitted.solution.coefficients)
     return {
         "white_over_stated": None if ratio is None else float(np.sqrt(ratio)),
-        "angle_random_walk_rad_sqrt_s": estimate_angle_random_walk(fitted) / abs(scale_factor)
+        "angle_random_walk_rad_sqrt_s": _estimate_angle_random_walk(fitted) / abs(scale_factor)
         if scale_factor
         else None,
     }
 
 
-def estimate_angle_random_walk(fitted: Fitted) -> float:
+def _estimate_angle_random_walk(fitted: Fitted) -> float:
     """Angle random walk of mθ, rad/√s: where every run shows it in the Allan deviation of what the fit
     leaves, that one's, mean square of the runs by their lengths; else the likelihood's.
 

@@ -80,7 +80,7 @@ def prepare(
             )
             for wave in usable.waves
         ]
-    forced, free, remarks = split_by_drive(paths)
+    forced, free, remarks = _split_by_drive(paths)
     table_nodes, low, high, words = choose_nodes(forced, axis, nodes)
     findings = examine(forced, table_nodes, axis, needed)
     return PreparedRuns(
@@ -98,7 +98,7 @@ def prepare(
     )
 
 
-def split_by_drive(
+def _split_by_drive(
     paths: Sequence[AnglePath],
 ) -> tuple[list[AnglePath], list[AnglePath], list[str]]:
     """Forced runs, free runs, and what to say: where no run is forced, the free ones take their

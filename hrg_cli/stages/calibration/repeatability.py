@@ -21,7 +21,7 @@ SINGULAR = 1e-7
 """Smallest eigenvalue of a programme's scaled normal matrix from which its offset is held."""
 
 
-def label_programmes(
+def _label_programmes(
     paths: Sequence[AnglePath], programmes: Mapping[str, str] | None
 ) -> tuple[Array, str]:
     """Programme (R, S) of each piece, and what told it: names given, else the day of start_time,
@@ -75,7 +75,7 @@ def repeat_of_harmonics(
     harmonic Q = Σ(δ_g − δ̄)ᵀS_g⁻¹(δ_g − δ̄) is χ² with (G − 1) degrees a coefficient if the
     harmonic repeats; the scatter between programmes follows from its excess.
     """
-    label, told_by = label_programmes(fitted.paths, programmes)
+    label, told_by = _label_programmes(fitted.paths, programmes)
     layout = fitted.layout
     drift_limit = min(drift_limit, layout.drift_harmonics)
     scale_limit = min(scale_limit, layout.scale_harmonics)
@@ -95,7 +95,7 @@ def repeat_of_harmonics(
         # cosine and sine of a harmonic are judged together: its phase means nothing by itself
         scatter = _scatter(np.array([o[own] for o in offsets]), [c[own, own] for c in covariances])
         amplitude = _amplitude(layout, coefficients, kind, k)
-        name = name_harmonic(layout, kind, k)
+        name = _name_harmonic(layout, kind, k)
         # Bonferroni over the harmonics
         repeats = bool(scatter["p_value"] * len(groups) > NOT_REPEATED)
         # an offset that scatters more than the harmonic itself makes predictions worse, not better
@@ -201,7 +201,7 @@ def _scatter(offsets: Array, covariances: Sequence[Array]) -> dict[str, float]:
     return {"p_value": float(chi2.sf(Q, freedom)), "scatter": float(np.sqrt(size * variance))}
 
 
-def name_harmonic(layout: TableLayout, kind: str, k: int) -> str:
+def _name_harmonic(layout: TableLayout, kind: str, k: int) -> str:
     """Name of a harmonic: "drift 8θ", "scale factor constant"."""
     return (
         f"{'drift' if kind == 'drift' else 'scale factor'}"

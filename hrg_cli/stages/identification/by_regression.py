@@ -37,10 +37,10 @@ def identify_by_regression(
     answer = solve_method(method, ready, best, eliminate_rate)
     if answer.refused:
         raise HrgError(answer.refused)
-    return judge_method(answer, ready, judge_parameters(best, runs, known), known, method)
+    return _judge_method(answer, ready, judge_parameters(best, runs, known), known, method)
 
 
-def judge_method(
+def _judge_method(
     answer: Regression, ready: PreparedRows, likelihood: Verdict, known: Known, method: str
 ) -> Verdict:
     """A regression's verdict; the frequency is the likelihood's, which every method has to know."""
@@ -159,7 +159,7 @@ def compare_methods(
         if answer.refused:
             table.append(_compare_row(method, {}, {}, best, [], answer.refused))
             continue
-        verdict = judge_method(answer, ready, best, known, method)
+        verdict = _judge_method(answer, ready, best, known, method)
         verdict.values.pop("frequency_hz", None)
         table.append(
             _compare_row(

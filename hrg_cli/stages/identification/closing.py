@@ -83,7 +83,7 @@ def check_bounds(verdict: Verdict) -> tuple[list[Check], list[Check]]:
     return refusing, doubting
 
 
-def find_alike_scale_factors(fit: Fit, runs: Sequence[EnvelopeRun]) -> list[float]:
+def _find_alike_scale_factors(fit: Fit, runs: Sequence[EnvelopeRun]) -> list[float]:
     """The fitted K and every other of a shell, ring or pendulum (0 to 1) that windows so long cannot
     tell from it: each turns the wave by half turns more within a window, the same ellipse again."""
     here = float(fit.p[SCALE_FACTOR])
@@ -109,7 +109,7 @@ def blur(fit: Fit, runs: Sequence[EnvelopeRun]) -> Check:
     """Motion of the wave within one window: a window blurs what moves in it, alike throughout a
     steady run, but the signal is lost. The scale factor that moves it most counts among those that
     the windows cannot tell apart."""
-    most = max(find_alike_scale_factors(fit, runs), key=abs)
+    most = max(_find_alike_scale_factors(fit, runs), key=abs)
     p = fit.p.copy()
     p[DAMPING], p[SCALE_FACTOR] = 0.0, most
     moving = [rows.estimate_speed(r, p) * r.window_s for r in runs]

@@ -47,7 +47,7 @@ class PreparedRows:
         p = np.append(p[:6], 0.0)
         found = fit(
             data,
-            hold_all_but_second_order(p),
+            _hold_all_but_second_order(p),
             np.zeros(1),
             data.envelope[:, 0],
             np.zeros((len(self.rows), 1)),
@@ -59,7 +59,7 @@ class PreparedRows:
         ]
 
 
-def hold_all_but_second_order(p: Array) -> Freedom:
+def _hold_all_but_second_order(p: Array) -> Freedom:
     """All coordinates held at p, the second order at its own value: what is fitted are the runs'
     starts and phases."""
     only = np.zeros((coordinates.COUNT, 1))

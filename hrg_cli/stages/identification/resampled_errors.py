@@ -44,7 +44,7 @@ def resample_errors(verdict: Verdict, draws: int, seed: int) -> None:
         )
     covariance, own = np.cov(table.T), np.cov(p.T)
     inference.widen_axes(covariance, own, verdict.fit.p, mode)
-    verdict.covariance = carry_frequency(verdict.covariance, covariance)
+    verdict.covariance = _carry_frequency(verdict.covariance, covariance)
     verdict.std["frequency_hz"] = float(np.sqrt(verdict.covariance[0, 0]))
     intervals = {}
     for row, name in enumerate(ORDER[1:]):
@@ -62,7 +62,7 @@ def resample_errors(verdict: Verdict, draws: int, seed: int) -> None:
     }
 
 
-def carry_frequency(before: Array, own: Array) -> Array:
+def _carry_frequency(before: Array, own: Array) -> Array:
     """The covariance (7, 7) with that of all but the frequency replaced by `own` (6, 6).
 
     No draw moves the runs' frequencies; how the mean frequency f follows the other parameters x is

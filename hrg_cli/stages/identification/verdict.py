@@ -134,7 +134,7 @@ def judge_parameters(
         fit.run_chi2 / run_dof,
         _residual_rms(fit),
         rows,
-        flat=[describe_flat_direction(f, fit, runs) for f in flat],
+        flat=[_describe_flat_direction(f, fit, runs) for f in flat],
         mode_number=mode,
         fit=fit,
     )
@@ -296,7 +296,7 @@ def _flat_in(fit: Fit, name: str) -> bool:
     return std > inference.FLAT_FRACTION * float(inference.compute_natural_scales(fit)[i])
 
 
-def describe_flat_direction(flat: inference.Flat, fit: Fit, runs: Sequence[EnvelopeRun]) -> str:
+def _describe_flat_direction(flat: inference.Flat, fit: Fit, runs: Sequence[EnvelopeRun]) -> str:
     """A flat direction in words: what is mixed, how badly it is known, and the run that would fix
     it."""
     large = [int(i) for i in np.argsort(-np.abs(flat.direction)) if abs(flat.direction[i]) > 0.3]

@@ -38,7 +38,7 @@ def rehearse_once(work: Work) -> Rehearsed:
     stage."""
     twin, seed = work
     try:
-        record = repeat_stage(twin, seed)
+        record = _repeat_stage(twin, seed)
     except HrgError as error:
         return Rehearsed(reason=str(error))
     return Rehearsed(
@@ -49,13 +49,13 @@ def rehearse_once(work: Work) -> Rehearsed:
     )
 
 
-def repeat_stage(twin: Twin, seed: int) -> Record:
+def _repeat_stage(twin: Twin, seed: int) -> Record:
     """The result of a twin's own stage on its runs, and on the resonator files that were made
     again."""
     waves = [make_wave(twin, number, seed) for number in range(len(twin.runs))]
     stage = STAGES[twin.stage]
     beside = [
-        repeat_stage(one, seed + number * STREAMS**2)
+        _repeat_stage(one, seed + number * STREAMS**2)
         for number, one in enumerate(twin.resonators, start=1)
     ]
     given = {"resonator": beside} if beside else {}

@@ -32,7 +32,7 @@ def make_effects(twin: Twin, number: int, seed: int) -> tuple[Effect, ...]:
         out.append(
             twin_physical.make_effect(twin.truth, run.frequency)
             if is_physical(twin.truth)
-            else make_tables_effect(twin.truth, factor, run.frequency)
+            else _make_tables_effect(twin.truth, factor, run.frequency)
         )
     elif isinstance(twin.truth, Resonator) and twin_mode.is_modes(twin.truth):
         out.append(twin_mode.make_effect(twin_mode.read_laws(twin.truth), run.silent))
@@ -46,7 +46,7 @@ def make_effects(twin: Twin, number: int, seed: int) -> tuple[Effect, ...]:
     return tuple(out)
 
 
-def make_tables_effect(
+def _make_tables_effect(
     truth: Calibration,
     device_scale_factor: float,
     frequency: tuple[Array, Array] | None = None,

@@ -37,7 +37,7 @@ def is_physical(truth: object) -> bool:
     return isinstance(truth, Calibration) and truth.model == "physical"
 
 
-def read_coefficients(truth: Calibration) -> tuple[Array, Array]:
+def _read_coefficients(truth: Calibration) -> tuple[Array, Array]:
     """Places (J,) and the coefficients of `resonators.NAMES` there (J, 5). HrgError: the file does
     not keep them."""
     rows = json.loads(truth.details).get("resonator")
@@ -54,7 +54,7 @@ def make_effect(truth: Calibration, frequency: tuple[Array, Array] | None = None
 
     K_DC = −νδμ sin 2mθ_μ, K_DS = νδμ cos 2mθ_μ; the measured quadrature's are −2δω(cos, sin)2mθ_ω.
     """
-    places, values = read_coefficients(truth)
+    places, values = _read_coefficients(truth)
     kind = "linear" if truth.interpolation in ("linear", "monotone") else "cubic"
 
     def slow(_: Values, u: Array, state: SlowState) -> Array:

@@ -23,14 +23,14 @@ class Table(BaseModel):
     )
 
 
-def list_given(table: BaseModel, names: tuple[str, ...]) -> list[str]:
+def _list_given(table: BaseModel, names: tuple[str, ...]) -> list[str]:
     """Those of the names that are given."""
     return [name for name in names if getattr(table, name) is not None]
 
 
 def need_exactly_one(table: BaseModel, names: tuple[str, ...]) -> None:
     """ValueError: none of the names is given, or several."""
-    given = list_given(table, names)
+    given = _list_given(table, names)
     if len(given) != 1:
         raise ValueError(
             f"one of {', '.join(names)} was expected, not {' and '.join(given) or 'none'}"
@@ -39,7 +39,7 @@ def need_exactly_one(table: BaseModel, names: tuple[str, ...]) -> None:
 
 def need_at_most_one(table: BaseModel, names: tuple[str, ...]) -> None:
     """ValueError: several of the names are given."""
-    given = list_given(table, names)
+    given = _list_given(table, names)
     if len(given) > 1:
         raise ValueError(f"{' and '.join(given)} say the same; give one")
 
