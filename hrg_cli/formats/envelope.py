@@ -53,7 +53,7 @@ from .readers import open_log
 from .run_heading import RunHeading, UnitsTold
 from .slow import SlowLog
 from .taken import Taken, check_range
-from .timing import find_timing
+from .timing import get_timing
 
 
 def import_envelope(
@@ -190,7 +190,7 @@ def import_envelope(
     signal = EnvelopeSignal.find(log, path, named, decibel, phase_units, quadrature_sign)
     timed = TimingTold(sample_rate_hz is not None, clock_hz is not None)
     roles = _find_beside(log, path, signal, time, temperature, rate, timed)
-    timing = find_timing(log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
+    timing = get_timing(log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
     told = UnitsTold(time_units, rate_units, temperature_units)
     slow = SlowLog(
         log,

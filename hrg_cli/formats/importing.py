@@ -45,7 +45,7 @@ from .run_heading import RunHeading, UnitsTold
 from .sample_blocks import stream_blocks
 from .slow import SlowLog
 from .taken import Taken, check_range
-from .timing import find_timing
+from .timing import get_timing
 
 
 def import_log(
@@ -199,9 +199,7 @@ def import_log(
     log, roles, where = opened.log, opened.roles, opened.files[0]
     unit = find_channel_unit(log, roles, units, str(where))
     told = UnitsTold(time_units, rate_units, temperature_units)
-    timing = find_timing(
-        log, roles, where, time_units, clock_hz, sample_rate_hz, sampling_tolerance
-    )
+    timing = get_timing(log, roles, where, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
     heading = RunHeading(mode, mode_number, gyro_id, run_id, lot_id, start_time)
     blank = Recording(
         c=np.empty(0),

@@ -26,7 +26,7 @@ class Timing:
     reasons: tuple[str, ...] = ()
 
 
-def find_timing(
+def get_timing(
     log: Log,
     roles: Roles,
     path: Path,
@@ -76,12 +76,12 @@ def find_timing(
     >>> import numpy as np
     >>> from hrg_cli.formats.log import make_log
     >>> from hrg_cli.formats.log_columns import find_roles
-    >>> from hrg_cli.formats.timing import find_timing
+    >>> from hrg_cli.formats.timing import get_timing
     >>> def look(times):
     ...     rows = np.zeros(len(times))
     ...     log = make_log("bench", {"t": times, "c": rows, "s": rows}, {"t": "ms"})
     ...     roles = find_roles(log, "bench", {})
-    ...     return find_timing(log, roles, Path("bench"), None, None, None, 1e-3)
+    ...     return get_timing(log, roles, Path("bench"), None, None, None, 1e-3)
     >>> even = np.arange(100) * 0.1
     >>> look(even).sample_rate_hz, look(np.delete(even, 50)).sample_rate_hz
     (10000.0, None)

@@ -102,7 +102,25 @@ def compensate(
 
 
 def summarise(record: Compensated) -> dict[str, Any]:
-    """Figures of a compensated run for the JSON."""
+    """Figures of a compensated run for the JSON.
+
+    Parameters
+    ----------
+    record
+        Made by `compensate`.
+
+    Returns
+    -------
+    dict
+        What its details hold.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.stages.compensate import summarise
+    >>> summarise(SimpleNamespace(details='{"rate_rms_rad_s": 0.25}'))
+    {'rate_rms_rad_s': 0.25}
+    """
     return dict(json.loads(record.details))
 
 

@@ -177,8 +177,31 @@ by block."""
 
 
 def summarise(periods: Periods) -> dict[str, Any]:
-    """What a person or another program wants to know of demodulated signals: windows, frequency,
-    noise, flags, the strongest lines."""
+    """What a person or another program wants to know of demodulated signals.
+
+    Parameters
+    ----------
+    periods
+        Made by `demodulate`.
+
+    Returns
+    -------
+    dict
+        Windows, frequency, noise, flags and the strongest lines; of a long run the noise is that of
+        some of its windows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, collect, demodulate
+    >>> from hrg_cli.stages.demodulate import summarise
+    >>> t = np.arange(8000) / 8000
+    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
+    >>> recording = Recording(c=c, s=0.1 * c, sample_rate_hz=8000.0, mode="free")
+    >>> found = summarise(collect(demodulate(recording, periods_per_window=20)))
+    >>> found["windows"], round(found["duration_s"], 6), round(found["reference_frequency_hz"], 2)
+    (50, 1.0, 1000.0)
+    """
     names = {
         "clipped": FLAG_CLIPPED,
         "gap": FLAG_GAP,

@@ -157,7 +157,32 @@ _SUMMARISED = (
 
 
 def summarise(wave: Wave) -> dict[str, Any]:
-    """Figures of a wave record for the command's JSON."""
+    """Figures of a wave record for the JSON.
+
+    Parameters
+    ----------
+    wave
+        Made by `estimate`.
+
+    Returns
+    -------
+    dict
+        Windows and how many can be used; where one can, the ends of amplitude [its unit] and wave
+        angle [rad], the quadrature's rms over the amplitude, and the medians of frequency and angle
+        noise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, collect, demodulate, estimate
+    >>> from hrg_cli.stages.estimate import summarise
+    >>> t = np.arange(8000) / 8000
+    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
+    >>> recording = Recording(c=c, s=c, sample_rate_hz=8000.0, mode="free")  # mθ = 45°, m = 2
+    >>> found = summarise(collect(estimate(collect(demodulate(recording, periods_per_window=20)))))
+    >>> found["usable"], round(float(np.degrees(found["wave_angle_rad"]["last"])), 2)
+    (50, 22.5)
+    """
     out: dict[str, Any] = {"windows": len(wave), "usable": 0, "flagged": 0, "not_converged": 0}
     every = max(1, len(wave) // SUMMARY_ROWS)
     kept: list[list[Array]] = []

@@ -198,7 +198,30 @@ def _ends(table: dict[str, Array], run: Conditions) -> list[str]:
 
 
 def summarise(made: Forecast) -> dict[str, Any]:
-    """The JSON of a forecast."""
+    """The JSON of a forecast.
+
+    Parameters
+    ----------
+    made
+        Made by `forecast`.
+
+    Returns
+    -------
+    dict
+        Figures, the drift's map over the wave angle, the table row by row, and the checks.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.physics.resonator import PARAMETERS
+    >>> from hrg_cli.stages.forecast import forecast, summarise
+    >>> names, units = zip(*PARAMETERS)
+    >>> value, std = np.array([5e3, 2e-3, 1e-4, 0.0, 0.02, 0.1, 0.55]), np.full(7, 1e-6)
+    >>> known = dict(name=np.array(names), units=np.array(units), std=std, covariance=np.diag(std**2))
+    >>> told = summarise(forecast(Resonator(value=value, **known), drive="free", duration_s=60.0))
+    >>> told["scale_factor"], len(told["table"]) == len(told["drift"]["drift_rad_s"])
+    """
     m = made.mechanics
     return {
         "drive": made.drive,

@@ -233,7 +233,32 @@ def _temperature(waves: Sequence[Wave]) -> tuple[float | None, float | None]:
 
 
 def summarise(resonator: Resonator) -> dict[str, Any]:
-    """The contract's JSON keys of identify."""
+    """The JSON of an identification.
+
+    Parameters
+    ----------
+    resonator
+        Made by `identify`.
+
+    Returns
+    -------
+    dict
+        Parameters with standard deviation and unit, χ² per degree of freedom and condition (None
+        where they are none), runs, flat directions, checks; a parameter that was held says that it
+        is assumed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.stages.identify import summarise
+    >>> found = Resonator(
+    ...     name=np.array(["scale_factor"]), units=np.array(["1"]), value=np.array([0.55]),
+    ...     std=np.array([1e-3]), covariance=np.array([[1e-6]]), details='{"assumed": ["scale_factor"]}',
+    ... )
+    >>> summarise(found)["parameters"]["scale_factor"]
+    {'value': 0.55, 'std': 0.001, 'units': '1', 'assumed': True}
+    """
     details = json.loads(resonator.details)
     assumed = details.get("assumed", [])
     return {

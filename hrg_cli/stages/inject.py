@@ -113,7 +113,28 @@ def inject(
 
 
 def summarise(record: Recording) -> dict[str, Any]:
-    """The stage's part of the JSON."""
+    """What was hidden in a recording, for the JSON.
+
+    Parameters
+    ----------
+    record
+        Made by `inject`.
+
+    Returns
+    -------
+    dict
+        The run, its samples, and effect -> parameters.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, collect
+    >>> from hrg_cli.stages.inject import inject, summarise
+    >>> c = np.cos(np.pi / 4 * np.arange(8000))
+    >>> recording = Recording(c=c, s=0.1 * c, sample_rate_hz=8000.0, mode="free", run_id="still")
+    >>> summarise(collect(inject(recording, effects={"gain_mismatch": {"gain": 0.01}})))["samples"]
+    8000
+    """
     settings = (
         parse_toml(record.provenance.settings).get("inject", {})
         if record.provenance.settings

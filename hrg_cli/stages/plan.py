@@ -164,7 +164,29 @@ def _separations(prospects: Prospects, names: Sequence[str]) -> tuple[dict[str, 
 
 
 def summarise(made: Plan) -> dict[str, Any]:
-    """The JSON of a plan."""
+    """The JSON of a plan.
+
+    Parameters
+    ----------
+    made
+        Made by `plan`.
+
+    Returns
+    -------
+    dict
+        The runs with their reasons, standard deviations before and after, which causes they
+        separate, and what no run can tell.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.stages.plan import summarise
+    >>> run = SimpleNamespace(run_id="turning", reason="it shows the scale factor")
+    >>> known = dict(before={"scale_factor": 0.1}, after={"scale_factor": 1e-4})
+    >>> made = SimpleNamespace(runs=[run], separations=[], impossible=[], **known)
+    >>> summarise(made)["runs"], summarise(made)["after"]
+    ([{'run_id': 'turning', 'reason': 'it shows the scale factor'}], {'scale_factor': 0.0001})
+    """
     return {
         "runs": [{"run_id": run.run_id, "reason": run.reason} for run in made.runs],
         "before": dict(made.before),

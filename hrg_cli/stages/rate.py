@@ -353,7 +353,25 @@ def _more_nodes(found: RateEstimate) -> str:
 
 
 def summarise(record: Compensated) -> dict[str, Any]:
-    """Figures of the estimate for the JSON."""
+    """Figures of an estimated rate for the JSON.
+
+    Parameters
+    ----------
+    record
+        Made by `rate`.
+
+    Returns
+    -------
+    dict
+        What its details hold.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.stages.rate import summarise
+    >>> summarise(SimpleNamespace(details='{"nodes": 5}'))
+    {'nodes': 5}
+    """
     return dict(json.loads(record.details))
 
 

@@ -217,10 +217,30 @@ def find_rate(record: Calibration, output: Array, temperature_degc: Array | floa
 
 
 def summarise(record: Calibration) -> dict[str, Any]:
-    """Figures of a table's calibration for the JSON: the keys of every calibration and the table's own.
+    """Figures of a table's calibration for the JSON: the keys of every calibration and the table's
+    own.
 
-    `scale_factor_rms_ppm`: the residual as a part of the largest rate; nulls where the gyro did not
-    turn.
+    Parameters
+    ----------
+    record
+        Made by `rate_table`.
+
+    Returns
+    -------
+    dict
+        `scale_factor_rms_ppm` is the residual as a part of the largest rate; None where the gyro
+        did not turn.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.rate_table import rate_table, summarise
+    >>> rate = np.tile([-1.0, 0.0, 1.0], 40)
+    >>> output = 2.0 * rate + 1e-4 * np.random.default_rng(0).standard_normal(120)
+    >>> tables = rate_table({"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0)
+    >>> ppm = summarise(tables)["scale_factor_rms_ppm"]["after"]
+    >>> bool(np.isclose(ppm, 1e6 * summarise(tables)["drift_rms_rad_s"]["after"]))
+    True
     """
     details = json.loads(record.details)
     residual = details["residual_rms_rad_s"]
@@ -241,7 +261,25 @@ def summarise(record: Calibration) -> dict[str, Any]:
 
 
 def is_rate_table(record: Calibration) -> bool:
-    """Whether a calibration was made from a table of dwells."""
+    """Whether a calibration was made of a table of dwells, and not of runs.
+
+    Parameters
+    ----------
+    record
+        A calibration.
+
+    Returns
+    -------
+    bool
+        As it was written by `rate_table`.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.stages.rate_table import is_rate_table
+    >>> is_rate_table(SimpleNamespace(model="table", details="{}"))
+    False
+    """
     return "nominal_scale" in json.loads(record.details)
 
 

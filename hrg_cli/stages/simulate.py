@@ -117,7 +117,27 @@ def compute_size_bytes(settings: SimulationFile) -> int:
 
 
 def summarise(record: Recording) -> dict[str, Any]:
-    """The stage's part of the JSON."""
+    """What a simulated recording says of itself, for the JSON.
+
+    Parameters
+    ----------
+    record
+        Made by `simulate`.
+
+    Returns
+    -------
+    dict
+        Run, gyro, mode, read-out, sampling rate [Hz] and mode number.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.stages.simulate import summarise
+    >>> made = Recording(c=np.zeros(8), s=np.zeros(8), sample_rate_hz=8000.0, mode="free")
+    >>> summarise(made)["sample_rate_hz"], summarise(made)["readout"]
+    (8000.0, 'direct')
+    """
     return {
         name: getattr(record, name)
         for name in (

@@ -160,7 +160,26 @@ def _remarks_on(resonator: Resonator, moved_from_tables: bool) -> list[str]:
 
 
 def summarise(record: Calibration) -> dict[str, Any]:
-    """What moved, in σ."""
+    """What an update moved, for the JSON.
+
+    Parameters
+    ----------
+    record
+        Made by `update`.
+
+    Returns
+    -------
+    dict
+        What moved, in standard deviations, with the model and the nodes of the tables.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.stages.update import summarise
+    >>> details = '{"update": {"moved": {"drift": 1.5}}}'
+    >>> summarise(SimpleNamespace(details=details, model="table", node=[20.0, 60.0]))
+    {'moved': {'drift': 1.5}, 'model': 'table', 'nodes': [20.0, 60.0]}
+    """
     return dict(json.loads(record.details)["update"]) | {
         "model": record.model,
         "nodes": [float(n) for n in record.node],

@@ -12,7 +12,7 @@ from hrg_cli import calibrate, collect, compensate, demodulate, estimate, simula
 from hrg_cli.fitting.tables.joint import TableLayout, fit
 from hrg_cli.physics.noise import BOLTZMANN_J_K
 from hrg_cli.stages.calibrate import summarise
-from hrg_cli.stages.calibration.factors import build
+from hrg_cli.stages.calibration.factors import build_factors
 from hrg_cli.stages.calibration.preparation import KnownRates, prepare
 from hrg_cli.stages.calibration.variants import FACTORS
 
@@ -39,7 +39,7 @@ def test_a_fit_that_begins_with_its_own_noise_finds_it_again(waves):
     """With every suspected cause free, as `calibrate` judges its variants. What weights without a
     walk left was taken for the walk: half as much again as there is."""
     runs = prepare(waves, KnownRates({}, None, 0.0), "temperature", None, 4, 1)
-    factors, widths = build(runs.forced, runs.nodes, "temperature", "cubic", FACTORS)
+    factors, widths = build_factors(runs.forced, runs.nodes, "temperature", "cubic", FACTORS)
     layout = TableLayout(runs.nodes, "temperature", 2, 4, 4, "cubic", factors, widths)
     first = fit(runs.forced, layout)
     again = fit(runs.forced, layout, start=first)

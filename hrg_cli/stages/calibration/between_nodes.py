@@ -59,7 +59,27 @@ class _Nodes:
 
 
 def make_bump(x: Array, nodes: Array) -> Array:
-    """0 at the nodes, 1 midway between neighbours: where interpolation is least sure."""
+    """How far places stand from the nodes: where interpolation is least sure.
+
+    Parameters
+    ----------
+    x
+        Places (n,), in the unit of the nodes.
+    nodes
+        (J,), rising.
+
+    Returns
+    -------
+    ndarray
+        (n,); 4u(1 − u) of the part u of the way to the next node: 0 at nodes, 1 midway.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.between_nodes import make_bump
+    >>> make_bump(np.array([0.0, 5.0, 10.0, 15.0]), np.array([0.0, 10.0, 30.0])).tolist()
+    [0.0, 1.0, 0.0, 0.75]
+    """
     if len(nodes) < 2:
         return np.zeros(np.size(x))
     left = np.clip(np.searchsorted(nodes, x) - 1, 0, len(nodes) - 2)
@@ -70,8 +90,40 @@ def make_bump(x: Array, nodes: Array) -> Array:
 def estimate_interpolation_doubt(
     fitted: Fitted, solution: TableSolution, chi2: float, drift_limit: int, scale_limit: int
 ) -> dict[str, float]:
-    """Standard deviation that interpolation adds midway between nodes, by table; empty where there
-    is one node, or where the runs pass between too few to leave one out."""
+    """Standard deviation that interpolation adds midway between nodes.
+
+    Where runs dwell at few nodes, from how the orders of the temperature fall; otherwise from how
+    well each inner node is predicted by the others.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    solution
+        The tables' coefficients with their covariance.
+    chi2
+        Per degree of freedom, by which the covariance is scaled.
+    drift_limit, scale_limit
+        Harmonics of 2mθ that the tables hold.
+
+    Returns
+    -------
+    dict
+        Of drift [rad/s] and scale factor; empty where there is one node, or where the runs pass
+        between too few to leave one out.
+
+    Examples
+    --------
+    One node says nothing of a course between nodes:
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> from hrg_cli.stages.calibration.between_nodes import estimate_interpolation_doubt
+    >>> fitted = SimpleNamespace(layout=TableLayout(np.array([20.0]), "temperature", 2, 0, 0))
+    >>> estimate_interpolation_doubt(fitted, None, 1.0, 0, 0)
+    {}
+    """
     layout = fitted.layout
     count = len(layout.nodes)
     kind = "cubic" if layout.interpolation in ("cubic", "smooth") else "linear"

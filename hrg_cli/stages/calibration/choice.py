@@ -125,10 +125,32 @@ def solve_again(
 
 
 def choose_best(tried: Sequence[TriedVariant]) -> TriedVariant:
-    """Of the variants that pass every check, the one that predicts data left out best; of all,
-    where none passes.
+    """The variant that predicts data left out best, of those that pass every check.
 
-    Of those that predict as well (within `AS_WELL` of χ²), the one with the fewest coefficients.
+    Of variants that predict as well, within 4 of χ², the one with the fewest coefficients.
+
+    Parameters
+    ----------
+    tried
+        At least one.
+
+    Returns
+    -------
+    TriedVariant
+        Where none passes, the best of those that were fitted to these runs.
+
+    Examples
+    --------
+    Two coefficients fewer that cost 3 of χ² are taken; one that fails is not, however well it predicts:
+
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.calibration.choice import choose_best
+    >>> def tell(name, free, chi2, fits=True):
+    ...     tried = Told(model=Told(free=free), foreign=False)
+    ...     return Told(name=name, held_out_chi2=chi2, tried=tried, fits=fits)
+    >>> tried = [tell("table", 8, 1000.0), tell("parametric", 6, 1003.0), tell("phase", 5, 900.0, False)]
+    >>> choose_best(tried).name, choose_best(tried[2:]).name
+    ('parametric', 'phase')
     """
     chosen = (
         [answer for answer in tried if answer.fits]
@@ -145,8 +167,35 @@ def choose_best(tried: Sequence[TriedVariant]) -> TriedVariant:
 def explain_choice(
     fitted: Fitted, tried: Sequence[TriedVariant], written: TriedVariant, not_tried: dict[str, str]
 ) -> dict[str, Any]:
-    """Why a variant was chosen, for JSON and screen; where another was asked for, which `auto`
-    would have taken."""
+    """Why a variant was chosen, for JSON and screen.
+
+    Parameters
+    ----------
+    fitted
+        The runs, of which the number of rows counts.
+    tried
+        All variants.
+    written
+        The one whose tables are written.
+    not_tried
+        Name -> why it could not be tried.
+
+    Returns
+    -------
+    dict
+        Its name, why, which variants fit, and which were not tried; where another one was asked
+        for, which `auto` would have taken.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.calibration.choice import explain_choice
+    >>> solved = Told(model=Told(free=8), foreign=False)
+    >>> table = Told(name="table", held_out_chi2=1000.0, tried=solved, fits=False)
+    >>> fitted = Told(pieces=Told(count=1000))
+    >>> explain_choice(fitted, [table], table, {})["why"]
+    'no variant passes its checks; table predicts data left out best; held-out χ² per row: table 1'
+    """
     rows = fitted.pieces.count
     words = ", ".join(f"{a.name} {a.held_out_chi2 / max(rows, 1):.4g}" for a in tried)
     fitting = [a.name for a in tried if a.fits]
@@ -171,7 +220,32 @@ def explain_choice(
 def list_possible(
     layout: TableLayout, coefficients: ResonatorCoefficients | None, why_not_physical: str | None
 ) -> tuple[list[str], dict[str, str]]:
-    """(variants these runs allow, the others with the reason)."""
+    """The variants that runs allow, and the others with the reason.
+
+    Parameters
+    ----------
+    layout
+        Of the tables, with the factors that the runs can carry.
+    coefficients
+        Of the resonators; None: none were given, or they cannot be used.
+    why_not_physical
+        Why the resonators' coefficients cannot be used; None: they can, or there are none.
+
+    Returns
+    -------
+    tuple
+        Names of those that can be tried, and name -> why not.
+
+    Examples
+    --------
+    Runs without a quadrature leave the two models of the tables alone:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> from hrg_cli.stages.calibration.choice import list_possible
+    >>> list_possible(TableLayout(np.array([20.0]), "temperature", 2, 1, 0), None, None)[0]
+    ['table', 'parametric']
+    """
     reasons = {name: explain_missing(name, layout, coefficients) for name in VARIANTS}
     if why_not_physical is not None:
         reasons["physical"] = why_not_physical

@@ -20,7 +20,7 @@ from .figures import gather_cells, predict_models, tabulate_model_figures
 from .folds import choose_smoothness
 from .noise_guards import say_noise
 from .record import make_calibration_record
-from .repeatability import drop_unstable, repeat_of_harmonics
+from .repeatability import compare_programmes, drop_unstable
 from .thermal_memory import compare_thermal_memory
 from .variant_solutions import Wanted
 from .variants import build_variant, list_measured_details
@@ -60,7 +60,7 @@ class Chosen:
         named)."""
         drift, scale = (max(limit, LEAST_REPEATED) for limit in answer.limits)
         coefficients = answer.tried.solution.coefficients
-        told = repeat_of_harmonics(fitted, coefficients, drift, scale, programmes)
+        told = compare_programmes(fitted, coefficients, drift, scale, programmes)
         return cls(fitted, folds, answer, wanted, told)
 
     def drop_unstable(self) -> Chosen:

@@ -66,10 +66,37 @@ def read_dwell_rows(
     names: tuple[str, str | None, str | None],
     word: tuple[int | None, float, float],
 ) -> tuple[Array, Array, Array]:
-    """Output, rate in rad/s and temperature in °C (n,) of the rows in which all are finite.
+    """The rows of a table of dwells in which everything is finite.
 
-    names: their columns, None: not there; word: bits of the temperature's two's complement or None,
-    its scale and its offset. HrgError: fewer than ten rows.
+    Parameters
+    ----------
+    table
+        Column name -> values (n,).
+    names
+        Columns of output, rate [rad/s] and temperature; None: there is none.
+    word
+        Bits of the temperature's two's complement or None, and its scale and offset to °C.
+
+    Returns
+    -------
+    tuple of ndarray
+        Output, rate [rad/s] and temperature [°C]; zeros where there is no column.
+
+    Raises
+    ------
+    HrgError
+        No such column, or fewer than ten rows.
+
+    Examples
+    --------
+    A thermometer's word of 16 bits, a count of which is 1/256 °C; 65280 is −256 counts:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.dwell_curve import read_dwell_rows
+    >>> table = {"out": np.ones(10), "word": np.full(10, 65280)}
+    >>> output, rate, degc = read_dwell_rows(table, ("out", None, "word"), (16, 1 / 256, 0.0))
+    >>> float(rate[0]), float(degc[0])
+    (0.0, -1.0)
     """
     output, rate, temperature = names
     y = _column(table, output)
@@ -97,7 +124,33 @@ def _column(table: Mapping[str, Any], name: str) -> Array:
 
 
 def fit_without_spikes(dwells: Dwells, largest_power: int, spike_sigma: float) -> Curve:
-    """The curve with powers chosen on rows left out, spikes left out until their choice repeats."""
+    """The curve of a table of dwells, spikes left out until their choice repeats.
+
+    Parameters
+    ----------
+    dwells
+        The rows.
+    largest_power
+        Highest power of the rate that may be chosen, on rows left out.
+    spike_sigma
+        Standard deviations from which a row is a spike.
+
+    Returns
+    -------
+    Curve
+        All rows are kept where more than a fifth stand out: then the curve is wrong, not the rows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.dwell_curve import Dwells, fit_without_spikes
+    >>> rate = np.tile(np.linspace(-1.0, 1.0, 12), 10)
+    >>> noise = 1e-4 * np.random.default_rng(0).standard_normal(120)
+    >>> noise[7] = 0.1
+    >>> dwells = Dwells(rate + noise, rate, 0 * rate, np.zeros(1), "linear", True)
+    >>> np.flatnonzero(~fit_without_spikes(dwells, 1, 6.0).keep).tolist()
+    [7]
+    """
     keep, step = np.ones(len(dwells.output), bool), find_least_count(dwells.output)
     for _ in range(MOST_ROUNDS):
         curve = _fit(dwells, keep, largest_power)
@@ -122,8 +175,37 @@ def _fit(dwells: Dwells, keep: Array, largest_power: int, too_many: int = 0) -> 
 
 
 def list_curve_figures(dwells: Dwells, curve: Curve, scale: float) -> dict[str, Any]:
-    """What the record keeps: coefficients of the powers, residuals before and after, on rows left
-    out, and the figures of a data sheet."""
+    """The figures of a data sheet of the curve through a table of dwells.
+
+    Parameters
+    ----------
+    dwells
+        The rows.
+    curve
+        Through those that are no spikes.
+    scale
+        Nominal output per rad/s.
+
+    Returns
+    -------
+    dict
+        Coefficients of the powers, residuals before, after and of rows left out [rad/s],
+        nonlinearity and asymmetry [ppm of the largest rate], and how bias and scale factor follow
+        the temperature.
+
+    Examples
+    --------
+    A gain that differs by 1 % between left and right bends by ⅔ of half of that about its best line:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.dwell_curve import Dwells, fit_without_spikes, list_curve_figures
+    >>> rate = np.tile(np.linspace(-1.0, 1.0, 11), 20)
+    >>> noise = 1e-6 * np.random.default_rng(0).standard_normal(220)
+    >>> dwells = Dwells(rate + 0.005 * rate**2 + noise, rate, 0 * rate, np.zeros(1), "linear", True)
+    >>> figures = list_curve_figures(dwells, fit_without_spikes(dwells, 3, 6.0), 1.0)
+    >>> round(figures["asymmetry_ppm"], -2), round(figures["nonlinearity_ppm"], -2)
+    (10000.0, 3300.0)
+    """
     y, omega, keep, count = dwells.output, dwells.rate_rad_s, curve.keep, len(dwells.nodes)
     out: dict[str, Any] = {
         "nominal_scale": scale,

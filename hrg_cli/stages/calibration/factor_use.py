@@ -17,7 +17,7 @@ from .column_spaces import find_correlated, leave_out, measure_independence, tak
 from .figures import gather_cells, predict_models, tabulate_model_figures
 from .joint_runs import BESIDE
 from .named_elements import name_loop_elements, name_readout_elements
-from .prices import need
+from .prices import describe_need
 
 Array = np.ndarray
 MEANING = {
@@ -65,7 +65,7 @@ def analyse_factors(
         table.append(
             {
                 "name": model.name,
-                "needs": need(kind, joint.layout.axis),
+                "needs": describe_need(kind, joint.layout.axis),
                 **_weigh_group(joint, final, model, folds),
                 "independence": measure_independence(joint, model.matrix, columns),
                 **_price_group(row, rows[0]),

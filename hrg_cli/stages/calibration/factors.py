@@ -27,8 +27,36 @@ FEWEST_RATES = 4
 
 
 def build_quadrature(path: AnglePath) -> Array:
-    """r/(1 − r²)·(cos 2mθ, sin 2mθ): seed A (11), exact in r: D = −2rδω cos ζ/(1 − r²);
-    coefficients −2δω(cos 2mθ_ω, sin 2mθ_ω)."""
+    """The drift's columns by the quadrature that is measured, exact in r: seed A (11).
+
+    r/(1 − r²)·(cos 2mθ, sin 2mθ), of D = −2rδω cos ζ/(1 − r²); the coefficients are −2δω(cos 2mθ_ω,
+    sin 2mθ_ω) [rad/s].
+
+    Parameters
+    ----------
+    path
+        A run, r = a_B/a_A its ratio.
+
+    Returns
+    -------
+    ndarray
+        (n, 2) of its n increments.
+
+    Examples
+    --------
+    r = 0.6 at θ = 0:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.calibration.factors import build_quadrature
+    >>> t, one = np.arange(3.0), np.ones(3)
+    >>> path = AnglePath(
+    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, 0.6 * one, one, 0 * t,
+    ...     None, None, 3, 1.0,
+    ... )
+    >>> build_quadrature(path).round(9).tolist()
+    [[0.9375, 0.0], [0.9375, 0.0]]
+    """
     ratio = path.average_neighbours(path.ratio)
     return np.asarray(
         (ratio / np.maximum(1 - ratio**2, LEAST_FLATNESS))[:, None]
@@ -37,8 +65,36 @@ def build_quadrature(path: AnglePath) -> Array:
 
 
 def build_ellipticity(path: AnglePath) -> Array:
-    """2r²/(1 − r²)·(cos 2mθ, sin 2mθ): what the damping anisotropy adds in an ellipse, νδμ sin χ·(1
-    + r²)/(1 − r²) (PHYSICS §4, (8))."""
+    """What the damping anisotropy adds to the drift in an ellipse (PHYSICS §4, (8)).
+
+    2r²/(1 − r²)·(cos 2mθ, sin 2mθ), beside the table's own first harmonic: together νδμ sin χ·(1 +
+    r²)/(1 − r²).
+
+    Parameters
+    ----------
+    path
+        A run, r = a_B/a_A its ratio.
+
+    Returns
+    -------
+    ndarray
+        (n, 2) of its n increments.
+
+    Examples
+    --------
+    r = 0.6 at θ = 0, where (1 + r²)/(1 − r²) = 2.125:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.calibration.factors import build_ellipticity
+    >>> t, one = np.arange(3.0), np.ones(3)
+    >>> path = AnglePath(
+    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, 0.6 * one, one, 0 * t,
+    ...     None, None, 3, 1.0,
+    ... )
+    >>> 1 + build_ellipticity(path)[0].round(9)
+    array([2.125, 1.   ])
+    """
     square = path.average_neighbours(path.ratio) ** 2
     return np.asarray(
         (2 * square / np.maximum(1 - square, LEAST_FLATNESS))[:, None]
@@ -70,22 +126,98 @@ def _find_node_weights(path: AnglePath, nodes: Array, axis: str, interpolation: 
 
 
 def compute_phase_ratio(path: AnglePath) -> Array:
-    """−2r/(1 + r²) (n,): what seed A (12) multiplies dφ/dt with, exact in r (PHYSICS §4, unnumbered
-    after (7))."""
+    """What dφ/dt is multiplied with in the drift by the measured frequency, exact in r: seed A
+    (12).
+
+    −2r/(1 + r²) (PHYSICS §4, after (7)).
+
+    Parameters
+    ----------
+    path
+        A run, r = a_B/a_A its ratio.
+
+    Returns
+    -------
+    ndarray
+        (n,) of its increments.
+
+    Examples
+    --------
+    It is largest, −1, where the wave is a circle:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.calibration.factors import compute_phase_ratio
+    >>> t, one = np.arange(3.0), np.ones(3)
+    >>> path = AnglePath(
+    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, one, one, 0 * t,
+    ...     None, None, 3, 1.0,
+    ... )
+    >>> compute_phase_ratio(path).tolist()
+    [-1.0, -1.0]
+    """
     ratio = path.average_neighbours(path.ratio)
     return np.asarray(-2 * ratio / (1 + ratio**2))
 
 
 def build_flattening(path: AnglePath) -> Array:
-    """−2r²/(1 + r²)·(cos 2mθ, sin 2mθ): what an ellipse takes from the damping in (12), νδμ sin
-    χ·(1 − r²)/(1 + r²)."""
+    """What an ellipse takes from the damping anisotropy's drift in (12).
+
+    −2r²/(1 + r²)·(cos 2mθ, sin 2mθ), beside the table's own first harmonic: together νδμ sin χ·(1 −
+    r²)/(1 + r²).
+
+    Parameters
+    ----------
+    path
+        A run, r = a_B/a_A its ratio.
+
+    Returns
+    -------
+    ndarray
+        (n, 2) of its n increments.
+
+    Examples
+    --------
+    In a circle nothing is left of it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.calibration.factors import build_flattening
+    >>> t, one = np.arange(3.0), np.ones(3)
+    >>> path = AnglePath(
+    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, one, one, 0 * t,
+    ...     None, None, 3, 1.0,
+    ... )
+    >>> (1 + build_flattening(path)[:, 0]).tolist()
+    [0.0, 0.0]
+    """
     square = path.average_neighbours(path.ratio) ** 2
     return np.asarray((-2 * square / (1 + square))[:, None] * path.build_angle_basis(1)[:, 1:])
 
 
 def choose_reference_hz(paths: Sequence[AnglePath]) -> float:
-    """A frequency near all runs': those of `phase` and `mean_frequency` are taken against it, so
-    that their columns differ."""
+    """A frequency near those of all runs.
+
+    The columns of `phase` and `mean_frequency` are taken against it: beside 5000 Hz a mean
+    frequency's change of millihertz would be lost, and both columns be one.
+
+    Parameters
+    ----------
+    paths
+        The runs.
+
+    Returns
+    -------
+    float
+        Mean of the runs' mean frequencies [Hz].
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.calibration.factors import choose_reference_hz
+    >>> choose_reference_hz([Told(frequency_hz=[5000.0, 5000.2]), Told(frequency_hz=[5001.0])])
+    5000.55
+    """
     return float(np.mean([np.mean(path.frequency_hz) for path in paths]))
 
 
@@ -166,10 +298,46 @@ def _build_forced_only(path: AnglePath) -> Array:
     return np.asarray(path.build_angle_basis(1) * float(path.forced))
 
 
-def build(
+def build_factors(
     paths: Sequence[AnglePath], nodes: Array, axis: str, interpolation: str, wanted: Sequence[str]
 ) -> tuple[dict[str, Factor], dict[str, int]]:
-    """(factors, their widths) of the wanted names that these runs can carry."""
+    """The factors of wanted names that runs can carry.
+
+    Parameters
+    ----------
+    paths
+        The runs.
+    nodes
+        Of the tables (J,), over which some factors follow the temperature or the frequency.
+    axis
+        "temperature" or "frequency".
+    interpolation
+        Between the nodes.
+    wanted
+        Names.
+
+    Returns
+    -------
+    tuple of dict
+        Name -> columns of a run, and name -> how many; what a run does not log, or does not vary,
+        is left out.
+
+    Examples
+    --------
+    Free runs without a quadrature, at one rate, carry no measured part:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.calibration.factors import build_factors
+    >>> t, one = np.arange(3.0), np.ones(3)
+    >>> path = AnglePath(
+    ...     "", False, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, 0 * t, one, 0 * t,
+    ...     None, None, 3, 1.0,
+    ... )
+    >>> names = ["drive_matrix", "quadrature_course", "rate", "main_drive"]
+    >>> build_factors([path], np.array([20.0]), "temperature", "linear", names)[1]
+    {'drive_matrix': 3}
+    """
     at_nodes = nodes, axis, interpolation
     count = len(nodes)
     available: dict[str, tuple[Factor, int]] = {

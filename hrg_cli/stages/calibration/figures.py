@@ -43,8 +43,40 @@ class Cells:
 def predict_models(
     fitted: Fitted, models: Sequence[Model], folds: Array, penalty: Array | None = None
 ) -> tuple[Array, Array]:
-    """Coefficients of each model (size, models) and of each with each fold left out (size, models,
-    folds)."""
+    """Coefficients of models on all data, and with each fold left out.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    models
+        What of the coefficients is free in each.
+    folds
+        Fold of each piece (R, S), from 0.
+    penalty
+        (size, size), added to the information; None: none.
+
+    Returns
+    -------
+    tuple of ndarray
+        (size, models) and (size, models, folds).
+
+    Examples
+    --------
+    A mean of 1 and 3, and without each of them:
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.normal_pieces import Pieces
+    >>> from hrg_cli.fitting.tables.table_layout import Model
+    >>> from hrg_cli.stages.calibration.figures import predict_models
+    >>> y, ones = np.array([[1.0, 3.0]]), np.ones((1, 2), int)
+    >>> pieces = Pieces(np.zeros(1), np.ones((1, 2, 1, 1)), y[..., None], y**2, ones)
+    >>> fitted = Told(pieces=pieces, layout=Told(size=1))
+    >>> whole, held = predict_models(fitted, [Model("mean", np.eye(1))], np.array([[0, 1]]))
+    >>> whole.ravel().tolist(), held.ravel().tolist()
+    ([2.0], [3.0, 1.0])
+    """
     count = int(folds.max()) + 1
     A, b, _ = fitted.pieces.sum()
     whole = np.empty((fitted.layout.size, len(models)))

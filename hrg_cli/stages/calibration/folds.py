@@ -16,7 +16,26 @@ SMOOTHNESS = (1e-6, 1e-4, 1e-2, 1.0, 1e2, 1e4)
 
 
 def split_by_time(fitted: Fitted) -> Array:
-    """Fold (R, S) of each piece: contiguous stretches of time, the same of every run."""
+    """Folds of contiguous stretches of time, the same of every run.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+
+    Returns
+    -------
+    ndarray
+        Fold (R, S) of each piece.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.calibration.folds import split_by_time
+    >>> folds = split_by_time(Told(paths=["one", "two"]))
+    >>> folds.shape[0], bool((folds[0] == folds[1]).all())
+    (2, True)
+    """
     return np.tile(np.arange(PIECES), (len(fitted.paths), 1))
 
 

@@ -130,7 +130,7 @@ def _name_causes(
     return said
 
 
-def score(
+def compute_score(
     A: Array,
     u: Array,
     G: Array,
@@ -138,10 +138,40 @@ def score(
     sign: float,
     open_directions: Array | None = None,
 ) -> tuple[float, int]:
-    """(sᵀ Var⁻¹ s, rank) of the directions G (size, g): s = Gᵀu, Var = Gᵀ(A + sign·A C A)G.
+    """How far data contradict a solution along directions that it leaves out: the score test.
 
-    open_directions (size, k): of the coefficients, known not at all; what lies along them is no
-    contradiction.
+    s = Gᵀu against Var s = Gᵀ(A + sign·A C A)G; sᵀ(Var s)⁻¹s is χ² where the directions are absent
+    (Rao 1948).
+
+    Parameters
+    ----------
+    A
+        Information (size, size) of the data.
+    u
+        b − A·c (size,) of the normal equations at the solution c.
+    G
+        Directions (size, g).
+    covariance
+        C of c (size, size).
+    sign
+        −1 where c was fitted to these data, 1 where it comes from elsewhere.
+    open_directions
+        Of the coefficients (size, k), known not at all: what lies along them is no contradiction.
+
+    Returns
+    -------
+    tuple
+        χ² and its degrees of freedom; what lies within the solution's own span is not tested.
+
+    Examples
+    --------
+    A mean was fitted, c = 2; a second coefficient of ±1 that is 3 stands out by 9:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.guards import compute_score
+    >>> A, b, C = np.eye(2), np.array([2.0, 3.0]), np.diag([1.0, 0.0])
+    >>> compute_score(A, b - A @ np.array([2.0, 0.0]), np.eye(2), C, -1.0)
+    (9.0, 1)
     """
     AG = A @ G
     # directions scaled to unit information, so that one cut-off serves rad/s and ppm
@@ -166,7 +196,31 @@ def score(
 
 
 def find_unseen_directions(information: Array, model: Model) -> Array:
-    """Directions (size, k) of a model that the data of the normal matrix do not tell."""
+    """Directions of a model that data do not tell.
+
+    Parameters
+    ----------
+    information
+        (size, size) of the data.
+    model
+        What of the coefficients is free.
+
+    Returns
+    -------
+    ndarray
+        (size, k), in which the information is 0 to rounding.
+
+    Examples
+    --------
+    Two coefficients of which the data see the sum:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.table_layout import Model
+    >>> from hrg_cli.stages.calibration.guards import find_unseen_directions
+    >>> unseen = find_unseen_directions(np.ones((2, 2)), Model("both", np.eye(2)))
+    >>> unseen.shape, bool(np.isclose(unseen.sum(), 0.0))
+    ((2, 1), True)
+    """
     M = model.matrix
     B = M.T @ information @ M
     unit = 1 / np.sqrt(np.where(np.diag(B) > 0, np.diag(B), 1.0))
@@ -185,10 +239,10 @@ def _test_left_out(layout: TableLayout, A: Array, b: Array, tried: VariantSoluti
     sign = 1.0 if tried.foreign else -1.0
     checks = []
     for name, columns, words in _list_doubtful_causes(layout, tried.model.name):
-        chi2, rank = score(A, u, columns, covariance, sign)
+        chi2, rank = compute_score(A, u, columns, covariance, sign)
         if rank:
             checks.append(check_goodness(chi2, rank, words(float(np.sqrt(chi2 / rank))), name))
-    chi2, rank = score(A, u, np.eye(layout.size), covariance, sign)
+    chi2, rank = compute_score(A, u, np.eye(layout.size), covariance, sign)
     sentence = (
         f"model {tried.model.name} leaves more than the noise: χ² = {chi2:.4g} of what the runs"
         f" hold beside it, {rank} were expected; run with --ladder to see what each part buys"
@@ -247,7 +301,7 @@ def _check_folds(fitted: Fitted, folds: Array, tried: VariantSolution) -> Check:
         A, b, rows = fitted.pieces.sum(folds == f)
         if rows == 0:
             continue
-        chi2, rank = score(
+        chi2, rank = compute_score(
             A,
             b - A @ solution.coefficients,
             np.eye(len(b)),

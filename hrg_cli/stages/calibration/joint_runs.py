@@ -12,7 +12,7 @@ from ...fitting.tables.joint import Fitted, fit
 from ...fitting.tables.table_layout import TableLayout
 from .accuracy_stages import LadderSettings, list_first_stages
 from .column_spaces import measure_independence
-from .factors import build
+from .factors import build_factors
 
 LOOP_FACTORS = ("quadrature_drive", "main_drive")
 BESIDE = "ellipticity"
@@ -42,9 +42,9 @@ def fit_jointly(
     paths = [*forced.paths, *free]
     places = (layout.nodes, layout.axis, layout.interpolation)
     late = ("loop_delay", "drive_delay") if _turn(free, forced.paths) else ()
-    made, widths = build(paths, *places, ["quadrature", *LOOP_FACTORS, *late[:1], BESIDE])
+    made, widths = build_factors(paths, *places, ["quadrature", *LOOP_FACTORS, *late[:1], BESIDE])
     if "main_drive" not in made:
-        unlogged = build(paths, *places, ["drive_matrix", *late[1:]])
+        unlogged = build_factors(paths, *places, ["drive_matrix", *late[1:]])
         made, widths = made | unlogged[0], widths | unlogged[1]
     wide = TableLayout(
         layout.nodes,

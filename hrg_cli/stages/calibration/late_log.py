@@ -52,12 +52,63 @@ class Lateness:
 
 
 def compute_rate_slope(path: AnglePath) -> Array:
-    """dΩ_log/dt, rad/s² (n, 1)."""
+    """dΩ_log/dt of a run, the column of a log that is late: its coefficient is −Kτ.
+
+    Parameters
+    ----------
+    path
+        The run.
+
+    Returns
+    -------
+    ndarray
+        (n, 1) of its increments [rad/s²].
+
+    Examples
+    --------
+    A rate that rises by 0.2 rad/s²:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.calibration.late_log import compute_rate_slope
+    >>> t, one = np.arange(4.0), np.ones(4)
+    >>> path = AnglePath(
+    ...     "", True, 2, "", t, one, 0 * t, one, 0.1 * t**2, 20 * one, 5e3 * one, 0 * t, one, 0 * t,
+    ...     None, None, 4, 1.0,
+    ... )
+    >>> compute_rate_slope(path).round(9).ravel().tolist()
+    [0.2, 0.2, 0.2]
+    """
     return np.gradient(path.rate_rad_s, path.average_neighbours(path.time_s))[:, None]
 
 
 def is_rate_moving(path: AnglePath) -> bool:
-    """Whether the logged rate changes within the run, so that the log's time matters."""
+    """Whether the logged rate changes within a run, so that the log's time matters.
+
+    Parameters
+    ----------
+    path
+        The run.
+
+    Returns
+    -------
+    bool
+        False where an eighth of the run is too short to be averaged.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.calibration.late_log import is_rate_moving
+    >>> def turn(integral):
+    ...     t, one = np.arange(101.0), np.ones(101)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, 0 * t, one, integral(t), 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 101, 1.0,
+    ...     )
+    >>> is_rate_moving(turn(lambda t: 0.5 * t)), is_rate_moving(turn(lambda t: 0.01 * t**2))
+    (False, True)
+    """
     if len(path) < 2 * PARTS:
         return False
     means = [float(part.mean()) for part in np.array_split(path.rate_rad_s, PARTS)]

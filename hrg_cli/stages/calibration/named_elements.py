@@ -35,12 +35,42 @@ a_ΦA/a_A·(1, cos 2mθ, sin 2mθ)."""
 def name_loop_elements(
     joint: Fitted, factors: Sequence[str], coefficients: Array, covariance: Array
 ) -> list[dict[str, Any]]:
-    """What is wrong with the loops, in the catalogue's names, and how late they act (`loop_delay`):
-    value, standard deviation, z (two-sided) of each element.
+    """What is wrong with the loops, in the catalogue's names, and how late they act.
 
     The drive matrix is seen in the pick-off's axes: a read-out matrix that also feeds the loops
     adds its own elements to it. Without a log of the drive its elements come in rad/s and are
     divided by the damping rate, which the free runs show.
+
+    Parameters
+    ----------
+    joint
+        The runs.
+    factors
+        Names of those that were told.
+    coefficients
+        (size,).
+    covariance
+        (size, size).
+
+    Returns
+    -------
+    list of dict
+        Name, value, standard deviation, units and z (two-sided) of each element.
+
+    Examples
+    --------
+    A main force that is turned by 2 mrad turns the wave by ρ·a_ΦA/a_A:
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> from hrg_cli.stages.calibration.named_elements import name_loop_elements
+    >>> names = dict(factors={"main_drive": None}, factor_columns={"main_drive": 3})
+    >>> joint = Told(layout=TableLayout(np.array([20.0]), "temperature", 2, 0, 0, **names))
+    >>> value = np.array([0.0, 0.5, 2e-3, 0.0, 0.0])
+    >>> found = name_loop_elements(joint, ["main_drive"], value, 1e-8 * np.eye(5))
+    >>> [(row["name"], row["value"], round(row["z"], 9)) for row in found][0]
+    ('drive_rotation', 0.002, 20.0)
     """
     std = np.sqrt(np.maximum(np.diag(covariance), 0))
     rows: list[dict[str, Any]] = []
@@ -78,9 +108,34 @@ def _measure_damping(paths: Sequence[AnglePath]) -> float:
 def name_readout_elements(
     joint: Fitted, coefficients: Array, covariance: Array
 ) -> dict[str, float] | None:
-    """Gain mismatch g and non-orthogonality ε of the pick-offs (PHYSICS R1, R2).
+    """Gain mismatch g and non-orthogonality ε of the pick-offs, as they make the scale factor.
 
-    K₁(θ) = K₀(1 − g cos 2mθ − ε sin 2mθ): static angle errors turn with the wave.
+    K(θ) = K₀(1 − g cos 2mθ − ε sin 2mθ): static angle errors turn with the wave (PHYSICS R1, R2).
+
+    Parameters
+    ----------
+    joint
+        The runs.
+    coefficients
+        Of the tables (size,).
+    covariance
+        (size, size).
+
+    Returns
+    -------
+    dict or None
+        Both with standard deviations; None where the scale factor holds no first harmonic, or is 0.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> from hrg_cli.stages.calibration.named_elements import name_readout_elements
+    >>> joint = Told(layout=TableLayout(np.array([20.0]), "temperature", 2, 0, 1))
+    >>> found = name_readout_elements(joint, np.array([0.0, 0.5, -0.005, 0.0]), 1e-8 * np.eye(4))
+    >>> found["gain_mismatch"], found["gain_mismatch_std"], found["electrode_nonorthogonality_rad"]
+    (0.01, 0.0002, -0.0)
     """
     layout = joint.layout
     if layout.scale_harmonics < 1:

@@ -21,8 +21,37 @@ FEWEST_RATES = 100
 
 
 def compare_known_noise(fitted: Fitted) -> Check:
-    """The angles' white noise against what the windows state, as a ratio of variances; 0 where they
-    state none."""
+    """The check of the angles' white noise against what their windows state.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+
+    Returns
+    -------
+    Check
+        The ratio of variances, at most 2; 0 where the windows state none.
+
+    Examples
+    --------
+    Noise three times as large as its windows state fails:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> from hrg_cli.stages.calibration.noise_guards import compare_known_noise
+    >>> t, one = np.arange(600.0), np.ones(600)
+    >>> angle = -0.025 * t + 3e-6 * np.random.default_rng(0).standard_normal(600)
+    >>> path = AnglePath(
+    ...     "", True, 2, "", t, one, angle, 1e-12 * one, 0.1 * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...     0 * t, None, None, 600, 1.0,
+    ... )
+    >>> check = compare_known_noise(fit([path], TableLayout(one[:1], "temperature", 2, 0, 0)))
+    >>> bool(8 < check.value < 10), check.passed
+    (True, False)
+    """
     ratio = _average_noise_ratio(fitted)
     sentence = (
         f"the angles scatter {np.sqrt(ratio or 0):.3g} times as much as their windows state; the"
@@ -56,8 +85,38 @@ def _average_noise_ratio(fitted: Fitted) -> float | None:
 
 
 def say_noise(fitted: Fitted) -> dict[str, float | None]:
-    """The noise the variants were judged at: white against what the windows state, and the angle
-    random walk beside it."""
+    """The noise at which variants are judged.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+
+    Returns
+    -------
+    dict
+        White noise over what the windows state, and the angle random walk of the rate [rad/√s];
+        None where it is not told.
+
+    Examples
+    --------
+    Noise of 1 µrad in angles whose windows state 1 µrad:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> from hrg_cli.stages.calibration.noise_guards import say_noise
+    >>> t, one = np.arange(600.0), np.ones(600)
+    >>> angle = -0.025 * t + 1e-6 * np.random.default_rng(0).standard_normal(600)
+    >>> path = AnglePath(
+    ...     "", True, 2, "", t, one, angle, 1e-12 * one, 0.1 * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...     0 * t, None, None, 600, 1.0,
+    ... )
+    >>> fitted = fit([path], TableLayout(one[:1], "temperature", 2, 0, 0))
+    >>> bool(abs(say_noise(fitted)["white_over_stated"] - 1) < 0.1)
+    True
+    """
     ratio = _average_noise_ratio(fitted)
     scale_factor = fitted.layout.compute_mean_scale_factor(fitted.solution.coefficients)
     return {

@@ -16,7 +16,7 @@ from ...fitting.tables.normal_pieces import TableSolution, accumulate, solve
 from ...fitting.tables.table_design import predict_turn
 from ...fitting.tables.table_layout import Model
 from .choice import TriedVariant
-from .guards import find_unseen_directions, score
+from .guards import compute_score, find_unseen_directions
 from .late_log import follow
 from .preparation import PreparedRuns
 from .programme import examine
@@ -96,7 +96,7 @@ def _compare(A: Array, b: Array, others: TableSolution, known: Array, model: Mod
     predicts that the others, of information `known` (P, P), tell."""
     unseen = find_unseen_directions(known, model)
     left = b - A @ others.coefficients
-    chi2, rank = score(A, left, np.eye(len(b)), others.covariance, 1.0, unseen)
+    chi2, rank = compute_score(A, left, np.eye(len(b)), others.covariance, 1.0, unseen)
     return chi2 / max(rank, 1)
 
 

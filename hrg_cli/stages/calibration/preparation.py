@@ -126,7 +126,28 @@ def _refuse_two_gyros(paths: Sequence[AnglePath]) -> list[str]:
 
 
 def need_one_gyro(waves: Sequence[Wave], resonators: Sequence[Resonator]) -> None:
-    """HrgError: no run, or runs and resonators of several gyros or mode numbers."""
+    """Refuse runs and resonators that are not of one gyro.
+
+    Parameters
+    ----------
+    waves
+        The runs.
+    resonators
+        Whose coefficients are to be used beside them.
+
+    Raises
+    ------
+    HrgError
+        No run, or runs and resonators of several gyros or mode numbers.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.calibration.preparation import need_one_gyro
+    >>> need_one_gyro([], [])
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: calibrate needs at least one wave file of a forced run; none was given
+    """
     if not waves:
         raise HrgError("calibrate needs at least one wave file of a forced run; none was given")
     need_same_gyro(waves, "calibrate")

@@ -32,8 +32,47 @@ def _spread_over_sweep(low: float, high: float, spacing: float, narrowest: float
 def choose_nodes(
     paths: Sequence[AnglePath], axis: str, given: Sequence[float] | None
 ) -> tuple[Array, float, float, list[str]]:
-    """(nodes, lowest and highest value the table may be used at, remarks): dwells become nodes at
-    their means, a sweep gets even nodes."""
+    """Where the tables have their nodes, and over which range they may be used.
+
+    Runs that dwell give nodes at their means, since K and D are measured there; a sweep gets even
+    nodes.
+
+    Parameters
+    ----------
+    paths
+        The runs.
+    axis
+        "temperature" [°C] or "frequency" [Hz].
+    given
+        Nodes that were asked for; None: of the runs.
+
+    Returns
+    -------
+    tuple
+        Nodes (J,), the lowest and highest value the tables may be used at, and remarks.
+
+    Raises
+    ------
+    HrgError
+        The quantity is missing in a part of the runs, or asked nodes leave it or are equal.
+
+    Examples
+    --------
+    Dwells at 20 and 60 °C:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.calibration.programme import choose_nodes
+    >>> def dwell(degc):
+    ...     t, one = np.arange(9.0), np.ones(9)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, 0 * t, one, t, degc * one, 5e3 * one, 0 * t, one, 0 * t,
+    ...         None, None, 9, 1.0,
+    ...     )
+    >>> nodes, low, high, remarks = choose_nodes([dwell(20.0), dwell(60.0)], "temperature", None)
+    >>> nodes.tolist(), low, high, remarks
+    ([20.0, 60.0], 20.0, 60.0, [])
+    """
     name = "temperature" if axis == "temperature" else "frequency"
     x = np.concatenate([p.find_abscissa(axis) for p in paths])
     if not np.isfinite(x).any():
@@ -120,8 +159,40 @@ class Finding:
 
 
 def examine(paths: Sequence[AnglePath], nodes: Array, axis: str, harmonics: int) -> list[Finding]:
-    """What the runs cannot give at each node: two rates (K against D), both signs, the whole period
-    of the wave angle."""
+    """What runs cannot give at each node: two rates (K against D), both signs, the whole period of
+    the angle.
+
+    Parameters
+    ----------
+    paths
+        The runs.
+    nodes
+        Of the tables (J,).
+    axis
+        Quantity of the nodes.
+    harmonics
+        Of 2mθ that the drift shall have.
+
+    Returns
+    -------
+    list of Finding
+        Empty where the programme gives the tables.
+
+    Examples
+    --------
+    One run at one rate cannot tell the drift from the scale factor:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.calibration.programme import examine
+    >>> t, one = np.arange(99.0), np.ones(99)
+    >>> path = AnglePath(
+    ...     "", True, 2, "", t, one, -0.1 * t, one, 0.4 * t, 20 * one, 5e3 * one, 0 * t, one, 0 * t,
+    ...     None, None, 99, 1.0,
+    ... )
+    >>> [finding.refuses for finding in examine([path], np.array([20.0]), "temperature", 1)]
+    [True]
+    """
     findings: list[Finding] = []
     unit = "°C" if axis == "temperature" else "Hz"
     rates = np.concatenate([p.rate_rad_s for p in paths])

@@ -84,8 +84,33 @@ def _covariance_of_stored(layout: TableLayout, solution: TableSolution, sizes: l
 
 
 def compute_table_std(basis: Array, covariance: Array, nodes: int, first: int) -> Array:
-    """Standard deviations (nodes, angles) of a table: basis (angles, h) of its coefficients, which
-    stand at `first` of each node's."""
+    """Standard deviations of a table over the wave angle at each node.
+
+    √(bᵀCb) of the basis b(θ) and the covariance C of the node's coefficients.
+
+    Parameters
+    ----------
+    basis
+        (angles, h).
+    covariance
+        Of all coefficients, node by node.
+    nodes
+        How many.
+    first
+        Where the table's coefficients stand among those of a node.
+
+    Returns
+    -------
+    ndarray
+        (nodes, angles).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.record import compute_table_std
+    >>> compute_table_std(np.array([[1.0], [2.0]]), np.diag([9.0, 4.0]), 1, 1).tolist()
+    [[2.0, 4.0]]
+    """
     width = len(covariance) // nodes
     out = []
     for node in range(nodes):

@@ -48,8 +48,33 @@ def _label_programmes(
 
 
 def compute_sweep(path: AnglePath) -> Array:
-    """dT/dt of the increments, °C/s, smoothed over a twentieth of the run; zeros without a
-    temperature."""
+    """How fast the temperature moves in a run, smoothed over a twentieth of it.
+
+    A thermometer's steps are not a sweep.
+
+    Parameters
+    ----------
+    path
+        The run.
+
+    Returns
+    -------
+    ndarray
+        dT/dt of its increments (n,) [°C/s]; zeros where no temperature is logged.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.calibration.repeatability import compute_sweep
+    >>> t, one = np.arange(4.0), np.ones(4)
+    >>> path = AnglePath(
+    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 + 0.5 * t, 5e3 * one, 0 * t, one, 0 * t,
+    ...     None, None, 4, 1.0,
+    ... )
+    >>> compute_sweep(path).tolist()[1]
+    0.5
+    """
     if len(path) < 3 or not np.isfinite(path.temperature_degc).all():
         return np.zeros(len(path))
     # A thermometer's steps are not a sweep: the slope is taken over a twentieth of the run.
@@ -62,7 +87,7 @@ def compute_sweep(path: AnglePath) -> Array:
     return path.average_neighbours(slope)
 
 
-def repeat_of_harmonics(
+def compare_programmes(
     fitted: Fitted,
     coefficients: Array,
     drift_limit: int,
@@ -154,8 +179,28 @@ def _inverse(G: Array) -> Array | None:
 
 
 def say_unstable(found: dict[str, Any] | None, dropped: Sequence[str]) -> list[str]:
-    """One sentence a harmonic that does not repeat between programmes, beyond chance, and was not
-    dropped."""
+    """A sentence for each harmonic that does not repeat between programmes, beyond chance.
+
+    Parameters
+    ----------
+    found
+        Of `compare_programmes`; None: there is one programme.
+    dropped
+        Names of harmonics that were dropped, and need no sentence.
+
+    Returns
+    -------
+    list of str
+        Empty where all repeat.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.calibration.repeatability import say_unstable
+    >>> row = dict(name="drift 4θ", kind="drift", p_value=1e-12, scatter=1e-6, amplitude=1e-5)
+    >>> found = dict(told_by="day", harmonics=[row])
+    >>> len(say_unstable(found, [])), say_unstable(found, ["drift 4θ"]), say_unstable(None, [])
+    (1, [], [])
+    """
     if found is None:
         return []
     out = []
@@ -212,8 +257,35 @@ def _name_harmonic(layout: TableLayout, kind: str, k: int) -> str:
 def drop_unstable(
     layout: TableLayout, drift_limit: int, scale_limit: int, found: dict[str, Any]
 ) -> tuple[Array, list[str]]:
-    """(model matrix without the harmonics that do not repeat, their names); the constant of K
-    always stays."""
+    """A model without the harmonics that do not repeat between programmes.
+
+    Parameters
+    ----------
+    layout
+        Of the tables.
+    drift_limit, scale_limit
+        Harmonics of 2mθ in drift and scale factor.
+    found
+        Of `compare_programmes`.
+
+    Returns
+    -------
+    tuple
+        Directions (size, p) of the model, and names of what was dropped; the constant of K always
+        stays.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> from hrg_cli.stages.calibration.repeatability import drop_unstable
+    >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> rows = [("drift", 0, True), ("drift", 1, False), ("scale", 0, False)]
+    >>> told = [dict(kind=k, harmonic=h, stable=s, name=f"{k} {h}") for k, h, s in rows]
+    >>> matrix, dropped = drop_unstable(layout, 1, 0, {"harmonics": told})
+    >>> matrix.shape, dropped
+    ((4, 2), ['drift 1'])
+    """
     parts, dropped = [], []
     for row in found["harmonics"]:
         kind, k = row["kind"], row["harmonic"]

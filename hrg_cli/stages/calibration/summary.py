@@ -17,7 +17,30 @@ OF_VARIANT = ("coefficients", "held_out_chi2_per_row", "passed", "why_not")
 
 
 def summarise(record: Calibration) -> dict[str, Any]:
-    """The JSON of a calibration (docs/reference/json.md)."""
+    """The JSON of a calibration (docs/reference/json.md).
+
+    Parameters
+    ----------
+    record
+        Made by `calibrate` or `rate_table`.
+
+    Returns
+    -------
+    dict
+        Errors before and after, harmonics, the ladder, what each factor buys, and the models that
+        were tried, where the details hold them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.rate_table import rate_table
+    >>> from hrg_cli.stages.calibration.summary import summarise
+    >>> rate = np.tile([-1.0, 0.0, 1.0], 40)
+    >>> output = 2.0 * rate + 1e-4 * np.random.default_rng(0).standard_normal(120)
+    >>> tables = rate_table({"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0)
+    >>> sorted(summarise(tables)["drift_rms_rad_s"])
+    ['after', 'before', 'held_out']
+    """
     if is_rate_table(record):
         return summarise_rate_table(record)
     details = json.loads(record.details)

@@ -18,7 +18,7 @@ from ...records import Resonator
 from .choice import TriedVariant, choose_best, explain_choice, list_possible, solve_variants
 from .chosen import Chosen
 from .comparison import compare_variants
-from .factors import build
+from .factors import build_factors
 from .folds import choose_folds
 from .late_log import Lateness, follow
 from .preparation import PreparedRuns
@@ -46,7 +46,7 @@ def fit_everything(
     runs: PreparedRuns, limits: tuple[int, int], axis: str, interpolation: str
 ) -> FullFit:
     """Prepared runs with all that may be in them, and the lateness of their rate log."""
-    factors, widths = build(runs.forced, runs.nodes, axis, interpolation, FACTORS)
+    factors, widths = build_factors(runs.forced, runs.nodes, axis, interpolation, FACTORS)
     mode_number = runs.usable.waves[0].mode_number
     layout = TableLayout(runs.nodes, axis, mode_number, *limits, interpolation, factors, widths)
     fitted, free, late = follow(fit(runs.forced, layout), runs.free)
@@ -56,7 +56,7 @@ def fit_everything(
 def add_loop_columns(fitted: Fitted) -> Fitted:
     """The same runs with the columns of the ladder's factors."""
     old = fitted.layout
-    factors, widths = build(
+    factors, widths = build_factors(
         fitted.paths,
         old.nodes,
         old.axis,
