@@ -36,11 +36,13 @@ FURTHER = {
 """Functions with examples beside those that the package exports."""
 
 
-def modules_of(package):
-    """Every module of a package of hrg_cli."""
+def modules_of(package, deep=True):
+    """Every module of a package of hrg_cli, those of its packages as well."""
     found = import_module(f"hrg_cli.{package}")
-    for module in pkgutil.walk_packages(found.__path__, f"{package}."):
-        yield module.name
+    walk = pkgutil.walk_packages if deep else pkgutil.iter_modules
+    for module in walk(found.__path__, f"hrg_cli.{package}."):
+        if not module.ispkg:
+            yield module.name.removeprefix("hrg_cli.")
 
 
 HELD = (
@@ -62,8 +64,10 @@ HELD = (
     *(f"records.{name}" for name in ("clock", "details", "doubts")),
     *modules_of("formats"),
     *(f"reporting.{name}" for name in ("quantities", "text")),
-    *(f"stages.{name}" for name in ("earth_rate", "one_gyro", "planning.worth", "run_tables")),
-    "stages.calibration.resonators",
+    *modules_of("ledger"),
+    *modules_of("stages.planning"),
+    *modules_of("stages.calibration"),
+    *(module for module in modules_of("stages", deep=False) if module != "stages.diagnose"),
     "fitting.least_squares",
     *(
         f"fitting.envelopes.{name}"

@@ -77,7 +77,9 @@ def batch_file(
         run.leave_with_settings({"batch": resolve_lot(read_lot(path, assignments, over))})
     folder = run.need_output("lot/")
     if ledger is not None:
-        database.add(ledger, [])  # what cannot be written is said before the work, not after it
+        database.add_entries(
+            ledger, []
+        )  # what cannot be written is said before the work, not after it
     with console.show_progress("batch", run.quiet or run.json) as progress:
         report = run_lot(
             path,

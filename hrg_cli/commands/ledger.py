@@ -18,10 +18,10 @@ from ..ledger.entering import enter
 from ..ledger.entry import Entry
 from ..ledger.exporting import FORMATS
 from ..ledger.history import History
-from ..ledger.history import history as history_of
-from ..ledger.overview import Overview, overview
-from ..ledger.report import head, of_history, of_overview
-from ..ledger.times import moment
+from ..ledger.history import tell_history as history_of
+from ..ledger.overview import Overview, make_overview
+from ..ledger.report import describe_entry, describe_history, describe_overview
+from ..ledger.times import parse_time
 from ..reporting import console, ledger_tables
 from .check import resolve_limits
 from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, make_command, need_inputs
@@ -206,7 +206,7 @@ def add_files(
         "ledger": str(ledger),
         "added": sum(new for _, new in done),
         "known": sum(not new for _, new in done),
-        "files": [{**head(entry), "new": new} for entry, new in done],
+        "files": [{**describe_entry(entry), "new": new} for entry, new in done],
     }
 
     def show() -> None:
@@ -231,10 +231,10 @@ def show_ledger(
     started = time.monotonic()
     wanted = _parse_wanted(run, limits)
     entries = _choose_entries(database.read_entries(ledger), chosen)
-    found = overview(
+    found = make_overview(
         entries, limits=wanted, golden=golden, names=chosen[1], guard_sigma=guard_sigma, by=by
     )
-    report = _judge_overview(found, started, ledger) | of_overview(found)
+    report = _judge_overview(found, started, ledger) | describe_overview(found)
 
     def page() -> str:
         from ..reporting.ledger_page import make_overview_page
@@ -262,7 +262,7 @@ def show_history(
     found = history_of(
         entries, gyro, limits=wanted, names=chosen[1], guard_sigma=guard_sigma, by=by
     )
-    report = _judge_overview(found, started, ledger) | of_history(found)
+    report = _judge_overview(found, started, ledger) | describe_history(found)
 
     def page() -> str:
         from ..reporting.ledger_page import make_history_page
@@ -283,12 +283,12 @@ def _choose_entries(entries: Sequence[Entry], chosen: Chosen) -> list[Entry]:
     """The results that are told of. UsageError: a time that is none."""
     kind, _, since = chosen
     try:
-        first = moment(since) if since is not None else float("-inf")
+        first = parse_time(since) if since is not None else float("-inf")
     except ValueError as error:
         raise UsageError(
             f"--since {since!r}: a time such as 2026-05-01 or 2026-05-01T12:00:00Z was expected"
         ) from error
-    return [e for e in entries if kind in (None, e.kind) and moment(e.processed) >= first]
+    return [e for e in entries if kind in (None, e.kind) and parse_time(e.processed) >= first]
 
 
 def _judge_overview(found: Overview | History, started: float, ledger: Path) -> dict[str, Any]:

@@ -34,7 +34,7 @@ STUDIES = {
     "recovery": "recovery",
 }
 """Name on the command line -> module in `studies`: its function NAME_study gives plain figures,
-`figure` a picture of them."""
+`draw_figure` a picture of them."""
 
 
 def _study_names(incomplete: str) -> list[str]:
@@ -138,9 +138,9 @@ def run_study(
         "settings": values,
         "result": result,
     }
-    shown = module.table(result) if hasattr(module, "table") else _flat(result)
+    shown = module.tabulate(result) if hasattr(module, "tabulate") else _flat(result)
     if folder is not None:
-        _write_study(folder / name, module.figure(result), shown, report, run.force)
+        _write_study(folder / name, module.draw_figure(result), shown, report, run.force)
         (folder / f"{name}.unfinished.json").unlink(missing_ok=True)
     return report, lambda: console.print_table("", *shown)
 

@@ -15,7 +15,7 @@ ANGLES = 24
 """Wave angles of which the largest standard deviation is taken."""
 
 
-def c_deviations(calibration: Calibration) -> str:
+def make_c_deviations(calibration: Calibration) -> str:
     """The C functions `hrg_drift_std_rad_s(x)` and `hrg_scale_factor_std(x)`, the largest over the
     wave angle."""
     places = _places(np.asarray(calibration.node, float))

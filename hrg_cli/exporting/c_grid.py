@@ -31,10 +31,10 @@ def refine_grid(calibration: Calibration, precision: float) -> tuple[Array, int]
     def error(count: int, angles: int) -> float:
         """The worst interpolation error, in the limits."""
         nodes = _even_nodes(low, high, count)
-        px, pt = probe(nodes, angles, period)
-        tables, truth = on_grid(calibration, nodes, angles), calibration.values_at(px, pt)
+        px, pt = place_probes(nodes, angles, period)
+        tables, truth = evaluate_on_grid(calibration, nodes, angles), calibration.values_at(px, pt)
         return max(
-            float(np.abs(bilinear(table, nodes, px, pt, period) - true).max()) / limit
+            float(np.abs(interpolate_bilinear(table, nodes, px, pt, period) - true).max()) / limit
             for table, true, limit in zip(tables, truth, limits)
         )
 
@@ -58,14 +58,14 @@ def _even_nodes(low: float, high: float, count: int) -> Array:
     return np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
 
 
-def on_grid(calibration: Calibration, nodes: Array, angles: int) -> list[Array]:
+def evaluate_on_grid(calibration: Calibration, nodes: Array, angles: int) -> list[Array]:
     """Drift and scale factor (nodes, angles) over one period of the wave angle."""
     period = np.pi / calibration.mode_number
     x, theta = np.meshgrid(nodes, np.arange(angles) * period / angles, indexing="ij")
     return [v.reshape(x.shape) for v in calibration.values_at(x.ravel(), theta.ravel())]
 
 
-def probe(nodes: Array, angles: int, period: float) -> tuple[Array, Array]:
+def place_probes(nodes: Array, angles: int, period: float) -> tuple[Array, Array]:
     """Points between the grid's, four a cell in each direction."""
     x = (
         np.linspace(nodes[0], nodes[-1], max(1, 4 * (len(nodes) - 1)) + 1)
@@ -91,7 +91,9 @@ def _places(
     return i, u - i, k, v - k
 
 
-def bilinear(table: Array, nodes: Array, x: Array, theta: Array, period: float) -> Array:
+def interpolate_bilinear(
+    table: Array, nodes: Array, x: Array, theta: Array, period: float
+) -> Array:
     """Bilinear interpolation of table (J, A), periodic in the angle, clamped at the outer nodes:
     what the header does."""
     angles = table.shape[1]
@@ -111,7 +113,7 @@ def quantise(table: Array, bits: int) -> tuple[Array, float, float]:
     return np.clip(np.round((table - offset) / step), -top, top).astype(np.int64), offset, step
 
 
-def fixed_rounding(table: Array, step: float) -> float:
+def compute_fixed_rounding(table: Array, step: float) -> float:
     """The most by which the integer interpolation misses the plain one: half a step each of the
     stored integers and of two products, and the part of a place that is cut off in each
     direction."""

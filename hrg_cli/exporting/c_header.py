@@ -10,8 +10,15 @@ from ..errors import HrgError
 from ..measured_export import c_measured
 from ..records import Calibration
 from ..reporting.text import escape_c_comment
-from .c_deviations import c_deviations
-from .c_grid import bilinear, fixed_rounding, on_grid, probe, quantise, refine_grid
+from .c_deviations import make_c_deviations
+from .c_grid import (
+    compute_fixed_rounding,
+    evaluate_on_grid,
+    interpolate_bilinear,
+    place_probes,
+    quantise,
+    refine_grid,
+)
 
 Array = np.ndarray
 LARGEST_FLOAT = 1e38
@@ -34,21 +41,21 @@ def make_header(calibration: Calibration, bits: int, precision: float) -> Export
     """
     nodes, angles = refine_grid(calibration, precision)
     period = np.pi / calibration.mode_number
-    exact = on_grid(calibration, nodes, angles)
-    probe_x, probe_theta = probe(nodes, angles, period)
+    exact = evaluate_on_grid(calibration, nodes, angles)
+    probe_x, probe_theta = place_probes(nodes, angles, period)
     truth = calibration.values_at(probe_x, probe_theta)
     _need_floats([*exact, *truth])
     errors: dict[str, float] = {}
     parts = []
     for name, table, true in zip(("drift_rad_s", "scale_factor"), exact, truth):
-        plain = bilinear(table, nodes, probe_x, probe_theta, period)
+        plain = interpolate_bilinear(table, nodes, probe_x, probe_theta, period)
         errors[f"{name}_interpolation"] = float(np.abs(plain - true).max())
         if bits:
             raw, offset, step = quantise(table, bits)
             parts.append((name, raw, offset, step))
-            errors[f"{name}_rounding"] = fixed_rounding(table, step)
+            errors[f"{name}_rounding"] = compute_fixed_rounding(table, step)
         else:
-            stored = bilinear(
+            stored = interpolate_bilinear(
                 table.astype(np.float32).astype(float), nodes, probe_x, probe_theta, period
             )
             parts.append((name, table, 0.0, 1.0))
@@ -181,7 +188,7 @@ def _c_text(
         tables="".join(_declare(*part, kind, bits) for part in parts),
         lookup=_LOOKUP_FIXED.replace("{type}", kind) if bits else _LOOKUP_FLOAT,
         drift_call=calls["drift_rad_s"], scale_call=calls["scale_factor"], measured=c_measured(calibration, nodes),
-        deviations=c_deviations(calibration),
+        deviations=make_c_deviations(calibration),
     )  # fmt: skip
 
 

@@ -48,11 +48,36 @@ class Capability:
         return self.normal_p is None or self.normal_p >= NORMAL_P
 
 
-def capability(
+def compute_capability(
     values: Array, minimum: float | None, maximum: float | None, confidence: float = CONFIDENCE
 ) -> Capability | None:
-    """Capability of values (n,), one a gyro; None for fewer than `FEWEST_GYROS`, without limits, or
-    where all are the same."""
+    """Capability Cp and Cpk of a population against limits, with confidence intervals.
+
+    Parameters
+    ----------
+    values
+        One a gyro (n,).
+    minimum, maximum
+        The limits; None: there is none.
+    confidence
+        Of the intervals.
+
+    Returns
+    -------
+    Capability or None
+        None for fewer than 5 gyros, without limits, or where all are the same.
+
+    Examples
+    --------
+    Values that fill a tenth of the tolerance on either side of its middle:
+
+    >>> import numpy as np
+    >>> from hrg_cli.ledger.capability import compute_capability
+    >>> values = np.array([-1.0, -0.5, 0.0, 0.0, 0.5, 1.0])
+    >>> found = compute_capability(values, -10.0, 10.0)
+    >>> round(found.cp * 6 * found.std, 9), found.cpk == found.cp, found.cpk_interval[0] < found.cpk
+    (20.0, True, True)
+    """
     x = np.asarray(values, float)
     if len(x) < FEWEST_GYROS or (minimum is None and maximum is None):
         return None
@@ -83,14 +108,39 @@ def _one_sided_bound(found: float, n: int, probability: float) -> float:
     width = 10 * math.sqrt(1 + statistic**2 / (2 * (n - 1)))
 
     def beyond(noncentrality: float) -> float:
-        return noncentral_t(statistic, n - 1, noncentrality) - probability
+        return compute_noncentral_t(statistic, n - 1, noncentrality) - probability
 
     root = optimize.brentq(beyond, statistic - width, statistic + width)
     return float(root) / (3 * math.sqrt(n))
 
 
-def noncentral_t(t: float, degrees: int, noncentrality: float) -> float:
-    """Distribution function of (Z + δ)/√(χ²/ν): ∫ Φ(t·s − δ) f(s) ds over s = √(χ²/ν)."""
+def compute_noncentral_t(t: float, degrees: int, noncentrality: float) -> float:
+    """Distribution function of the noncentral t, (Z + δ)/√(χ²/ν).
+
+    ∫ Φ(t·s − δ) f(s) ds over s = √(χ²/ν).
+
+    Parameters
+    ----------
+    t
+        Where.
+    degrees
+        ν.
+    noncentrality
+        δ.
+
+    Returns
+    -------
+    float
+        Probability of no more than t.
+
+    Examples
+    --------
+    Without noncentrality it is Student's, symmetric about 0:
+
+    >>> from hrg_cli.ledger.capability import compute_noncentral_t
+    >>> round(compute_noncentral_t(0.0, 5, 0.0), 9), round(compute_noncentral_t(2.015, 5, 0.0), 4)
+    (0.5, 0.95)
+    """
     s, weight = _chi_nodes(degrees)
     return float(weight @ special.ndtr(t * s - noncentrality))
 

@@ -50,9 +50,32 @@ class Chart:
         return any(v.rule == BEYOND for v in self.violations)
 
 
-def chart(values: Array) -> Chart | None:
-    """The chart of values (n,) in the order of time; None for fewer than `FEWEST_POINTS`, or where
-    neighbours do not differ at all."""
+def make_chart(values: Array) -> Chart | None:
+    """The chart of individuals and moving ranges of values in the order of time.
+
+    σ is MR̄/d₂(2) of the ranges between neighbours, d₂(2) = 2/√π: a slow change does not widen the
+    limits that it should break.
+
+    Parameters
+    ----------
+    values
+        (n,).
+
+    Returns
+    -------
+    Chart or None
+        None for fewer than 8 points, or where neighbours do not differ at all.
+
+    Examples
+    --------
+    A step of ten times what neighbours differ by:
+
+    >>> import numpy as np
+    >>> from hrg_cli.ledger.charts import make_chart
+    >>> found = make_chart(np.tile([-0.5, 0.5], 10) + np.repeat([0.0, 10.0], [18, 2]))
+    >>> found.out_of_control, [v.point for v in found.violations if v.rule == "beyond 3 σ"]
+    (True, [18, 19])
+    """
     x = np.asarray(values, float)
     if len(x) < FEWEST_POINTS:
         return None
@@ -62,15 +85,35 @@ def chart(values: Array) -> Chart | None:
         return None
     centre = float(x.mean())
     range_upper = sigma * (RANGE_MEAN + 3 * RANGE_STD)
-    found = zone_violations((x - centre) / sigma)
+    found = find_zone_violations((x - centre) / sigma)
     found += [Violation(int(i) + 1, "moving range") for i in np.flatnonzero(ranges > range_upper)]
     ordered = tuple(sorted(found, key=lambda v: v.point))
     return Chart(centre, sigma, centre - 3 * sigma, centre + 3 * sigma, float(range_upper), ordered)
 
 
-def zone_violations(z: Array) -> list[Violation]:
-    """Every point of z = (x − centre)/σ (n,) that completes a pattern: one beyond 3 σ, two of three
-    beyond 2 σ, four of five beyond 1 σ, eight in a row, each on one side."""
+def find_zone_violations(z: Array) -> list[Violation]:
+    """The points that complete a pattern which chance makes seldom (Western Electric, 1956).
+
+    One beyond 3 σ, two of three beyond 2 σ, four of five beyond 1 σ, eight in a row, each on one
+    side.
+
+    Parameters
+    ----------
+    z
+        (x − centre)/σ (n,).
+
+    Returns
+    -------
+    list of Violation
+        Rule by rule.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.ledger.charts import find_zone_violations
+    >>> [(v.point, v.rule) for v in find_zone_violations(np.array([0.0, 2.5, -0.1, 2.5, -3.5]))]
+    [(4, 'beyond 3 σ'), (3, '2 of 3 beyond 2 σ')]
+    """
     rules: tuple[tuple[str, int, int, float], ...] = (
         (BEYOND, 1, 1, 3.0),
         ("2 of 3 beyond 2 σ", 2, 3, 2.0),

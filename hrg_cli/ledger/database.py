@@ -21,7 +21,7 @@ from urllib.parse import quote
 from ..errors import HrgError
 from ..store.atomic import atomic_path
 from .entry import Entry, Figure
-from .times import moment
+from .times import parse_time
 
 APPLICATION, VERSION = 0x68726731, 1
 """SQLite's marks of whose file it is ("hrg1"), and of the tables' version."""
@@ -46,9 +46,39 @@ _SCHEMA = (
 )
 
 
-def add(path: Path, entries: Sequence[Entry]) -> list[bool]:
-    """Enter all, or none where anything fails; whether each is new (by its SHA-256). HrgError: a
-    figure is not finite; the database is damaged, another program's, busy, or cannot be written."""
+def add_entries(path: Path, entries: Sequence[Entry]) -> list[bool]:
+    """Enter results, all or none where anything fails.
+
+    Parameters
+    ----------
+    path
+        File of the ledger; it is made where there is none.
+    entries
+        The results.
+
+    Returns
+    -------
+    list of bool
+        Whether each is new, by its SHA-256.
+
+    Raises
+    ------
+    HrgError
+        A figure is not finite; the database is damaged, another program's, busy, or cannot be
+        written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.ledger.database import add_entries
+    >>> from hrg_cli.ledger.entry import Entry
+    >>> entry = Entry("ab" * 32, "r.h5", "resonator", "SN-1", "2026-01-01T00:00:00Z", "valid")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     ledger = Path(folder) / "ledger.db"
+    ...     add_entries(ledger, [entry]), add_entries(ledger, [entry])
+    ([True], [False])
+    """
     for entry in entries:
         _need_finite(entry)
     if not os.path.lexists(path) and path.parent.is_dir():
@@ -94,7 +124,36 @@ def _add_to(
 
 
 def read_entries(path: Path) -> list[Entry]:
-    """Every entry, in the order they were entered. HrgError: no ledger there, or as `add`."""
+    """Every entry of a ledger, in the order in which they were entered.
+
+    Parameters
+    ----------
+    path
+        File of the ledger.
+
+    Returns
+    -------
+    list of Entry
+        As they were entered.
+
+    Raises
+    ------
+    HrgError
+        There is no ledger; it is damaged, another program's, or busy.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.ledger.database import add_entries, read_entries
+    >>> from hrg_cli.ledger.entry import Entry
+    >>> entry = Entry("ab" * 32, "r.h5", "resonator", "SN-1", "2026-01-01T00:00:00Z", "valid")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     ledger = Path(folder) / "ledger.db"
+    ...     _ = add_entries(ledger, [entry])
+    ...     read_entries(ledger) == [entry]
+    True
+    """
     if not path.is_file():
         raise HrgError(
             f"{path}: no such ledger; make one with `hrg ledger add FILE`, or name it with --ledger"
@@ -253,7 +312,7 @@ def _entry(row: Sequence[Any], figures: dict[str, Figure]) -> Entry:
         raise ValueError(f"a mode number is {mode}")
     texts: dict[str, Any] = {name: str(values[name]) for name in _TEXTS}
     for time_text in (texts["processed"], *filter(None, (texts["measured"], texts["added"]))):
-        moment(time_text)
+        parse_time(time_text)
     verdict = None if values["verdict"] is None else str(values["verdict"])
     told: dict[str, Any] = {name: tuple(map(str, value)) for name, value in lists.items()}
     return Entry(**texts, verdict=verdict, mode_number=mode, **told, figures=figures)

@@ -20,7 +20,7 @@ from ..limits import figures_of
 from ..records import Calibration, Diagnosis, Record, Resonator, Wave
 from . import database
 from .entry import KINDS, Entry, Figure
-from .times import iso, moment
+from .times import format_time, parse_time
 
 
 def enter(
@@ -34,8 +34,48 @@ def enter(
     order: Annotated[str, Field(description="work order; none: the files' lot")] = "",
     gyro_id: Annotated[str, Field(description="serial number where the files name none")] = "",
 ) -> list[tuple[Entry, bool]]:
-    """Enter files, all or none; each with whether it is new. HrgError: a file that is no result,
-    is damaged or names no gyro; as `database.add`."""
+    """Enter result files into a ledger, all or none.
+
+    Parameters
+    ----------
+    ledger
+        File of the ledger; it is made where there is none.
+    files
+        Of results.
+    station, operator, fixture, firmware
+        Under which circumstances was measured.
+    order
+        Work order; empty: the files' lot.
+    gyro_id
+        Where the files name none.
+
+    Returns
+    -------
+    list of tuple
+        Each entry, and whether it is new: a file is entered once, by its content.
+
+    Raises
+    ------
+    HrgError
+        A file that is no result, is damaged or names no gyro; as `database.add_entries`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator, store
+    >>> from hrg_cli.ledger.entering import enter
+    >>> found = Resonator(
+    ...     name=np.array(["scale_factor"]), units=np.array(["1"]), value=np.array([0.55]),
+    ...     std=np.array([1e-3]), covariance=np.array([[1e-6]]), gyro_id="SN-1",
+    ... )
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file, ledger = Path(folder) / "resonator.h5", Path(folder) / "ledger.db"
+    ...     _ = store.write(file, found)
+    ...     [enter(ledger, [file])[0][1] for _ in range(2)]
+    [True, False]
+    """
     given = {
         "station": station,
         "operator": operator,
@@ -43,12 +83,49 @@ def enter(
         "firmware": firmware,
         "order": order,
     }
-    entries = [entry_of(path, gyro_id, given) for path in files]
-    return list(zip(entries, database.add(ledger, entries), strict=True))
+    entries = [make_entry(path, gyro_id, given) for path in files]
+    return list(zip(entries, database.add_entries(ledger, entries), strict=True))
 
 
-def entry_of(path: Path, gyro_id: str, given: Mapping[str, str]) -> Entry:
-    """The entry of a file; gyro_id: where it names none; given: `CIRCUMSTANCES` that are known."""
+def make_entry(path: Path, gyro_id: str, given: Mapping[str, str]) -> Entry:
+    """The entry of a result file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    gyro_id
+        Where it names none.
+    given
+        `CIRCUMSTANCES` that are known.
+
+    Returns
+    -------
+    Entry
+        With every finite figure that is told once, and the recordings behind it.
+
+    Raises
+    ------
+    HrgError
+        It is no result, is damaged, or names no gyro.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator, store
+    >>> from hrg_cli.ledger.entering import make_entry
+    >>> found = Resonator(
+    ...     name=np.array(["scale_factor"]), units=np.array(["1"]), value=np.array([0.55]),
+    ...     std=np.array([1e-3]), covariance=np.array([[1e-6]]), gyro_id="SN-1",
+    ... )
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = store.write(Path(folder) / "resonator.h5", found)
+    ...     entry = make_entry(Path(folder) / "resonator.h5", "", {"station": "north"})
+    >>> entry.gyro_id, entry.station, entry.figures["scale_factor"]
+    ('SN-1', 'north', Figure(value=0.55, std=0.001, units='1'))
+    """
     digest = store.sha256(path)
     kind = store.kind_of(path)
     if kind.kind not in KINDS:
@@ -73,9 +150,9 @@ def entry_of(path: Path, gyro_id: str, given: Mapping[str, str]) -> Entry:
         file=path.name,
         kind=record.kind,
         gyro_id=gyro,
-        processed=_checked_time(path, record.provenance.created) or iso(now),
+        processed=_checked_time(path, record.provenance.created) or format_time(now),
         measured=min(begun) if begun and all(begun) else "",
-        added=iso(now),
+        added=format_time(now),
         station=given.get("station", ""),
         operator=given.get("operator", ""),
         fixture=given.get("fixture", ""),
@@ -150,7 +227,7 @@ def _waves_of(path: Path, record: Record) -> list[Wave]:
 def _checked_time(path: Path, text: str) -> str:
     """HrgError: a text that is no time."""
     try:
-        return iso(moment(text)) if text else ""
+        return format_time(parse_time(text)) if text else ""
     except (ValueError, OverflowError) as error:
         raise HrgError(
             f"{path}: is of {text[:40]!r}, a time such as 2026-01-31T12:00:00Z was expected"

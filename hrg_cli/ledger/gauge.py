@@ -111,15 +111,47 @@ class _Design:
         )
 
 
-def gauge_study(
+def study_gauge(
     values: Array,
     own_std: Array,
     gyros: Sequence[str],
     stations: Sequence[str],
     confidence: float = CONFIDENCE,
 ) -> GaugeStudy | None:
-    """The study of values (n,) with their stated standard deviations (n,) (0 where none is known),
-    gyro and station; None for fewer than `FEWEST_GYROS`, or where all values are the same."""
+    """What differs between gyros, between stations, and between repeats, by restricted maximum
+    likelihood.
+
+    x = μ + gyro + station + gyro·station + repeat (Patterson and Thompson, 1971).
+
+    Parameters
+    ----------
+    values
+        Of a figure (n,), one a result.
+    own_std
+        What each states as its standard deviation (n,); 0: not known.
+    gyros, stations
+        Of each result.
+    confidence
+        Of the intervals.
+
+    Returns
+    -------
+    GaugeStudy or None
+        None for fewer than 3 gyros, or where all values are the same.
+
+    Examples
+    --------
+    Gyros that differ by far more than stations and repeats:
+
+    >>> import numpy as np
+    >>> from hrg_cli.ledger.gauge import study_gauge
+    >>> gyro = np.repeat(np.arange(12), 4)
+    >>> random = np.random.default_rng(1)
+    >>> x = 10 * random.standard_normal(12)[gyro] + random.standard_normal(48)
+    >>> found = study_gauge(x, np.zeros(48), [str(k) for k in gyro], ["north", "south"] * 24)
+    >>> found.gyros, found.stations, found.gyro_std > 5 * found.gauge_std, found.categories > 5
+    (12, 2, True, True)
+    """
     x, own = np.asarray(values, float), np.asarray(own_std, float)
     middle, scale = float(x.mean()), float(np.std(x))
     if len(set(gyros)) < FEWEST_GYROS or not scale > 0:
@@ -179,17 +211,42 @@ def _log_likelihood(design: _Design, std: dict[str, float]) -> float:
 
 def _terms(design: _Design, std: dict[str, float]) -> tuple[float, float]:
     """(restricted log-likelihood, the mean μ) by generalized least squares."""
-    level, mean = likelihoods(design, {name: np.array([value]) for name, value in std.items()})
+    level, mean = compute_likelihoods(
+        design, {name: np.array([value]) for name, value in std.items()}
+    )
     return float(level[0]), float(mean[0])
 
 
-def likelihoods(design: _Design, std: dict[str, Array]) -> tuple[Array, Array]:
-    """(restricted log-likelihood (p,), the mean μ (p,)) at p points, whose standard deviations (p,)
-    are given by name.
+def compute_likelihoods(design: _Design, std: dict[str, Array]) -> tuple[Array, Array]:
+    """Restricted log-likelihoods of a gauge study, and the means that go with them, at p points.
 
     Rows become cells and cells gyros by weighted means: what lies within a group has the level's
     weights, its mean the variance 1/Σw + σ². This loses no digits where gyros differ far more than
     repeats, and the work grows with n for any number of gyros.
+
+    Parameters
+    ----------
+    design
+        The results.
+    std
+        Component -> its standard deviations (p,).
+
+    Returns
+    -------
+    tuple of ndarray
+        Log-likelihood up to a constant, and μ, (p,) each.
+
+    Examples
+    --------
+    Values that scatter by 1 are likelier by a spread of 1 between gyros than by one of 10:
+
+    >>> import numpy as np
+    >>> from hrg_cli.ledger.gauge import _design
+    >>> from hrg_cli.ledger.gauge import compute_likelihoods
+    >>> design = _design(np.array([-1.0, 0.0, 1.0]), np.full(3, 1e-4), list("abc"), ["north"] * 3)
+    >>> level, mean = compute_likelihoods(design, {"gyro": np.array([1.0, 10.0])})
+    >>> bool(level[0] > level[1]), np.abs(mean).round(9).tolist()
+    (True, [0.0, 0.0])
     """
     points = max(map(np.size, std.values()), default=1)
     power = {name: np.broadcast_to(std.get(name, 0.0), points) ** 2 for name in NAMES}
@@ -256,7 +313,7 @@ def _climb(design: _Design, names: Sequence[str], start: Array, fixed: dict[str,
 
     def falling(logarithms: Array) -> tuple[float, Array]:
         free = dict(zip(names, np.exp(logarithms + shifts).T))
-        level, _ = likelihoods(design, {**held, **free})
+        level, _ = compute_likelihoods(design, {**held, **free})
         return -float(level[0]), (level[0] - level[1:]) / STEP
 
     bounds = [(math.log(LEAST), math.log(LARGEST))] * len(names)

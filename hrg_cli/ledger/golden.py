@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .charts import Chart, chart
+from .charts import Chart, make_chart
 from .entry import Entry
-from .series import FigureSeries, series
-from .trend import Move, Trend, mean_of, move, repeats_p, trend
+from .series import FigureSeries, make_series
+from .trend import Move, Trend, compute_mean, compute_repeats_p, find_move, fit_trend
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,41 @@ class Golden:
     """The chart's points in the order of time."""
 
 
-def golden_unit(entries: Sequence[Entry], names: Sequence[str], by: str) -> list[Golden]:
-    """A row a station and figure, of the golden unit's own results of one kind in the order of
-    time; a figure that a station's results do not have has no row."""
+def describe_golden_unit(entries: Sequence[Entry], names: Sequence[str], by: str) -> list[Golden]:
+    """How a golden unit was measured on each station.
+
+    Parameters
+    ----------
+    entries
+        Its own results of one kind, in the order of time.
+    names
+        Figures.
+    by
+        What tells stations apart: "station", "operator" …
+
+    Returns
+    -------
+    list of Golden
+        A row a station and figure; a figure that a station's results do not have has none.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry, Figure
+    >>> from hrg_cli.ledger.golden import describe_golden_unit
+    >>> def tell(station, value, day):
+    ...     figures = {"scale_factor": Figure(value, 1e-3, "1")}
+    ...     return Entry(
+    ...         f"{station}{day}", "r.h5", "resonator", "SN-1", f"2026-01-0{day}T00:00:00Z", "valid",
+    ...         station=station, figures=figures,
+    ...     )
+    >>> entries = [tell("north", 0.55, 1), tell("south", 0.56, 2)]
+    >>> rows = describe_golden_unit(entries, ["scale_factor"], "station")
+    >>> [(row.station, round(row.from_others.change, 9)) for row in rows]
+    [('north', -0.01), ('south', 0.01)]
+    """
     rows = []
     for name in names:
-        whole = series(entries, name)
+        whole = make_series(entries, name)
         stations = np.array([str(getattr(e, by)) for e in whole.entries], dtype=object)
         for station in sorted(set(stations)):
             here = stations == station
@@ -53,7 +82,7 @@ def golden_unit(entries: Sequence[Entry], names: Sequence[str], by: str) -> list
 
 
 def _row(station: str, own: FigureSeries, others: FigureSeries) -> Golden:
-    mean, std = mean_of(own)
+    mean, std = compute_mean(own)
     return Golden(
         station=station,
         kind=own.entries[0].kind,
@@ -63,15 +92,15 @@ def _row(station: str, own: FigureSeries, others: FigureSeries) -> Golden:
         mean=mean,
         mean_std=std,
         from_others=_difference(own, others) if len(others) else None,
-        since_first=move(own, old=0),
-        trend=trend(own),
-        scatter_p=repeats_p(own),
-        chart=chart(own.values),
+        since_first=find_move(own, old=0),
+        trend=fit_trend(own),
+        scatter_p=compute_repeats_p(own),
+        chart=make_chart(own.values),
         measured=own,
     )
 
 
 def _difference(own: FigureSeries, others: FigureSeries) -> Move:
-    (mean, std), (other, other_std) = mean_of(own), mean_of(others)
+    (mean, std), (other, other_std) = compute_mean(own), compute_mean(others)
     both = math.hypot(std, other_std)
     return Move(mean - other, (mean - other) / both if both > 0 else None)

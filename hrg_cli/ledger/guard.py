@@ -33,10 +33,31 @@ class Risks:
     outside_if_accepted: float
 
 
-def guard_limits(
+def compute_guard_limits(
     minimum: float | None, maximum: float | None, measurement_std: float, k: float
 ) -> tuple[float | None, float | None]:
-    """The acceptance limits (lower, upper): the tolerance less k·u on each side."""
+    """Acceptance limits: the tolerance less k standard deviations of measurement on each side.
+
+    Parameters
+    ----------
+    minimum, maximum
+        The tolerance; None: there is no such limit.
+    measurement_std
+        u.
+    k
+        Width of the guard band in u.
+
+    Returns
+    -------
+    tuple
+        Lower and upper limit; None as in the tolerance.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.guard import compute_guard_limits
+    >>> compute_guard_limits(-1.0, 1.0, 0.1, 2.0), compute_guard_limits(None, 1.0, 0.1, 2.0)
+    ((-0.8, 0.8), (None, 0.8))
+    """
     band = k * measurement_std
     return (
         None if minimum is None else minimum + band,
@@ -44,16 +65,44 @@ def guard_limits(
     )
 
 
-def probability_outside(
+def compute_probability_outside(
     value: float,
     measurement_std: float,
     minimum: float | None,
     maximum: float | None,
     population: tuple[float, float] | None = None,
 ) -> float:
-    """Probability that the true figure of one gyro is outside, given its measured value: with the
-    population's (μ, σ_g) known before the measurement, else from the measurement alone (JCGM
-    106:2012, 7.2 to 7.4)."""
+    """Probability that the true figure of one gyro is outside, given its measured value.
+
+    With the population known before the measurement, or else from the measurement alone (JCGM
+    106:2012, 7.2 to 7.4).
+
+    Parameters
+    ----------
+    value
+        As measured.
+    measurement_std
+        u.
+    minimum, maximum
+        The tolerance; None: there is no such limit.
+    population
+        Mean and standard deviation of the gyros; None: not known.
+
+    Returns
+    -------
+    float
+        0 to 1.
+
+    Examples
+    --------
+    A value at the limit is outside as likely as not, unless gyros are seldom that far out:
+
+    >>> from hrg_cli.ledger.guard import compute_probability_outside
+    >>> compute_probability_outside(1.0, 0.1, None, 1.0)
+    0.5
+    >>> round(compute_probability_outside(1.0, 0.1, None, 1.0, (0.0, 0.1)), 6)
+    0.0
+    """
     mean, std = value, measurement_std
     if population is not None and measurement_std > 0:
         prior, spread = population
@@ -68,17 +117,46 @@ def probability_outside(
     return min(1.0, below + above)
 
 
-def risks(
+def compute_risks(
     population: tuple[float, float],
     measurement_std: float,
     minimum: float | None,
     maximum: float | None,
     k: float,
 ) -> Risks:
-    """The risks of a decision with guard bands of k·u, u > 0, by integration over the true values
-    η (JCGM 106:2012, 9.5): ∫ N(η; μ, σ_g²) P(accepted | η) dη outside the limits, and its like."""
+    """The risks of a decision with guard bands of k·u, by integration over the true values.
+
+    ∫ N(η; μ, σ_g²) P(accepted | η) dη outside the limits, and its like (JCGM 106:2012, 9.5).
+
+    Parameters
+    ----------
+    population
+        Mean μ and standard deviation σ_g of the gyros.
+    measurement_std
+        u, above 0.
+    minimum, maximum
+        The tolerance; None: there is no such limit.
+    k
+        Width of the guard band in u.
+
+    Returns
+    -------
+    Risks
+        Of accepting wrongly and of rejecting wrongly.
+
+    Examples
+    --------
+    A guard band buys less false acceptance with more false rejection:
+
+    >>> from hrg_cli.ledger.guard import compute_risks
+    >>> bare, guarded = (compute_risks((0.0, 0.5), 0.1, -1.0, 1.0, k) for k in (0.0, 2.0))
+    >>> guarded.false_acceptance < bare.false_acceptance
+    True
+    >>> guarded.false_rejection > bare.false_rejection
+    True
+    """
     mean, spread = population[0], max(population[1], LEAST_SPREAD * measurement_std)
-    low, high = guard_limits(minimum, maximum, measurement_std, k)
+    low, high = compute_guard_limits(minimum, maximum, measurement_std, k)
     true, weight = _nodes(mean, spread, measurement_std, [minimum, maximum], [low, high])
     density = weight * stats.norm.pdf(true, mean, spread)
     passed = np.ones_like(true)

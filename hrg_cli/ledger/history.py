@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..reporting.figure_names import name_of_figure
-from .charts import Chart, chart
+from .charts import Chart, make_chart
 from .entry import KINDS, Entry
-from .judging import Bounds, Held, bounds_of, hold_limits, share_of_limit, tables_of
-from .overview import gauge_of, list_gyros, no_such
-from .series import AXIS, list_usual_figures, select_independent, series
-from .trend import Move, Trend, days_to_limit, move, trend
+from .judging import Bounds, Held, compute_share_of_limit, find_bounds, find_tables, hold_limits
+from .overview import explain_unknown, find_gauge, list_gyros
+from .series import AXIS, list_usual_figures, make_series, select_independent
+from .trend import Move, Trend, compute_days_to_limit, find_move, fit_trend
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ MOST_MOVED_SIGMA = 5.0
 
 @dataclass(frozen=True)
 class History:
-    """Everything `history` tells: the results in the order of processing, which of them count (not
+    """Everything `tell_history` tells: the results in the order of processing, which of them count (not
     refused, not processed again later), the figures, and the newest ones' rows against limits."""
 
     gyro_id: str
@@ -86,7 +86,7 @@ class History:
         )
 
 
-def history(
+def tell_history(
     entries: Sequence[Entry],
     gyro_id: str,
     *,
@@ -95,27 +95,63 @@ def history(
     guard_sigma: float = 0.0,
     by: str = "station",
 ) -> History:
-    """Tell of one gyro; a guard band's σ is that of the whole ledger's gauge study.
+    """Everything that the ledger tells of one gyro.
 
-    names: the figures that are told (default: those with limits or a σ). UsageError: a gyro or
-    figure that is not there. HrgError: limits that are for no kind here.
+    Parameters
+    ----------
+    entries
+        Of the whole ledger: a guard band's σ is that of its gauge study.
+    gyro_id
+        The gyro.
+    limits
+        Of a figure; None: there are none.
+    names
+        Figures that are told; empty: those with limits or a σ.
+    guard_sigma
+        Width of the guard bands.
+    by
+        What tells stations apart.
+
+    Returns
+    -------
+    History
+        Results in the order of processing, and how each figure moved.
+
+    Raises
+    ------
+    HrgError
+        Limits that are for no kind here; UsageError for a gyro or a figure that is not there.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry, Figure
+    >>> from hrg_cli.ledger.history import tell_history
+    >>> def tell(value, day):
+    ...     figures = {"scale_factor": Figure(value, 1e-3, "1")}
+    ...     return Entry(
+    ...         str(day), "r.h5", "resonator", "SN-1", f"2026-01-0{day}T00:00:00Z", "valid",
+    ...         figures=figures,
+    ...     )
+    >>> (figure,) = tell_history([tell(0.55, 1), tell(0.56, 2)], "SN-1").figures
+    >>> round(figure.since_before.change, 9), round(figure.since_before.sigma, 2)
+    (0.01, 7.07)
     """
     own = sorted((e for e in entries if e.gyro_id == gyro_id), key=lambda e: (e.processed, e.added))
     if not own:
-        raise no_such(gyro_id, "gyro", {e.gyro_id for e in entries})
+        raise explain_unknown(gyro_id, "gyro", {e.gyro_id for e in entries})
     for name in names:
         if not any(name in e.figures for e in own):
-            raise no_such(name, "figure", {n for e in own for n in e.figures})
+            raise explain_unknown(name, "figure", {n for e in own for n in e.figures})
     counting = select_independent(own)
     kinds = [kind for kind in KINDS if any(e.kind == kind for e in own)]
-    tables = tables_of(limits, kinds) if limits else {}
+    tables = find_tables(limits, kinds) if limits else {}
     figures: list[FigureHistory] = []
     against: list[Held] = []
     for kind in kinds:
         of_kind = [e for e in counting if e.kind == kind]
         table = tables.get(kind, {})
         every = [e for e in own if e.kind == kind]
-        bounds = bounds_of(every, table) if table else {}
+        bounds = find_bounds(every, table) if table else {}
         told = names or list(dict.fromkeys([*bounds, *list_usual_figures(of_kind)]))
         figures += [
             _figure(of_kind, kind, name, bounds.get(name, (None, None)))
@@ -124,7 +160,7 @@ def history(
         ]
         whole = select_independent([e for e in entries if e.kind == kind])
         gauges = {
-            name: gauge_of(list_gyros(whole, kind, name, limit, None, by, guard_sigma))
+            name: find_gauge(list_gyros(whole, kind, name, limit, None, by, guard_sigma))
             for name, limit in bounds.items()
             if not name.endswith(AXIS)
         }
@@ -135,8 +171,8 @@ def history(
 
 
 def _figure(entries: Sequence[Entry], kind: str, name: str, bounds: Bounds) -> FigureHistory:
-    found = series(entries, name)
-    line, before, first = trend(found), move(found), move(found, old=0)
+    found = make_series(entries, name)
+    line, before, first = fit_trend(found), find_move(found), find_move(found, old=0)
     last = float(found.values[-1])
     return FigureHistory(
         kind=kind,
@@ -148,9 +184,9 @@ def _figure(entries: Sequence[Entry], kind: str, name: str, bounds: Bounds) -> F
         bounds=bounds,
         since_before=before,
         since_first=first,
-        share_before=None if before is None else share_of_limit(before.change, bounds),
-        share_first=None if first is None else share_of_limit(first.change, bounds),
+        share_before=None if before is None else compute_share_of_limit(before.change, bounds),
+        share_first=None if first is None else compute_share_of_limit(first.change, bounds),
         trend=line,
-        days_to_limit=None if line is None else days_to_limit(last, line, *bounds),
-        chart=chart(found.values),
+        days_to_limit=None if line is None else compute_days_to_limit(last, line, *bounds),
+        chart=make_chart(found.values),
     )

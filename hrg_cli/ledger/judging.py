@@ -12,7 +12,7 @@ from ..errors import HrgError
 from ..limits import Judged, Row, rows_of, table_of
 from ..reporting.answer import describe_requirement
 from .entry import Entry
-from .guard import guard_limits, probability_outside
+from .guard import compute_guard_limits, compute_probability_outside
 
 NO_FIGURE = ("status", "verdict")
 Bounds = tuple[float | None, float | None]
@@ -58,9 +58,38 @@ class Held:
         return f"{shown.label} is {shown.value}, the limit is {shown.limit}"
 
 
-def tables_of(limits: Mapping[str, Any], kinds: Sequence[str]) -> dict[str, Mapping[str, Any]]:
-    """Kind -> its limits; without the kinds that have none. HrgError: limits for no kind at all, or
-    without a table while there are several kinds. UsageError: a table that looks mistyped."""
+def find_tables(limits: Mapping[str, Any], kinds: Sequence[str]) -> dict[str, Mapping[str, Any]]:
+    """The limits of each kind of file.
+
+    Parameters
+    ----------
+    limits
+        Kind -> its table, or one table alone.
+    kinds
+        That are there.
+
+    Returns
+    -------
+    dict
+        Kind -> its limits, of those that have some.
+
+    Raises
+    ------
+    HrgError
+        Limits for no kind at all, or without a table while there are several kinds; UsageError for
+        a table that looks mistyped.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.judging import find_tables
+    >>> limits = {"scale_factor": {"minimum": 0.5}}
+    >>> find_tables(limits, ["resonator"])
+    {'resonator': {'scale_factor': {'minimum': 0.5}}}
+    >>> find_tables(limits, ["resonator", "calibration"])
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: the limits have no table for resonator or calibration files; write one, ...
+    """
     found = {
         kind: table_of(kind, limits) for kind in kinds if isinstance(limits.get(kind), Mapping)
     }
@@ -74,9 +103,30 @@ def tables_of(limits: Mapping[str, Any], kinds: Sequence[str]) -> dict[str, Mapp
     return found
 
 
-def bounds_of(entries: Sequence[Entry], table: Mapping[str, Any]) -> dict[str, Bounds]:
-    """Figure -> its (minimum, maximum), of the figures that some of these results of one kind
-    have."""
+def find_bounds(entries: Sequence[Entry], table: Mapping[str, Any]) -> dict[str, Bounds]:
+    """Minimum and maximum of the figures that results have.
+
+    Parameters
+    ----------
+    entries
+        Of one kind.
+    table
+        Its limits.
+
+    Returns
+    -------
+    dict
+        Figure -> (minimum, maximum), None where there is none.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry, Figure
+    >>> from hrg_cli.ledger.judging import find_bounds
+    >>> figures = {"scale_factor": Figure(0.55, 1e-3, "1")}
+    >>> entry = Entry("", "r.h5", "resonator", "SN-1", "", "valid", figures=figures)
+    >>> find_bounds([entry], {"scale_factor": {"minimum": 0.5}})
+    {'scale_factor': (0.5, None)}
+    """
     found: dict[str, Bounds] = {}
     for entry in entries:
         for row in rows_of(_judge_entry(entry), table):
@@ -88,7 +138,36 @@ def bounds_of(entries: Sequence[Entry], table: Mapping[str, Any]) -> dict[str, B
 def hold_limits(
     entry: Entry, table: Mapping[str, Any], k: float, gauges: Mapping[str, GaugeOf]
 ) -> list[Held]:
-    """A result's figures against the limits of its kind, guard bands k σ of measurement wide."""
+    """A result's figures against the limits of its kind.
+
+    Parameters
+    ----------
+    entry
+        The result.
+    table
+        Of its kind.
+    k
+        Width of the guard bands in σ of measurement.
+    gauges
+        Figure -> what is known of its measurement.
+
+    Returns
+    -------
+    list of Held
+        A row a limit, that of the status first.
+
+    Examples
+    --------
+    Within its limit, but less than two σ from it:
+
+    >>> from hrg_cli.ledger.entry import Entry, Figure
+    >>> from hrg_cli.ledger.judging import hold_limits
+    >>> figures = {"scale_factor": Figure(0.501, 1e-3, "1")}
+    >>> entry = Entry("", "r.h5", "resonator", "SN-1", "", "valid", figures=figures)
+    >>> _, row = hold_limits(entry, {"scale_factor": {"minimum": 0.5}}, 2.0, {})
+    >>> row.row.passed, row.in_guard_band, row.passed
+    (True, True, False)
+    """
     found = []
     for row in rows_of(_judge_entry(entry), table):
         if row.name in NO_FIGURE or row.value is None:
@@ -99,16 +178,38 @@ def hold_limits(
         if std is None:
             found.append(Held(row, None, False, None))
             continue
-        low, high = guard_limits(row.minimum, row.maximum, std, k)
+        low, high = compute_guard_limits(row.minimum, row.maximum, std, k)
         clear = (low is None or row.value >= low) and (high is None or row.value <= high)
-        risk = probability_outside(row.value, std, row.minimum, row.maximum, gauge.population)
+        risk = compute_probability_outside(
+            row.value, std, row.minimum, row.maximum, gauge.population
+        )
         found.append(Held(row, std, row.passed and not clear, risk))
     return found
 
 
-def share_of_limit(change: float, bounds: Bounds) -> float | None:
-    """A change over the width of the tolerance, over the limit's own size where there is one; None
-    where that is 0."""
+def compute_share_of_limit(change: float, bounds: Bounds) -> float | None:
+    """A change over the width of the tolerance.
+
+    Parameters
+    ----------
+    change
+        In the unit of the limits.
+    bounds
+        Minimum and maximum; None: there is no such limit.
+
+    Returns
+    -------
+    float or None
+        Over the limit's own size where there is one alone; None where that is 0.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.judging import compute_share_of_limit
+    >>> compute_share_of_limit(0.5, (-1.0, 1.0)), compute_share_of_limit(0.5, (None, 2.0))
+    (0.25, 0.25)
+    >>> compute_share_of_limit(0.5, (None, None)) is None
+    True
+    """
     low, high = bounds
     if low is not None and high is not None:
         width = high - low

@@ -14,15 +14,22 @@ import numpy as np
 from ..errors import UsageError
 from ..limit_values import suggest
 from ..reporting.figure_names import name_of_figure
-from .capability import Capability, capability
-from .charts import BEYOND, FALSE_ALARMS, Chart, chart
+from .capability import Capability, compute_capability
+from .charts import BEYOND, FALSE_ALARMS, Chart, make_chart
 from .entry import KINDS, Entry
-from .gauge import GaugeStudy, gauge_study
-from .golden import Golden, golden_unit
-from .guard import Risks, risks
-from .judging import Bounds, GaugeOf, Held, bounds_of, hold_limits, tables_of
-from .series import AXIS, FigureSeries, list_usual_figures, newest, select_independent, series
-from .trend import move
+from .gauge import GaugeStudy, study_gauge
+from .golden import Golden, describe_golden_unit
+from .guard import Risks, compute_risks
+from .judging import Bounds, GaugeOf, Held, find_bounds, find_tables, hold_limits
+from .series import (
+    AXIS,
+    FigureSeries,
+    find_newest,
+    list_usual_figures,
+    make_series,
+    select_independent,
+)
+from .trend import find_move
 
 Array = np.ndarray
 SHOWN = 5
@@ -125,7 +132,7 @@ class Overview:
         return FALSE_ALARMS * charted
 
 
-def overview(
+def make_overview(
     entries: Sequence[Entry],
     *,
     limits: Mapping[str, Any] | None = None,
@@ -134,20 +141,56 @@ def overview(
     guard_sigma: float = 0.0,
     by: str = "station",
 ) -> Overview:
-    """Tell of results.
+    """Everything that the ledger tells of results over all gyros.
 
-    names: the figures that are told (default: those with limits, without limits those with a σ).
-    UsageError: a figure or golden unit that is not there. HrgError: limits that are for none of the
-    kinds.
+    Parameters
+    ----------
+    entries
+        The results.
+    limits
+        Of figures; None: there are none.
+    golden
+        Serial number of the golden unit; None: there is none.
+    names
+        Figures that are told; empty: those with limits, without limits those with a σ.
+    guard_sigma
+        Width of the guard bands.
+    by
+        What tells stations apart.
+
+    Returns
+    -------
+    Overview
+        Every gyro's standing, and of every figure its population.
+
+    Raises
+    ------
+    HrgError
+        Limits that are for none of the kinds; UsageError for a figure or golden unit that is not
+        there.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry, Figure
+    >>> from hrg_cli.ledger.overview import make_overview
+    >>> def tell(gyro, value):
+    ...     figures = {"scale_factor": Figure(value, 1e-3, "1")}
+    ...     return Entry(
+    ...         gyro, "r.h5", "resonator", gyro, "2026-01-01T00:00:00Z", "valid", figures=figures
+    ...     )
+    >>> found = make_overview([tell("SN-1", 0.55), tell("SN-2", 0.57)])
+    >>> (figure,) = found.figures
+    >>> figure.name, figure.gyros, round(figure.mean, 9)
+    ('scale_factor', 2, 0.56)
     """
     counting = select_independent(entries)
     kinds = [kind for kind in KINDS if any(e.kind == kind for e in entries)]
-    tables = tables_of(limits, kinds) if limits else {}
+    tables = find_tables(limits, kinds) if limits else {}
     if golden is not None and not any(e.gyro_id == golden for e in entries):
-        raise no_such(golden, "gyro", {e.gyro_id for e in entries})
+        raise explain_unknown(golden, "gyro", {e.gyro_id for e in entries})
     for name in names:
         if not any(name in e.figures for e in entries):
-            raise no_such(name, "figure", {n for e in entries for n in e.figures})
+            raise explain_unknown(name, "figure", {n for e in entries for n in e.figures})
     reports: list[FigureReport] = []
     standings: list[Standing] = []
     rows: list[Golden] = []
@@ -155,7 +198,7 @@ def overview(
         every = [e for e in entries if e.kind == kind]
         of_kind = [e for e in counting if e.kind == kind]
         table = tables.get(kind, {})
-        bounds = bounds_of(every, table) if table else {}
+        bounds = find_bounds(every, table) if table else {}
         told = [n for n in names if any(n in e.figures for e in of_kind)]
         told = told or ([] if names else list(bounds) if limits else list_usual_figures(of_kind))
         found = [
@@ -164,11 +207,11 @@ def overview(
             if not name.endswith(AXIS)
         ]
         reports += found
-        gauges = {f.name: gauge_of(f) for f in found}
+        gauges = {f.name: find_gauge(f) for f in found}
         standings += _standings(every, of_kind, table, guard_sigma, gauges)
         if golden is not None:
             own = [e for e in of_kind if e.gyro_id == golden]
-            rows += golden_unit(own, told, by)
+            rows += describe_golden_unit(own, told, by)
     refused = sum(e.status == "refused" for e in entries)
     return Overview(
         entries=len(entries),
@@ -182,8 +225,29 @@ def overview(
     )
 
 
-def no_such(word: str, what: str, known: Iterable[str]) -> UsageError:
-    """The error for a name that the ledger does not hold."""
+def explain_unknown(word: str, what: str, known: Iterable[str]) -> UsageError:
+    """The error for a name that the ledger does not hold.
+
+    Parameters
+    ----------
+    word
+        As it was written.
+    what
+        It was to name: "gyro", "figure".
+    known
+        Names that are there.
+
+    Returns
+    -------
+    UsageError
+        With the name that was likely meant.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.overview import explain_unknown
+    >>> print(explain_unknown("SN-11", "gyro", ["SN-1", "SN-12"]))
+    the ledger holds no gyro 'SN-11'; ...
+    """
     hint = suggest(word, known) or "`hrg ledger show` lists what is there"
     return UsageError(f"the ledger holds no {what} {word!r}; {hint}")
 
@@ -197,18 +261,56 @@ def list_gyros(
     by: str,
     guard_sigma: float,
 ) -> FigureReport:
-    """A figure over the gyros; the golden unit, of which there is one, counts in the gauge study
-    alone."""
-    made = newest(e for e in entries if name in e.figures)
-    population = series([e for e in made.values() if e.gyro_id != golden], name)
+    """A figure over the gyros, one value a gyro, its newest.
+
+    Parameters
+    ----------
+    entries
+        Results of one kind that count.
+    kind
+        Of them.
+    name
+        Figure.
+    bounds
+        Its minimum and maximum.
+    golden
+        Serial number of the golden unit, which counts in the gauge study alone; None: there is
+        none.
+    by
+        What tells stations apart.
+    guard_sigma
+        Width of the guard bands.
+
+    Returns
+    -------
+    FigureReport
+        Chart, capability, gauge study and risks, where there are results enough.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry, Figure
+    >>> from hrg_cli.ledger.overview import list_gyros
+    >>> def tell(gyro, value):
+    ...     figures = {"scale_factor": Figure(value, 1e-3, "1")}
+    ...     return Entry(
+    ...         gyro, "r.h5", "resonator", gyro, "2026-01-01T00:00:00Z", "valid", figures=figures
+    ...     )
+    >>> entries = [tell("SN-1", 0.55), tell("SN-2", 0.57), tell("golden", 0.9)]
+    >>> bounds = (None, None)
+    >>> found = list_gyros(entries, "resonator", "scale_factor", bounds, "golden", "station", 0.0)
+    >>> found.gyros, round(found.mean, 9), found.chart
+    (2, 0.56, None)
+    """
+    made = find_newest(e for e in entries if name in e.figures)
+    population = make_series([e for e in made.values() if e.gyro_id != golden], name)
     population = population.select(np.argsort(population.times, kind="stable"))
     values = population.values
-    every = series(entries, name)
+    every = make_series(entries, name)
     own = np.where(np.isnan(every.stds), 0.0, every.stds)
     where = [str(getattr(e, by)) for e in every.entries]
-    gauge = gauge_study(every.values, own, [e.gyro_id for e in every.entries], where)
+    gauge = study_gauge(every.values, own, [e.gyro_id for e in every.entries], where)
     wrong = (
-        risks((gauge.mean, gauge.gyro_std), gauge.gauge_std, *bounds, guard_sigma)
+        compute_risks((gauge.mean, gauge.gyro_std), gauge.gauge_std, *bounds, guard_sigma)
         if gauge is not None and gauge.gauge_std > 0 and bounds != (None, None)
         else None
     )
@@ -221,9 +323,9 @@ def list_gyros(
         mean_std=_std_of_mean(values, population.stds),
         std=float(values.std(ddof=1)) if len(values) > 1 else None,
         bounds=bounds,
-        chart=chart(values),
+        chart=make_chart(values),
         measured=population,
-        capability=capability(values, *bounds),
+        capability=compute_capability(values, *bounds),
         gauge=gauge,
         risks=wrong,
     )
@@ -237,8 +339,26 @@ def _std_of_mean(values: Array, stds: Array) -> float | None:
     return max(float(spread), own) or None
 
 
-def gauge_of(figure: FigureReport) -> GaugeOf:
-    """What the gauge study says of a figure's measurement."""
+def find_gauge(figure: FigureReport) -> GaugeOf:
+    """What a figure's gauge study tells of one measurement.
+
+    Parameters
+    ----------
+    figure
+        Over the gyros.
+
+    Returns
+    -------
+    GaugeOf
+        Without a study, nothing beyond a result's own σ.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.ledger.overview import find_gauge
+    >>> find_gauge(Told(gauge=None))
+    GaugeOf(beyond_own=0.0, population=None)
+    """
     if figure.gauge is None:
         return GaugeOf()
     beyond = math.sqrt(max(0.0, figure.gauge.gauge_std**2 - figure.gauge.own_std**2))
@@ -254,7 +374,7 @@ def _standings(
 ) -> list[Standing]:
     """A row a gyro, those that miss a limit first, then by how far they moved."""
     results = Counter(e.gyro_id for e in every)
-    last = newest(sorted(every, key=lambda e: (e.processed, e.added)))
+    last = find_newest(sorted(every, key=lambda e: (e.processed, e.added)))
     rows = []
     for entry in last.values():
         own = [e for e in counting if e.gyro_id == entry.gyro_id]
@@ -274,6 +394,9 @@ def _standings(
 
 def _most_moved(entries: Sequence[Entry]) -> tuple[str, float | None]:
     """The figure that moved most since the measurement before, in σ."""
-    moves = [(name, move(series(entries[-2:], name))) for name in list_usual_figures(entries[-2:])]
+    moves = [
+        (name, find_move(make_series(entries[-2:], name)))
+        for name in list_usual_figures(entries[-2:])
+    ]
     known = [(name, m.sigma) for name, m in moves if m is not None and m.sigma is not None]
     return max(known, key=lambda pair: abs(pair[1]), default=("", None))

@@ -13,12 +13,30 @@ from .golden import Golden
 from .history import FigureHistory, History
 from .judging import Bounds, Held
 from .overview import FigureReport, Overview, Standing
-from .times import iso
+from .times import format_time
 from .trend import Move, Trend
 
 
-def of_overview(found: Overview) -> dict[str, Any]:
-    """Everything, as an object of plain values."""
+def describe_overview(found: Overview) -> dict[str, Any]:
+    """The JSON of `hrg ledger show`.
+
+    Parameters
+    ----------
+    found
+        What it tells.
+
+    Returns
+    -------
+    dict
+        Plain values.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.report import describe_overview
+    >>> from hrg_cli.ledger.overview import make_overview
+    >>> describe_overview(make_overview([]))["gyros"]
+    []
+    """
     return {
         "entries": found.entries,
         "refused": found.refused,
@@ -30,13 +48,38 @@ def of_overview(found: Overview) -> dict[str, Any]:
     }
 
 
-def of_history(found: History) -> dict[str, Any]:
-    """Everything, as an object of plain values."""
+def describe_history(found: History) -> dict[str, Any]:
+    """The JSON of `hrg ledger history`.
+
+    Parameters
+    ----------
+    found
+        What it tells.
+
+    Returns
+    -------
+    dict
+        Plain values.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry
+    >>> from hrg_cli.ledger.history import tell_history
+    >>> from hrg_cli.ledger.report import describe_history
+    >>> entry = Entry("1", "r.h5", "resonator", "SN-1", "2026-01-01T00:00:00Z", "refused")
+    >>> told = describe_history(tell_history([entry], "SN-1"))
+    >>> told["gyro_id"], told["entries"][0]["counts"]
+    ('SN-1', False)
+    """
     counting = {entry.sha256 for entry in found.counting}
     return {
         "gyro_id": found.gyro_id,
         "entries": [
-            {**head(entry), "reasons": list(entry.reasons), "counts": entry.sha256 in counting}
+            {
+                **describe_entry(entry),
+                "reasons": list(entry.reasons),
+                "counts": entry.sha256 in counting,
+            }
             for entry in found.entries
         ],
         "figures": [_course(row) for row in found.figures],
@@ -44,15 +87,34 @@ def of_history(found: History) -> dict[str, Any]:
     }
 
 
-def head(entry: Entry) -> dict[str, Any]:
-    """An entry without its figures and samples."""
+def describe_entry(entry: Entry) -> dict[str, Any]:
+    """An entry without its figures, samples and reasons.
+
+    Parameters
+    ----------
+    entry
+        Of the ledger.
+
+    Returns
+    -------
+    dict
+        Plain values.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry
+    >>> from hrg_cli.ledger.report import describe_entry
+    >>> told = describe_entry(Entry("1", "r.h5", "resonator", "SN-1", "", "valid"))
+    >>> told["gyro_id"], "figures" in told
+    ('SN-1', False)
+    """
     left_out = ("figures", "samples", "reasons")
     return {key: value for key, value in vars(entry).items() if key not in left_out}
 
 
 def _standing(row: Standing) -> dict[str, Any]:
     return {
-        **head(row.entry),
+        **describe_entry(row.entry),
         "results": row.results,
         "measurements": row.measurements,
         "moved_most": row.moved_figure or None,
@@ -115,7 +177,7 @@ def _course(row: FigureHistory) -> dict[str, Any]:
     plain = {key: value for key, value in asdict(row).items() if key != "bounds"}
     return {
         **plain,
-        "times": [iso(t) for t in row.times],
+        "times": [format_time(t) for t in row.times],
         "limits": _bounds(row.bounds),
         "chart": _chart(row.chart, ()),
     }

@@ -11,7 +11,7 @@ import numpy as np
 from ..comparing import change_of
 from ..origins import overlap
 from .entry import Entry
-from .times import moment
+from .times import parse_time
 
 Array = np.ndarray
 DAY_S = 86_400.0
@@ -53,10 +53,32 @@ class FigureSeries:
 
 
 def select_independent(entries: Sequence[Entry]) -> list[Entry]:
-    """The results that count, in the order of time: those not refused, and of several made from the
-    same recorded samples the one made last.
+    """The results that count, in the order of time.
 
-    Time is that of measurement where every result knows it, else that of processing.
+    Those not refused, and of several made from the same recorded samples the one made last. Time is
+    that of measurement where every result knows it, else that of processing.
+
+    Parameters
+    ----------
+    entries
+        The results.
+
+    Returns
+    -------
+    list of Entry
+        One measurement each.
+
+    Examples
+    --------
+    The same samples processed twice are one measurement:
+
+    >>> from hrg_cli.ledger.entry import Entry
+    >>> from hrg_cli.ledger.series import select_independent
+    >>> def tell(day, samples):
+    ...     processed = f"2026-01-0{day}T00:00:00Z"
+    ...     return Entry(str(day), "", "resonator", "SN-1", processed, "valid", samples=(samples,))
+    >>> [entry.sha256 for entry in select_independent([tell(1, "a"), tell(2, "a"), tell(3, "b")])]
+    ['2', '3']
     """
     kept: list[Entry] = []
     taken: dict[tuple[str, str], list[str]] = {}
@@ -81,19 +103,61 @@ def _shared(one: str, other: str) -> bool:
 def _times_of(entries: Sequence[Entry]) -> Array:
     """Seconds since 1970: of measurement where all know it, else of processing."""
     try:
-        return np.array([moment(e.measured) for e in entries])
+        return np.array([parse_time(e.measured) for e in entries])
     except (ValueError, OverflowError):
-        return np.array([moment(e.processed) for e in entries])
+        return np.array([parse_time(e.processed) for e in entries])
 
 
-def newest(entries: Iterable[Entry]) -> dict[tuple[str, str], Entry]:
-    """(kind, gyro) -> the last of its results, in the order given."""
+def find_newest(entries: Iterable[Entry]) -> dict[tuple[str, str], Entry]:
+    """The last result of every gyro and kind.
+
+    Parameters
+    ----------
+    entries
+        In the order of time.
+
+    Returns
+    -------
+    dict
+        (kind, gyro) -> its last result.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry
+    >>> from hrg_cli.ledger.series import find_newest
+    >>> entries = [Entry(sha, "", "resonator", "SN-1", "", "valid") for sha in ("old", "new")]
+    >>> find_newest(entries)["resonator", "SN-1"].sha256
+    'new'
+    """
     return {(e.kind, e.gyro_id): e for e in entries}
 
 
-def series(entries: Sequence[Entry], name: str) -> FigureSeries:
-    """A figure of the results that have it; an axis, which repeats after π/m, without its jumps
-    from the first one."""
+def make_series(entries: Sequence[Entry], name: str) -> FigureSeries:
+    """A figure of the results that have it, in their order.
+
+    Parameters
+    ----------
+    entries
+        The results.
+    name
+        Figure.
+
+    Returns
+    -------
+    FigureSeries
+        An axis, which repeats after π/m, without its jumps from the first one.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry, Figure
+    >>> from hrg_cli.ledger.series import make_series
+    >>> def tell(value, day):
+    ...     processed, figures = f"2026-01-0{day}T00:00:00Z", {"scale_factor": Figure(value, None, "1")}
+    ...     return Entry(str(day), "", "resonator", "SN-1", processed, "valid", figures=figures)
+    >>> found = make_series([tell(0.55, 1), tell(0.56, 4)], "scale_factor")
+    >>> found.values.tolist(), found.days.tolist(), found.stds.tolist()
+    ([0.55, 0.56], [0.0, 3.0], [nan, nan])
+    """
     having = [e for e in entries if name in e.figures]
     figures = [e.figures[name] for e in having]
     first = figures[0].value if figures else 0.0
@@ -113,8 +177,26 @@ def _with_std(entries: Iterable[Entry]) -> list[str]:
 
 
 def list_usual_figures(entries: Iterable[Entry]) -> list[str]:
-    """The figures that are told where none are named: those with a σ, without a diagnosis's second
-    telling of the resonator and of what it gained."""
+    """The figures that are told where none are named: those with a standard deviation.
+
+    Parameters
+    ----------
+    entries
+        The results.
+
+    Returns
+    -------
+    list of str
+        Without a diagnosis's second telling of the resonator and of what it gained.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry, Figure
+    >>> from hrg_cli.ledger.series import list_usual_figures
+    >>> figures = {"scale_factor": Figure(0.55, 1e-3, "1"), "runs": Figure(4.0, None, "1")}
+    >>> list_usual_figures([Entry("", "", "resonator", "SN-1", "", "valid", figures=figures)])
+    ['scale_factor']
+    """
     return [
         name
         for name in _with_std(entries)

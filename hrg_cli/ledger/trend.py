@@ -38,8 +38,30 @@ class Trend:
         return self.slope_per_day / self.slope_std if self.slope_std > 0 else 0.0
 
 
-def move(series: FigureSeries, old: int = -2, new: int = -1) -> Move | None:
-    """From one measurement to another; None where there is only one."""
+def find_move(series: FigureSeries, old: int = -2, new: int = -1) -> Move | None:
+    """How a figure moved from one measurement to another.
+
+    Parameters
+    ----------
+    series
+        In the order of time.
+    old, new
+        Places of both.
+
+    Returns
+    -------
+    Move or None
+        The change, and what it is in σ of both; None where there is only one measurement.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.ledger.series import FigureSeries
+    >>> from hrg_cli.ledger.trend import find_move
+    >>> series = FigureSeries("", "1", np.array([1.0, 2.0]), np.array([0.3, 0.4]), np.zeros(2), ())
+    >>> find_move(series)
+    Move(change=1.0, sigma=2.0)
+    """
     if len(series) < 2:
         return None
     change = float(series.values[new] - series.values[old])
@@ -47,12 +69,32 @@ def move(series: FigureSeries, old: int = -2, new: int = -1) -> Move | None:
     return Move(change, change / both if both > 0 else None)
 
 
-def trend(series: FigureSeries) -> Trend | None:
-    """The line by least squares with weights 1/σ² (equal ones where a σ is not known); None for
-    fewer than three measurements, or for all of one time.
+def fit_trend(series: FigureSeries) -> Trend | None:
+    """The straight line of a figure over time, by least squares with weights 1/σ².
 
     σ of the slope is widened by √(χ²/dof) where that exceeds 1 (Birge, Phys. Rev. 40 (1932) 207),
     and taken from it alone where no σ is known.
+
+    Parameters
+    ----------
+    series
+        In the order of time.
+
+    Returns
+    -------
+    Trend or None
+        None for fewer than three measurements, or for all of one time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.ledger.series import DAY_S, FigureSeries
+    >>> from hrg_cli.ledger.trend import fit_trend
+    >>> days = np.array([0.0, 1.0, 2.0])
+    >>> series = FigureSeries("", "1", 0.5 * days, np.full(3, 0.1), days * DAY_S, ())
+    >>> found = fit_trend(series)
+    >>> round(found.slope_per_day, 9), round(found.sigma, 2)
+    (0.5, 7.07)
     """
     days = series.days
     if len(series) < 3 or not np.ptp(days) > 0:
@@ -69,8 +111,31 @@ def trend(series: FigureSeries) -> Trend | None:
     return Trend(slope, std, scatter if known else None)
 
 
-def mean_of(series: FigureSeries) -> tuple[float, float]:
-    """Weighted mean of a series and its σ, widened by the scatter where that exceeds the own σ."""
+def compute_mean(series: FigureSeries) -> tuple[float, float]:
+    """Weighted mean of a series with its standard deviation.
+
+    Parameters
+    ----------
+    series
+        At least one measurement.
+
+    Returns
+    -------
+    tuple of float
+        The mean, and its σ, widened by the scatter where that exceeds the own σ; NaN where nothing
+        tells it.
+
+    Examples
+    --------
+    Two measurements that are 10 of their own σ apart tell by their scatter how well they are known:
+
+    >>> import numpy as np
+    >>> from hrg_cli.ledger.series import FigureSeries
+    >>> from hrg_cli.ledger.trend import compute_mean
+    >>> series = FigureSeries("", "1", np.array([0.0, 1.0]), np.full(2, 0.1), np.zeros(2), ())
+    >>> [round(found, 9) for found in compute_mean(series)]
+    [0.5, 0.5]
+    """
     known = bool(np.all(series.stds > 0))
     weight = 1 / series.stds**2 if known else np.ones(len(series))
     mean = float(np.average(series.values, weights=weight))
@@ -81,9 +146,29 @@ def mean_of(series: FigureSeries) -> tuple[float, float]:
     return mean, math.sqrt(factor / float(weight.sum()))
 
 
-def repeats_p(series: FigureSeries) -> float | None:
-    """Probability that repeats of one gyro scatter so far by their own σ alone (χ²); None without
-    σ."""
+def compute_repeats_p(series: FigureSeries) -> float | None:
+    """Probability that repeats of one gyro scatter so far by their own standard deviations alone
+    (χ²).
+
+    Parameters
+    ----------
+    series
+        Of one gyro.
+
+    Returns
+    -------
+    float or None
+        None where a σ is not known, or there is one measurement.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.ledger.series import FigureSeries
+    >>> from hrg_cli.ledger.trend import compute_repeats_p
+    >>> series = FigureSeries("", "1", np.array([0.0, 1.0]), np.full(2, 0.1), np.zeros(2), ())
+    >>> compute_repeats_p(series) < 1e-9
+    True
+    """
     if len(series) < 2 or not np.all(series.stds > 0):
         return None
     weight = 1 / series.stds**2
@@ -92,11 +177,33 @@ def repeats_p(series: FigureSeries) -> float | None:
     return float(stats.chi2.sf(chi2, len(series) - 1))
 
 
-def days_to_limit(
+def compute_days_to_limit(
     value: float, found: Trend, minimum: float | None, maximum: float | None
 ) -> float | None:
-    """Days until the line reaches a limit; None where its slope is not significant, or the limit it
-    runs to is none."""
+    """Days until the line of a figure reaches a limit.
+
+    Parameters
+    ----------
+    value
+        The last one.
+    found
+        The line.
+    minimum, maximum
+        The limits; None: there is no such limit.
+
+    Returns
+    -------
+    float or None
+        None where the slope is less than 3 of its σ, or there is no limit where it runs to.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.trend import Trend, compute_days_to_limit
+    >>> compute_days_to_limit(0.8, Trend(0.01, 0.001, None), None, 1.0)
+    19.99...
+    >>> compute_days_to_limit(0.8, Trend(0.01, 0.01, None), None, 1.0) is None
+    True
+    """
     limit = maximum if found.slope_per_day > 0 else minimum
     if abs(found.sigma) < SIGNIFICANT or limit is None:
         return None

@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from ..ledger.history import FigureHistory, History
 from ..ledger.overview import FigureReport, Overview, Standing
-from ..ledger.times import iso
+from ..ledger.times import format_time
 from .figure_names import name_figures, name_of_figure
 from .figures.drawing import Plot, use_style, write_svg
 from .figures.ledger import ChartedFigure, draw_capability, draw_course
@@ -53,7 +53,7 @@ def make_overview_page(found: Overview, status: str) -> str:
 
     Parameters
     ----------
-    found : what `hrg_cli.ledger.overview.overview` tells.
+    found : what `hrg_cli.ledger.overview.make_overview` tells.
     status : "valid", "suspect" or "refused", as the command judges it.
     """
     table = tabulate_gyros(found)
@@ -82,7 +82,7 @@ def make_history_page(found: History, status: str) -> str:
 
     Parameters
     ----------
-    found : what `hrg_cli.ledger.history.history` tells.
+    found : what `hrg_cli.ledger.history.tell_history` tells.
     status : "valid", "suspect" or "refused", as the command judges it.
     """
     names = name_figures([(row.kind, row.name) for row in found.figures])
@@ -235,7 +235,7 @@ def _course_of(row: FigureHistory, name: str, place: int) -> ChartedFigure:
         times=times,
         values=np.array(row.values),
         stds=np.array(row.stds),
-        points=[iso(t)[:10] for t in row.times],
+        points=[format_time(t)[:10] for t in row.times],
         bounds=row.bounds,
         chart=row.chart,
         own=True,

@@ -126,11 +126,38 @@ def demodulate(
 
 
 def demodulate_quiet(recording: Recording, *, periods_per_window: float) -> Iterator[Periods]:
-    """As `demodulate`, of simulated samples (n,) without noise, of which the envelopes alone are
-    asked: without a search for lines, ends and the noise's colour. Harmonics are fitted beside,
-    whether there are any or not.
+    """`demodulate` of simulated samples without noise, of which the envelopes alone are asked.
 
-    HrgError: as `demodulate`.
+    Without a search for lines, ends and the noise's colour; harmonics are fitted beside, whether
+    there are any or not.
+
+    Parameters
+    ----------
+    recording
+        Samples (n,) of both channels.
+    periods_per_window
+        Periods of the oscillation in a window.
+
+    Returns
+    -------
+    iterator of Periods
+        The blocks.
+
+    Raises
+    ------
+    HrgError
+        As of `demodulate`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.stages.demodulate import demodulate_quiet
+    >>> c = np.cos(2 * np.pi * 1000 * np.arange(8000) / 8000)
+    >>> quiet = Recording(c=c, s=0.1 * c, sample_rate_hz=8000.0, mode="free")
+    >>> (periods,) = demodulate_quiet(quiet, periods_per_window=20)
+    >>> len(periods), bool(np.allclose(np.hypot(*periods.signals[:, :2].T), 1.0))
+    (50, True)
     """
     name = check_recording(recording)
     quiet = survey_quiet(recording, name)

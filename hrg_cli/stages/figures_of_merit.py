@@ -23,9 +23,34 @@ Array = np.ndarray
 
 
 def compute_calibration_figures(calibration: Calibration) -> dict[str, float]:
-    """Bias (mean over angle and temperature), angle-dependent bias (half its range over the angle,
-    worst node), temperature bias, and the same of the scale factor in ppm; all of input rate, from
-    the tables; residual figures held out."""
+    """The figures of a data sheet that tables give: bias and scale factor over angle and
+    temperature.
+
+    Parameters
+    ----------
+    calibration
+        The tables.
+
+    Returns
+    -------
+    dict
+        All of input rate [rad/s] or ppm of the scale factor: the mean; half the range over the
+        angle at the worst node; half the range over temperature; residual figures on data held out,
+        where they are told.
+
+    Examples
+    --------
+    A drift of ±2 µrad/s over the angle at K = 0.5 is a bias of ±4 µrad/s:
+
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.figures_of_merit import compute_calibration_figures
+    >>> tables = Told(
+    ...     drift_rad_s=[[2e-6, -2e-6]], scale_factor=[[0.5, 0.5]], details="{}", node=[20.0]
+    ... )
+    >>> found = compute_calibration_figures(tables)
+    >>> found["bias_rad_s"], found["angle_dependent_bias_rad_s"], found["scale_factor_mean"]
+    (0.0, 4e-06, 0.5)
+    """
     drift, scale = np.asarray(calibration.drift_rad_s), np.asarray(calibration.scale_factor)
     bias = drift / scale
     mean = float(scale.mean())
@@ -73,16 +98,52 @@ def compute_scale_factor_figures(
     *,
     temperatures_by: Calibration | None = None,
 ) -> ScaleFactorFigures:
-    """Scale-factor error, asymmetry and nonlinearity of runs at several rates (IEEE Std 1431:
-    deviations from the straight line).
+    """Scale-factor error, asymmetry and nonlinearity of runs at several rates (IEEE Std 1431).
 
-    Output of a run: −m·Δθ/Δt over whole periods of the wave angle, so that what depends on the
-    angle averages out (runs that turn less are left out); with `calibration` each run is
-    compensated first, whole, measured part included, and the error is against 1. What K and the
-    bias do over temperature is no nonlinearity: the means over the angle of `temperatures_by` are
-    taken out of the outputs. Asymmetry: (K₊ − K₋)/mean, slopes of both signs with a common bias
-    (NaN where too few rates tell it from the bias). Nonlinearity: largest residual from the line
-    over the largest rate (NaN with two rates).
+    The output of a run is −m·Δθ/Δt over whole periods of the wave angle, so that what depends on
+    the angle averages out (runs that turn less are left out); with tables each run is compensated
+    first, whole, measured part included, and the error is against 1. What K and the bias do over
+    temperature is no nonlinearity: the means over the angle of `temperatures_by` are taken out of
+    the outputs. Asymmetry: (K₊ − K₋)/mean, slopes of both signs with a common bias (NaN where too
+    few rates tell it from the bias). Nonlinearity: largest residual from the line over the largest
+    rate (NaN with two rates).
+
+    Parameters
+    ----------
+    waves
+        The runs, or their paths.
+    calibration
+        Tables by which they are compensated; None: raw outputs.
+    temperatures_by
+        Tables whose course over temperature is taken out of raw outputs.
+
+    Returns
+    -------
+    ScaleFactorFigures
+        The line and what departs from it.
+
+    Raises
+    ------
+    HrgError
+        Fewer rates than a line needs.
+
+    Examples
+    --------
+    A gain 0.2 % larger to one side than to the other:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.figures_of_merit import compute_scale_factor_figures
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -(0.5 + 0.0005 * np.sign(rate)) * rate * t / 2
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> found = compute_scale_factor_figures([turn(rate) for rate in (-0.4, -0.2, 0.2, 0.4)])
+    >>> round(found.scale_factor, 9), round(found.asymmetry_ppm, 3)
+    (0.5, 2000.0)
     """
     rates, outputs, errors = [], [], []
     for wave in waves:
@@ -181,8 +242,31 @@ def _asymmetry(
 def compute_trade_figures(
     calibration: Calibration, paths: Sequence[AnglePath]
 ) -> dict[str, float | None]:
-    """The figures of a calibration that its JSON and its table show; None where the runs cannot
-    tell."""
+    """The figures of a calibration that its JSON and its table show.
+
+    Parameters
+    ----------
+    calibration
+        The tables.
+    paths
+        The runs.
+
+    Returns
+    -------
+    dict
+        Name -> figure; None where the runs cannot tell.
+
+    Examples
+    --------
+    Without runs at several rates nothing is said of asymmetry:
+
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.figures_of_merit import compute_trade_figures
+    >>> tables = Told(drift_rad_s=[[0.0]], scale_factor=[[0.5]], details="{}", node=[20.0])
+    >>> found = compute_trade_figures(tables, [])
+    >>> found["scale_factor_mean"], found["scale_factor_asymmetry_ppm"]
+    (0.5, None)
+    """
     out: dict[str, float | None] = {
         k: v if np.isfinite(v) else None
         for k, v in compute_calibration_figures(calibration).items()

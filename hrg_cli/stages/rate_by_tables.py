@@ -75,6 +75,28 @@ def rate_by_tables(
     ------
     HrgError
         As `compensate`: tables of another gyro, refused ones, a temperature outside them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import calibrate, collect, demodulate, estimate, simulate
+    >>> from hrg_cli.stages.rate_by_tables import rate_by_tables
+    >>> config = {
+    ...     "device": {"frequency_hz": 1000.0, "quality_factor": 20_000.0},
+    ...     "control": {"mode": "forced"},
+    ...     "readout": {"noise": 1e-5},
+    ...     "recording": {"sample_rate_hz": 8000.0, "duration_s": 8.0},
+    ...     "run": [
+    ...         {"run_id": "left", "environment": {"rate_rad_s": 2.0}},
+    ...         {"run_id": "right", "environment": {"rate_rad_s": -2.0}},
+    ...     ],
+    ... }
+    >>> samples = [collect(simulate(config, model="slow", run=run)) for run in ("left", "right")]
+    >>> waves = [collect(estimate(collect(demodulate(r, periods_per_window=50)))) for r in samples]
+    >>> tables = calibrate(waves, harmonics=1, scale_factor_harmonics=0, model="table")
+    >>> found = rate_by_tables(waves[0], tables, np.linspace(1.0, 7.0, 5), np.full(5, 2.0))
+    >>> found.rate_rad_s.round(3).tolist(), abs(found.mean_difference_rad_s) < 1e-3
+    ([2.0, 2.0, 2.0, 2.0, 2.0], True)
     """
     names = ("earth_rate_deg_h", "latitude_deg", "axis_tilt_deg", "axis_azimuth_deg")
     made: Compensated = collect(compensate(wave, calibration, **dict(zip(names, earth))))

@@ -102,8 +102,34 @@ def _judge(foretold: float, finer: Loss | None, begin: float, end: float) -> flo
 def follow(
     found: RateEstimate, fit: Callable[[int], RateEstimate], may_grow: bool
 ) -> tuple[RateEstimate, float]:
-    """The rate on as many nodes as leave its curvature within the noise, as far as the run carries
-    them, and what these are foretold to leave; `may_grow`: nobody has asked for a number."""
+    """A rate on as many nodes as leave its curvature within the noise, as far as the run carries
+    them.
+
+    Parameters
+    ----------
+    found
+        The rate on the fewest nodes.
+    fit
+        Number of nodes -> the rate on these.
+    may_grow
+        False: a number was asked for.
+
+    Returns
+    -------
+    tuple
+        The rate, and the variance that its nodes are foretold to leave of the curvature, over that
+        of noise.
+
+    Examples
+    --------
+    A rate that did not settle is not refined:
+
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.rate_nodes import follow
+    >>> found = Told(converged=False, time_s=[0.0, 1.0, 2.0])
+    >>> follow(found, None, may_grow=True) == (found, 0.0)
+    True
+    """
     left, worst = _predict_by_neighbours(found)
     while may_grow and worst > NEGLIGIBLE:
         count = 2 * len(found.time_s) - 1

@@ -187,8 +187,39 @@ def _remarked(record: Calibration, keep: Array, spike_sigma: float, turning: boo
 
 
 def find_rate(record: Calibration, output: Array, temperature_degc: Array | float = 0.0) -> Array:
-    """Rate [rad/s] of outputs at temperatures with a calibration of `rate_table`; the powers of the
-    rate by fixed-point steps."""
+    """Rate of outputs at temperatures, by a calibration that was made of a table of dwells.
+
+    The powers of the rate are solved by fixed-point steps.
+
+    Parameters
+    ----------
+    record
+        Made by `rate_table`.
+    output
+        In the unit of the table (n,).
+    temperature_degc
+        (n,), or one for all.
+
+    Returns
+    -------
+    ndarray
+        (n,) [rad/s].
+
+    Raises
+    ------
+    HrgError
+        A temperature outside the tables.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.rate_table import find_rate, rate_table
+    >>> rate = np.tile(np.linspace(-1.0, 1.0, 11), 20)
+    >>> output = 2.0 * rate + 0.01 + 1e-6 * np.random.default_rng(0).standard_normal(220)
+    >>> tables = rate_table({"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0)
+    >>> find_rate(tables, np.array([-0.99, 2.01])).round(4).tolist()
+    [-0.5, 1.0]
+    """
     details = json.loads(record.details)
     degc = np.broadcast_to(np.asarray(temperature_degc, float), np.shape(output))
     slack = 0.02 * (record.node_max - record.node_min)

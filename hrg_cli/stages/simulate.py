@@ -105,12 +105,57 @@ def simulate(
 
 
 def list_run_ids(config: Mapping[str, Any]) -> list[str]:
-    """The runs of a simulation file, in its order; the whole file is checked."""
+    """The runs of a simulation file, in its order; the whole file is checked.
+
+    Parameters
+    ----------
+    config
+        The file's tables.
+
+    Returns
+    -------
+    list of str
+        Runs without a name are numbered.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.simulate import list_run_ids
+    >>> config = {
+    ...     "device": {"frequency_hz": 5000.0, "quality_factor": 1e6},
+    ...     "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0},
+    ...     "run": [{"run_id": "still"}, {"environment": {"rate_rad_s": 1.0}}],
+    ... }
+    >>> list_run_ids(config)
+    ['still', 'run2']
+    """
     return [settings.run_id for settings in list_runs(config)]
 
 
 def compute_size_bytes(settings: SimulationFile) -> int:
-    """Bytes of a run's samples of both channels, before they are compressed."""
+    """Bytes of a run's samples of both channels, before they are compressed.
+
+    Parameters
+    ----------
+    settings
+        The run.
+
+    Returns
+    -------
+    int
+        Two bytes a sample up to 16 bits of the converter, four above.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.simulation_file import list_runs
+    >>> from hrg_cli.stages.simulate import compute_size_bytes
+    >>> base = {
+    ...     "device": {"frequency_hz": 5000.0, "quality_factor": 1e6},
+    ...     "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0},
+    ... }
+    >>> (run,) = list_runs(base | {"readout": {"adc_bits": 16}})
+    >>> compute_size_bytes(run)
+    240000
+    """
     bits = settings.readout.adc_bits
     each = np.dtype(settings.recording.samples).itemsize if bits == 0 else 2 if bits <= 16 else 4
     return 2 * each * _count(settings)
@@ -160,7 +205,44 @@ def simulate_run(
     seed: int = 0,
     block_samples: int = 1_000_000,
 ) -> Iterator[Recording]:
-    """One checked run as a stream of recording blocks."""
+    """One checked run as a stream of recording blocks.
+
+    Parameters
+    ----------
+    settings
+        The run.
+    extra_effects
+        Effects beside the catalogue's that its tables may name.
+    model
+        "fast": sample by sample; "slow": by the envelopes' equations.
+    seed
+        Of the noise; each run of a file has noise of its own.
+    block_samples
+        Samples (n,) in a block.
+
+    Returns
+    -------
+    iterator of Recording
+        The blocks.
+
+    Raises
+    ------
+    HrgError
+        An effect that is not known, or whose values are wrong.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.simulation_file import list_runs
+    >>> from hrg_cli.stages.simulate import simulate_run
+    >>> (run,) = list_runs(
+    ...     {
+    ...         "device": {"frequency_hz": 1000.0, "quality_factor": 1e5},
+    ...         "recording": {"sample_rate_hz": 8000.0, "duration_s": 0.5},
+    ...     }
+    ... )
+    >>> [len(block) for block in simulate_run(run, model="slow", block_samples=3000)]
+    [3000, 1000]
+    """
     active = _active(settings, extra_effects)
     run_number = zlib.crc32(settings.run_id.encode())
     # A generator would report a wrong environment or effect only when its first block is asked for.

@@ -105,8 +105,40 @@ def _need_sizes(config: Mapping[str, Any], where: str) -> None:
 
 
 def list_runs(config: Mapping[str, Any], where: str = "simulation") -> list[SimulationFile]:
-    """The runs of a simulation file, each whole and checked. HrgError: what is wrong, where, and
-    what was meant."""
+    """The runs of a simulation file, each whole and checked.
+
+    Parameters
+    ----------
+    config
+        The file's tables; each [[run]] holds what differs from them.
+    where
+        The file, for messages.
+
+    Returns
+    -------
+    list of SimulationFile
+        At least one.
+
+    Raises
+    ------
+    HrgError
+        What is wrong, where, and what was meant.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.simulation_file import list_runs
+    >>> config = {
+    ...     "device": {"frequency_hz": 5000.0, "quality_factor": 1e6},
+    ...     "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0},
+    ...     "run": [{"run_id": "still"}, {"run_id": "turning", "environment": {"rate_rad_s": 1.0}}],
+    ... }
+    >>> [(run.run_id, run.environment.rate_rad_s, run.device.frequency_hz) for run in list_runs(config)]
+    [('still', 0.0, 5000.0), ('turning', 1.0, 5000.0)]
+    >>> list_runs(config | {"recording": {"sample_rate_hz": 20_000.0, "duration": 3.0}})
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: simulation: run 1 (still): ...duration...
+    """
     _need_sizes(config, where)
     base = {key: value for key, value in config.items() if key != "run"}
     overrides = config.get("run", [])

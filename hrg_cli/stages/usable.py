@@ -64,7 +64,26 @@ def _flag_wild(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str, ...]]:
 
 
 def drop_refused(waves: Sequence[Wave]) -> Usable:
-    """The runs whose waves were not refused; all of them, with refusals, where each one was."""
+    """The runs whose waves were not refused; all of them, with refusals, where each one was.
+
+    Parameters
+    ----------
+    waves
+        The runs.
+
+    Returns
+    -------
+    Usable
+        With what to say of those that are left out.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.usable import drop_refused
+    >>> bad = Told(status="refused", run_id="a", status_reasons=("it is clipped",))
+    >>> drop_refused([bad]).refusals
+    ('the wave of run a is refused: it is clipped',)
+    """
     kept, notes = _flag_wild([w for w in waves if w.status != "refused"])
     bad = [w for w in waves if w.status == "refused"]
     if kept or not bad:
@@ -76,10 +95,44 @@ def drop_refused(waves: Sequence[Wave]) -> Usable:
 
 
 def restrict_to_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
-    """The windows whose rate is known, and the runs that keep enough of them; all of those runs
-    whose rate is given otherwise, by their run_id.
+    """The windows whose rate is known, and the runs that keep enough of them.
 
-    HrgError: no run is left.
+    Parameters
+    ----------
+    usable
+        The runs.
+    given
+        Names of those whose rate is given otherwise, and that keep all.
+
+    Returns
+    -------
+    Usable
+        Stretches between holes of a log become runs of their own where they are long enough.
+
+    Raises
+    ------
+    HrgError
+        No run is left.
+
+    Examples
+    --------
+    A log that ends half-way leaves half of the run:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.planning.information import make_wave
+    >>> from hrg_cli.stages.simulation_file import list_runs
+    >>> from hrg_cli.stages.usable import Usable, restrict_to_known_rates
+    >>> (run,) = list_runs(
+    ...     {
+    ...         "device": {"frequency_hz": 5000.0, "quality_factor": 1e6},
+    ...         "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0},
+    ...         "readout": {"noise": 1e-3},
+    ...     }
+    ... )
+    >>> wave = make_wave(run).replace(rate_rad_s=np.where(np.arange(1500) < 750, 0.1, np.nan))
+    >>> (half,) = restrict_to_known_rates(Usable([wave])).waves
+    >>> int(half.good().sum())
+    750
     """
     waves, notes, doubts = [], list(usable.notes), list(usable.doubts)
     for wave in usable.waves:
@@ -104,7 +157,28 @@ def restrict_to_known_rates(usable: Usable, given: Collection[str] = ()) -> Usab
 
 
 def name_apart(waves: Sequence[Wave]) -> tuple[Wave, ...]:
-    """The waves, those whose run_id an earlier one has numbered from 2."""
+    """Waves by names that differ: those whose name an earlier one has are numbered from 2.
+
+    Parameters
+    ----------
+    waves
+        The runs.
+
+    Returns
+    -------
+    tuple of Wave
+        In their order.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.stages.usable import name_apart
+    >>> class Told(SimpleNamespace):
+    ...     def replace(self, run_id):
+    ...         return Told(run_id=run_id)
+    >>> [wave.run_id for wave in name_apart([Told(run_id="a"), Told(run_id="a"), Told(run_id="b")])]
+    ['a', 'a (2)', 'b']
+    """
     seen: dict[str, int] = {}
     out = []
     for wave in waves:
@@ -124,7 +198,25 @@ def _choose_stretches(wave: Wave, stretch: Array) -> list[int]:
 
 
 def explain_refusal(wave: Wave) -> str:
-    """A refused wave's own last reason, which is the worst, shortened."""
+    """Why a wave is refused: its own last reason, which is the worst.
+
+    Parameters
+    ----------
+    wave
+        That is refused.
+
+    Returns
+    -------
+    str
+        Shortened to 160 characters.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.usable import explain_refusal
+    >>> explain_refusal(Told(status_reasons=("it is noisy", "it is clipped")))
+    'it is clipped'
+    """
     why = wave.status_reasons[-1] if wave.status_reasons else "no reason is given"
     return why if len(why) <= WHY else f"{why[:WHY]}…"
 

@@ -23,8 +23,8 @@ from ..errors import UsageError
 from ..executors import local_processes, run_tasks
 from ..stages.diagnose import diagnose, summarise
 from ..stages.diagnosis.thresholds import SIGNIFICANT
-from .hidden import Hiding, effects_beside, hide, programme, waves
-from .power import coverage, curve, ideal, share
+from .hidden import Hiding, draw_programme, hide, list_effects_beside, make_waves
+from .power import compute_coverage, compute_ideal, compute_share, fit_curve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -85,7 +85,7 @@ def _draw_of(task: tuple[str, str, int, tuple[float, ...], float, int]) -> list[
     first = int(random.integers(2**31))
     if sort == "clean":
         shown = KINDS[name]
-        report = summarise(diagnose(waves(programme(random, shown, noise), first, shown)))
+        report = summarise(diagnose(make_waves(draw_programme(random, shown, noise), first, shown)))
         named = [e["name"] for e in report["effects"]]
         return [{"clean": name, "named": named, "verdict": report["verdict"]}]
     hidden = hide(name, random, noise)
@@ -108,7 +108,7 @@ def _judge_report(report: dict[str, Any], hidden: Hiding, size: float) -> dict[s
     term) or "nothing".
     """
     name, true = hidden.effect.name, hidden.choose_values(size)
-    others = effects_beside(hidden.effect)
+    others = list_effects_beside(hidden.effect)
     entries = [e for e in report["effects"] if e["name"] not in others]
     group = [entries[0]["name"], *entries[0]["indistinguishable_from"]] if entries else []
     if group:
@@ -148,7 +148,7 @@ def assemble(rows: Sequence[dict[str, Any]], sizes: list[float]) -> dict[str, An
     return {
         "sizes": sizes,
         "false_alarm_rate": SIGNIFICANT,
-        "ideal": ideal(sizes, SIGNIFICANT),
+        "ideal": compute_ideal(sizes, SIGNIFICANT),
         "effects": {
             name: _effect_figures(own[name], sizes) | {"programme": _programme_of(name)}
             for name in names
@@ -156,8 +156,8 @@ def assemble(rows: Sequence[dict[str, Any]], sizes: list[float]) -> dict[str, An
         "all": _effect_figures(scaled, sizes),
         "confusion": _confusion(own, sizes),
         "controls": {
-            "alarms": share(sum(r["verdict"] != "adequate" for r in clean), len(clean)),
-            "causes_named": share(wrong, len(clean)),
+            "alarms": compute_share(sum(r["verdict"] != "adequate" for r in clean), len(clean)),
+            "causes_named": compute_share(wrong, len(clean)),
             "alarmed": [r for r in clean if r["verdict"] != "adequate"],
         },
     }
@@ -173,21 +173,23 @@ def _effect_figures(rows: Sequence[dict[str, Any]], sizes: Sequence[float]) -> d
     """
 
     def chance(at: Sequence[dict[str, Any]]) -> list[float | None]:
-        return share(sum(r["outcome"] == "named" for r in at), len(at))
+        return compute_share(sum(r["outcome"] == "named" for r in at), len(at))
 
     named = {f"{s:g}": chance(at) for s in sizes if (at := [r for r in rows if r["size"] == s])}
-    fitted = curve([(r["size"], r["outcome"] == "named") for r in rows])
+    fitted = fit_curve([(r["size"], r["outcome"] == "named") for r in rows])
     if not named:  # no size but its own
         named, fitted = {"any": chance(rows)}, dict.fromkeys(fitted)
     limits = [r["limit_holds"] is not False for r in rows if r["outcome"] != "wrong"]
     return {
         "named": named,
         **fitted,
-        "cost": None if fitted["half"] is None else fitted["half"] / ideal([], SIGNIFICANT)["half"],
-        "wrong": share(sum(r["outcome"] == "wrong" for r in rows), len(rows)),
-        "described": share(sum(r["outcome"] == DESCRIBED for r in rows), len(rows)),
-        **coverage([e for r in rows for e in r["errors"].values()]),
-        "limits_hold": share(sum(limits), len(limits)),
+        "cost": None
+        if fitted["half"] is None
+        else fitted["half"] / compute_ideal([], SIGNIFICANT)["half"],
+        "wrong": compute_share(sum(r["outcome"] == "wrong" for r in rows), len(rows)),
+        "described": compute_share(sum(r["outcome"] == DESCRIBED for r in rows), len(rows)),
+        **compute_coverage([e for r in rows for e in r["errors"].values()]),
+        "limits_hold": compute_share(sum(limits), len(limits)),
     }
 
 
@@ -210,7 +212,9 @@ def _confusion(
 ) -> dict[str, dict[str, float]]:
     """{hidden: {named: share}} at the sizes that an ideal detector is sure of; a group shares its
     count."""
-    seen = [s for s in sizes if ideal([s], SIGNIFICANT)["chance"][f"{s:g}"] >= SURE] or [max(sizes)]
+    seen = [s for s in sizes if compute_ideal([s], SIGNIFICANT)["chance"][f"{s:g}"] >= SURE] or [
+        max(sizes)
+    ]
     out: dict[str, dict[str, float]] = {}
     for name, rows in own.items():
         at = [r for r in rows if r["size"] in seen or find(name).whole_samples]
@@ -221,7 +225,7 @@ def _confusion(
     return out
 
 
-def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """The power table: a row an effect, then all together and the ideal detector."""
     sizes = [f"{s:g}" for s in study["sizes"]]
 
@@ -248,9 +252,9 @@ def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]
     return heads, [*rows, row("all", study["all"]), last]
 
 
-def figure(study: dict[str, Any]) -> Figure:
+def draw_figure(study: dict[str, Any]) -> Figure:
     """Power against size and the sizes of half power on the left, the confusion matrix on the
     right."""
-    from .power import figure as drawn
+    from .power import draw_figure as drawn
 
     return drawn(study)

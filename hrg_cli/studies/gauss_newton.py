@@ -129,7 +129,7 @@ def _misfits(z: Array, start: Array) -> list[float]:
     return out
 
 
-def _table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Headings and rows for a person: the iteration and the closed form in both experiments."""
     rows: list[tuple[Any, ...]] = []
     for name, title in TITLES.items():
@@ -159,7 +159,7 @@ def _table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]
     ), rows
 
 
-def figure(study: dict[str, Any]) -> Figure:
+def draw_figure(study: dict[str, Any]) -> Figure:
     """Both iteration histograms above; the misfit by iteration of the non-monotone and the monotone
     case below."""
     from matplotlib.figure import Figure

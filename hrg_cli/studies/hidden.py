@@ -65,7 +65,7 @@ class Hiding:
         if self.effect.sets_in:
             return {
                 **self.neutral,
-                **setting_in(self.effect, self.neutral, self.fit, size, _beside_base),
+                **find_onset(self.effect, self.neutral, self.fit, size, _beside_base),
             }
         return {
             name: value + size * self.direction.get(name, 0.0)
@@ -74,13 +74,13 @@ class Hiding:
 
     def measure(self, size: float | None, seed: int) -> list[Wave]:
         """Waves of the programme with the effect at a size, or without it."""
-        table = copy.deepcopy(dict(self.table)) | {"effects": effects_beside(self.effect)}
+        table = copy.deepcopy(dict(self.table)) | {"effects": list_effects_beside(self.effect)}
         if size is not None:
             values = self.choose_values(size)
             run = values.pop(RUN, OF_EVERY_RUN)
             own = table if run == OF_EVERY_RUN else table["run"][int(run)]
             own.setdefault("effects", {})[self.effect.name] = values
-        return waves(table, seed, self.effect.name)
+        return make_waves(table, seed, self.effect.name)
 
 
 def _size_beside_model(change: Array, fit: ExtendedFit) -> float:
@@ -93,11 +93,11 @@ def hide(name: str, random: np.random.Generator, noise: float) -> Hiding:
     """A random device, start and direction for an effect. UsageError: its programme does not show
     it."""
     effect = find(name)
-    table = programme(random, name, noise)
-    others = effects_beside(effect)
+    table = draw_programme(random, name, noise)
+    others = list_effects_beside(effect)
     seed = int(random.integers(2**31))
     K = table["device"]["scale_factor"] if "known scale factor" in effect.shown_by else None
-    fit = base_fit(waves({**table, "effects": others}, seed, name), K, others)
+    fit = fit_base(make_waves({**table, "effects": others}, seed, name), K, others)
     neutral = effect.values()
     if "reference_temperature_degc" in neutral:
         neutral["reference_temperature_degc"] = REFERENCE_DEGC
@@ -120,17 +120,17 @@ def hide(name: str, random: np.random.Generator, noise: float) -> Hiding:
             for part, v in zip(parts, random.standard_normal(4), strict=True)
         }
         heard = {**table, "effects": {name: {**neutral, **trial}}}
-        seen = prepare(waves(heard, seed, name), K, ALL_ROWS)[0].envelope - fit.series.envelope
+        seen = prepare(make_waves(heard, seed, name), K, ALL_ROWS)[0].envelope - fit.series.envelope
         z = _size_beside_model(seen, fit)
         return Hiding(effect, table, neutral, {k: v / z for k, v in trial.items()}, fit, K)
     if effect.sets_in:
         return Hiding(effect, table, neutral, {}, fit, K)
     return Hiding(
-        effect, table, neutral, direction_of(effect, fit, neutral, random, _beside_base), fit, K
+        effect, table, neutral, find_direction(effect, fit, neutral, random, _beside_base), fit, K
     )
 
 
-def direction_of(
+def find_direction(
     effect: Effect,
     fit: ExtendedFit,
     neutral: Mapping[str, float],
@@ -154,7 +154,7 @@ def direction_of(
     return dict(zip(steps, map(float, d), strict=True))
 
 
-def setting_in(
+def find_onset(
     effect: Effect,
     neutral: Mapping[str, float],
     fit: ExtendedFit,
@@ -191,12 +191,12 @@ def _project_base(columns: Array, fit: ExtendedFit) -> Array:
     return fit.basis.project_out(fit.basis.project_out(columns))
 
 
-def effects_beside(effect: Effect) -> dict[str, dict[str, float]]:
+def list_effects_beside(effect: Effect) -> dict[str, dict[str, float]]:
     """What stands beside the effect in its programme."""
     return {effect.beside: dict(BESIDE_IT[effect.beside])} if effect.beside else {}
 
 
-def base_fit(
+def fit_base(
     runs: list[Wave], scale_factor: float | None, beside: Mapping[str, Mapping[str, float]]
 ) -> ExtendedFit:
     """The base model's fit at the windows' own rate, with the effects that stand beside the hidden
@@ -230,7 +230,7 @@ def _temperature_of(run: int, cycles: bool) -> dict[str, Any]:
     }
 
 
-def programme(random: np.random.Generator, shown: str, noise: float) -> dict[str, Any]:
+def draw_programme(random: np.random.Generator, shown: str, noise: float) -> dict[str, Any]:
     """Six runs of a random device: several angles, two amplitudes, both signs of rotation,
     temperature ramps.
 
@@ -282,7 +282,7 @@ def programme(random: np.random.Generator, shown: str, noise: float) -> dict[str
     }
 
 
-def waves(table: Mapping[str, Any], seed: int, shown: str) -> list[Wave]:
+def make_waves(table: Mapping[str, Any], seed: int, shown: str) -> list[Wave]:
     """What the chain makes of the programme's raw samples; a loop of unknown gain comes without a
     log of its command."""
     table = copy.deepcopy(dict(table))

@@ -181,7 +181,7 @@ def _row(method: str, name: str, values: Array, draws: int) -> dict[str, Any]:
     }
 
 
-def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Headings and rows for a person."""
     rows = [
         (
@@ -204,7 +204,7 @@ def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]
     ), rows
 
 
-def figure(study: dict[str, Any]) -> Figure:
+def draw_figure(study: dict[str, Any]) -> Figure:
     """Scatter over the Cramér–Rao bound of every method and parameter, and how often its 68 and 95
     % intervals hold the truth."""
     from matplotlib.figure import Figure

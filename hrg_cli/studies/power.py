@@ -19,7 +19,7 @@ WIDTHS = np.linspace(1.0, 3.0, 21)
 directions widen it."""
 
 
-def share(hits: int, tries: int) -> list[float | None]:
+def compute_share(hits: int, tries: int) -> list[float | None]:
     """[share, low, high, tries]: Clopper and Pearson's 95 % interval of a binomial share."""
     from scipy.special import betaincinv
 
@@ -30,7 +30,7 @@ def share(hits: int, tries: int) -> list[float | None]:
     return [hits / tries, low, high, tries]
 
 
-def ideal(sizes: Sequence[float], false_alarm: float) -> dict[str, Any]:
+def compute_ideal(sizes: Sequence[float], false_alarm: float) -> dict[str, Any]:
     """{chance: {size: Φ(z − z_α)}, half, ninety} of Neyman and Pearson's detector of one known
     effect."""
     from scipy.special import ndtr, ndtri
@@ -43,7 +43,7 @@ def ideal(sizes: Sequence[float], false_alarm: float) -> dict[str, Any]:
     }
 
 
-def curve(draws: Sequence[tuple[float, bool]]) -> dict[str, Any]:
+def fit_curve(draws: Sequence[tuple[float, bool]]) -> dict[str, Any]:
     """Φ((z − half)/w) of largest likelihood: half, its 95 % interval (likelihood ratio), ninety;
     None beyond twice the largest size."""
     from scipy.special import log_ndtr
@@ -71,7 +71,7 @@ def curve(draws: Sequence[tuple[float, bool]]) -> dict[str, Any]:
     }
 
 
-def coverage(errors: Sequence[float]) -> dict[str, float | int | None]:
+def compute_coverage(errors: Sequence[float]) -> dict[str, float | int | None]:
     """rms of errors over σ, share within 1.96 σ, how many."""
     e = np.abs(np.asarray(errors, float))
     if not len(e):
@@ -83,7 +83,7 @@ def coverage(errors: Sequence[float]) -> dict[str, float | int | None]:
     }
 
 
-def figure(study: dict[str, Any]) -> Figure:
+def draw_figure(study: dict[str, Any]) -> Figure:
     """Power of all effects against size, the size of half power of each, the confusion matrix."""
     from matplotlib.figure import Figure
 

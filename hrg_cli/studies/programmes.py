@@ -205,7 +205,7 @@ def _row(method: str, answers: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Headings and rows for a person."""
 
     def number(value: float | None, form: str) -> str:
@@ -240,7 +240,7 @@ def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]
     ), rows
 
 
-def figure(study: dict[str, Any]) -> Figure:
+def draw_figure(study: dict[str, Any]) -> Figure:
     """What each method says, and the errors of its quiet answers."""
     from matplotlib.figure import Figure
 

@@ -27,7 +27,7 @@ from ..stages.diagnose import diagnose, summarise
 from ..stages.estimate import estimate
 from ..stages.inject import inject
 from ..stages.injection.samples import UnchangedError
-from .power import coverage, share
+from .power import compute_coverage, compute_share
 from .recovery_sizes import choose_values, fit_background, need_thinkable
 
 if TYPE_CHECKING:
@@ -238,14 +238,14 @@ def _effect_figures(rows: Sequence[Row], sizes: Sequence[float]) -> dict[str, An
         at = [r for r in tried if r["size"] == size]
         if at:
             by_size[f"{size:g}"] = {
-                key: share(sum(bool(r[key]) for r in at), len(at))
+                key: compute_share(sum(bool(r[key]) for r in at), len(at))
                 for key in ("first", "among", "false")
             }
     ratios = [ratio for r in tried if r["among"] for ratio in r["found_over_true"].values()]
     return {
         "by_size": by_size,
         "found_over_true": float(np.median(ratios)) if ratios else None,
-        **coverage([e for r in tried if r["among"] for e in r["error_over_std"].values()]),
+        **compute_coverage([e for r in tried if r["among"] for e in r["error_over_std"].values()]),
         "not_shown": (
             next((r["not_shown"] for r in rows if r["size"] is None), None) if not tried else None
         ),
@@ -285,7 +285,7 @@ def _diagnosed(waves: Sequence[Wave], scale_factor: float | None) -> Row:
     return {key: report[key] for key in ("verdict", "effects", "after")}
 
 
-def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """A row an effect: shares named first, among others and with a false name at every size, size
     found over true, error over σ."""
     sizes = [f"{s:g}" for s in study["sizes"]]
@@ -316,7 +316,7 @@ def table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]
     ]
 
 
-def figure(study: dict[str, Any]) -> Figure:
+def draw_figure(study: dict[str, Any]) -> Figure:
     """Every effect against size: share named first and share with a false name beside it; right,
     the size found over the true one."""
     from matplotlib.figure import Figure

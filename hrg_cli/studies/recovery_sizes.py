@@ -21,7 +21,7 @@ from ..records import Recording, Wave
 from ..stages.diagnosis.base.base_priors import choose_freedom
 from ..stages.diagnosis.base.data import prepare
 from ..stages.diagnosis.base.rate_steps import fit_rate_steps
-from .hidden import ALL_ROWS, MIDDLE, direction_of, setting_in
+from .hidden import ALL_ROWS, MIDDLE, find_direction, find_onset
 
 Array = np.ndarray
 Row = dict[str, Any]
@@ -57,9 +57,9 @@ def choose_values(
     if effect.sets_in:
         return lambda size: {
             **neutral,
-            **setting_in(effect, neutral, fit, size * louder, _beside_model),
+            **find_onset(effect, neutral, fit, size * louder, _beside_model),
         }
-    direction = direction_of(effect, fit, neutral, random, _beside_model)
+    direction = find_direction(effect, fit, neutral, random, _beside_model)
     return lambda size: {
         name: value + size * louder * direction.get(name, 0.0) for name, value in neutral.items()
     }

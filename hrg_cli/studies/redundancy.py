@@ -121,7 +121,7 @@ def _with_defect(x: Array, apply: Defect, size: float) -> Array:
     return from_sidebands(*apply(*find_sidebands(make_signals(x)), size))
 
 
-def _table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Headings and rows for a person."""
     rows = [
         (
@@ -136,7 +136,7 @@ def _table(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]
     return ("defect e", "meaning", "residual rms / e", "wave angle error / e, rad", "visible"), rows
 
 
-def figure(study: dict[str, Any]) -> Figure:
+def draw_figure(study: dict[str, Any]) -> Figure:
     """Residual and wave angle error of every defect side by side: what is seen against what it
     does."""
     from matplotlib.figure import Figure

@@ -175,7 +175,7 @@ def _simulate_envelopes(
         times = (np.arange(windows) + 0.5) * seconds / windows
         begin = np.array([1.0, ratio, angle, random.uniform(-3, 3)])
         first = ellipse.compute_envelopes(begin[0], begin[1], begin[2], begin[3], gyro.mode_number)
-        u = envelope(gyro, course, earth, times, first)
+        u = make_envelope(gyro, course, earth, times, first)
         u += noise * (random.standard_normal(u.shape) + 1j * random.standard_normal(u.shape))
         seen = noise * np.sqrt(random.chisquare(NOISE_SCATTER, windows) / NOISE_SCATTER)
         waves.append(
@@ -184,7 +184,7 @@ def _simulate_envelopes(
     return waves
 
 
-def envelope(
+def make_envelope(
     gyro: Mechanics, course: DrawnCourse, earth: float, times: Array, first: Array
 ) -> Array:
     """Envelopes (n, 2) at times (n,) from `first` (2,) at 0, on a table that turns Earth's rate

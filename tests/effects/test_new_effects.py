@@ -16,7 +16,7 @@ from hrg_cli.records import collect
 from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.diagnosis.base.data import prepare
 from hrg_cli.stages.simulate import list_run_ids, simulate
-from hrg_cli.studies.hidden import programme, waves
+from hrg_cli.studies.hidden import draw_programme, make_waves
 
 NOISE = 3e-4
 FOUND = {
@@ -108,12 +108,12 @@ def test_two_further_accelerations_stand_beside_each_other():
 
 
 def measured(effects, run=None, seed=5):
-    table = programme(np.random.default_rng(seed), "gain_mismatch", NOISE)
+    table = draw_programme(np.random.default_rng(seed), "gain_mismatch", NOISE)
     if run is None:
         table["effects"] = effects
     else:
         table["run"][run]["effects"] = effects
-    return waves(table, seed, "gain_mismatch")
+    return make_waves(table, seed, "gain_mismatch")
 
 
 @pytest.mark.parametrize(

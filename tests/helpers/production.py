@@ -91,5 +91,5 @@ def production(
             drift = station_shift * (station == 2) * (1 + day / 10)
             value = 0.1 + drift + 1e-4 * rng.standard_normal()
             rows.append(entry("G-000", day + 0.5 + 0.01 * station, value, station=str(station)))
-    database.add(ledger, sorted(rows, key=lambda e: e.processed))
+    database.add_entries(ledger, sorted(rows, key=lambda e: e.processed))
     return rows

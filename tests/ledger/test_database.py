@@ -36,7 +36,7 @@ def test_what_is_entered_comes_back(tmp_path):
         verdict="adequate",
         figures={"z": Figure(1.0, None, ""), "a": Figure(-2.5, 0.1, "Hz")},
     )
-    assert database.add(path, [given, *entries(3)]) == [True] * 4
+    assert database.add_entries(path, [given, *entries(3)]) == [True] * 4
     back = database.read_entries(path)
     assert back[1:] == entries(3)
     assert back[0].figures == given.figures and list(back[0].figures) == ["z", "a"]
@@ -47,8 +47,8 @@ def test_what_is_entered_comes_back(tmp_path):
 def test_the_same_file_twice_is_one_row(tmp_path):
     path = tmp_path / "l.sqlite"
     one = entries(2)
-    assert database.add(path, one + one[:1]) == [True, True, False]
-    assert database.add(path, one) == [False, False]
+    assert database.add_entries(path, one + one[:1]) == [True, True, False]
+    assert database.add_entries(path, one) == [False, False]
     assert database.read_entries(path) == one
 
 
@@ -56,10 +56,10 @@ def test_the_same_file_twice_is_one_row(tmp_path):
 def test_nothing_is_entered_where_one_fails(value, tmp_path):
     """What is no number was blamed on the ledger ("is damaged"), or entered where it is infinite."""
     path = tmp_path / "l.sqlite"
-    database.add(path, entries(2))
+    database.add_entries(path, entries(2))
     bad = entry("SN-x", 0.0, value)
     with pytest.raises(HrgError, match=rf"{value}, a finite number was expected") as refused:
-        database.add(path, [*entries(5, "NEW"), bad])
+        database.add_entries(path, [*entries(5, "NEW"), bad])
     assert str(refused.value).startswith(bad.file)
     assert database.read_entries(path) == entries(2)
 
@@ -79,18 +79,18 @@ def files_no_longer_than(size):
 def test_a_new_ledger_is_whole_or_absent(room, tmp_path):
     path = tmp_path / "l.sqlite"
     with files_no_longer_than(room), pytest.raises(HrgError, match=r"l\.sqlite: ") as refused:
-        database.add(path, entries(500))
+        database.add_entries(path, entries(500))
     assert ".tmp" not in str(refused.value), "the sentence names what the user named"
     assert list(tmp_path.iterdir()) == []
-    assert database.add(path, entries(2)) == [True] * 2
+    assert database.add_entries(path, entries(2)) == [True] * 2
 
 
 def test_an_old_ledger_is_as_it_was_where_the_disk_is_full(tmp_path):
     path = tmp_path / "l.sqlite"
-    database.add(path, entries(2))
+    database.add_entries(path, entries(2))
     room = files_no_longer_than(path.stat().st_size)
     with room, pytest.raises(HrgError, match=r"l\.sqlite: .*nothing was entered"):
-        database.add(path, entries(500, "NEW"))
+        database.add_entries(path, entries(500, "NEW"))
     assert database.read_entries(path) == entries(2)
 
 
@@ -100,11 +100,11 @@ def test_a_ledger_made_by_another_meanwhile_is_added_to(tmp_path, monkeypatch):
 
     def after_another(new, given):
         monkeypatch.undo()
-        database.add(path, entries(3, "THEIRS"))
+        database.add_entries(path, entries(3, "THEIRS"))
         return make_new(new, given)
 
     monkeypatch.setattr(database, "_add_to_new", after_another)
-    assert database.add(path, entries(2)) == [True] * 2
+    assert database.add_entries(path, entries(2)) == [True] * 2
     assert database.read_entries(path) == [*entries(3, "THEIRS"), *entries(2)]
     assert [one.name for one in tmp_path.iterdir()] == ["l.sqlite"]
 
@@ -115,7 +115,7 @@ from pathlib import Path
 from test_database import entries
 from hrg_cli.ledger import database
 for one in entries(40, sys.argv[2]):
-    database.add(Path(sys.argv[1]), [one])
+    database.add_entries(Path(sys.argv[1]), [one])
 """
 
 
@@ -141,14 +141,14 @@ def test_two_writers_at_once_lose_nothing(tmp_path):
 def locked(tmp_path):
     """A ledger that another program holds for itself."""
     path = tmp_path / "l.sqlite"
-    database.add(path, entries(2))
+    database.add_entries(path, entries(2))
     with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as other:
         other.execute("BEGIN EXCLUSIVE")
         yield path
 
 
 TOUCH = {
-    "write": lambda path: database.add(path, entries(1, "MINE")),
+    "write": lambda path: database.add_entries(path, entries(1, "MINE")),
     "read": database.read_entries,
 }
 
@@ -195,7 +195,7 @@ def test_what_is_no_lock_is_not_waited_for(monkeypatch):
 def test_a_row_that_its_table_forbids_is_damage(tmp_path):
     """SQLite reads it; only its own check tells that no ledger was written so."""
     path = tmp_path / "l.sqlite"
-    database.add(path, entries(2))
+    database.add_entries(path, entries(2))
     strict, loose = '"station" TEXT NOT NULL', '"station" TEXT'
     steps = (
         f"UPDATE sqlite_master SET sql = replace(sql, '{strict}', '{loose}')",
@@ -212,13 +212,13 @@ def test_a_row_that_its_table_forbids_is_damage(tmp_path):
 
 def test_a_ledger_that_is_let_go_is_entered_into(tmp_path):
     path = tmp_path / "l.sqlite"
-    database.add(path, entries(2))
+    database.add_entries(path, entries(2))
     with contextlib.closing(
         sqlite3.connect(path, isolation_level=None, check_same_thread=False)
     ) as other:
         other.execute("BEGIN EXCLUSIVE")
         threading.Timer(0.8, other.rollback).start()
-        assert database.add(path, entries(1, "MINE")) == [True]
+        assert database.add_entries(path, entries(1, "MINE")) == [True]
 
 
 KILLED = """
@@ -236,11 +236,11 @@ os.kill(os.getpid(), 9)
 def test_a_killed_writer_leaves_what_was_there(tmp_path):
     path = tmp_path / "l.sqlite"
     many = entries(500)
-    database.add(path, many)
+    database.add_entries(path, many)
     done = subprocess.run([sys.executable, "-c", KILLED, str(path)], check=False)
     assert done.returncode == -9
     assert database.read_entries(path) == many
-    assert database.add(path, entries(1, "NEW")) == [True]
+    assert database.add_entries(path, entries(1, "NEW")) == [True]
 
 
 def damaged(path, how):
@@ -259,12 +259,12 @@ def damaged(path, how):
 @pytest.mark.parametrize("how", ["cut", "page", "text", "head"])
 def test_a_damaged_ledger_is_one_sentence(how, tmp_path):
     path = tmp_path / "l.sqlite"
-    database.add(path, entries(60))
+    database.add_entries(path, entries(60))
     damaged(path, how)
     before = path.read_bytes()
     for work in (
         lambda: database.read_entries(path),
-        lambda: database.add(path, entries(1, "NEW")),
+        lambda: database.add_entries(path, entries(1, "NEW")),
     ):
         with pytest.raises(HrgError, match=r"l\.sqlite: is (a damaged|no) ") as told:
             work()
@@ -289,7 +289,7 @@ def test_a_damaged_ledger_is_one_sentence(how, tmp_path):
 )
 def test_what_no_ledger_would_hold_is_refused(statement, said, tmp_path):
     path = tmp_path / "l.sqlite"
-    database.add(path, entries(2))
+    database.add_entries(path, entries(2))
     with sqlite3.connect(path) as connection:
         connection.execute(statement)
     connection.close()
@@ -305,7 +305,7 @@ def test_another_programs_database_stays_as_it_is(tmp_path):
     connection.close()
     before = path.read_bytes()
     with pytest.raises(HrgError, match="no ledger"):
-        database.add(path, entries(1))
+        database.add_entries(path, entries(1))
     assert path.read_bytes() == before
 
 
@@ -315,7 +315,7 @@ def test_places_that_are_none(tmp_path):
         (tmp_path / "no" / "l.sqlite", "does not exist"),
     ):
         with pytest.raises(HrgError, match=said):
-            database.add(path, entries(1))
+            database.add_entries(path, entries(1))
     with pytest.raises(HrgError, match="no such ledger"):
         database.read_entries(tmp_path / "l.sqlite")
     assert not (tmp_path / "l.sqlite").exists()
@@ -323,5 +323,5 @@ def test_places_that_are_none(tmp_path):
 
 def test_a_name_with_signs_of_an_address_is_a_name(tmp_path):
     path = tmp_path / "a?mode=ro&x#y %41.sqlite"
-    assert database.add(path, entries(1)) == [True] and path.is_file()
+    assert database.add_entries(path, entries(1)) == [True] and path.is_file()
     assert database.read_entries(path) == entries(1)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hrg_cli.ledger import gauge
-from hrg_cli.ledger.gauge import _design, _terms, gauge_study
+from hrg_cli.ledger.gauge import _design, _terms, study_gauge
 
 STD = {"gyro": 0.7, "interaction": 0.3, "station": 0.5, "repeat": 0.2}
 
@@ -20,7 +20,7 @@ def study(rng, gyros=10, stations=3, repeats=3, own=0.0, known=True, **std):
     x = x + np.hypot(std["repeat"], own) * rng.standard_normal(shape)
     gyro, station, _ = np.indices(shape)
     stated = np.full(x.size, own if known else 0.0)
-    return x, gauge_study(x.ravel(), stated, gyro.ravel().astype(str), station.ravel().astype(str))
+    return x, study_gauge(x.ravel(), stated, gyro.ravel().astype(str), station.ravel().astype(str))
 
 
 def test_likelihood_is_that_of_the_whole_covariance_matrix():
@@ -83,8 +83,8 @@ def test_own_sigma_separates_gauge_from_gyro_without_repeats():
 
 def test_what_cannot_be_told_is_not_named():
     rng = np.random.default_rng(3)
-    assert gauge_study(rng.random(4), np.zeros(4), ["a", "a", "b", "b"], ["1"] * 4) is None
-    apart = gauge_study(rng.random(8), np.full(8, 0.1), list("abcdefgh"), ["1"] * 4 + ["2"] * 4)
+    assert study_gauge(rng.random(4), np.zeros(4), ["a", "a", "b", "b"], ["1"] * 4) is None
+    apart = study_gauge(rng.random(8), np.full(8, 0.1), list("abcdefgh"), ["1"] * 4 + ["2"] * 4)
     assert set(apart.components) == {"gyro"}, "each gyro on one station only"
     repeats = study(rng, 6, 1, 3, own=0.1, gyro=1.0)[1]
     assert set(repeats.components) == {"gyro", "repeat"}
@@ -126,8 +126,10 @@ def test_intervals_hold():
 def test_the_study_of_a_production_takes_few_looks_at_its_results(monkeypatch):
     """The time of `hrg ledger show`; 3600 before slopes were taken together and intervals sought
     from inside."""
-    looks, look = [], gauge.likelihoods
-    monkeypatch.setattr(gauge, "likelihoods", lambda *given: (looks.append(1), look(*given))[1])
+    looks, look = [], gauge.compute_likelihoods
+    monkeypatch.setattr(
+        gauge, "compute_likelihoods", lambda *given: (looks.append(1), look(*given))[1]
+    )
     _, found = study(
         np.random.default_rng(5), 200, 2, 2, 0.1, gyro=1.0, interaction=0.1, station=0.3, repeat=0.1
     )

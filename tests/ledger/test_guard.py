@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hrg_cli.ledger.guard import guard_limits, probability_outside, risks
+from hrg_cli.ledger.guard import compute_guard_limits, compute_probability_outside, compute_risks
 
 DRAWS = 1_000_000
 
@@ -26,14 +26,14 @@ def test_risks_are_those_of_drawn_decisions(spread, u, low, high, k):
     seen = true + u * rng.standard_normal(DRAWS)
     accepted = np.ones(DRAWS, bool)
     good = np.ones(DRAWS, bool)
-    a, b = guard_limits(low, high, u, k)
+    a, b = compute_guard_limits(low, high, u, k)
     if low is not None:
         accepted &= seen >= a
         good &= true >= low
     if high is not None:
         accepted &= seen <= b
         good &= true <= high
-    found = risks((0.1, spread), u, low, high, k)
+    found = compute_risks((0.1, spread), u, low, high, k)
     for value, counted in (
         (found.false_acceptance, accepted & ~good),
         (found.false_rejection, ~accepted & good),
@@ -52,19 +52,19 @@ def test_a_gyros_risk_is_that_of_its_like():
     seen = true + 0.3 * rng.standard_normal(4 * DRAWS)
     like = np.abs(seen - 1.9) < 0.01
     counted = (true[like] > 2.0).mean()
-    found = probability_outside(1.9, 0.3, None, 2.0, (0.0, 1.0))
+    found = compute_probability_outside(1.9, 0.3, None, 2.0, (0.0, 1.0))
     assert found == pytest.approx(counted, abs=5 * np.sqrt(counted / like.sum()))
 
 
 def test_without_a_population_the_measurement_alone_tells():
-    assert probability_outside(1.0, 0.5, None, 1.0) == pytest.approx(0.5)
+    assert compute_probability_outside(1.0, 0.5, None, 1.0) == pytest.approx(0.5)
     expected = stats.norm.sf(2.0) + stats.norm.cdf(-4.0)
-    assert probability_outside(0.0, 0.5, -2.0, 1.0) == pytest.approx(expected)
-    assert probability_outside(3.0, 0.0, None, 2.0) == 1.0
+    assert compute_probability_outside(0.0, 0.5, -2.0, 1.0) == pytest.approx(expected)
+    assert compute_probability_outside(3.0, 0.0, None, 2.0) == 1.0
 
 
 def test_a_wider_guard_band_accepts_less_that_is_bad_and_rejects_more_that_is_good():
-    found = [risks((0.0, 1.0), 0.3, -2.0, 2.0, k) for k in (0.0, 1.0, 2.0, 3.0)]
+    found = [compute_risks((0.0, 1.0), 0.3, -2.0, 2.0, k) for k in (0.0, 1.0, 2.0, 3.0)]
     assert np.all(np.diff([r.false_acceptance for r in found]) < 0)
     assert np.all(np.diff([r.false_rejection for r in found]) > 0)
     assert found[-1].false_acceptance < 2e-5

@@ -9,8 +9,8 @@ from production import entry, production, write
 
 from hrg_cli import store
 from hrg_cli.ledger import database
-from hrg_cli.ledger.history import history
-from hrg_cli.ledger.overview import overview
+from hrg_cli.ledger.history import tell_history
+from hrg_cli.ledger.overview import make_overview
 from hrg_cli.ledger.series import select_independent
 from hrg_cli.records import Wave
 from hrg_cli.reporting.quantities import round_with_std
@@ -35,7 +35,7 @@ def test_a_mean_is_rounded_by_its_own_sigma_where_no_spread_is(hrg, tmp_path, gy
     ledger = tmp_path / "l.sqlite"
     made = [write(tmp_path / f"{k}.h5", f"SN-{k}", float(k)) for k in range(gyros)]
     assert hrg("ledger", "add", *made, "--ledger", ledger).status == 0
-    [figure] = overview(database.read_entries(ledger), names=[SPLIT]).figures
+    [figure] = make_overview(database.read_entries(ledger), names=[SPLIT]).figures
     [std] = {e.figures[SPLIT].std for e in database.read_entries(ledger)}
     assert figure.mean_std == pytest.approx(std / np.sqrt(gyros))
     shown = hrg("ledger", "show", "--ledger", ledger).out.splitlines()
@@ -113,24 +113,24 @@ def test_status_3_outside_limits_and_out_of_control_when_strict(hrg, files, tmp_
     assert mistyped.status == 2 and "did you mean" in mistyped.err
     rng = np.random.default_rng(0)
     stable = [entry(f"T-{n:02d}", n, 0.1 + 1e-4 * rng.standard_normal()) for n in range(20)]
-    database.add(tmp_path / "t.sqlite", stable)
+    database.add_entries(tmp_path / "t.sqlite", stable)
     chart = ("ledger", "show", "--ledger", tmp_path / "t.sqlite")
     assert hrg(*chart, "--strict").status == 0
-    database.add(tmp_path / "t.sqlite", [entry("T-99", 30.0, 0.102)])
+    database.add_entries(tmp_path / "t.sqlite", [entry("T-99", 30.0, 0.102)])
     told = hrg(*chart)
     assert told.status == 0 and "out: 1 beyond 3 σ" in told.out and "T-99" in told.err
     assert hrg(*chart, "--strict").status == 3
 
 
 def test_the_screen_has_names_and_units_not_keys(hrg, files, tmp_path):
-    """Tables and sentences of `show` and `history` had keys; two kinds' figures of one name are
+    """Tables and sentences of `show` and `tell_history` had keys; two kinds' figures of one name are
     told apart."""
     ledger, limits = tmp_path / "l.sqlite", tmp_path / "limits.toml"
     limits.write_text(f"[resonator]\n{SPLIT} = 0.1002\n[diagnosis]\n'values.{SPLIT}' = 0.0999\n")
     hrg("ledger", "add", *files, "--ledger", ledger, "--station", "1")
     named = f"values.{SPLIT}"
     diagnosed = [entry(f"SN-{k}", 20.0 + k, 0.1, name=named, kind="diagnosis") for k in (1, 2)]
-    database.add(ledger, diagnosed)
+    database.add_entries(ledger, diagnosed)
     for words in (("show", "--golden", "SN-1"), ("history", "SN-1")):
         for limited in ((), ("--limits", limits, "--guard-sigma", 2)):
             told = hrg("ledger", *words, "--ledger", ledger, *limited)
@@ -178,7 +178,7 @@ def test_samples_processed_again_are_one_measurement():
     ]
     kept = select_independent(twice)
     assert [e.figures[SPLIT].value for e in kept] == [0.200, 0.101, 0.102]
-    told = overview(twice)
+    told = make_overview(twice)
     assert (told.entries, told.refused, told.reprocessed) == (5, 1, 1)
     assert told.doubts == ["SN-1: its newest resonator is refused"]
 
@@ -208,7 +208,7 @@ def test_time_of_measurement_is_read_from_the_waves_beside(hrg, tmp_path):
 
 def test_axes_turn_the_shorter_way():
     name = "damping_axis_rad"
-    found = history(
+    found = tell_history(
         [entry("SN-1", 0.0, 0.01, name=name), entry("SN-1", 1.0, np.pi / 2 - 0.01, name=name)],
         "SN-1",
     ).figures[0]
@@ -219,7 +219,7 @@ def test_a_line_is_followed_to_its_limit():
     """0.1 rad/s + 1e-4 a day against 0.12: 200 days from the start, 180 from the last."""
     rows = [entry("SN-1", day, 0.1 + 1e-4 * day, 1e-5) for day in range(0, 21, 2)]
     limits = {"resonator": {SPLIT: 0.12}}
-    (found,) = history(rows, "SN-1", limits=limits).figures
+    (found,) = tell_history(rows, "SN-1", limits=limits).figures
     assert found.trend.slope_per_day == pytest.approx(1e-4)
     assert found.days_to_limit == pytest.approx(180, rel=1e-6)
     assert found.share_first == pytest.approx(2e-3 / 0.12)
@@ -227,7 +227,7 @@ def test_a_line_is_followed_to_its_limit():
 
 def test_the_golden_unit_tells_which_station_drifts(tmp_path):
     rows = production(tmp_path / "l.sqlite", gyros=20, station_shift=4e-4)
-    told = overview(rows, golden="G-000", limits={"resonator": {SPLIT: 0.2}})
+    told = make_overview(rows, golden="G-000", limits={"resonator": {SPLIT: 0.2}})
     first, second = told.golden
     assert (first.station, second.station) == ("1", "2") and first.measurements == 20
     assert abs(first.trend.sigma) < 4 and second.trend.sigma > 6
@@ -306,5 +306,5 @@ def test_a_large_move_since_the_last_is_in_doubt(by, doubted):
     """A page said "nothing is in doubt" beside a move of 13.2 σ: the chart's own spread held it."""
     last = 0.1 + by * np.sqrt(2) * 1e-4
     rows = [entry("SN-1", float(day), last if day == 9 else 0.1) for day in range(10)]
-    found = history(rows, "SN-1")
+    found = tell_history(rows, "SN-1")
     assert any(f"moved by {by:+.3g} σ since the last" in said for said in found.doubts) == doubted

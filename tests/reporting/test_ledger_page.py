@@ -12,8 +12,8 @@ from production import entry, production
 
 from hrg_cli.ledger import database
 from hrg_cli.ledger.entry import Figure
-from hrg_cli.ledger.history import history
-from hrg_cli.ledger.overview import overview
+from hrg_cli.ledger.history import tell_history
+from hrg_cli.ledger.overview import make_overview
 from hrg_cli.reporting.figures.drawing import write_svg
 from hrg_cli.reporting.figures.ledger import draw_capability
 from hrg_cli.reporting.ledger_page import MOST, make_history_page, make_overview_page
@@ -35,8 +35,8 @@ def made(tmp_path_factory):
 @pytest.fixture(scope="module")
 def pages(made):
     """The page of all gyros, and that of the golden unit."""
-    whole = overview(made, limits=LIMITS, golden="G-000")
-    one = history(made, "G-000", limits=LIMITS)
+    whole = make_overview(made, limits=LIMITS, golden="G-000")
+    one = tell_history(made, "G-000", limits=LIMITS)
     return make_overview_page(whole, "refused"), make_history_page(one, "valid")
 
 
@@ -97,7 +97,7 @@ def test_hostile_names_are_text(pages):
 
 
 def test_the_same_ledger_gives_the_same_bytes(made, pages):
-    again = make_history_page(history(made, "G-000", limits=LIMITS), "valid")
+    again = make_history_page(tell_history(made, "G-000", limits=LIMITS), "valid")
     assert again == pages[1]
 
 
@@ -107,45 +107,45 @@ def test_charts_of_any_length(count, std):
     """One measurement, too few for control limits, too many for bars; with and without σ."""
     rng = np.random.default_rng(count)
     rows = [entry("SN-1", d, 0.1 + 1e-4 * rng.standard_normal(), std) for d in range(count)]
-    page = make_history_page(history(rows, "SN-1", names=[SPLIT]), "valid")
+    page = make_history_page(tell_history(rows, "SN-1", names=[SPLIT]), "valid")
     assert ("No control limits" in page) == (1 < count < 8)
     assert ("a chart begins with the second" in page) == (count == 1)
     assert ("change, σ of both" in page) == (count > 1 and std is not None)
     gyros = [entry(f"SN-{k}", k, 0.1 + 1e-4 * rng.standard_normal(), std) for k in range(count)]
-    page = make_overview_page(overview(gyros, names=[SPLIT]), "valid")
+    page = make_overview_page(make_overview(gyros, names=[SPLIT]), "valid")
     assert ("moving range, " in page) == (count > 1) and f"{count} gyro" in page
 
 
 def test_equal_values_have_no_control_limits():
     rows = [entry("SN-1", d, 0.1) for d in range(9)]
-    page = make_history_page(history(rows, "SN-1"), "valid")
+    page = make_history_page(tell_history(rows, "SN-1"), "valid")
     assert "neighbours do not differ" in page
 
 
 def test_an_empty_ledger_is_a_page():
-    assert "No figure was measured" in make_overview_page(overview([]), "valid")
+    assert "No figure was measured" in make_overview_page(make_overview([]), "valid")
 
 
 def test_the_capability_is_drawn_where_the_table_has_it(made):
-    told = overview(made, limits=LIMITS)
+    told = make_overview(made, limits=LIMITS)
     plot = draw_capability(told.figures, ["split"])
     (line,) = plot.figure.axes[0].lines[:1]
     assert line.get_xdata()[0] == pytest.approx(told.figures[0].capability.cpk)
     assert "split" in write_svg(plot, plot.key)
-    assert draw_capability(overview(made).figures, ["split"]) is None
+    assert draw_capability(make_overview(made).figures, ["split"]) is None
 
 
 def test_more_figures_than_a_page_holds_are_asked_for_by_name():
     names = [f"drift_{n}_rad_s" for n in range(MOST + 3)]
     figures = {name: Figure(0.1, 1e-4, "rad s-1") for name in names}
     rows = [entry("SN-1", k, 0.1, figures=figures) for k in range(2)]
-    page = make_history_page(history(rows, "SN-1"), "valid")
+    page = make_history_page(tell_history(rows, "SN-1"), "valid")
     assert page.count("<figure ") == MOST and "3 more by" in page
 
 
 def test_the_command_writes_pages(hrg, tmp_path):
     ledger = tmp_path / "l.sqlite"
-    database.add(ledger, [entry("SN-1", float(d), 0.1 + 1e-4 * (d % 3)) for d in range(9)])
+    database.add_entries(ledger, [entry("SN-1", float(d), 0.1 + 1e-4 * (d % 3)) for d in range(9)])
     for words in (("show",), ("history", "SN-1")):
         page = tmp_path / f"{words[0]}.html"
         asked = ("ledger", *words, "--ledger", ledger, "-o", page)

@@ -236,9 +236,12 @@ def build(folder: Path) -> Path:
     pipeline.run_stage(
         "calibrate", [folder / f"forced{n}.h5" for n in range(6)], folder / "calibration.h5", table
     )
-    database.add(
+    database.add_entries(
         folder / "ledger.sqlite",
-        [entering.entry_of(folder / f"{kind}.h5", "", {}) for kind in ("resonator", "calibration")],
+        [
+            entering.make_entry(folder / f"{kind}.h5", "", {})
+            for kind in ("resonator", "calibration")
+        ],
     )
     (folder / "gyro.toml").write_text(GYRO)
     (folder / "limits.toml").write_text(LIMITS)

@@ -9,7 +9,7 @@ import pytest
 from hrg_cli.effects import EFFECTS, find
 from hrg_cli.fitting.causes import scales, whitened_rows
 from hrg_cli.studies import hidden, power
-from hrg_cli.studies.diagnosis import assemble, diagnosis_study, figure, table
+from hrg_cli.studies.diagnosis import assemble, diagnosis_study, draw_figure, tabulate
 
 
 def test_the_ideal_detector_is_that_of_neyman_and_pearson():
@@ -18,10 +18,10 @@ def test_the_ideal_detector_is_that_of_neyman_and_pearson():
     random = np.random.default_rng(1)
     noise, size, rate = random.standard_normal(200_000), 2.5, 0.01
     threshold = np.quantile(noise, 1 - rate)
-    assert power.ideal([size], rate)["chance"]["2.5"] == pytest.approx(
+    assert power.compute_ideal([size], rate)["chance"]["2.5"] == pytest.approx(
         np.mean(noise + size > threshold), abs=0.01
     )
-    assert power.ideal([], rate)["half"] == pytest.approx(threshold, abs=0.03)
+    assert power.compute_ideal([], rate)["half"] == pytest.approx(threshold, abs=0.03)
 
 
 def test_the_curve_finds_the_size_named_in_half_of_the_draws_and_its_interval_holds_it():
@@ -32,13 +32,13 @@ def test_the_curve_finds_the_size_named_in_half_of_the_draws_and_its_interval_ho
             for s in (3, 4, 5, 6, 8)
             for _ in range(12)
         ]
-        found = power.curve(draws)
+        found = power.fit_curve(draws)
         halves.append(found["half"])
         inside += found["half_interval"][0] <= 5.0 <= (found["half_interval"][1] or np.inf)
     assert np.mean(halves) == pytest.approx(5.0, abs=0.15)
     assert inside >= 60 * 0.95 - 3 * np.sqrt(60 * 0.95 * 0.05)
     assert found["ninety"] > found["half"] + 1.28
-    assert power.curve([(4.0, False), (8.0, False)])["half"] is None
+    assert power.fit_curve([(4.0, False), (8.0, False)])["half"] is None
 
 
 def test_intervals_of_shares_hold_the_truth_in_ninety_five_of_a_hundred():
@@ -47,7 +47,7 @@ def test_intervals_of_shares_hold_the_truth_in_ninety_five_of_a_hundred():
         held = [
             low <= chance <= high
             for _, low, high, _ in (
-                power.share(int(k), 20) for k in random.binomial(20, chance, 400)
+                power.compute_share(int(k), 20) for k in random.binomial(20, chance, 400)
             )
         ]
         assert np.mean(held) > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 400)
@@ -59,7 +59,7 @@ def test_a_size_is_what_an_ideal_detector_measures():
     size, found = 6.0, []
     one = hidden.hide("gain_mismatch", np.random.default_rng(4), 3e-4)
     for seed in range(8):
-        fit = hidden.base_fit(one.measure(size, seed), None, {})
+        fit = hidden.fit_base(one.measure(size, seed), None, {})
         step = scales.list_steps(one.effect, fit.series)
         direction = hidden._project_base(
             whitened_rows.find_sensitivity(fit.flow, one.effect, one.neutral, step), fit
@@ -84,9 +84,9 @@ def test_a_small_study_from_raw_samples(tmp_path):
     assert study["confusion"]["gain_mismatch"] == {"gain_mismatch": 1.0}
     assert abs(mismatch["error_rms"]) < 4
     json.dumps(study, allow_nan=False)
-    heads, rows = table(study)
+    heads, rows = tabulate(study)
     assert all(len(row) == len(heads) for row in rows) and rows[-1][0] == "ideal detector"
-    figure(study).savefig(tmp_path / "study.png")
+    draw_figure(study).savefig(tmp_path / "study.png")
     assert (tmp_path / "study.png").stat().st_size > 10_000
 
 
@@ -133,7 +133,7 @@ def test_rows_become_figures():
 
 def test_what_an_effect_needs_beside_it_has_a_size():
     for effect in EFFECTS:
-        for name, values in hidden.effects_beside(effect).items():
+        for name, values in hidden.list_effects_beside(effect).items():
             assert find(name).fitted()[0].name in values
 
 

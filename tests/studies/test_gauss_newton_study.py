@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from hrg_cli.studies.gauss_newton import TOLERANCE, figure, gauss_newton_study
+from hrg_cli.studies.gauss_newton import TOLERANCE, draw_figure, gauss_newton_study
 
 
 def check(study, mean_tolerance):
@@ -44,7 +44,7 @@ def test_one_case_is_monotone_and_the_other_is_not():
 
 def test_the_figure_shows_both_histograms_and_both_cases(tmp_path):
     study = gauss_newton_study(vectors=2_000, seed=4)
-    drawing = figure(study)
+    drawing = draw_figure(study)
     assert len(drawing.axes) == 4
     heights = sorted(bar.get_height() for bar in drawing.axes[0].patches)
     assert heights == sorted(study["random_start_zero"]["histogram"].values())

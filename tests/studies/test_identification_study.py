@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hrg_cli.physics.resonator import OF_GENERATOR
-from hrg_cli.studies.identification import figure, identification_study, table
+from hrg_cli.studies.identification import draw_figure, identification_study, tabulate
 
 
 def rows_of(study, method):
@@ -37,8 +37,8 @@ def test_every_method_has_its_row_and_figure():
         "fixed-axes",
         "moving-axes",
     } <= methods
-    assert len(table(study)[1]) == len(study["rows"])
-    assert figure(study).axes
+    assert len(tabulate(study)[1]) == len(study["rows"])
+    assert draw_figure(study).axes
 
 
 @pytest.mark.slow

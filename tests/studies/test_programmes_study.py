@@ -9,11 +9,11 @@ from hrg_cli.studies.programmes import (
     UNKNOWN_RATE,
     WRONG,
     assemble,
-    figure,
+    draw_figure,
     programmes_study,
-    table,
+    tabulate,
 )
-from hrg_cli.studies.run_downs import draw, envelope
+from hrg_cli.studies.run_downs import draw, make_envelope
 
 
 def test_no_quiet_answer_is_wrong_over_the_range():
@@ -23,7 +23,7 @@ def test_no_quiet_answer_is_wrong_over_the_range():
     assert {"likelihood", *ALL} <= set(rows)
     assert rows["likelihood"]["quiet"] >= 4 and rows["likelihood"]["worst"] < WRONG
     assert rows["likelihood"]["std_over_bound"] < 1.05
-    assert len(table(study)[1]) == len(rows) and figure(study).axes
+    assert len(tabulate(study)[1]) == len(rows) and draw_figure(study).axes
 
 
 def test_draws_reach_the_whole_range():
@@ -53,7 +53,7 @@ def test_envelopes_of_a_changing_rate_are_those_of_the_samples(kind):
     course = run_downs._course(kind, 0.8, 4.0, random)
     (wave,) = run_downs._simulate_samples(gyro, [course], [(0.3, 0.1)], 0.01, 4.0, 1e-7, random)
     first = run_downs.ellipse.compute_envelopes(1.0, 0.1, 0.3, 0.0, gyro.mode_number)
-    u = envelope(gyro, course, 0.01, np.asarray(wave.time_s), first)
+    u = make_envelope(gyro, course, 0.01, np.asarray(wave.time_s), first)
     angle, _ = run_downs.ellipse.unwrap(
         *run_downs.ellipse.find_wave(u, gyro.mode_number)[2:], gyro.mode_number
     )
@@ -75,7 +75,7 @@ def test_a_changing_rate_is_marched_finer_than_the_faintest_noise(kind, monkeypa
     marched = {}
     for substeps in (1, 2, 4, 64):
         monkeypatch.setattr(run_downs, "SUBSTEPS", substeps)
-        marched[substeps] = envelope(*begin)
+        marched[substeps] = make_envelope(*begin)
     off = {n: np.abs(marched[n] - marched[64]).max() for n in (1, 2, 4)}
     assert off[1] > 12 * off[2]
     assert off[4] < 1e-9

@@ -15,8 +15,8 @@ from hrg_cli.errors import HrgError
 from hrg_cli.records import collect
 from hrg_cli.stages.simulate import list_run_ids, simulate
 from hrg_cli.studies import recovery
-from hrg_cli.studies.hidden import programme
-from hrg_cli.studies.recovery import assemble, figure, judge_report, recovery_study, table
+from hrg_cli.studies.hidden import draw_programme
+from hrg_cli.studies.recovery import assemble, draw_figure, judge_report, recovery_study, tabulate
 from hrg_cli.studies.recovery_sizes import fit_background
 
 EFFECTS = ["damping_drift", "momentum_kick", "drive_rotation"]
@@ -25,7 +25,7 @@ EFFECTS = ["damping_drift", "momentum_kick", "drive_rotation"]
 @pytest.fixture(scope="module")
 def recordings():
     """Three short runs of a gyro whose frequency follows the amplitude: that is its background."""
-    made = programme(np.random.default_rng(8), "gain_mismatch", 3e-4)
+    made = draw_programme(np.random.default_rng(8), "gain_mismatch", 3e-4)
     made["recording"] = {"sample_rate_hz": 20011.0, "duration_s": 1.0}
     made["run"], made["effects"] = made["run"][:3], {"cubic_stiffness": {"pull_rad_s": 0.3}}
     return [collect(simulate(made, run=run)) for run in list_run_ids(made)]
@@ -95,14 +95,14 @@ def test_an_interrupted_study_goes_on_where_it_was(quick, recordings):
 
 def test_table_and_figure(quick, recordings):
     study = recovery_study(recordings, effects=EFFECTS, sizes=[12.0, 40.0], periods_per_window=40.0)
-    heads, rows = table(study)
+    heads, rows = tabulate(study)
     assert len(rows) == len(EFFECTS) + 1 and all(len(row) == len(heads) for row in rows)
     of = {row[0]: row for row in rows}
     assert (
         of["damping_drift"][1:4] == ("1.00", "1.00", "0.00")
         and of["drive_rotation"][-1] == "no drive"
     )
-    drawing = figure(study)
+    drawing = draw_figure(study)
     assert [axes.get_title() for axes in drawing.axes] == [
         "named first",
         "a false name beside",

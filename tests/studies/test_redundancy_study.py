@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from hrg_cli.studies.redundancy import figure, redundancy_study
+from hrg_cli.studies.redundancy import draw_figure, redundancy_study
 
 
 @pytest.fixture(scope="module")
@@ -67,5 +67,5 @@ def test_angle_errors_are_those_of_the_catalogue(rows):
 
 def test_the_figure_and_the_table_can_be_written(study, tmp_path):
     json.dumps(study, allow_nan=False)
-    figure(study).savefig(tmp_path / "study.png")
+    draw_figure(study).savefig(tmp_path / "study.png")
     assert (tmp_path / "study.png").stat().st_size > 10_000

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from ...ledger.charts import BEYOND, FEWEST_POINTS, Chart
 from ...ledger.overview import FigureReport
 from ...ledger.series import DAY_S
-from ...ledger.times import iso
+from ...ledger.times import format_time
 from ...records import Array
 from ..quantities import choose_unit, format_quantity
 from ..text import clean_text, format_number
@@ -88,7 +88,7 @@ def draw_course(course: ChartedFigure) -> Plot:
 def _abscissa(course: ChartedFigure) -> tuple[Array, str]:
     """Days since the first for one gyro; else the place in time, as a chart of individuals has
     it."""
-    first = iso(float(course.times[0]))[:10]
+    first = format_time(float(course.times[0]))[:10]
     if course.own:
         return (course.times - course.times[0]) / DAY_S, f"days since {first}"
     return np.arange(1, len(course.values) + 1), f"gyros in the order of time, from {first}"

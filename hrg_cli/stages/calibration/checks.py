@@ -18,11 +18,45 @@ LARGEST_DAMPING = 0.02
 
 
 def find_stray_harmonics(fitted: Fitted, solution: TableSolution) -> list[dict[str, Any]]:
-    """Amplitudes of the harmonics mθ and 3mθ in the residual: no linear time-invariant defect makes
-    them, an additive signal does.
+    """Amplitudes of the harmonics mθ and 3mθ in what the tables leave.
 
-    Each run has its own cosine and sine (the wave's label mθ or mθ + π is free), fitted beside its
-    even harmonics; their χ² are added.
+    No linear time-invariant defect makes them, an additive signal does. Each run has its own cosine
+    and sine (the wave's label mθ or mθ + π is free), fitted beside its even harmonics; their χ² are
+    added.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    solution
+        The tables' coefficients.
+
+    Returns
+    -------
+    list of dict
+        Harmonic, amplitude [rad/s], its probability by chance, and what to do; empty where no wave
+        turns far enough.
+
+    Examples
+    --------
+    Waves that drift as the tables say hold none:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.checks import find_stray_harmonics
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> [stray["significant"] for stray in find_stray_harmonics(fitted, fitted.solution)]
+    [False, False]
     """
     from scipy.stats import chi2
 

@@ -58,7 +58,50 @@ def solve_variants(
     wanted: Wanted,
     coefficients: ResonatorCoefficients | None,
 ) -> list[TriedVariant]:
-    """The named variants that these runs allow, solved and judged, in the order of the names."""
+    """Variants solved on the same runs and folds, and judged at one noise.
+
+    Parameters
+    ----------
+    fitted
+        The runs with everything free, whose noise it is.
+    folds
+        Fold of each piece (R, S), from 0.
+    names
+        Of variants that the runs allow.
+    wanted
+        What was fixed.
+    coefficients
+        Of the resonators, for "physical".
+
+    Returns
+    -------
+    list of TriedVariant
+        In the order of the names.
+
+    Examples
+    --------
+    Runs without a constant drift pass with seed A (10) too:
+
+    >>> from hrg_cli.stages.calibration.variant_solutions import Wanted
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.choice import solve_variants
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
+    >>> tried = solve_variants(fitted, folds, ["table", "parametric"], Wanted(1, 0, seed=0), None)
+    >>> [(answer.name, answer.fits) for answer in tried]
+    [('table', True), ('parametric', True)]
+    """
     limits: dict[str, tuple[int, int, dict[str, list[float]]]] = {}
     tries, used, stored = [], [], []
     for name in names:
@@ -111,7 +154,53 @@ def solve_again(
     wanted: Wanted,
     penalty: Array | None = None,
 ) -> TriedVariant:
-    """The answer solved anew with another model matrix or a penalty, and judged anew."""
+    """An answer solved anew with another model or a penalty, and judged anew.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    folds
+        Fold of each piece (R, S), from 0.
+    answer
+        That was chosen.
+    model
+        What of the coefficients is free now.
+    wanted
+        What was fixed.
+    penalty
+        (size, size), added to the information; None: none.
+
+    Returns
+    -------
+    TriedVariant
+        Of the same name.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.calibration.choice import solve_variants
+    >>> from hrg_cli.stages.calibration.variant_solutions import Wanted
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.choice import solve_again
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
+    >>> wanted = Wanted(1, 0, seed=0)
+    >>> (answer,) = solve_variants(fitted, folds, ["table"], wanted, None)
+    >>> less = solve_again(fitted, folds, answer, Model("table", np.eye(layout.size)[:, [0, 3]]), wanted)
+    >>> answer.tried.model.free, less.tried.model.free, less.fits
+    (4, 2, True)
+    """
     tried = solve_linear(fitted, folds, model, penalty)
     ((checks, failed),) = judge_variants(fitted, folds, [tried])
     return replace(

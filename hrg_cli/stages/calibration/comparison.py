@@ -22,11 +22,54 @@ def compare_variants(
     draws: int,
     seed: int,
 ) -> list[dict[str, Any]]:
-    """One row a variant: held-out figures, coefficients, χ² of data left out, whether it fits and
-    why not.
+    """The variants that were tried beside each other.
 
     For (12) the demand on the mean frequency in numbers: `mean_frequency_needed_hz` is the error of
     it that alone makes the drift figure of the first variant, δD = 4πr·δf.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    folds
+        Fold of each piece (R, S), from 0.
+    tried
+        The variants.
+    scale_factor
+        K₀, of which the scale-factor error is a part.
+    draws
+        Of the bootstrap over runs.
+    seed
+        Of its random numbers.
+
+    Returns
+    -------
+    list of dict
+        Held-out figures, coefficients, χ² of data left out per row, whether it fits and why not.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.calibration.choice import solve_variants
+    >>> from hrg_cli.stages.calibration.variant_solutions import Wanted
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.comparison import compare_variants
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
+    >>> tried = solve_variants(fitted, folds, ["table", "parametric"], Wanted(1, 0, seed=0), None)
+    >>> rows = compare_variants(fitted, folds, tried, 0.55, 99, 0)
+    >>> [(row["stage"], row["coefficients"], row["passed"]) for row in rows]
+    [('table', 4, True), ('parametric', 3, True)]
     """
     whole = np.stack([a.tried.solution.coefficients for a in tried], axis=1)
     held = np.stack(

@@ -38,8 +38,51 @@ distribution)."""
 def analyse_factors(
     joint: Fitted, factors: Sequence[str], settings: LadderSettings, folds: Array, runs: int
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """(the final model's row of the ladder, significance, independence and use of every factor);
-    errors are those of the first `runs` runs, the forced ones."""
+    """What every group of coefficients buys, and the loops and pick-offs that they tell of: stage
+    7.
+
+    Parameters
+    ----------
+    joint
+        All runs.
+    factors
+        Names of those that were told.
+    settings
+        Of the ladder.
+    folds
+        Fold of each piece (R, S), from 0.
+    runs
+        How many of the first runs count in the errors, the forced ones.
+
+    Returns
+    -------
+    tuple
+        The final model's row of the ladder, and significance, independence and use of every factor.
+
+    Examples
+    --------
+    A drift that is not there buys nothing:
+
+    >>> from hrg_cli.stages.calibration.accuracy_stages import LadderSettings
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.factor_use import analyse_factors
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
+    >>> _, analysis = analyse_factors(fitted, [], LadderSettings(1, 0, 0.55, 99, 0), folds, 4)
+    >>> [row["name"] for row in analysis["factors"]], analysis["significant"]
+    (['drift over angle'], [])
+    """
     base = list_first_stages(joint.layout, settings.drift_limit, settings.scale_limit)[-1].matrix
     if BESIDE in joint.layout.factors:
         base = np.concatenate([base, joint.layout.build_factor_map(BESIDE)], axis=1)

@@ -181,8 +181,51 @@ def _cells_of_run(
 def gather_cells(
     fitted: Fitted, whole: Array, held: Array, folds: Array, runs: int | None = None
 ) -> tuple[Cells, Cells]:
-    """Cells of the residuals of the given coefficients: (used data, held-out data); of the first
-    `runs` runs alone, whose rates then tell low from high."""
+    """What coefficients leave of runs, averaged in cells of run × node × wave angle.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    whole
+        Coefficients (size, models) of all data.
+    held
+        With each fold left out (size, models, folds).
+    folds
+        Fold of each piece (R, S), from 0.
+    runs
+        How many of the first runs count, whose rates then tell low from high; None: all.
+
+    Returns
+    -------
+    tuple of Cells
+        Of the data used, and of data held out.
+
+    Examples
+    --------
+    A scale factor of 0.55 leaves nothing, one of 0.56 leaves 0.01 Ω:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.figures import gather_cells
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
+    >>> whole = np.array([[0.0, 0.0, 0.0, 0.55], [0.0, 0.0, 0.0, 0.56]]).T
+    >>> used, _ = gather_cells(fitted, whole, np.repeat(whole[:, :, None], 2, axis=2), folds)
+    >>> error = used.residual_rad_s / used.rate_rad_s[:, None]
+    >>> np.abs(error).mean(axis=0).round(4).tolist()
+    [0.0, 0.01]
+    """
     limits = _RateLimits.from_paths(fitted.paths[:runs])
     inside = [
         _cells_of_run(fitted, r, _residuals(fitted, r, whole, held, folds), limits)
@@ -251,8 +294,52 @@ def _compute_figure(
 def tabulate_model_figures(
     names: Sequence[str], used: Cells, unseen: Cells, scale_factor: float, draws: int, seed: int
 ) -> list[dict[str, Any]]:
-    """One row a model: held-out drift [rad/s] and scale-factor [ppm] figures with intervals, and
-    the same on the data used."""
+    """Errors of models in drift and scale factor, on data used and on data held out.
+
+    Parameters
+    ----------
+    names
+        Of the models.
+    used, unseen
+        Their cells.
+    scale_factor
+        K₀, of which the scale-factor error is a part.
+    draws
+        Of the bootstrap over runs.
+    seed
+        Of its random numbers.
+
+    Returns
+    -------
+    list of dict
+        A row a model: rms in drift [rad/s] and scale factor [ppm] with its 95 % interval, and what
+        noise alone leaves; None where no cell speaks of it.
+
+    Examples
+    --------
+    K too large by 0.01 of 0.55 is an error of 18182 ppm:
+
+    >>> from hrg_cli.stages.calibration.figures import gather_cells
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.figures import tabulate_model_figures
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
+    >>> whole = np.array([[0.0, 0.0, 0.0, 0.56]]).T
+    >>> cells = gather_cells(fitted, whole, np.repeat(whole[:, :, None], 2, axis=2), folds)
+    >>> round(tabulate_model_figures(["0.56"], *cells, 0.55, 99, 0)[0]["scale"]["value"])
+    18182
+    """
     rows: list[dict[str, Any]] = [{"stage": name} for name in names]
     for kind in ("drift", "scale"):
         for key, found in ((kind, unseen), (kind + "_used", used)):

@@ -40,10 +40,43 @@ def split_by_time(fitted: Fitted) -> Array:
 
 
 def choose_folds(fitted: Fitted, harmonics: int) -> tuple[Array, str]:
-    """Fold (R, S) of each piece and "runs" or "time".
+    """Which data stay unseen: whole runs where programmes repeat, stretches of time otherwise.
 
     Whole runs are left out only if the others still give every table and reach the rates left out:
     no figure is an extrapolation.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    harmonics
+        Of 2mθ in the drift that the others must still give.
+
+    Returns
+    -------
+    tuple
+        Fold (R, S) of each piece, and "runs" or "time".
+
+    Examples
+    --------
+    Four runs at four rates: without one of them the others do not reach its rate.
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.folds import choose_folds
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> choose_folds(fitted, 0)[1]
+    'time'
     """
     nodes, axis = fitted.layout.nodes, fitted.layout.axis
     nearest = [
@@ -78,11 +111,41 @@ def choose_folds(fitted: Fitted, harmonics: int) -> tuple[Array, str]:
 def choose_limits(
     fitted: Fitted, drift: int | None, scale: int | None, family: str = "table"
 ) -> tuple[int, int, dict[str, list[float]]]:
-    """Band limits of drift and scale factor with the smallest held-out χ² over stretches of time,
-    drift first.
+    """Harmonics of drift and scale factor that predict data left out best, drift first.
 
-    family: "table", or "combined": with the measured quadrature beside. The scores (above the
-    smallest, by harmonics) are kept.
+    Parameters
+    ----------
+    fitted
+        The runs.
+    drift, scale
+        Harmonics of 2mθ that were fixed; None: chosen.
+    family
+        "table", or "combined": with the measured quadrature beside.
+
+    Returns
+    -------
+    tuple
+        Both numbers, and the scores by harmonics: χ² of stretches of time left out, above the
+        smallest.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.folds import choose_limits
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> choose_limits(fitted, 1, None)[:2]
+    (1, 0)
     """
     layout, folds = fitted.layout, split_by_time(fitted)
     scores = {"drift": [0.0], "scale_factor": [0.0]}
@@ -107,8 +170,43 @@ def choose_limits(
 
 
 def choose_smoothness(fitted: Fitted, model: Model) -> tuple[Array, float]:
-    """Penalty on curvature along the nodes with the smallest held-out χ², relative to the
-    information about each kind of coefficient."""
+    """Penalty on curvature along the nodes that predicts data left out best.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    model
+        What of the coefficients is free.
+
+    Returns
+    -------
+    tuple
+        Penalty (size, size), and its weight relative to the information about each kind of
+        coefficient.
+
+    Examples
+    --------
+    One node has no curvature:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.folds import choose_smoothness
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> penalty, weight = choose_smoothness(fitted, Model("table", np.eye(layout.size)))
+    >>> bool((penalty == 0).all())
+    True
+    """
     layout: TableLayout = fitted.layout
     information = np.diag(fitted.pieces.sum()[0])
     scale = np.zeros(layout.size)

@@ -37,7 +37,45 @@ def _turn(free: Sequence[AnglePath], forced: Sequence[AnglePath]) -> bool:
 def fit_jointly(
     forced: Fitted, free: Sequence[AnglePath], settings: LadderSettings
 ) -> tuple[Fitted, list[str]]:
-    """All runs' fit, and the factors that its other columns do not hold."""
+    """Forced and free runs fitted together, with a drive matrix in the forced ones alone.
+
+    Parameters
+    ----------
+    forced
+        The forced runs.
+    free
+        Free runs of the same gyro.
+    settings
+        Of the ladder.
+
+    Returns
+    -------
+    tuple
+        The fit of all runs, and names of the factors that its other columns do not hold.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from hrg_cli.stages.calibration.accuracy_stages import LadderSettings
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.joint_runs import fit_jointly
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> free = [replace(turn(rate), forced=False) for rate in (-0.2, 0.2)]
+    >>> joint, factors = fit_jointly(fitted, free, LadderSettings(1, 0, 0.55, 99, 0))
+    >>> len(joint.paths), "drive_matrix" in factors
+    (6, True)
+    """
     layout = forced.layout
     paths = [*forced.paths, *free]
     places = (layout.nodes, layout.axis, layout.interpolation)

@@ -43,8 +43,51 @@ def climb(
     settings: LadderSettings,
     penalty: Array | None,
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """(rows of all seven stages, the final analysis). `forced` holds the factors quadrature and,
-    where logged, the drives."""
+    """The seven stages of accuracy: what error each leaves on data not used, and what each factor
+    buys.
+
+    Parameters
+    ----------
+    forced
+        The forced runs, with the factor quadrature and, where logged, the drives.
+    free
+        Free runs of the same gyro; the loops cannot be told without them.
+    folds
+        Fold of each piece (R, S), from 0.
+    settings
+        Of the ladder.
+    penalty
+        (size, size), added to the information; None: none.
+
+    Returns
+    -------
+    tuple
+        A row a stage, and the final analysis of every factor.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.calibration.accuracy_stages import LadderSettings
+    >>> from hrg_cli.stages.calibration.trials import add_loop_columns
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.ladder import climb
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
+    >>> loops = add_loop_columns(fitted)
+    >>> rows, _ = climb(loops, [], folds, LadderSettings(1, 0, 0.55, 99, 0), None)
+    >>> len(rows), rows[4]["note"][:18]
+    (7, 'no drive is logged')
+    """
     models, accepted, notes = _grow_models(forced, settings)
     whole, held = predict_models(forced, models, folds, penalty)
     rows = tabulate_model_figures(

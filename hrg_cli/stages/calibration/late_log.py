@@ -145,8 +145,43 @@ def _set_right(path: AnglePath, late_s: float) -> AnglePath:
 def follow(
     fitted: Fitted, others: Sequence[AnglePath]
 ) -> tuple[Fitted, list[AnglePath], Lateness | None]:
-    """The fit, and other runs, with the logs set right, where a lateness is shown; else as they
-    are."""
+    """Runs with their rate logs set right in time, where a lateness is shown; else as they are.
+
+    Parameters
+    ----------
+    fitted
+        The runs, with the column of a late log.
+    others
+        Further runs of the same logs.
+
+    Returns
+    -------
+    tuple
+        The fit and the other runs, set right by what was found, and the lateness; None where no
+        rate moves.
+
+    Examples
+    --------
+    Constant rates do not show when they were logged:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.late_log import follow
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> same, others, late = follow(fitted, [])
+    >>> same is fitted, others, late
+    (True, [], None)
+    """
     late = _estimate_lateness(fitted)
     if late is None or abs(late.value_s) <= SHOWN * late.std_s:
         return fitted, list(others), late

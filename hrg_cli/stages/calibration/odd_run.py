@@ -56,11 +56,47 @@ def find_odd_run(
     harmonics: int,
     answer: Callable[[FullFit, int], TriedVariant],
 ) -> OddRun | None:
-    """The only run that the others contradict, and without which they pass every check; None where
-    there is none, or several are.
+    """The only run that the others contradict, and without which they pass every check.
 
-    harmonics: of the drift that the others must still give; answer: the model that is best of a fit
-    and so many harmonics.
+    Parameters
+    ----------
+    runs
+        As they were prepared.
+    whole
+        All of them fitted with everything free.
+    harmonics
+        Of 2mθ in the drift that the others must still give.
+    answer
+        A fit and so many harmonics -> the model that is best of them.
+
+    Returns
+    -------
+    OddRun or None
+        None where there is none, or several are.
+
+    Examples
+    --------
+    Of two runs none can be left out, for one gives no tables:
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.odd_run import find_odd_run
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> two = fit([turn(-0.2), turn(0.2)], layout)
+    >>> runs = Told(forced=two.paths, free=[], nodes=layout.nodes)
+    >>> find_odd_run(runs, Told(layout=layout, fitted=two), 0, None) is None
+    True
     """
     layout, found = whole.layout, list[OddRun]()
     for run in _order_by_surprise(whole.fitted)[:CANDIDATES]:

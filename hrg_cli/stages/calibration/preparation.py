@@ -64,10 +64,54 @@ def prepare(
     harmonics: int,
     needed: int,
 ) -> PreparedRuns:
-    """Paths with `harmonics` of 2mθ, nodes (None: from the runs), and whether the programme gives
-    `needed` harmonics of the drift.
+    """Runs as paths of the wave angle, the nodes of their tables, and whether the programme gives
+    them.
 
-    HrgError: no run that can be read as a path, or no nodes.
+    Parameters
+    ----------
+    waves
+        The runs.
+    rates
+        That no log holds.
+    axis
+        Quantity of the nodes: "temperature" or "frequency".
+    nodes
+        [°C or Hz]; None: from the runs.
+    harmonics
+        Of 2mθ in the paths.
+    needed
+        Of 2mθ that the drift shall have.
+
+    Returns
+    -------
+    PreparedRuns
+        With what to say of the programme.
+
+    Raises
+    ------
+    HrgError
+        No run that can be read as a path, or no nodes.
+
+    Examples
+    --------
+    Two free runs at rest: the tables would be those of free runs, and there is no rate to tell K
+    from.
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.preparation import KnownRates
+    >>> from hrg_cli.stages.calibration.preparation import prepare
+    >>> from hrg_cli.stages.planning.information import make_wave
+    >>> from hrg_cli.stages.simulation_file import list_runs
+    >>> (run,) = list_runs(
+    ...     {
+    ...         "device": {"frequency_hz": 5000.0, "quality_factor": 1e6},
+    ...         "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0},
+    ...         "readout": {"noise": 1e-3},
+    ...     }
+    ... )
+    >>> found = prepare([make_wave(run)], KnownRates({}, None, 0.0), "temperature", [25.0], 1, 1)
+    >>> len(found.forced), len(found.refusals) > 0
+    (1, True)
     """
     usable = restrict_to_known_rates(drop_refused(waves), rates.of_runs)
     with usable.blame_refusals():

@@ -29,8 +29,54 @@ def make_calibration_record(
     model: str,
     details: dict[str, Any],
 ) -> Calibration:
-    """limits: band limits of drift and scale factor; valid: range of the nodes' quantity; chi2
-    scales the covariance."""
+    """The calibration record of a solution: harmonics up to the band limits, tables, errors,
+    ranges.
+
+    Parameters
+    ----------
+    waves
+        The runs, for their names.
+    fitted
+        As they were fitted.
+    solution
+        Coefficients with their covariance.
+    chi2
+        Per degree of freedom, by which the covariance is scaled.
+    limits
+        Harmonics of 2mθ in drift and scale factor.
+    valid
+        Lowest and highest temperature [°C] or frequency [Hz] the tables may be used at.
+    model
+        Name of the variant.
+    details
+        What else is kept.
+
+    Returns
+    -------
+    Calibration
+        Tables over 72 wave angles of a period.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.record import make_calibration_record
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> solution = fitted.solution
+    >>> record = make_calibration_record([], fitted, solution, 1.0, (1, 0), (17.0, 23.0), "table", {})
+    >>> record.drift_rad_s.shape, round(float(record.scale_factor[0, 0]), 6), record.node_max
+    ((1, 72), 0.55, 23.0)
+    """
     layout = fitted.layout
     sizes = [1 + 2 * k for k in limits]
     covariance = _covariance_of_stored(layout, solution, sizes) * chi2

@@ -94,11 +94,48 @@ def compare_programmes(
     scale_limit: int,
     programmes: Mapping[str, str] | None,
 ) -> dict[str, Any] | None:
-    """How each harmonic differs between programmes; None where there is one programme only.
+    """How each harmonic of the tables differs between programmes.
 
     Each programme's own offset from the joint tables (the same at all nodes) is fitted; per
     harmonic Q = Σ(δ_g − δ̄)ᵀS_g⁻¹(δ_g − δ̄) is χ² with (G − 1) degrees a coefficient if the
-    harmonic repeats; the scatter between programmes follows from its excess.
+    harmonic repeats; the scatter between programmes follows from its excess (DerSimonian and Laird
+    1986).
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    coefficients
+        Of the tables (size,).
+    drift_limit, scale_limit
+        Harmonics of 2mθ that are compared.
+    programmes
+        Run -> its programme; None: told by the day, or by warming and cooling.
+
+    Returns
+    -------
+    dict or None
+        A row a harmonic: probability, scatter, amplitude, whether it repeats; None where there is
+        one programme.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.repeatability import compare_programmes
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> compare_programmes(fitted, fitted.solution.coefficients, 1, 0, None) is None
+    True
     """
     label, told_by = _label_programmes(fitted.paths, programmes)
     layout = fitted.layout

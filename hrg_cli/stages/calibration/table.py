@@ -31,7 +31,33 @@ ANGLES = 24
 
 
 def need_range(calibration: Calibration, x: Array, where: str) -> None:
-    """HrgError when x leaves the range the table was made for, or is missing."""
+    """Refuse temperatures (or frequencies) at which tables were not made.
+
+    Parameters
+    ----------
+    calibration
+        The tables.
+    x
+        Of a run (n,) [°C or Hz].
+    where
+        The run, for messages.
+
+    Raises
+    ------
+    HrgError
+        One is missing, or more than a fiftieth of the range outside of it.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.calibration.table import need_range
+    >>> tables = Told(axis="temperature", node_min=0.0, node_max=50.0)
+    >>> need_range(tables, [0.5, 50.5], "run 1")
+    >>> need_range(tables, [0.5, 70.0], "run 1")
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: run 1: its temperature goes from 0.5 to 70 °C, the tables hold from 0 to 50; ...
+    """
     name, unit = ("temperature", "°C") if calibration.axis == "temperature" else ("frequency", "Hz")
     if not np.isfinite([calibration.node_min, calibration.node_max]).all():
         return
@@ -51,8 +77,39 @@ def need_range(calibration: Calibration, x: Array, where: str) -> None:
 def compute_standard_deviations(
     calibration: Calibration, x: Array, wave_angle_rad: Array
 ) -> tuple[Array, Array]:
-    """Standard deviations (n,) of D and K at (x, θ): noise of the fit, and of the interpolation
-    between nodes where it was estimated."""
+    """Standard deviations of D and K of tables at any place and wave angle.
+
+    Parameters
+    ----------
+    calibration
+        The tables.
+    x
+        Temperatures [°C] or frequencies [Hz] (n,).
+    wave_angle_rad
+        (n,).
+
+    Returns
+    -------
+    tuple of ndarray
+        Of D [rad/s] and of K (n,): the noise of the fit, and what interpolation adds between nodes
+        where it was estimated.
+
+    Examples
+    --------
+    Midway between two nodes that are known equally well the noise is averaged:
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.table import compute_standard_deviations
+    >>> one = np.ones((2, 1))
+    >>> tables = Told(
+    ...     node=np.array([0.0, 40.0]), drift_harmonics=0 * one, scale_factor_harmonics=one,
+    ...     covariance=np.eye(4), interpolation="linear", mode_number=2, details="{}",
+    ... )
+    >>> drift, scale = compute_standard_deviations(tables, np.array([0.0, 20.0]), np.zeros(2))
+    >>> drift.round(4).tolist()
+    [1.0, 0.7071]
+    """
     places = _places(calibration)
     between = interpolate_doubt(calibration, x)
     out = []
@@ -68,8 +125,37 @@ def compute_standard_deviations(
 def build_coefficient_rows(
     calibration: Calibration, x: Array, wave_angle_rad: Array, weight: Array
 ) -> Array:
-    """Derivatives (n, P) by all coefficients, in the order of their covariance, of weight[0] D +
-    weight[1] K at (x, θ); weight (2, n)."""
+    """Derivatives of a·D + b·K by all coefficients of tables.
+
+    Parameters
+    ----------
+    calibration
+        The tables.
+    x
+        Temperatures [°C] or frequencies [Hz] (n,).
+    wave_angle_rad
+        (n,).
+    weight
+        a and b (2, n).
+
+    Returns
+    -------
+    ndarray
+        (n, P), in the order of the coefficients' covariance.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.table import build_coefficient_rows
+    >>> one = np.ones((2, 1))
+    >>> tables = Told(
+    ...     node=np.array([0.0, 40.0]), drift_harmonics=0 * one, scale_factor_harmonics=one,
+    ...     covariance=np.eye(4), interpolation="linear", mode_number=2,
+    ... )
+    >>> build_coefficient_rows(tables, np.array([10.0]), np.zeros(1), np.array([[1.0], [-0.2]])).tolist()
+    [[0.75, -0.15..., 0.25, -0.05]]
+    """
     out = np.zeros((len(x), len(np.asarray(calibration.covariance))))
     tables = _rows_of_tables(calibration, x, wave_angle_rad)
     for rows, own, factor in zip(tables, _places(calibration), weight, strict=True):
@@ -78,8 +164,30 @@ def build_coefficient_rows(
 
 
 def interpolate_doubt(calibration: Calibration, x: Array) -> Array:
-    """Standard deviations (n, 2) that interpolation between nodes adds to D and K at x; 0 where it
-    was not estimated."""
+    """Standard deviations that interpolation between nodes adds to D and K.
+
+    Parameters
+    ----------
+    calibration
+        The tables.
+    x
+        Temperatures [°C] or frequencies [Hz] (n,).
+
+    Returns
+    -------
+    ndarray
+        (n, 2), of D [rad/s] and K; 0 at nodes, and where it was not estimated.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.table import interpolate_doubt
+    >>> details = '{"interpolation_std": {"drift_rad_s": 1e-6, "scale_factor": 2e-6}}'
+    >>> tables = Told(details=details, node=[0.0, 40.0])
+    >>> interpolate_doubt(tables, np.array([0.0, 20.0])).tolist()
+    [[0.0, 0.0], [1e-06, 2e-06]]
+    """
     doubt = read_interpolation_std(calibration)
     shape = make_bump(x, np.asarray(calibration.node, float))
     return np.stack([float(doubt.get(key, 0.0)) * shape for key in TABLES], axis=1)
@@ -111,10 +219,31 @@ def _rows_of_tables(
 
 
 def read_interpolation_std(calibration: Calibration) -> dict[str, float]:
-    """Standard deviation that interpolation adds to D and K midway between nodes, by table; empty
-    where it was not estimated.
+    """Standard deviation that interpolation adds midway between nodes, as tables tell it.
 
-    HrgError: it is there, but no number.
+    Parameters
+    ----------
+    calibration
+        The tables.
+
+    Returns
+    -------
+    dict
+        Of "drift_rad_s" and "scale_factor"; empty where it was not estimated.
+
+    Raises
+    ------
+    HrgError
+        It is there, but no number.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.calibration.table import read_interpolation_std
+    >>> read_interpolation_std(Told(details='{"interpolation_std": {"scale_factor": 2e-6}}'))
+    {'scale_factor': 2e-06}
+    >>> read_interpolation_std(Told(details="{}"))
+    {}
     """
     doubt = json.loads(calibration.details).get("interpolation_std") or {}
     if not isinstance(doubt, dict) or not all(_is_number(v) for v in doubt.values()):
@@ -125,9 +254,40 @@ def read_interpolation_std(calibration: Calibration) -> dict[str, float]:
 
 
 def check_between(calibration: Calibration) -> list[Check]:
-    """What interpolation adds midway between nodes over the standard deviation at them, of D and of
-    K; none where it was not estimated. Both are in every standard deviation: one that fails is a
-    programme's, not an error's."""
+    """The checks of what interpolation adds midway between nodes, against the standard deviation at
+    them.
+
+    Both are in every standard deviation: one that fails is a programme's, not an error's.
+
+    Parameters
+    ----------
+    calibration
+        The tables.
+
+    Returns
+    -------
+    list of Check
+        Of D and of K; empty where it was not estimated.
+
+    Examples
+    --------
+    Tables that are known to 1 µrad/s at their nodes, and bend by 5 µrad/s between them:
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.table import check_between
+    >>> one = np.ones((2, 1))
+    >>> tables = Told(
+    ...     node=np.array([0.0, 40.0]), drift_harmonics=0 * one, scale_factor_harmonics=one,
+    ...     covariance=1e-12 * np.eye(4), interpolation="linear", mode_number=2, axis="temperature",
+    ...     details='{"interpolation_std": {"drift_rad_s": 5e-6}}',
+    ... )
+    >>> drift, scale = check_between(tables)
+    >>> round(drift.value, 6), drift.passed, scale.passed
+    (5.0, False, True)
+    >>> drift.sentence[-21:]
+    '; add dwells at 20 °C'
+    """
     nodes = np.asarray(calibration.node, float)
     doubt = read_interpolation_std(calibration)
     if not doubt:
@@ -194,11 +354,38 @@ class MeasuredDrift:
 
 
 def interpolate_measured(calibration: Calibration, x: Array) -> MeasuredDrift | None:
-    """The measured part's coefficients at temperatures or frequencies x (n,); None for a model
-    without one.
+    """The coefficients of the part of the drift that is computed from what is seen in operation.
 
     Files written before the formulas were exact in r, or with one pair for all nodes, are applied
     as they were fitted.
+
+    Parameters
+    ----------
+    calibration
+        The tables.
+    x
+        Temperatures [°C] or frequencies [Hz] (n,).
+
+    Returns
+    -------
+    MeasuredDrift or None
+        At x; None for a model without such a part.
+
+    Examples
+    --------
+    Half-way between nodes whose quadrature coefficients are 0 and 1 rad/s:
+
+    >>> import json
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.table import interpolate_measured
+    >>> measured = {"kind": "quadrature", "exact": True, "coefficients": [[0.0, 0.0], [1.0, 0.0]]}
+    >>> tables = Told(
+    ...     details=json.dumps({"measured": measured}), node=np.array([0.0, 40.0]),
+    ...     drift_harmonics=np.zeros((2, 3)), interpolation="linear",
+    ... )
+    >>> interpolate_measured(tables, np.array([20.0])).quadrature.tolist()
+    [[0.5, 0.0]]
     """
     part = read_measured_part(calibration)
     if part is None:
@@ -222,10 +409,33 @@ def interpolate_measured(calibration: Calibration, x: Array) -> MeasuredDrift | 
 
 
 def read_angle_random_walk(calibration: Calibration) -> float:
-    """Angle random walk of the gyro's rate as its calibration found it, rad/√s; 0 where it says
-    none.
+    """Angle random walk of the gyro's rate as its calibration found it.
 
-    HrgError: it is there, but no number.
+    Parameters
+    ----------
+    calibration
+        The tables.
+
+    Returns
+    -------
+    float
+        rad/√s; 0 where none is told.
+
+    Raises
+    ------
+    HrgError
+        It is there, but no number.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.calibration.table import read_angle_random_walk
+    >>> read_angle_random_walk(Told(details='{"noise": {"angle_random_walk_rad_sqrt_s": 1e-6}}'))
+    1e-06
+    >>> read_angle_random_walk(Told(details='{"noise": "loud"}'))
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: the calibration's details are damaged (noise); make the calibration again
     """
     noise = json.loads(calibration.details).get("noise") or {}
     walk = noise.get("angle_random_walk_rad_sqrt_s") if isinstance(noise, dict) else noise
@@ -241,10 +451,37 @@ def _is_number(value: Any) -> bool:
 
 
 def read_measured_part(calibration: Calibration) -> dict[str, Any] | None:
-    """What of the drift is computed in operation, from the calibration's details: {kind,
-    coefficients or mean_frequency_hz}; or None.
+    """What of the drift is computed in operation, from the details of tables.
 
-    HrgError: it is there, but not as `hrg calibrate` writes it.
+    Parameters
+    ----------
+    calibration
+        The tables.
+
+    Returns
+    -------
+    dict or None
+        Kind ("quadrature", "phase"), and coefficients [rad/s] or mean frequencies [Hz]; None for a
+        model without such a part.
+
+    Raises
+    ------
+    HrgError
+        It is there, but not as `hrg calibrate` writes it.
+
+    Examples
+    --------
+    A mean frequency for each node is needed:
+
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.calibration.table import read_measured_part
+    >>> details = '{"measured": {"kind": "phase", "mean_frequency_hz": [5000.0]}}'
+    >>> read_measured_part(Told(details=details, node=[20.0]))["kind"]
+    'phase'
+    >>> read_measured_part(Told(details=details, node=[20.0, 60.0]))
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: the calibration's details are damaged (measured); make the calibration again
     """
     part = json.loads(calibration.details).get("measured")
     if not part:
@@ -264,7 +501,40 @@ def read_measured_part(calibration: Calibration) -> dict[str, Any] | None:
 
 
 def compute_corrections(calibration: Calibration, path: AnglePath) -> tuple[Array, Array]:
-    """(D [rad/s], K) (n,) of a run's increments: the tables, and the part that the model measures."""
+    """D and K along a run: those of the tables, and the part that the model measures.
+
+    Parameters
+    ----------
+    calibration
+        The tables.
+    path
+        The run.
+
+    Returns
+    -------
+    tuple of ndarray
+        D [rad/s] and K (n,) of its increments.
+
+    Examples
+    --------
+    Tables that hold the same at all angles:
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.calibration.table import compute_corrections
+    >>> t, one = np.arange(3.0), np.ones(3)
+    >>> path = AnglePath(
+    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, 0 * t, one, 0 * t,
+    ...     None, None, 3, 1.0,
+    ... )
+    >>> tables = Told(
+    ...     axis="temperature", details="{}",
+    ...     values_at=lambda x, angle, travel: (1e-6 * np.ones(len(x)), 0.55 * np.ones(len(x))),
+    ... )
+    >>> [column.tolist() for column in compute_corrections(tables, path)]
+    [[1e-06, 1e-06], [0.55, 0.55]]
+    """
     x = path.average_neighbours(path.find_abscissa(calibration.axis))
     drift, scale = calibration.values_at(
         x, path.average_neighbours(path.angle_rad), np.diff(path.angle_rad)
@@ -273,8 +543,44 @@ def compute_corrections(calibration: Calibration, path: AnglePath) -> tuple[Arra
 
 
 def compute_measured_drift(calibration: Calibration, path: AnglePath) -> Array:
-    """The part of the drift (n,) that seed A (11) or (12) computes from a_B/a_A and dφ/dt seen in
-    operation; zeros otherwise."""
+    """The part of the drift that is computed from what is seen in operation: seed A (11) or (12).
+
+    (11) takes a_B/a_A, (12) a_B/a_A and dφ/dt.
+
+    Parameters
+    ----------
+    calibration
+        The tables.
+    path
+        The run.
+
+    Returns
+    -------
+    ndarray
+        (n,) of its increments [rad/s]; zeros for a model without such a part.
+
+    Examples
+    --------
+    −2δω of 1 rad/s beside a quadrature of r = 0.6 at θ = 0 makes r/(1 − r²):
+
+    >>> import json
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.calibration.table import compute_measured_drift
+    >>> t, one = np.arange(3.0), np.ones(3)
+    >>> path = AnglePath(
+    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, 0.6 * one, one, 0 * t,
+    ...     None, None, 3, 1.0,
+    ... )
+    >>> measured = {"kind": "quadrature", "exact": True, "coefficients": [[1.0, 0.0]]}
+    >>> tables = Told(
+    ...     axis="temperature", details=json.dumps({"measured": measured}), node=np.array([20.0]),
+    ...     drift_harmonics=np.zeros((1, 3)), interpolation="linear",
+    ... )
+    >>> compute_measured_drift(tables, path).round(9).tolist()
+    [0.9375, 0.9375]
+    """
     x = path.average_neighbours(path.find_abscissa(calibration.axis))
     part = interpolate_measured(calibration, x)
     if part is None:

@@ -39,8 +39,45 @@ STEP = 0.05
 def compare_thermal_memory(
     fitted: Fitted, model: Model, coefficients: Array
 ) -> dict[str, Any] | None:
-    """Lag of the thermometer τ (D and K at T + τ·dT/dt) against hysteresis w (at T + w·sign dT/dt);
-    None without sweeps."""
+    """Lag of the thermometer τ (D and K at T + τ·dT/dt) against hysteresis w (at T + w·sign dT/dt).
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    model
+        What of the coefficients is free.
+    coefficients
+        Of the tables (size,), about which both are looked for.
+
+    Returns
+    -------
+    dict or None
+        Value and standard deviation of both [s, °C], whether the programme separates them, and what
+        to do where it does not; None where no run sweeps.
+
+    Examples
+    --------
+    Runs that dwell show neither:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.thermal_memory import compare_thermal_memory
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> everything = Model("everything", np.eye(layout.size))
+    >>> compare_thermal_memory(fitted, everything, fitted.solution.coefficients) is None
+    True
+    """
     layout = fitted.layout
     speeds = np.concatenate([compute_sweep(p) for p in fitted.paths])
     # lag and hysteresis act on dT/dt: dwells alone show neither
@@ -78,11 +115,27 @@ def compare_thermal_memory(
 
 
 def find_shown_memory(memory: Mapping[str, Any] | None) -> list[str]:
-    """What of `compare_thermal_memory` stands out of its error; where the two are not told apart, the
-    one that stands out more.
+    """What of lag and hysteresis stands out of its error.
 
-    Such runs follow the resonator's temperature before or behind the thermometer's, and so do tables
-    made of them: at rest they are of another temperature than they say.
+    Such runs follow the resonator's temperature before or behind the thermometer's, and so do
+    tables made of them: at rest they are of another temperature than they say.
+
+    Parameters
+    ----------
+    memory
+        Of `compare_thermal_memory`.
+
+    Returns
+    -------
+    list of str
+        A sentence each; where the two are not told apart, of the one that stands out more.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.calibration.thermal_memory import find_shown_memory
+    >>> memory = dict(lag=dict(value=12.0, std=0.5), hysteresis=dict(value=0.1, std=0.1), separable=True)
+    >>> find_shown_memory(memory)
+    ['the thermometer lags by 12 ± 0.5 s, which the tables do not hold: sweep slower both ways, or dwell']
     """
     if memory is None:
         return []
@@ -105,8 +158,40 @@ def find_shown_memory(memory: Mapping[str, Any] | None) -> list[str]:
 
 
 def tell_one_way(fitted: Fitted, coefficients: Array) -> list[str]:
-    """What is taken for granted where all runs only warm, or only cool: no lag of the thermometer shows
-    there; what a second of it would be worth."""
+    """What is taken for granted where all runs only warm, or only cool: that the thermometer has no
+    lag.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    coefficients
+        Of the tables (size,).
+
+    Returns
+    -------
+    list of str
+        What a second of a lag would do to the drift; empty where runs go both ways, or dwell.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.thermal_memory import tell_one_way
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> tell_one_way(fitted, fitted.solution.coefficients)
+    []
+    """
     layout = fitted.layout
     if len(layout.nodes) < 2 or layout.axis != "temperature":
         return []

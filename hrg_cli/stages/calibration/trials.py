@@ -45,7 +45,48 @@ class FullFit:
 def fit_everything(
     runs: PreparedRuns, limits: tuple[int, int], axis: str, interpolation: str
 ) -> FullFit:
-    """Prepared runs with all that may be in them, and the lateness of their rate log."""
+    """Prepared runs fitted with all that may be in them, and the lateness of their rate logs.
+
+    Parameters
+    ----------
+    runs
+        The runs.
+    limits
+        Harmonics of 2mθ in drift and scale factor.
+    axis
+        Quantity of the nodes.
+    interpolation
+        Between the nodes.
+
+    Returns
+    -------
+    FullFit
+        What it leaves is the noise at which each variant is judged.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.trials import fit_everything
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> runs = Told(
+    ...     forced=fitted.paths, free=[], nodes=layout.nodes, usable=Told(waves=[Told(mode_number=2)])
+    ... )
+    >>> whole = fit_everything(runs, (1, 0), "temperature", "linear")
+    >>> sorted(whole.factors), bool(abs(whole.fitted.solution.coefficients[3] - 0.55) < 1e-6)
+    (['rate'], True)
+    """
     factors, widths = build_factors(runs.forced, runs.nodes, axis, interpolation, FACTORS)
     mode_number = runs.usable.waves[0].mode_number
     layout = TableLayout(runs.nodes, axis, mode_number, *limits, interpolation, factors, widths)
@@ -54,7 +95,39 @@ def fit_everything(
 
 
 def add_loop_columns(fitted: Fitted) -> Fitted:
-    """The same runs with the columns of the ladder's factors."""
+    """The same runs fitted with the columns of the ladder's factors.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+
+    Returns
+    -------
+    Fitted
+        With quadrature, and with the drives where they are logged.
+
+    Examples
+    --------
+    Without a log of the drives:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.trials import add_loop_columns
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> list(add_loop_columns(fitted).layout.factors)
+    ['quadrature']
+    """
     old = fitted.layout
     factors, widths = build_factors(
         fitted.paths,
@@ -73,8 +146,37 @@ def take_coefficients(
     runs: PreparedRuns,
     interpolation: str,
 ) -> tuple[ResonatorCoefficients | None, str | None]:
-    """The resonators' coefficients over the nodes' quantity, or why there are none; an error where
-    they were asked for by name."""
+    """The resonators' coefficients over the nodes' quantity, or why there are none.
+
+    Parameters
+    ----------
+    resonators
+        Identified from free runs.
+    model
+        That was asked for.
+    axis
+        Quantity of the nodes.
+    runs
+        Whose nodes and range the coefficients must reach.
+    interpolation
+        Between the nodes.
+
+    Returns
+    -------
+    tuple
+        The coefficients or None, and why there are none; None where no resonator was given.
+
+    Raises
+    ------
+    HrgError
+        They cannot be used, and were asked for by name ("physical").
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.calibration.trials import take_coefficients
+    >>> take_coefficients([], "auto", "temperature", None, "linear")
+    (None, None)
+    """
     if not resonators:
         return None, None
     try:
@@ -125,8 +227,56 @@ def try_models(
     model: str,
     refused: bool,
 ) -> TriedModels:
-    """The model that was named, or all that are possible; `resonators`: their coefficients, or why
-    there are none."""
+    """The model that was named, or all that are possible, solved and judged.
+
+    Parameters
+    ----------
+    whole
+        The runs fitted with everything free.
+    folds
+        Fold of each piece (R, S), from 0.
+    wanted
+        What was fixed.
+    resonators
+        Their coefficients or None, and why there are none.
+    model
+        "auto", "all", or the name of one.
+    refused
+        Whether the programme gives no tables: then the table alone is tried.
+
+    Returns
+    -------
+    TriedModels
+        With the answer.
+
+    Raises
+    ------
+    HrgError
+        The model that was named cannot be tried.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.calibration.variant_solutions import Wanted
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.trials import try_models
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
+    >>> whole, wanted = Told(fitted=fitted, layout=layout, factors={}), Wanted(1, 0, seed=0)
+    >>> try_models(whole, folds, wanted, (None, None), "auto", False).answer.name
+    'parametric'
+    """
     coefficients, why_not = resonators
     possible, not_tried = list_possible(whole.layout, coefficients, why_not)
     names = _choose_names(model, possible, not_tried, refused, whole.factors)
@@ -142,8 +292,55 @@ def try_again(
     resonators: tuple[ResonatorCoefficients | None, str | None],
     model: str,
 ) -> TriedVariant:
-    """The answer of other runs of the same programme, no harmonic in doubt averaged over: for its
-    checks alone; `harmonics`: of the drift that each fold must leave."""
+    """The answer of other runs of the same programme, for its checks alone.
+
+    No harmonic in doubt is averaged over.
+
+    Parameters
+    ----------
+    whole
+        These runs fitted with everything free.
+    harmonics
+        Of 2mθ in the drift that each fold must leave.
+    wanted
+        What was fixed.
+    resonators
+        Their coefficients or None, and why there are none.
+    model
+        "auto", "all", or the name of one.
+
+    Returns
+    -------
+    TriedVariant
+        The answer.
+
+    Raises
+    ------
+    HrgError
+        The model that was named cannot be tried.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.calibration.variant_solutions import Wanted
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.trials import try_again
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> whole = Told(fitted=fitted, layout=layout, factors={})
+    >>> try_again(whole, 0, Wanted(1, 0, seed=0), (None, None), "table").fits
+    True
+    """
     folds = choose_folds(whole.fitted, harmonics)[0]
     quick = replace(wanted, average=False)
     return try_models(whole, folds, quick, resonators, model, refused=False).answer

@@ -52,7 +52,31 @@ class Wanted:
 def find_widest_limits(
     layout: TableLayout, wanted: Wanted, limits: tuple[int, int]
 ) -> tuple[int, int]:
-    """Band limits of the tables that are stored: all harmonics where their number was left open."""
+    """Band limits of the tables that are stored.
+
+    Parameters
+    ----------
+    layout
+        Of the tables.
+    wanted
+        What was fixed.
+    limits
+        That were chosen, of drift and scale factor.
+
+    Returns
+    -------
+    tuple of int
+        All harmonics where their number was left open, the limits otherwise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> from hrg_cli.stages.calibration.variant_solutions import Wanted, find_widest_limits
+    >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 6, 4)
+    >>> find_widest_limits(layout, Wanted(2, None, seed=0), (2, 1))
+    (2, 4)
+    """
     return (
         layout.drift_harmonics if "drift" in wanted.in_doubt else limits[0],
         layout.scale_harmonics if "scale" in wanted.in_doubt else limits[1],
@@ -62,7 +86,39 @@ def find_widest_limits(
 def solve_linear(
     fitted: Fitted, folds: Array, model: Model, penalty: Array | None = None
 ) -> VariantSolution:
-    """Least squares on all runs, and without each fold."""
+    """A variant by least squares, on all runs and without each fold.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    folds
+        Fold of each piece (R, S), from 0.
+    model
+        What of the coefficients is free.
+    penalty
+        (size, size), added to the information; None: none.
+
+    Returns
+    -------
+    VariantSolution
+        Not averaged over harmonics in doubt.
+
+    Examples
+    --------
+    A mean of 1 and 3, and without each of them:
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.normal_pieces import Pieces
+    >>> from hrg_cli.fitting.tables.table_layout import Model
+    >>> from hrg_cli.stages.calibration.variant_solutions import solve_linear
+    >>> y, ones = np.array([[1.0, 3.0]]), np.ones((1, 2), int)
+    >>> pieces = Pieces(np.zeros(1), np.ones((1, 2, 1, 1)), y[..., None], y**2, ones)
+    >>> found = solve_linear(Told(pieces=pieces), np.array([[0, 1]]), Model("mean", np.eye(1)))
+    >>> found.solution.coefficients.tolist(), [one.coefficients.tolist() for one in found.held]
+    ([2.0], [[3.0], [1.0]])
+    """
     A, b, _ = fitted.pieces.sum()
     held = []
     for f in range(int(folds.max()) + 1):
@@ -74,7 +130,51 @@ def solve_linear(
 def solve_averaged(
     fitted: Fitted, folds: Array, model: Model, wanted: Wanted, limits: tuple[int, int]
 ) -> VariantSolution:
-    """The same with the harmonics in doubt averaged over how large each may be."""
+    """A variant with the harmonics in doubt averaged over how large each may be.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    folds
+        Fold of each piece (R, S), from 0.
+    model
+        The table, or the combined model.
+    wanted
+        What was fixed, and the seed of the average.
+    limits
+        Harmonics of 2mθ that were chosen.
+
+    Returns
+    -------
+    VariantSolution
+        On all runs and without each fold.
+
+    Examples
+    --------
+    A drift of 0 is found to be 0, within errors that allow for harmonics that are not there:
+
+    >>> from hrg_cli.stages.calibration.variant_solutions import Wanted
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.variant_solutions import solve_averaged
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
+    >>> model = Model("table", np.eye(layout.size))
+    >>> found = solve_averaged(fitted, folds, model, Wanted(None, None, seed=0), (1, 0)).solution
+    >>> bool(np.all(np.abs(found.coefficients[:3]) < 5 * np.sqrt(np.diag(found.covariance)[:3])))
+    True
+    """
     layout = fitted.layout
     A, b, _ = fitted.pieces.sum()
     first = solve(A, b, model)
@@ -131,7 +231,38 @@ def _reduced(
 def solve_foreign(
     layout: TableLayout, model: Model, coefficients: ResonatorCoefficients, folds: int
 ) -> VariantSolution:
-    """The resonators' coefficients, with their covariance; nothing is fitted to the runs."""
+    """The resonators' coefficients as a variant: nothing of it is fitted to the runs.
+
+    Parameters
+    ----------
+    layout
+        Of the tables.
+    model
+        Whose start holds the coefficients.
+    coefficients
+        Of the resonators, with their covariance.
+    folds
+        How many.
+
+    Returns
+    -------
+    VariantSolution
+        The same without any fold.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.table_layout import Model
+    >>> from hrg_cli.stages.calibration.variant_solutions import solve_foreign
+    >>> known = Told(
+    ...     build_node_map=lambda layout: np.eye(1),
+    ...     interpolate_at_nodes=lambda layout: (np.array([0.55]), np.array([[1e-6]])),
+    ... )
+    >>> found = solve_foreign(None, Model("physical", np.zeros((1, 0)), np.array([0.55])), known, 2)
+    >>> found.foreign, len(found.held), float(found.solution.covariance[0, 0])
+    (True, 2, 1e-06)
+    """
     assert model.start is not None
     spread = coefficients.build_node_map(layout)
     solution = TableSolution(
@@ -141,7 +272,37 @@ def solve_foreign(
 
 
 def score_held_out(fitted: Fitted, folds: Array, tried: VariantSolution) -> float:
-    """Σ over folds of the whitened residuals squared, each fold predicted without itself."""
+    """χ² of data left out: whitened residuals squared, each fold predicted without itself.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    folds
+        Fold of each piece (R, S), from 0.
+    tried
+        Solved without each fold.
+
+    Returns
+    -------
+    float
+        The sum over folds.
+
+    Examples
+    --------
+    A mean of 1 and 3: each is predicted by the other, and misses by 2.
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.normal_pieces import Pieces
+    >>> from hrg_cli.fitting.tables.table_layout import Model
+    >>> from hrg_cli.stages.calibration.variant_solutions import score_held_out, solve_linear
+    >>> y, ones = np.array([[1.0, 3.0]]), np.ones((1, 2), int)
+    >>> pieces = Pieces(np.zeros(1), np.ones((1, 2, 1, 1)), y[..., None], y**2, ones)
+    >>> fitted, folds = Told(pieces=pieces), np.array([[0, 1]])
+    >>> score_held_out(fitted, folds, solve_linear(fitted, folds, Model("mean", np.eye(1))))
+    8.0
+    """
     return sum(
         fitted.pieces.compute_chi_square(solution.coefficients, folds == f)
         for f, solution in enumerate(tried.held)
@@ -151,11 +312,52 @@ def score_held_out(fitted: Fitted, folds: Array, tried: VariantSolution) -> floa
 def add_doubt(
     fitted: Fitted, tried: VariantSolution, wanted: Wanted, limits: tuple[int, int]
 ) -> VariantSolution:
-    """The solution of a model that holds the first harmonic alone, with the error that what it
-    leaves out may make: no 0 ± 0.
+    """A solution with the error that what its model leaves out may make: no 0 ± 0.
 
-    Of a constant drift, the error to which it was seen to be absent; of the harmonics in doubt
-    beyond the model's own, what they may be as `average_over_doubt` tells, and what that does to the others.
+    Of a model that holds the first harmonic alone: the error to which a constant drift was seen to
+    be absent, and what harmonics in doubt beyond its own may be, as `average_over_doubt` tells,
+    with what that does to the others.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+    tried
+        The solution.
+    wanted
+        What was fixed.
+    limits
+        Harmonics of 2mθ that the model holds.
+
+    Returns
+    -------
+    VariantSolution
+        A table's, which holds every harmonic, as it is.
+
+    Examples
+    --------
+    A drift without a constant part is not known to have none exactly:
+
+    >>> from hrg_cli.stages.calibration.variant_solutions import Wanted, solve_linear
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
+    >>> from hrg_cli.stages.calibration.variant_solutions import add_doubt
+    >>> def turn(rate):
+    ...     t, one = np.arange(600.0), np.ones(600)
+    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
+    ...     return AnglePath(
+    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
+    ...         0 * t, None, None, 600, 1.0,
+    ...     )
+    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
+    >>> tried = solve_linear(fitted, folds, Model("parametric", np.eye(layout.size)[:, 1:]))
+    >>> sure = add_doubt(fitted, tried, Wanted(1, 0, seed=0), (1, 0))
+    >>> float(tried.solution.covariance[0, 0]), bool(sure.solution.covariance[0, 0] > 0)
+    (0.0, True)
     """
     layout = fitted.layout
     constant = layout.build_part_map("drift", 0)

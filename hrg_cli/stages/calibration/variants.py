@@ -43,7 +43,31 @@ WHOLE_DRIFT = ("table", "combined")
 def explain_missing(
     name: str, layout: TableLayout, coefficients: ResonatorCoefficients | None
 ) -> str | None:
-    """Why a variant cannot be tried on these runs; None where it can."""
+    """Why a variant cannot be tried on runs.
+
+    Parameters
+    ----------
+    name
+        Of the variant.
+    layout
+        Of the tables, with the factors that the runs carry.
+    coefficients
+        Of the resonators; None: none were given.
+
+    Returns
+    -------
+    str or None
+        For a person; None where it can be tried.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> from hrg_cli.stages.calibration.variants import explain_missing
+    >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> explain_missing("quadrature", layout, None), explain_missing("table", layout, None)
+    ('the runs hold no quadrature (a_B is 0 everywhere)', None)
+    """
     if name == "physical" and coefficients is None:
         return "no resonator file was given (--resonator)"
     needed = NEEDS.get(name)
@@ -61,7 +85,37 @@ def build_variant(
     scale_limit: int,
     coefficients: ResonatorCoefficients | None = None,
 ) -> Model:
-    """A variant's model; `coefficients`: those of the resonators, for `physical`."""
+    """A variant of the drift as a linear model inside the common layout.
+
+    Parameters
+    ----------
+    name
+        Of the variant.
+    layout
+        Of the tables and factors.
+    drift_limit
+        Harmonics of 2mθ in the drift, of a table; the other variants hold the first alone.
+    scale_limit
+        Harmonics of 2mθ in the scale factor.
+    coefficients
+        Of the resonators, for "physical".
+
+    Returns
+    -------
+    Model
+        What of the coefficients is free.
+
+    Examples
+    --------
+    Seed A (10) has no constant drift, a table has:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> from hrg_cli.stages.calibration.variants import build_variant
+    >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 2, 0)
+    >>> [build_variant(name, layout, 2, 0).free for name in ("table", "parametric")]
+    [6, 3]
+    """
     scale = layout.build_part_map("scale", scale_limit)
     if name == "physical":
         assert coefficients is not None
@@ -91,8 +145,32 @@ def build_variant(
 
 
 def tie_course(layout: TableLayout, course: str) -> Array:
-    """Map (size, size) that gives a course's columns the coefficients of the drift's first harmonic
-    at the same node."""
+    """A map that gives the columns of a course the coefficients of the drift's first harmonic.
+
+    What r does to the damping's drift is not free: it comes with the table's own coefficients.
+
+    Parameters
+    ----------
+    layout
+        Of the tables and factors.
+    course
+        Name of the factor, two columns a node.
+
+    Returns
+    -------
+    ndarray
+        (size, size), at each node its own.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> from hrg_cli.stages.calibration.variants import tie_course
+    >>> names = dict(factors={"ellipticity_course": None}, factor_columns={"ellipticity_course": 2})
+    >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 1, 0, **names)
+    >>> (tie_course(layout, "ellipticity_course") @ [9.0, 1.0, 2.0, 0.55, 0.0, 0.0]).tolist()
+    [9.0, 1.0, 2.0, 0.55, 1.0, 2.0]
+    """
     out = np.eye(layout.size)
     first = layout.factor(course).start
     for j in range(len(layout.nodes)):
@@ -104,8 +182,40 @@ def tie_course(layout: TableLayout, course: str) -> Array:
 def list_measured_details(
     name: str, layout: TableLayout, coefficients: Array, covariance: Array, paths: list[AnglePath]
 ) -> dict[str, Any] | None:
-    """What `compensate` and the exports need to compute the measured part of the drift in
-    operation, one row a node."""
+    """What is needed to compute the measured part of the drift in operation.
+
+    Parameters
+    ----------
+    name
+        Of the variant.
+    layout
+        Of the tables and factors.
+    coefficients
+        (size,).
+    covariance
+        (size, size).
+    paths
+        The runs, against whose frequency (12) is fitted.
+
+    Returns
+    -------
+    dict or None
+        Coefficients [rad/s] or mean frequencies [Hz] with standard deviations, a row a node; None
+        for a variant without such a part.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> from hrg_cli.stages.calibration.variants import list_measured_details
+    >>> names = dict(factors={"mean_frequency": None}, factor_columns={"mean_frequency": 1})
+    >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 0, 0, **names)
+    >>> paths, value = [Told(frequency_hz=[5000.0])], np.array([0.0, 0.55, 0.25])
+    >>> found = list_measured_details("phase", layout, value, 1e-4 * np.eye(3), paths)
+    >>> found["mean_frequency_hz"], found["mean_frequency_hz_std"]
+    ([5000.25], [0.01])
+    """
     count = len(layout.nodes)
     if name in ("quadrature", "combined", "physical") and "quadrature_course" in layout.factors:
         place = layout.factor("quadrature_course")

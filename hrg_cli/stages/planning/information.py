@@ -74,7 +74,35 @@ class InformationColumns:
 
 
 def make_wave(run: SimulationFile) -> Wave:
-    """The wave a run would show, without noise, with the standard deviations of its noise."""
+    """The wave that a run would show, without noise, with the standard deviations of its noise.
+
+    N samples of noise σ leave σ√(2/N) on each of cosine and sine of a window.
+
+    Parameters
+    ----------
+    run
+        As a simulation file describes it.
+
+    Returns
+    -------
+    Wave
+        Of 1500 windows, by the slow engine.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.simulation_file import list_runs
+    >>> from hrg_cli.stages.planning.information import make_wave
+    >>> (run,) = list_runs(
+    ...     {
+    ...         "device": {"frequency_hz": 5000.0, "quality_factor": 1e6},
+    ...         "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0},
+    ...         "readout": {"noise": 1e-3},
+    ...     }
+    ... )
+    >>> wave = make_wave(run)
+    >>> len(wave), bool(abs(wave.signal_std[0] - 1e-3 * (2 / 40) ** 0.5) < 1e-9)
+    (1500, True)
+    """
     table = run.recording
     step = table.duration_s / STEPS
     start, electrical = simulate.make_start(run)
@@ -130,10 +158,48 @@ def compute_information(
     references: Mapping[str, Mapping[str, float]],
     measured: bool,
 ) -> list[Array]:
-    """Each wave's information (size, size) at the truth `mechanics`; references: the temperature
-    from which causes count that do not bring their own.
+    """Each wave's information about the base model and every cause, its own nuisances marginalised.
 
-    measured: the wave's own start and frequency are fitted first; those of a menu are exact.
+    M = Aᵀ(I − P_O)A of the columns A over σ and the projection P_O onto the run's own ones: start
+    and frequency.
+
+    Parameters
+    ----------
+    waves
+        The runs.
+    mechanics
+        The resonator, at which the columns are taken.
+    layout
+        Which columns there are.
+    references
+        Cause -> the temperature from which it counts, for those that do not bring their own.
+    measured
+        Whether the wave's own start and frequency are fitted first; those of a menu are exact.
+
+    Returns
+    -------
+    list of ndarray
+        (size, size) a wave.
+
+    Examples
+    --------
+    Two noises as large: a quarter of the information.
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.planning.information import InformationColumns, make_wave
+    >>> from hrg_cli.stages.planning.information import compute_information
+    >>> from hrg_cli.stages.simulate import make_mechanics
+    >>> from hrg_cli.stages.simulation_file import list_runs
+    >>> base = {
+    ...     "device": {"frequency_hz": 5000.0, "quality_factor": 1e6},
+    ...     "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0},
+    ... }
+    >>> noises = [{"readout": {"noise": noise}} for noise in (1e-3, 2e-3)]
+    >>> runs = [run for noise in noises for run in list_runs(base | noise)]
+    >>> waves, layout = [make_wave(run) for run in runs], InformationColumns((), {})
+    >>> one, two = compute_information(waves, make_mechanics(runs[0]), layout, {}, False)
+    >>> one.shape, bool(np.allclose(one, 4 * two))
+    ((7, 7), True)
     """
     out = []
     for wave in waves:
@@ -172,8 +238,33 @@ def compute_information(
 
 
 def marginalise(M: Array, wanted: Sequence[int], free: Sequence[int]) -> Array:
-    """Information on the columns `wanted` after the columns `free` are marginalised (Schur
-    complement)."""
+    """Information on some columns after others are marginalised, the Schur complement.
+
+    M_ww − M_wf M_ff⁻¹ M_fw.
+
+    Parameters
+    ----------
+    M
+        Information (size, size).
+    wanted
+        Columns that are asked for.
+    free
+        Columns that may be anything.
+
+    Returns
+    -------
+    ndarray
+        (wanted, wanted).
+
+    Examples
+    --------
+    What a column shares with a free one is no information:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.planning.information import marginalise
+    >>> marginalise(np.array([[2.0, 1.0], [1.0, 1.0]]), [0], [1]).round(9).tolist()
+    [[1.0]]
+    """
     wanted, free = list(wanted), list(free)
     inside = M[np.ix_(wanted, wanted)]
     if not free:

@@ -23,7 +23,37 @@ Array = np.ndarray
 
 
 def make_mechanics(known: Resonator | Diagnosis) -> Mechanics:
-    """The resonator's parameters. HrgError: neither frequency nor damping among them."""
+    """The resonator's parameters as a file or a diagnosis holds them.
+
+    Parameters
+    ----------
+    known
+        Identified or diagnosed.
+
+    Returns
+    -------
+    Mechanics
+        What was not identified is 0, the scale factor what is usual for its mode number.
+
+    Raises
+    ------
+    HrgError
+        Neither frequency nor damping among them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.stages.planning.known import make_mechanics
+    >>> names = ("frequency_hz", "damping_rate_1_s")
+    >>> resonator = Resonator(
+    ...     name=np.array(names), units=np.array(["Hz", "s-1"]), value=np.array([5e3, 0.1]),
+    ...     std=np.full(2, 1e-6), covariance=1e-12 * np.eye(2),
+    ... )
+    >>> found = make_mechanics(resonator)
+    >>> found.frequency_hz, found.damping_rate_1_s, found.frequency_split_rad_s
+    (5000.0, 0.1, 0.0)
+    """
     if isinstance(known, Diagnosis):
         given = {row["name"]: float(row["value"]) for row in known.told("values")}
         mode_number = _mode_number(known.extended_model)
@@ -47,7 +77,27 @@ def _mode_number(extended_model: str) -> int:
 
 
 def make_device_table(m: Mechanics) -> dict[str, Any]:
-    """[device] of the simulation file."""
+    """The resonator as the table [device] of a simulation file.
+
+    Parameters
+    ----------
+    m
+        Whose damping may be 0 or less within its error: no device has that.
+
+    Returns
+    -------
+    dict
+        The splits no larger than the damping.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.stages.planning.known import make_device_table
+    >>> m = Mechanics(frequency_hz=5e3, damping_rate_1_s=-1e-6, damping_split_1_s=1e-6)
+    >>> table = make_device_table(m)
+    >>> table["damping_rate_1_s"], table["damping_split_1_s"]
+    (0.0, 0.0)
+    """
     damping = max(m.damping_rate_1_s, 0.0)
     return {name: float(getattr(m, name)) for name, _ in PARAMETERS} | {
         "damping_rate_1_s": damping,
@@ -59,7 +109,31 @@ def make_device_table(m: Mechanics) -> dict[str, Any]:
 def find_reference_temperatures(
     waves: Sequence[Wave], effects: Sequence[Effect]
 ) -> dict[str, dict[str, float]]:
-    """Temperature from which the effects count: the mean of all runs."""
+    """The temperature from which effects count: the mean of all runs.
+
+    Parameters
+    ----------
+    waves
+        The runs.
+    effects
+        That may act.
+
+    Returns
+    -------
+    dict
+        Effect -> its reference [°C], of those that have one; 25 °C where no run logs a temperature.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.effects import EFFECTS
+    >>> from hrg_cli.stages.planning.known import find_reference_temperatures
+    >>> waves = [Told(temperature_degc=np.array([20.0, 30.0])), Told(temperature_degc=np.array([41.0]))]
+    >>> found = find_reference_temperatures(waves, EFFECTS)
+    >>> {one["reference_temperature_degc"] for one in found.values()}
+    {33.0}
+    """
     warm = [
         float(np.nanmean(w.temperature_degc))
         for w in waves
@@ -74,8 +148,30 @@ def find_reference_temperatures(
 
 
 def make_weak_prior(m: Mechanics, layout: InformationColumns) -> Array:
-    """Weak information that keeps what nothing measures finite: ten times the damping, thirty times
-    the split, K within 3."""
+    """Weak information that keeps finite what nothing measures.
+
+    Parameters
+    ----------
+    m
+        Of whose sizes it is made: ten times the damping, thirty times the split, K within 3.
+    layout
+        Which columns there are.
+
+    Returns
+    -------
+    ndarray
+        (size, size), on the base model alone.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.stages.planning.information import InformationColumns
+    >>> from hrg_cli.stages.planning.known import make_weak_prior
+    >>> m = Mechanics(frequency_hz=5e3, damping_rate_1_s=0.1)
+    >>> prior = make_weak_prior(m, InformationColumns((), {}))
+    >>> round(float(prior[0, 0] ** -0.5), 9), round(float(prior[5, 5] ** -0.5), 9)
+    (1.0, 3.0)
+    """
     damping = max(abs(m.damping_rate_1_s), 1e-9)
     split = max(abs(m.frequency_split_rad_s), damping)
     std = np.array([10 * damping, 10 * damping, 10 * damping, 30 * split, 30 * split, 3.0, 1.0])
@@ -87,8 +183,41 @@ def make_weak_prior(m: Mechanics, layout: InformationColumns) -> Array:
 def read_information(
     known: Resonator | Diagnosis, m: Mechanics, layout: InformationColumns
 ) -> Array:
-    """The resonator's own covariance as information on the coordinates; a diagnosis without its
-    waves brings its stds."""
+    """The resonator's own covariance as information on the coordinates of the base model.
+
+    Parameters
+    ----------
+    known
+        A resonator; a diagnosis without its waves brings its standard deviations.
+    m
+        Its parameters.
+    layout
+        Which columns there are.
+
+    Returns
+    -------
+    ndarray
+        (size, size); 0 on what was not identified.
+
+    Examples
+    --------
+    A damping known to 0.01 1/s:
+
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.stages.planning.information import InformationColumns
+    >>> from hrg_cli.stages.planning.known import make_mechanics
+    >>> from hrg_cli.stages.planning.known import read_information
+    >>> names = ("frequency_hz", "damping_rate_1_s")
+    >>> std = np.array([1e-6, 1e-2])
+    >>> resonator = Resonator(
+    ...     name=np.array(names), units=np.array(["Hz", "s-1"]), value=np.array([5e3, 0.1]),
+    ...     std=std, covariance=np.diag(std**2),
+    ... )
+    >>> M = read_information(resonator, make_mechanics(resonator), InformationColumns((), {}))
+    >>> round(float(M[0, 0])), float(M[5, 5])
+    (10000, 0.0)
+    """
     M = np.zeros((layout.size, layout.size))
     _, slopes = to_parameters(from_mechanics(m), m.mode_number)
     order = [name for name, _ in PARAMETERS][1:]

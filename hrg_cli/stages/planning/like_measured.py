@@ -27,8 +27,37 @@ OF_A_RUN = {"start", "environment", "readout", "recording"}
 
 
 def make_menu_like(diagnosis: Diagnosis) -> dict[str, Any] | None:
-    """The menu of runs like the free ones that were diagnosed; None where there was none, since what
-    driven runs need of their loops no model tells. HrgError: the model it keeps is damaged."""
+    """The menu of runs like the free ones that were diagnosed.
+
+    Parameters
+    ----------
+    diagnosis
+        With the extended model that it keeps.
+
+    Returns
+    -------
+    dict or None
+        The runs once more, and the longest of them from several wave angles, at rest and turned
+        both ways; None where no run was free, since what driven runs need of their loops no model
+        tells.
+
+    Raises
+    ------
+    HrgError
+        The model it keeps is damaged.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.planning.like_measured import make_menu_like
+    >>> lines = (
+    ...     "device = {frequency_hz = 5000.0, quality_factor = 1e6}", "readout = {noise = 1e-4}",
+    ...     "recording = {sample_rate_hz = 20000.0, duration_s = 3.0}",
+    ... )
+    >>> menu = make_menu_like(Told(extended_model=chr(10).join(lines)))
+    >>> sorted({run["environment"]["rate_rad_s"] for run in menu["run"] if "environment" in run})
+    [-1.0, 0.0, 1.0]
+    """
     if not diagnosis.extended_model:
         return None
     made = list_runs(parse_toml(diagnosis.extended_model), "the extended model that it keeps")

@@ -22,11 +22,41 @@ MOST_RUNS = 400
 def make_candidates(
     menu: Mapping[str, Any], device: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, dict[str, Any]], dict[str, SimulationFile]]:
-    """The file's common tables with the device, the [[run]] table of every candidate, and each
-    candidate whole and checked.
+    """The runs of a menu, each whole and checked.
 
-    HrgError: a [device] or [effects] in the menu, no run, a run that cannot be simulated, one
-    without noise.
+    Parameters
+    ----------
+    menu
+        [[run]] tables, or a [grid]; all other tables hold for every run.
+    device
+        Table of the resonator.
+
+    Returns
+    -------
+    tuple
+        The common tables with the device, name -> its own table, and name -> the whole run.
+
+    Raises
+    ------
+    HrgError
+        A [device] or [effects] in the menu, no run, more than are weighed, one that cannot be
+        simulated, or one without noise.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.planning.menu import make_candidates
+    >>> menu = {
+    ...     "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0}, "readout": {"noise": 1e-4},
+    ...     "grid": {"start.wave_angle_rad": [0.0, 0.4]},
+    ... }
+    >>> device = {"frequency_hz": 5000.0, "quality_factor": 1e6}
+    >>> _, tables, runs = make_candidates(menu, device)
+    >>> list(runs), tables["run002"]["start"]
+    (['run001', 'run002'], {'wave_angle_rad': 0.4})
+    >>> make_candidates(menu | {"readout": {}}, device)
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: the menu's run run001 is measured without noise; give [readout] noise, ...
     """
     for name in ("device", "effects"):
         if name in menu:

@@ -51,7 +51,48 @@ def weigh_menu(
     feasible: Mapping[str, SimulationFile],
     causes: Sequence[str],
 ) -> Prospects:
-    """Informations and questions for the feasible runs (by name) of a menu."""
+    """What is known before, what each run of a menu would add, and what is to be told apart.
+
+    Parameters
+    ----------
+    known
+        Resonator or diagnosis.
+    made
+        Waves of the runs made, where they are at hand: they know what the result's covariance has
+        forgotten.
+    feasible
+        Name -> run of the menu.
+    causes
+        That the user names.
+
+    Returns
+    -------
+    Prospects
+        Over the same columns.
+
+    Examples
+    --------
+    A run that turns tells the scale factor, one at rest does not:
+
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.stages.planning.prospects import weigh_menu
+    >>> from hrg_cli.stages.simulation_file import list_runs
+    >>> names, std = ("frequency_hz", "damping_rate_1_s"), np.array([1e-3, 1e-4])
+    >>> known = Resonator(
+    ...     name=np.array(names), units=np.array(["Hz", "s-1"]), value=np.array([5e3, 0.1]),
+    ...     std=std, covariance=np.diag(std**2),
+    ... )
+    >>> runs = [{"run_id": "still"}, {"run_id": "turning", "environment": {"rate_rad_s": 1.0}}]
+    >>> menu = {
+    ...     "device": {"frequency_hz": 5000.0, "damping_rate_1_s": 0.1}, "run": runs,
+    ...     "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0}, "readout": {"noise": 1e-3},
+    ... }
+    >>> feasible = {run.run_id: run for run in list_runs(menu)}
+    >>> offered = weigh_menu(known, [], feasible, []).offered
+    >>> bool(offered["turning"][5, 5] > 1e6 * offered["still"][5, 5])
+    True
+    """
     mechanics = make_mechanics(known)
     sizes, groups = list_open_causes(known, causes)
     acting = _acting_causes(sizes, groups)
@@ -91,8 +132,36 @@ def _acting_causes(
 def explain_run(
     name: str, names: Sequence[str], prospects: Prospects, asked: Sequence[Question]
 ) -> str:
-    """What would be lost without this run of those chosen: of the questions asked the one that it
-    answers most, else the parameter."""
+    """What would be lost without one run of those chosen.
+
+    Parameters
+    ----------
+    name
+        Of the run.
+    names
+        Of all that are chosen.
+    prospects
+        What each tells.
+    asked
+        Questions that the menu answers.
+
+    Returns
+    -------
+    str
+        The question that it answers most, or else the parameter that it tells best.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.stages.planning.information import InformationColumns
+    >>> from hrg_cli.stages.planning.prospects import Prospects, explain_run
+    >>> m, turning = Mechanics(frequency_hz=5e3, damping_rate_1_s=0.1), np.eye(7)
+    >>> turning[5, 5] = 1e4
+    >>> had = Prospects(m, InformationColumns((), {}), np.eye(7), {"turning": turning}, [])
+    >>> explain_run("turning", ["turning"], had, [])
+    'makes σ of the scale factor 100 times smaller'
+    """
     layout = prospects.layout
     without = prospects.sum_information([n for n in names if n != name])
     total = without + prospects.offered[name]

@@ -36,11 +36,40 @@ class Question:
 def list_open_causes(
     known: Resonator | Diagnosis, causes: Sequence[str]
 ) -> tuple[dict[str, dict[str, float]], list[list[str]]]:
-    """Sizes of the causes found, and groups [cause, rivals…] to be separated.
+    """Sizes of causes, and the groups that are to be told apart.
 
     Open are the causes found that have rivals and those named by the user, or, where none is named,
     those that the diagnosis's runs could not show; where there is none of these, the causes found
     are to be seen better.
+
+    Parameters
+    ----------
+    known
+        Resonator or diagnosis.
+    causes
+        That the user names.
+
+    Returns
+    -------
+    tuple
+        Name -> its parameters' sizes (empty: not found, of a typical size), and groups [cause,
+        rivals…].
+
+    Raises
+    ------
+    HrgError
+        There is no effect of that name.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.planning.questions import list_open_causes
+    >>> list_open_causes(Told(), ["gain_mismatch", "cubic_stiffness"])[1]
+    [['gain_mismatch', 'cubic_stiffness'], ['cubic_stiffness', 'gain_mismatch']]
+    >>> list_open_causes(Told(), ["dust"])
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: there is no effect dust; `hrg effects` lists them
     """
     names = {effect.name for effect in EFFECTS}
     unknown = [name for name in causes if name not in names]
@@ -96,7 +125,25 @@ def _unseen(report: Mapping[str, Any]) -> list[list[str]]:
 
 
 def list_never_told(known: Resonator | Diagnosis) -> list[str]:
-    """Sentences about what the diagnosis left open and no run of any menu can tell."""
+    """What a diagnosis left open and no run of any menu can tell.
+
+    Parameters
+    ----------
+    known
+        Resonator or diagnosis.
+
+    Returns
+    -------
+    list of str
+        A sentence a cause, with what else would tell it; empty of a resonator.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.planning.questions import list_never_told
+    >>> list_never_told(Told(kind="resonator"))
+    []
+    """
     if not isinstance(known, Diagnosis):
         return []
     told = {name for group in known.told("not_separable") for name in group["effects"]}
@@ -113,8 +160,37 @@ def list_questions(
     layout: InformationColumns,
     waves: Sequence[Wave],
 ) -> list[Question]:
-    """Each cause against the base model and against its rivals, of the size found, or the typical one
-    at the waves' amplitude."""
+    """The questions of groups of causes: each against the base model and against its rivals.
+
+    Parameters
+    ----------
+    sizes
+        Name -> its parameters' sizes.
+    groups
+        [cause, rivals…].
+    layout
+        Which causes there are.
+    waves
+        At whose amplitude a size that is not known is the typical one.
+
+    Returns
+    -------
+    list of Question
+        No pair of them twice.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.planning.information import InformationColumns
+    >>> from hrg_cli.stages.planning.questions import list_questions
+    >>> names = ["gain_mismatch", "electrode_nonorthogonality"]
+    >>> layout = InformationColumns(tuple(map(find, names)), {})
+    >>> waves = [Told(main_amplitude=np.ones(9))]
+    >>> [(q.cause, q.rival) for q in list_questions({}, [names], layout, waves)][1]
+    ('gain_mismatch', 'electrode_nonorthogonality')
+    """
     amplitude = float(np.median([np.sqrt(np.mean(w.main_amplitude**2)) for w in waves]))
     effects = {effect.name: effect for effect in layout.causes}
 
@@ -140,9 +216,20 @@ def list_questions(
 def say_in_words(name: str) -> str:
     """A cause or a parameter without the marks of a key and its unit.
 
+    Parameters
+    ----------
+    name
+        Key of the cause, or of the parameter.
+
+    Returns
+    -------
+    str
+        Words.
+
     Examples
     --------
-    >>> in_words("damping_rate_1_s"), in_words("gain_mismatch")
+    >>> from hrg_cli.stages.planning.questions import say_in_words
+    >>> say_in_words("damping_rate_1_s"), say_in_words("gain_mismatch")
     ('damping rate', 'gain mismatch')
     """
     unit = next((end for end in ("_1_s", "_rad_s", "_rad", "_hz") if name.endswith(end)), "")
