@@ -514,7 +514,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("if not _is_busy(error) or", "if"),
             ("if said != \"ok\":", "if False:"),
             ("if version != VERSION:", "if False:"),
-            ("        moment(time_text)", "        pass"),
+            ("        parse_time(time_text)", "        pass"),
             ("if not math.isfinite(figure.value):", "if False:"),
             ("\" ON CONFLICT (sha256) DO NOTHING\"", "\"\""),
         ),

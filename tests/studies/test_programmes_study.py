@@ -119,7 +119,7 @@ def test_a_stopped_study_goes_on_where_it_was(tmp_path, monkeypatch, hrg):
         own = {"said": "quiet", "errors": errors, "over_bound": {"scale_factor": 1.0}, "why": ""}
         return [{"programme": task[0], "raw": task[1], "method": "likelihood", **own}]
 
-    monkeypatch.setattr(programmes, "answers_of", answer)
+    monkeypatch.setattr(programmes, "_answers_of", answer)
     folder = tmp_path / "study"
     asked = ["study", "programmes", "-o", folder, "--set", "raw=0.2", "--set"]
     assert hrg(*asked, "programmes=10").status != 0
