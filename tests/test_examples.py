@@ -63,7 +63,7 @@ HELD = (
     ),
     *(f"records.{name}" for name in ("clock", "details", "doubts")),
     *modules_of("formats"),
-    *(f"reporting.{name}" for name in ("quantities", "text")),
+    *modules_of("reporting"),
     *modules_of("ledger"),
     *modules_of("stages.planning"),
     *modules_of("stages.calibration"),

@@ -9,7 +9,7 @@ import records_by_hand as by_hand
 from hrg_cli import store
 from hrg_cli.commands.told_differences import describe_beyond, list_differences
 from hrg_cli.comparing import compare, compare_tables
-from hrg_cli.reporting.figure_names import name_figures, name_of_figure
+from hrg_cli.reporting.figure_names import name_figure, name_figures
 
 
 def moved(record, sigmas):
@@ -60,7 +60,7 @@ SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
     ],
 )
 def test_keys_in_words(key, words):
-    assert name_of_figure(key) == words
+    assert name_figure(key) == words
 
 
 def test_a_figure_kept_twice_is_told_once():

@@ -14,7 +14,7 @@ from ..errors import HrgError, UsageError
 from ..limit_values import unit_of
 from ..records import Diagnosis, Resonator, Wave
 from ..reporting import console
-from ..reporting.figure_names import name_of_figure
+from ..reporting.figure_names import name_figure
 from ..reporting.quantities import format_rounded
 from ..reporting.text import format_number
 from ..stages.plan import plan, summarise
@@ -68,7 +68,7 @@ def show(report: Mapping[str, Any]) -> None:
         console.print_table("", ("tells", "before", "expected after"), told)
     spreads = [
         (
-            name_of_figure(name),
+            name_figure(name),
             *(_write_std(name, report[when][name]) for when in ("before", "after")),
         )
         for name in report["before"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..comparing import Comparison, Difference
-from ..reporting.figure_names import name_of_figure
+from ..reporting.figure_names import name_figure
 from ..reporting.quantities import choose_unit, format_quantity, round_with_std
 from ..reporting.text import clean_text, format_number
 
@@ -17,7 +17,7 @@ def list_differences(found: Sequence[Difference]) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for one in found:
         row = (
-            name_of_figure(one.name),
+            name_figure(one.name),
             _said(one, one.old, one.old_std),
             _said(one, one.new, one.new_std),
             _change(one),

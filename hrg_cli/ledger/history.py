@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..reporting.figure_names import name_of_figure
+from ..reporting.figure_names import name_figure
 from .charts import Chart, make_chart
 from .entry import KINDS, Entry
 from .judging import Bounds, Held, compute_share_of_limit, find_bounds, find_tables, hold_limits
@@ -72,12 +72,12 @@ class History:
         return (
             said
             + [
-                f"{name_of_figure(figure.name)} is out of control"
+                f"{name_figure(figure.name)} is out of control"
                 for figure in self.figures
                 if figure.chart is not None and figure.chart.out_of_control
             ]
             + [
-                f"{name_of_figure(figure.name)} moved by {figure.since_before.sigma:+.3g} σ since the"
+                f"{name_figure(figure.name)} moved by {figure.since_before.sigma:+.3g} σ since the"
                 f" last, {MOST_MOVED_SIGMA:g} σ at most were expected; measure again"
                 for figure in self.figures
                 if figure.since_before is not None

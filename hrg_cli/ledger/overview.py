@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import UsageError
 from ..limit_values import suggest
-from ..reporting.figure_names import name_of_figure
+from ..reporting.figure_names import name_figure
 from .capability import Capability, compute_capability
 from .charts import BEYOND, FALSE_ALARMS, Chart, make_chart
 from .entry import KINDS, Entry
@@ -112,12 +112,12 @@ class Overview:
             if figure.chart is not None and figure.chart.out_of_control:
                 beyond = [v.point for v in figure.chart.violations if v.rule == BEYOND]
                 said.append(
-                    f"{name_of_figure(figure.name)} over the gyros is out of control at"
+                    f"{name_figure(figure.name)} over the gyros is out of control at"
                     f" {', '.join(figure.points[i] for i in beyond[:SHOWN])}"
                     f"{f' and {len(beyond) - SHOWN} more' if len(beyond) > SHOWN else ''}"
                 )
         said += [
-            f"{name_of_figure(row.name)} of the golden unit is out of control"
+            f"{name_figure(row.name)} of the golden unit is out of control"
             f"{f' on {self.by} {row.station}' if row.station else ''}"
             for row in self.golden
             if row.chart is not None and row.chart.out_of_control

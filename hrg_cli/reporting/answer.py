@@ -17,7 +17,7 @@ from ..records import REHEARSAL, Calibration, Compensated, Diagnosis, Record, Re
 from ..units import DEGREE_PER_HOUR
 from . import answer_use, answer_words
 from .answer_words import Cause, Departure
-from .figure_names import name_figures, name_of_figure
+from .figure_names import name_figure, name_figures
 from .json_text import (
     list_entries,
     parse_list,
@@ -285,8 +285,30 @@ def _requirements(rows: Sequence[Row]) -> tuple[Requirement, ...]:
 
 
 def describe_requirement(row: Row, label: str = "") -> Requirement:
-    """A row of `hrg check` for people."""
-    label = label or name_of_figure(row.name)
+    """A figure held against its limit, for people.
+
+    Parameters
+    ----------
+    row
+        Of `hrg check`.
+    label
+        The figure in words; empty: by its key.
+
+    Returns
+    -------
+    Requirement
+        With how many σ lie between.
+
+    Examples
+    --------
+    >>> from hrg_cli.limits import Row
+    >>> from hrg_cli.reporting.answer import describe_requirement
+    >>> row = Row("scale_factor", 0.55, 0.5, None, True, std=0.01)
+    >>> shown = describe_requirement(row)
+    >>> shown.limit, round(shown.margin_sigma, 9)
+    ('≥ 0.5', 5.0)
+    """
+    label = label or name_figure(row.name)
     if row.words is not None:
         return Requirement(row.name, label, *row.words, None, row.passed)
     units = row.units

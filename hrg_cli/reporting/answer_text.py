@@ -13,7 +13,30 @@ from .text import drop_empty_columns, format_number
 
 
 def show(found: Answer, folder: Path = Path()) -> None:
-    """Print the answer; folder: where the files lie that it tells what to do with."""
+    """Print an answer: the sentence, health and validity, then short tables.
+
+    Parameters
+    ----------
+    found
+        The answer.
+    folder
+        Where the files lie that it tells what to do with.
+
+    Examples
+    --------
+    >>> import contextlib, io
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator, answer
+    >>> from hrg_cli.reporting.answer_text import show
+    >>> found = Resonator(
+    ...     name=np.array(["scale_factor"]), units=np.array(["1"]), value=np.array([0.55]),
+    ...     std=np.array([1e-3]), covariance=np.array([[1e-6]]),
+    ... )
+    >>> with contextlib.redirect_stdout(io.StringIO()) as shown:
+    ...     show(answer([found]))
+    >>> "fit: valid" in shown.getvalue()
+    True
+    """
     say(found.sentence.replace(". ", ".\n"))
     say(
         f"gyro: {found.health}; fit: {found.validity}"
@@ -62,7 +85,26 @@ VERDICT = re.compile(r'the verdict is "[^"]*": (.*)', re.S)
 
 
 def list_untold(reasons: Sequence[str], why: Sequence[str]) -> list[str]:
-    """The reasons ("FILE: …") that the answer's own, `why`, do not tell."""
+    """The reasons of files that an answer's own do not tell.
+
+    Parameters
+    ----------
+    reasons
+        "FILE: …"
+    why
+        The answer's.
+
+    Returns
+    -------
+    list of str
+        In their order.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.answer_text import list_untold
+    >>> list_untold(["a.h5: it is clipped", "b.h5: it is short"], ["it is clipped"])
+    ['b.h5: it is short']
+    """
     shown = [line.removeprefix("check failed: ") for line in why]
 
     def is_told(reason: str) -> bool:

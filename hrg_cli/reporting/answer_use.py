@@ -35,7 +35,26 @@ MEASURED = {
 
 
 def choose_equation(calibration: Calibration | None, causes: Sequence[str]) -> str:
-    """The equation that the result gives the numbers of."""
+    """The equation that a result gives the numbers of.
+
+    Parameters
+    ----------
+    calibration
+        Tables; None: of a resonator.
+    causes
+        Names of the effects found.
+
+    Returns
+    -------
+    str
+        In letters of the handbook.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.answer_use import choose_equation
+    >>> choose_equation(None, [])
+    'm·dθ/dt = −K·Ω + D(θ), D(θ) = ν·δμ·sin 2m(θ − θ_μ)'
+    """
     if calibration is not None and is_rate_table(calibration):
         return "Ω = (output/nominal_scale + D(T) − Σ c_p·Ω^p)/K(T)"
     if calibration is not None:
@@ -52,11 +71,28 @@ def choose_equation(calibration: Calibration | None, causes: Sequence[str]) -> s
 
 
 def build_matrix(found: Mapping[str, Mapping[str, float]]) -> Array | None:
-    """1 + E (2, 2) of the linear read-out causes among these, names with values; None where there
-    is none.
+    """The matrix 1 + E of the causes that are linear in the read-out.
 
     Each column is what the effect's slow read-out makes of a unit signal, so that an effect of the
     catalogue needs no code here.
+
+    Parameters
+    ----------
+    found
+        Effect -> its parameters.
+
+    Returns
+    -------
+    ndarray or None
+        (2, 2) of (C, S); None where no cause is such.
+
+    Examples
+    --------
+    A gain mismatch of 2 % is a per cent more in one channel and less in the other:
+
+    >>> from hrg_cli.reporting.answer_use import build_matrix
+    >>> build_matrix({"gain_mismatch": {"gain": 0.02}}).real.round(9).tolist()
+    [[1.01, 0.0], [0.0, 0.99]]
     """
     total = np.eye(2, dtype=complex)
     linear = False
@@ -96,8 +132,32 @@ def _seen(effect: Any, values: Mapping[str, float], u: Array) -> Array | None:
 def write_snippet(
     report: Mapping[str, Any], calibration: Calibration | None, parameters: Sequence[Any]
 ) -> str:
-    """C with the numbers: the tables, which were made of the channels as they are; else the
-    channels put right, then the rate."""
+    """A few lines of C with the numbers of a result in them.
+
+    Parameters
+    ----------
+    report
+        Of a diagnosis.
+    calibration
+        Tables; None: the resonator's own parameters.
+    parameters
+        Of the resonator.
+
+    Returns
+    -------
+    str
+        With tables, of channels as they are; else the channels put right, then the rate; empty
+        where neither is known.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.reporting.answer_use import write_snippet
+    >>> known = {"damping_split_1_s": 2e-3, "damping_axis_rad": 0.1, "scale_factor": 0.55}
+    >>> print(write_snippet({}, None, [Told(name=n, value=v) for n, v in known.items()]))
+    double drift = 0.002 * sin(4 * (theta - 0.1));  /* rad/s */
+    double rate_rad_s = (drift - 2 * dtheta_dt) / 0.55;
+    """
     if calibration is not None:
         return "" if is_rate_table(calibration) else _rate_by_tables(calibration)
     return "\n".join([*_channels_put_right(report), *_rate_by_drift(report, parameters)])
@@ -159,7 +219,26 @@ def _rate_by_drift(report: Mapping[str, Any], parameters: Sequence[Any]) -> list
 def list_commands(
     names: Mapping[str, str], diagnosis: Diagnosis | None, calibration: Calibration | None
 ) -> tuple[str, ...]:
-    """What to type next: each runs as it stands, beside the files."""
+    """What to type next; each command runs as it stands, beside the files.
+
+    Parameters
+    ----------
+    names
+        Kind -> name of its file.
+    diagnosis, calibration
+        Of the gyro; None: there is none.
+
+    Returns
+    -------
+    tuple of str
+        In the order of use.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.answer_use import list_commands
+    >>> list_commands({"resonator": "resonator.h5"}, None, None)
+    ('hrg diagnose *.wave.h5 -o diagnosis.h5',)
+    """
     found = []
     if calibration is not None:
         suffix = "json" if is_rate_table(calibration) else "h"

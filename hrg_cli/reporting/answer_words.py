@@ -70,13 +70,53 @@ change is told."""
 
 
 def format_short(value: float) -> str:
-    """A figure without its σ: three digits, or four where the first is a one."""
+    """A figure without its σ in three digits.
+
+    Parameters
+    ----------
+    value
+        The figure.
+
+    Returns
+    -------
+    str
+        For a sentence.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.answer_words import format_short
+    >>> format_short(2.34567), format_short(0.0001234)
+    ('2.35', '0.000123')
+    """
     return format_number(value, 3)
 
 
 def choose_departure(record: Diagnosis) -> Departure | None:
-    """The quantity that tells most: held-out errors where the file has them, else those of the
-    fitted rows."""
+    """The quantity by which runs depart from the model that the causes change most.
+
+    Parameters
+    ----------
+    record
+        A diagnosis.
+
+    Returns
+    -------
+    Departure or None
+        Errors held out where the file has them, else those of the fitted rows; None where neither
+        is there.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.reporting.answer_words import choose_departure
+    >>> class Told(SimpleNamespace):
+    ...     def __len__(self):
+    ...         return 0
+    >>> report = '{"gain": {"drift_error_deg_h": {"before": 20.0, "after": 2.0}}}'
+    >>> found = choose_departure(Told(report=report))
+    >>> found.words, found.before, found.unit, found.held_out
+    ('drift', 20.0, '°/h', True)
+    """
     from .json_text import parse_object
 
     report = parse_object(record.report)
@@ -102,8 +142,28 @@ def choose_departure(record: Diagnosis) -> Departure | None:
 
 
 def order_causes(report: Mapping[str, Any], departure: Departure | None) -> tuple[Cause, ...]:
-    """The causes, largest share of the departure first; where that of one is not known (without it the
-    fit does not settle, as without the largest), in the order of their evidence."""
+    """The causes that a diagnosis found, largest share of the departure first.
+
+    Parameters
+    ----------
+    report
+        Of the diagnosis.
+    departure
+        Of which they have shares; None: the drift.
+
+    Returns
+    -------
+    tuple of Cause
+        In the order of their evidence where the share of one is not known: without it the fit does
+        not settle.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.answer_words import order_causes
+    >>> effects = [{"name": n, "z": 9.0, "share": {"drift_deg_h": d}} for n, d in (("a", 1.0), ("b", 5.0))]
+    >>> [cause.name for cause in order_causes({"effects": effects}, None)]
+    ['b', 'a']
+    """
     found = []
     for effect in list_entries(dict(report), "effects"):
         share = take_child(effect, "share")
@@ -126,13 +186,48 @@ def order_causes(report: Mapping[str, Any], departure: Departure | None) -> tupl
 
 
 def say_in_words(name: str) -> str:
-    """An effect's name as words."""
+    """An effect's name as words.
+
+    Parameters
+    ----------
+    name
+        Its key.
+
+    Returns
+    -------
+    str
+        For a person.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.answer_words import say_in_words
+    >>> say_in_words("gain_mismatch")
+    'gain mismatch'
+    """
     return name.replace("_", " ")
 
 
 def say_size(effect: Mapping[str, Any]) -> str:
-    """The fitted size: one parameter as it is, two components as they are, of more the one that stands
-    clearest off zero; where a sign or a phase was not measured, what was."""
+    """The fitted size of an effect.
+
+    Parameters
+    ----------
+    effect
+        Of a diagnosis's report.
+
+    Returns
+    -------
+    str
+        One parameter as it is, two components as they are, of more the one that stands clearest off
+        zero; where a sign or a phase was not measured, what was.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.answer_words import say_size
+    >>> gain = {"value": 0.0102, "std": 0.0001, "units": "1"}
+    >>> say_size({"parameters": {"gain": gain}})
+    '1.020(10) %'
+    """
     if magnitude := _magnitude(effect):
         return magnitude
     shown = [
@@ -167,7 +262,32 @@ def make_sentence(
     causes: Sequence[Cause],
     runs: int,
 ) -> str:
-    """The one sentence."""
+    """What a diagnosis says, in one sentence.
+
+    Parameters
+    ----------
+    verdict
+        Of the diagnosis.
+    report
+        Of the diagnosis.
+    departure
+        By how much the runs depart; None: not known.
+    causes
+        Largest first.
+    runs
+        How many.
+
+    Returns
+    -------
+    str
+        For a person.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.answer_words import make_sentence
+    >>> make_sentence("adequate", {}, None, [], 4)
+    'The model describes all 4 runs.'
+    """
     them = f"all {runs} runs" if runs > 1 else "the run"
     if verdict == "adequate":
         left = (
@@ -248,7 +368,24 @@ def _left(report: Mapping[str, Any]) -> str:
 
 
 def say_forecast(report: Mapping[str, Any]) -> str:
-    """What the model is worth on data the causes were not chosen by."""
+    """What the model is worth on data that the causes were not chosen by.
+
+    Parameters
+    ----------
+    report
+        Of a diagnosis.
+
+    Returns
+    -------
+    str
+        Empty where it is not told.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.answer_words import say_forecast
+    >>> say_forecast({"forecast": {"before": 20.0, "after": 2.0, "unit": "deg_h"}})
+    'forecast of data left out: error 20 → 2 °/h'
+    """
     told = take_child(report, "forecast")
     ratio, low, high = (read_float(told.get(key)) for key in ("ratio", "low", "high"))
     before, after = (read_float(told.get(key)) for key in ("before", "after"))
@@ -278,7 +415,24 @@ def say_forecast(report: Mapping[str, Any]) -> str:
 
 
 def say_failed_check(check: Mapping[str, Any]) -> str:
-    """A closing check that failed: its own sentence where it has one, else its figure."""
+    """A closing check that failed: its own sentence where it has one, else its figure.
+
+    Parameters
+    ----------
+    check
+        Of a report.
+
+    Returns
+    -------
+    str
+        For a person.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.answer_words import say_failed_check
+    >>> say_failed_check({"name": "noise_over_stated", "value": 3.0, "limit": 2.0})
+    'check failed: noise over stated is 3, the limit is 2'
+    """
     name = say_in_words(clean_text(check.get("name")))
     figures = f"{name} is {_value(check.get('value'))}, the limit is {_value(check.get('limit'))}"
     said = clean_text(check.get("sentence") or "")
@@ -300,7 +454,24 @@ def _value(value: Any) -> str:
 
 
 def say_suspect_run(run: Mapping[str, Any]) -> str:
-    """A run that stands out, and by what."""
+    """A run that stands out, and by what.
+
+    Parameters
+    ----------
+    run
+        Of a report.
+
+    Returns
+    -------
+    str
+        For a person.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.answer_words import say_suspect_run
+    >>> say_suspect_run({"run_id": "left", "what": "its amplitude jumps", "evidence": 30.0})
+    'run left: its amplitude jumps (30)'
+    """
     evidence = run.get("evidence")
     return f"run {clean_text(run.get('run_id'))}: {clean_text(run.get('what', 'stands out'))}" + (
         f" ({_value(evidence)})" if evidence else ""
@@ -308,8 +479,25 @@ def say_suspect_run(run: Mapping[str, Any]) -> str:
 
 
 def say_stability(report: Mapping[str, Any]) -> tuple[str, ...]:
-    """Where the causes' names change with the windows or on a shortened record; one sentence where
-    none does."""
+    """Where the causes' names change with the windows or on a shortened record.
+
+    Parameters
+    ----------
+    report
+        Of a diagnosis.
+
+    Returns
+    -------
+    tuple of str
+        One sentence where none does; empty where nothing was changed.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.answer_words import say_stability
+    >>> rows = [{"change": "half the windows", "effects": []}]
+    >>> say_stability({"stability": rows, "effects": [{"name": "gain_mismatch"}]})
+    ('with half the windows the causes are none',)
+    """
     rows = list_entries(dict(report), "stability")
     # what the runs' frequencies show is not sought again in a part of them
     between = take_child(report, "frequencies").get("follow")
@@ -330,8 +518,25 @@ def say_stability(report: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def list_next_runs(report: Mapping[str, Any]) -> tuple[str, ...]:
-    """What to run next: what would tell a cause found from its rivals; else what would pin it down;
-    each sentence once."""
+    """What to run next, each sentence once.
+
+    Parameters
+    ----------
+    report
+        Of a diagnosis.
+
+    Returns
+    -------
+    tuple of str
+        What would tell a cause from its rivals, or else what would pin it down.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.answer_words import list_next_runs
+    >>> cause = dict(name="a_b", indistinguishable_from=["c"], next_experiment="turn faster; then wait")
+    >>> list_next_runs({"effects": [cause]})
+    ('to tell a b or c: turn faster',)
+    """
     found = []
     for effect in list_entries(dict(report), "effects"):
         rivals, run = effect.get("indistinguishable_from"), effect.get("next_experiment")

@@ -14,7 +14,19 @@ from .text import format_number
 
 
 def show(report: Mapping[str, Any]) -> None:
-    """Print the tables of a calibration's JSON that it holds."""
+    """Print the tables of a calibration's JSON that it holds.
+
+    Parameters
+    ----------
+    report
+        The JSON.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.calibration import show
+    >>> show({"noise": {"white_over_stated": 1.1, "angle_random_walk_rad_sqrt_s": None}})
+    noise: 1.1 times what the windows state
+    """
     for head, rows in (
         _tabulate_variants(report),
         show_bought(report),
@@ -68,8 +80,26 @@ def _tabulate_variants(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list
 
 
 def show_bought(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """Every factor of the final analysis: by how much it lowers the errors of data left out, how
-    clearly it is there, and what has to be measured for it."""
+    """What each factor of the final analysis buys, as a table.
+
+    Parameters
+    ----------
+    report
+        JSON of a calibration.
+
+    Returns
+    -------
+    tuple
+        Headings, and a row a factor: by how much it lowers the errors of data left out, how clearly
+        it is there, and what has to be measured for it.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.calibration import show_bought
+    >>> row = dict(name="drive", drift_bought_rad_s=None, scale_bought_ppm=12.0, z=9.0, needs="its log")
+    >>> show_bought({"factors": [row]})[1]
+    [('drive', None, '12', '9', 'its log')]
+    """
     rows = []
     for row in report.get("factors") or []:
         drift = row["drift_bought_rad_s"]

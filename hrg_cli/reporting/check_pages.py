@@ -39,12 +39,49 @@ class JudgedFile(Protocol):
 
 
 def explain_missed(one: JudgedFile) -> list[str]:
-    """Why a file does not pass."""
+    """Why a file does not pass.
+
+    Parameters
+    ----------
+    one
+        Held against limits and a baseline.
+
+    Returns
+    -------
+    list of str
+        A sentence each; empty where it passes.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.limits import Row
+    >>> from hrg_cli.reporting.check_pages import explain_missed
+    >>> explain_missed(Told(rows=[Row("scale_factor", 0.45, 0.5, None, False)], moved=None))
+    ['scale_factor is 0.45, the limit is ≥ 0.5']
+    """
     return [explain_figure(row) for row in one.rows if not row.passed] + list(one.moved or [])
 
 
 def explain_figure(row: Row) -> str:
-    """Why a figure does not pass, in the units of the screen."""
+    """Why a figure does not pass, in the units of the screen.
+
+    Parameters
+    ----------
+    row
+        Of `hrg check`.
+
+    Returns
+    -------
+    str
+        A sentence.
+
+    Examples
+    --------
+    >>> from hrg_cli.limits import Row
+    >>> from hrg_cli.reporting.check_pages import explain_figure
+    >>> explain_figure(Row("scale_factor", 0.45, 0.5, None, False))
+    'scale_factor is 0.45, the limit is ≥ 0.5'
+    """
     if row.words is not None or row.value is None:
         return row.describe()
     shown = describe_requirement(row)
@@ -52,7 +89,25 @@ def explain_figure(row: Row) -> str:
 
 
 def format_cells(row: Row) -> tuple[str, str, str, str, str]:
-    """Figure, value, limit, margin in σ, passed."""
+    """A figure against its limit as cells of a table.
+
+    Parameters
+    ----------
+    row
+        Of `hrg check`.
+
+    Returns
+    -------
+    tuple of str
+        Figure, value, limit, margin in σ, and whether it passed.
+
+    Examples
+    --------
+    >>> from hrg_cli.limits import Row
+    >>> from hrg_cli.reporting.check_pages import format_cells
+    >>> format_cells(Row("scale_factor", 0.55, 0.5, None, True, std=0.01))[2:]
+    ('≥ 0.5', '5', 'yes')
+    """
     shown = describe_requirement(row)
     return (
         clean_text(shown.name),
@@ -64,8 +119,31 @@ def format_cells(row: Row) -> tuple[str, str, str, str, str]:
 
 
 def write_junit(files: Sequence[JudgedFile], found: Answer | None) -> str:
-    """JUnit XML: a suite a file, a case a figure and one for the baseline; the sentence as the
-    suite's output."""
+    """A check as JUnit XML: a suite a file, a case a figure and one for the baseline.
+
+    Parameters
+    ----------
+    files
+        Held against limits and a baseline.
+    found
+        The answer, whose sentence is the suite's output; None: there is none.
+
+    Returns
+    -------
+    str
+        XML.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.limits import Row
+    >>> from hrg_cli.reporting.check_pages import write_junit
+    >>> rows = [Row("scale_factor", 0.45, 0.5, None, False)]
+    >>> one = Told(rows=rows, moved=None, path=Path("resonator.h5"), record=Told(kind="resonator"))
+    >>> print(write_junit([one], None).splitlines()[1])
+    <testsuites name="hrg check" tests="1" failures="1">
+    """
     root = ElementTree.Element("testsuites", name="hrg check")
     for one in files:
         cases = [(row.name, None if row.passed else explain_figure(row)) for row in one.rows]
@@ -101,7 +179,29 @@ def write_junit(files: Sequence[JudgedFile], found: Answer | None) -> str:
 
 
 def write_markdown(files: Sequence[JudgedFile], found: Answer | None) -> str:
-    """A summary for a merge request."""
+    """A check as a summary for a merge request.
+
+    Parameters
+    ----------
+    files
+        Held against limits and a baseline.
+    found
+        The answer, whose sentence stands on top; None: there is none.
+
+    Returns
+    -------
+    str
+        Markdown.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.limits import Row
+    >>> from hrg_cli.reporting.check_pages import write_markdown
+    >>> rows = [Row("scale_factor", 0.55, 0.5, None, True)]
+    >>> print(write_markdown([Told(rows=rows, moved=None, name="resonator.h5")], None).splitlines()[0])
+    ### hrg check: passed
+    """
     passed = not any(explain_missed(one) for one in files)
     lines = [f"### hrg check: {'passed' if passed else 'FAILED'}", ""]
     if found is not None:

@@ -19,22 +19,79 @@ NUMERAL = re.compile(r"(?:[−+-]?\d[\d.]*(?:\(\d+\))?(?:×10[⁻⁰¹²³⁴-�
 
 
 def tell(text: str) -> None:
-    """One line on standard error."""
+    """One line on standard error, where progress and messages go.
+
+    Parameters
+    ----------
+    text
+        Folded to one line.
+
+    Examples
+    --------
+    >>> import contextlib, io
+    >>> from hrg_cli.reporting.console import tell
+    >>> with contextlib.redirect_stderr(io.StringIO()) as shown:
+    ...     tell("half done")
+    >>> shown.getvalue().rstrip()
+    'half done'
+    """
     print(fold_line(text), file=sys.stderr, flush=True)
 
 
 def say(text: str) -> None:
-    """A line on standard output, without what would steer the terminal."""
+    """A line on standard output, without what would steer the terminal.
+
+    Parameters
+    ----------
+    text
+        Which a file may have brought.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.console import say
+    >>> say("gyro " + chr(27) + "[31mred")
+    gyro ...[31mred
+    """
     print(clean_text(text))
 
 
 def print_json(report: Mapping[str, Any]) -> None:
-    """One JSON object on standard output; NaN and infinity become null."""
+    """One JSON object on standard output; NaN and infinity become null.
+
+    Parameters
+    ----------
+    report
+        NumPy's numbers and arrays in it, too.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.console import print_json
+    >>> print_json({"rate_rad_s": float("nan"), "runs": 2})
+    {"rate_rad_s": null, "runs": 2}
+    """
     print(json.dumps(clean(report), ensure_ascii=False, allow_nan=False))
 
 
 def clean(value: Any) -> Any:
-    """JSON-able: NumPy scalars and arrays as Python values, non-finite numbers as null."""
+    """What JSON can hold of a value.
+
+    Parameters
+    ----------
+    value
+        Numbers and arrays of NumPy, mappings, lists.
+
+    Returns
+    -------
+    object
+        Python's own values; numbers that are not finite are None.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.reporting.console import clean
+    >>> clean({"values": np.array([1.0, np.inf]), "count": np.int64(3)})
+    {'values': [1.0, None], 'count': 3}
+    """
     if isinstance(value, Mapping):
         return {str(k): clean(v) for k, v in value.items()}
     if hasattr(value, "tolist"):
@@ -47,7 +104,26 @@ def clean(value: Any) -> Any:
 
 
 def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """A table on standard output; plain text where the output is not a terminal."""
+    """A table on standard output; plain text where the output is not a terminal.
+
+    Parameters
+    ----------
+    title
+        Above it; empty: none.
+    head
+        Of the columns.
+    rows
+        Cells; columns of numbers stand to the right.
+
+    Examples
+    --------
+    >>> import contextlib, io
+    >>> from hrg_cli.reporting.console import print_table
+    >>> with contextlib.redirect_stdout(io.StringIO()) as shown:
+    ...     print_table("", ("parameter", "value"), [("K", 0.55), ("ν", None)])
+    >>> [line.split() for line in shown.getvalue().splitlines()]
+    [['parameter', 'value'], ['K', '0.55'], ['ν', '–']]
+    """
     from rich.console import Console
     from rich.table import Table
 
@@ -79,7 +155,31 @@ def _format_cell(value: Any) -> str:
 
 @contextmanager
 def show_progress(title: str, quiet: bool) -> Iterator[Progress]:
-    """A bar on a terminal, a plain line a tenth otherwise, nothing when quiet."""
+    """A bar on a terminal, a plain line a tenth otherwise, nothing when quiet.
+
+    Parameters
+    ----------
+    title
+        What goes on.
+    quiet
+        Whether nothing is shown.
+
+    Returns
+    -------
+    context manager
+        Of a function that takes the share done, from 0 to 1; None: not known.
+
+    Examples
+    --------
+    >>> import contextlib, io
+    >>> from hrg_cli.reporting.console import show_progress
+    >>> with contextlib.redirect_stderr(io.StringIO()) as shown:
+    ...     with show_progress("simulate", quiet=False) as done:
+    ...         done(0.05), done(0.31)
+    (None, None)
+    >>> shown.getvalue().rstrip()
+    'simulate: 30 %'
+    """
     if quiet:
         yield lambda share: None
     elif sys.stderr.isatty():

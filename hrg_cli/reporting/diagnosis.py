@@ -22,7 +22,27 @@ QUANTITIES = (
 
 
 def show(record: Diagnosis, report: Mapping[str, Any]) -> None:
-    """Print the answer of a diagnosis; `report` is the command's JSON, which names its file."""
+    """Print the answer of a diagnosis.
+
+    Parameters
+    ----------
+    record
+        The diagnosis.
+    report
+        The command's JSON, which names its file.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.records import Diagnosis
+    >>> from hrg_cli.reporting.diagnosis import show
+    >>> rows = dict.fromkeys(("run", "time_s", "wave_angle_rad", "main_amplitude"), np.zeros(0))
+    >>> series = ("measured", "simulated_before", "simulated_after", "residual_before", "residual_after")
+    >>> rows |= dict.fromkeys(series, np.zeros((0, 4))) | {"series": np.zeros(0)}
+    >>> show(Diagnosis(verdict="adequate", report="{}", run_ids='["a"]', **rows), {})
+    The model describes the run.
+    gyro: sound; fit: valid; verdict: adequate
+    """
     file = Path(str(report.get("output") or "diagnosis.h5"))
     found = answer([record], (), {"diagnosis": file.name})
     assert found is not None
@@ -30,7 +50,25 @@ def show(record: Diagnosis, report: Mapping[str, Any]) -> None:
 
 
 def tabulate_gains(gain: Mapping[str, Any]) -> Rows:
-    """Held-out errors before and after in physical units, with their standard deviations."""
+    """Errors of data held out, before and after the causes are taken in.
+
+    Parameters
+    ----------
+    gain
+        Of a diagnosis's report.
+
+    Returns
+    -------
+    list of tuple
+        A row a quantity that it tells, in physical units with standard deviations.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.diagnosis import tabulate_gains
+    >>> gain = {"drift_error_deg_h": dict(before=20.0, before_std=1.0, after=2.0, after_std=0.1)}
+    >>> tabulate_gains(gain)
+    [('drift error, °/h', '20 ± 1', '2 ± 0.1')]
+    """
     return [
         (
             words,
@@ -45,6 +83,22 @@ def tabulate_gains(gain: Mapping[str, Any]) -> Rows:
 
 
 def score_left(tested: Mapping[str, Any]) -> float:
-    """|z| of a cause that was looked for, beside those that were found; NaN where the file does not
-    know it."""
+    """|z| of a cause that was looked for, beside those that were found.
+
+    Parameters
+    ----------
+    tested
+        Of a diagnosis's report.
+
+    Returns
+    -------
+    float
+        NaN where the file does not know it.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.diagnosis import score_left
+    >>> score_left({"z_left": -1.2}), score_left({})
+    (1.2, nan)
+    """
     return abs(read_float(tested.get("z_left")))

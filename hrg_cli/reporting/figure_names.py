@@ -21,8 +21,25 @@ PLACES = ("details", "final_analysis", "split_components", "values", "parameters
 """First parts of a name that say where a figure is kept, not what it is."""
 
 
-def name_of_figure(name: str) -> str:
-    """A figure's key in words, without its place and unit."""
+def name_figure(name: str) -> str:
+    """A figure's key in words, without its place and unit.
+
+    Parameters
+    ----------
+    name
+        As files and limits have it.
+
+    Returns
+    -------
+    str
+        For a person.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figure_names import name_figure
+    >>> name_figure("details.drift_rms_rad_s"), name_figure("effects.gain_mismatch.gain.value")
+    ('drift rms', 'gain mismatch: gain')
+    """
     if name in OF_TABLES:
         return OF_TABLES[name]
     parts = name.removesuffix(".value").split(".")
@@ -34,9 +51,25 @@ def name_of_figure(name: str) -> str:
 
 
 def name_figures(figures: Collection[tuple[str, str]]) -> dict[tuple[str, str], str]:
-    """(kind, key) -> the figure in words; where several would be called alike, with the kind of
-    their file, and with the key where that does not tell them apart."""
-    said = {(kind, key): name_of_figure(key) for kind, key in figures}
+    """Figures of several files in words that tell them apart.
+
+    Parameters
+    ----------
+    figures
+        (kind of file, key).
+
+    Returns
+    -------
+    dict
+        (kind, key) -> words, with the kind or the key where several would be called alike.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figure_names import name_figures
+    >>> list(name_figures([("resonator", "chi2"), ("diagnosis", "chi2")]).values())
+    ['χ², resonator', 'χ², diagnosis']
+    """
+    said = {(kind, key): name_figure(key) for kind, key in figures}
     for more in (lambda kind, key: f", {kind}", lambda kind, key: f" ({clean_text(key)})"):
         alike = defaultdict(list)
         for figure, words in said.items():

@@ -32,8 +32,26 @@ WORDS = {"chi2": "χ²", "std": "σ"}
 
 
 def list_told(figures: Mapping[str, Any], digits: int = DIGITS) -> Pairs:
-    """Figure and value of each that says something: no time of the computer, no count of what did
-    not happen, no empty text, no JSON."""
+    """Figure and value of each that says something, in words.
+
+    Parameters
+    ----------
+    figures
+        Key -> value.
+    digits
+        Of a value without a σ.
+
+    Returns
+    -------
+    list of tuple
+        Without the computer's time, counts of what did not happen, empty texts and JSON.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures_in_words import list_told
+    >>> list_told({"frequency_hz": 5000.0, "elapsed_s": 2.0, "gaps": 0, "runs": 0})
+    [('frequency', '5000 Hz'), ('runs', '0')]
+    """
     return [
         (say_key(key), say_value(key, value, digits))
         for key, value in figures.items()
@@ -42,14 +60,52 @@ def list_told(figures: Mapping[str, Any], digits: int = DIGITS) -> Pairs:
 
 
 def say_key(key: str) -> str:
-    """A key without its unit, in words."""
+    """A figure's key without its unit, in words.
+
+    Parameters
+    ----------
+    key
+        As files have it.
+
+    Returns
+    -------
+    str
+        For a person.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures_in_words import say_key
+    >>> say_key("drift_rms_rad_s"), say_key("chi2_per_dof")
+    ('drift rms', 'χ² per dof')
+    """
     unit = next((end for end, _ in SUFFIXES if key.endswith(end)), "")
     parts = re.split(r"[._]", key.removesuffix(unit))
     return clean_text(" ".join(WORDS.get(part, part) for part in parts))
 
 
 def say_value(key: str, value: Any, digits: int = DIGITS) -> str:
-    """A value in the unit people use for what its key names."""
+    """A value in the unit that people use for what its key names.
+
+    Parameters
+    ----------
+    key
+        Which tells the unit, and whether it is a scatter, known to a few digits.
+    value
+        A number, a text, or a list of these.
+    digits
+        At most.
+
+    Returns
+    -------
+    str
+        A dash where the value is not finite.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures_in_words import say_value
+    >>> say_value("duration_s", 12.5), say_value("residual_rms", 0.123456), say_value("rate_hz", float("nan"))
+    ('12.5 s', '0.123', '–')
+    """
     if isinstance(value, list | tuple):
         return ", ".join(say_value(key, one, digits) for one in value)
     if isinstance(value, bool) or not isinstance(value, Real):

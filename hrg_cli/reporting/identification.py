@@ -15,7 +15,20 @@ Rows = list[tuple[Any, ...]]
 
 
 def show(report: Mapping[str, Any]) -> None:
-    """Print the further tables and sentences of a resonator's JSON."""
+    """Print what a resonator's JSON holds beside the parameters: methods, intervals, modes, and
+    what cannot be told.
+
+    Parameters
+    ----------
+    report
+        JSON of an identification.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.identification import show
+    >>> show({"identifiability": {"flat_directions": ["K is not told: no run turns"]}})
+    K is not told: no run turns
+    """
     details = report.get("details", {})
     if details.get("methods"):
         print_table("", *_tabulate_methods(details["methods"], report["parameters"]))

@@ -16,7 +16,7 @@ from markupsafe import Markup
 from ..ledger.history import FigureHistory, History
 from ..ledger.overview import FigureReport, Overview, Standing
 from ..ledger.times import format_time
-from .figure_names import name_figures, name_of_figure
+from .figure_names import name_figure, name_figures
 from .figures.drawing import Plot, use_style, write_svg
 from .figures.ledger import ChartedFigure, draw_capability, draw_course
 from .ledger_tables import (
@@ -49,12 +49,27 @@ class GyroRow:
 
 
 def make_overview_page(found: Overview, status: str) -> str:
-    """The page of all gyros.
+    """The page of all gyros of a ledger.
 
     Parameters
     ----------
-    found : what `hrg_cli.ledger.overview.make_overview` tells.
-    status : "valid", "suspect" or "refused", as the command judges it.
+    found
+        What `hrg_cli.ledger.overview.make_overview` tells.
+    status
+        "valid", "suspect" or "refused", as the command judges it.
+
+    Returns
+    -------
+    str
+        HTML that needs no other file.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.overview import make_overview
+    >>> from hrg_cli.reporting.ledger_page import make_overview_page
+    >>> page = make_overview_page(make_overview([]), "valid")
+    >>> "Ledger: 0 results of 0 gyros" in page, "http://" in page
+    (True, False)
     """
     table = tabulate_gyros(found)
     rows = [_gyro_row(row, cells) for row, cells in zip(found.standings, table.rows, strict=True)]
@@ -82,8 +97,24 @@ def make_history_page(found: History, status: str) -> str:
 
     Parameters
     ----------
-    found : what `hrg_cli.ledger.history.tell_history` tells.
-    status : "valid", "suspect" or "refused", as the command judges it.
+    found
+        What `hrg_cli.ledger.history.tell_history` tells.
+    status
+        "valid", "suspect" or "refused", as the command judges it.
+
+    Returns
+    -------
+    str
+        HTML that needs no other file.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry
+    >>> from hrg_cli.ledger.history import tell_history
+    >>> from hrg_cli.reporting.ledger_page import make_history_page
+    >>> entry = Entry("ab" * 32, "r.h5", "resonator", "SN-1", "2026-01-01T00:00:00Z", "refused")
+    >>> "SN-1: 1 result" in make_history_page(tell_history([entry], "SN-1"), "suspect")
+    True
     """
     names = name_figures([(row.kind, row.name) for row in found.figures])
     courses = [_course_of(row, names[row.kind, row.name], k) for k, row in enumerate(found.figures)]
@@ -122,7 +153,7 @@ def _most_moved(found: Overview) -> str:
     if not moved:
         return ""
     row = max(moved, key=lambda row: abs(row.moved_sigma or 0.0))
-    name = name_of_figure(row.moved_figure)
+    name = name_figure(row.moved_figure)
     return f"; most moved {clean_text(row.entry.gyro_id)}: {name} {say_sigma(row.moved_sigma)}"
 
 
@@ -136,7 +167,7 @@ def _largest_move(found: History) -> str:
     if not moved:
         return ""
     sigma, name = max(moved, key=lambda pair: abs(pair[0]))
-    return f"; {name_of_figure(name)} moved most since the last: {say_sigma(sigma)}"
+    return f"; {name_figure(name)} moved most since the last: {say_sigma(sigma)}"
 
 
 def _render(*, courses: Sequence[ChartedFigure], **content: Any) -> str:

@@ -11,7 +11,7 @@ from ..ledger.history import FigureHistory, History
 from ..ledger.overview import FigureReport, Overview, Standing
 from ..ledger.trend import Move
 from .console import print_table, say
-from .figure_names import name_figures, name_of_figure
+from .figure_names import name_figure, name_figures
 from .page_table import PageTable
 from .quantities import choose_unit, format_quantity
 from .text import format_number
@@ -21,7 +21,21 @@ Names = Mapping[tuple[str, str], str]
 
 
 def show_overview(found: Overview) -> None:
-    """Every gyro, then every figure over the gyros, then the golden unit."""
+    """Print every gyro, then every figure over the gyros, then the golden unit.
+
+    Parameters
+    ----------
+    found
+        What `hrg ledger show` tells.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.overview import make_overview
+    >>> from hrg_cli.reporting.ledger_tables import show_overview
+    >>> show_overview(make_overview([]))
+    0 results of 0 gyros
+    gyro  kind  results  newest  station  status  moved most  limits
+    """
     say(say_what_counts(found))
     _print([tabulate_gyros(found), *tabulate_figures(found)])
     if found.false_alarms_expected:
@@ -31,12 +45,50 @@ def show_overview(found: Overview) -> None:
 
 
 def show_history(found: History) -> None:
-    """Every result, then every figure."""
+    """Print every result of one gyro, then how its figures moved.
+
+    Parameters
+    ----------
+    found
+        What `hrg ledger history` tells.
+
+    Examples
+    --------
+    >>> import contextlib, io
+    >>> from hrg_cli.ledger.entry import Entry
+    >>> from hrg_cli.ledger.history import tell_history
+    >>> from hrg_cli.reporting.ledger_tables import show_history
+    >>> entry = Entry("ab" * 32, "r.h5", "resonator", "SN-1", "2026-01-01T00:00:00Z", "refused")
+    >>> with contextlib.redirect_stdout(io.StringIO()) as shown:
+    ...     show_history(tell_history([entry], "SN-1"))
+    >>> shown.getvalue().split()[:3], "refused" in shown.getvalue()
+    (['processed', 'kind', 'status'], True)
+    """
     _print([tabulate_results(found), tabulate_courses(found)])
 
 
 def say_what_counts(found: Overview) -> str:
-    """How many results of how many gyros, and how many are left out."""
+    """How many results of how many gyros there are, and how many are left out.
+
+    Parameters
+    ----------
+    found
+        What `hrg ledger show` tells.
+
+    Returns
+    -------
+    str
+        For a person.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry
+    >>> from hrg_cli.ledger.overview import make_overview
+    >>> from hrg_cli.reporting.ledger_tables import say_what_counts
+    >>> entry = Entry("ab" * 32, "r.h5", "resonator", "SN-1", "2026-01-01T00:00:00Z", "refused")
+    >>> say_what_counts(make_overview([entry]))
+    '1 result of 1 gyro; left out of the statistics: 1 refused'
+    """
     left_out = [
         f"{count} {what}"
         for count, what in (
@@ -51,14 +103,51 @@ def say_what_counts(found: Overview) -> str:
 
 
 def tabulate_gyros(found: Overview) -> PageTable:
-    """Every gyro's standing, a row a standing."""
+    """Every gyro's standing as a table.
+
+    Parameters
+    ----------
+    found
+        What `hrg ledger show` tells.
+
+    Returns
+    -------
+    PageTable
+        A row a standing.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry
+    >>> from hrg_cli.ledger.overview import make_overview
+    >>> from hrg_cli.reporting.ledger_tables import tabulate_gyros
+    >>> entry = Entry("ab" * 32, "r.h5", "resonator", "SN-1", "2026-01-01T00:00:00Z", "valid")
+    >>> tabulate_gyros(make_overview([entry])).rows[0][:2]
+    ('SN-1', 'resonator')
+    """
     head = ("gyro", "kind", "results", "newest", "station", "status", "moved most", "limits")
     return PageTable("", head, [_standing(row) for row in found.standings])
 
 
 def tabulate_figures(found: Overview) -> list[PageTable]:
-    """Every figure over the gyros, its gauge study, the golden unit; without the tables that would
-    be empty."""
+    """Every figure over the gyros, its gauge study and the golden unit as tables.
+
+    Parameters
+    ----------
+    found
+        What `hrg ledger show` tells.
+
+    Returns
+    -------
+    list of PageTable
+        Without those that would be empty.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.overview import make_overview
+    >>> from hrg_cli.reporting.ledger_tables import tabulate_figures
+    >>> tabulate_figures(make_overview([]))
+    []
+    """
     names = name_figures([(row.kind, row.name) for row in found.figures])
     of_golden = name_figures({(row.kind, row.name) for row in found.golden})
     tables = [
@@ -82,7 +171,27 @@ def tabulate_figures(found: Overview) -> list[PageTable]:
 
 
 def tabulate_results(found: History) -> PageTable:
-    """Every result of one gyro, in the order of processing."""
+    """Every result of one gyro as a table, in the order of processing.
+
+    Parameters
+    ----------
+    found
+        What `hrg ledger history` tells.
+
+    Returns
+    -------
+    PageTable
+        With why a result does not count.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry
+    >>> from hrg_cli.ledger.history import tell_history
+    >>> from hrg_cli.reporting.ledger_tables import tabulate_results
+    >>> entry = Entry("ab" * 32, "r.h5", "resonator", "SN-1", "2026-01-01T00:00:00Z", "refused")
+    >>> tabulate_results(tell_history([entry], "SN-1")).rows[0][-2:]
+    ('abababababab', 'refused')
+    """
     counting = {entry.sha256 for entry in found.counting}
     rows = [
         (
@@ -100,7 +209,30 @@ def tabulate_results(found: History) -> PageTable:
 
 
 def tabulate_courses(found: History) -> PageTable:
-    """How every figure of one gyro moved."""
+    """How every figure of one gyro moved, as a table.
+
+    Parameters
+    ----------
+    found
+        What `hrg ledger history` tells.
+
+    Returns
+    -------
+    PageTable
+        A row a figure.
+
+    Examples
+    --------
+    >>> from hrg_cli.ledger.entry import Entry, Figure
+    >>> from hrg_cli.ledger.history import tell_history
+    >>> from hrg_cli.reporting.ledger_tables import tabulate_courses
+    >>> def tell(value, day):
+    ...     figures, at = {"scale_factor": Figure(value, 1e-3, "1")}, f"2026-01-0{day}T00:00:00Z"
+    ...     return Entry(str(day), "r.h5", "resonator", "SN-1", at, "valid", figures=figures)
+    >>> table = tabulate_courses(tell_history([tell(0.55, 1), tell(0.56, 2)], "SN-1"))
+    >>> table.rows[0][3]
+    '0.0100(14), +7.1 σ'
+    """
     names = name_figures([(row.kind, row.name) for row in found.figures])
     since = ("against the last", "of the limit", "since the first", "of the limit")
     head = ("figure", "n", "now", *since, "a day", "limit in", "chart")
@@ -117,11 +249,9 @@ def _many(count: int, what: str) -> str:
 
 
 def _standing(row: Standing) -> tuple[str, ...]:
-    missed = [name_of_figure(h.row.name) for h in row.held if not h.passed]
+    missed = [name_figure(h.row.name) for h in row.held if not h.passed]
     moved = (
-        f"{name_of_figure(row.moved_figure)} {say_sigma(row.moved_sigma)}"
-        if row.moved_figure
-        else "–"
+        f"{name_figure(row.moved_figure)} {say_sigma(row.moved_sigma)}" if row.moved_figure else "–"
     )
     return (
         row.entry.gyro_id,
@@ -211,7 +341,24 @@ def _moved(name: str, move: Move | None, units: str) -> str:
 
 
 def say_sigma(value: float | None) -> str:
-    """How many σ a change is."""
+    """How many σ a change is.
+
+    Parameters
+    ----------
+    value
+        In σ; None: not known.
+
+    Returns
+    -------
+    str
+        With its sign.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.ledger_tables import say_sigma
+    >>> say_sigma(-7.07), say_sigma(None)
+    ('−7.1 σ', '–')
+    """
     return "–" if value is None else f"{value:+.1f} σ".replace("-", "−")
 
 

@@ -29,8 +29,26 @@ FEWEST = 9
 
 
 def gather_living_data(record: Diagnosis) -> dict[str, Any] | None:
-    """Causes, and for every set of causes taken in: the angle's residual a run, rms figures, Allan
-    deviation; None without causes."""
+    """What the page needs to show a diagnosis with any set of its causes taken in.
+
+    Parameters
+    ----------
+    record
+        The diagnosis.
+
+    Returns
+    -------
+    dict or None
+        Causes, and for every set of them the angle's residual a run [mrad], rms figures and Allan
+        deviation; None without causes.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.reporting.living import gather_living_data
+    >>> gather_living_data(Told(left_out="[]", simulated_without=None)) is None
+    True
+    """
     sets = [
         tuple(map(str, names)) for names in parse_list(record.left_out) if isinstance(names, list)
     ]
@@ -71,7 +89,24 @@ def gather_living_data(record: Diagnosis) -> dict[str, Any] | None:
 
 
 def dump_text(data: dict[str, Any]) -> str:
-    """JSON for an attribute of the page, which escapes it."""
+    """JSON for an attribute of a page.
+
+    Parameters
+    ----------
+    data
+        Plain values, all finite.
+
+    Returns
+    -------
+    str
+        Not escaped; the page does that.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.living import dump_text
+    >>> dump_text({"unit": "°/h"})
+    '{"unit": "°/h"}'
+    """
     return json.dumps(data, ensure_ascii=False, allow_nan=False)
 
 

@@ -70,8 +70,30 @@ def make_lot_page(
     pages: Mapping[str, str],
     limits: Mapping[str, Any] | None = None,
 ) -> str:
-    """The page of a lot's report (`hrg_cli.lots.batch.run_lot`); pages: the page of each gyro,
-    relative to this one; limits: tables a kind of file."""
+    """The page of a lot.
+
+    Parameters
+    ----------
+    report
+        As `hrg_cli.lots.batch.run_lot` gives it.
+    pages
+        Gyro -> its page, relative to this one.
+    limits
+        Kind of file -> limits of its figures; None: there are none.
+
+    Returns
+    -------
+    str
+        HTML that needs no other file.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.lot_page import make_lot_page
+    >>> counts = {"passed": 0, "recordings": 0, "recordings_failed": 0, "outlier_rate": None}
+    >>> report = counts | {"rows": [], "outliers": [], "lot_id": "L-7", "status": "valid"}
+    >>> "Lot L-7: 0 of 0 gyros passed" in make_lot_page(report, {})
+    True
+    """
     rows: Sequence[Row] = report["rows"]
     names = list_parameters(rows)
     keys = [key for key in (*GROUPED_BY, "day") if any(row.get(key) for row in rows)]
@@ -119,14 +141,49 @@ def make_lot_page(
 
 
 def list_parameters(rows: Sequence[Row]) -> list[str]:
-    """Names of the figures that gyros were compared by, in the order of the table."""
+    """Names of the figures that gyros were compared by.
+
+    Parameters
+    ----------
+    rows
+        Of a lot's report.
+
+    Returns
+    -------
+    list of str
+        In the order of the table.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.lot_page import list_parameters
+    >>> list_parameters([{"gyro_id": "SN-1", "frequency_hz": 5e3, "frequency_hz_z": 0.1}])
+    ['frequency_hz']
+    """
     names = dict.fromkeys(key for row in rows for key in row if f"{key}_z" in row)
     return [name for name in names if any(row[name] is not None for row in rows)]
 
 
 def find_limits(name: str, limits: Mapping[str, Any]) -> Limits:
-    """Minimum and maximum of a column of the table, in the figure's own unit; None where none is
-    set."""
+    """Minimum and maximum of a column of a lot's table.
+
+    Parameters
+    ----------
+    name
+        Of the column.
+    limits
+        Kind of file -> limits of its figures.
+
+    Returns
+    -------
+    tuple
+        In the figure's own unit; None where none is set.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.lot_page import find_limits
+    >>> find_limits("scale_factor", {"resonator": {"scale_factor": {"minimum": 0.5}}})
+    (0.5, None)
+    """
     spelt = {("resonator", name), ("diagnosis", f"values.{name}")}
     for stem in ("drift_rms_rad_s", "scale_factor_rms_ppm"):
         if name.startswith(f"{stem}_"):

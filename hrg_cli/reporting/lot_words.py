@@ -12,7 +12,25 @@ WORST = 3
 
 
 def make_sentence(report: Mapping[str, Any]) -> str:
-    """The lot in one or two sentences."""
+    """A lot in one or two sentences.
+
+    Parameters
+    ----------
+    report
+        As `run_lot` gives it.
+
+    Returns
+    -------
+    str
+        For a person.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.lot_words import make_sentence
+    >>> rows = [{"gyro_id": f"SN-{k}", "health": "sound"} for k in (1, 2)]
+    >>> make_sentence({"rows": rows, "passed": 1, "outliers": []})
+    '1 of 2 gyros did not pass.'
+    """
     rows, passed = report["rows"], report["passed"]
     known = [row for row in rows if row["gyro_id"]]
     failed, strays = len(known) - passed, len(rows) - len(known)

@@ -39,12 +39,43 @@ SHADES = {
 def build_report(
     paths: Sequence[Path], *, truth: bool = False, full: bool = False, rows: Sequence[Row] = ()
 ) -> str:
-    """The page of these files as HTML: the answer of every gyro first; runs, files and history
-    folded behind it.
+    """The page of files as HTML: the answer of every gyro first, runs, files and history folded
+    behind it.
 
-    truth: also show what a simulation knows (the truth of a recording, over the wave of the same
-    run); full: draw the figures of every file, too (`truth` does); rows: figures held against
-    limits. HrgError: no file, a file is missing, damaged or not an hrg file.
+    Parameters
+    ----------
+    paths
+        Files that hrg wrote.
+    truth
+        Also show what a simulation knows: the truth of a recording, over the wave of the same run.
+    full
+        Draw the figures of every file; `truth` does too.
+    rows
+        Figures held against limits.
+
+    Returns
+    -------
+    str
+        HTML that needs no other file.
+
+    Raises
+    ------
+    HrgError
+        No file, or one that is missing, damaged or not an hrg file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> from hrg_cli.reporting.page import build_report
+    >>> made = Recording(c=np.zeros(99), s=np.zeros(99), sample_rate_hz=1e4, mode="free", gyro_id="A")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = store.write(Path(folder) / "run.h5", made)
+    ...     page = build_report([Path(folder) / "run.h5"])
+    >>> "run.h5" in page, "<link" in page, "src=" in page
+    (True, False, False)
     """
     full = full or truth
     entries = [describe_file(path, index, full) for index, path in enumerate(drop_repeats(paths))]
@@ -56,8 +87,41 @@ def build_report(
 
 
 def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -> list[Path]:
-    """Every figure as PNG in `folder` (made when missing), named FILE-FIGURE.png; the paths
-    written. HrgError: as `build_report`."""
+    """Write every figure of files as PNG.
+
+    Parameters
+    ----------
+    paths
+        Files that hrg wrote.
+    folder
+        Where to; it is made when missing.
+    truth
+        As `build_report`.
+
+    Returns
+    -------
+    list of Path
+        FILE-FIGURE.png.
+
+    Raises
+    ------
+    HrgError
+        As `build_report`; the folder cannot be made.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> from hrg_cli.reporting.page import write_figures
+    >>> c = np.cos(0.3 * np.arange(999))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = store.write(Path(folder) / "run.h5", Recording(c=c, s=c, sample_rate_hz=1e4, mode="free"))
+    ...     written = write_figures([Path(folder) / "run.h5"], Path(folder))
+    >>> written[0].name.startswith("run-"), written[0].suffix
+    (True, '.png')
+    """
     folder = Path(folder)
     entries = [describe_file(path, index, False) for index, path in enumerate(drop_repeats(paths))]
     beside = look_beside(paths, entries, truth)
@@ -84,7 +148,31 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
 
 
 def find_worst_status(paths: Sequence[Path]) -> tuple[str, list[str]]:
-    """Worst status of these files and every reason, each with its file's name."""
+    """Worst status of files, and why.
+
+    Parameters
+    ----------
+    paths
+        Files that hrg wrote.
+
+    Returns
+    -------
+    tuple
+        "valid", "suspect" or "refused", and every reason with its file's name.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> from hrg_cli.reporting.page import find_worst_status
+    >>> made = Recording(c=np.zeros(9), s=np.zeros(9), sample_rate_hz=1e4, mode="free")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = store.write(Path(folder) / "run.h5", made.judged(["it is clipped"], "suspect"))
+    ...     find_worst_status([Path(folder) / "run.h5"])
+    ('suspect', ['run.h5: it is clipped'])
+    """
     order = ["valid", "suspect", "refused"]
     worst, reasons = "valid", []
     for path in drop_repeats(paths):

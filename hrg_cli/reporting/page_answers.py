@@ -41,7 +41,30 @@ class Shown:
 def answer_gyros(
     paths: Sequence[Path], entries: list[PageEntry], rows: Sequence[Row]
 ) -> list[Shown]:
-    """The answer of every gyro that has a result, in the files' order."""
+    """The answer of every gyro that has a result.
+
+    Parameters
+    ----------
+    paths
+        Files of the page.
+    entries
+        What the page tells of them.
+    rows
+        Figures held against limits.
+
+    Returns
+    -------
+    list of Shown
+        In the files' order; empty where no file is a result.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.reporting.page_answers import answer_gyros
+    >>> answer_gyros([Path("run.h5")], [Told(record=Told(gyro_id="A", kind="recording"))], [])
+    []
+    """
     gyros: dict[str, dict[str, Path]] = {}
     counts: dict[str, Counter[str]] = {}
     for path, entry in zip(paths, entries):
@@ -87,7 +110,31 @@ def _is_extended(record: Record) -> bool:
 
 
 def draw_answer(path: Path) -> Iterator[Plot]:
-    """The answer's figure of a diagnosis."""
+    """The answer's figure of a diagnosis.
+
+    Parameters
+    ----------
+    path
+        A file that hrg wrote.
+
+    Returns
+    -------
+    iterator of Plot
+        Empty of other files, and of a diagnosis without rows.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> from hrg_cli.reporting.page_answers import draw_answer
+    >>> made = Recording(c=np.zeros(9), s=np.zeros(9), sample_rate_hz=1e4, mode="free")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = store.write(Path(folder) / "run.h5", made)
+    ...     list(draw_answer(Path(folder) / "run.h5"))
+    []
+    """
     if store.kind_of(path) is Diagnosis:
         record = store.read(path, Diagnosis)
         made = answer([record])

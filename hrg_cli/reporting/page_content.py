@@ -38,7 +38,27 @@ class ShownStep:
 
 
 def list_steps(records: Iterable[tuple[str, Status]], history: Iterable[str]) -> list[ShownStep]:
-    """The chain's steps from the files given (kind, status) and the commands in their histories."""
+    """The chain's steps, from the files of a page and the commands in their histories.
+
+    Parameters
+    ----------
+    records
+        Kind and status of the files.
+    history
+        Commands of all files.
+
+    Returns
+    -------
+    list of ShownStep
+        In the chain's order.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.page_content import list_steps
+    >>> steps = list_steps([("resonator", "suspect")], [])
+    >>> [(step.state, step.note) for step in steps if step.state != "skipped"]
+    [('suspect', '1 of 1 file suspect')]
+    """
     states: dict[str, list[Status]] = {}
     for kind, status in records:
         states.setdefault(kind, []).append(status)
@@ -63,7 +83,30 @@ def list_steps(records: Iterable[tuple[str, Status]], history: Iterable[str]) ->
 
 
 def translate_parameter(name: str, value: float, std: float, frequency_hz: float | None) -> str:
-    """A resonator parameter in the units people use."""
+    """A resonator's parameter in the units that people use.
+
+    Parameters
+    ----------
+    name
+        Of the parameter.
+    value, std
+        In SI units.
+    frequency_hz
+        Of the resonator, for its quality factor; None: not known.
+
+    Returns
+    -------
+    str
+        Empty where there is no other unit.
+
+    Examples
+    --------
+    A damping rate ν is a decay time 1/ν, and Q = πf/ν:
+
+    >>> from hrg_cli.reporting.page_content import translate_parameter
+    >>> translate_parameter("damping_rate_1_s", 0.1, 1e-4, 5000.0)
+    'τ = 10 ± 0.01 s, Q = 157100'
+    """
 
     def pair(factor: float, unit: str) -> str:
         return f"{format_number(value * factor, 5)} ± {format_number(std * factor, 2)} {unit}"
@@ -89,7 +132,32 @@ def translate_parameter(name: str, value: float, std: float, frequency_hz: float
 
 
 def list_tables(record: Record) -> list[PageTable]:
-    """The tables of a result."""
+    """The tables of a result.
+
+    Parameters
+    ----------
+    record
+        Any record.
+
+    Returns
+    -------
+    list of PageTable
+        Empty of one that is no result.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, Resonator
+    >>> from hrg_cli.reporting.page_content import list_tables
+    >>> list_tables(Recording(c=np.zeros(9), s=np.zeros(9), sample_rate_hz=1e4, mode="free"))
+    []
+    >>> found = Resonator(
+    ...     name=np.array(["scale_factor"]), units=np.array(["1"]), value=np.array([0.55]),
+    ...     std=np.array([1e-3]), covariance=np.array([[1e-6]]),
+    ... )
+    >>> list_tables(found)[0].rows[0][0]
+    'scale_factor'
+    """
     if isinstance(record, Resonator):
         return _list_resonator(record)
     if isinstance(record, Calibration):

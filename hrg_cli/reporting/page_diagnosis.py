@@ -10,7 +10,7 @@ from typing import Any
 from ..records import Diagnosis
 from .answer_words import say_in_words
 from .diagnosis import score_left, tabulate_gains
-from .figure_names import name_of_figure
+from .figure_names import name_figure
 from .figures_in_words import say_key
 from .json_text import list_entries, parse_object, take_child
 from .page_table import PageTable, format_cell
@@ -19,7 +19,25 @@ from .text import clean_text, drop_empty_columns, format_number
 
 
 def list_diagnosis(record: Diagnosis) -> list[PageTable]:
-    """All of them; one in which nothing would stand is left out."""
+    """The tables of a diagnosis.
+
+    Parameters
+    ----------
+    record
+        The diagnosis.
+
+    Returns
+    -------
+    list of PageTable
+        Without those in which nothing would stand.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.reporting.page_diagnosis import list_diagnosis
+    >>> list_diagnosis(Told(report='{"remainder": {}, "effects": []}'))
+    []
+    """
     report = parse_object(record.report)
     remainder = take_child(report, "remainder")
     left = [(say_key(k), format_cell(v)) for k, v in remainder.items()]
@@ -37,7 +55,7 @@ def _list_supplied(values: Sequence[dict[str, Any]]) -> list[PageTable]:
     """What the runs say of the supplied model's values."""
     moved = [
         (
-            name_of_figure(str(v.get("name"))),
+            name_figure(str(v.get("name"))),
             _write_parameter(v, v["believed"], None),
             _write_parameter(v, v.get("value"), v.get("std")),
             format_number(v.get("sigma"), 3),

@@ -50,7 +50,34 @@ class Beside:
 
 
 def draw_files(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> None:
-    """The figures of every file, results first, as long as there is room."""
+    """Draw the figures of every file of a page, results first, as long as there is room.
+
+    Parameters
+    ----------
+    paths
+        Files of the page.
+    entries
+        What the page tells of them, to which the figures are added.
+    truth
+        Whether what a simulation knows is shown.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> from hrg_cli.reporting.page_figures import draw_files
+    >>> from hrg_cli.reporting.page_files import describe_file
+    >>> c = np.cos(0.3 * np.arange(999))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.h5"
+    ...     _ = store.write(path, Recording(c=c, s=c, sample_rate_hz=1e4, mode="free"))
+    ...     entries = [describe_file(path, 0, full=True)]
+    ...     draw_files([path], entries, truth=False)
+    >>> len(entries[0].pictures) > 0, entries[0].pictures[0].svg.startswith("<svg")
+    (True, True)
+    """
     beside = look_beside(paths, entries, truth)
     order = sorted(range(len(entries)), key=lambda i: RESULTS_FIRST.index(entries[i].record.kind))
     drawn: dict[str, int] = {}
@@ -72,14 +99,59 @@ def draw_files(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> 
 
 
 def make_picture(plot: Plot, anchor: str) -> Picture:
-    """A figure as the page holds it."""
+    """A figure as a page holds it.
+
+    Parameters
+    ----------
+    plot
+        The figure.
+    anchor
+        By which the page links to it.
+
+    Returns
+    -------
+    Picture
+        With its SVG and its words.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.page_figures import make_picture
+    >>> from hrg_cli.reporting.figures.drawing import Plot, make_panels, use_style
+    >>> with use_style():
+    ...     picture = make_picture(Plot("k", "Drift", "It is small.", make_panels()[0]), "f0-k")
+    >>> picture.title, picture.svg.startswith("<svg")
+    ('Drift', True)
+    """
     return Picture(
         anchor, clean_text(plot.title), clean_text(plot.caption), Markup(write_svg(plot, anchor))
     )
 
 
 def look_beside(paths: Sequence[Path], entries: list[PageEntry], truth: bool) -> Beside:
-    """The truths of recordings, where asked for, and the runs that have periods."""
+    """What the other files of a page say about a file.
+
+    Parameters
+    ----------
+    paths
+        Files of the page.
+    entries
+        What the page tells of them.
+    truth
+        Whether the truths of recordings are asked for.
+
+    Returns
+    -------
+    Beside
+        Truths by run, and the runs that have periods.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.reporting.page_figures import look_beside
+    >>> look_beside([Path("run.h5")], [Told(record=Told(run_id="a"))], truth=False).truths
+    {}
+    """
     truths = {}
     for path, entry in zip(drop_repeats(paths), entries):
         if truth and isinstance(entry.record, Recording):
@@ -95,7 +167,35 @@ def look_beside(paths: Sequence[Path], entries: list[PageEntry], truth: bool) ->
 
 
 def draw_file(path: Path, beside: Beside) -> Iterator[Plot]:
-    """The figures of a file, drawn one after another."""
+    """The figures of a file, drawn one after another.
+
+    Parameters
+    ----------
+    path
+        A file that hrg wrote.
+    beside
+        What the others say about it.
+
+    Returns
+    -------
+    iterator of Plot
+        In the order of the page.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> from hrg_cli.reporting.page_figures import Beside, draw_file
+    >>> c = np.cos(0.3 * np.arange(999))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "run.h5"
+    ...     _ = store.write(path, Recording(c=c, s=c, sample_rate_hz=1e4, mode="free"))
+    ...     plots = list(draw_file(path, Beside({}, frozenset())))
+    >>> len(plots)
+    3
+    """
     with store.open_record(path, store.kind_of(path)) as record, use_style():
         record = thin_out(record)
         draw = _DRAW[type(record)]

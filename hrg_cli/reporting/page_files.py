@@ -63,7 +63,30 @@ class PageEntry:
 
 
 def drop_repeats(paths: Sequence[Path]) -> list[Path]:
-    """The paths without repeats. HrgError: there is none."""
+    """Paths without repeats.
+
+    Parameters
+    ----------
+    paths
+        As they were named.
+
+    Returns
+    -------
+    list of Path
+        In their order.
+
+    Raises
+    ------
+    HrgError
+        There is none.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.reporting.page_files import drop_repeats
+    >>> [path.name for path in drop_repeats([Path("a.h5"), Path("b.h5"), Path("a.h5")])]
+    ['a.h5', 'b.h5']
+    """
     found = list(dict.fromkeys(Path(p) for p in paths))
     if not found:
         raise HrgError("no file to report on; name one or more files that hrg wrote")
@@ -71,7 +94,36 @@ def drop_repeats(paths: Sequence[Path]) -> list[Path]:
 
 
 def describe_file(path: Path, index: int, full: bool) -> PageEntry:
-    """What the page tells of a file; its tables where it tells all (`full`)."""
+    """What a page tells of a file.
+
+    Parameters
+    ----------
+    path
+        A file that hrg wrote.
+    index
+        Its place on the page, from 0.
+    full
+        Whether its tables are told, too.
+
+    Returns
+    -------
+    PageEntry
+        Without the rows of the record.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> from hrg_cli.reporting.page_files import describe_file
+    >>> made = Recording(c=np.zeros(9), s=np.zeros(9), sample_rate_hz=1e4, mode="free")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = store.write(Path(folder) / "run.h5", made)
+    ...     entry = describe_file(Path(folder) / "run.h5", 0, full=False)
+    >>> entry.name, len(entry.record)
+    ('run.h5', 0)
+    """
     with store.open_record(path, store.kind_of(path)) as record:
         record = thin_out(record) if full or not isinstance(record, Periods | Wave) else record
         shown = list_told(list_facts(record))
@@ -100,7 +152,27 @@ def _bare(record: Record) -> Record:
 
 
 def thin_out(record: Record) -> Record:
-    """The record in memory (a recording stays on disk), every k-th row of a very long one."""
+    """A record in memory, every k-th row of a very long one.
+
+    Parameters
+    ----------
+    record
+        Any record.
+
+    Returns
+    -------
+    Record
+        A recording stays on disk as it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.reporting.page_files import thin_out
+    >>> made = Recording(c=np.zeros(9), s=np.zeros(9), sample_rate_hz=1e4, mode="free")
+    >>> thin_out(made) is made
+    True
+    """
     if isinstance(record, Recording):
         return record
     step = max(1, -(-len(record) // ROWS_HELD))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..limit_values import unit_of
-from .figure_names import name_of_figure
+from .figure_names import name_figure
 from .figures_in_words import say_key, say_value
 from .quantities import choose_unit, format_quantity, format_rounded
 from .text import clean_text, format_number
@@ -33,7 +33,24 @@ class PageTable:
 
 
 def format_cell(value: Any) -> str:
-    """A value without a name as a person reads it."""
+    """A value without a name as a person reads it.
+
+    Parameters
+    ----------
+    value
+        A number, a text, a truth, or a list of these.
+
+    Returns
+    -------
+    str
+        A dash where there is nothing.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.page_table import format_cell
+    >>> format_cell(True), format_cell([1.5, None]), format_cell(None)
+    ('yes', '1.5, –', '–')
+    """
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, float | np.floating):
@@ -44,8 +61,29 @@ def format_cell(value: Any) -> str:
 
 
 def list_figures(caption: str, content: Any, depth: int = 0) -> list[PageTable]:
-    """Tables of a JSON object: its numbers and sentences in one, each comparison (objects of one
-    shape) in its own."""
+    """Tables of a JSON object: its numbers and sentences in one, each comparison in its own.
+
+    Parameters
+    ----------
+    caption
+        Of the first one.
+    content
+        The object; of anything else there are none.
+    depth
+        How deep it stands in another one.
+
+    Returns
+    -------
+    list of PageTable
+        Without what is empty.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.page_table import list_figures
+    >>> (table,) = list_figures("Figures", {"duration_s": 12.5, "gaps": None})
+    >>> table.caption, table.rows
+    ('Figures', [('duration', '12.5 s')])
+    """
     if not isinstance(content, Mapping):
         return []
     single, found = [], []
@@ -126,7 +164,7 @@ def _tell(key: str, beside: Mapping[str, Any], within: str = "") -> str:
     if isinstance(value, bool | np.bool_) or value is None:
         return format_cell(value)
     if key == "name" and isinstance(value, str) and " " not in value:
-        return name_of_figure(value)
+        return name_figure(value)
     if isinstance(value, list) and len(value) > 12:
         return f"{len(value)} values, {_tell(key, {key: value[:3]})} …"
     if isinstance(value, list) and not all(isinstance(v, int | float) for v in value):

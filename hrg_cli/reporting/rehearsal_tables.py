@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .answer_words import say_in_words
-from .figure_names import name_of_figure
+from .figure_names import name_figure
 from .page_table import PageTable
 from .text import format_hundredths
 
@@ -17,8 +17,19 @@ HEAD = ("figure", "bias/σ", "error/σ, rms", "within 68 %", "within 95 %")
 def tabulate_rehearsal(told: Mapping[str, Any]) -> list[PageTable]:
     """What a rehearsal tells (`table()` of it), as one or two tables.
 
+    Parameters
+    ----------
+    told
+        Its JSON.
+
+    Returns
+    -------
+    list of PageTable
+        Figures, and causes where there are some.
+
     Examples
     --------
+    >>> from hrg_cli.reporting.rehearsal_tables import tabulate_rehearsal
     >>> figure = {"name": "scale_factor", "bias_over_std": -0.1, "error_over_std_rms": 1.0}
     >>> told = {"times": 9, "truth": "the file's parameters", "causes": []}
     >>> told["figures"] = [figure | {"coverage_68": 0.67, "coverage_95": 1.0}]
@@ -27,7 +38,7 @@ def tabulate_rehearsal(told: Mapping[str, Any]) -> list[PageTable]:
     """
     rows = [
         (
-            name_of_figure(f["name"]),
+            name_figure(f["name"]),
             *(format_hundredths(f[key]) for key in ("bias_over_std", "error_over_std_rms")),
             *(f"{100 * f[key]:.0f} %" for key in ("coverage_68", "coverage_95")),
         )

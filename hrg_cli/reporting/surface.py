@@ -17,8 +17,25 @@ ANGLES, NODES = 49, 25
 
 
 def gather_surface_data(record: Calibration) -> dict[str, Any] | None:
-    """Drift and scale factor over the nodes and wave angles of the tables; None where one of both
-    is a single one."""
+    """Drift and scale factor over the nodes and wave angles of tables, for a surface on the page.
+
+    Parameters
+    ----------
+    record
+        The tables.
+
+    Returns
+    -------
+    dict or None
+        Drift [°/h] and scale factor [ppm of its mean]; None where there is one node or one angle.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.reporting.surface import gather_surface_data
+    >>> gather_surface_data(Told(node=[20.0], wave_angle_rad=[0.0, 0.1])) is None
+    True
+    """
     node, angle = np.asarray(record.node, float), np.asarray(record.wave_angle_rad, float) / DEGREE
     if len(node) < 2 or len(angle) < 2:
         return None

@@ -29,7 +29,27 @@ SMALLEST = 1e-3
 
 
 def show(record: Record, report: Mapping[str, Any]) -> None:
-    """Print the table of a record; `report` is the command's JSON."""
+    """Print the table of a record.
+
+    Parameters
+    ----------
+    record
+        Any record.
+    report
+        The command's JSON.
+
+    Examples
+    --------
+    >>> import contextlib, io
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.reporting.tables import show
+    >>> made = Recording(c=np.zeros(9), s=np.zeros(9), sample_rate_hz=8.0, mode="free")
+    >>> with contextlib.redirect_stdout(io.StringIO()) as shown:
+    ...     show(made, {"samples": 9, "output": "run.h5"})
+    >>> [line.split() for line in shown.getvalue().splitlines()]
+    [['figure', 'value'], ['samples', '9']]
+    """
     if isinstance(record, Diagnosis):
         return diagnosis.show(record, report)
     head, rows = _tabulate(record, report)
@@ -78,7 +98,27 @@ def _list_differences(report: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def list_facts(record: Record) -> dict[str, Any]:
-    """The figures `hrg info` prints of a record."""
+    """The figures that `hrg info` prints of a record.
+
+    Parameters
+    ----------
+    record
+        Any record.
+
+    Returns
+    -------
+    dict
+        Key -> value.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.reporting.tables import list_facts
+    >>> facts = list_facts(Recording(c=np.zeros(9), s=np.zeros(9), sample_rate_hz=8.0, mode="free"))
+    >>> facts["rows"], facts["duration_s"], facts["mode"]
+    (9, 1.0, 'free')
+    """
     found: dict[str, Any] = {"rows": len(record)} if len(record) else {}
     for name, spec in record.columns().items():
         value = getattr(record, name)

@@ -22,8 +22,31 @@ FOLDER = Path(__file__).parent
 
 
 def render_page(template: str, scripts: Sequence[str], **content: Any) -> str:
-    """The HTML of a template of this folder with its scripts, one after another; a name that it does
-    not get is an error, not an empty place."""
+    """The HTML of a template of this folder, with style sheet and scripts inside.
+
+    Parameters
+    ----------
+    template
+        Its file.
+    scripts
+        Files, one after another; no others may run.
+    content
+        Names of the template; one that it does not get is an error, not an empty place.
+
+    Returns
+    -------
+    str
+        HTML that needs no other file.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.templates import render_page
+    >>> try:
+    ...     render_page("page.html", ())
+    ... except Exception as error:
+    ...     type(error).__name__
+    'UndefinedError'
+    """
     environment = Environment(
         loader=FileSystemLoader(FOLDER),
         autoescape=True,

@@ -28,8 +28,32 @@ BINS = 40
 def plot_before_and_after(
     record: Diagnosis, departure: Departure | None, causes: tuple[Cause, ...]
 ) -> Plot | None:
-    """Measured less simulated against time, before and after; beside it the shares; without causes
-    what is left alone. None where the record holds no rows."""
+    """What a model leaves without and with the causes, against time, and the causes' shares beside.
+
+    Parameters
+    ----------
+    record
+        A diagnosis.
+    departure
+        The quantity that is told; None: not known.
+    causes
+        Largest first; without one, what is left alone is drawn.
+
+    Returns
+    -------
+    Plot or None
+        None where the record holds no rows.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.reporting.figures.answer import plot_before_and_after
+    >>> class Told(SimpleNamespace):
+    ...     def __len__(self):
+    ...         return 0
+    >>> plot_before_and_after(Told(), None, ()) is None
+    True
+    """
     if not len(record) or np.ndim(record.measured) != 2 or np.shape(record.measured)[1] != 4:
         return None
     amplitude = departure is not None and departure.key == "amplitude_ppm"

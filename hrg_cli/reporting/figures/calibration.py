@@ -26,7 +26,31 @@ from .drawing import (
 
 
 def plot_calibration(record: Calibration, first_only: bool = False) -> list[Plot]:
-    """Maps of D and K, their harmonics with σ, and the ladder; or the map of D alone."""
+    """Maps of D and K, their harmonics with σ, and the ladder.
+
+    Parameters
+    ----------
+    record
+        The tables.
+    first_only
+        The map of D alone.
+
+    Returns
+    -------
+    list of Plot
+        In the order of the page.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.rate_table import rate_table
+    >>> from hrg_cli.reporting.figures.calibration import plot_calibration
+    >>> rate = np.tile(np.linspace(-1.0, 1.0, 11), 20)
+    >>> output = 2.0 * rate + 1e-4 * np.random.default_rng(0).standard_normal(220)
+    >>> tables = rate_table({"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0)
+    >>> len(plot_calibration(tables, first_only=True))
+    1
+    """
     mean = float(np.nanmean(record.scale_factor_harmonics[:, 0])) or 1.0
     drift = _draw_map(
         record,

@@ -38,8 +38,34 @@ class DepartureMotion(NamedTuple):
 
 
 def plot_departure(record: Diagnosis, mode_number: int) -> list[Plot]:
-    """The worst run measured and simulated, then amplitude, wave angle, quadrature and phase
-    measured less simulated."""
+    """The worst run measured and simulated, then what is measured less what is simulated.
+
+    Parameters
+    ----------
+    record
+        A diagnosis with rows.
+    mode_number
+        m.
+
+    Returns
+    -------
+    list of Plot
+        Amplitude, wave angle, quadrature and phase against everything.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.records import Diagnosis
+    >>> from hrg_cli.reporting.figures.departure import plot_departure
+    >>> t = np.arange(200.0)
+    >>> u = np.exp(-1e-3 * t)[:, None] * [1.0, 0.0, 0.1, 0.0]
+    >>> series = dict(measured=u, simulated_before=1.01 * u, simulated_after=u)
+    >>> rows = dict(run=0 * t, time_s=t, wave_angle_rad=0 * t, main_amplitude=u[:, 0])
+    >>> rows |= series | dict(residual_before=u - 1.01 * u, residual_after=0 * u, series=np.arange(4))
+    >>> plots = plot_departure(Diagnosis(verdict="explained", report="{}", **rows), 2)
+    >>> len(plots)
+    5
+    """
     measured, before, after = (
         _motion(np.asarray(series), mode_number)
         for series in (record.measured, record.simulated_before, record.simulated_after)

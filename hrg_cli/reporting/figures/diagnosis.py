@@ -32,8 +32,29 @@ ALIKE = 0.9
 
 
 def plot_diagnosis(record: Diagnosis) -> list[Plot]:
-    """Ranking of the causes, gain, forecast, measured beside simulated against everything, and the
-    map of what looks alike."""
+    """Every figure of a diagnosis.
+
+    Parameters
+    ----------
+    record
+        The diagnosis.
+
+    Returns
+    -------
+    list of Plot
+        Causes by rank, gain, forecast, measured beside simulated, and what looks alike; without
+        what is not told.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.reporting.figures.diagnosis import plot_diagnosis
+    >>> class Told(SimpleNamespace):
+    ...     def __len__(self):
+    ...         return 0
+    >>> plot_diagnosis(Told(report="{}"))
+    []
+    """
     report = parse_object(record.report)
     found = []
     if list_entries(report, "effects") or list_entries(report, "tested"):

@@ -106,7 +106,23 @@ class Plot:
 
 
 def use_style() -> Any:
-    """Context in which figures are made and saved."""
+    """The style in which all figures are made and saved.
+
+    Returns
+    -------
+    context manager
+        Outside of it matplotlib is as it was.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> from hrg_cli.reporting.figures.drawing import use_style
+    >>> before = matplotlib.rcParams["font.size"]
+    >>> with use_style():
+    ...     pass
+    >>> matplotlib.rcParams["font.size"] == before
+    True
+    """
     return mpl.rc_context(STYLE)
 
 
@@ -119,14 +135,55 @@ def make_panels(
     sharex: bool | Literal["row", "col"] = False,
     sharey: bool | Literal["row", "col"] = False,
 ) -> tuple[Figure, Array]:
-    """A figure of rows × columns axes (always a 2-D array); `height` is in inches a row."""
+    """A figure of rows × columns axes.
+
+    Parameters
+    ----------
+    rows, columns
+        How many.
+    height
+        Of a row [inch].
+    width
+        Of the figure [inch].
+    sharex, sharey
+        As matplotlib takes it.
+
+    Returns
+    -------
+    tuple
+        The figure, and its axes (rows, columns), always of two dimensions.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.drawing import make_panels
+    >>> figure, axes = make_panels(2, 1, height=2.0)
+    >>> axes.shape, figure.get_size_inches().tolist()
+    ((2, 1), [7.2, 4.25])
+    """
     figure = Figure(figsize=(width, height * rows + 0.25), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharex=sharex, sharey=sharey)
     return figure, axes
 
 
 def choose_time_unit(duration_s: float) -> tuple[float, str]:
-    """Factor and unit a person reads a duration in."""
+    """The unit in which a person reads a duration.
+
+    Parameters
+    ----------
+    duration_s
+        [s]
+
+    Returns
+    -------
+    tuple
+        Factor from seconds, and the unit: four of it at least.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.drawing import choose_time_unit
+    >>> choose_time_unit(100.0), choose_time_unit(0.05), choose_time_unit(8 * 3600.0)[1]
+    ((1.0, 's'), (1000.0, 'ms'), 'h')
+    """
     for factor, unit in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
         if duration_s >= 4 * factor:
             return 1 / factor, unit
@@ -134,8 +191,33 @@ def choose_time_unit(duration_s: float) -> tuple[float, str]:
 
 
 def thin_envelope(x: Array, y: Array, points: int = POINTS) -> tuple[Array, Array]:
-    """At most about `points` of a line that look the same: the lowest and highest of each bin, in
-    their order; NaN breaks it."""
+    """A line of fewer points that looks the same: the lowest and highest of each bin, in their
+    order.
+
+    Parameters
+    ----------
+    x, y
+        The line (n,); NaN breaks it.
+    points
+        How many are left, about.
+
+    Returns
+    -------
+    tuple of ndarray
+        x and y of what is left; of a line that is short enough, all.
+
+    Examples
+    --------
+    A single spike among a thousand points is kept:
+
+    >>> import numpy as np
+    >>> from hrg_cli.reporting.figures.drawing import thin_envelope
+    >>> y = np.zeros(1000)
+    >>> y[123] = 1.0
+    >>> x, thin = thin_envelope(np.arange(1000.0), y, points=20)
+    >>> len(thin), float(thin.max()), float(x[thin.argmax()])
+    (20, 1.0, 123.0)
+    """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if len(y) <= points:
         return x, y
@@ -162,8 +244,34 @@ def draw_line(
     points: int = POINTS,
     **more: Any,
 ) -> None:
-    """A decimated line in a colour of the palette; what moves by no more than its rounding stays
-    still."""
+    """Draw a thinned line in a colour of the palette.
+
+    Parameters
+    ----------
+    ax
+        Where.
+    x, y
+        The line (n,).
+    colour
+        Its place in the palette.
+    label
+        For the legend; None: none.
+    points
+        How many are drawn, about.
+    more
+        As matplotlib's `plot` takes it.
+
+    Examples
+    --------
+    What moves by no more than its rounding stays still, in axes of a tenth of its size:
+
+    >>> import numpy as np
+    >>> from hrg_cli.reporting.figures.drawing import draw_line, make_panels
+    >>> _, axes = make_panels()
+    >>> draw_line(axes[0, 0], np.arange(9.0), 5e3 + 1e-12 * np.arange(9.0))
+    >>> [round(float(end)) for end in axes[0, 0].get_ylim()]
+    [4750, 5250]
+    """
     ax.plot(*thin_envelope(x, y, points), color=SERIES[colour % len(SERIES)], label=label, **more)
     known = y[np.isfinite(y)]
     size = float(np.abs(known).max(initial=0.0))
@@ -189,7 +297,32 @@ def draw_dots(
     size: float = 2.0,
     alpha: float = 0.45,
 ) -> None:
-    """At most `points` dots, evenly picked, as one path (a tenth of the bytes of a scatter)."""
+    """Draw dots as one path, a tenth of the bytes of a scatter.
+
+    Parameters
+    ----------
+    ax
+        Where.
+    x, y
+        The dots (n,); those that are not finite are left out.
+    colour
+        Their place in the palette.
+    points
+        How many are drawn at most, evenly picked.
+    size
+        Of a dot [pt].
+    alpha
+        How much they cover.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.reporting.figures.drawing import draw_dots, make_panels
+    >>> _, axes = make_panels()
+    >>> draw_dots(axes[0, 0], np.arange(1000.0), np.zeros(1000), points=100)
+    >>> len(axes[0, 0].patches), len(axes[0, 0].patches[0].get_path().vertices) // 2
+    (1, 100)
+    """
     keep = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
     if not len(keep):
         return
@@ -220,8 +353,30 @@ BRIDGED = 2
 
 
 def average_bins(x: Array, y: Array, bins: int = 36) -> tuple[Array, Array, Array]:
-    """Mean of y and its standard error in equal bins of x; only bins with three values or more. Where
-    more than `BRIDGED` bins are empty a NaN stands, so that a line breaks off there."""
+    """Mean of y and its standard error in equal bins of x.
+
+    Parameters
+    ----------
+    x, y
+        (n,).
+    bins
+        Over the range of x.
+
+    Returns
+    -------
+    tuple of ndarray
+        Centre, mean and standard error of the bins of three values or more; NaN where more than two
+        bins are empty, so that a line breaks off there.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.reporting.figures.drawing import average_bins
+    >>> x = np.repeat([0.0, 1.0], 4)
+    >>> centre, mean, error = average_bins(x, 2 * x, bins=2)
+    >>> centre.tolist(), mean.tolist(), error.tolist()
+    ([0.0, 1.0], [0.0, 2.0], [0.0, 0.0])
+    """
     keep = np.isfinite(x) & np.isfinite(y)
     x, y = np.asarray(x)[keep], np.asarray(y)[keep]
     if len(x) < 3 or np.ptp(x) <= 0:
@@ -244,8 +399,28 @@ def average_bins(x: Array, y: Array, bins: int = 36) -> tuple[Array, Array, Arra
 def draw_scatter_with_mean(
     ax: Axes, x: Array, y: Array, colour: int = 0, label: str | None = None
 ) -> None:
-    """Dots behind, the mean of bins with its standard error in front; the range is that of 99 % of
-    the dots."""
+    """Draw dots behind, and the mean of bins with its standard error in front.
+
+    Parameters
+    ----------
+    ax
+        Where.
+    x, y
+        The dots (n,).
+    colour
+        Their place in the palette.
+    label
+        Of the mean; None: none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.reporting.figures.drawing import draw_scatter_with_mean, make_panels
+    >>> _, axes = make_panels()
+    >>> draw_scatter_with_mean(axes[0, 0], np.arange(1000.0), np.zeros(1000), label="mean")
+    >>> axes[0, 0].get_legend_handles_labels()[1]
+    ['mean']
+    """
     draw_dots(ax, x, y, colour, alpha=0.3, size=1.6, points=300)
     centre, mean, error = average_bins(x, y)
     ax.errorbar(
@@ -262,13 +437,47 @@ def draw_scatter_with_mean(
 
 
 def note(ax: Axes, text: str) -> None:
-    """A small remark in the upper right corner of an axes, above the frame."""
+    """Write a small remark above the upper right corner of axes.
+
+    Parameters
+    ----------
+    ax
+        Where.
+    text
+        The remark.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.drawing import make_panels, note
+    >>> _, axes = make_panels()
+    >>> note(axes[0, 0], "4 runs")
+    >>> axes[0, 0].get_title(loc="right")
+    '4 runs'
+    """
     ax.set_title(text, loc="right", fontsize=8.0, fontweight="normal", color=MUTED)
 
 
 def draw_legend(ax: Axes, *, above: bool = False, **more: Any) -> None:
-    """A legend where there is something to tell apart; `above` puts it over the frame, right of the
-    title."""
+    """Draw a legend where there is something to tell apart.
+
+    Parameters
+    ----------
+    ax
+        Where.
+    above
+        Over the frame, right of the title.
+    more
+        As matplotlib's `legend` takes it.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.drawing import draw_legend, make_panels
+    >>> _, axes = make_panels()
+    >>> _ = axes[0, 0].plot([0, 1], label="one")
+    >>> draw_legend(axes[0, 0])
+    >>> axes[0, 0].get_legend() is None
+    True
+    """
     options: dict[str, Any] = {"loc": "best", "borderaxespad": 0.3, "handlelength": 1.6}
     if above:
         options |= {
@@ -290,8 +499,29 @@ def _settle(figure: Figure) -> None:
 
 
 def write_svg(plot: Plot, prefix: str) -> str:
-    """The figure as one <svg> element: no date, ids that start with `prefix`, colours as CSS
-    variables, role img with its words."""
+    """A figure as one <svg> element, for a page.
+
+    Parameters
+    ----------
+    plot
+        The figure.
+    prefix
+        With which its ids begin, so that those of two figures differ.
+
+    Returns
+    -------
+    str
+        Without a date, with colours as CSS variables; its role is img, its words its name.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.drawing import Plot, make_panels, use_style, write_svg
+    >>> with use_style():
+    ...     figure, axes = make_panels()
+    ...     text = write_svg(Plot("k", "Drift", "It is small.", figure), "f0")
+    >>> text[:14], 'id="f0-' in text, "<metadata>" in text
+    ('<svg role="img', True, False)
+    """
     buffer = io.StringIO()
     with use_style():
         _settle(plot.figure)
@@ -323,7 +553,26 @@ def write_svg(plot: Plot, prefix: str) -> str:
 
 
 def write_standalone_svg(plot: Plot, path: Path) -> None:
-    """The figure as an SVG file of its own on white, without a date."""
+    """Write a figure as an SVG file of its own, on white and without a date.
+
+    Parameters
+    ----------
+    plot
+        The figure.
+    path
+        The file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.reporting.figures.drawing import Plot, make_panels, write_standalone_svg
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "drift.svg"
+    ...     write_standalone_svg(Plot("k", "Drift", "It is small.", make_panels()[0]), path)
+    ...     "<svg" in path.read_text()
+    True
+    """
     with use_style():
         _settle(plot.figure)
         plot.figure.savefig(
@@ -335,7 +584,26 @@ def write_standalone_svg(plot: Plot, path: Path) -> None:
 
 
 def write_png(plot: Plot, path: Path) -> None:
-    """The figure as PNG on white, without a date."""
+    r"""Write a figure as PNG, on white and without a date.
+
+    Parameters
+    ----------
+    plot
+        The figure.
+    path
+        The file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from hrg_cli.reporting.figures.drawing import Plot, make_panels, write_png
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "drift.png"
+    ...     write_png(Plot("k", "Drift", "It is small.", make_panels()[0]), path)
+    ...     path.read_bytes()[:4]
+    b'\x89PNG'
+    """
     with use_style():
         _settle(plot.figure)
         plot.figure.savefig(
@@ -344,7 +612,23 @@ def write_png(plot: Plot, path: Path) -> None:
 
 
 def set_log_axis(axis: Axis) -> None:
-    """Decades named as 0.01 … 1000 or as raised powers, without math text."""
+    """Name the decades of a logarithmic axis as 0.01 … 1000, or as raised powers, without math
+    text.
+
+    Parameters
+    ----------
+    axis
+        Of axes.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.drawing import make_panels, set_log_axis
+    >>> _, axes = make_panels()
+    >>> set_log_axis(axes[0, 0].yaxis)
+    >>> name = axes[0, 0].yaxis.get_major_formatter()
+    >>> name(0.01), name(1e6), name(3.0)
+    ('0.01', '10⁶', '')
+    """
 
     def name(value: float, _: int | None = None) -> str:
         power = np.log10(value) if value > 0 else np.nan
@@ -357,7 +641,25 @@ def set_log_axis(axis: Axis) -> None:
 
 
 def say_spread(values: Array) -> str:
-    """Lowest to highest, for words."""
+    """Lowest to highest of values, for words.
+
+    Parameters
+    ----------
+    values
+        (n,); those that are not finite are left out.
+
+    Returns
+    -------
+    str
+        For a person.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.reporting.figures.drawing import say_spread
+    >>> say_spread(np.array([2.0, np.nan, -1.0]))
+    '−1 to 2'
+    """
     finite = np.asarray(values)[np.isfinite(values)]
     return (
         f"{format_number(finite.min())} to {format_number(finite.max())}"
@@ -367,7 +669,25 @@ def say_spread(values: Array) -> str:
 
 
 def set_labels(ax: Axes, x: str = "", y: str = "", title: str = "") -> None:
-    """Labels and title of an axes."""
+    """Set labels and title of axes.
+
+    Parameters
+    ----------
+    ax
+        Where.
+    x, y
+        Of the axes, with units.
+    title
+        Above; empty: none.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.drawing import make_panels, set_labels
+    >>> _, axes = make_panels()
+    >>> set_labels(axes[0, 0], "time, s", "drift D, °/h")
+    >>> axes[0, 0].get_ylabel()
+    'drift D, °/h'
+    """
     ax.set_xlabel(x)
     ax.set_ylabel(y)
     if title:
@@ -375,7 +695,26 @@ def set_labels(ax: Axes, x: str = "", y: str = "", title: str = "") -> None:
 
 
 def shorten_list(names: Sequence[str], limit: int) -> str:
-    """A list cut for words."""
+    """A list of names, cut for words.
+
+    Parameters
+    ----------
+    names
+        All of them.
+    limit
+        How many are named.
+
+    Returns
+    -------
+    str
+        For a person.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.drawing import shorten_list
+    >>> shorten_list(["a", "b", "c"], 2)
+    'a, b and 1 more'
+    """
     return ", ".join(names[:limit]) + (
         f" and {len(names) - limit} more" if len(names) > limit else ""
     )

@@ -16,8 +16,32 @@ from .drawing import INK, SERIES, Plot, draw_legend, make_panels, set_labels, se
 
 
 def plot_drift_forecast(made: Forecast) -> Plot:
-    """D(θ) with its band and its two parts; θ(t) beside the tangent law; accumulated error against
-    the time since a fix."""
+    """Drift over the wave angle, the angle's way over time, and the error since a fix.
+
+    Parameters
+    ----------
+    made
+        Made by `forecast`.
+
+    Returns
+    -------
+    Plot
+        Three panels.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.physics.resonator import PARAMETERS
+    >>> from hrg_cli.reporting.figures.drift_forecast import plot_drift_forecast
+    >>> from hrg_cli.stages.forecast import forecast
+    >>> names, units = zip(*PARAMETERS)
+    >>> value, std = np.array([5e3, 2e-3, 1e-4, 0.0, 0.02, 0.1, 0.55]), np.full(7, 1e-6)
+    >>> known = dict(name=np.array(names), units=np.array(units), std=std, covariance=np.diag(std**2))
+    >>> made = forecast(Resonator(value=value, **known), drive="free", duration_s=60.0)
+    >>> plot_drift_forecast(made).words[:11]
+    'Drift up to'
+    """
     figure, axes = make_panels(1, 3, height=2.9, width=11.0)
     _draw_drift(axes[0, 0], made)
     _draw_way(axes[0, 1], made.table)

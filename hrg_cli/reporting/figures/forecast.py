@@ -19,8 +19,24 @@ QUANTITIES = (
 
 
 def plot_forecast(report: dict[str, Any]) -> list[Plot]:
-    """Measured less predicted against time for the linear and the extended model, and the signals'
-    error of both."""
+    """Measured less predicted of data left out, for the linear and the extended model.
+
+    Parameters
+    ----------
+    report
+        Of a diagnosis.
+
+    Returns
+    -------
+    list of Plot
+        Against time, and the signals' error of both; empty where nothing was forecast.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.forecast import plot_forecast
+    >>> plot_forecast({"effects": []})
+    []
+    """
     forecast = take_child(report, "forecast")
     courses = list_entries(forecast, "course")
     if not courses:

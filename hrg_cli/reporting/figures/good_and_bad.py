@@ -108,11 +108,22 @@ FAMILIES = {
 
 
 def explain_reading(key: str) -> str:
-    """What good and bad look like; empty where the figure says it itself.
+    """What good and bad look like in a figure.
+
+    Parameters
+    ----------
+    key
+        Of the figure.
+
+    Returns
+    -------
+    str
+        Empty where the figure says it itself.
 
     Examples
     --------
-    >>> how_to_read("runs")
+    >>> from hrg_cli.reporting.figures.good_and_bad import explain_reading
+    >>> explain_reading("runs")
     'Good: bars near the dashed line. Bad: one far above: that run is unlike the others.'
     """
     found = READ.get(key) or next((text for part, text in FAMILIES.items() if part in key), None)

@@ -62,8 +62,31 @@ class ChartedFigure:
 
 
 def draw_course(course: ChartedFigure) -> Plot:
-    """Individuals with the chart's limits and those that are set; below, the change from one to the
-    next: in σ of both for one gyro, else the moving range with its limit."""
+    """A figure in the order of time with its chart's limits and those that are set.
+
+    Parameters
+    ----------
+    course
+        The figure.
+
+    Returns
+    -------
+    Plot
+        Below, the change from one to the next: in σ of both for one gyro, else the moving range
+        with its limit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.reporting.figures.ledger import ChartedFigure, draw_course
+    >>> values, none = np.array([0.55, 0.56]), np.full(2, np.nan)
+    >>> course = ChartedFigure(
+    ...     "k", "scale factor", "scale_factor", "1", np.array([0.0, 86_400.0]), values, none,
+    ...     ["SN-1", "SN-2"], (0.5, None), None, False,
+    ... )
+    >>> len(draw_course(course).figure.axes)
+    2
+    """
     values = np.asarray(course.values, float)
     middle = float(np.median(values)) if course.chart is None else course.chart.centre
     factor, unit = choose_unit(course.name, middle, course.units)
@@ -223,7 +246,27 @@ def _say_control(course: ChartedFigure, found: Chart) -> str:
 
 
 def draw_capability(figures: Sequence[FigureReport], names: Sequence[str]) -> Plot | None:
-    """Cpk of every figure that has limits, with its 95 % interval; None without one."""
+    """Cpk of every figure that has limits, with its 95 % interval.
+
+    Parameters
+    ----------
+    figures
+        Over the gyros.
+    names
+        Of the figures, in words.
+
+    Returns
+    -------
+    Plot or None
+        None without limits.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.reporting.figures.ledger import draw_capability
+    >>> draw_capability([Told(capability=None)], ["scale factor"]) is None
+    True
+    """
     rows = [(n, f.capability) for n, f in zip(names, figures, strict=True) if f.capability]
     if not rows:
         return None

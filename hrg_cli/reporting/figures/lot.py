@@ -34,7 +34,24 @@ Limits = tuple[float | None, float | None]
 
 
 def say_in_words(name: str) -> str:
-    """A figure's name in words."""
+    """A figure's name in words.
+
+    Parameters
+    ----------
+    name
+        Column of a lot's table.
+
+    Returns
+    -------
+    str
+        For a person.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.lot import say_in_words
+    >>> say_in_words("drift_rms_rad_s_after"), say_in_words("scale_factor")
+    ('drift rms after', 'scale factor K')
+    """
     if name in LABELS and name != "damping_rate_1_s":
         return LABELS[name]
     for part, words in (
@@ -47,7 +64,26 @@ def say_in_words(name: str) -> str:
 
 
 def choose_figure_unit(name: str, value: float) -> tuple[float, str]:
-    """Factor and unit in which people read a figure of this name and size."""
+    """The unit in which people read a figure of a lot's table.
+
+    Parameters
+    ----------
+    name
+        Of its column.
+    value
+        In SI units; its size decides.
+
+    Returns
+    -------
+    tuple
+        Factor from the column's unit, and the unit; empty of a plain number.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.lot import choose_figure_unit
+    >>> choose_figure_unit("scale_factor_rms_ppm_after", 12.0), choose_figure_unit("scale_factor", 0.5)
+    ((1.0, 'ppm'), (1.0, ''))
+    """
     if name.startswith("scale_factor_rms"):
         return 1.0, "ppm"
     for end, units in (("_1_s", "s-1"), ("_hz", "Hz"), ("axis_rad", "rad")):
@@ -104,8 +140,32 @@ def _draw_normal(ax: Axes, middle: float, spread: float) -> None:
 
 
 def plot_distribution(rows: Sequence[Row], name: str, limits: Limits = (None, None)) -> Plot | None:
-    """The share of gyros at or below each value, with standard deviations and limits, against a
-    normal distribution of the same median and MAD."""
+    """The share of gyros at or below each value of a figure.
+
+    Parameters
+    ----------
+    rows
+        Of a lot's report.
+    name
+        Of the figure's column.
+    limits
+        Minimum and maximum in its unit; None: there is none.
+
+    Returns
+    -------
+    Plot or None
+        With standard deviations and limits, against a normal distribution of the same median and
+        MAD; None where no gyro has it.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.lot import plot_distribution
+    >>> plot_distribution([{"gyro_id": "SN-1", "scale_factor": None}], "scale_factor") is None
+    True
+    >>> rows = [{"gyro_id": str(k), "scale_factor": 0.55 + 1e-3 * k, "outliers": ""} for k in range(9)]
+    >>> "no outlier" in plot_distribution(rows, "scale_factor").words
+    True
+    """
     known = sorted((row for row in rows if row.get(name) is not None), key=lambda row: row[name])
     if not known:
         return None
@@ -191,7 +251,26 @@ def _digits(value: float, std: float) -> int:
 
 
 def plot_pareto(counts: Sequence[tuple[str, int]], gyros: int) -> Plot | None:
-    """Gyros a cause, most frequent first, and the share of all causes up to there."""
+    """Gyros a cause, most frequent first.
+
+    Parameters
+    ----------
+    counts
+        Causes with how many gyros have them, in this order.
+    gyros
+        Of the lot.
+
+    Returns
+    -------
+    Plot or None
+        None without a cause.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.lot import plot_pareto
+    >>> plot_pareto([("gain mismatch", 3), ("drift", 1)], 10).words[:60]
+    'gain mismatch is the most frequent, in 3 of 10 gyros; a gyro'
+    """
     if not counts:
         return None
     shown = list(counts[:SHOWN])
@@ -228,8 +307,26 @@ def plot_pareto(counts: Sequence[tuple[str, int]], gyros: int) -> Plot | None:
 
 
 def plot_caterpillar(cause: Mapping[str, Any], key: str) -> Plot | None:
-    """A common cause as every gyro's own diagnosis sees it, those of the group apart, with the
-    common value."""
+    """A common cause as every gyro's own diagnosis sees it.
+
+    Parameters
+    ----------
+    cause
+        Of a lot's report.
+    key
+        Of the figure.
+
+    Returns
+    -------
+    Plot or None
+        Those of the group apart, with the common value; None without an estimate.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.lot import plot_caterpillar
+    >>> plot_caterpillar({"estimates": []}, "common-1") is None
+    True
+    """
     rows = list(cause["estimates"])
     if not rows:
         return None

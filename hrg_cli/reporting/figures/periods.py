@@ -23,8 +23,29 @@ from .recording import name_channel_unit, thin_line
 
 
 def plot_periods(record: Periods) -> list[Plot]:
-    """Every figure of demodulated periods: the signals against time, and the residual's spectrum
-    with its lines."""
+    """Every figure of demodulated periods.
+
+    Parameters
+    ----------
+    record
+        The periods.
+
+    Returns
+    -------
+    list of Plot
+        Signals against time, and the residual's spectrum with its lines.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, collect, demodulate
+    >>> from hrg_cli.reporting.figures.periods import plot_periods
+    >>> t = np.arange(8000) / 8000
+    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
+    >>> made = collect(demodulate(Recording(c=c, s=c, sample_rate_hz=8e3, mode="free"), periods_per_window=20))
+    >>> len(plot_periods(made))
+    2
+    """
     found = [_signals(record)] if len(record) else []
     if (
         record.spectrum_frequency_hz is not None
@@ -82,7 +103,29 @@ def _signals(record: Periods) -> Plot:
 
 
 def plot_residual_spectrum(record: Periods | Wave) -> Plot:
-    """Averaged spectrum of the demodulation's residual with the lines that stand out of it."""
+    """Averaged spectrum of what a demodulation leaves, with the lines that stand out of it.
+
+    Parameters
+    ----------
+    record
+        Periods or a wave that hold it.
+
+    Returns
+    -------
+    Plot
+        Amplitude density of both channels.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, collect, demodulate
+    >>> from hrg_cli.reporting.figures.periods import plot_residual_spectrum
+    >>> t = np.arange(8000) / 8000
+    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
+    >>> made = collect(demodulate(Recording(c=c, s=c, sample_rate_hz=8e3, mode="free"), periods_per_window=20))
+    >>> plot_residual_spectrum(made).words[:40]
+    'Residual amplitude density from 0 to ...
+    """
     frequency, density = (
         np.asarray(record.spectrum_frequency_hz, dtype=float),
         np.asarray(record.spectrum_density, dtype=float),

@@ -43,7 +43,30 @@ class RecordingLook:
 
 
 def plot_recording(record: Recording, truth: bool) -> list[Plot]:
-    """Every figure of a recording."""
+    """Every figure of a recording.
+
+    Parameters
+    ----------
+    record
+        The recording.
+    truth
+        Whether what a simulation knows is shown.
+
+    Returns
+    -------
+    list of Plot
+        Overview, orbit and spectrum, and what beside them is logged; empty of a few samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.reporting.figures.recording import plot_recording
+    >>> c = np.cos(0.3 * np.arange(999))
+    >>> record = Recording(c=c, s=0.1 * c, sample_rate_hz=1e4, mode="free")
+    >>> len(plot_recording(record, truth=False))
+    3
+    """
     looks = _looks(record)
     if not looks:
         return []
@@ -139,7 +162,24 @@ def _overview(record: Recording, looks: list[RecordingLook]) -> Plot:
 
 
 def name_channel_unit(units: str) -> str:
-    """The channels' unit as an axis names it."""
+    """The channels' unit as an axis names it.
+
+    Parameters
+    ----------
+    units
+        Of the recording.
+
+    Returns
+    -------
+    str
+        "full scale" where the samples are parts of it.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.recording import name_channel_unit
+    >>> name_channel_unit("V"), name_channel_unit("1")
+    ('V', 'full scale')
+    """
     return "full scale" if units in ("", "1") else units
 
 
@@ -245,7 +285,29 @@ def _without_lines(signal: Array, rate: float, lines: int) -> Array:
 
 
 def thin_line(x: Array, y: Array) -> tuple[Array, Array]:
-    """The highest value of each of at most SPECTRUM_BINS bins, so that no line is lost."""
+    """A spectrum of fewer points, of which none that stands out is lost: the highest value of each
+    bin.
+
+    Parameters
+    ----------
+    x, y
+        The spectrum (n,).
+
+    Returns
+    -------
+    tuple of ndarray
+        Middles of the bins, and their highest values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.reporting.figures.recording import thin_line
+    >>> y = np.full(100_000, 1e-6)
+    >>> y[12_345] = 1.0
+    >>> x, top = thin_line(np.arange(100_000.0), y)
+    >>> len(top) < 5000, float(top.max())
+    (True, 1.0)
+    """
     size = max(1, -(-len(y) // SPECTRUM_BINS))
     starts = np.arange(0, len(y), size)
     top = np.maximum.reduceat(y, starts)

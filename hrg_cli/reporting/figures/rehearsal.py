@@ -8,13 +8,32 @@ from typing import Any
 
 import numpy as np
 
-from ..figure_names import name_of_figure
+from ..figure_names import name_figure
 from ..text import format_hundredths
 from .drawing import GRID, INK, SERIES, Plot, draw_legend, make_panels, set_labels
 
 
 def plot_rehearsal(report: Mapping[str, Any]) -> Plot:
-    """Bias and rms (left) and coverage (right), one row a figure."""
+    """Bias and rms of a rehearsal's figures, and how often their intervals hold the truth.
+
+    Parameters
+    ----------
+    report
+        Its JSON.
+
+    Returns
+    -------
+    Plot
+        A row a figure.
+
+    Examples
+    --------
+    >>> from hrg_cli.reporting.figures.rehearsal import plot_rehearsal
+    >>> figure = {"name": "scale_factor", "bias_over_std": -0.1, "error_over_std_rms": 1.0}
+    >>> figure |= {"coverage_68": 0.67, "coverage_95": 1.0}
+    >>> plot_rehearsal({"figures": [figure], "times": 9}).key
+    'rehearsal'
+    """
     figures = report["figures"]
     place = np.arange(len(figures))
     figure, axes = make_panels(
@@ -31,7 +50,7 @@ def plot_rehearsal(report: Mapping[str, Any]) -> Plot:
     left.plot(rms, place, "s", color=SERIES[1], label="rms")
     reach = float(np.nanmax(np.abs([bias, rms]), initial=1.5)) * 1.1
     left.set_xscale("symlog", linthresh=3) if reach > 30 else left.set_xlim(-reach, reach)
-    left.set_yticks(place, [name_of_figure(f["name"]) for f in figures])
+    left.set_yticks(place, [name_figure(f["name"]) for f in figures])
     left.invert_yaxis()
     set_labels(left, x="error, standard deviations")
     draw_legend(left, above=True)

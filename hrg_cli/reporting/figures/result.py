@@ -8,7 +8,7 @@ import numpy as np
 from ...fitting.tables.allan import compute_allan_deviation
 from ...records import Array, Compensated, Resonator
 from ...units import DEGREE_PER_HOUR
-from ..figure_names import name_of_figure
+from ..figure_names import name_figure
 from ..text import format_hundredths, format_number
 from .drawing import (
     INK,
@@ -27,14 +27,37 @@ from .drawing import (
 
 
 def plot_resonator(record: Resonator) -> list[Plot]:
-    """Correlations of the parameters, and how each run agrees."""
+    """Correlations of a resonator's parameters, and how each run agrees.
+
+    Parameters
+    ----------
+    record
+        The resonator.
+
+    Returns
+    -------
+    list of Plot
+        Empty where one parameter alone is known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.reporting.figures.result import plot_resonator
+    >>> found = Resonator(
+    ...     name=np.array(["frequency_hz", "scale_factor"]), units=np.array(["Hz", "1"]),
+    ...     value=np.array([5e3, 0.55]), std=np.array([1e-3, 1e-3]), covariance=1e-6 * np.eye(2),
+    ... )
+    >>> len(plot_resonator(found))
+    1
+    """
     found = []
     deviation = np.sqrt(np.clip(np.diag(record.covariance), 0, None))
     known = deviation > 0
     if known.sum() > 1:
         found.append(
             _correlation(
-                [name_of_figure(str(n)) for n, k in zip(record.name, known) if k],
+                [name_figure(str(n)) for n, k in zip(record.name, known) if k],
                 record.covariance[np.ix_(known, known)],
             )
         )
@@ -108,7 +131,28 @@ def _runs(record: Resonator) -> Plot:
 
 
 def plot_compensated(record: Compensated) -> list[Plot]:
-    """The rate and what was left of it before and after the tables, and the Allan deviation."""
+    """The rate and what was left of it before and after the tables, and the Allan deviation.
+
+    Parameters
+    ----------
+    record
+        A compensated run.
+
+    Returns
+    -------
+    list of Plot
+        Empty of a single row.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from hrg_cli.reporting.figures.result import plot_compensated
+    >>> class Told(SimpleNamespace):
+    ...     def __len__(self):
+    ...         return 1
+    >>> plot_compensated(Told())
+    []
+    """
     if len(record) < 2:
         return []
     found = [_compensated(record)]

@@ -47,8 +47,33 @@ class Rates:
 
 
 def plot_wave(record: Wave, truth: Recording | None, spectrum: bool = True) -> list[Plot]:
-    """Every figure of a wave; `truth` is the simulated recording of its run where it may be shown,
-    `spectrum` asks for the residual's."""
+    """Every figure of a wave.
+
+    Parameters
+    ----------
+    record
+        The wave.
+    truth
+        The simulated recording of its run, where it may be shown; None: not.
+    spectrum
+        Whether the residual's spectrum is asked for.
+
+    Returns
+    -------
+    list of Plot
+        Its course, the increments of angle and phase, and the spectrum; empty of no windows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, collect, demodulate, estimate
+    >>> from hrg_cli.reporting.figures.wave import plot_wave
+    >>> t = np.arange(8000) / 8000
+    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
+    >>> made = collect(demodulate(Recording(c=c, s=c, sample_rate_hz=8e3, mode="free"), periods_per_window=20))
+    >>> len(plot_wave(collect(estimate(made)), None))
+    3
+    """
     if not len(record):
         return []
     found = [_course(record, truth)]
