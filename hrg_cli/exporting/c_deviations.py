@@ -16,8 +16,31 @@ ANGLES = 24
 
 
 def make_c_deviations(calibration: Calibration) -> str:
-    """The C functions `hrg_drift_std_rad_s(x)` and `hrg_scale_factor_std(x)`, the largest over the
-    wave angle."""
+    """The C functions of the standard deviations of D and K over temperature or frequency.
+
+    Parameters
+    ----------
+    calibration
+        The tables.
+
+    Returns
+    -------
+    str
+        `hrg_drift_std_rad_s(x)` and `hrg_scale_factor_std(x)`, the largest over the wave angle.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.exporting.c_deviations import make_c_deviations
+    >>> one = np.ones((2, 1))
+    >>> tables = Told(
+    ...     node=np.array([0.0, 40.0]), drift_harmonics=0 * one, scale_factor_harmonics=one,
+    ...     covariance=1e-12 * np.eye(4), interpolation="linear", mode_number=2, details="{}",
+    ... )
+    >>> [line for line in make_c_deviations(tables).splitlines() if line.startswith("    {")][0]
+    '    {0, 1e-06, 1e-06},'
+    """
     places = _places(np.asarray(calibration.node, float))
     angles = np.arange(ANGLES) * np.pi / calibration.mode_number / ANGLES
     stds = compute_standard_deviations(

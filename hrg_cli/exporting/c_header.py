@@ -35,9 +35,38 @@ class Exported:
 
 
 def make_header(calibration: Calibration, bits: int, precision: float) -> Exported:
-    """The header on a grid fine enough for `precision`, and its worst errors.
+    """The C header of tables, on a grid that is fine enough.
 
-    bits: 0 for float tables, else of the integers. HrgError: values that a float does not hold.
+    Parameters
+    ----------
+    calibration
+        The tables.
+    bits
+        Of integers; 0: floating point.
+    precision
+        Interpolation error that is allowed, in standard deviations of the tables.
+
+    Returns
+    -------
+    Exported
+        The header, and its worst errors.
+
+    Raises
+    ------
+    HrgError
+        Values that a float does not hold.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.exporting.c_header import make_header
+    >>> from hrg_cli.stages.rate_table import rate_table
+    >>> rate = np.tile(np.linspace(-1.0, 1.0, 11), 20)
+    >>> output = 2.0 * rate + 1e-4 * np.random.default_rng(0).standard_normal(220)
+    >>> tables = rate_table({"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0)
+    >>> made = make_header(tables, 0, 0.1)
+    >>> "hrg_rate_rad_s" in made.text
+    True
     """
     nodes, angles = refine_grid(calibration, precision)
     period = np.pi / calibration.mode_number

@@ -63,8 +63,43 @@ def diagnosis_study(
     seed: Annotated[int, Field(ge=0, description="seed of devices and noise")] = 0,
     jobs: Annotated[int, Field(ge=1, description="processes")] = 1,
 ) -> dict[str, Any]:
-    """{sizes, ideal, effects: {name: figures}, all: figures, confusion, controls}; figures: see
-    `_effect_figures`."""
+    """The power of diagnosis: how often effects that were hidden in simulated samples are named.
+
+    Parameters
+    ----------
+    effects
+        That are hidden; empty: every one of the catalogue.
+    sizes
+        In σ of an ideal detector.
+    draws
+        Random devices an effect.
+    controls
+        Clean programmes of each kind, for the false alarms.
+    noise
+        Of a sample; the full amplitude is 1.
+    seed
+        Of devices and noise.
+    jobs
+        Processes.
+
+    Returns
+    -------
+    dict
+        Sizes, ideal, effects (name -> figures, see `_effect_figures`), all, confusion and controls.
+
+    Raises
+    ------
+    UsageError
+        A size that is not above 0, or an unknown effect.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.diagnosis import diagnosis_study
+    >>> diagnosis_study(sizes=[0.0])
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.UsageError: sizes holds 0; a size is above 0 σ
+    """
     names = effects or [e.name for e in EFFECTS]
     for name in names:
         find(name)
@@ -138,7 +173,30 @@ def _judge_report(report: dict[str, Any], hidden: Hiding, size: float) -> dict[s
 
 
 def assemble(rows: Sequence[dict[str, Any]], sizes: list[float]) -> dict[str, Any]:
-    """The study's figures from the rows of `_draw_of`."""
+    """The figures of the study, from what each draw says.
+
+    Parameters
+    ----------
+    rows
+        A row a device and size, and a row a clean programme.
+    sizes
+        In σ of an ideal detector.
+
+    Returns
+    -------
+    dict
+        Sizes, ideal, effects, all, confusion and controls.
+
+    Examples
+    --------
+    A cause that was hidden once and named:
+
+    >>> from hrg_cli.studies.diagnosis import assemble
+    >>> row = dict(group=["gain_mismatch"], outcome="named", errors={}, limit_holds=None, draw=0)
+    >>> found = assemble([dict(hidden="gain_mismatch", size=6.0, **row)], [6.0])
+    >>> found["effects"]["gain_mismatch"]["named"]["6"][0]
+    1.0
+    """
     hidden = [r for r in rows if "hidden" in r]
     clean = [r for r in rows if "clean" in r]
     names = [e.name for e in EFFECTS if any(r["hidden"] == e.name for r in hidden)]
@@ -226,7 +284,26 @@ def _confusion(
 
 
 def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """The power table: a row an effect, then all together and the ideal detector."""
+    """The study as a table for a person.
+
+    Parameters
+    ----------
+    study
+        Of `diagnosis_study`.
+
+    Returns
+    -------
+    tuple
+        Headings, and a row an effect.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.diagnosis import assemble, tabulate
+    >>> row = dict(group=["gain_mismatch"], outcome="named", errors={}, limit_holds=None, draw=0)
+    >>> head, rows = tabulate(assemble([dict(hidden="gain_mismatch", size=6.0, **row)], [6.0]))
+    >>> rows[0][0], len(rows[0]) == len(head)
+    ('gain_mismatch', True)
+    """
     sizes = [f"{s:g}" for s in study["sizes"]]
 
     def row(name: str, f: dict[str, Any]) -> tuple[Any, ...]:
@@ -253,8 +330,26 @@ def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ..
 
 
 def draw_figure(study: dict[str, Any]) -> Figure:
-    """Power against size and the sizes of half power on the left, the confusion matrix on the
-    right."""
+    """The study as pictures.
+
+    Parameters
+    ----------
+    study
+        Of `diagnosis_study`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        As `power.draw_figure` draws it.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.diagnosis import assemble, draw_figure
+    >>> nothing = dict(group=[], outcome="nothing", errors={}, limit_holds=None, draw=0)
+    >>> rows = [dict(hidden="gain_mismatch", size=size, **nothing) for size in (3.0, 6.0)]
+    >>> len(draw_figure(assemble(rows, [3.0, 6.0])).axes) >= 3
+    True
+    """
     from .power import draw_figure as drawn
 
     return drawn(study)

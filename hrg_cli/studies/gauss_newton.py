@@ -36,12 +36,29 @@ def gauss_newton_study(
     vectors: Annotated[int, Field(ge=1, description="random vectors an experiment")] = 1_000_000,
     seed: Annotated[int, Field(ge=0, description="seed of the random numbers")] = 2022,
 ) -> dict[str, Any]:
-    """Both experiments: {experiment: {mean, max, failures, monotone_fraction, histogram,
-    closed_form, …}}, plain numbers for JSON.
+    """Both numerical experiments of seed B on the convergence of its Gauss–Newton iteration.
 
-    `histogram` maps residual evaluations to vectors; `cases` holds the misfit by iteration of one
-    non-monotone vector of the first experiment (the one with the most evaluations) and of one
-    monotone vector of the second.
+    Parameters
+    ----------
+    vectors
+        Random vectors an experiment.
+    seed
+        Of the random numbers.
+
+    Returns
+    -------
+    dict
+        Experiment -> mean, most, failures, the share that converges monotonously, a histogram
+        (residual evaluations -> vectors) and the closed form; the misfit by iteration of two cases.
+
+    Examples
+    --------
+    The closed form needs no iteration and never fails:
+
+    >>> from hrg_cli.studies.gauss_newton import gauss_newton_study
+    >>> found = gauss_newton_study(vectors=200, seed=1)
+    >>> found["random_start_zero"]["closed_form"]["failures"], sum(found["near_start"]["histogram"].values())
+    (0, 200)
     """
     generator = np.random.default_rng(seed)
     first = _experiment(_random_waves, vectors, generator)
@@ -130,7 +147,24 @@ def _misfits(z: Array, start: Array) -> list[float]:
 
 
 def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """Headings and rows for a person: the iteration and the closed form in both experiments."""
+    """The study as a table for a person.
+
+    Parameters
+    ----------
+    study
+        Of `gauss_newton_study`.
+
+    Returns
+    -------
+    tuple
+        Headings, and a row for the iteration and one for the closed form of each experiment.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.gauss_newton import gauss_newton_study, tabulate
+    >>> [row[1] for row in tabulate(gauss_newton_study(vectors=200, seed=1))[1]]
+    ['Gauss–Newton', 'closed form', 'Gauss–Newton', 'closed form']
+    """
     rows: list[tuple[Any, ...]] = []
     for name, title in TITLES.items():
         result = study[name]
@@ -160,8 +194,24 @@ def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ..
 
 
 def draw_figure(study: dict[str, Any]) -> Figure:
-    """Both iteration histograms above; the misfit by iteration of the non-monotone and the monotone
-    case below."""
+    """Histograms of the iterations above, the misfit by iteration of two cases below.
+
+    Parameters
+    ----------
+    study
+        Of `gauss_newton_study`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Four panels.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.gauss_newton import draw_figure, gauss_newton_study
+    >>> len(draw_figure(gauss_newton_study(vectors=200, seed=1)).axes)
+    4
+    """
     from matplotlib.figure import Figure
 
     drawing = Figure(figsize=(10, 7), layout="constrained")

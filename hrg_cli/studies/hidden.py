@@ -90,8 +90,36 @@ def _size_beside_model(change: Array, fit: ExtendedFit) -> float:
 
 
 def hide(name: str, random: np.random.Generator, noise: float) -> Hiding:
-    """A random device, start and direction for an effect. UsageError: its programme does not show
-    it."""
+    """A random device, start and direction for an effect that is to be found.
+
+    Parameters
+    ----------
+    name
+        Of the effect.
+    random
+        Of the draw.
+    noise
+        Of a sample.
+
+    Returns
+    -------
+    Hiding
+        With the sizes in σ of an ideal detector.
+
+    Raises
+    ------
+    UsageError
+        Its programme does not show it.
+
+    Examples
+    --------
+    An effect of size 0 does nothing:
+
+    >>> import numpy as np
+    >>> from hrg_cli.studies.hidden import hide
+    >>> hide("gain_mismatch", np.random.default_rng(1), 3e-4).choose_values(0.0)
+    {'gain': 0.0}
+    """
     effect = find(name)
     table = draw_programme(random, name, noise)
     others = list_effects_beside(effect)
@@ -137,8 +165,41 @@ def find_direction(
     random: np.random.Generator,
     information: Callable[[ExtendedFit, Array], Array],
 ) -> dict[str, float]:
-    """A random direction of the parameters, its length one σ; parameters that these runs do not
-    show stay neutral."""
+    """A random direction of an effect's parameters, one σ long.
+
+    Parameters
+    ----------
+    effect
+        The effect.
+    fit
+        Of the model without it.
+    neutral
+        Its parameters when it does nothing.
+    random
+        Of the draw.
+    information
+        Fit and columns over σ (N, K) -> their Fisher information (K, K).
+
+    Returns
+    -------
+    dict
+        Parameter -> how far; those that these runs do not show stay neutral.
+
+    Raises
+    ------
+    UsageError
+        The runs show none of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.studies.hidden import _beside_base, find_direction, hide
+    >>> random = np.random.default_rng(1)
+    >>> fit, effect = hide("gain_mismatch", random, 3e-4).fit, find("gain_mismatch")
+    >>> list(find_direction(effect, fit, effect.values(), random, _beside_base))
+    ['gain']
+    """
     steps = scales.list_steps(effect, fit.series)
     S = whitened_rows.find_sensitivity(fit.flow, effect, neutral, steps)
     free = information(fit, S)
@@ -161,8 +222,42 @@ def find_onset(
     size: float,
     information: Callable[[ExtendedFit, Array], Array],
 ) -> dict[str, float]:
-    """Value of the parameter that sets in at which the read-out stands `size` σ out of the model
-    (`information` of one column)."""
+    """Value of the parameter that sets in at which an effect stands so far out of the model.
+
+    Parameters
+    ----------
+    effect
+        A read-out that leaves small signals alone, or clips large ones.
+    neutral
+        Its other parameters.
+    fit
+        Of the model without it.
+    size
+        In σ.
+    information
+        Fit and a column over σ (N, 1) -> its Fisher information (1, 1).
+
+    Returns
+    -------
+    dict
+        The one parameter, found by halving.
+
+    Examples
+    --------
+    The earlier it sets in, the more is seen:
+
+    >>> import numpy as np
+    >>> from hrg_cli.effects import EFFECTS
+    >>> from hrg_cli.studies.hidden import _beside_base, find_onset, hide
+    >>> effect = next(one for one in EFFECTS if one.sets_in)
+    >>> hiding = hide(effect.name, np.random.default_rng(1), 3e-4)
+    >>> small, large = (
+    ...     next(iter(find_onset(effect, hiding.neutral, hiding.fit, size, _beside_base).values()))
+    ...     for size in (3.0, 30.0)
+    ... )
+    >>> large != small
+    True
+    """
     u = fit.prediction.seen
     parameter = next(p for p in effect.fitted() if p.sets_in)
     starts = [abs(start[parameter.name]) for start in effect.starts(fit.series)]
@@ -192,7 +287,25 @@ def _project_base(columns: Array, fit: ExtendedFit) -> Array:
 
 
 def list_effects_beside(effect: Effect) -> dict[str, dict[str, float]]:
-    """What stands beside the effect in its programme."""
+    """What stands beside an effect in its programme.
+
+    Parameters
+    ----------
+    effect
+        Of the catalogue.
+
+    Returns
+    -------
+    dict
+        Effect -> its parameters; empty where it needs none.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.studies.hidden import list_effects_beside
+    >>> list_effects_beside(find("gain_mismatch"))
+    {}
+    """
     return {effect.beside: dict(BESIDE_IT[effect.beside])} if effect.beside else {}
 
 
@@ -200,7 +313,31 @@ def fit_base(
     runs: list[Wave], scale_factor: float | None, beside: Mapping[str, Mapping[str, float]]
 ) -> ExtendedFit:
     """The base model's fit at the windows' own rate, with the effects that stand beside the hidden
-    one."""
+    one.
+
+    Parameters
+    ----------
+    runs
+        Of one device.
+    scale_factor
+        Known K, held; None: fitted.
+    beside
+        Effect -> its parameters.
+
+    Returns
+    -------
+    ExtendedFit
+        At the optimum.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.studies.hidden import draw_programme, fit_base, make_waves
+    >>> table = draw_programme(np.random.default_rng(1), "gain_mismatch", 3e-4)
+    >>> fit = fit_base(make_waves(table, 1, "gain_mismatch"), None, {})
+    >>> bool(0.9 < fit.chi2 / fit.dof < 1.1)
+    True
+    """
     series, point, _ = prepare(runs, scale_factor, ALL_ROWS)
     fit = fit_rate_steps(
         extended_fit.fit(series, point, choose_freedom(series, point, scale_factor))
@@ -234,8 +371,28 @@ def draw_programme(random: np.random.Generator, shown: str, noise: float) -> dic
     """Six runs of a random device: several angles, two amplitudes, both signs of rotation,
     temperature ramps.
 
-    Forced runs, cycles of temperature or steps of the rate where the effect `shown` needs them to
-    be seen.
+    Parameters
+    ----------
+    random
+        Of the draw.
+    shown
+        Effect, for which runs are forced, cycle in temperature or step in rate where it needs them
+        to be seen.
+    noise
+        Of a sample.
+
+    Returns
+    -------
+    dict
+        Tables of a simulation file.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.studies.hidden import draw_programme
+    >>> table = draw_programme(np.random.default_rng(1), "gain_mismatch", 3e-4)
+    >>> len(table["run"]), table["readout"]
+    (6, {'noise': 0.0003})
     """
     device = {
         "frequency_hz": random.uniform(4500, 5500),
@@ -283,8 +440,30 @@ def draw_programme(random: np.random.Generator, shown: str, noise: float) -> dic
 
 
 def make_waves(table: Mapping[str, Any], seed: int, shown: str) -> list[Wave]:
-    """What the chain makes of the programme's raw samples; a loop of unknown gain comes without a
-    log of its command."""
+    """What the chain makes of the raw samples of a programme.
+
+    Parameters
+    ----------
+    table
+        Tables of a simulation file.
+    seed
+        Of the noise.
+    shown
+        Effect; for one that is in the log, runs of a loop of unknown gain come without one.
+
+    Returns
+    -------
+    list of Wave
+        In the order of the runs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.studies.hidden import draw_programme, make_waves
+    >>> table = draw_programme(np.random.default_rng(1), "gain_mismatch", 3e-4)
+    >>> [wave.run_id for wave in make_waves(table, 1, "gain_mismatch")][:2]
+    ['run0', 'run1']
+    """
     table = copy.deepcopy(dict(table))
     out: list[Wave] = []
     for run in list_run_ids(table):

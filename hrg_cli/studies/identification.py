@@ -43,12 +43,38 @@ def identification_study(
     ] = "all",
     seed: Annotated[int, Field(ge=0, description="seed of gyros and noise")] = 0,
 ) -> dict[str, Any]:
-    """Bias, scatter and coverage of every method and parameter, each error over the Cramér–Rao
-    bound.
+    """Bias, scatter and coverage of every identification method, over the Cramér–Rao bound of each
+    draw.
 
-    rows: method, parameter, `bias` and `scatter` (rms about the truth) in Cramér–Rao deviations,
-    `coverage_68`, `coverage_95` of the method's own intervals in percent, `answers` the share of
-    draws in which the method answered; `chi2_per_dof` of the likelihood.
+    Parameters
+    ----------
+    draws
+        Simulated programmes.
+    noise
+        Of a sample; the full amplitude is 1.
+    quadrature
+        |a_B/a_A| at the start.
+    frequency_hz
+        Of the oscillation.
+    duration_s
+        Of a run.
+    methods
+        "all", or "likelihood" alone.
+    seed
+        Of gyros and noise.
+
+    Returns
+    -------
+    dict
+        A row a method and parameter: bias and rms in Cramér–Rao deviations, how often its 68 and 95
+        % intervals hold the truth [%], and the share of draws in which it answered.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.identification import identification_study
+    >>> found = identification_study(draws=2, duration_s=0.5, methods="likelihood")
+    >>> len(found["rows"]), found["rows"][0]["answers"]
+    (6, 1.0)
     """
     rng = np.random.default_rng(seed)
     errors: dict[tuple[str, str], list[tuple[float, float]]] = {}
@@ -182,7 +208,25 @@ def _row(method: str, name: str, values: Array, draws: int) -> dict[str, Any]:
 
 
 def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """Headings and rows for a person."""
+    """The study as a table for a person.
+
+    Parameters
+    ----------
+    study
+        Of `identification_study`.
+
+    Returns
+    -------
+    tuple
+        Headings, and a row a method and parameter.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.identification import tabulate
+    >>> row = dict(method="likelihood", parameter="scale_factor", bias=0.01, scatter=1.02)
+    >>> tabulate({"rows": [row | dict(coverage_68=68.0, coverage_95=95.0)]})[1]
+    [('likelihood', 'scale_factor', '+0.01', '1.02', '68', '95')]
+    """
     rows = [
         (
             r["method"],
@@ -205,8 +249,27 @@ def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ..
 
 
 def draw_figure(study: dict[str, Any]) -> Figure:
-    """Scatter over the Cramér–Rao bound of every method and parameter, and how often its 68 and 95
-    % intervals hold the truth."""
+    """Scatter of every method and parameter over the Cramér–Rao bound, and how often its intervals
+    hold the truth.
+
+    Parameters
+    ----------
+    study
+        Of `identification_study`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Two panels.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.identification import draw_figure
+    >>> row = dict(method="likelihood", parameter="scale_factor", bias=0.01, scatter=1.02)
+    >>> row |= dict(coverage_68=68.0, coverage_95=95.0)
+    >>> len(draw_figure({"rows": [row], "draws": 9, "noise": 1e-3}).axes)
+    2
+    """
     from matplotlib.figure import Figure
 
     drawing = Figure(figsize=(11, 6), layout="constrained")

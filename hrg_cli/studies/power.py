@@ -20,7 +20,27 @@ directions widen it."""
 
 
 def compute_share(hits: int, tries: int) -> list[float | None]:
-    """[share, low, high, tries]: Clopper and Pearson's 95 % interval of a binomial share."""
+    """A binomial share with its 95 % interval (Clopper and Pearson, 1934).
+
+    Parameters
+    ----------
+    hits
+        Of the tries.
+    tries
+        How many.
+
+    Returns
+    -------
+    list
+        Share, low, high, tries; no share of no tries.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.power import compute_share
+    >>> share, low, high, tries = compute_share(0, 10)
+    >>> share, low, round(high, 4), compute_share(0, 0)
+    (0.0, 0.0, 0.3085, [None, 0.0, 1.0, 0])
+    """
     from scipy.special import betaincinv
 
     if not tries:
@@ -31,8 +51,27 @@ def compute_share(hits: int, tries: int) -> list[float | None]:
 
 
 def compute_ideal(sizes: Sequence[float], false_alarm: float) -> dict[str, Any]:
-    """{chance: {size: Φ(z − z_α)}, half, ninety} of Neyman and Pearson's detector of one known
-    effect."""
+    """Power of the best detector of one known effect (Neyman and Pearson, 1933): Φ(z − z_α).
+
+    Parameters
+    ----------
+    sizes
+        In σ.
+    false_alarm
+        Its rate α.
+
+    Returns
+    -------
+    dict
+        Chance by size, and the sizes that are seen in half and in 90 % of the draws.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.power import compute_ideal
+    >>> found = compute_ideal([0.0], 0.05)
+    >>> round(found["chance"]["0"], 9), round(found["half"], 3)
+    (0.05, 1.645)
+    """
     from scipy.special import ndtr, ndtri
 
     threshold = float(-ndtri(false_alarm))
@@ -44,8 +83,26 @@ def compute_ideal(sizes: Sequence[float], false_alarm: float) -> dict[str, Any]:
 
 
 def fit_curve(draws: Sequence[tuple[float, bool]]) -> dict[str, Any]:
-    """Φ((z − half)/w) of largest likelihood: half, its 95 % interval (likelihood ratio), ninety;
-    None beyond twice the largest size."""
+    """The curve Φ((z − half)/w) through what was named and what was not, by largest likelihood.
+
+    Parameters
+    ----------
+    draws
+        Size, and whether it was named.
+
+    Returns
+    -------
+    dict
+        Size named in half of the draws with its 95 % interval (likelihood ratio), and in 90 %; None
+        beyond twice the largest size.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.power import fit_curve
+    >>> found = fit_curve([(2.0, False)] * 9 + [(4.0, False), (4.0, True)] * 9 + [(6.0, True)] * 9)
+    >>> round(found["half"], 1)
+    4.0
+    """
     from scipy.special import log_ndtr
 
     size = np.array([s for s, _ in draws])
@@ -72,7 +129,24 @@ def fit_curve(draws: Sequence[tuple[float, bool]]) -> dict[str, Any]:
 
 
 def compute_coverage(errors: Sequence[float]) -> dict[str, float | int | None]:
-    """rms of errors over σ, share within 1.96 σ, how many."""
+    """How honest standard deviations are: errors over σ.
+
+    Parameters
+    ----------
+    errors
+        In σ.
+
+    Returns
+    -------
+    dict
+        Their rms (1: honest), the share within 1.96, and how many; None of no errors.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.power import compute_coverage
+    >>> compute_coverage([1.0, -1.0, 3.0, -3.0])
+    {'error_rms': 2.23606797749979, 'within_1_96': 0.5, 'errors': 4}
+    """
     e = np.abs(np.asarray(errors, float))
     if not len(e):
         return {"error_rms": None, "within_1_96": None, "errors": 0}
@@ -84,7 +158,27 @@ def compute_coverage(errors: Sequence[float]) -> dict[str, float | int | None]:
 
 
 def draw_figure(study: dict[str, Any]) -> Figure:
-    """Power of all effects against size, the size of half power of each, the confusion matrix."""
+    """Power of all effects against size, the size of half power of each, and the confusion matrix.
+
+    Parameters
+    ----------
+    study
+        Of `diagnosis_study`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Three panels.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.diagnosis import assemble
+    >>> from hrg_cli.studies.power import draw_figure
+    >>> nothing = dict(group=[], outcome="nothing", errors={}, limit_holds=None, draw=0)
+    >>> rows = [dict(hidden="gain_mismatch", size=size, **nothing) for size in (3.0, 6.0)]
+    >>> len(draw_figure(assemble(rows, [3.0, 6.0])).axes) >= 3
+    True
+    """
     from matplotlib.figure import Figure
 
     names = list(study["effects"])

@@ -52,13 +52,36 @@ def programmes_study(
     seed: Annotated[int, Field(ge=0, description="seed of programmes and noise")] = 0,
     jobs: Annotated[int, Field(ge=1, description="processes")] = 1,
 ) -> dict[str, Any]:
-    """{programmes, raw, seed, rows, wrong}: for every method how many answers are quiet, doubted
-    and refused, and of the quiet ones the largest and rms error and the coverage.
+    """What every identification method says on random programmes, and how often it is quiet and
+    wrong.
 
-    wrong: every quiet answer beyond 5 standard deviations, with its programme.
+    Parameters
+    ----------
+    known
+        Answers of an interrupted study, whose programmes are not done again.
+    keep
+        Told all answers whenever there are more.
+    programmes
+        How many are drawn.
+    raw
+        Part of them that is simulated sample by sample.
+    seed
+        Of programmes and noise.
+    jobs
+        Processes.
 
-    known: answers of an interrupted study, whose programmes are not done again; keep: told all
-    answers whenever there are more.
+    Returns
+    -------
+    dict
+        For every method how many answers are quiet, doubted and refused, of the quiet ones the
+        largest and rms error and the coverage; every quiet answer beyond 5 σ.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.programmes import programmes_study
+    >>> found = programmes_study(programmes=1, raw=0.0)
+    >>> found["rows"][0]["method"], found["wrong"]
+    ('likelihood', [])
     """
     every = round(1 / raw) if raw > 0 else 0
     tasks = [
@@ -169,7 +192,28 @@ def _errors(
 
 
 def assemble(answers: list[dict[str, Any]]) -> dict[str, Any]:
-    """Rows a method, and the quiet answers that are wrong."""
+    """The figures of the study, from the answers of all methods.
+
+    Parameters
+    ----------
+    answers
+        One a programme and method.
+
+    Returns
+    -------
+    dict
+        A row a method, and the quiet answers that are wrong.
+
+    Examples
+    --------
+    A quiet answer that is 6 of its σ off:
+
+    >>> from hrg_cli.studies.programmes import assemble
+    >>> mark = dict(programme=1, raw=False, method="likelihood", said="quiet", over_bound={})
+    >>> found = assemble([mark | {"errors": {"scale_factor": 6.0}}])
+    >>> found["wrong"][0]["parameter"], found["rows"][0]["beyond_5"]
+    ('scale_factor', 1)
+    """
     methods = list(dict.fromkeys(a["method"] for a in answers))
     wrong = [
         {key: a[key] for key in ("programme", "raw", "method")} | {"parameter": n, "error": e}
@@ -206,7 +250,25 @@ def _row(method: str, answers: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """Headings and rows for a person."""
+    """The study as a table for a person.
+
+    Parameters
+    ----------
+    study
+        Of `programmes_study`.
+
+    Returns
+    -------
+    tuple
+        Headings, and a row a method.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.programmes import assemble, tabulate
+    >>> mark = dict(programme=1, raw=False, method="likelihood", said="quiet", over_bound={})
+    >>> tabulate(assemble([mark | {"errors": {"scale_factor": 1.0}}]))[1][0][:2]
+    ('likelihood', 1)
+    """
 
     def number(value: float | None, form: str) -> str:
         return "" if value is None else f"{value:{form}}"
@@ -241,7 +303,26 @@ def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ..
 
 
 def draw_figure(study: dict[str, Any]) -> Figure:
-    """What each method says, and the errors of its quiet answers."""
+    """What each method says, and the errors of its quiet answers.
+
+    Parameters
+    ----------
+    study
+        Of `programmes_study`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Two panels.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.programmes import assemble, draw_figure
+    >>> mark = dict(programme=1, raw=False, method="likelihood", said="quiet", over_bound={})
+    >>> study = assemble([mark | {"errors": {"scale_factor": 1.0}}]) | {"programmes": 1}
+    >>> len(draw_figure(study).axes)
+    2
+    """
     from matplotlib.figure import Figure
 
     drawing = Figure(figsize=(11, 5), layout="constrained")

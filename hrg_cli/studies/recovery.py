@@ -61,11 +61,48 @@ def recovery_study(
     seed: Annotated[int, Field(ge=0, description="seed of directions and instants")] = 0,
     jobs: Annotated[int, Field(ge=1, description="processes")] = 1,
 ) -> dict[str, Any]:
-    """{sizes, background, effects: {name: figures}, all: figures, rows}; figures: see
-    `_effect_figures`.
+    """How well diagnosis finds effects that are hidden in a user's own recordings.
 
-    known: rows of an interrupted study, which are not done again; keep: told all rows whenever
-    there are more. HrgError: no recording, an unknown effect.
+    Parameters
+    ----------
+    recordings
+        Of one gyro.
+    known
+        Rows of an interrupted study, which are not done again.
+    keep
+        Told all rows whenever there are more.
+    effects
+        That are hidden; empty: every one of the catalogue.
+    sizes
+        In σ of an ideal detector.
+    draws
+        Random directions and instants an effect.
+    periods_per_window
+        Periods of the oscillation in a window.
+    scale_factor
+        Known K, held; None: fitted.
+    seed
+        Of directions and instants.
+    jobs
+        Processes.
+
+    Returns
+    -------
+    dict
+        Sizes, background, effects (name -> figures), all and rows.
+
+    Raises
+    ------
+    UsageError
+        No recording, a size that is not above 0, or an unknown effect.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.recovery import recovery_study
+    >>> recovery_study([])
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.UsageError: no recording is named; name the recordings of one gyro, ...
     """
     if not recordings:
         raise UsageError(
@@ -121,7 +158,35 @@ def recover(
         int,
     ],
 ) -> list[Row]:
-    """One effect in one direction at every size: what diagnosis says of it."""
+    """What diagnosis says of one effect, hidden in one direction at every size.
+
+    Parameters
+    ----------
+    task
+        Recordings, their waves, the background's report, effect, draw, sizes [σ], periods per
+        window, known K or None, and seed.
+
+    Returns
+    -------
+    list of dict
+        A row a size; one row with the reason where these runs cannot show the effect.
+
+    Examples
+    --------
+    Free runs have no drive that could be turned:
+
+    >>> import numpy as np
+    >>> from hrg_cli import collect, simulate
+    >>> from hrg_cli.stages.simulate import list_run_ids
+    >>> from hrg_cli.studies.hidden import draw_programme, make_waves
+    >>> from hrg_cli.studies.recovery import recover
+    >>> table = draw_programme(np.random.default_rng(1), "gain_mismatch", 3e-4)
+    >>> runs = [collect(simulate(table, run=run, seed=1)) for run in list_run_ids(table)]
+    >>> waves = make_waves(table, 1, "gain_mismatch")
+    >>> task = (runs, waves, {"effects": []}, "drive_rotation", 0, (10.0,), 40.0, None, 0)
+    >>> [row["not_shown"] for row in recover(task)]
+    ['drive_rotation: these runs cannot show it']
+    """
     recordings, waves, background, name, draw, sizes, periods_per_window, scale_factor, seed = task
     effect, random = find(name), np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
     rows = []
@@ -136,7 +201,8 @@ def recover(
                 for number, recording in enumerate(recordings)
             ]
             if all(one is recording for one, recording in zip(changed, recordings, strict=True)):
-                raise HrgError(f"{name}: does nothing in these recordings")
+                why = f"{name}: does nothing in these recordings"
+                return [*rows, {"effect": name, "draw": draw, "size": None, "not_shown": why}]
             pairs = zip(changed, recordings, waves, strict=True)
             seen = [
                 wave if one is recording else _make_wave(one, periods_per_window)
@@ -158,8 +224,38 @@ def recover(
 
 
 def judge_report(report: Row, background: Row, effect: Effect, true: dict[str, float]) -> Row:
-    """Whether the effect is named first or among others beside the background, what is named
-    falsely, and its size against the true one."""
+    """What a diagnosis says of an effect that was hidden.
+
+    Parameters
+    ----------
+    report
+        Of the recordings with it.
+    background
+        Of the recordings as they are.
+    effect
+        That was hidden.
+    true
+        Its parameters.
+
+    Returns
+    -------
+    dict
+        Whether it is named first or among others beside the background, what is named falsely, and
+        its size against the true one.
+
+    Examples
+    --------
+    Found 1.1 times as large as it is, one σ off:
+
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.studies.recovery import judge_report
+    >>> gain = {"value": 0.011, "std": 0.001}
+    >>> found = dict(name="gain_mismatch", indistinguishable_from=[], parameters={"gain": gain})
+    >>> report = {"verdict": "explained", "effects": [found]}
+    >>> row = judge_report(report, {"effects": []}, find("gain_mismatch"), {"gain": 0.01})
+    >>> row["first"], round(row["found_over_true"]["gain"], 9), round(row["error_over_std"]["gain"], 9)
+    (True, 1.1, 1.0)
+    """
     before = {e["name"]: e for e in background["effects"]}
     entries = report["effects"]
     groups = [[e["name"], *e["indistinguishable_from"]] for e in entries]
@@ -209,7 +305,29 @@ def _find_sign(effect: Effect, found: Row, true: dict[str, float]) -> float:
 
 
 def assemble(rows: Sequence[Row], sizes: list[float], background: Row) -> dict[str, Any]:
-    """The study's figures from its rows."""
+    """The figures of the study, from what each draw says.
+
+    Parameters
+    ----------
+    rows
+        A row an effect, draw and size.
+    sizes
+        In σ of an ideal detector.
+    background
+        Of the recordings as they are.
+
+    Returns
+    -------
+    dict
+        Sizes, background, effects, all and rows.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.recovery import assemble
+    >>> background = {"verdict": "adequate", "effects": [], "after": {"chi2_per_dof": 1.0}}
+    >>> assemble([], [5.0], background)["background"]
+    {'verdict': 'adequate', 'named': [], 'chi2_per_dof': 1.0}
+    """
     names = [e.name for e in EFFECTS if any(r["effect"] == e.name for r in rows)]
     of = {name: [r for r in rows if r["effect"] == name] for name in names}
     return {
@@ -286,8 +404,29 @@ def _diagnosed(waves: Sequence[Wave], scale_factor: float | None) -> Row:
 
 
 def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """A row an effect: shares named first, among others and with a false name at every size, size
-    found over true, error over σ."""
+    """The study as a table for a person.
+
+    Parameters
+    ----------
+    study
+        Of `recovery_study`.
+
+    Returns
+    -------
+    tuple
+        Headings, and a row an effect: shares named first, among others and with a false name, size
+        found over true, error over σ.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.recovery import assemble, tabulate
+    >>> row = dict(effect="gain_mismatch", draw=0, size=5.0, first=True, among=True, false=[])
+    >>> row |= dict(refused=None, found_over_true={"gain": 1.1}, error_over_std={"gain": 1.0})
+    >>> background = {"verdict": "adequate", "effects": [], "after": {"chi2_per_dof": 1.0}}
+    >>> head, rows = tabulate(assemble([row], [5.0], background))
+    >>> dict(zip(head, rows[0]))["found/true"], dict(zip(head, rows[0]))["first at 5 σ"]
+    ('1.1', '1.00')
+    """
     sizes = [f"{s:g}" for s in study["sizes"]]
     heads = [
         "effect",
@@ -317,8 +456,28 @@ def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ..
 
 
 def draw_figure(study: dict[str, Any]) -> Figure:
-    """Every effect against size: share named first and share with a false name beside it; right,
-    the size found over the true one."""
+    """Shares named first and with a false name of every effect by size, and the size found over the
+    true one.
+
+    Parameters
+    ----------
+    study
+        Of `recovery_study`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Three panels.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.recovery import assemble, draw_figure
+    >>> row = dict(effect="gain_mismatch", draw=0, size=5.0, first=True, among=True, false=[])
+    >>> row |= dict(refused=None, found_over_true={"gain": 1.1}, error_over_std={"gain": 1.0})
+    >>> background = {"verdict": "adequate", "effects": [], "after": {"chi2_per_dof": 1.0}}
+    >>> len(draw_figure(assemble([row], [5.0], background)).axes)
+    3
+    """
     from matplotlib.figure import Figure
 
     names = [name for name, figures in study["effects"].items() if figures["by_size"]]

@@ -38,8 +38,47 @@ def choose_values(
     waves: Sequence[Wave],
     random: np.random.Generator,
 ) -> Callable[[float], dict[str, float]]:
-    """The effect's parameters at a size, in a random direction. HrgError: these runs cannot show
-    it."""
+    """An effect's parameters at a size, in a random direction.
+
+    Parameters
+    ----------
+    effect
+        That is hidden.
+    fit
+        Of the model and the background's causes.
+    recordings
+        In which it is hidden.
+    waves
+        Of them.
+    random
+        Of the draw.
+
+    Returns
+    -------
+    callable
+        Size in σ of an ideal detector -> parameters.
+
+    Raises
+    ------
+    HrgError
+        These runs cannot show it.
+
+    Examples
+    --------
+    Twice the size is twice as far from doing nothing:
+
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.studies.hidden import hide
+    >>> from hrg_cli.studies.recovery_sizes import choose_values
+    >>> random = np.random.default_rng(1)
+    >>> hiding = hide("gain_mismatch", random, 3e-4)
+    >>> record = Recording(c=np.zeros(99), s=np.zeros(99), sample_rate_hz=2e4, mode="free")
+    >>> values_at = choose_values(find("gain_mismatch"), hiding.fit, [record], [], random)
+    >>> round(values_at(10.0)["gain"] / values_at(5.0)["gain"], 9)
+    2.0
+    """
     first = recordings[0]
     neutral = _neutral_values(effect, fit, first, random)
     if effect.whole_samples:
@@ -100,7 +139,36 @@ def _beside_model(fit: ExtendedFit, columns: Array) -> Array:
 
 
 def need_thinkable(effect: Effect, values: dict[str, float], size: float, fit: ExtendedFit) -> None:
-    """HrgError: the size is beyond what such a cause can have."""
+    """Refuse a size that no such cause can have.
+
+    Parameters
+    ----------
+    effect
+        That is to be hidden.
+    values
+        Its parameters.
+    size
+        In σ of an ideal detector, for the message.
+    fit
+        Of whose amplitude and frequency a typical size is.
+
+    Raises
+    ------
+    HrgError
+        More than a hundred times a typical size.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.studies.hidden import hide
+    >>> from hrg_cli.studies.recovery_sizes import need_thinkable
+    >>> fit = hide("gain_mismatch", np.random.default_rng(1), 3e-4).fit
+    >>> need_thinkable(find("gain_mismatch"), {"gain": 50.0}, 1e6, fit)
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: gain_mismatch: 1e+06 σ would be gain = 50 1, more than 100 times ...
+    """
     amplitude, frequency = scales.measure_amplitude(fit.series), fit.series.reference_frequency_hz
     for p in effect.fitted():
         typical = scales.find_typical_size(p, amplitude, frequency)
@@ -115,8 +183,32 @@ def need_thinkable(effect: Effect, values: dict[str, float], size: float, fit: E
 def fit_background(
     waves: Sequence[Wave], scale_factor: float | None, background: Row
 ) -> ExtendedFit:
-    """The base model's fit at the windows' own rate, with the causes of the background where it
-    finds one."""
+    """The base model's fit at the windows' own rate, with the causes that are there already.
+
+    Parameters
+    ----------
+    waves
+        The runs.
+    scale_factor
+        Known K, held; None: fitted.
+    background
+        Report of the recordings as they are.
+
+    Returns
+    -------
+    ExtendedFit
+        Without causes where none were found.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.studies.hidden import draw_programme, make_waves
+    >>> from hrg_cli.studies.recovery_sizes import fit_background
+    >>> table = draw_programme(np.random.default_rng(1), "gain_mismatch", 3e-4)
+    >>> fit = fit_background(make_waves(table, 1, "gain_mismatch"), None, {"effects": []})
+    >>> bool(0.9 < fit.chi2 / fit.dof < 1.1), fit.point.active
+    (True, ())
+    """
     series, point, _ = prepare(waves, scale_factor, ALL_ROWS)
     fit = fit_rate_steps(
         extended_fit.fit(series, point, choose_freedom(series, point, scale_factor))

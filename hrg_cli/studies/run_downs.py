@@ -59,9 +59,30 @@ def _draw_between(random: np.random.Generator, low: float, high: float) -> float
 
 
 def draw(seed: int, raw: bool = False) -> DrawnProgramme:
-    """One programme: m 1 to 3, τ 0.1 to 1000 s, splits 0 and 10⁻² to 30 ν, rates 0 to 100 °/s
-    steady or changing, ½ to 3 τ, 300 to 12 000 windows, |a_B/a_A| to 0.97, with and without
-    Earth's rate; `raw`: from samples of 10 to 60 periods a window."""
+    """A random gyro with the waves of a random programme of free runs.
+
+    m 1 to 3, τ 0.1 to 1000 s, splits 0 and 10⁻² to 30 ν, rates 0 to 100 °/s steady or changing, ½
+    to 3 τ, 300 to 12 000 windows, |a_B/a_A| to 0.97, with and without the Earth's rate.
+
+    Parameters
+    ----------
+    seed
+        Of it all.
+    raw
+        From samples of 10 to 60 periods a window; else from envelopes.
+
+    Returns
+    -------
+    DrawnProgramme
+        The gyro that is true, and its waves.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.run_downs import draw
+    >>> one, same = draw(3), draw(3)
+    >>> one.gyro == same.gyro, len(one.waves) >= 2
+    (True, True)
+    """
     random = np.random.default_rng([seed, int(raw)])
     gyro = _gyro(random, raw)
     seconds = _draw_between(random, 0.5, 3) / gyro.damping_rate_1_s
@@ -187,8 +208,40 @@ def _simulate_envelopes(
 def make_envelope(
     gyro: Mechanics, course: DrawnCourse, earth: float, times: Array, first: Array
 ) -> Array:
-    """Envelopes (n, 2) at times (n,) from `first` (2,) at 0, on a table that turns Earth's rate
-    more than its course says."""
+    """Envelopes of a free run on a table that turns as its course says.
+
+    Parameters
+    ----------
+    gyro
+        The resonator.
+    course
+        Of the table.
+    earth
+        What the table turns more than its course says [rad/s].
+    times
+        (n,) [s], rising.
+    first
+        Envelopes (2,) at 0.
+
+    Returns
+    -------
+    ndarray
+        (n, 2); of a rate that changes, to the fourth power of a step.
+
+    Examples
+    --------
+    A resonator without splits decays by exp(−νt) whatever the table does:
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.studies.run_downs import make_envelope
+    >>> gyro = Mechanics(frequency_hz=5e3, damping_rate_1_s=0.1, scale_factor=0.5)
+    >>> course = Told(kind="steady", rate=lambda t: 0.3 + 0 * t)
+    >>> u = make_envelope(gyro, course, 0.0, np.array([5.0, 10.0]), np.array([1.0, 0.0], complex))
+    >>> bool(np.allclose(np.linalg.norm(u, axis=1), np.exp([-0.5, -1.0])))
+    True
+    """
     if course.kind == "steady":
         rate = float(course.rate(np.zeros(1))[0]) + earth
         return resonator.exponentiate(resonator.build_generator(gyro, rate), times) @ first
