@@ -16,6 +16,8 @@ from ..records import Wave
 Array = np.ndarray
 COURSE = 1e-6
 """Part of its range by which a course of straight lines may miss the log."""
+ROUNDING = 1e-12
+"""Part of the values' size by which they differ by rounding alone: a constant is no course."""
 CHORDS = 1e-5
 """The same where the lines keep the integral of a log that bends between its rows: what is left
 turns nothing but within a line."""
@@ -136,8 +138,8 @@ def make_drive_log(wave: Wave, length_s: float) -> dict[str, Any] | None:
     ...     time_s=t, window_s=0.02, drive_main=np.full(100, 0.1), drive_quadrature=None
     ... )
     >>> log = make_drive_log(wave, 2.0)
-    >>> list(log), round(min(log["drive_main"]), 9), round(max(log["drive_main"]), 9)
-    (['time_s', 'drive_main'], 0.1, 0.1)
+    >>> log["time_s"], np.round(log["drive_main"], 9).tolist()
+    ([0.0, 2.0], [0.1, 0.1])
     """
     names = [
         name
@@ -257,7 +259,7 @@ def choose_points(
     values
         (n,).
     share
-        Of the values' range, by which the lines may miss them.
+        Of the values' range, by which the lines may miss them; never by less than rounding does.
 
     Returns
     -------
@@ -273,7 +275,8 @@ def choose_points(
     """
     t, place = np.unique(t, return_index=True)
     values = values[place]
-    kept, tolerance = [0, len(t) - 1], share * float(np.ptp(values))
+    tolerance = max(share * float(np.ptp(values)), ROUNDING * float(np.abs(values).max()))
+    kept = [0, len(t) - 1]
     while len(kept) < len(t):
         off = np.abs(values - np.interp(t, t[kept], values[kept]))
         parts = [slice(a + 1, b) for a, b in pairwise(kept) if b > a + 1]
