@@ -23,7 +23,7 @@ from typing import Any
 
 from . import memory, pipeline, store
 from .errors import DiskFullError, HrgError, UsageError
-from .extended import extended_paths as extended_beside
+from .extended import find_extended_paths as extended_beside
 from .extended import write_extended
 from .records import Diagnosis, Record, Resonator, Wave
 
@@ -108,7 +108,7 @@ def recording_to_wave(
     try:
         if not source.is_file():
             raise HrgError(f"{source}: no such file; name a recording or a laboratory's log")
-        key = memory.key_of(
+        key = memory.make_key(
             [*work.same_if, {s: work.settings[s] for s, _ in steps}, *identity], inputs
         )
         done = memory.recall(note, key)
@@ -167,7 +167,7 @@ def waves_to_results(
             calibration = output if stage == "calibrate" else calibration
 
 
-def mode_of(wave: Path) -> str:
+def find_mode(wave: Path) -> str:
     """Free or forced."""
     with store.open_record(wave, Wave) as record:
         return str(record.mode)
@@ -217,7 +217,7 @@ def _key_of_result(
     """What a result is remembered by: all that it depends on."""
     rehearsal = [] if rehearsed is None else [{"rehearse": rehearsed}]
     settings = [*work.same_if, stage, work.settings[stage], work.limits, *rehearsal]
-    return memory.key_of(settings, inputs)
+    return memory.make_key(settings, inputs)
 
 
 def _write_extended_beside(work: Work, record: Record, output: Path, note: Path) -> list[Path]:

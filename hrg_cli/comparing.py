@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import HrgError
-from .limit_values import unit_of
+from .limit_values import find_unit
 from .limits import figures_of
 from .records import Calibration, Diagnosis, Record
 
@@ -87,7 +87,7 @@ def compare(
         and math.isfinite(second[n])
     ]
     found = [
-        _difference(n, first[n], std_of(n, first), second[n], std_of(n, second), int(mode))
+        _difference(n, first[n], find_std(n, first), second[n], find_std(n, second), int(mode))
         for n in names
     ]
     if isinstance(old, Calibration) and isinstance(new, Calibration):
@@ -116,7 +116,14 @@ def _difference(
         else 0.0
     )
     return Difference(
-        name, old, old_std, new, new_std, unit_of(name), change, change / both if both > 0 else None
+        name,
+        old,
+        old_std,
+        new,
+        new_std,
+        find_unit(name),
+        change,
+        change / both if both > 0 else None,
     )
 
 
@@ -143,7 +150,7 @@ def _is_std(name: str, figures: dict[str, float]) -> bool:
     )
 
 
-def std_of(name: str, figures: dict[str, float]) -> float | None:
+def find_std(name: str, figures: dict[str, float]) -> float | None:
     """The standard deviation of a figure, where the figures hold it."""
     keys = (f"{name}_std", f"{name.removesuffix('.value')}.std")
     return next((figures[k] for k in keys if k in figures and math.isfinite(figures[k])), None)

@@ -85,7 +85,7 @@ class _Processes(ProcessPoolExecutor):
 
 
 @contextlib.contextmanager
-def local_processes(jobs: int) -> Iterator[Executor]:
+def start_processes(jobs: int) -> Iterator[Executor]:
     """`jobs` processes of this machine with one thread each; this process itself for one.
 
     They end with this process. Left by an exception (Ctrl-C, a full disk), what is pending is
@@ -159,7 +159,7 @@ class DaskExecutor(Executor):
 
 
 @contextlib.contextmanager
-def dask_workers(address: str | None, jobs: int) -> Iterator[Executor]:
+def connect_dask(address: str | None, jobs: int) -> Iterator[Executor]:
     """The workers of a running scheduler (`address`), or `jobs` started here. HrgError: Dask
     missing, no scheduler there."""
     try:

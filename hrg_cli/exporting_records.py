@@ -58,7 +58,7 @@ def export_record(record: Record, output: Path) -> bytes:
     return gzip.compress(content, mtime=0) if packed else content
 
 
-def columns_of(record: Record) -> dict[str, Array]:
+def list_columns(record: Record) -> dict[str, Array]:
     """The table: equally long columns, one name a number; a column of several numbers a row becomes
     several."""
     if isinstance(record, Recording):
@@ -89,7 +89,7 @@ def columns_of(record: Record) -> dict[str, Array]:
     return found
 
 
-def attributes_of(record: Record) -> dict[str, Any]:
+def list_attributes(record: Record) -> dict[str, Any]:
     """What stands beside the table: kind, status, the group's attributes, where it comes from."""
     plain: dict[str, Any] = {
         "kind": record.kind,
@@ -115,8 +115,8 @@ def _csv(record: Record) -> bytes:
 
 
 def _json(record: Record) -> bytes:
-    tree = attributes_of(record) | {
-        "columns": {name: _listed(values) for name, values in columns_of(record).items()}
+    tree = list_attributes(record) | {
+        "columns": {name: _listed(values) for name, values in list_columns(record).items()}
     }
     return (
         json.dumps(_finite(tree), ensure_ascii=False, allow_nan=False, indent=1) + "\n"
@@ -124,9 +124,9 @@ def _json(record: Record) -> bytes:
 
 
 def _parquet(record: Record) -> bytes:
-    pyarrow, parquet = package_for("pyarrow"), package_for("pyarrow.parquet")
+    pyarrow, parquet = import_package("pyarrow"), import_package("pyarrow.parquet")
     table = pyarrow.Table.from_pandas(_frame(record), preserve_index=False)
-    about = json.dumps(_finite(attributes_of(record)), ensure_ascii=False).encode()
+    about = json.dumps(_finite(list_attributes(record)), ensure_ascii=False).encode()
     table = table.replace_schema_metadata({**(table.schema.metadata or {}), b"hrg": about})
     sink = io.BytesIO()
     parquet.write_table(table, sink)
@@ -134,8 +134,8 @@ def _parquet(record: Record) -> bytes:
 
 
 def _xlsx(record: Record) -> bytes:
-    openpyxl = package_for("openpyxl")
-    columns = columns_of(record)
+    openpyxl = import_package("openpyxl")
+    columns = list_columns(record)
     rows = len(next(iter(columns.values()), ()))
     if rows > EXCEL_ROWS:
         raise HrgError(
@@ -148,7 +148,7 @@ def _xlsx(record: Record) -> bytes:
     for row in zip(*(_listed(values) for values in columns.values())):
         sheet.append([_safe(value) for value in row])
     about = book.create_sheet("about")
-    for name, value in attributes_of(record).items():
+    for name, value in list_attributes(record).items():
         for part in value if isinstance(value, list) else [value]:
             about.append([name, _safe(part)])
     sink = io.BytesIO()
@@ -167,10 +167,10 @@ def _mat(record: Record) -> bytes:
             variables[name] = array.astype(object) if array.dtype.kind in "OU" else array
     about = {
         name: "\n".join(map(str, v)) if isinstance(v, list) else v
-        for name, v in attributes_of(record).items()
+        for name, v in list_attributes(record).items()
     }
     if isinstance(record, Recording):
-        variables |= {name: values for name, values in columns_of(record).items()}
+        variables |= {name: values for name, values in list_columns(record).items()}
     sink = io.BytesIO()
     savemat(
         sink,  # type: ignore[arg-type]
@@ -194,7 +194,7 @@ def _frame(record: Record) -> Any:
     """The table for what spreadsheets open: texts of a file are none of their formulas."""
     import pandas as pd
 
-    columns = columns_of(record)
+    columns = list_columns(record)
     texts = {
         name: [escape_for_spreadsheet(value) for value in values.tolist()]
         for name, values in columns.items()
@@ -203,7 +203,7 @@ def _frame(record: Record) -> Any:
     return pd.DataFrame(columns | texts)
 
 
-def package_for(package: str) -> Any:
+def import_package(package: str) -> Any:
     """A package that a format needs. HrgError: it is not installed."""
     from importlib import import_module
 

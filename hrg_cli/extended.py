@@ -11,7 +11,7 @@ from .records import Diagnosis, Source
 from .stages.diagnosis.extended.extended_resonator import build_extended_resonator
 
 
-def extended_paths(output: Path) -> tuple[Path, Path]:
+def find_extended_paths(output: Path) -> tuple[Path, Path]:
     """NAME.extended.toml and NAME.extended_resonator.h5 of NAME.h5."""
     stem = output.name.removesuffix(".h5")
     return output.with_name(f"{stem}.extended.toml"), output.with_name(
@@ -22,7 +22,7 @@ def extended_paths(output: Path) -> tuple[Path, Path]:
 def write_extended(diagnosis: Diagnosis, output: Path, force: bool) -> list[Path]:
     """Write what the diagnosis holds of its extended model; the files written. HrgError: one exists
     (unless `force`)."""
-    model, resonator = extended_paths(output)
+    model, resonator = find_extended_paths(output)
     written = []
     if diagnosis.extended_model:
         with store.atomic_path(model, force) as temporary:

@@ -13,7 +13,7 @@ import numpy as np
 Array = np.ndarray
 
 
-def harmonic_basis(
+def build_harmonic_basis(
     wave_angle_rad: Array,
     harmonics: int,
     mode_number: int,
@@ -40,7 +40,7 @@ def harmonic_basis(
     return columns
 
 
-def node_weights(x: Array, nodes: Array, interpolation: str = "linear") -> Array:
+def compute_node_weights(x: Array, nodes: Array, interpolation: str = "linear") -> Array:
     """Weights ψ_j(x) (n, J) of the node values: linear between neighbours, or the cardinal cubic
     splines (not-a-knot).
 
@@ -65,7 +65,7 @@ def node_weights(x: Array, nodes: Array, interpolation: str = "linear") -> Array
     return np.asarray(spline(inside) + spline(inside, 1) * (x - inside)[:, None])
 
 
-def monotone_weights(x: Array, nodes: Array, values: Array) -> Array:
+def compute_monotone_weights(x: Array, nodes: Array, values: Array) -> Array:
     """Weights (n, J) with Σ_j weight_j·value_j = the monotone (PCHIP) interpolant of `values` at x.
 
     The interpolant is homogeneous of degree one in the node values, so by Euler's theorem its
@@ -75,7 +75,7 @@ def monotone_weights(x: Array, nodes: Array, values: Array) -> Array:
 
     nodes, values = np.asarray(nodes, float), np.asarray(values, float)
     if len(nodes) < 3:
-        return node_weights(x, nodes)
+        return compute_node_weights(x, nodes)
     step = 1e-6 * max(np.ptp(values), 1e-300)
     inside = np.clip(np.asarray(x, float), nodes[0], nodes[-1])
     moved = (
@@ -89,20 +89,22 @@ def monotone_weights(x: Array, nodes: Array, values: Array) -> Array:
     return np.asarray((both[:, : len(nodes)] - both[:, len(nodes) :]) / (2 * step))
 
 
-def coefficients_at(
+def interpolate_coefficients(
     x: Array, nodes: Array, coefficients: Array, interpolation: str = "linear"
 ) -> Array:
     """Fourier coefficients (n, H) at x from those of the nodes (J, H)."""
     if interpolation == "monotone" and len(nodes) > 2:
         return np.stack(
             [
-                np.einsum("nj,j->n", monotone_weights(x, nodes, c), c)
+                np.einsum("nj,j->n", compute_monotone_weights(x, nodes, c), c)
                 for c in np.asarray(coefficients).T
             ],
             axis=1,
         )
     return (
-        node_weights(x, nodes, "linear" if interpolation in ("linear", "monotone") else "cubic")
+        compute_node_weights(
+            x, nodes, "linear" if interpolation in ("linear", "monotone") else "cubic"
+        )
         @ coefficients
     )
 
@@ -118,5 +120,7 @@ def evaluate(
 ) -> Array:
     """The table's value (n,) at (x, θ), averaged along `travel_rad` of wave angle."""
     harmonics = (np.shape(coefficients)[1] - 1) // 2
-    basis = harmonic_basis(wave_angle_rad, harmonics, mode_number, travel_rad)
-    return np.asarray((basis * coefficients_at(x, nodes, coefficients, interpolation)).sum(axis=1))
+    basis = build_harmonic_basis(wave_angle_rad, harmonics, mode_number, travel_rad)
+    return np.asarray(
+        (basis * interpolate_coefficients(x, nodes, coefficients, interpolation)).sum(axis=1)
+    )

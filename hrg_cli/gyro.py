@@ -12,9 +12,17 @@ from pathlib import Path
 from typing import Any
 
 from . import settings, store
-from .chain import PER_RECORDING, RESULTS, Step, Work, mode_of, recording_to_wave, waves_to_results
+from .chain import (
+    PER_RECORDING,
+    RESULTS,
+    Step,
+    Work,
+    find_mode,
+    recording_to_wave,
+    waves_to_results,
+)
 from .errors import HrgError
-from .executors import local_processes
+from .executors import start_processes
 from .pipeline import STAGES
 from .records import Recording
 
@@ -54,8 +62,8 @@ def run_gyro(
     output that this chain did not make (unless `force`).
     """
     tables = tables or {}
-    inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
-    gyro_of(inputs)
+    inputs = list_inputs(paths, tables.get("import", {}).get("s_file"))
+    find_gyro(inputs)
     stages = [*(["import"] if any(i.logs for i in inputs) else []), *PER_RECORDING, *RESULTS]
     work = Work(
         folder,
@@ -79,7 +87,7 @@ def run_gyro(
             told(step, done / total)
         if made[-1].status != "failed":
             waves.append(folder / f"{one.name}.wave.h5")
-    modes = {wave: mode_of(wave) for wave in waves}
+    modes = {wave: find_mode(wave) for wave in waves}
     chosen = {mode: [w for w in waves if modes[w] == mode] for mode in ("free", "forced")}
     done = 0
     for step in waves_to_results(work, chosen["free"], chosen["forced"]):
@@ -94,8 +102,8 @@ def plan_steps(
 ) -> list[tuple[str, tuple[str, ...], str]]:
     """What a run would do, without doing it: (stage, inputs, output) a line, a rehearsal without
     output; the modes of recordings are read, logs count as free."""
-    inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
-    gyro_of(inputs)
+    inputs = list_inputs(paths, tables.get("import", {}).get("s_file"))
+    find_gyro(inputs)
     lines: list[tuple[str, tuple[str, ...], str]] = []
     waves: dict[str, list[str]] = {"free": [], "forced": []}
     for one in inputs:
@@ -139,7 +147,7 @@ def resolve_settings(
     }
 
 
-def inputs_of(paths: Sequence[Path], s_file: str | None = None) -> list[Input]:
+def list_inputs(paths: Sequence[Path], s_file: str | None = None) -> list[Input]:
     """The recordings and logs, folders opened, without those that hold the channel S of another
     one.
 
@@ -211,7 +219,7 @@ def _head(path: Path) -> Recording:
         return record
 
 
-def gyro_of(inputs: Sequence[Input]) -> str:
+def find_gyro(inputs: Sequence[Input]) -> str:
     """The gyro of these recordings, empty where none names it. HrgError: several gyros. A file that
     cannot be read is left to its step."""
     gyros: dict[str, Path] = {}
@@ -256,7 +264,7 @@ def _shared(tasks: Sequence[tuple[Work, Input]], jobs: int) -> Iterator[list[Ste
     if min(jobs, len(tasks)) < 2:
         yield from map(_make_wave, tasks)
         return
-    with local_processes(min(jobs, len(tasks))) as executor:
+    with start_processes(min(jobs, len(tasks))) as executor:
         try:
             yield from executor.map(_make_wave, tasks)
         except BrokenExecutor as error:

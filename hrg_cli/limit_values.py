@@ -106,7 +106,7 @@ UNITS = {
 """What a figure is -> its unit as files spell it."""
 
 
-def quantity_of(name: str) -> str:
+def find_quantity(name: str) -> str:
     """What a figure of this name is; a part of the name before the last point may carry the unit
     ("drift_rms_rad_s.held_out")."""
     for part in reversed(name.split(".")):
@@ -123,9 +123,9 @@ def is_relative(name: str) -> bool:
     return parts[0] == "effects" or any(not RELATIVE.isdisjoint(p.split("_")) for p in parts)
 
 
-def unit_of(name: str) -> str:
+def find_unit(name: str) -> str:
     """The unit of a figure of this name."""
-    return UNITS[quantity_of(name)]
+    return UNITS[find_quantity(name)]
 
 
 def limit_value(name: str, value: Any) -> float:
@@ -170,7 +170,7 @@ def limit_value(name: str, value: Any) -> float:
 
 
 def _factor(name: str, unit: str) -> float:
-    quantity = quantity_of(name)
+    quantity = find_quantity(name)
     within, size = SCALED.get(quantity, (quantity, 1.0))
     known, unit = QUANTITIES[within], _OF_FILES.get(unit, unit)
     if quantity == "a ratio" and unit in known and known[unit] != 1.0 and not is_relative(name):
@@ -188,14 +188,14 @@ def _factor(name: str, unit: str) -> float:
     )
 
 
-def whole_names(table: Mapping[str, Any], begin: str = "") -> dict[str, Any]:
+def spell_whole_names(table: Mapping[str, Any], begin: str = "") -> dict[str, Any]:
     """Limits by the whole names of their figures: of a name with dots that stands in no quotes TOML
     makes a table in a table."""
     found: dict[str, Any] = {}
     for name, limit in table.items():
         inner = isinstance(limit, Mapping) and limit
         if inner and not any(suggest(key, ("minimum", "maximum")) for key in limit):
-            found |= whole_names(limit, f"{begin}{name}.")
+            found |= spell_whole_names(limit, f"{begin}{name}.")
         else:
             found[f"{begin}{name}"] = limit
     return found

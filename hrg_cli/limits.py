@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from .errors import HrgError, UsageError
-from .limit_values import limit_value, suggest, unit_of, whole_names
+from .limit_values import find_unit, limit_value, spell_whole_names, suggest
 from .records import KINDS, Calibration, Diagnosis, Record, Recording, Resonator
 
 STATUSES = {"valid": 0, "suspect": 1, "refused": 2}
@@ -132,7 +132,7 @@ def table_of(kind: str, limits: Mapping[str, Any]) -> Mapping[str, Any]:
     check_tables(limits)
     own = limits.get(kind)
     outside = {k: v for k, v in limits.items() if not is_group(v)}
-    table = whole_names(own if isinstance(own, Mapping) else outside)
+    table = spell_whole_names(own if isinstance(own, Mapping) else outside)
     if not table:
         raise HrgError(
             f"the limits hold nothing for a {kind} file; write a table [{kind}] with"
@@ -183,7 +183,7 @@ def rows_of(judged: Judged, table: Mapping[str, Any]) -> list[Row]:
             ),
             None,
         )
-        units = unit_of(name)
+        units = find_unit(name)
         rows.append(
             Row(name, value, minimum, maximum, bool(inside), std=std, units=units, kind=kind)
         )

@@ -30,7 +30,7 @@ MEASURED_FORMULA = {
 }
 
 
-def csv_measured(calibration: Calibration) -> tuple[list[str], list[list[float]]]:
+def make_csv_measured(calibration: Calibration) -> tuple[list[str], list[list[float]]]:
     """(further columns, their values a node); none for a model without a measured part."""
     part = interpolate_measured(calibration, np.asarray(calibration.node, float))
     if part is None:
@@ -51,7 +51,7 @@ def _columns(part: MeasuredDrift) -> tuple[list[str], Array]:
     )
 
 
-def c_measured(calibration: Calibration, nodes: Array) -> str:
+def make_c_measured(calibration: Calibration, nodes: Array) -> str:
     """The C function `hrg_measured_drift_rad_s(x, theta, ratio, frequency_hz)`, the same for every
     model; nodes: the header's."""
     fine = np.linspace(nodes[0], nodes[-1], FINE_NODES) if len(nodes) > 1 else nodes

@@ -18,7 +18,7 @@ from .errors import HrgError
 from .version import __version__
 
 
-def key_of(content: Sequence[Any], inputs: Sequence[Path]) -> str:
+def make_key(content: Sequence[Any], inputs: Sequence[Path]) -> str:
     """SHA-256 over the version, what the work depends on, and the content of the inputs."""
     text = json.dumps(
         [__version__, content, [[p.name, store.sha256(p)] for p in inputs]],

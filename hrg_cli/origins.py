@@ -24,7 +24,7 @@ STRETCHES, STRETCH = 48, 1024
 """Stretches of samples that are hashed, and their length."""
 
 
-def samples_of(path: Path, part: str = "") -> tuple[str, ...]:
+def find_samples(path: Path, part: str = "") -> tuple[str, ...]:
     """Fingerprints of the recorded samples behind a file; empty for a file that is not hrg's, or
     whose sources do not say.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from . import pipeline, settings, store
 from .errors import HrgError
-from .executors import local_processes, run_tasks
+from .executors import run_tasks, start_processes
 from .extras import warn_of_plain_python
 from .records import Calibration, Diagnosis, Periods, Record, Recording, Resonator, Source, Wave
 from .stages.rehearse import rehearse
@@ -44,20 +44,22 @@ def rehearse_file(
         )
     record = store.read(path, kind)
     stage = STAGE_OF[kind]
-    own = settings.check_settings(pipeline.STAGES[stage].load_function(), settings_of(path, stage))
-    inputs = [attach_measured(wave, beside) for wave in inputs_of(path, beside)]
+    own = settings.check_settings(
+        pipeline.STAGES[stage].load_function(), find_settings(path, stage)
+    )
+    inputs = [attach_measured(wave, beside) for wave in list_inputs(path, beside)]
 
     def share(works: Sequence[Work]) -> list[Rehearsed | None]:
         warn_of_plain_python()  # for the processes that share it
         return run_tasks(
             rehearse_once,
             works,
-            lambda: local_processes(jobs),
+            lambda: start_processes(jobs),
             lambda count: progress(count / len(works)),
         )
 
     try:
-        told = rehearse(record, inputs, own, share, identified_of(path, record, beside), **values)
+        told = rehearse(record, inputs, own, share, find_identified(path, record, beside), **values)
     except HrgError as error:
         raise HrgError(f"{path}: {error}") from error
     if written_by is not None:
@@ -80,7 +82,7 @@ def write_verdict(path: Path, record: Record, told: Rehearsal, typed: str) -> No
     )
 
 
-def settings_of(path: Path, stage: str) -> dict[str, Any]:
+def find_settings(path: Path, stage: str) -> dict[str, Any]:
     """The settings of a stage that a file keeps. HrgError: they cannot be read."""
     try:
         found = settings.parse_toml(store.provenance_of(path).settings).get(stage, {})
@@ -89,7 +91,7 @@ def settings_of(path: Path, stage: str) -> dict[str, Any]:
     return dict(found) if isinstance(found, dict) else {}
 
 
-def inputs_of(path: Path, beside: Sequence[Path]) -> list[Path]:
+def list_inputs(path: Path, beside: Sequence[Path]) -> list[Path]:
     """The wave files a result was made of, in its order. HrgError: one is not found, or has
     changed."""
     sources = [source for source in store.provenance_of(path).sources if source.kind == Wave.kind]
@@ -101,7 +103,7 @@ def inputs_of(path: Path, beside: Sequence[Path]) -> list[Path]:
     return [_must(find_source(source, path.parent, beside), source, path) for source in sources]
 
 
-def identified_of(path: Path, record: Record, beside: Sequence[Path]) -> list[Identified]:
+def find_identified(path: Path, record: Record, beside: Sequence[Path]) -> list[Identified]:
     """The resonator files that tables of `--model physical` were made of, each with its own waves
     and settings. HrgError: one is not found, or has changed."""
     if not is_physical(record):
@@ -113,9 +115,9 @@ def identified_of(path: Path, record: Record, beside: Sequence[Path]) -> list[Id
             out.append(
                 Identified(
                     store.read(file, Resonator),
-                    [attach_measured(wave, beside) for wave in inputs_of(file, beside)],
+                    [attach_measured(wave, beside) for wave in list_inputs(file, beside)],
                     settings.check_settings(
-                        pipeline.STAGES["identify"].load_function(), settings_of(file, "identify")
+                        pipeline.STAGES["identify"].load_function(), find_settings(file, "identify")
                     ),
                 )
             )
@@ -163,7 +165,7 @@ def attach_measured(wave: Path, beside: Sequence[Path]) -> Measured:
     periods = _parent(wave, Periods.kind, beside)
     demodulate, carrier, sampling = {}, None, None
     if periods is not None:
-        demodulate = settings_of(periods, "demodulate")
+        demodulate = find_settings(periods, "demodulate")
         with store.open_record(periods, Periods) as opened:
             demodulate["periods_per_window"] = float(opened.periods_per_window)
             carrier = opened.carrier_hz
@@ -179,7 +181,7 @@ def attach_measured(wave: Path, beside: Sequence[Path]) -> Measured:
             f"{wave}: was read out by a carrier, whose frequency its periods file holds; name that"
             " file too"
         )
-    return Measured(record, sampling, carrier, demodulate, settings_of(wave, "estimate"))
+    return Measured(record, sampling, carrier, demodulate, find_settings(wave, "estimate"))
 
 
 def _parent(path: Path, kind: str, beside: Sequence[Path]) -> Path | None:

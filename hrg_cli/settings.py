@@ -20,7 +20,7 @@ from .errors import HrgError, UsageError, name_some
 
 
 @functools.cache
-def model_of(stage: Callable[..., Any]) -> Any:
+def make_model(stage: Callable[..., Any]) -> Any:
     """Pydantic model of a stage's keyword-only settings: strict, frozen, no unknown key, no NaN."""
     from pydantic import ConfigDict, create_model
 
@@ -108,12 +108,12 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise HrgError("its settings or its model, kept as TOML, are damaged") from error
 
 
-def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested tables as one table of dotted keys."""
     out: dict[str, Any] = {}
     for key, value in tree.items():
         out |= (
-            flat(value, f"{prefix}{key}.")
+            flatten(value, f"{prefix}{key}.")
             if isinstance(value, Mapping)
             else {f"{prefix}{key}": value}
         )
@@ -242,7 +242,7 @@ def resolve(
         if not isinstance(found, dict):
             raise HrgError(f"{config}: {name} is not a table; write its settings under [{name}]")
         from_file = found
-        validate(model_of(stage), from_file, str(config), prefix=f"{name}.")
+        validate(make_model(stage), from_file, str(config), prefix=f"{name}.")
     given: dict[str, Any] = {}
     for text in assignments:
         key, value = parse_assignment(text)
@@ -258,7 +258,7 @@ def check_settings(
     usage: bool = False,
 ) -> dict[str, Any]:
     """The stage's whole settings: its defaults with `values` over them."""
-    model = validate(model_of(stage), values, where, usage=usage)
+    model = validate(make_model(stage), values, where, usage=usage)
     return {key: getattr(model, key) for key in type(model).model_fields}
 
 

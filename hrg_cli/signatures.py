@@ -20,19 +20,19 @@ LARGEST = 1 << 30
 LARGEST_KEY = 1 << 16
 
 
-def signature_of(path: Path) -> Path:
+def place_signature(path: Path) -> Path:
     """Where the signature of a file lies: beside it."""
     return path.with_name(f"{path.name}.sig")
 
 
-def private_key(path: Path) -> Any:
+def read_private_key(path: Path) -> Any:
     """A private key, to sign with. HrgError: none in the file, or one under a password."""
     from_pem = _library().load_pem_private_key
     key = _loaded(path, lambda text: from_pem(text, password=None), "private")
     return _of_kind(path, key, "sign", "private")
 
 
-def public_key(path: Path) -> Any:
+def read_public_key(path: Path) -> Any:
     """A public key, to check with. HrgError: none in the file."""
     return _of_kind(
         path, _loaded(path, _library().load_pem_public_key, "public"), "verify", "public"
@@ -41,7 +41,7 @@ def public_key(path: Path) -> Any:
 
 def sign(path: Path, key: Any, force: bool = False) -> Path:
     """Write the signature of a file beside it; the name of the signature."""
-    made = signature_of(path)
+    made = place_signature(path)
     with store.atomic_path(made, force) as temporary:
         temporary.write_bytes(key.sign(_content(path)))
     return made
@@ -51,7 +51,7 @@ def need_signed(path: Path, key: Any) -> None:
     """Refuse a file that the key's owner did not sign. HrgError: no signature, or another one."""
     from cryptography.exceptions import InvalidSignature
 
-    beside = signature_of(path)
+    beside = place_signature(path)
     if not beside.is_file():
         raise HrgError(
             f"{path}: is not signed ({beside} is not there); get its signature from who released"

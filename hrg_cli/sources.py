@@ -11,7 +11,7 @@ from typing import Any
 
 from . import store
 from .errors import EACH_RUN_ONCE, HrgError, NotHrgError
-from .origins import find_shared, part_of, samples_of
+from .origins import find_samples, find_shared, part_of
 from .records import KINDS, Periods, Recording, Source, Wave
 
 
@@ -36,7 +36,7 @@ class Sources:
         self._hashes: list[Future[str]] = [
             self._pool.submit(store.sha256, p, self._failed) for p in self._paths
         ]
-        self._samples = [samples_of(path, self._part) for path in self._paths]
+        self._samples = [find_samples(path, self._part) for path in self._paths]
         for first, second in find_shared(self._samples):
             path, other = self._paths[second], self._paths[first]
             if other != path and _kind_name(path) == _kind_name(other):

@@ -270,7 +270,7 @@ def _different(texts: Sequence[str]) -> list[str]:
     trees = []
     for text in texts:
         try:
-            trees.append(settings.flat(settings.parse_toml(text)))
+            trees.append(settings.flatten(settings.parse_toml(text)))
         except HrgError:
             return []
     keys = sorted({key for tree in trees for key in tree})

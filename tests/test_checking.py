@@ -15,7 +15,7 @@ from hrg_cli.commands.run import _judge
 from hrg_cli.commands.told_differences import describe_beyond
 from hrg_cli.comparing import compare, compare_tables
 from hrg_cli.errors import UsageError
-from hrg_cli.limit_values import limit_value, quantity_of, suggest, unit_of
+from hrg_cli.limit_values import find_quantity, find_unit, limit_value, suggest
 from hrg_cli.limits import Row
 from hrg_cli.records import Recording
 from hrg_cli.reporting.quantities import format_quantity
@@ -112,7 +112,7 @@ def test_a_part_of_nothing_ends_the_check(hrg, results):
     ],
 )
 def test_what_the_screen_shows_is_understood_as_a_limit(name, size):
-    shown = format_quantity(name, size, None, unit_of(name))
+    shown = format_quantity(name, size, None, find_unit(name))
     number, _, unit = shown.partition(" ")
     if "×10" in number:
         return  # powers of ten are written otherwise in a limit
@@ -124,7 +124,7 @@ def test_what_was_meant():
         suggest("adeqate", ("adequate", "explained")) == "did you mean adequate?"
         and suggest("xyz", ("adequate",)) == ""
     )
-    assert quantity_of("rows") == "a ratio" and quantity_of("values.bias_rad_s") == "a rate"
+    assert find_quantity("rows") == "a ratio" and find_quantity("values.bias_rad_s") == "a rate"
 
 
 def test_many_files_verdict_and_causes(hrg, results):

@@ -14,7 +14,7 @@ from conftest import PACKAGE
 from hrg_cli import cli
 from hrg_cli.commands.options import make_flags, parse_column, parse_numbers, parse_words
 from hrg_cli.reporting.text import take_first_paragraph
-from hrg_cli.settings import model_of
+from hrg_cli.settings import make_model
 from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.forecast import forecast
 from hrg_cli.stages.identify import identify
@@ -77,7 +77,7 @@ def test_choices_are_completed():
     [(identify, "method"), (identify, "window"), (calibrate, "model"), (forecast, "drive")],
 )
 def test_choices_of_an_option_are_those_of_its_stage(stage, option, hrg):
-    field = model_of(stage).model_fields[option]
+    field = make_model(stage).model_fields[option]
     told = "".join(hrg(stage.__name__, "--help").out.split())
     assert f"--{option}<{'|'.join(get_args(field.annotation))}>" in told
     shown = next(p for p in COMMANDS[stage.__name__].params if p.name == option)

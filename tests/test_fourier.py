@@ -6,18 +6,18 @@ from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 
 from hrg_cli.fourier import (
-    coefficients_at,
+    build_harmonic_basis,
+    compute_monotone_weights,
+    compute_node_weights,
     evaluate,
-    harmonic_basis,
-    monotone_weights,
-    node_weights,
+    interpolate_coefficients,
 )
 
 
 @pytest.mark.parametrize("mode_number", [1, 2, 3])
 def test_average_along_a_stretch_is_the_integral(mode_number):
     middle, travel = 0.7, 0.4
-    basis = harmonic_basis(np.array([middle]), 3, mode_number, travel)[0]
+    basis = build_harmonic_basis(np.array([middle]), 3, mode_number, travel)[0]
     for column in range(7):
         k = (column + 1) // 2
         f = np.cos if column % 2 or column == 0 else np.sin
@@ -40,16 +40,16 @@ def test_triangle_average_is_the_average_of_averages():
         quad(lambda y, x=x: np.cos(n * (x + y)), 0, width)[0] / width
         for x in start + (np.arange(2000) + 0.5) / 2000 * width
     ]
-    basis = harmonic_basis(np.array([start + width]), 2, 2, width, width)[0]
+    basis = build_harmonic_basis(np.array([start + width]), 2, 2, width, width)[0]
     assert basis[3] == pytest.approx(np.mean(inner), abs=1e-6)
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
 def test_node_weights_are_cardinal_and_sum_to_one(interpolation):
     nodes = np.array([-40.0, -10.0, 25.0, 60.0, 85.0])
-    assert node_weights(nodes, nodes, interpolation) == pytest.approx(np.eye(5), abs=1e-12)
+    assert compute_node_weights(nodes, nodes, interpolation) == pytest.approx(np.eye(5), abs=1e-12)
     x = np.linspace(-45, 90, 57)
-    weights = node_weights(x, nodes, interpolation)
+    weights = compute_node_weights(x, nodes, interpolation)
     assert weights.sum(axis=1) == pytest.approx(np.ones(57))
     power = 1 if interpolation == "linear" else 3
     inside = (x >= -40) & (x <= 85)
@@ -57,19 +57,23 @@ def test_node_weights_are_cardinal_and_sum_to_one(interpolation):
 
 
 def test_two_nodes_and_one_node():
-    assert node_weights(np.array([15.0]), np.array([10.0, 20.0]), "cubic") == pytest.approx(
+    assert compute_node_weights(np.array([15.0]), np.array([10.0, 20.0]), "cubic") == pytest.approx(
         np.array([[0.5, 0.5]])
     )
-    assert node_weights(np.array([15.0, 99.0]), np.array([10.0])) == pytest.approx(np.ones((2, 1)))
+    assert compute_node_weights(np.array([15.0, 99.0]), np.array([10.0])) == pytest.approx(
+        np.ones((2, 1))
+    )
 
 
 def test_monotone_weights_reproduce_pchip_and_do_not_overshoot():
     nodes, values = np.array([0.0, 1.0, 2.0, 5.0]), np.array([0.0, 0.1, 3.0, 3.1])
     x = np.linspace(0, 5, 101)
-    found = np.einsum("nj,j->n", monotone_weights(x, nodes, values), values)
+    found = np.einsum("nj,j->n", compute_monotone_weights(x, nodes, values), values)
     assert found == pytest.approx(PchipInterpolator(nodes, values)(x), abs=1e-8)
     assert (np.diff(found) >= -1e-9).all()
-    assert coefficients_at(x, nodes, values[:, None], "monotone")[:, 0] == pytest.approx(found)
+    assert interpolate_coefficients(x, nodes, values[:, None], "monotone")[:, 0] == pytest.approx(
+        found
+    )
 
 
 def test_evaluate_is_periodic_and_linear_between_nodes():

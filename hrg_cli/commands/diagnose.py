@@ -13,7 +13,7 @@ import typer
 from .. import pipeline, settings, store
 from ..effects import load_effects
 from ..errors import HrgError
-from ..extended import extended_paths as beside_it
+from ..extended import find_extended_paths as beside_it
 from ..extended import write_extended
 from ..physics.resonator import PARAMETERS
 from ..records import Diagnosis, Resonator, Wave

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..gyro import inputs_of, plan_steps
+from ..gyro import list_inputs, plan_steps
 from ..pipeline import STAGES
 from .common import Common
 
@@ -34,7 +34,7 @@ def say_by_hand(
 
 def _places(paths: Sequence[Path], tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Path]:
     """Where each file that is given lies, by its name."""
-    inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
+    inputs = list_inputs(paths, tables.get("import", {}).get("s_file"))
     return {path.name: path for one in inputs for path in (one.path, *one.logs) if path.exists()}
 
 

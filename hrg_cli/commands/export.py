@@ -73,10 +73,10 @@ def export_file(
     store.check_output(output, run.force)
     key = None
     if sign_with is not None:
-        key = signatures.private_key(sign_with)
-        store.check_output(signatures.signature_of(output), run.force)
+        key = signatures.read_private_key(sign_with)
+        store.check_output(signatures.place_signature(output), run.force)
     if verify_with is not None:
-        signatures.need_signed(path, signatures.public_key(verify_with))
+        signatures.need_signed(path, signatures.read_public_key(verify_with))
     record = store.read_any(path)
     errors: dict[str, float] = {}
     if (

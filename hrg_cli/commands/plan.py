@@ -11,7 +11,7 @@ import typer
 
 from .. import pipeline, settings, store
 from ..errors import HrgError, UsageError
-from ..limit_values import unit_of
+from ..limit_values import find_unit
 from ..records import Diagnosis, Resonator, Wave
 from ..reporting import console
 from ..reporting.figure_names import name_figure
@@ -80,7 +80,7 @@ def show(report: Mapping[str, Any]) -> None:
 
 def _write_std(name: str, std: float | None) -> str:
     """A standard deviation in the unit that its own size asks for."""
-    return "–" if std is None else format_rounded(name, std, unit_of(name), 3)
+    return "–" if std is None else format_rounded(name, std, find_unit(name), 3)
 
 
 def plan_files(

@@ -16,7 +16,7 @@ from .. import settings, store
 from ..chain import Step
 from ..errors import HrgError
 from ..extras import without_pages
-from ..gyro import gyro_of, inputs_of, run_gyro
+from ..gyro import find_gyro, list_inputs, run_gyro
 from ..holding import hold
 from ..limits import Row, check_tables
 from ..pipeline import STAGES
@@ -98,8 +98,8 @@ def run_files(
     folder = run.need_output("results/")
     if dry_run:
         return _plan(say_by_hand(paths, folder, tables, run), started)
-    inputs = inputs_of(paths, tables.get("import", {}).get("s_file"))
-    gyro = gyro_of(inputs)
+    inputs = list_inputs(paths, tables.get("import", {}).get("s_file"))
+    gyro = find_gyro(inputs)
     made_folder = not folder.is_dir()
     if made_folder:
         store.check_output(folder)

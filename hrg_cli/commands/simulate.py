@@ -15,7 +15,7 @@ import typer
 from .. import pipeline, settings, store
 from ..effects import load_effects
 from ..errors import HrgError
-from ..executors import local_processes, run_tasks
+from ..executors import run_tasks, start_processes
 from ..extras import warn_of_plain_python
 from ..records import Recording
 from ..reporting import console
@@ -126,7 +126,7 @@ def _simulate_all(
     reports = run_tasks(
         _simulate_one,
         tasks,
-        partial(local_processes, jobs),
+        partial(start_processes, jobs),
         lambda count: progress(count / len(tasks)),
     )
     return [_require_report(report, task) for report, task in zip(reports, tasks, strict=True)]

@@ -53,7 +53,7 @@ def verify_files(
 ) -> tuple[dict[str, Any], Callable[[], None]]:
     """Verify, and sign what is whole; the command's JSON and its table."""
     started = time.monotonic()
-    key = None if sign_with is None else signatures.private_key(sign_with)
+    key = None if sign_with is None else signatures.read_private_key(sign_with)
     verdicts = verify(need_inputs(files, "hrg files or their folder"))
     if key is not None and all(verdict.result == "whole" for verdict in verdicts):
         for path in files:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import HrgError
-from ..measured_export import c_measured
+from ..measured_export import make_c_measured
 from ..records import Calibration
 from ..reporting.text import escape_c_comment
 from .c_deviations import make_c_deviations
@@ -216,7 +216,7 @@ def _c_text(
         scale_worst=errors["scale_factor_interpolation"] + errors["scale_factor_rounding"],
         tables="".join(_declare(*part, kind, bits) for part in parts),
         lookup=_LOOKUP_FIXED.replace("{type}", kind) if bits else _LOOKUP_FLOAT,
-        drift_call=calls["drift_rad_s"], scale_call=calls["scale_factor"], measured=c_measured(calibration, nodes),
+        drift_call=calls["drift_rad_s"], scale_call=calls["scale_factor"], measured=make_c_measured(calibration, nodes),
         deviations=make_c_deviations(calibration),
     )  # fmt: skip
 

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError, UsageError
-from ..measured_export import MEASURED_FORMULA, csv_measured
+from ..measured_export import MEASURED_FORMULA, make_csv_measured
 from ..records import Calibration
 from ..stages.calibration.table import TABLES, compute_standard_deviations, read_interpolation_std
 from ..stages.rate_table import is_rate_table
@@ -114,7 +114,7 @@ def _csv(calibration: Calibration) -> str:
     """One row a node and angle: the tables with standard deviations."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    further, cells = csv_measured(calibration)
+    further, cells = make_csv_measured(calibration)
     midway = _midway(calibration)
     writer.writerow(
         [

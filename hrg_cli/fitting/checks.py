@@ -148,7 +148,7 @@ def list_failures(checks: Iterable[Check]) -> list[str]:
     ]
 
 
-def largest_chi2_per_dof(dof: int) -> float:
+def compute_largest_chi2_per_dof(dof: int) -> float:
     """χ² per degree of freedom that a right model exceeds with probability `CHANCE`.
 
     Parameters
@@ -185,7 +185,9 @@ def check_goodness(chi2: float, dof: int, sentence: str = "", name: str = "chi2_
     Check
         Passed or not.
     """
-    return check_at_most(name, chi2 / max(dof, 1), largest_chi2_per_dof(max(dof, 1)), sentence)
+    return check_at_most(
+        name, chi2 / max(dof, 1), compute_largest_chi2_per_dof(max(dof, 1)), sentence
+    )
 
 
 def check_whiteness(

@@ -13,7 +13,7 @@ from ..limit_values import QUANTITIES, SUFFIXES, UNITS
 from ..lots.lot_settings import LotSettings
 from ..pipeline import STAGES
 from ..reporting.text import take_first_paragraph
-from ..settings import model_of
+from ..settings import make_model
 from ..stages.calibrate import calibrate
 from ..stages.forecast import forecast
 from ..stages.mismatch import mismatch
@@ -69,7 +69,7 @@ def command_settings() -> str:
     parts = []
     for command in COMMANDS:
         for table, function in tables_of_command(command):
-            schema = model_of(function).model_json_schema()
+            schema = make_model(function).model_json_schema()
             if not schema["properties"]:
                 continue
             when = ALTERNATIVES.get(function.__name__)

@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from .. import store
-from ..comparing import is_told_once, std_of
+from ..comparing import find_std, is_told_once
 from ..errors import HrgError
-from ..limit_values import unit_of
+from ..limit_values import find_unit
 from ..limits import figures_of
 from ..records import Calibration, Diagnosis, Record, Resonator, Wave
 from . import database
@@ -183,7 +183,7 @@ def _told_figures(record: Record, figures: dict[str, float]) -> dict[str, Figure
         else {}
     )
     return {
-        name: Figure(float(value), std_of(name, figures), units.get(name, unit_of(name)))
+        name: Figure(float(value), find_std(name, figures), units.get(name, find_unit(name)))
         for name, value in figures.items()
         if math.isfinite(value) and is_told_once(name, figures)
     } | (_mean_coefficients(record) if isinstance(record, Calibration) else {})
@@ -206,7 +206,7 @@ def _mean_coefficients(calibration: Calibration) -> dict[str, Figure]:
         variance = float(covariance[np.ix_(at, at)].mean())
         if np.isfinite(variance) and variance >= 0 and np.isfinite(value[:, column]).all():
             mean = float(value[:, column].mean())
-            found[name] = Figure(mean, math.sqrt(variance), unit_of(name))
+            found[name] = Figure(mean, math.sqrt(variance), find_unit(name))
     return found
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from ..exporting_records import package_for
+from ..exporting_records import import_package
 from ..reporting.text import escape_for_spreadsheet
 from .entry import Entry
 
@@ -39,7 +39,7 @@ def _csv_table(entries: Sequence[Entry]) -> bytes:
 
 def _parquet_table(entries: Sequence[Entry]) -> bytes:
     """The same rows, typed. HrgError: pyarrow is not installed."""
-    pyarrow, parquet = package_for("pyarrow"), package_for("pyarrow.parquet")
+    pyarrow, parquet = import_package("pyarrow"), import_package("pyarrow.parquet")
     rows = _rows(entries)
     columns = {
         name: pyarrow.array(

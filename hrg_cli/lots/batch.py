@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import settings, store
-from ..executors import OpenExecutor, dask_workers, local_processes, run_tasks
+from ..executors import OpenExecutor, connect_dask, run_tasks, start_processes
 from ..extras import warn_of_plain_python, without_pages
 from .copies import fail_copies
 from .groups import Origin
@@ -27,7 +27,7 @@ from .gyro_page import PAGE
 from .lot_course import LotCourse, Progress, say_how_far
 from .lot_diagnosis import diagnose_lot
 from .lot_folder import MARK, claim, hold_as_only_writer, write_text
-from .lot_report import make_lot_report, plain_paths, read_measured
+from .lot_report import make_lot_report, make_paths_plain, read_measured
 from .lot_settings import list_recordings, read_lot
 from .lot_table import judge_rows, write_table
 from .lot_tasks import list_tasks
@@ -40,8 +40,8 @@ def choose_executor(
     """The executor a command line asks for: local processes, Dask workers started here, or those of
     a running scheduler."""
     if scheduler is not None or dask:
-        return partial(dask_workers, scheduler, jobs)
-    return partial(local_processes, jobs)
+        return partial(connect_dask, scheduler, jobs)
+    return partial(start_processes, jobs)
 
 
 def run_lot(
@@ -80,8 +80,8 @@ def run_lot(
                 open_executor or choose_executor(),
                 then=course.take_result,
             )
-        found = [plain_paths(r, folder, path) for r in course.gyros]
-        told = [plain_paths(r, folder, path) for r in fail_copies(course.recordings)]
+        found = [make_paths_plain(r, folder, path) for r in course.gyros]
+        told = [make_paths_plain(r, folder, path) for r in fail_copies(course.recordings)]
         rows = judge_rows(lot, told, found)
         whole = diagnose_lot(found, read_measured(rows, found), tasks.origins, lot.common_rate)
         for row in rows:

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..origins import find_shared, samples_of
+from ..origins import find_samples, find_shared
 
 
 def fail_copies(recordings: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """The results of a lot's recordings; of two gyros' that go back to the same samples both failed,
     since nothing tells whose they are."""
     samples = [
-        () if one["status"] == "failed" else samples_of(Path(one["wave"])) for one in recordings
+        () if one["status"] == "failed" else find_samples(Path(one["wave"])) for one in recordings
     ]
     twin: dict[int, int] = {}
     for first, second in find_shared(samples):

@@ -24,7 +24,7 @@ def answer_gyro(
         return {}
     page = files[0].with_name(PAGE)
     note = page.with_suffix(".json")
-    key = memory.key_of([limits, epoch], files)
+    key = memory.make_key([limits, epoch], files)
     done = memory.recall(note, key)
     if done is not None:
         return done

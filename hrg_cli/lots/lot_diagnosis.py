@@ -188,11 +188,11 @@ def _population(one: Population) -> dict[str, Any]:
 
 
 def _units(name: str) -> str:
-    from ..limit_values import unit_of
+    from ..limit_values import find_unit
 
     if name == "frequency_split_rad_s":
         return "rad s-1"
-    return unit_of(name) if not name.endswith("_1_s") else "s-1"
+    return find_unit(name) if not name.endswith("_1_s") else "s-1"
 
 
 def _pool_causes(scores: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ MOST_NAMED, MOST_TOLD = 6, 20
 """Gyros that a sentence names; gyros that did not pass of which each has a sentence of its own."""
 
 
-def plain_paths(result: Mapping[str, Any], folder: Path, lot_file: Path) -> dict[str, Any]:
+def make_paths_plain(result: Mapping[str, Any], folder: Path, lot_file: Path) -> dict[str, Any]:
     """A result whose sentences name files relative to the lot, so that the table does not depend on
     where it lies."""
 

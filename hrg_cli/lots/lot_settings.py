@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from .. import settings
 from ..errors import HrgError
 from ..formats import import_log
-from ..limit_values import whole_names
+from ..limit_values import spell_whole_names
 from ..limits import bounds, check_tables
 from ..pipeline import STAGES
 from .groups import GROUPED_BY
@@ -172,7 +172,7 @@ class LotSettings(BaseModel):
         """The whole checked settings of a stage; `where` names what holds them."""
         function = import_log if stage == "import" else STAGES[stage].load_function()
         checked = settings.validate(
-            settings.model_of(function),
+            settings.make_model(function),
             self.merge_given(stage, file_name),
             where,
             prefix=f"{stage}.",
@@ -200,7 +200,7 @@ def read_lot(
         )
     check_tables(lot.limits)
     for table in lot.limits.values():
-        for name, limit in whole_names(table).items():
+        for name, limit in spell_whole_names(table).items():
             if name not in ("status", "verdict"):
                 bounds(name, limit)
     for stage in ("import", *PER_RECORDING, *lot.stages):

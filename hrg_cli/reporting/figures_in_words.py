@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from numbers import Real
 from typing import Any
 
-from ..limit_values import SUFFIXES, unit_of
+from ..limit_values import SUFFIXES, find_unit
 from .quantities import choose_unit
 from .text import clean_text, format_number
 
@@ -114,7 +114,7 @@ def say_value(key: str, value: Any, digits: int = DIGITS) -> str:
         return clean_text(value) if isinstance(value, int) else "–"
     if not SPREADS.isdisjoint(re.split(r"[._]", key)):
         digits = min(digits, DIGITS_OF_SPREAD)
-    factor, unit = choose_unit(key, float(value), unit_of(key))
+    factor, unit = choose_unit(key, float(value), find_unit(key))
     return f"{format_number(float(value) * factor, digits)} {unit}".strip()
 
 

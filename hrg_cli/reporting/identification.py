@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..limit_values import unit_of
+from ..limit_values import find_unit
 from .console import print_table, say
 from .figures_in_words import say_key
 from .quantities import choose_unit, format_quantity, round_with_std
@@ -120,5 +120,5 @@ def _facts(details: Mapping[str, Any]) -> list[tuple[str, str]]:
     ):
         if key in details:
             of = details[key]
-            found.append((words, format_quantity(key, of["value"], of["std"], unit_of(key))))
+            found.append((words, format_quantity(key, of["value"], of["std"], find_unit(key))))
     return found

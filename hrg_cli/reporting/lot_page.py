@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from ..limit_values import whole_names
+from ..limit_values import spell_whole_names
 from ..limits import bounds
 from ..lots.groups import GROUPED_BY
 from .figures.drawing import Plot, use_style, write_svg
@@ -192,7 +192,7 @@ def find_limits(name: str, limits: Mapping[str, Any]) -> Limits:
         spelt.add(("calibration", "scale_factor"))
     for kind, key in sorted(spelt):
         table = limits.get(kind)
-        named = whole_names(table) if isinstance(table, Mapping) else {}
+        named = spell_whole_names(table) if isinstance(table, Mapping) else {}
         if key in named:
             return bounds(key, named[key])
     return None, None

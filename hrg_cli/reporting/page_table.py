@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..limit_values import unit_of
+from ..limit_values import find_unit
 from .figure_names import name_figure
 from .figures_in_words import say_key, say_value
 from .quantities import choose_unit, format_quantity, format_rounded
@@ -158,9 +158,9 @@ def _tell(key: str, beside: Mapping[str, Any], within: str = "") -> str:
     if key.endswith("_rad2_s") and isinstance(value, int | float):
         return f"{format_number(value, 3)} rad²/s"
     std = beside.get(f"{key}_std")
-    name = within if within and not unit_of(key) else key
+    name = within if within and not find_unit(key) else key
     if isinstance(value, float) and isinstance(std, int | float) and not isinstance(std, bool):
-        return format_quantity(name, value, std, unit_of(name))
+        return format_quantity(name, value, std, find_unit(name))
     if isinstance(value, bool | np.bool_) or value is None:
         return format_cell(value)
     if key == "name" and isinstance(value, str) and " " not in value:
@@ -179,7 +179,7 @@ def _tell_mapping(key: str, value: Mapping[str, Any]) -> str:
     if "value" not in value:
         return "; ".join(f"{say_key(str(k))} {_tell(str(k), value)}" for k in list(value)[:8])
     units = value.get("units")
-    unit = clean_text(units) if units else unit_of(key)
+    unit = clean_text(units) if units else find_unit(key)
     if value["value"] == 0 and isinstance(value.get("high"), int | float):
         return f"below {format_rounded(key, float(value['high']), unit, 2)}"
     ends = value.get("low"), value.get("high")

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..fitting.tables.dwells import compute_covariance, find_least_count, lay_nodes
-from ..fourier import coefficients_at
+from ..fourier import interpolate_coefficients
 from ..records import Calibration
 from .calibration.dwell_curve import Dwells, fit_without_spikes, list_curve_figures, read_dwell_rows
 
@@ -232,7 +232,7 @@ def find_rate(record: Calibration, output: Array, temperature_degc: Array | floa
             f" {record.node_min:.6g} to {record.node_max:.6g} °C; calibrate over the wider range"
         )
     at = [
-        coefficients_at(degc.ravel(), record.node, np.asarray(t), record.interpolation)[
+        interpolate_coefficients(degc.ravel(), record.node, np.asarray(t), record.interpolation)[
             :, 0
         ].reshape(degc.shape)
         for t in (record.drift_rad_s, record.scale_factor)

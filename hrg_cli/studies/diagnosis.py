@@ -20,7 +20,7 @@ from pydantic import Field
 
 from ..effects import EFFECTS, find
 from ..errors import UsageError
-from ..executors import local_processes, run_tasks
+from ..executors import run_tasks, start_processes
 from ..stages.diagnose import diagnose, summarise
 from ..stages.diagnosis.thresholds import SIGNIFICANT
 from .hidden import Hiding, draw_programme, hide, list_effects_beside, make_waves
@@ -109,7 +109,7 @@ def diagnosis_study(
         ("hidden", name, draw, tuple(sizes), noise, seed) for draw in range(draws) for name in names
     ]
     tasks += [("clean", kind, draw, (), noise, seed) for draw in range(controls) for kind in KINDS]
-    found = run_tasks(_draw_of, tasks, lambda: local_processes(jobs))
+    found = run_tasks(_draw_of, tasks, lambda: start_processes(jobs))
     return assemble([row for rows in found if rows is not None for row in rows], list(sizes))
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..executors import local_processes, run_tasks
+from ..executors import run_tasks, start_processes
 from ..fitting.envelopes.coordinates import SPLITS
 from ..fitting.envelopes.inference import CLEAR
 from ..records import Resonator
@@ -92,7 +92,7 @@ def programmes_study(
     missing = [task for task in tasks if task not in done]
     for first in range(0, len(missing), AT_ONCE * jobs):
         some = missing[first : first + AT_ONCE * jobs]
-        for rows in run_tasks(_answers_of, some, lambda: local_processes(jobs)):
+        for rows in run_tasks(_answers_of, some, lambda: start_processes(jobs)):
             answers += rows or []
         keep(list(answers))
     wanted = [answer for answer in answers if (answer["programme"], answer["raw"]) in set(tasks)]

@@ -20,7 +20,7 @@ from pydantic import Field
 from ..effects import EFFECTS, find
 from ..effects.effect import RUN, Effect
 from ..errors import HrgError, UsageError
-from ..executors import local_processes, run_tasks
+from ..executors import run_tasks, start_processes
 from ..records import Recording, Wave, collect
 from ..stages.demodulate import demodulate
 from ..stages.diagnose import diagnose, summarise
@@ -138,7 +138,7 @@ def recovery_study(
     at_once = 4 * jobs if jobs > 1 else 1
     for first in range(0, len(tasks), at_once):
         for made in run_tasks(
-            recover, tasks[first : first + at_once], lambda: local_processes(jobs)
+            recover, tasks[first : first + at_once], lambda: start_processes(jobs)
         ):
             rows += made or []
         keep(list(rows))
@@ -189,7 +189,7 @@ def recover(
     """
     recordings, waves, background, name, draw, sizes, periods_per_window, scale_factor, seed = task
     effect, random = find(name), np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
-    rows = []
+    rows: list[Row] = []
     try:
         fit = fit_background(waves, scale_factor, background)
         values_at = choose_values(effect, fit, recordings, waves, random)

@@ -45,7 +45,7 @@ def test_slow_residuals_are_not_white():
 
 @pytest.mark.parametrize("dof", [5, 60, 2000])
 def test_the_largest_chi_square_is_its_quantile_and_what_the_noise_is_known_to(dof):
-    limit = checks.largest_chi2_per_dof(dof) - checks.NOISE_KNOWN
+    limit = checks.compute_largest_chi2_per_dof(dof) - checks.NOISE_KNOWN
     assert chi2_law.sf(limit * dof, dof) == pytest.approx(checks.CHANCE, rel=1e-6)
     assert checks.check_goodness(limit * dof, dof).passed
     assert not checks.check_goodness(1.01 * (limit + checks.NOISE_KNOWN) * dof, dof).passed

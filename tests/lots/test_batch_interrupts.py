@@ -16,7 +16,7 @@ from lot_recordings import run_down, split_of
 
 from hrg_cli import store
 from hrg_cli.errors import DiskFullError, HrgError
-from hrg_cli.executors import local_processes, run_tasks
+from hrg_cli.executors import run_tasks, start_processes
 from hrg_cli.lots.batch import choose_executor, run_lot
 from hrg_cli.records import Resonator
 
@@ -115,7 +115,7 @@ def test_an_interrupted_lot_says_how_far_it_came_and_goes_on(jobs, lot, tmp_path
 
 def test_what_runs_does_not_run_to_its_end_after_an_interrupt():
     """A task of minutes held an interrupted lot for its whole length."""
-    with pytest.raises(KeyboardInterrupt), local_processes(2) as pool:
+    with pytest.raises(KeyboardInterrupt), start_processes(2) as pool:
         task = pool.submit(time.sleep, 10 * SOON_S)
         while not task.running():
             time.sleep(0.01)

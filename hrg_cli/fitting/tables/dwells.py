@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fourier import node_weights
+from ...fourier import compute_node_weights
 from ..least_squares import fit_columns, invert_scaled
 
 Array = np.ndarray
@@ -204,7 +204,7 @@ def build_dwell_design(
     >>> build_dwell_design(np.array([2.0]), np.array([5.0]), nodes, "linear", True, [3]).tolist()
     [[0.5, 0.5, 1.0, 1.0, 8.0]]
     """
-    weights = node_weights(degc, nodes, interpolation)
+    weights = compute_node_weights(degc, nodes, interpolation)
     if not turning:
         return weights
     return np.concatenate(

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
-from ...fourier import harmonic_basis
+from ...fourier import build_harmonic_basis
 from ...records import Wave
 from ..samples.course import build_course
 from ..samples.rate_log import describe_left_out, find_covered, restrict_to_log
@@ -115,7 +115,7 @@ class AnglePath:
         """∫w·(1, cos 2mθ, …) dt / Δt of the increments (n, 1 + 2K)."""
         travel = np.diff(self.angle_rad)
         within = travel * np.minimum(self.average_neighbours(self.blur_s) / self.interval_s, 1.0)
-        return harmonic_basis(
+        return build_harmonic_basis(
             self.average_neighbours(self.angle_rad), harmonics, self.mode_number, travel, within
         )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fourier import monotone_weights, node_weights
+from ...fourier import compute_monotone_weights, compute_node_weights
 from .increments import AnglePath
 from .table_layout import TableLayout
 
@@ -57,7 +57,7 @@ def build_design(run: AnglePath, layout: TableLayout, previous: Array | None, ro
     x = layout.find_abscissa(path)
     basis = path.build_angle_basis(max(layout.drift_harmonics, layout.scale_harmonics))
     columns = np.empty((len(path), layout.size))
-    weights = node_weights(
+    weights = compute_node_weights(
         x, layout.nodes, "linear" if layout.interpolation in ("linear", "monotone") else "cubic"
     )
     table = columns[:, : layout.table_size].reshape(len(path), len(layout.nodes), layout.node_size)
@@ -73,7 +73,9 @@ def build_design(run: AnglePath, layout: TableLayout, previous: Array | None, ro
     ):
         for h in range(width):
             psi = (
-                weights if tables is None else monotone_weights(x, layout.nodes, tables[kind][:, h])
+                weights
+                if tables is None
+                else compute_monotone_weights(x, layout.nodes, tables[kind][:, h])
             )
             table[:, :, start + h] = psi * (time[kind] * basis[:, h])[:, None]
     for name, factor in layout.factors.items():

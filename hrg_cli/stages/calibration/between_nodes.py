@@ -21,7 +21,7 @@ from numpy.polynomial import chebyshev
 
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import TableSolution
-from ...fourier import harmonic_basis, node_weights
+from ...fourier import build_harmonic_basis, compute_node_weights
 
 Array = np.ndarray
 RATIOS = np.linspace(0.01, 1.0, 100)
@@ -144,7 +144,7 @@ def estimate_interpolation_doubt(
             layout.nodes,
             table[:, :size],
             solution.covariance[np.ix_(columns, columns)] * chi2,
-            harmonic_basis(angles, limit, layout.mode_number),
+            build_harmonic_basis(angles, limit, layout.mode_number),
         )
         out[name] = _judge_orders(nodes, kind) if by_orders else _judge_left_out(nodes, kind)
     return out
@@ -171,7 +171,10 @@ def _judge_left_out(nodes: _Nodes, kind: str) -> float:
     for j in range(1, count - 1):
         rest = np.arange(count) != j
         miss = np.zeros(count)
-        miss[j], miss[rest] = 1.0, -node_weights(nodes.places[[j]], nodes.places[rest], kind)[0]
+        miss[j], miss[rest] = (
+            1.0,
+            -compute_node_weights(nodes.places[[j]], nodes.places[rest], kind)[0],
+        )
         excess += nodes.compute_energy(miss)
     return shrink * float(np.sqrt(max(excess, 0.0) / (count - 2)))
 
@@ -184,7 +187,7 @@ def _judge_orders(nodes: _Nodes, kind: str) -> float:
     to_orders = np.linalg.inv(chebyshev.chebvander(at_nodes, count - 1))
     seen = [max(nodes.compute_energy(row), 0.0) for row in to_orders[1:]]
     sizes = [*seen, *_predict_orders(seen, nodes.values.shape[1])]
-    weights = node_weights(within, at_nodes, kind)
+    weights = compute_node_weights(within, at_nodes, kind)
     missed = [
         float(np.max((order(within) - weights @ order(at_nodes)) ** 2))
         for order in map(chebyshev.Chebyshev.basis, range(1, 1 + len(sizes)))

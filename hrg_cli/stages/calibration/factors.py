@@ -14,7 +14,7 @@ import numpy as np
 from ...fitting.least_squares import fit_columns
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.table_layout import Factor
-from ...fourier import node_weights
+from ...fourier import compute_node_weights
 from .late_log import LATE, compute_rate_slope, is_rate_moving
 
 Array = np.ndarray
@@ -122,7 +122,9 @@ def _find_node_weights(path: AnglePath, nodes: Array, axis: str, interpolation: 
     if len(nodes) == 1:
         return np.ones((len(path), 1))
     x = path.average_neighbours(path.find_abscissa(axis))
-    return node_weights(x, nodes, "linear" if interpolation in ("linear", "monotone") else "cubic")
+    return compute_node_weights(
+        x, nodes, "linear" if interpolation in ("linear", "monotone") else "cubic"
+    )
 
 
 def compute_phase_ratio(path: AnglePath) -> Array:

@@ -21,7 +21,7 @@ from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import number_pieces, solve
 from ...fitting.tables.table_design import build_design, split_stretches
 from ...fitting.tables.table_layout import Model
-from ...fourier import node_weights
+from ...fourier import compute_node_weights
 
 Array = np.ndarray
 CELLS_A_PERIOD = 16
@@ -143,7 +143,7 @@ def _cell_of_increments(fitted: Fitted, path: AnglePath, kind: Array) -> Array:
     nodes, period = fitted.layout.nodes, np.pi / path.mode_number
     share = np.mod(_steady_angle(path), period) / period
     angle = (share * CELLS_A_PERIOD).astype(int) % CELLS_A_PERIOD
-    node = np.argmax(node_weights(fitted.layout.find_abscissa(path), nodes), axis=1)
+    node = np.argmax(compute_node_weights(fitted.layout.find_abscissa(path), nodes), axis=1)
     return np.asarray((kind * len(nodes) + node) * CELLS_A_PERIOD + angle)
 
 

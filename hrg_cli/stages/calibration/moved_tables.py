@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...fourier import harmonic_basis, node_weights
+from ...fourier import build_harmonic_basis, compute_node_weights
 from ...records import Calibration
 from .record import compute_table_std
 
@@ -48,7 +48,7 @@ class TableState:
         """The state of a calibration's tables, looked at from x of their axis."""
         nodes = np.asarray(calibration.node, float)
         kind = "linear" if calibration.interpolation in ("linear", "monotone") else "cubic"
-        weights = node_weights(np.array([x]), nodes, kind)[0]
+        weights = compute_node_weights(np.array([x]), nodes, kind)[0]
         tables = np.concatenate(
             [calibration.drift_harmonics, calibration.scale_factor_harmonics], axis=1
         )
@@ -130,7 +130,7 @@ class TableState:
         std = np.sqrt(np.maximum(np.diag(covariance), 0)).reshape(count, width)
         angles, m = np.asarray(calibration.wave_angle_rad), calibration.mode_number
         of_drift, of_scale = (
-            harmonic_basis(angles, (size - 1) // 2, m) for size in (first, width - first)
+            build_harmonic_basis(angles, (size - 1) // 2, m) for size in (first, width - first)
         )
         details = json.loads(calibration.details)
         if self.held[3:].all():

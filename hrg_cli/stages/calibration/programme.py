@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import HrgError, name_some
 from ...fitting.tables.increments import AnglePath
-from ...fourier import node_weights
+from ...fourier import compute_node_weights
 
 Array = np.ndarray
 ANGLE_BINS = 36
@@ -206,7 +206,7 @@ def examine(paths: Sequence[AnglePath], nodes: Array, axis: str, harmonics: int)
         if len(nodes) > 1
         else np.zeros(len(rates))
     )
-    weights = node_weights(x, nodes)
+    weights = compute_node_weights(x, nodes)
     fastest = float(np.abs(rates).max(initial=0.0))
     for j, node in enumerate(nodes):
         at = f"at {node:.4g} {unit} " if len(nodes) > 1 else ""

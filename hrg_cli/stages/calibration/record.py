@@ -12,7 +12,7 @@ import numpy as np
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import TableSolution
 from ...fitting.tables.table_layout import TableLayout
-from ...fourier import harmonic_basis
+from ...fourier import build_harmonic_basis
 from ...records import Calibration, Wave
 
 Array = np.ndarray
@@ -84,7 +84,7 @@ def make_calibration_record(
         table[:, :size] for table, size in zip(layout.split_tables(solution.coefficients), sizes)
     )
     angles = np.arange(TABLE_ANGLES) * np.pi / layout.mode_number / TABLE_ANGLES
-    of_drift, of_scale = (harmonic_basis(angles, k, layout.mode_number) for k in limits)
+    of_drift, of_scale = (build_harmonic_basis(angles, k, layout.mode_number) for k in limits)
     count = len(layout.nodes)
     std = np.sqrt(np.maximum(np.diag(covariance), 0)).reshape(count, sum(sizes))
     rates = [float(extreme(p.rate_rad_s)) for p in fitted.paths for extreme in (np.min, np.max)]

@@ -18,7 +18,7 @@ from ...fitting.checks import Check, check_goodness
 from ...fitting.envelopes.resonator_spread import compute_slope_covariance
 from ...fitting.least_squares import invert_information
 from ...fitting.tables.table_layout import TableLayout
-from ...fourier import node_weights
+from ...fourier import compute_node_weights
 from ...records import Resonator
 from .programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ
 
@@ -149,7 +149,7 @@ class ResonatorCoefficients:
     def interpolate(self, x: Array) -> tuple[Array, Array]:
         """Coefficients interpolated to x (J·5,), and their covariance."""
         # linear in the measured coefficients, so the covariance follows by the same weights
-        weights = node_weights(np.asarray(x, float), self.place, self.interpolation)
+        weights = compute_node_weights(np.asarray(x, float), self.place, self.interpolation)
         spread = np.kron(weights, np.eye(5))
         whole = np.zeros((5 * len(self.place), 5 * len(self.place)))
         for k, block in enumerate(self.covariance):

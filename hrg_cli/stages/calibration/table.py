@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting.checks import Check, check_at_most
 from ...fitting.tables.increments import AnglePath
-from ...fourier import harmonic_basis, node_weights
+from ...fourier import build_harmonic_basis, compute_node_weights
 from ...records import Calibration
 from .between_nodes import make_bump
 from .factors import build_ellipticity, build_flattening, build_quadrature, compute_phase_ratio
@@ -208,11 +208,11 @@ def _rows_of_tables(
 ) -> tuple[Array, Array]:
     """Derivatives of D and of K (n, nodes · harmonics) by their own coefficients."""
     kind = "linear" if calibration.interpolation in ("linear", "monotone") else "cubic"
-    weights = node_weights(x, calibration.node, kind)
+    weights = compute_node_weights(x, calibration.node, kind)
 
     def rows(table: Array) -> Array:
         order = (table.shape[1] - 1) // 2
-        basis = harmonic_basis(wave_angle_rad, order, calibration.mode_number)
+        basis = build_harmonic_basis(wave_angle_rad, order, calibration.mode_number)
         return (weights[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
 
     return rows(calibration.drift_harmonics), rows(calibration.scale_factor_harmonics)
@@ -391,7 +391,7 @@ def interpolate_measured(calibration: Calibration, x: Array) -> MeasuredDrift | 
     if part is None:
         return None
     kind = "linear" if calibration.interpolation in ("linear", "monotone") else "cubic"
-    weights = node_weights(np.asarray(x, float), np.asarray(calibration.node, float), kind)
+    weights = compute_node_weights(np.asarray(x, float), np.asarray(calibration.node, float), kind)
     damping = weights @ np.asarray(calibration.drift_harmonics)[:, 1:3]
     if part["kind"] == "phase":
         return MeasuredDrift(

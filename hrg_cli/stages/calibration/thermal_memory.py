@@ -16,7 +16,7 @@ from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted, fit
 from ...fitting.tables.normal_pieces import solve
 from ...fitting.tables.table_layout import Model, TableLayout
-from ...fourier import coefficients_at
+from ...fourier import interpolate_coefficients
 from ...units import DEGREE_PER_HOUR
 from .column_spaces import solve_columns
 from .repeatability import LEAST_SWEEP_DEGC_S, compute_sweep
@@ -244,8 +244,8 @@ def _slope_over_temperature(
         at, basis = layout.find_abscissa(path), path.build_angle_basis(harmonics)
 
         def derivative(table: Array) -> Array:
-            up = coefficients_at(at + step, layout.nodes, table, kind)
-            down = coefficients_at(at - step, layout.nodes, table, kind)
+            up = interpolate_coefficients(at + step, layout.nodes, table, kind)
+            down = interpolate_coefficients(at - step, layout.nodes, table, kind)
             return np.asarray(((up - down) / (2 * step) * basis[:, : table.shape[1]]).sum(axis=1))
 
         return derivative(drift) - path.rate_rad_s * derivative(scale)

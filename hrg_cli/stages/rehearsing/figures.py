@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...fitting.envelopes.coordinates import SPLITS
-from ...fourier import coefficients_at
+from ...fourier import interpolate_coefficients
 from ...records import Calibration, Diagnosis, Record, Resonator
 from .twin import Twin
 from .twin_diagnosis import find_sign, list_base_values, list_causes, list_held_causes
@@ -117,7 +117,7 @@ def _compare_coefficients(record: Calibration, truth: Calibration) -> dict[str, 
     found = {}
     for kind in ("drift_harmonics", "scale_factor_harmonics"):
         values, std = np.asarray(getattr(record, kind)), np.asarray(getattr(record, f"{kind}_std"))
-        true = coefficients_at(
+        true = interpolate_coefficients(
             np.asarray(record.node, float),
             np.asarray(truth.node, float),
             np.asarray(getattr(truth, kind)),

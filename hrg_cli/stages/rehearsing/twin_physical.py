@@ -12,7 +12,7 @@ import numpy as np
 
 from ...effects.effect import Effect, Values
 from ...errors import HrgError
-from ...fourier import node_weights
+from ...fourier import compute_node_weights
 from ...physics.plant import SlowState
 from ...physics.resonator import J
 from ...records import Calibration, Resonator
@@ -60,7 +60,7 @@ def make_effect(truth: Calibration, frequency: tuple[Array, Array] | None = None
     def slow(_: Values, u: Array, state: SlowState) -> Array:
         x = state.temperature_degc if frequency is None else np.interp(state.time_s, *frequency)
         at = np.broadcast_to(np.asarray(x, float), u.shape[:-1])
-        k = (node_weights(at.ravel(), places, kind) @ values).reshape(*at.shape, len(NAMES))
+        k = (compute_node_weights(at.ravel(), places, kind) @ values).reshape(*at.shape, len(NAMES))
         damping_cos, damping_sin = k[..., 1], -k[..., 0]
         split_cos, split_sin = -k[..., 3] / 2, -k[..., 4] / 2
         along, across = -damping_cos + 1j * split_cos, -damping_sin + 1j * split_sin
