@@ -54,14 +54,8 @@ HELD = (
             *("plant", "readout", "resonator", "signals", "slow_engine", "slow_motion"),
         )
     ),
-    *(
-        f"store.{name}"
-        for name in (
-            *("atomic", "checksums", "covariance_checks", "handles", "headings", "heaps"),
-            *("layout", "reading", "report_checks", "validity", "writing"),
-        )
-    ),
-    *(f"records.{name}" for name in ("clock", "details", "doubts")),
+    *modules_of("store"),
+    *modules_of("records"),
     *modules_of("formats"),
     *modules_of("reporting"),
     *modules_of("studies"),
@@ -70,7 +64,9 @@ HELD = (
     *modules_of("stages.planning"),
     *modules_of("stages.calibration"),
     *(module for module in modules_of("stages", deep=False) if module != "stages.diagnose"),
+    "fitting.checks",
     "fitting.least_squares",
+    *(f"stages.identification.{name}" for name in ("splits", "window_band")),
     *(
         f"fitting.envelopes.{name}"
         for name in (

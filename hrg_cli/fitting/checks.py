@@ -118,6 +118,13 @@ def check_holds(name: str, condition: bool, sentence: str = "") -> Check:
     -------
     Check
         Passed or not.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.checks import check_holds
+    >>> check = check_holds("converged", False, "the fit did not settle")
+    >>> check.value, check.passed, check.sentence
+    (0.0, False, 'the fit did not settle')
     """
     return Check(name, float(bool(condition)), 1.0, bool(condition), sentence)
 
@@ -160,6 +167,14 @@ def compute_largest_chi2_per_dof(dof: int) -> float:
     -------
     float
         The quantile of χ² over `dof`, and `NOISE_KNOWN` beside it: the noise is known to that part.
+
+    Examples
+    --------
+    The more rows, the nearer to 1:
+
+    >>> from hrg_cli.fitting.checks import compute_largest_chi2_per_dof
+    >>> compute_largest_chi2_per_dof(10) > compute_largest_chi2_per_dof(1000) > 1
+    True
     """
     from scipy.special import chdtri
 
@@ -184,6 +199,12 @@ def check_goodness(chi2: float, dof: int, sentence: str = "", name: str = "chi2_
     -------
     Check
         Passed or not.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.checks import check_goodness
+    >>> check_goodness(1010.0, 1000).passed, check_goodness(2000.0, 1000).passed
+    (True, False)
     """
     return check_at_most(
         name, chi2 / max(dof, 1), compute_largest_chi2_per_dof(max(dof, 1)), sentence
@@ -267,10 +288,11 @@ def check_whiteness(
 
 
 def slow_part(residuals: Sequence[Array]) -> float:
-    """Power of the residuals' slow part over that of white noise of their own level: what colour does to
-    a variance.
+    """Power of the residuals' slow part over that of white noise of their own level: what colour
+    does to a variance.
 
-    Of sums over blocks of 2, 4, 8 … rows, the largest power that at least `SLOW_BLOCKS` blocks show.
+    Of sums over blocks of 2, 4, 8 … rows, the largest power that at least `SLOW_BLOCKS` blocks
+    show.
 
     Parameters
     ----------
@@ -281,6 +303,16 @@ def slow_part(residuals: Sequence[Array]) -> float:
     -------
     float
         At least 1.
+
+    Examples
+    --------
+    Noise held for four rows moves what is slow by four times its variance, at least:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.checks import slow_part
+    >>> held = np.repeat(np.random.default_rng(1).standard_normal(20_000), 4)
+    >>> slow_part([held]) > 3.9
+    True
     """
     level = (
         np.concatenate([np.asarray(r, float).ravel() for r in residuals])
@@ -320,6 +352,13 @@ def check_covariance(covariance: Array, sentence: str = "", name: str = "covaria
     -------
     Check
         Passed or not.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.checks import check_covariance
+    >>> [check_covariance(np.array([[1.0, c], [c, 1.0]])).passed for c in (0.5, 1.5)]
+    [True, False]
     """
     matrix = np.asarray(covariance, float)
     variance = np.diag(matrix)
@@ -355,6 +394,16 @@ def check_statistics(
     -------
     list of Check
         One or two.
+
+    Examples
+    --------
+    A slow course within the stated noise is seen by the second:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.checks import check_statistics
+    >>> slow = np.sin(np.linspace(0, 6.0, 2000))
+    >>> [check.passed for check in check_statistics(float(slow @ slow), 2000, [slow])]
+    [True, False]
     """
     checks = [check_goodness(chi2, dof, sentence)]
     if len(residuals):
@@ -378,6 +427,13 @@ def check_fit(covariance: Array, converged: bool, reason: str = "") -> list[Chec
     -------
     list of Check
         Two.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.checks import check_fit
+    >>> [check.passed for check in check_fit(np.eye(2), converged=False)]
+    [False, True]
     """
     return [
         check_holds(

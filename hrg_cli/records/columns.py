@@ -106,8 +106,41 @@ def column(
     packed: bool = True,
     valid: Valid = FINITE,
 ) -> Any:
-    """Declare a dataset; `units` is its canonical unit ("any" for the channel's own), `dims` the
-    names of its dimensions."""
+    """Declare a dataset of a record.
+
+    Parameters
+    ----------
+    units
+        Canonical unit; "any" for the channel's own.
+    meaning
+        For the handbook.
+    dims
+        Names of its dimensions.
+    group
+        Of the file; None: the record's own.
+    name
+        In the file; None: the field's.
+    dtype
+        In the file.
+    optional
+        Whether it may be missing.
+    packed
+        Whether it is compressed.
+    valid
+        Which values it may have.
+
+    Returns
+    -------
+    dataclasses.Field
+        With its declaration as metadata.
+
+    Examples
+    --------
+    >>> from hrg_cli.records.columns import column
+    >>> spec = column("rad s-1", "rate", optional=True).metadata["column"]
+    >>> spec.units, spec.dims, spec.optional
+    ('rad s-1', ('row',), True)
+    """
     spec = Column(units, meaning, dims, group, name, dtype, optional, packed, valid)
     return (
         field(default=None, metadata={"column": spec})
@@ -125,7 +158,35 @@ def attribute(
     name: str | None = None,
     valid: Valid = FINITE,
 ) -> Any:
-    """Declare an attribute of the record's group; with `default` it may be missing from a file."""
+    """Declare an attribute of a record's group.
+
+    Parameters
+    ----------
+    meaning
+        For the handbook.
+    default
+        Where a file lacks it; none: it must be there.
+    dtype
+        In the file.
+    group
+        Of the file; None: the record's own.
+    name
+        In the file; None: the field's.
+    valid
+        Which values it may have.
+
+    Returns
+    -------
+    dataclasses.Field
+        With its declaration as metadata.
+
+    Examples
+    --------
+    >>> from hrg_cli.records.columns import attribute
+    >>> spec = attribute("the gyro", default="").metadata["column"]
+    >>> spec.dims, spec.optional
+    (None, True)
+    """
     optional = default is not dataclasses.MISSING
     return field(
         default=default,

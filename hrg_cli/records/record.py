@@ -252,6 +252,23 @@ def collect(stream: R | Iterable[R]) -> R:
 
 
 def open_single(stream: Iterator[R]) -> R | Iterator[R]:
-    """The record of a stream of a single block; else the stream, whole."""
+    """The record of a stream of a single block; else the stream, whole.
+
+    Parameters
+    ----------
+    stream
+        Of blocks.
+
+    Returns
+    -------
+    Record or iterator of Record
+        A stream of none stays an empty one.
+
+    Examples
+    --------
+    >>> from hrg_cli.records.record import open_single
+    >>> open_single(iter(["whole"])), list(open_single(iter(["first", "second", "last"])))
+    ('whole', ['first', 'second', 'last'])
+    """
     head = list(itertools.islice(stream, 2))
     return head[0] if len(head) == 1 else itertools.chain(head, stream)

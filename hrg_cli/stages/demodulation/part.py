@@ -13,7 +13,35 @@ from ...records import Recording
 
 
 def check_recording(recording: Recording) -> str:
-    """The run's name for messages, after the checks that need no sample."""
+    """The run's name for messages, after the checks that need no sample.
+
+    Parameters
+    ----------
+    recording
+        Of both channels.
+
+    Returns
+    -------
+    str
+        "run NAME", or "the recording".
+
+    Raises
+    ------
+    HrgError
+        Lengths that differ, no sampling rate, an unknown read-out, or a carrier whose frequency is
+        missing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.stages.demodulation.part import check_recording
+    >>> made = Recording(c=np.zeros(9), s=np.zeros(8), sample_rate_hz=1e4, mode="free", run_id="a")
+    >>> check_recording(made)
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: run a: channel C has 9 samples and S 8; equal lengths were expected
+    """
     name = f"run {recording.run_id}" if recording.run_id else "the recording"
     c, s = len(recording.c), len(recording.s)
     if c != s:
@@ -41,7 +69,37 @@ def check_recording(recording: Recording) -> str:
 def cut_part(
     recording: Recording, name: str, from_s: float | None, to_s: float | None
 ) -> tuple[Recording, list[str]]:
-    """The samples from_s ≤ t − t_first < to_s, and notes. HrgError: nothing lies between them."""
+    """The samples from_s ≤ t − t_first < to_s of a recording.
+
+    Parameters
+    ----------
+    recording
+        All of it.
+    name
+        For messages.
+    from_s, to_s
+        Where the part begins and ends [s]; None: with the recording.
+
+    Returns
+    -------
+    tuple
+        The part, and notes on what was taken.
+
+    Raises
+    ------
+    HrgError
+        Nothing lies between them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.stages.demodulation.part import cut_part
+    >>> made = Recording(c=np.arange(9.0), s=np.zeros(9), sample_rate_hz=2.0, mode="free")
+    >>> part, notes = cut_part(made, "run a", 1.0, 3.0)
+    >>> part.c[:].tolist(), notes
+    ([2.0, 3.0, 4.0, 5.0], ['samples 3 to 6 of 9 were taken: 1 s to 3 s of the recording'])
+    """
     if from_s is None and to_s is None:
         return recording, []
     n = len(recording.c)

@@ -85,8 +85,27 @@ def solve_block(
 
 
 def find_finite(rows: Array) -> Array:
-    """Rows (n,) whose values are all finite: their sum is, as a product, several times as fast as a
-    look at each value."""
+    """Rows whose values are all finite.
+
+    Their sum is: as a product, several times as fast as a look at each value.
+
+    Parameters
+    ----------
+    rows
+        (n, k).
+
+    Returns
+    -------
+    ndarray
+        (n,) bool.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.estimation.solution import find_finite
+    >>> find_finite(np.array([[1.0, 2.0], [np.nan, 0.0], [np.inf, 1.0]])).tolist()
+    [True, False, False]
+    """
     return np.asarray(np.isfinite(rows @ np.ones(rows.shape[1])))
 
 

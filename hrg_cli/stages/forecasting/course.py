@@ -106,7 +106,24 @@ def _no_angle(within_s: float, poorly: bool) -> HrgError:
 
 
 def list_times(duration_s: float) -> Array:
-    """1, 2, 5, 10 … s up to the duration, and the duration."""
+    """Times of a forecast's table: 1, 2, 5, 10 … s up to the duration, and the duration.
+
+    Parameters
+    ----------
+    duration_s
+        [s]
+
+    Returns
+    -------
+    ndarray
+        (t,), rising; from a thousandth of a duration of 10 s or less.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.forecasting.course import list_times
+    >>> list_times(60.0).tolist()
+    [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 60.0]
+    """
     decades = range(-6, 7)
     steps = [m * 10.0**k for k in decades for m in (1, 2, 5)]
     first = 1.0 if duration_s > 10 else duration_s / 1000
@@ -173,7 +190,28 @@ def _rates_of_motion(gyros: Mechanics, run: Conditions) -> tuple[bool, float]:
 
 
 def say_short(table: dict[str, Array], duration: float, drive: str) -> str:
-    """Why the table ends before the duration."""
+    """Why a forecast's table ends before the duration.
+
+    Parameters
+    ----------
+    table
+        Its columns.
+    duration
+        That was asked for [s].
+    drive
+        "free", or how the wave is driven.
+
+    Returns
+    -------
+    str
+        For a person.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.forecasting.course import say_short
+    >>> say_short({"time_s": [1.0, 20.0]}, 60.0, "force")
+    'the forecast ends after 20 s of 60 s: the wave is nearly a circle then'
+    """
     why = (
         "the run-down has faded to a hundredth or its wave is nearly a circle"
         if drive == "free"

@@ -34,8 +34,32 @@ it."""
 def close_verdict(
     verdict: Verdict, impossible: Iterable[Check] = (), doubtful: Iterable[Check] = ()
 ) -> Verdict:
-    """The verdict with these checks: a failure of the first refuses it, of the second makes it
-    suspect."""
+    """A verdict with its closing checks.
+
+    Parameters
+    ----------
+    verdict
+        That is filled.
+    impossible
+        Checks of which a failure refuses it.
+    doubtful
+        Checks of which a failure makes it suspect.
+
+    Returns
+    -------
+    Verdict
+        The same.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.fitting.checks import check_holds
+    >>> from hrg_cli.stages.identification.closing import close_verdict
+    >>> verdict = Told(checks=[], refused=[], suspect=[])
+    >>> _ = close_verdict(verdict, doubtful=[check_holds("white", False, "the residual is slow")])
+    >>> verdict.refused, verdict.suspect
+    ([], ['the residual is slow'])
+    """
     impossible, doubtful = list(impossible), list(doubtful)
     verdict.checks += [*impossible, *doubtful]
     verdict.refused += list_failures(impossible)
@@ -44,7 +68,29 @@ def close_verdict(
 
 
 def check_bounds(verdict: Verdict) -> tuple[list[Check], list[Check]]:
-    """Bounds no passive resonator leaves by more than its errors: (refusing, doubting)."""
+    """Bounds that no passive resonator leaves by more than its errors.
+
+    Parameters
+    ----------
+    verdict
+        With values and standard deviations by name.
+
+    Returns
+    -------
+    tuple of list
+        Checks that refuse the fit where they fail, and those that put it in doubt.
+
+    Examples
+    --------
+    A wave that grows is no run-down:
+
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.identification.closing import check_bounds
+    >>> given = Told(values={"damping_rate_1_s": -0.1}, std={"damping_rate_1_s": 0.01})
+    >>> refusing, doubting = check_bounds(given)
+    >>> [(check.name, check.passed) for check in refusing]
+    [('damping_is_positive', False)]
+    """
     value, std = verdict.values, verdict.std
     refusing: list[Check] = []
     doubting: list[Check] = []

@@ -24,8 +24,30 @@ anyway."""
 
 
 def thin_run(run: EnvelopeRun) -> EnvelopeRun:
-    """At most 2000 rows by averages about the run's own mean frequency; a split turns little in
-    one."""
+    """A run averaged to at most 2000 rows about its own mean frequency; a split turns little in
+    one.
+
+    Parameters
+    ----------
+    run
+        All its windows.
+
+    Returns
+    -------
+    EnvelopeRun
+        The same where it has fewer.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.stages.identification.modes import thin_run
+    >>> t = 0.01 * np.arange(10_000)
+    >>> u = np.exp(2j * t)[:, None] * [1.0, 0.5]
+    >>> thin = thin_run(EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.01))
+    >>> len(thin) <= 2000, bool(np.allclose(np.abs(thin.envelope), [1.0, 0.5]))
+    (True, True)
+    """
     turn = np.sum(run.envelope[1:] * np.conj(run.envelope[:-1]))
     offset = float(np.angle(turn)) / float(np.median(np.diff(run.time_s)))
     none = np.zeros(1)
@@ -64,7 +86,28 @@ def identify_one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
 
 
 def has_dead_channel(run: EnvelopeRun) -> bool:
-    """Whether one of the two channels holds no more than noise, and the other a signal."""
+    """Whether one of two channels holds no more than noise, and the other a signal.
+
+    Parameters
+    ----------
+    run
+        Its windows.
+
+    Returns
+    -------
+    bool
+        False where both are noise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.stages.identification.modes import has_dead_channel
+    >>> t = np.arange(100.0)
+    >>> u = np.ones((100, 2)) * [1.0, 0.0]
+    >>> has_dead_channel(EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 1.0))
+    True
+    """
     power = np.sum(np.abs(run.envelope / run.std[:, None]) ** 2, axis=0)
     noise = 2 * len(run) * (1 + 6 / np.sqrt(len(run)))
     return bool(power.max() > noise and power.min() < max(DEAD * power.max(), noise))
