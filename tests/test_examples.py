@@ -65,6 +65,7 @@ HELD = (
     *modules_of("stages.calibration"),
     *(module for module in modules_of("stages", deep=False) if module != "stages.diagnose"),
     "fitting.checks",
+    "lots.pooling",
     "fitting.least_squares",
     *(f"stages.identification.{name}" for name in ("splits", "window_band")),
     *(

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from .groups import Group, Origin, count_tests, list_groups
-from .pooling import Pooled, compute_improbability, pool
+from .pooling import Pooled, compute_improbability, pool_estimates
 
 Array = np.ndarray
 WORTH = 10.0
@@ -164,7 +164,7 @@ def find_common_causes(
 
 def _pooled(estimates: Estimates, group: Group) -> Pooled:
     rows = list(group.members)
-    return pool(estimates.value[rows], estimates.std[rows])
+    return pool_estimates(estimates.value[rows], estimates.std[rows])
 
 
 def _surest(

@@ -10,8 +10,29 @@ from ..origins import find_samples, find_shared
 
 
 def fail_copies(recordings: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The results of a lot's recordings; of two gyros' that go back to the same samples both failed,
-    since nothing tells whose they are."""
+    """The results of a lot's recordings; of two gyros' that hold the same samples, both failed.
+
+    Nothing tells whose they are.
+
+    Parameters
+    ----------
+    recordings
+        Results, each with its gyro and wave.
+
+    Returns
+    -------
+    list of dict
+        In their order.
+
+    Examples
+    --------
+    What failed already has no samples to compare:
+
+    >>> from hrg_cli.lots.copies import fail_copies
+    >>> failed = {"status": "failed", "gyro_id": "SN-1", "error": "it is clipped"}
+    >>> fail_copies([failed]) == [failed]
+    True
+    """
     samples = [
         () if one["status"] == "failed" else find_samples(Path(one["wave"])) for one in recordings
     ]

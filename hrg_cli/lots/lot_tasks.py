@@ -55,7 +55,7 @@ def list_tasks(
     told: dict[Path, Told] = {}
     by: dict[str, str] = {}
     used: set[tuple[str, str]] = set()
-    epoch = read_epoch(lot)
+    epoch = _read_epoch(lot)
     second = find_partners(
         [file for _, file in recordings],
         lambda file: lot.merge_given("import", file.name).get("s_file"),
@@ -146,7 +146,7 @@ def _origins(lot: LotSettings, told: Mapping[Path, Told]) -> dict[str, Origin]:
     }
 
 
-def read_epoch(lot: LotSettings) -> int | None:
+def _read_epoch(lot: LotSettings) -> int | None:
     """The time that all files of the lot bear, s since 1970, where the lot or SOURCE_DATE_EPOCH
     orders one; None: the true one."""
     if lot.created:
@@ -156,8 +156,24 @@ def read_epoch(lot: LotSettings) -> int | None:
 
 
 def make_safe_name(text: str) -> str:
-    """A file name that stays in its folder whatever the text; texts that had to be changed stay
-    distinct."""
+    """A file name that stays in its folder whatever a text says.
+
+    Parameters
+    ----------
+    text
+        A gyro's name, which a file may have brought.
+
+    Returns
+    -------
+    str
+        Texts that had to be changed stay distinct.
+
+    Examples
+    --------
+    >>> from hrg_cli.lots.lot_tasks import make_safe_name
+    >>> make_safe_name("SN-1"), make_safe_name("../etc")[:4], "/" in make_safe_name("../etc")
+    ('SN-1', '_etc', False)
+    """
     plain = re.sub(r"[^A-Za-z0-9_+.-]", "_", text).lstrip(".")[:60]
     return (
         plain

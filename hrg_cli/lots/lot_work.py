@@ -81,10 +81,10 @@ Task = RecordingTask | GyroTask
 
 def work(task: Task) -> dict[str, Any]:
     """What came of a task of either kind."""
-    return work_gyro(task) if isinstance(task, GyroTask) else work_recording(task)
+    return _work_gyro(task) if isinstance(task, GyroTask) else _work_recording(task)
 
 
-def write_history_line(task: Task, stage: str, inputs: Sequence[Path], output: Path) -> str:
+def _write_history_line(task: Task, stage: str, inputs: Sequence[Path], output: Path) -> str:
     """The line of `history`: the step as a command of its own, and the command that ran it."""
     return (
         f"hrg {stage} {shlex.join(p.name for p in inputs)} -o {shlex.quote(output.name)} (in:"
@@ -92,7 +92,7 @@ def write_history_line(task: Task, stage: str, inputs: Sequence[Path], output: P
     )
 
 
-def work_recording(task: RecordingTask) -> dict[str, Any]:
+def _work_recording(task: RecordingTask) -> dict[str, Any]:
     """Import (a foreign log), demodulate, estimate: {gyro_id, name, wave, mode, status, reasons,
     error}."""
     folder = Path(task.folder)
@@ -113,7 +113,7 @@ def work_recording(task: RecordingTask) -> dict[str, Any]:
                 "lot_id": task.lot_id,
             }
         work = chain.Work(
-            folder, settings, same_if=[task.epoch], command_line=partial(write_history_line, task)
+            folder, settings, same_if=[task.epoch], command_line=partial(_write_history_line, task)
         )
         logs = _logs(task) if task.foreign else []
         steps = list(
@@ -133,7 +133,7 @@ def work_recording(task: RecordingTask) -> dict[str, Any]:
     return result
 
 
-def work_gyro(task: GyroTask) -> dict[str, Any]:
+def _work_gyro(task: GyroTask) -> dict[str, Any]:
     """Identify, calibrate, diagnose and hold against the limits: {gyro_id, status, results: {stage:
     `TABLED` of its JSON}, checks, answer, error}."""
     results: dict[str, Any] = {}
@@ -146,7 +146,7 @@ def work_gyro(task: GyroTask) -> dict[str, Any]:
             task.settings,
             task.limits,
             [task.epoch],
-            command_line=partial(write_history_line, task),
+            command_line=partial(_write_history_line, task),
         )
         for step in chain.waves_to_results(
             work, [Path(p) for p in task.free], [Path(p) for p in task.forced], task.stages

@@ -15,7 +15,7 @@ import numpy as np
 
 from .common_causes import MOST, WORTH
 from .groups import Group, Origin, count_tests, list_groups
-from .pooling import Pooled, compute_equivalent_z, compute_improbability, pool
+from .pooling import Pooled, compute_equivalent_z, compute_improbability, pool_estimates
 
 Array = np.ndarray
 Measured = Mapping[str, tuple[float, float]]
@@ -51,7 +51,7 @@ class Population:
     gyros: int
 
 
-def stack_gyros(gyros: Sequence[Measured]) -> tuple[list[str], Array, Array]:
+def _stack_gyros(gyros: Sequence[Measured]) -> tuple[list[str], Array, Array]:
     """Names (M), values and σ (n, M); a parameter without σ counts as exact beside the spread."""
     names = list(dict.fromkeys(name for one in gyros for name in one))
     pairs = np.array(
@@ -66,10 +66,10 @@ def stack_gyros(gyros: Sequence[Measured]) -> tuple[list[str], Array, Array]:
 
 def estimate_populations(gyros: Sequence[Measured]) -> list[Population]:
     """Every parameter's."""
-    names, value, std = stack_gyros(gyros)
+    names, value, std = _stack_gyros(gyros)
     if not names:
         return []
-    whole = pool(value, std, 0.0)
+    whole = pool_estimates(value, std, 0.0)
     known = np.where(np.isfinite(value), std, np.nan)
     return [
         Population(
@@ -91,7 +91,7 @@ def find_shifts(
 ) -> tuple[tuple[Shift, ...], int]:
     """What stands off in which group, surest first, and how many pairs were looked at; `rate`:
     chance that a lot of one population is given anything."""
-    names, value, std = stack_gyros(gyros)
+    names, value, std = _stack_gyros(gyros)
     groups = [g for g in list_groups(origins) if g.depth and len(g.members) < len(gyros)]
     if not names or not groups:
         return (), 0
@@ -139,8 +139,8 @@ def _compare_with_others(
 ) -> tuple[Array, Array, Array, Pooled]:
     """Difference, its σ, signed equivalent |z| (M,), and the group's own values."""
     inside, outside = (
-        pool(value[list(group.members)], std[list(group.members)]),
-        pool(value[list(others)], std[list(others)]),
+        pool_estimates(value[list(group.members)], std[list(group.members)]),
+        pool_estimates(value[list(others)], std[list(others)]),
     )
     with np.errstate(all="ignore"):
         difference = inside.value - outside.value

@@ -10,7 +10,7 @@ from hrg_cli.lots.pooling import (
     compute_far_limit,
     compute_improbability,
     find_outliers,
-    pool,
+    pool_estimates,
 )
 
 LOTS = 4000
@@ -25,7 +25,7 @@ def drawn(rng, gyros, spread, mean=0.0):
 @pytest.mark.parametrize("gyros", [8, 40])
 def test_value_and_spread_are_those_of_the_population(gyros, spread):
     x, std = drawn(np.random.default_rng(gyros), gyros, spread, mean=1.5)
-    found = pool(x, std, 0.0)
+    found = pool_estimates(x, std, 0.0)
     assert abs(np.mean(found.value) - 1.5) < 5 * np.std(found.value) / np.sqrt(LOTS)
     # σ of the value covers its scatter, by no more than the truncation of τ² costs
     assert 0.9 < np.mean(found.std) / np.std(found.value) < 1.2
@@ -37,38 +37,38 @@ def test_value_and_spread_are_those_of_the_population(gyros, spread):
 def test_the_false_rate_is_the_stated_one(gyros, spread):
     """At p = 0.01 of 4000 lots: 40 ± 6.3 at most; a spread as large as σ costs a factor below 2."""
     x, std = drawn(np.random.default_rng(100 * gyros + int(10 * spread)), gyros, spread)
-    false = np.sum(compute_improbability(pool(x, std).z) < 0.01)
+    false = np.sum(compute_improbability(pool_estimates(x, std).z) < 0.01)
     assert false < 1.35 * 40 + 4 * 6.3
 
 
 def test_power_grows_with_the_gyros():
     """1.5 σ a gyro: of 20 gyros most lots are beyond |z| = 4, of 40 all."""
     rng = np.random.default_rng(5)
-    z = {n: np.abs(pool(*drawn(rng, n, 0.0, 1.5)).z) for n in (5, 20, 40)}
+    z = {n: np.abs(pool_estimates(*drawn(rng, n, 0.0, 1.5)).z) for n in (5, 20, 40)}
     assert np.mean(z[5] > 4) < 0.05 and np.mean(z[20] > 4) > 0.85 and np.mean(z[40] > 4) > 0.99
 
 
 def test_no_number_of_gyros_makes_it_surer_than_the_model_is():
     x, std = np.full((2000, 1), 0.02), np.ones((2000, 1))
-    assert pool(x, std).std[0] > 0.1 and pool(x, std, 0.0).std[0] < 0.025
+    assert pool_estimates(x, std).std[0] > 0.1 and pool_estimates(x, std, 0.0).std[0] < 0.025
 
 
 def test_one_gyro_alone_makes_no_common_value():
     rng = np.random.default_rng(7)
     x, std = 1.5 + rng.standard_normal((20, 1)), np.ones((20, 1))
     x[4] = 900.0
-    found = pool(x, std)
+    found = pool_estimates(x, std)
     assert list(np.flatnonzero(~found.used[:, 0])) == [4]
     assert abs(found.value[0] - 1.5) < 4 * found.std[0] and found.spread[0] < 1.5
     only = np.zeros((20, 1))
     only[4] = 900.0
-    assert abs(pool(only + 0.1 * rng.standard_normal((20, 1)), std).z[0]) < 3
+    assert abs(pool_estimates(only + 0.1 * rng.standard_normal((20, 1)), std).z[0]) < 3
 
 
 def test_unknown_estimates_are_left_out_and_few_say_nothing():
     x, std = np.ones((FEWEST, 2)), np.ones((FEWEST, 2))
     x[0, 1] = np.nan
-    found = pool(x, std)
+    found = pool_estimates(x, std)
     assert list(found.count) == [FEWEST, FEWEST - 1]
     assert np.isfinite(found.value[0]) and np.isnan(found.value[1])
     assert not find_outliers(x[:3], std[:3], np.isfinite(x[:3])).any()
@@ -77,7 +77,7 @@ def test_unknown_estimates_are_left_out_and_few_say_nothing():
 def test_the_scale_does_not_matter():
     rng = np.random.default_rng(1)
     x, std = rng.standard_normal((30, 5)) + 0.5, rng.uniform(0.5, 2, (30, 5))
-    one, other = pool(x, std), pool(1e-9 * x, 1e-9 * std)
+    one, other = pool_estimates(x, std), pool_estimates(1e-9 * x, 1e-9 * std)
     np.testing.assert_allclose(other.z, one.z, rtol=1e-9)
     np.testing.assert_allclose(other.spread, 1e-9 * one.spread, rtol=1e-6, atol=1e-18)
 
