@@ -14,22 +14,8 @@ import pytest
 import hrg_cli
 
 FURTHER = {
-    "hrg_cli.stages.rate_table": ["rate_table"],
-    "hrg_cli.stages.forecast": ["forecast"],
-    "hrg_cli.stages.mismatch": ["mismatch"],
-    "hrg_cli.stages.rate": ["rate"],
-    "hrg_cli.stages.update": ["update"],
-    "hrg_cli.stages.rehearse": ["rehearse"],
-    "hrg_cli.stages.inject": ["inject"],
-    "hrg_cli.stages.figures_of_merit": ["compute_allan_figures"],
-    "hrg_cli.exporting": ["export"],
     "hrg_cli.limits": ["check", "figures_of"],
-    "hrg_cli.store": [
-        *("read", "write", "open_record", "read_any"),
-        *("kind_of", "provenance_of", "changes"),
-    ],
     "hrg_cli.physics.ellipse": ["compute_envelopes", "find_wave"],
-    "hrg_cli.fitting.tables.allan": ["compute_allan_deviation"],
     "hrg_cli.limit_values": ["limit_value"],
     "hrg_cli.settings": ["parse_assignment"],
 }
