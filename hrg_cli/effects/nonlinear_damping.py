@@ -30,11 +30,9 @@ shares of the mean; closest about x = π, where |z|^p of a line has its cusp."""
 
 def mean(power: float) -> float:
     """N_p = 2⟨|cos|^p sin²⟩."""
-    return (
-        2
-        * math.gamma((power + 1) / 2)
-        / (math.sqrt(math.pi) * (power + 2) * math.gamma(power / 2 + 1))
-    )
+    # by logarithms: a fit may try a power whose factorials no float holds
+    ratio = math.exp(math.lgamma((power + 1) / 2) - math.lgamma(power / 2 + 1))
+    return 2 * ratio / (math.sqrt(math.pi) * (power + 2))
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:

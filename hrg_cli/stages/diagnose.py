@@ -226,6 +226,8 @@ def _diagnosed(asked: Asked) -> Diagnosis:
         return refuse(asked.waves, cut.untouched, asked.searched, suspicions, asked.resonator)
     if contradiction := find_strangers(cut.base):
         raise HrgError(contradiction)
+    # a gross misfit has no motion to average rows along; the causes that leave least of it have one
+    cut = cut.follow(near(cut.base).point)
     # Tones near the oscillation first: in the envelopes they look like a split that beats.
     case, pieces, tones = _explain_beside_tones(asked, cut, near)
     result = _judge(asked, cut, case, pieces, tones)
@@ -298,7 +300,7 @@ def _report_result(
         "checks": [check.to_json() for check in result.closing],
         "written_model": None if written is None else written.to_json(),
         "suspect_runs": [],
-        "stability": examine_stability(case, ahead, lambda: asked.fit(pieces, coarser=2)),
+        "stability": examine_stability(case, ahead, lambda: cut.fit(pieces, coarser=2)),
         "scores": tabulate_scores(case, result.sized),
         "not_separable": [*report["not_separable"], *mistakes],
         "remainder": describe_left_over(report["remainder"], case.form, result.failed),
@@ -321,13 +323,13 @@ def _explain_beside_tones(
 ) -> tuple[Case, list[Wave], list[Tone]]:
     """The causes, the pieces without the tones near the resonance, and these: each of them stands
     out beside the causes too."""
-    base, pieces, tones = take_out_tones(cut.base, cut.pieces, asked.fit, near)
+    base, pieces, tones = take_out_tones(cut.base, cut.pieces, cut.fit, near)
     while True:
         case = _explain_heard(asked, base)
         active = case.search.final.point.active
 
         def complete(waves: Sequence[Wave], active: Active = active) -> ExtendedFit:
-            fit = asked.fit(waves)
+            fit = cut.fit(waves)
             return extended_fit.fit(fit.series, replace(fit.point, active=active), fit.freedom)
 
         # What looked like a tone beside the bare model may have been a cause's own beat.
@@ -336,7 +338,7 @@ def _explain_beside_tones(
             return case, pieces, tones
         tones = standing
         pieces = remove_tones(cut.pieces, tones)
-        base = asked.fit(pieces) if any(tone.standing for tone in tones) else cut.base
+        base = cut.fit(pieces) if any(tone.standing for tone in tones) else cut.base
 
 
 def _explain_heard(asked: Asked, base: ExtendedFit) -> Case:

@@ -21,8 +21,10 @@ class MeasuredRuns:
     """Runs side by side (R, n), padded with weight 0: envelopes against one reference frequency and
     what the effects may look at.
 
-    Examples -------- A wave that turns at a rate which rises by 0.1 rad/s²; in the middle of a step
-    it stands where the table's angle, its integral, says:
+    Examples
+    --------
+    A wave that turns at a rate which rises by 0.1 rad/s²; in the middle of a step it stands where
+    the table's angle, its integral, says:
 
     >>> from dataclasses import MISSING, fields
     >>> import numpy as np
@@ -91,6 +93,9 @@ class MeasuredRuns:
     held_beat_rad_s: float | None = None
     """Beat with the oscillation of a board's steps from command to command; None where none is allowed
     for."""
+    averaged_along: Array | None = None
+    """Coordinates (7,) of the motion along which windows were averaged to rows; None: they were
+    not."""
     unsettled: Basis | None = None
     """What nobody knows of these runs, on the rows with weight: residuals and sensitivities are
     taken off it."""

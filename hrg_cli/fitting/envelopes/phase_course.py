@@ -9,11 +9,13 @@ temperature, a pendulum's with its amplitude squared), and refined by the fit.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from .envelope_runs import EnvelopeRun
+from .matrices import Matrix, apply
+from .propagator import make_propagator
 from .response import Batch
 
 Array = np.ndarray
@@ -73,6 +75,41 @@ def find_bends(runs: Sequence[EnvelopeRun], scale_factor: float) -> list[Course]
 
 
 def _bend(run: EnvelopeRun, scale_factor: float) -> Course:
+    t = run.time_s - run.time_s[0]
+    phase = follow_phase(run, make_propagator(np.array([0, 0, 0, 0, 0, scale_factor, 0]), 0.0))
+    return phase - Course.fit(t, phase(t), 1).convert()
+
+
+def follow_phase(run: EnvelopeRun, carry: Callable[[Array, Array], Matrix]) -> Course:
+    """How far a run's phase runs ahead of a motion, from one window to the next.
+
+    Parameters
+    ----------
+    run
+        Envelopes of it.
+    carry
+        carry(dt, dturn): the propagator of that motion over dt [s] and table turn [rad].
+
+    Returns
+    -------
+    Polynomial
+        Phase [rad] over the time from the run's first row [s], 0 there; 0 throughout where the run
+        is short or lost in noise.
+
+    Examples
+    --------
+    A frequency that rises by 0.1 rad/s², seen beside a motion of 2 rad/s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import EnvelopeRun
+    >>> from hrg_cli.fitting.envelopes.phase_course import follow_phase
+    >>> from hrg_cli.fitting.envelopes.propagator import make_propagator
+    >>> t = np.linspace(0.0, 40.0, 801)
+    >>> u = np.outer(np.exp(2j * t + 0.05j * t**2), [1.0, 0.0])
+    >>> run = EnvelopeRun("", t, u, 0 * t + 1e-4, 0 * t, None, 5e3, 2, 0.05)
+    >>> round(float(follow_phase(run, make_propagator(np.zeros(7), 2.0))(30.0)), 6)
+    45.0
+    """
     if len(run) < FEWEST_ROWS:
         return Course([0.0])
     clear = np.linalg.norm(run.envelope, axis=1) > CLEAR * run.std
@@ -82,20 +119,16 @@ def _bend(run: EnvelopeRun, scale_factor: float) -> Course:
     step = np.diff(t)
     # over a gap the phase may have turned by any number of turns
     near = (step < 1.5 * np.median(step)) & clear[1:] & clear[:-1]
-    turn = scale_factor * np.diff(run.turn_rad)[:, None]
-    later = run.envelope[1:]
-    back = np.cos(turn) * later + np.sin(turn) * later[:, ::-1] * [-1.0, 1.0]
-    product = np.sum(back * np.conj(run.envelope[:-1]), axis=1)
+    earlier, later = run.envelope[:-1], run.envelope[1:]
+    c, s = apply(carry(step, np.diff(run.turn_rad)), (earlier[:, 0], earlier[:, 1]))
+    product = later[:, 0] * np.conj(c) + later[:, 1] * np.conj(s)
     mean = np.angle(np.sum(product[near]))
-    rate = np.angle(product * np.exp(-1j * mean)) / step
+    rate = (mean + np.angle(product * np.exp(-1j * mean))) / step
     middle = (t[1:] + t[:-1]) / 2
     # a phase has the noise σ/|u|; the strongest row counts for ten usual ones at most
     weight = np.sqrt(np.abs(product)) / run.std[1:]
     weight = np.minimum(weight, 10 * np.median(weight[near]))
-    fitted = Course.fit(middle[near], rate[near], DEGREE, w=weight[near]).convert()
-    phase = fitted.integ()
-    line = Course.fit(t, phase(t), 1).convert()
-    return phase - line
+    return Course.fit(middle[near], rate[near], DEGREE, w=weight[near]).convert().integ()
 
 
 def straighten_phases(

@@ -3,7 +3,7 @@ base model."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +16,8 @@ from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.envelopes import channel_noise, envelope_runs, propagator
 from ....fitting.envelopes.coordinates import DAMPING, DAMPING_SPLIT, FREQUENCY_SPLIT, SCALE_FACTOR
 from ....fitting.envelopes.envelope_runs import EnvelopeRun
+from ....fitting.envelopes.matrices import Matrix
+from ....fitting.envelopes.phase_course import follow_phase, straighten_phases
 from ....fitting.samples.course import Impulse, average_over_windows, build_course, integrate_means
 from ....physics import ellipse
 from ....records import Wave
@@ -46,10 +48,12 @@ def prepare(
     blocks: int,
     coarser: int = 1,
     along: Point | None = None,
+    straight: bool = False,
 ) -> tuple[MeasuredRuns, Point, list[EnvelopeRun]]:
     """Runs side by side and where to start, the rows `coarser` times as long as they would be.
 
-    along: where a first fit stands, to average along its motion; without it along that of a guess.
+    along: where a first fit stands, to average along its motion; without it along that of a guess,
+    which is `straight` where phases do not count.
     HrgError: no run, mixed mode numbers, runs without enough good windows.
     """
     if not waves:
@@ -65,23 +69,44 @@ def prepare(
     own = np.array([r.reference_frequency_hz for r in runs])
     shift = 2 * np.pi * (own - _common_reference_hz(runs))
     p, offsets = (
-        guess(runs, free, waves, choose_held_scale_factor(waves, runs, scale_factor))
+        guess(runs, free, waves, choose_held_scale_factor(waves, runs, scale_factor), straight)
         if along is None
         else (along.p, along.offset_rad_s - shift)
     )
     rows = _count_rows(runs, p, blocks, coarser)
     # a drive that holds the amplitude leaves the wave no damping to be averaged along
     thin = [
-        envelope_runs.average_rows(
+        _average_rows(
             r,
             rows,
             propagator.make_propagator(p if w.mode != "forced" else _undamped(p), o),
-            beside=_drive_less_loss(r, w, float(p[DAMPING])),
+            _drive_less_loss(r, w, float(p[DAMPING])),
         )
         for r, o, w in zip(runs, offsets, waves, strict=True)
     ]
-    series = align_runs([bridge_gaps(r) for r in thin], waves)
+    series = replace(align_runs([bridge_gaps(r) for r in thin], waves), averaged_along=p)
     return series, Point(p, series.envelope[:, 0].copy(), offsets + shift), runs
+
+
+def _average_rows(
+    run: EnvelopeRun, rows: int, carry: Callable[[Array, Array], Matrix], beside: Array | None
+) -> EnvelopeRun:
+    """A run's rows averaged along a motion and along its own phase's course beside it: a frequency
+    that moves turns the windows of a row against each other, whatever cause will be found for it."""
+    if len(run) <= rows:
+        return run
+    course = follow_phase(run, carry)
+    (straight,) = straighten_phases([run], [course])
+    thin = envelope_runs.average_rows(straight, rows, carry, beside=beside)
+    # the row is a mean along that course as well, as every effect's turn is (`integrate_temperature`)
+    turn = _average_over_rows(lambda t: course(t - run.time_s[0]), thin.time_s, run.window_s)
+    return replace(thin, envelope=thin.envelope * np.exp(1j * turn)[:, None])
+
+
+def _average_over_rows(course: Callable[[Array], Array], t: Array, window_s: float) -> Array:
+    """The mean of a course over rows about times t (n,), of windows that hold means already."""
+    half = np.sqrt(np.maximum(np.gradient(t) ** 2 - window_s**2, 0.0)) / 2
+    return (course(t - half) + 4 * course(t) + course(t + half)) / 6
 
 
 def _count_rows(runs: Sequence[EnvelopeRun], p: Array, blocks: int, coarser: int) -> int:
@@ -94,15 +119,17 @@ def _count_rows(runs: Sequence[EnvelopeRun], p: Array, blocks: int, coarser: int
     return min(rows, max(len(run) for run in runs)) // coarser if coarser > 1 else rows
 
 
-def is_averaged_well(series: MeasuredRuns, averaged_along: Point, fitted: Point) -> bool:
-    """Whether rows that were averaged along one motion miss their middles by less than a tenth of
-    σ, all together, had they followed another.
+def is_averaged_well(series: MeasuredRuns, fitted: Point) -> bool:
+    """Whether rows miss their middles by less than a tenth of σ, all together, had they followed
+    another motion than that which they were averaged along.
 
     In the frame that L carries, what Δ more does changes as both turn it, ẅ = (Δ² + [Δ, L])w, and
     the mean of a row of length h misses its middle by h²ẅ/24: a split of which the average knew
     nothing is missed in proportion to itself where the wave turns.
     """
-    change = fitted.p - averaged_along.p
+    if series.averaged_along is None:
+        return True
+    change = fitted.p - series.averaged_along
     row = np.diff(series.time_s, axis=1)
     turn = np.abs(np.diff(series.table_angle_rad, axis=1))
     moved = np.linalg.norm(change[:SCALE_FACTOR]) * row + abs(change[SCALE_FACTOR]) * turn
@@ -291,10 +318,7 @@ def integrate_temperature(wave: Wave, t: Array, smooth: Array | None) -> Array:
         course = np.zeros(len(t)) if smooth is None else smooth
         return np.concatenate([[0.0], np.cumsum(np.diff(t) * (course[1:] + course[:-1]) / 2)])
     logged = integrate_means(*_finite(wave.time_s, wave.temperature_degc))
-    half = np.sqrt(np.maximum(np.gradient(t) ** 2 - wave.window_s**2, 0.0)) / 2
-    return (
-        logged.integrate_to(t - half) + 4 * logged.integrate_to(t) + logged.integrate_to(t + half)
-    ) / 6
+    return _average_over_rows(logged.integrate_to, t, wave.window_s)
 
 
 def _logged(wave: Wave, name: str, forced: Array) -> Impulse | None:

@@ -23,6 +23,7 @@ from ....fitting.envelopes.base_fit import start_from_propagator
 from ....fitting.envelopes.base_freedom import Known, make_freedom
 from ....fitting.envelopes.coordinates import COUNT, DAMPING, SCALE_FACTOR, SECOND_ORDER
 from ....fitting.envelopes.envelope_runs import EnvelopeRun
+from ....fitting.envelopes.phase_course import find_bends, straighten_phases
 from ....fitting.least_squares import solve
 from ....records import Wave
 
@@ -39,16 +40,18 @@ def guess(
     free: list[EnvelopeRun],
     waves: Sequence[Wave],
     scale_factor: float | None,
+    straight: bool = False,
 ) -> tuple[Array, Array]:
     """Coordinates (7,) and every run's frequency offset (R,): by the propagator on the free runs,
-    else roughly."""
+    else roughly; `straight`: without what moving frequencies bend their phases by."""
     known = Known(scale_factor=scale_factor)
     p, rough_offsets = propagator.guess_roughly(runs)
     if scale_factor is not None:
         p[SCALE_FACTOR] = scale_factor
     offsets = rough_offsets
     if free:
-        from_free, found, _, _ = start_from_propagator(free, known)
+        seen = _straighten(free, p[SCALE_FACTOR]) if straight else free
+        from_free, found, _, _ = start_from_propagator(seen, known)
         if np.all(np.isfinite(from_free)) and not _is_of_noise(from_free, free):
             p = from_free
             offsets = rough_offsets.copy()
@@ -72,6 +75,13 @@ def guess(
         )
     p[SECOND_ORDER] = 1.0
     return p, offsets
+
+
+def _straighten(runs: Sequence[EnvelopeRun], scale_factor: float) -> Sequence[EnvelopeRun]:
+    """The runs without what a moving frequency bends their phases by, where a fit could lose a turn
+    of it."""
+    bends = find_bends(runs, scale_factor)
+    return runs if bends is None else straighten_phases(runs, bends)
 
 
 def _mean_turn(wave: Wave) -> float:

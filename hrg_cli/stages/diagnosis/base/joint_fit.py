@@ -6,14 +6,17 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ....errors import HrgError, name_some
 from ....fitting import checks
 from ....fitting.causes import extended_fit
+from ....fitting.causes.coordinate_priors import CoordinatePriors
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import Point
+from ....fitting.causes.measured_runs import MeasuredRuns
 from ....records import Wave
 from ..drive.command_frame import FrameAnswers, are_all_driven, follow_frames
 from ..drive.command_log import (
@@ -30,7 +33,7 @@ from ..fits.refits import loosen
 from ..fits.scoring import is_gross
 from ..samples.lost_samples import PhaseStep
 from ..samples.waveform import find_phase_steps, split_at
-from ..thresholds import WORTH
+from ..thresholds import GROSS, WORTH
 from .base_priors import choose_freedom
 from .data import is_averaged_well, prepare
 from .rate_steps import fit_rate_steps
@@ -39,7 +42,8 @@ Array = np.ndarray
 AVERAGED_AGAIN = 2
 """Times that rows are averaged anew along the motion last fitted: the first may lack the splits."""
 
-
+LOST_RAD = 1.0
+"""Turn of a run's phase about the foretold one from which a fit of phases may have lost its way."""
 FRAMES_AGAIN = 3
 """Times that the commands are turned anew to the frame that the waves make likely."""
 
@@ -52,28 +56,37 @@ def fit_base(
     blocks: int,
     free_phase: bool,
     quick: bool = False,
+    along: Point | None = None,
 ) -> ExtendedFit:
     """The base model fitted to runs, averaged along the motion that it has itself; `quick`: of driven
-    runs the first fit alone, beside nothing that a log may have missed."""
+    runs the first fit alone, beside nothing that a log may have missed; `along`: the motion that the
+    runs are known to have beside their causes, to be averaged along instead."""
 
-    def along(motion: Point | None) -> tuple[ExtendedFit, Point]:
-        series, point, _ = prepare(pieces, scale_factor, blocks, coarser, motion)
-        series = replace(series, free_phase=free_phase)
-        freedom = choose_freedom(series, point, scale_factor)
-        fit = extended_fit.fit(series, point, freedom)
-        return fit if quick and has_log(series) else start_fit(fit), point
+    def prepared(
+        motion: Point | None, straight: bool = False
+    ) -> tuple[MeasuredRuns, Point, CoordinatePriors]:
+        series, point, _ = prepare(pieces, scale_factor, blocks, coarser, motion, straight)
+        return series, point, choose_freedom(series, point, scale_factor)
 
-    first, motion = along(None)
+    def fitted(motion: Point | None, free_phase: bool = free_phase) -> ExtendedFit:
+        series, point, freedom = prepared(motion, free_phase)
+        fit = extended_fit.fit(replace(series, free_phase=free_phase), point, freedom)
+        return fit if quick and has_log(fit.series) else start_fit(fit)
+
+    first = fitted(along)
     if quick and has_log(first.series):
         return first
-    for _ in range(AVERAGED_AGAIN):
-        if is_averaged_well(first.series, motion, first.point):
+    for _ in range(0 if along else AVERAGED_AGAIN):
+        if is_averaged_well(first.series, first.point):
             break
-        motion = first.point
-        again, _ = along(motion)
+        again = fitted(first.point)
         if is_gross(first) and again.chi2 / again.dof >= first.chi2 / first.dof:
             break  # no motion of the base model is theirs
         first = again
+    if not free_phase and is_gross(first) and _is_lost_in_phases(first):
+        by_shape = fitted(fitted(None, free_phase=True).point, free_phase=True)
+        if GROSS * by_shape.chi2 / by_shape.dof < first.chi2 / first.dof:
+            first = fit_phases(by_shape, *prepared(by_shape.point))
     # the log's time first: what else the log may have missed is allowed for beside it, and would
     # take part of a lateness up
     late = fit_lateness(first)
@@ -161,6 +174,26 @@ def _allow_answers(fit: ExtendedFit, of_frames: Array) -> ExtendedFit:
     return allow(fit, np.concatenate(answers, axis=1))
 
 
+def _is_lost_in_phases(fit: ExtendedFit) -> bool:
+    """Whether a run's phase turns away from what is foretold by more than a fit could follow."""
+    return bool(np.ptp(fit.prediction.compute_phase_error(), axis=1).max() > LOST_RAD)
+
+
+def fit_phases(
+    by_shape: ExtendedFit, series: MeasuredRuns, point: Point, freedom: CoordinatePriors
+) -> ExtendedFit:
+    """Runs whose phases the base model misses by far, at the motion that their shape and angle have:
+    the runs' frequencies are fitted, the motion stands, and it is settled as far as that is.
+
+    Among phases that a moving frequency has turned by radians a fit of all coordinates loses its way,
+    and no cause is found from where it ends."""
+    held = replace(freedom, mean=point.p, std=np.zeros(len(point.p)), loose=None)
+    at_mean = replace(point, offset_rad_s=series.turn_rad_s)
+    at_best = extended_fit.fit(series, at_mean, held)
+    there = extended_fit.fit(series, at_best.point, freedom, most=0)
+    return replace(there, converged=by_shape.converged)
+
+
 def start_fit(fit: ExtendedFit) -> ExtendedFit:
     """The base fit with what is weakly known free where that is no way to hide a gross misfit."""
     if not is_gross(fit) or fit.freedom.loose is None:
@@ -175,7 +208,8 @@ def start_fit(fit: ExtendedFit) -> ExtendedFit:
 @dataclass(frozen=True)
 class Cut:
     """Runs cut where samples seem lost: the steps, the pieces, which run each is of, the base fit;
-    beside them the fit of whole runs, and which run each of its own is."""
+    beside them the fit of whole runs, and which run each of its own is; and how the base model is
+    fitted to such pieces."""
 
     steps: list[PhaseStep]
     pieces: list[Wave]
@@ -183,6 +217,15 @@ class Cut:
     base: ExtendedFit
     untouched: ExtendedFit
     own: list[int]
+    fit: Callable[..., ExtendedFit]
+
+    def follow(self, motion: Point) -> Cut:
+        """The base fit again, of rows averaged along a motion that is better known than by the base
+        model alone; the same where its rows are as good."""
+        if is_averaged_well(self.base.series, motion):
+            return self
+        fit = partial(self.fit, along=motion)
+        return replace(self, fit=fit, base=fit_together(self.pieces, fit))
 
 
 def cut_at_losses(
@@ -203,9 +246,9 @@ def cut_at_losses(
         with contextlib.suppress(extended_fit.DivergedError):
             whole, runs = fitted(waves), list(range(len(waves)))
             if not _needs_cuts(base, whole) or is_gross(near(base)):
-                return Cut([], list(waves), runs, whole, whole, runs)
-            return Cut(steps, pieces, origin, base, whole, runs)
-    return Cut(steps, pieces, origin, base, base, origin)
+                return Cut([], list(waves), runs, whole, whole, runs, fitted)
+            return Cut(steps, pieces, origin, base, whole, runs, fitted)
+    return Cut(steps, pieces, origin, base, base, origin, fitted)
 
 
 def fit_together(pieces: Sequence[Wave], fitted: Callable[..., ExtendedFit]) -> ExtendedFit:

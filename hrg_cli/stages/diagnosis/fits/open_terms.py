@@ -152,14 +152,19 @@ def _of_runs(series: MeasuredRuns) -> Iterator[Covariate]:
     """What stands otherwise in every run: contrasts of the runs, since what all have in common is a
     constant. A frequency, a damping and a turn of its own are asked of every run elsewhere; in driven
     runs boards and loops do what differs with the rate."""
-    count = len(series.names)
-    if 2 <= count <= MOST_RUNS and not np.any(series.forced > 0):
+    if goes_by_run(series):
+        count = len(series.names)
         contrasts = np.zeros((count - 1, int(series.numbers.max()) + 1))
         contrasts[:, series.numbers] = null_space(np.ones((1, count))).T
         places = tuple(p.name for p in PLACES if p.name not in OF_EVERY_RUN)
         yield Covariate(
             "run", "run by run", _of_run(contrasts), count - 1, 0, None, places, contrasts
         )
+
+
+def goes_by_run(series: MeasuredRuns) -> bool:
+    """Whether what differs from run to run is asked of these runs."""
+    return 2 <= len(series.names) <= MOST_RUNS and not np.any(series.forced > 0)
 
 
 def _of_run(contrasts: Array) -> Function:

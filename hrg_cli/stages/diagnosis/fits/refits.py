@@ -26,8 +26,8 @@ SHORTLIST = 3
 QUICK_STEPS = 6
 """Steps of a first refit where many are compared."""
 HOPELESS = 10.0
-"""Times the χ² of a refit that another cause's score must promise to leave for it not to be tried:
-what cannot fit takes by far the longest to say so."""
+"""Times the χ² that a refit leaves, and its score promised to, which another cause's score must
+promise to leave for it not to be tried: what cannot fit takes by far the longest to say so."""
 
 
 def adopt(
@@ -92,14 +92,19 @@ def adopt_hopeful(
     fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]], most: int
 ) -> list[tuple[ExtendedFit, Score, Variant]]:
     """The fits with each of the candidates, those left out that promise far less than one before
-    them has reached, and those without a motion."""
+    them has promised and reached, and those without a motion.
+
+    Of a gross misfit a cause may leave much less than its score promises, and so may the next.
+    """
     out: list[tuple[ExtendedFit, Score, Variant]] = []
     least = np.inf
     for score, variant in ranked:
-        if fit.chi2 - score.gain > HOPELESS * least:
+        promised = fit.chi2 - score.gain
+        if promised > HOPELESS * least:
             continue
-        out += adopt_each(fit, [(score, variant)], most)
-        least = min(least, *(trial.chi2 for trial, _, _ in out[-1:]), np.inf)
+        made = adopt_each(fit, [(score, variant)], most)
+        least = min([least, *(max(trial.chi2, promised) for trial, _, _ in made)])
+        out += made
     return out
 
 
@@ -183,7 +188,7 @@ def _refitted(
         if place >= SHORTLIST and level > trials[0][0] + WORTH:
             break
         if not trial.converged:
-            trial = extended_fit.fit(trial.series, trial.point, trial.freedom, near=trial.flow.near)
+            trial = settle(trial)
             level = compute_bic(trial)
         effect, _ = trial.point.active[-1]
         if (
@@ -193,6 +198,13 @@ def _refitted(
         ):
             whole.append((level, trial, score, variant))
     return sorted(whole, key=lambda t: t[0])
+
+
+def settle(fit: ExtendedFit) -> ExtendedFit:
+    """A fit that was made in few steps, to its end."""
+    if fit.converged:
+        return fit
+    return extended_fit.fit(fit.series, fit.point, fit.freedom, near=fit.flow.near)
 
 
 def _may_stand(

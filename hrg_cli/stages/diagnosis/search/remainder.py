@@ -20,7 +20,15 @@ from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.causes.sensitivities import multiply_out
 from ....fitting.causes.wave_frame import find_directions, to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
-from ..fits.open_terms import PLACES, Covariate, OpenShape, Place, list_covariates, make_open_effect
+from ..fits.open_terms import (
+    PLACES,
+    Covariate,
+    OpenShape,
+    Place,
+    goes_by_run,
+    list_covariates,
+    make_open_effect,
+)
 from ..fits.refits import compute_bic, leave_out
 from ..thresholds import INADEQUATE, NEVER_LESS, SIGNIFICANT, WORTH
 from .inquiry import STATED, NoiseLevel
@@ -75,22 +83,25 @@ class Term:
         return evidence.find_bic_gain(self.score.gain / noise.slow, self.score.rank, rows)
 
 
-def score_terms(fit: ExtendedFit) -> list[Term]:
+def score_terms(fit: ExtendedFit, by_run: bool) -> list[Term]:
     """Every term with its score beside the fit, best first; what coincides with the model is left
-    out, what is equal but for rounding stays in the order of the places.
+    out, what is equal but for rounding stays in the order of the places. `by_run`: those with a
+    number of every run's own too.
     """
     rows = len(fit.residual)
     out = [
         term
-        for term in judge_terms(fit, list(_pairs(fit)), fit.residual, fit.basis)
+        for term in judge_terms(fit, list(_pairs(fit, by_run)), fit.residual, fit.basis)
         if term.score.visible
     ]
     return sorted(out, key=lambda t: -round(t.compute_bic_gain(rows), 3))
 
 
-def _pairs(fit: ExtendedFit) -> Iterator[tuple[Place, Covariate]]:
+def _pairs(fit: ExtendedFit, by_run: bool) -> Iterator[tuple[Place, Covariate]]:
     """All terms looked through."""
     for covariate in list_covariates(fit.series, fit.flow.prediction.motion, find_peaks(fit)):
+        if covariate.contrasts is not None and not by_run:
+            continue
         for place in PLACES:
             # a constant at a place of the motion is a coordinate of the base model itself
             if (covariate.formula != "1" or place.readout) and (
@@ -271,13 +282,31 @@ def search_rest(fit: ExtendedFit, noise: NoiseLevel) -> Remainder | None:
 
 
 def describe(fit: ExtendedFit, noise: NoiseLevel, most: int, significant: float) -> Remainder:
+    """The open terms that describe what a fit leaves.
+
+    Those with a number of every run's own are held against the others as a whole: so many numbers
+    take more of a large misfit than the one that, with the next, would leave nothing. Where one of
+    the others leaves nothing, they are not asked.
+    """
+    few = select_terms(fit, noise, most, significant, by_run=False)
+    level, p = judge_adequacy(few.fit)
+    described = len(few.terms) == 1 and (p > INADEQUATE or level < NEVER_LESS * noise.slow)
+    if described or not goes_by_run(fit.series):
+        return few
+    many = select_terms(fit, noise, most, significant, by_run=True)
+    return min(few, many, key=lambda one: compute_bic(one.fit))
+
+
+def select_terms(
+    fit: ExtendedFit, noise: NoiseLevel, most: int, significant: float, by_run: bool
+) -> Remainder:
     """Forward selection of open terms with refit, stopped by corrected p and BIC; then each against
     all others beside the rest."""
     rows = len(fit.residual)
     chosen: list[tuple[str, Term]] = []
     start, tried = fit.basis.shape[1], 0
     while len(chosen) < most:
-        ranked = score_terms(fit)
+        ranked = score_terms(fit, by_run)
         if not ranked:
             break
         # the spectrum's other cells were looked at too
@@ -294,7 +323,7 @@ def describe(fit: ExtendedFit, noise: NoiseLevel, most: int, significant: float)
             break
         fit = again
         chosen.append((name, best))
-    fit, chosen = exchange_terms(fit, chosen, noise)
+    fit, chosen = exchange_terms(fit, chosen, noise, by_run)
     return Remainder(
         tuple(fit_of_term(fit, name, term) for name, term in chosen),
         fit,
@@ -331,7 +360,7 @@ def fit_of_term(fit: ExtendedFit, name: str, term: Term) -> Term:
 
 
 def exchange_terms(
-    fit: ExtendedFit, chosen: list[tuple[str, Term]], noise: NoiseLevel
+    fit: ExtendedFit, chosen: list[tuple[str, Term]], noise: NoiseLevel, by_run: bool
 ) -> tuple[ExtendedFit, list[tuple[str, Term]]]:
     """Every term against all others beside the rest, and against none: the first was chosen before
     the others were there."""
@@ -343,7 +372,7 @@ def exchange_terms(
         if reduced is None:
             continue
         lost = (compute_bic(reduced) - compute_bic(fit)) / noise.slow
-        new = find_best_term(reduced, score_terms(reduced))
+        new = find_best_term(reduced, score_terms(reduced, by_run))
         better = new.compute_bic_gain(rows, noise)
         place = [one for one, _ in chosen].index(name)
         if max(better, lost) < WORTH:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..search.inquiry import STATED
-from ..search.remainder import describe
+from ..search.remainder import select_terms
 from ..thresholds import SIGNIFICANT
 
 
@@ -18,7 +18,8 @@ def is_one_law(before: ExtendedFit, left: float, numbers: int, price: float) -> 
     before: the fit of the runs as they are; left: χ² a degree of freedom once the mistakes are
     undone; numbers: free in them; price: Δ(χ² + k ln N), at the noise that is left, a number.
     """
-    law = describe(before, STATED, 1, SIGNIFICANT)
+    # what stands otherwise in every run is no law
+    law = select_terms(before, STATED, 1, SIGNIFICANT, by_run=False)
     if not law.terms:
         return False
     own = law.chi2 / law.fit.dof

@@ -11,7 +11,7 @@ from ....effects.effect import Effect
 from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
-from ..fits.refits import QUICK_STEPS, adopt_hopeful
+from ..fits.refits import QUICK_STEPS, adopt_hopeful, settle
 from ..fits.scoring import score_effects
 from ..fits.variants import Variant
 from .cases import Fitted
@@ -39,8 +39,8 @@ def fit_catalogue(base: ExtendedFit, candidates: Sequence[Variant], enough: floa
 
 
 def fit_nearest(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> ExtendedFit:
-    """The fit that leaves least of those with a few causes, found in few steps, with a scale factor
-    that a resonator has; it ends where χ² a degree of freedom is `enough`."""
+    """The fit that leaves least of those with a few causes, each chosen in few steps, with a scale
+    factor that a resonator has; it ends where χ² a degree of freedom is `enough`."""
     fit = best = base
     for taken in itertools.count():
         worthwhile = WORTHWHILE if taken < MOST else NEARLY_ALL
@@ -53,7 +53,7 @@ def fit_nearest(base: ExtendedFit, candidates: Sequence[Variant], enough: float)
         likely = [one for one, _, _ in fits if has_usual_scale_factor(one)]
         if not likely:
             break
-        fit = min(likely, key=_find_misfit)
+        fit = settle(min(likely, key=_find_misfit))
         best = min(best, fit, key=_find_misfit)
         if _find_misfit(best) < enough:
             break
