@@ -227,7 +227,7 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     if contradiction := find_strangers(cut.base):
         raise HrgError(contradiction)
     # a gross misfit has no motion to average rows along; the causes that leave least of it have one
-    cut = cut.follow(near(cut.base).point)
+    cut = cut.follow(near(cut.base))
     # Tones near the oscillation first: in the envelopes they look like a split that beats.
     case, pieces, tones = _explain_beside_tones(asked, cut, near)
     result = _judge(asked, cut, case, pieces, tones)

@@ -12,7 +12,7 @@ from ..envelopes.coordinates import COUNT
 from .coordinate_priors import CoordinatePriors
 from .designs import Design
 from .fit_point import Point
-from .layout import FitColumns
+from .layout import FREQUENCY, FitColumns
 from .measured_runs import MeasuredRuns
 from .scales import list_steps
 from .sensitivities import Propagation, Wanted, find_base_sensitivities, find_effect_sensitivities
@@ -293,6 +293,10 @@ def compute_design(flow: Propagation, layout: FitColumns) -> Design:
     series, point = flow.prediction.series, flow.prediction.point
     of_all, of_each = find_base_sensitivities(flow)
     shared, own = flatten_own(series, of_all), flatten_own(series, of_each)
+    if series.free_phase:
+        # phases that are not judged tell no frequency; what the rule's steps leave of one is rounding,
+        # along which a fit would run off without end
+        own[:, FREQUENCY] = 0.0
     wanted = [
         (e, v, _fitted_steps(e, v, series)) for e, v in point.active if layout.parameters(e.name)
     ]

@@ -86,7 +86,7 @@ def fit_base(
     if not free_phase and is_gross(first) and _is_lost_in_phases(first):
         by_shape = fitted(fitted(None, free_phase=True).point, free_phase=True)
         if GROSS * by_shape.chi2 / by_shape.dof < first.chi2 / first.dof:
-            first = fit_phases(by_shape, *prepared(by_shape.point))
+            first = _fit_phases(by_shape, *prepared(by_shape.point))
     # the log's time first: what else the log may have missed is allowed for beside it, and would
     # take part of a lateness up
     late = fit_lateness(first)
@@ -179,7 +179,7 @@ def _is_lost_in_phases(fit: ExtendedFit) -> bool:
     return bool(np.ptp(fit.prediction.compute_phase_error(), axis=1).max() > LOST_RAD)
 
 
-def fit_phases(
+def _fit_phases(
     by_shape: ExtendedFit, series: MeasuredRuns, point: Point, freedom: CoordinatePriors
 ) -> ExtendedFit:
     """Runs whose phases the base model misses by far, at the motion that their shape and angle have:
@@ -219,12 +219,13 @@ class Cut:
     own: list[int]
     fit: Callable[..., ExtendedFit]
 
-    def follow(self, motion: Point) -> Cut:
-        """The base fit again, of rows averaged along a motion that is better known than by the base
-        model alone; the same where its rows are as good."""
-        if is_averaged_well(self.base.series, motion):
+    def follow(self, nearest: ExtendedFit) -> Cut:
+        """The base fit again, of rows averaged along the motion that it has beside the causes that
+        leave least; the same where its rows are as good, or where these leave a gross misfit too and
+        know no better."""
+        if is_gross(nearest) or is_averaged_well(self.base.series, nearest.point):
             return self
-        fit = partial(self.fit, along=motion)
+        fit = partial(self.fit, along=nearest.point)
         return replace(self, fit=fit, base=fit_together(self.pieces, fit))
 
 
