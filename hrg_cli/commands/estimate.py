@@ -14,7 +14,7 @@ from .options import make_flags
 @make_command(
     "estimate",
     "hrg estimate periods.h5 -o wave.h5",
-    flags=make_flags(estimate, "solver", "start", "carrier_phase_rad"),
+    flags=make_flags(estimate, "solver", "start", "carrier_phase_rad", "rate_late_s"),
     idle=NO_DRAWS | ONE_PROCESS,
 )
 def main(run: Common, /, periods: OneFile = None, **flags: Any) -> None:

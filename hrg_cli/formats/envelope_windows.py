@@ -115,7 +115,7 @@ class WindowPlan:
                 (
                     "valid",
                     f"the filter delays the signals by about {lag_s:.2g} s against the"
-                    " logged columns",
+                    f" logged columns: where a rate changes, estimate with --rate-late-s -{lag_s:.2g}",
                 )
             )
         return found

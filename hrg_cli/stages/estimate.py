@@ -17,6 +17,7 @@ from pydantic import Field
 from ..errors import HrgError
 from ..records import Array, Periods, Wave
 from .estimation.continuity import make_continuous
+from .estimation.late_rate import read_rate_in_time
 from .estimation.solution import LastSolution, SolverSettings, solve_block
 from .estimation.tally import Tally
 from .estimation.wave_block import add_frequency, write_block
@@ -59,6 +60,13 @@ def estimate(
         int,
         Field(ge=1, le=1000, description="windows on each side whose phases give the frequency"),
     ] = 16,
+    rate_late_s: Annotated[
+        float,
+        Field(
+            allow_inf_nan=False,
+            description="by how much the rate log comes late, to be taken off it; negative: early",
+        ),
+    ] = 0.0,
 ) -> Iterator[Wave]:
     """The standing wave of every window: amplitude, quadrature, angle and phases.
 
@@ -81,7 +89,8 @@ def estimate(
     Raises
     ------
     HrgError
-        The number of signals does not fit the read-out, or there are no rows.
+        The number of signals does not fit the read-out, there are no rows, or a rate log is to be
+        moved that is none.
 
     Examples
     --------
@@ -107,12 +116,17 @@ def estimate(
     context: Array | None = None
     emitted: Wave | None = None
     waiting: Wave | None = None
+    rate = read_rate_in_time(periods, rate_late_s) if rate_late_s else None
+    rows = 0
     for block in periods.blocks(BLOCK_ROWS):
         x, misfit, iterations, last = solve_block(
             np.asarray(block.signals, float), periods.readout == "direct", how, last
         )
         context = make_continuous(x, block, context)
         wave = write_block(block, x, misfit, iterations, how.carrier_phase_rad is not None)
+        if rate is not None:
+            wave = wave.replace(rate_rad_s=rate[rows : rows + len(wave)])
+        rows += len(wave)
         tally.add(wave)
         if waiting is not None:
             # A block waits for the next one, whose first phases its last slopes need.

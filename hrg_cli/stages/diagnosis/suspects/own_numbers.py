@@ -34,13 +34,34 @@ def find_largest_gain(fit: ExtendedFit) -> float:
     return max((one.gain for one in found if one.visible), default=0.0)
 
 
-def _predict_constant_rate(flow: Propagation) -> Array:
-    """What one rad/s more does, over σ, (R, n, 4, 1): u' gains K (u₂, −u₁)."""
-    K = flow.prediction.point.p[COORDINATES.index(SCALE_FACTOR)]
+def find_gain_of_lateness(fit: ExtendedFit) -> float:
+    """The fall of χ² that one lateness of all rate logs promises: Ω(t + τ) is Ω + τΩ̇."""
+    series = fit.series
+    slope = np.zeros(series.time_s.shape)
+    for k, kept in enumerate(series.weight > 0):
+        if np.count_nonzero(kept) > 2:
+            slope[k, kept] = np.gradient(series.rate_rad_s[k, kept], series.time_s[k, kept])
+    if not slope.any():
+        return 0.0
+    column = flatten_rows(series, _predict_rate(fit.flow, slope))
+    (found,) = evidence.score_candidates(["late"], fit.residual, [column], fit.basis)
+    return float(found.gain) if found.visible else 0.0
 
-    def turning(u: Array) -> Array:
-        return to_reals(K * np.stack([u[..., 1], -u[..., 0]], axis=-1))[..., None]
+
+def _predict_constant_rate(flow: Propagation) -> Array:
+    """What one rad/s more does, over σ, (R, n, 4, 1)."""
+    return _predict_rate(flow, np.ones(flow.prediction.motion.shape[:-1]))
+
+
+def _predict_rate(flow: Propagation, rate: Array) -> Array:
+    """What a further rate (R, n) does, over σ, (R, n, 4, 1): u' gains KΩ (u₂, −u₁)."""
+    K = flow.prediction.point.p[COORDINATES.index(SCALE_FACTOR)]
+    between = (rate[:, 1:] + rate[:, :-1]) / 2
+
+    def turning(u: Array, by: Array) -> Array:
+        turned = np.stack([u[..., 1], -u[..., 0]], axis=-1)
+        return to_reals(K * by[..., None] * turned)[..., None]
 
     return flow.whiten_read_out(
-        flow.propagate(turning(flow.prediction.motion), turning(flow.middle))
+        flow.propagate(turning(flow.prediction.motion, rate), turning(flow.middle, between))
     )

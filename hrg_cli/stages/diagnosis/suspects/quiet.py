@@ -18,10 +18,11 @@ from ....fitting import checks
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from ..thresholds import GROSS, WORTH
-from .cases import Fitted, SuspectCase, fit_or_none
+from .cases import Fitted, SuspectCase, SuspectFound, fit_or_none
+from .common_clock import find_common_lateness
 from .leaks import find_leaks
 from .mistakes import find_mistakes
-from .own_numbers import find_largest_gain
+from .own_numbers import find_gain_of_lateness, find_largest_gain
 from .readings import Reading
 from .rivals import add_causes_to_fit
 from .search import (
@@ -71,7 +72,11 @@ def suspect_quiet_run(
     closing checks have taken the word from these, so that every mistake is tried. Of causes that
     pass, mistakes that promise as much are.
     """
-    if len(waves) < FEWEST_RUNS or (is_any_logged(waves) and not _worth_asking(base)):
+    if is_any_logged(waves) and not _worth_asking(base):
+        return None
+    if (late := _find_late_logs(waves, fitted, base, final, failed)) is not None:
+        return late
+    if len(waves) < FEWEST_RUNS:
         return None
     if failed and (leak := _find_leak(waves, fitted, base, final)) is not None:
         return leak
@@ -108,13 +113,42 @@ def _find_leak(
     """Dampings of the runs' own that leave the stated noise in place of the causes, for less, and are no
     law of what the runs' logs hold."""
     leak = find_leaks(waves, fitted, base)
-    if leak is None or not _is_noise(leak.fit):
+    if leak is None or leak.follow_a_law:
         return None
-    own = leak.numbers * float(np.log(len(base.residual)))
-    gained = min(_price(final), _price(base)) - _price(leak.fit) - own
-    if gained < WORTH or leak.follow_a_law:
+    return _stand_in(leak, base, final)
+
+
+def _find_late_logs(
+    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, final: ExtendedFit, failed: bool
+) -> QuietMistake | None:
+    """One lateness of all rate logs that leaves the stated noise, in place of all causes or beside
+    those that are no one run's."""
+    done = _excess(base) - _excess(final)
+    if failed or (done > WORTH and find_gain_of_lateness(base) > PROMISED * done):
+        late = find_common_lateness(waves, fitted, base)
+        if late is not None and (mistake := _stand_in(late, base, final)) is not None:
+            return mistake
+    common = [(e, values) for e, values in final.point.active if not e.of_one_run]
+    if not (failed and common) or is_any_logged(waves):
         return None
-    return QuietMistake(leak.suspicions, tuple(e.name for e, _ in final.point.active), surely=True)
+    beside = add_causes_to_fit(fitted, common)
+    before = fit_or_none(waves, beside)
+    late = None if before is None else find_common_lateness(waves, beside, before)
+    return None if late is None else _stand_in(late, base, final)
+
+
+def _stand_in(found: SuspectFound, base: ExtendedFit, final: ExtendedFit) -> QuietMistake | None:
+    """The mistakes that leave the stated noise for less than the causes that they do without, and than
+    the base model; None where they do not."""
+    if not _is_noise(found.fit):
+        return None
+    own = found.numbers * float(np.log(len(base.residual)))
+    gained = min(_price(final), _price(base)) - _price(found.fit) - own
+    if gained < WORTH:
+        return None
+    kept = {effect.name for effect, _ in found.fit.point.active}
+    causes = tuple(e.name for e, _ in final.point.active if e.name not in kept)
+    return QuietMistake(found.suspicions, causes, surely=True)
 
 
 def _worth_asking(driven: ExtendedFit) -> bool:

@@ -74,7 +74,7 @@ def _misfit_of_row(wave: Wave, others: ExtendedFit) -> float:
     return float(compute_misfits([wave], others)[0]) / max(1, len(wave))
 
 
-def _estimate_own(wave: Wave, others: ExtendedFit, coordinate: str) -> tuple[float, float] | None:
+def estimate_own(wave: Wave, others: ExtendedFit, coordinate: str) -> tuple[float, float] | None:
     """A coordinate as this run alone shows it beside the others' values, and its σ; None where the
     fit finds no end."""
     with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
@@ -147,11 +147,11 @@ def find_rate_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     common = others.coordinate(SCALE_FACTOR)
     if not abs(common) > 0:  # a gyro that feels no rate says nothing of a log
         return
-    turns = _turns(wave)
+    turning = is_turning(wave)
     varies = has_varying_rate(wave)
-    if turns:
+    if turning:
         yield from _of_the_rates_size(wave, others, common)
-    if not turns or varies:
+    if not turning or varies:
         yield from _of_a_constant_rate(wave, others, common)
     if varies:
         yield from _of_the_rates_clock(wave, others)
@@ -196,22 +196,22 @@ def _factor_of_log(wave: Wave, others: ExtendedFit, common: float) -> float | No
     The fit of the run's own scale factor is linear near its end only, so that it starts from the
     log multiplied by what the mean turn of the wave asks for.
     """
-    logged, shown = average_rate(wave), _shown_rate(wave, common)
+    logged, shown = average_rate(wave), compute_shown_rate(wave, common)
     near = shown / logged if abs(logged) > 0.1 * abs(shown) > 0 else 1.0
-    seen = _estimate_own(change.scale_rate(wave, near), others, SCALE_FACTOR)
+    seen = estimate_own(change.scale_rate(wave, near), others, SCALE_FACTOR)
     factor = 0.0 if seen is None else near * seen[0] / common
     return factor if np.isfinite(factor) and factor != 0 else None
 
 
 def _of_a_constant_rate(wave: Wave, others: ExtendedFit, common: float) -> Iterator[Reading]:
     """A constant rate in the place of no log, or of one that changes with time."""
-    shown = _shown_rate(wave, common)
-    seen = _estimate_own(change.hold_rate(wave, shown), others, SCALE_FACTOR) if shown else None
+    shown = compute_shown_rate(wave, common)
+    seen = estimate_own(change.hold_rate(wave, shown), others, SCALE_FACTOR) if shown else None
     if seen is None or not abs(seen[0]) > ROTATION * seen[1]:
         return
     rate = shown * seen[0] / common
     yield Reading(
-        "rate log missing" if not _turns(wave) else "rate log of another run",
+        "rate log missing" if not is_turning(wave) else "rate log of another run",
         (change.hold_rate(wave, rate),),
         1,
         f"{average_rate(wave):.4g} rad/s is logged, its wave turns as at {rate:.4g}: with that"
@@ -254,7 +254,7 @@ def average_rate(wave: Wave) -> float:
     return 0.0 if rates is None or not np.isfinite(rates).any() else float(np.nanmean(rates))
 
 
-def _shown_rate(wave: Wave, scale_factor: float) -> float:
+def compute_shown_rate(wave: Wave, scale_factor: float) -> float:
     """Mean rate that the wave angle shows, −m·θ̇/K, from which the fit starts."""
     good = wave.good()
     t, angle = np.asarray(wave.time_s, float)[good], np.asarray(wave.wave_angle_rad, float)[good]
@@ -262,7 +262,8 @@ def _shown_rate(wave: Wave, scale_factor: float) -> float:
     return -wave.mode_number * slope / scale_factor
 
 
-def _turns(wave: Wave) -> bool:
+def is_turning(wave: Wave) -> bool:
+    """Whether any rate but zero is logged."""
     return wave.rate_rad_s is not None and bool(
         np.nanmax(np.abs(np.where(np.isfinite(wave.rate_rad_s), wave.rate_rad_s, 0.0))) > 0
     )
@@ -270,7 +271,7 @@ def _turns(wave: Wave) -> bool:
 
 def has_varying_rate(wave: Wave) -> bool:
     """Whether a rate is logged that is not one constant."""
-    if not _turns(wave):
+    if not is_turning(wave):
         return False
     rate = np.asarray(wave.rate_rad_s, float)
     rate = rate[np.isfinite(rate)]
@@ -288,12 +289,21 @@ def _lateness(wave: Wave, others: ExtendedFit) -> float | None:
 def find_least_misfit(
     made: Callable[[float], Wave], others: ExtendedFit, reach: float, finest: float
 ) -> float | None:
-    """The number within ± `reach` with which a wave made by it misfits least: trials side by side,
-    finer and finer, then a parabola."""
+    """The number within ± `reach` with which a wave made by it misfits least."""
+    return search_least(
+        lambda trials: compute_misfits([made(float(x)) for x in trials], others), reach, finest
+    )
+
+
+def search_least(
+    compute_each: Callable[[Array], Array], reach: float, finest: float
+) -> float | None:
+    """The number within ± `reach` of the least of a function of many numbers at once: trials side by
+    side, finer and finer, then a parabola; None where it is infinite."""
     best = 0.0
     while True:
         trials = best + reach * np.linspace(-1, 1, TRIALS)
-        values = compute_misfits([made(float(x)) for x in trials], others)
+        values = compute_each(trials)
         k = int(np.argmin(values))
         if not np.isfinite(values[k]):
             return None
@@ -311,7 +321,7 @@ def find_least_misfit(
 def fit_own_damping(wave: Wave, others: ExtendedFit) -> tuple[float, float] | None:
     """The damping rate that this run alone shows beside the others' splits and scale factor, and
     its σ."""
-    return _estimate_own(wave, others, DAMPING)
+    return estimate_own(wave, others, DAMPING)
 
 
 def find_damping_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:

@@ -13,6 +13,7 @@ from ....records import Array, Wave
 from ..fits.variants import Variant
 from ..thresholds import FREQUENCIES_APART, GROSS
 from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none
+from .common_clock import find_common_lateness
 from .leaks import find_leaks
 from .logs import find_wrong_logs
 from .mistakes import Maker, find_mistakes
@@ -20,6 +21,7 @@ from .readings import DAMPING, KNOCK, Reading, find_knock_mistakes, fit_held
 from .rivals import fit_catalogue, fit_warming
 from .suspicion import Suspicion
 from .thermometers import find_thermometer_mistakes
+from .unlogged_rates import find_unlogged_rates
 
 STEP = 1.4
 """Times by which χ² must fall for one more run to be doubted."""
@@ -57,8 +59,21 @@ def suspect_runs(
             return [*find_wrong_logs(waves, alone.fit), *alone.suspicions]
     if base.chi2 / base.dof < GROSS or (physics := fit_catalogue(base, candidates, RIVAL)) < RIVAL:
         return find_wrong_logs(waves, base)
+    found = find_unlogged_rates(waves, fitted, base) or find_common_lateness(waves, fitted, base)
+    if found is None or found.chi2_per_dof > RIVAL:
+        own = _find_mistakes_of_runs(waves, fitted, base, candidates)
+        found = min(filter(None, (found, own)), key=lambda f: f.chi2_per_dof, default=None)
+    if found is None or physics < RIVAL * max(1.0, found.chi2_per_dof) or found.follow_a_law:
+        return find_wrong_logs(waves, base)
+    return [*find_wrong_logs(waves, found.fit), *found.suspicions]
+
+
+def _find_mistakes_of_runs(
+    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, candidates: Sequence[Variant]
+) -> SuspectFound | None:
+    """The runs without which the others agree, or whose dampings or thermometers do not."""
     warm = fit_warming(fitted, candidates, base)
-    found = (
+    return (
         _wrong_runs(waves, fitted, base, find_mistakes)
         or find_leaks(waves, fitted, base)
         or (
@@ -67,9 +82,6 @@ def suspect_runs(
             else None
         )
     )
-    if found is None or physics < RIVAL * max(1.0, found.chi2_per_dof) or found.follow_a_law:
-        return find_wrong_logs(waves, base)
-    return [*find_wrong_logs(waves, found.fit), *found.suspicions]
 
 
 def _find_strange_frequencies(fit: ExtendedFit) -> list[int]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ....records import Array, Wave
+from ...estimation.late_rate import read_log_later
 
 ZERO_KELVIN_DEGC = -273.15
 
@@ -132,9 +133,25 @@ def offset_rate(wave: Wave, more_rad_s: float) -> Wave:
 
 def advance_rate(wave: Wave, late_s: float) -> Wave:
     """The rate log moved forward by the time it came late; its first and last value held."""
-    rate, time = np.asarray(wave.rate_rad_s, float), np.asarray(wave.time_s, float)
-    known = np.isfinite(rate)
-    return wave.replace(rate_rad_s=np.interp(time + late_s, time[known], rate[known]))
+    return wave.replace(rate_rad_s=_advance(wave, wave.rate_rad_s, late_s))
+
+
+def advance_rate_within_log(wave: Wave, late_s: float, least_s: float, most_s: float) -> Wave:
+    """The rate log moved forward by the time it came late, without the rows that it does not reach
+    where it came late by any time from `least_s` to `most_s`."""
+    time = np.asarray(wave.time_s, float)
+    reached = (time + least_s >= time[0]) & (time + most_s <= time[-1])
+    held = np.flatnonzero(reached)
+    return advance_rate(wave, late_s).rows(int(held[0]), int(held[-1]) + 1)
+
+
+def _advance(wave: Wave, log: Any, late_s: float) -> Array:
+    """A log read later, its first and last value held, holes bridged."""
+    time, values = np.asarray(wave.time_s, float), np.asarray(log, float)
+    moved = read_log_later(time, values, late_s)
+    known = np.isfinite(values)
+    bridged = np.interp(time + late_s, time[known], values[known])
+    return np.where(np.isfinite(moved), moved, bridged)
 
 
 COMMANDS = ("drive_main", "drive_quadrature")
@@ -147,12 +164,8 @@ def scale_drive(wave: Wave, factor: float) -> Wave:
 
 def advance_drive(wave: Wave, late_s: float) -> Wave:
     """The commands' log moved forward by the time it came late; first and last values held."""
-    time = np.asarray(wave.time_s, float)
-    moved: dict[str, Any] = {}
-    for name, values in _commands(wave).items():
-        known = np.isfinite(values)
-        moved[name] = np.interp(time + late_s, time[known], values[known])
-    return wave.replace(**moved)
+    commands = _commands(wave).items()
+    return wave.replace(**{name: _advance(wave, values, late_s) for name, values in commands})
 
 
 def _commands(wave: Wave) -> dict[str, Any]:

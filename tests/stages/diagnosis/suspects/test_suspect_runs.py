@@ -243,6 +243,13 @@ def test_a_pressure_that_rises_by_and_by_names_all_runs_but_the_first():
     ]
 
 
+def test_runs_that_all_turned_without_a_log():
+    """Searched for minutes and "unexplained" without a hint."""
+    runs = [wave.replace(rate_rad_s=None) for wave in estimated(recordings(table_of(1, turning=1)))]
+    found = suspicions(runs)
+    assert [(one.run_id, one.what) for one in found] == [("all runs", "rate log missing")]
+
+
 def test_a_rate_log_in_degrees_in_all_runs_and_of_wrong_sign_in_all_runs():
     waves = estimated(recordings(table_of(1), 1))
     degrees = [w.replace(rate_rad_s=np.degrees(w.rate_rad_s)) for w in waves]

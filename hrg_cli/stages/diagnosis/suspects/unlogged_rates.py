@@ -1,0 +1,60 @@
+"""Runs of a table that turned, of which no log holds a rate: a constant rate of every run's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ....errors import name_some
+from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.envelopes.base_freedom import choose_scale_factor
+from ....records import Wave
+from .cases import REMOVED, Fitted, SuspectFound, fit_or_none
+from .readings import SCALE_FACTOR, compute_shown_rate, estimate_own, is_turning
+from .suspicion import Suspicion
+from .transformations import hold_rate
+
+ROUNDS = 8
+"""Rates of the runs and the rest of the model, in turn."""
+LEAST_FALL = 0.99
+"""Part of χ² that a round must not leave to be followed by another."""
+
+
+def find_unlogged_rates(
+    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit
+) -> SuspectFound | None:
+    """Constant rates of the runs' own that take nearly all of the misfit of runs that log none; None
+    where a run logs one, or where they do not.
+
+    Of K and of rates that nobody knows the runs show the products: K is that of the mode's shape.
+    """
+    if len(waves) < 2 or any(is_turning(wave) for wave in waves):
+        return None
+    usual = choose_scale_factor(base.series.mode_number)
+    rates = [compute_shown_rate(wave, usual) for wave in waves]
+    best: ExtendedFit | None = None
+    for _ in range(ROUNDS):
+        turning = [hold_rate(wave, rate) for wave, rate in zip(waves, rates, strict=True)]
+        fit = fit_or_none(turning, fitted)
+        if fit is None or (best is not None and fit.chi2 > LEAST_FALL * best.chi2):
+            break
+        best, told = fit, rates
+        K = fit.coordinate(SCALE_FACTOR)
+        own = [estimate_own(wave, fit, SCALE_FACTOR) for wave in turning]
+        if not abs(K) > 0 or any(one is None for one in own):
+            break
+        rates = [rate * one[0] / K for rate, one in zip(rates, own, strict=True) if one]
+    before = base.chi2 / base.dof
+    if best is None or best.chi2 / best.dof - 1 > (1 - REMOVED) * (before - 1):
+        return None
+    after = best.chi2 / best.dof
+    # K and the rates were fitted in turn: their products are what is known
+    known = best.coordinate(SCALE_FACTOR) / usual
+    each = name_some([f"{known * rate:.4g}" for rate in told])
+    found = Suspicion(
+        "all runs",
+        "rate log missing",
+        f"no run logs a rate; as if turned at {each} rad/s, with the usual scale factor {usual:.4g},"
+        f" χ² a degree of freedom falls from {before:.3g} to {after:.3g}",
+        "import the runs with the rate of the table, or with --constant-rate-rad-s",
+    )
+    return SuspectFound((found,), len(waves), base, best, after)
