@@ -20,8 +20,8 @@ from .calibration.checks import find_noisy_angles, find_stray_harmonics
 from .calibration.chosen import LEAST_REPEATED, Chosen
 from .calibration.folds import choose_folds, choose_limits
 from .calibration.ladder import climb
-from .calibration.odd_run import OddRun, find_odd_run
-from .calibration.preparation import KnownRates, need_one_gyro, prepare
+from .calibration.odd_run import OddRuns, find_odd_runs
+from .calibration.preparation import KnownRates, PreparedRuns, need_one_gyro, prepare
 from .calibration.prices import forecast_hour_more
 from .calibration.repeatability import say_unstable
 from .calibration.summary import summarise as summarise
@@ -168,42 +168,37 @@ def calibrate(
     earth = find_earth_rate(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
     rates = KnownRates(rates_rad_s or {}, rate_rad_s, earth)
     runs = prepare(waves, rates, axis, nodes, max(limits), needed)
-    refusals, remarks = list(runs.refusals), list(runs.remarks)
+    refused = bool(runs.refusals)
 
     whole = fit_everything(runs, limits, axis, interpolation)
     fitted, late = whole.fitted, whole.late
-    if late is not None and late.taken_s:
-        remarks = [late.sentence, *remarks]
     folds, held_out_by = choose_folds(fitted, needed)
     coefficients = take_coefficients(given, model, axis, runs, interpolation)
-    wanted = Wanted(harmonics, scale_factor_harmonics, seed, not refusals)
-    tried = try_models(whole, folds, wanted, coefficients, model, bool(refusals))
+    wanted = Wanted(harmonics, scale_factor_harmonics, seed, not refused)
+    tried = try_models(whole, folds, wanted, coefficients, model, refused)
 
     chosen = Chosen.from_answer(fitted, folds, tried.answer, wanted, programmes)
     chosen = chosen.drop_unstable() if stable_only else chosen
     chosen = chosen.smooth() if interpolation == "smooth" else chosen
-    remarks += chosen.not_dropped
-    answer, strays, odd = chosen.answer, find_stray_harmonics(fitted, fitted.solution), None
-    if answer.failed and not refusals:
-        again = partial(try_again, wanted=wanted, resonators=coefficients, model=model)
-        odd = find_odd_run(runs, whole, needed, again)
-    if not refusals:
-        refused, doubted = _judge(chosen, strays, odd, given)
-        refusals, remarks = refused, [*remarks, *doubted]
+    strays = find_stray_harmonics(fitted, fitted.solution)
+    again = partial(try_again, wanted=wanted, resonators=coefficients, model=model)
+    doubted, fixed = bool(chosen.answer.failed and not refused), coefficients[0] is not None
+    odd = find_odd_runs(runs, whole, needed, again, fixed, doubted)
+    refusals, remarks = _judge(runs, whole, chosen, strays, odd, given)
 
     details = chosen.list_details(bootstrap, seed) | {
         "held_out_by": held_out_by,
         "band_limit_scores": choose_limits(fitted, harmonics, scale_factor_harmonics)[2],
         "stray_harmonics": strays,
         "rate_log": None if late is None else late.to_json(),
+        "suspect_runs": odd.to_json() if odd else None,
         **tried.list_details(chosen, model in ("auto", "all"), bootstrap, seed),
     }
-    if ladder and not refusals and not odd:  # runs of two gyros show faults that neither has
+    if ladder and not refusals:
         details |= _climb_all_stages(chosen, whole, bootstrap, seed)
     record = chosen.make_record(runs.usable.waves, runs.valid, details)
     if not refusals:
-        record = _with_use(record, details, fitted)
-        record = record if odd else _with_notes(record, chosen)
+        record = _with_notes(_with_use(record, details, fitted), chosen)
     return runs.judge(record, refusals, remarks)
 
 
@@ -217,15 +212,22 @@ def _climb_all_stages(chosen: Chosen, whole: FullFit, draws: int, seed: int) -> 
 
 
 def _judge(
+    runs: PreparedRuns,
+    whole: FullFit,
     chosen: Chosen,
     strays: Sequence[Mapping[str, Any]],
-    odd: OddRun | None,
+    odd: OddRuns | None,
     given: Sequence[Resonator],
 ) -> tuple[list[str], list[str]]:
-    """Why the tables are refused, and what else speaks against them: of runs that one contradicts,
-    this alone, since it shows as any fault."""
-    told = [odd.sentence] if odd else list(chosen.answer.failed)
-    doubts = [] if odd else _doubts_of(chosen, strays)
+    """Why the tables are refused, and what else speaks against them: of runs that the others
+    contradict, these alone, since they show as any fault."""
+    if odd:
+        return odd.sentences, []
+    late = [whole.late.sentence] if whole.late is not None and whole.late.taken_s else []
+    remarks = [*late, *runs.remarks, *chosen.not_dropped]
+    if runs.refusals:
+        return list(runs.refusals), remarks
+    told, doubts = list(chosen.answer.failed), [*remarks, *_doubts_of(chosen, strays)]
     if not chosen.answer.tried.foreign:
         return [], [*doubts, *told]
     return told, [*doubts, *list_doubts((name_record(one), one) for one in given)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from forced_runs import Truth, forced_run, programme
 
-from hrg_cli.stages.calibrate import calibrate
+from hrg_cli.stages.calibrate import calibrate, summarise
 from hrg_cli.stages.one_gyro import find_two_gyros
 
 PLAN = {"temperatures": (-20, 20, 60), "rates": (0.3, -0.3, 0.15, -0.15), "duration": 30.0}
@@ -59,7 +59,7 @@ def test_a_run_that_the_others_contradict_is_named_alone(change, shown):
     waves = runs()
     waves[ODD] = change(waves)
     record = calibrated(waves)
-    assert record.status == "suspect"
+    assert record.status == "refused"
     (said,) = record.status_reasons
     assert said.startswith(f"run {waves[ODD].run_id} contradicts the other 11,")
     turned, logged = (
@@ -123,3 +123,114 @@ def test_clean_runs_accuse_none(seed):
     record = calibrated(runs(seed))
     assert record.status == "valid"
     assert not any("contradicts" in reason for reason in record.status_reasons)
+
+
+THREE = {"temperatures": (-20, 20, 60), "rates": (0.3, -0.3, 0.15), "duration": 30.0}
+WRONG = 4
+"""Number of the run that is wrong of three at each temperature: at 20 °C and -0.3 rad/s."""
+
+
+def three_a_dwell(seed=3, **more):
+    return programme(Truth(seed), **{**THREE, **more}, noise=1e-6, seed=seed)
+
+
+def times(factor):
+    return lambda wave: wave.replace(rate_rad_s=factor * wave.rate_rad_s)
+
+
+def silent_s(wave):
+    """Only C is measured: the angle is its sign, and the amplitude swings with it."""
+    c = np.cos(2 * wave.wave_angle_rad)
+    noise = 1e-6 * np.random.default_rng(1).normal(size=len(c))
+    return wave.replace(main_amplitude=np.abs(c) + 1e-6, wave_angle_rad=np.pi / 2 * (c < 0) + noise)
+
+
+def inverted(wave):
+    return wave.replace(wave_angle_rad=-wave.wave_angle_rad)
+
+
+def exchanged(wave):
+    return wave.replace(wave_angle_rad=np.pi / 4 - wave.wave_angle_rad)
+
+
+WRONGS = [
+    (times(180 / np.pi), "rate log in °/s"),
+    (times(180 / np.pi * 3600), "rate log in °/h"),
+    (times(-1.0), "rate log of wrong sign"),
+    (times(0.0), "not as they predict"),
+    (inverted, "one channel inverted"),
+    (exchanged, "channels exchanged"),
+    (silent_s, "channel S silent"),
+]
+
+
+@pytest.mark.parametrize(("change", "what"), WRONGS)
+def test_a_gross_mistake_of_one_of_three_runs_a_dwell_is_named_with_its_cause(change, what):
+    """Any of the three fits without one: a drift that moves with the rate was told, and to add dwells."""
+    waves = three_a_dwell()
+    waves[WRONG] = change(waves[WRONG])
+    record = calibrated(waves)
+    assert record.status == "refused"
+    (said,) = record.status_reasons
+    assert said.startswith(f"run {waves[WRONG].run_id} contradicts the other 8, which agree")
+    (told,) = summarise(record)["suspect_runs"]
+    assert (told["run_id"], told["what"]) == (waves[WRONG].run_id, what)
+    assert "its wave turns as at" in told["evidence"]
+
+
+def test_two_runs_a_dwell_do_not_hide_a_wrong_one():
+    """They fit exactly, whatever they are: a channel inverted in one gave valid tables, 9 °/s off."""
+    waves = three_a_dwell(rates=(0.3, -0.3))
+    waves[3] = inverted(waves[3])
+    record = calibrated(waves)
+    assert record.status == "refused"
+    (told,) = summarise(record)["suspect_runs"]
+    assert (told["run_id"], told["what"]) == (waves[3].run_id, "one channel inverted")
+
+
+def test_several_wrong_runs_are_named_each_with_its_own_cause():
+    waves = three_a_dwell()
+    waves[3], waves[8] = inverted(waves[3]), times(180 / np.pi)(waves[8])
+    told = summarise(calibrated(waves))["suspect_runs"]
+    assert [(one["run_id"], one["what"]) for one in told] == [
+        (waves[3].run_id, "one channel inverted"),
+        (waves[8].run_id, "rate log in °/s"),
+    ]
+
+
+def oscillating(waves, hz_per_degc=0.45):
+    """The runs with the frequency of their temperature."""
+    return [
+        wave.replace(frequency_hz=5000.0 + hz_per_degc * (wave.temperature_degc - 20))
+        for wave in waves
+    ]
+
+
+def test_a_dwell_logged_at_another_one_is_told_by_its_frequency():
+    """Three runs at 40 °C that are logged at 20 °C showed "a phase error of the quadrature loop"."""
+    waves = oscillating(three_a_dwell(temperatures=(-20, 20, 40, 60)))
+    wrong = [6, 7, 8]
+    for k in wrong:
+        waves[k] = waves[k].replace(temperature_degc=0 * waves[k].temperature_degc + 20)
+    record = calibrated(waves)
+    assert record.status == "refused"
+    told = summarise(record)["suspect_runs"]
+    assert [one["run_id"] for one in told] == [waves[k].run_id for k in wrong]
+    assert {one["what"] for one in told} == {"thermometer wrong"}
+    assert all("at 5009 Hz, theirs at 40 °C" in one["evidence"] for one in told)
+
+
+def test_a_neighbour_of_another_frequency_is_told_as_another_gyro():
+    waves = oscillating(three_a_dwell())
+    other = oscillating([forced_run(Truth(4), 20, -0.3, 30.0, 77, noise=1e-6)])[0]
+    waves[WRONG] = other.replace(frequency_hz=other.frequency_hz + 5, run_id="b")
+    (told,) = summarise(calibrated(waves))["suspect_runs"]
+    assert told["run_id"] == "b"
+    assert told["what"].startswith("another gyro's run")
+
+
+def test_a_wave_locked_at_a_low_rate_is_no_wrong_turn():
+    """It stands while a rate is logged, as the drift of the others says it must."""
+    truth = Truth(3, drift=1e-2)
+    waves = programme(truth, (-20, 20, 60), (0.3, -0.3, 0.02, 0.15), duration=30.0, noise=1e-6)
+    assert "suspect_runs" not in summarise(calibrated(waves))

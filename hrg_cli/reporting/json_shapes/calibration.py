@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from .diagnosis import SuspectRun
 from .rehearsal import Rehearsed
 from .shape import Before, Check, Common, Estimated, HeldOut, Number, Shape
 
@@ -203,6 +204,8 @@ class Calibrate(Rehearsed):
     """Noise found over noise stated, angle random walk."""
     rate_log: RateLog | None = None
     """Lateness of the rate logs, where a rate changes within a run."""
+    suspect_runs: list[SuspectRun] | None = None
+    """Runs that the others contradict, where there are such."""
     resonator: list[dict[str, Any]] | None = None
     """With --model physical, a row a resonator: its node, each coefficient with its _std, their
     covariance."""

@@ -130,8 +130,38 @@ def _estimate_lateness(fitted: Fitted) -> Lateness | None:
     return Lateness(value_s, abs(std_s)) if np.isfinite([value_s, std_s]).all() else None
 
 
-def _set_right(path: AnglePath, late_s: float) -> AnglePath:
-    """The path with the rate that was logged `late_s` later, where the log holds it."""
+def set_right(path: AnglePath, late_s: float) -> AnglePath:
+    """The path with the rate that was logged `late_s` later, where the log holds it.
+
+    Parameters
+    ----------
+    path
+        The run.
+    late_s
+        How late its log is [s].
+
+    Returns
+    -------
+    AnglePath
+        Without the increments that the log no longer reaches; the run as it is where fewer than two
+        would be left.
+
+    Examples
+    --------
+    A rate that rises by 0.2 rad/s², logged 1 s late:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.stages.calibration.late_log import set_right
+    >>> t, one = np.arange(6.0), np.ones(6)
+    >>> path = AnglePath(
+    ...     "", True, 2, "", t, one, 0 * t, one, 0.1 * t**2, 20 * one, 5e3 * one, 0 * t, one, 0 * t,
+    ...     None, None, 6, 1.0,
+    ... )
+    >>> moved = set_right(path, 1.0)
+    >>> path.rate_rad_s[:3].round(9).tolist(), moved.rate_rad_s[:3].round(9).tolist()
+    ([0.1, 0.3, 0.5], [0.3, 0.5, 0.7])
+    """
     from scipy.interpolate import CubicSpline
 
     at = path.time_s + late_s
@@ -189,7 +219,7 @@ def follow(
     for _ in range(ROUNDS):
         taken += late.value_s
         # From the logs as they were: a spline of a spline would smooth them at every round.
-        fitted = fit([_set_right(path, taken) for path in logged], fitted.layout)
+        fitted = fit([set_right(path, taken) for path in logged], fitted.layout)
         left = _estimate_lateness(fitted)
         if left is None:
             break
@@ -197,4 +227,4 @@ def follow(
         if abs(left.value_s) < SETTLED * left.std_s:
             break
     found = Lateness(taken + late.value_s, late.std_s, taken)
-    return fitted, [_set_right(path, taken) for path in others], found
+    return fitted, [set_right(path, taken) for path in others], found

@@ -1,28 +1,27 @@
-"""One run that the others contradict: another gyro's of nearly the same frequency, a rate log of the
-wrong sign. It is left out and everything is fitted anew, for in the joint fit it makes the noise of all
-runs, and stands in for a fault of the loops.
+"""Runs that the others contradict: another gyro's of nearly the same frequency, a rate log in another
+unit or of the wrong sign, a channel that is silent. They are left out and everything is fitted anew,
+for in the joint fit such a run makes the noise of all runs, and stands in for a fault of the loops.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.increment_noise import AngleNoise
-from ...fitting.tables.joint import Fitted, fit
-from ...fitting.tables.normal_pieces import TableSolution, accumulate, solve
-from ...fitting.tables.table_design import predict_turn
+from ...fitting.tables.increments import AnglePath
+from ...fitting.tables.joint import Fitted
+from ...fitting.tables.normal_pieces import solve
 from ...fitting.tables.table_layout import Model
-from .choice import TriedVariant
-from .guards import compute_score, find_unseen_directions
-from .late_log import follow
+from ..suspicion import Suspicion
+from .odd_readings import describe_odd_run, read_mistake
+from .others import Answer, Rest, compare_with_others, leave_out
 from .preparation import PreparedRuns
-from .programme import examine
+from .shown_temperatures import ShownTemperature, find_wrong_temperatures
 from .trials import FullFit
+from .turn_against_log import find_wrong_turns
 
-Array = np.ndarray
 CANDIDATES = 3
 """Runs left out in turn, those first that the others predict worst."""
 GROSS = 1e3
@@ -31,32 +30,42 @@ GROSS = 1e3
 
 
 @dataclass(frozen=True)
-class OddRun:
-    """The run without which the others pass every check: its mean rate as logged and as their tables
-    read its wave."""
+class OddRuns:
+    """Runs that the others contradict, and whether these pass every check without them."""
 
-    run_id: str
+    suspicions: tuple[Suspicion, ...]
     others: int
-    logged_rad_s: float
-    shown_rad_s: float
+    agree: bool
 
     @property
-    def sentence(self) -> str:
-        """What to say of it, and what to do."""
-        return (
-            f"run {self.run_id} contradicts the other {self.others}, which agree without it: by their"
-            f" tables its wave turns as at {self.shown_rad_s:.6g} rad/s, {self.logged_rad_s:.6g} is"
-            " logged; look whose run it is, correct its logs or leave it out, and calibrate again"
-        )
+    def sentences(self) -> list[str]:
+        """What to say of them, and what to do: one a run."""
+        without = "it" if len(self.suspicions) == 1 else "them"
+        agree = f", which agree without {without}" if self.agree else ""
+        return [
+            f"run {one.run_id} contradicts the other {self.others}{agree}: {one.what}"
+            f" ({one.evidence}); {one.correction}, and calibrate again"
+            for one in self.suspicions
+        ]
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """For the JSON."""
+        return [one.to_json() for one in self.suspicions]
 
 
-def find_odd_run(
+def find_odd_runs(
     runs: PreparedRuns,
     whole: FullFit,
     harmonics: int,
-    answer: Callable[[FullFit, int], TriedVariant],
-) -> OddRun | None:
-    """The only run that the others contradict, and without which they pass every check.
+    answer: Answer,
+    fixed_nodes: bool = False,
+    doubted: bool = True,
+) -> OddRuns | None:
+    """The runs that the others contradict.
+
+    Runs that turn by nothing like their logs, or that oscillate unlike others of their temperature,
+    are left out together; else each of those that the others predict worst, of which one alone may
+    be it.
 
     Parameters
     ----------
@@ -68,11 +77,16 @@ def find_odd_run(
         Of 2mθ in the drift that the others must still give.
     answer
         A fit and so many harmonics -> the model that is best of them.
+    fixed_nodes
+        Whether the answer knows these nodes alone.
+    doubted
+        Whether the tables of all runs fail a check; else only turns far from their logs are looked
+        at, which few runs at a node fit as well.
 
     Returns
     -------
-    OddRun or None
-        None where there is none, or several are.
+    OddRuns or None
+        None where there is none, or where any of several may be it.
 
     Examples
     --------
@@ -83,7 +97,7 @@ def find_odd_run(
     >>> from hrg_cli.fitting.tables.increments import AnglePath
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
-    >>> from hrg_cli.stages.calibration.odd_run import find_odd_run
+    >>> from hrg_cli.stages.calibration.odd_run import find_odd_runs
     >>> def turn(rate):
     ...     t, one = np.arange(600.0), np.ones(600)
     ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
@@ -95,22 +109,28 @@ def find_odd_run(
     >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> two = fit([turn(-0.2), turn(0.2)], layout)
     >>> runs = Told(forced=two.paths, free=[], nodes=layout.nodes)
-    >>> find_odd_run(runs, Told(layout=layout, fitted=two), 0, None) is None
+    >>> find_odd_runs(runs, Told(layout=layout, fitted=two), 0, None) is None
     True
     """
-    layout, found = whole.layout, list[OddRun]()
-    for run in _order_by_surprise(whole.fitted)[:CANDIDATES]:
-        kept = [path for r, path in enumerate(runs.forced) if r != run]
-        if not kept or any(
-            lack.refuses for lack in examine(kept, runs.nodes, layout.axis, harmonics)
+    turned = find_wrong_turns(runs.forced)
+    shown = find_wrong_temperatures(runs.forced) if doubted else {}
+    for marked in dict.fromkeys(
+        (frozenset({*shown, *turned}), frozenset(turned), frozenset(shown))
+    ):
+        # a turn far from its log is told by tables of other nodes too
+        sure = marked <= set(turned) and not fixed_nodes
+        rest = leave_out(marked, runs, whole, harmonics, answer, sure) if marked else None
+        if rest is not None and all(
+            (rest.turns_otherwise(runs.forced[run]) if run in turned else rest.best.fits)
+            and (run in shown or _is_contradicted(rest, runs.forced[run]))
+            for run in marked
         ):
-            continue
-        # with the factors that all runs have: one that the others alone have, no answer says of this
-        fitted, free, late = follow(fit(kept, layout), runs.free)
-        rest = replace(whole, fitted=fitted, free=free, late=late)
-        best = answer(rest, harmonics)
-        if best.fits and _is_contradicted(whole.fitted, rest.fitted, run, best):
-            found.append(_describe(whole.fitted, rest.fitted, run))
+            return _describe(sorted(marked), runs, rest, shown)
+    found = list[OddRuns]()
+    for run in _order_by_surprise(whole.fitted)[:CANDIDATES] if doubted else ():
+        rest = leave_out({run}, runs, whole, harmonics, answer)
+        if rest is not None and rest.best.fits and _is_contradicted(rest, runs.forced[run]):
+            found.append(_describe([run], runs, rest, shown))
     return found[0] if len(found) == 1 else None
 
 
@@ -123,45 +143,27 @@ def _order_by_surprise(fitted: Fitted) -> list[int]:
         own[run] = True
         A, b, _ = fitted.pieces.sum(own)
         others = solve(whole[0] - A, whole[1] - b, everything)
-        surprise.append(_compare(A, b, others, whole[0] - A, everything))
+        surprise.append(compare_with_others(A, b, others, whole[0] - A, everything))
     return [int(run) for run in np.argsort(-np.array(surprise), kind="stable")]
 
 
-def _compare(A: Array, b: Array, others: TableSolution, known: Array, model: Model) -> float:
-    """χ² a degree of freedom of a run's normal equations A (P, P), b (P,) against what a model
-    predicts that the others, of information `known` (P, P), tell."""
-    unseen = find_unseen_directions(known, model)
-    left = b - A @ others.coefficients
-    chi2, rank = compute_score(A, left, np.eye(len(b)), others.covariance, 1.0, unseen)
-    return chi2 / max(rank, 1)
+def _is_contradicted(rest: Rest, path: AnglePath) -> bool:
+    """Whether a run is grossly not what the others' answer predicts."""
+    return rest.contradict(rest.set_right(path)) > GROSS
 
 
-def _is_contradicted(fitted: Fitted, rest: Fitted, run: int, answer: TriedVariant) -> bool:
-    """Whether a run is not what the others' answer predicts, at the noise that they have without
-    it."""
-    whites, walks = zip(*((noise.white, noise.walk) for noise in rest.noises))
-    noise, about = AngleNoise(float(np.median(whites)), max(walks)), rest.solution.coefficients
-    path, turn = fitted.paths[run], fitted.turns[run]
-    A, b, _ = accumulate([path], [noise], rest.layout, [turn], about, about).sum()
-    tried = answer.tried
-    return _compare(A, b, tried.solution, rest.pieces.sum()[0], tried.model) > GROSS
-
-
-def _describe(fitted: Fitted, rest: Fitted, run: int) -> OddRun:
-    """The run with the mean rate at which the others' tables read its wave."""
-    path, layout = fitted.paths[run], rest.layout
-    coefficients = rest.solution.coefficients
-    standing = replace(path, rate_integral_rad=np.zeros_like(path.rate_integral_rad))
-    drifted, turned = (
-        float(predict_turn(p, layout, coefficients, coefficients).sum()) for p in (standing, path)
-    )
-    logged = float(path.rotation.sum())
-    # of a run at rest the mean scale factor tells, since it turned by no rate that could be divided by
-    per_rad = (
-        (turned - drifted) / logged if logged else -layout.compute_mean_scale_factor(coefficients)
-    )
-    seconds = float(path.interval_s.sum())
-    shown = (float(fitted.turns[run].sum()) - drifted) / per_rad
-    return OddRun(
-        path.run_id or f"number {run + 1}", len(rest.paths), logged / seconds, shown / seconds
-    )
+def _describe(
+    odd: list[int], runs: PreparedRuns, rest: Rest, shown: dict[int, ShownTemperature]
+) -> OddRuns:
+    """What is wrong with runs, where one usual mistake says it, and the figures that show it."""
+    suspicions = list[Suspicion]()
+    for run in odd:
+        path, of_frequency = rest.set_right(runs.forced[run]), shown.get(run)
+        logged, seen = rest.find_rates(path)
+        evidence = f"by their tables its wave turns as at {seen:.6g} rad/s, {logged:.6g} is logged"
+        if of_frequency is not None:
+            evidence += f"; {of_frequency.evidence}"
+        read = read_mistake(path, of_frequency, rest.contradict)
+        name = path.run_id or f"number {run + 1}"
+        suspicions.append(describe_odd_run(name, read, evidence))
+    return OddRuns(tuple(suspicions), len(rest.whole.fitted.paths), rest.best.fits)

@@ -11,7 +11,7 @@ from ..rate_table import summarise as summarise_rate_table
 
 OF_ANALYSIS = ("loops", "readout_matrix", "factors", "significant", "correlated", "false_rate")
 """Keys of the ladder's final analysis."""
-WHERE_GIVEN = ("choice", "checks", "noise", "resonator", "rate_log", "stability")
+WHERE_GIVEN = ("choice", "checks", "noise", "resonator", "rate_log", "suspect_runs", "stability")
 """Keys that a calibration has where there is something to say."""
 OF_VARIANT = ("coefficients", "held_out_chi2_per_row", "passed", "why_not")
 

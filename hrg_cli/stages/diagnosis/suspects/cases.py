@@ -12,10 +12,10 @@ from ....errors import HrgError
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
+from ...suspicion import Suspicion
 from .laws import is_one_law
 from .logs import has_usual_scale_factor
 from .readings import Reading
-from .suspicion import Suspicion
 
 Fitted = Callable[..., ExtendedFit]
 """The base model fitted to waves, one a piece of a run; `quick=True`: beside nothing that a drive's log

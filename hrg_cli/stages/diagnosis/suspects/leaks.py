@@ -8,9 +8,9 @@ import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Array, Wave
+from ...suspicion import Suspicion
 from .cases import REMOVED, Fitted, SuspectFound, fit_or_none
 from .readings import DAMPING, fit_own_damping
-from .suspicion import Suspicion
 from .transformations import undo_damping
 
 LEAK_ROUNDS = 3

@@ -10,9 +10,9 @@ import numpy as np
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.base_freedom import choose_scale_factor
 from ....records import Wave
+from ...suspicion import Suspicion
 from ..samples.lines import find_median_frequency
 from ..thresholds import GROSS
-from .suspicion import Suspicion
 
 SCALE_FACTOR = "scale_factor"
 SURE = 5.0

@@ -17,6 +17,7 @@ from ....errors import name_some
 from ....fitting import checks
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
+from ...suspicion import Suspicion
 from ..thresholds import GROSS, WORTH
 from .cases import Fitted, SuspectCase, SuspectFound, fit_or_none
 from .common_clock import find_common_lateness
@@ -34,7 +35,6 @@ from .search import (
     is_any_logged,
     leave_out,
 )
-from .suspicion import Suspicion
 from .thermometers import find_thermometer_mistakes
 
 FEWEST_RUNS = 4

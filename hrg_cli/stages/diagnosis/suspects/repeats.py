@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ....fitting.envelopes.frozen import CORRECTION, find_frozen
 from ....records import Wave
-from .suspicion import Suspicion
+from ...suspicion import Suspicion
 
 
 def find_stuck_columns(waves: Sequence[Wave]) -> list[Suspicion]:

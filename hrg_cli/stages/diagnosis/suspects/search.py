@@ -10,6 +10,7 @@ import numpy as np
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
 from ....records import Array, Wave
+from ...suspicion import Suspicion
 from ..fits.variants import Variant
 from ..thresholds import FREQUENCIES_APART, GROSS
 from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none
@@ -19,7 +20,6 @@ from .logs import find_wrong_logs
 from .mistakes import Maker, find_mistakes
 from .readings import DAMPING, KNOCK, Reading, find_knock_mistakes, fit_held
 from .rivals import fit_catalogue, fit_warming
-from .suspicion import Suspicion
 from .thermometers import find_thermometer_mistakes
 from .unlogged_rates import find_unlogged_rates
 
