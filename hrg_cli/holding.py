@@ -10,6 +10,7 @@ from .errors import UsageError
 from .limit_values import suggest
 from .limits import Row, check, check_tables, figures_of, is_group
 from .records import Record
+from .records.replaced import find_replaced
 
 WORDS = ("status", "verdict")
 """Limits that are words."""
@@ -19,8 +20,9 @@ def hold(records: Sequence[Record], limits: Mapping[str, Any]) -> list[list[Row]
     """Rows of `limits.check` for each of several results, none for one without limits.
 
     A limit outside a table is held against every result that has such a figure; what the table of
-    its kind says of the same figure goes first. One that no result has does not pass. UsageError: as
-    `check`.
+    its kind says of the same figure goes first. One that no result has does not pass. Of a linear
+    resonator that a diagnosis beside it explains nothing is held: the diagnosis' own stands in its
+    place. UsageError: as `check`.
     """
     check_tables(limits)
     outside = {name: value for name, value in limits.items() if not is_group(value)}
@@ -29,13 +31,14 @@ def hold(records: Sequence[Record], limits: Mapping[str, Any]) -> list[list[Row]
     for name in sorted(nowhere):
         if hint := suggest(name, sorted({*WORDS}.union(*known))):
             raise UsageError(f"limit {name} is no figure of these files; {hint}")
-    rows = []
-    for names, record in zip(known, records, strict=True):
+    rows, replaced = [], find_replaced(records)
+    for place, (names, record) in enumerate(zip(known, records, strict=True)):
         taken = names | (nowhere if record is records[0] else set())
         table = {name: value for name, value in outside.items() if name in taken}
         own = limits.get(record.kind)
         table |= own if isinstance(own, Mapping) else {}
-        rows.append(check(record, {record.kind: table}) if table else [])
+        wanted = table and place not in replaced
+        rows.append(check(record, {record.kind: table}) if wanted else [])
     return rows
 
 

@@ -17,6 +17,7 @@ from ..errors import HrgError, UsageError
 from ..holding import hold
 from ..limits import Row
 from ..records import Record
+from ..records.replaced import find_replaced
 from ..reporting import check_pages, console
 from ..reporting.answer import Answer, answer
 from .common import Common
@@ -197,6 +198,11 @@ def _show(done: Sequence[Checked]) -> None:
         console.print_table("", ("file", *head), lines)
     elif lines:
         console.print_table("", head, [line[1:] for line in lines])
+    for place in find_replaced([one.record for one in done]):
+        console.say(
+            f"{done[place].name}: {done[place].record.status} by itself, and not held; the diagnosis'"
+            " own resonator, with the causes found, stands in its place"
+        )
     for one in done:
         if one.moved == []:
             console.say(f"{one.name}: nothing moved from the baseline")

@@ -15,6 +15,7 @@ import typer
 from .. import settings, store
 from ..chain import Step
 from ..errors import HrgError
+from ..extended import find_extended_paths
 from ..extras import without_pages
 from ..gyro import find_gyro, list_inputs, run_gyro
 from ..holding import hold
@@ -199,7 +200,7 @@ def _judge(steps: Sequence[Step], rows: Sequence[Row]) -> dict[str, Any]:
     return {
         "kind": "run",
         "status": worst,
-        "status_reasons": [*missed, *list_reasons(deciding)],
+        "status_reasons": [*missed, *list_reasons(deciding), *_tell_replaced(steps)],
     }
 
 
@@ -272,6 +273,12 @@ def list_reasons(steps: Sequence[Step]) -> list[str]:
     ]
 
 
+def _find_explained(results: Sequence[Path]) -> list[Path]:
+    """The resonator that a diagnosis among the results leaves, where it does."""
+    left = (find_extended_paths(path)[1] for path in results if path.name == "diagnosis.h5")
+    return [path for path in left if path.exists()]
+
+
 def _is_explained(steps: Sequence[Step]) -> bool:
     """Whether a diagnosis explains what the linear resonator leaves, so that the doubt about that
     resonator is settled."""
@@ -281,6 +288,17 @@ def _is_explained(steps: Sequence[Step]) -> bool:
         and step.json.get("verdict") == "explained"
         for step in steps
     )
+
+
+def _tell_replaced(steps: Sequence[Step]) -> list[str]:
+    """That a resonator in doubt is not the one to go on with, where a diagnosis explains it."""
+    diagnoses = [step.output for step in steps if step.name == "diagnose"]
+    return [
+        f"{step.output}: {step.status} by itself; {find_extended_paths(Path(diagnoses[0]))[1].name},"
+        " with the causes found, stands in its place"
+        for step in steps
+        if step.name == "identify" and step.status != "valid" and _is_explained(steps)
+    ]
 
 
 def _plan(lines: list[str], started: float) -> Shown:
@@ -302,7 +320,8 @@ def _judge_results(made: Sequence[Path], limits: dict[str, Any]) -> tuple[Answer
         path for path in made if path.name in ("resonator.h5", "diagnosis.h5", "calibration.h5")
     ]
     records = [store.read_any(path) for path in results]
-    rows = [row for held in hold(records, limits) for row in held]
+    explained = [store.read_any(path) for path in _find_explained(results)]
+    rows = [row for held in hold([*records, *explained], limits) for row in held]
     return (
         answer(records, rows, {record.kind: path.name for record, path in zip(records, results)}),
         rows,

@@ -11,6 +11,7 @@ from typing import Any
 from .. import store
 from ..limits import Row
 from ..records import Calibration, Diagnosis, Record, Resonator
+from ..records.replaced import EXTENDED
 from .answer import Answer, answer
 from .figures import calibration
 from .figures.answer import plot_before_and_after
@@ -106,7 +107,7 @@ def _show(
 
 def _is_extended(record: Record) -> bool:
     """A resonator made beside a diagnosis, which the diagnosis speaks for."""
-    return isinstance(record, Resonator) and record.method == "extended model"
+    return isinstance(record, Resonator) and record.method == EXTENDED
 
 
 def draw_answer(path: Path) -> Iterator[Plot]:

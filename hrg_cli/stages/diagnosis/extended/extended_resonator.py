@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ....records import Diagnosis, Resonator
+from ....records.replaced import EXTENDED
 
 SURE = ("adequate", "explained")
 
@@ -39,7 +40,7 @@ def build_extended_resonator(diagnosis: Diagnosis) -> Resonator | None:
         std=np.array(stds),
         units=np.array(units, dtype=object),
         covariance=_covariance_of(report, stds),
-        method="extended model",
+        method=EXTENDED,
         mode_number=int(report.get("mode_number", 2)),
         gyro_id=diagnosis.gyro_id,
         flat_directions=json.dumps(_say_unknown(report["values"]), ensure_ascii=False),
