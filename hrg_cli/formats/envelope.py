@@ -262,7 +262,7 @@ def _judge(blank: Periods, source: EnvelopeRows, plan: WindowPlan) -> Periods:
     """What speaks against the periods before a row of them is made: the log, its times, its columns
     and the filter that its rows show."""
     of_log = [reason for reason in source.log.reasons if reason != ONE_DEMODULATOR]
-    judged = blank.judged([*of_log, *source.timing.reasons])
+    judged = blank.judged([*of_log, *source.timing.reasons, *source.roles.doubts])
     logged = bool(source.slow.scales)
     for status, reason in (
         *source.signal.judge(blank.reference_frequency_hz),

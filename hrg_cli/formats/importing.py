@@ -72,10 +72,16 @@ def import_log(
     ] = None,
     time: Time = None,
     temperature: Annotated[
-        Column, Field(description="column of the temperature; found by its title where not given")
+        Column,
+        Field(
+            description="column of the temperature; found by its title, or as the only one in such a unit, where not given"
+        ),
     ] = None,
     rate: Annotated[
-        Column, Field(description="column of the rate; found by its title where not given")
+        Column,
+        Field(
+            description="column of the rate; found by its title, or as the only one in such a unit, where not given"
+        ),
     ] = None,
     drive_main: Annotated[
         Column, Field(description="column of the main drive; found by its title where not given")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..errors import HrgError, name_some
 from .log import Channel, Log
-from .quantities import is_temperature, is_time
+from .quantities import is_rate, is_temperature, is_time
 
 TICKS = ("ticks", "tick", "clock ticks", "timer", "counter")
 """Titles of a column that counts a clock whose rate was given."""
@@ -24,6 +24,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
         "date",
         "clock",
         "zeit",
+        "temps",
         "elapsed",
         "elapsed time",
         "systemtime",
@@ -48,6 +49,14 @@ ALIASES: dict[str, tuple[str, ...]] = {
         "1",
         "left",
         "chan1",
+        "kanal c",
+        "kanal a",
+        "kanal 1",
+        "kanal1",
+        "voie c",
+        "voie a",
+        "voie 1",
+        "voie1",
     ),
     "s": (
         "s",
@@ -69,8 +78,23 @@ ALIASES: dict[str, tuple[str, ...]] = {
         "2",
         "right",
         "chan2",
+        "kanal s",
+        "kanal b",
+        "kanal 2",
+        "kanal2",
+        "voie s",
+        "voie b",
+        "voie 2",
+        "voie2",
     ),
-    "temperature": ("temperature", "temp", "temperature_degc", "t_degc", "temperatur"),
+    "temperature": (
+        "temperature",
+        "temp",
+        "temperature_degc",
+        "t_degc",
+        "temperatur",
+        "température",
+    ),
     "rate": (
         "rate",
         "rate_rad_s",
@@ -84,6 +108,11 @@ ALIASES: dict[str, tuple[str, ...]] = {
         "turntable_rate",
         "rotation rate",
         "rotation_rate",
+        "drehrate",
+        "winkelgeschwindigkeit",
+        "drehgeschwindigkeit",
+        "vitesse angulaire",
+        "vitesse de rotation",
     ),
     "drive_main": ("drive_main", "drive main", "main drive", "main_drive"),
     "auxiliary_time": (
@@ -102,6 +131,8 @@ ALIASES: dict[str, tuple[str, ...]] = {
     ),
 }
 """Role -> titles it goes by, in the order of trust."""
+OF_UNIT = {"temperature": is_temperature, "rate": is_rate}
+"""Role -> whether a unit is its own, so that the only column of it needs no title."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +147,8 @@ class Roles:
     drive_main: int | None
     drive_quadrature: int | None
     auxiliary_time: int | None = None
+    doubts: tuple[str, ...] = ()
+    """Roles that several columns may have, of which none was taken."""
 
     def list_columns(self) -> dict[str, int]:
         """The columns present, in the order of `ALIASES`: role -> index."""
@@ -236,25 +269,47 @@ def find_roles(
         raise HrgError(
             f"{path}: c and s are both column {(taken['c'] or 0) + 1}; name two of {list_columns(log)}"
         )
-    return Roles(**taken)  # type: ignore[arg-type]
+    free = [i for i in free if i not in taken.values()]
+    open_roles = [r for r in OF_UNIT if taken[r] is None and r not in left_out]
+    doubts = [
+        _doubt(log, r, several) for r in open_roles if (several := _list_of_unit(log, r, free))
+    ]
+    return Roles(**taken, doubts=tuple(doubts))  # type: ignore[arg-type]
+
+
+def _list_of_unit(log: Log, role: str, free: list[int]) -> list[int]:
+    """The free columns whose unit is one of a role's."""
+    fits = OF_UNIT.get(role)
+    return [i for i in free if fits and _holds_numbers(log, i) and fits(log.channels[i].units)]
+
+
+def _doubt(log: Log, role: str, several: list[int]) -> str:
+    """That several columns may be what a role is, and what chooses."""
+    names = name_some((repr(log.channels[i].name) for i in several), 60)
+    first = log.channels[several[0]].name
+    return (
+        f"no column is taken as the {role}, for {len(several)} may be it ({names}); choose with"
+        f" --{role} {first!r}, or --{role} none"
+    )
 
 
 def _find_told(log: Log, role: str, free: list[int]) -> int | None:
-    """The free column that the log itself, its title or (a temperature) its unit alone gives a
-    role; None where there is none."""
+    """The free column that the log itself, its title or (a temperature, a rate) its unit alone gives
+    a role; None where there is none."""
     told = [i for i in free if log.channels[i].role == role]
     if told:
         return told[0]
-    warm = [i for i in free if is_temperature(log.channels[i].units)]
+    others = {i for other in OF_UNIT for i in _list_of_unit(log, other, free)}
     fitting = [
         i
         for i in free
-        if (role == "time" and i not in warm) or (role != "time" and _holds_numbers(log, i))
+        if (role == "time" and i not in others) or (role != "time" and _holds_numbers(log, i))
     ]
     by_title = (
         i for title in ALIASES[role] for i in fitting if log.channels[i].name.lower() == title
     )
-    return next(by_title, warm[0] if role == "temperature" and len(warm) == 1 else None)
+    alone = _list_of_unit(log, role, free)
+    return next(by_title, alone[0] if len(alone) == 1 else None)
 
 
 def _holds_numbers(log: Log, index: int) -> bool:

@@ -155,7 +155,8 @@ def list_first_reasons(opened: OpenedLog, timing: Timing) -> list[str]:
     Returns
     -------
     list of str
-        The log's own reasons, those of the times, and that there is one channel only.
+        The log's own reasons, those of the times, a rate or a temperature that several columns may
+        be, and that there is one channel only.
 
     Examples
     --------
@@ -169,7 +170,7 @@ def list_first_reasons(opened: OpenedLog, timing: Timing) -> list[str]:
     >>> list_first_reasons(opened, Timing(1e4, 1.0))
     ['...: wave angle, quadrature and splits cannot be seen in this run']
     """
-    reasons = [*opened.log.reasons, *timing.reasons]
+    reasons = [*opened.log.reasons, *timing.reasons, *opened.roles.doubts]
     if opened.roles.s is None:
         reasons.append(
             f"{ONE_CHANNEL}: wave angle, quadrature and splits cannot be seen in this run"

@@ -180,3 +180,42 @@ def test_a_unit_with_a_stroke_may_follow_an_underscore(tmp_path, title):
     made = collect(import_log(log(tmp_path, {title: 3.0})))
     unit = np.pi / 180 * (1e-3 if "mdeg" in title else 1)
     np.testing.assert_allclose(made.rate_rad_s, 3 * unit, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("title", "value", "rate"),
+    [
+        ("Drehrate (°/s)", 90.0, np.pi / 2),
+        ("Drehrate (deg/s)", 90.0, np.pi / 2),
+        ("Drehteller [mrad/s]", 500.0, 0.5),
+        ("wz (dps)", 90.0, np.pi / 2),
+        ("Tisch [°/h]", 3600.0, np.pi / 180),
+        ("Vitesse angulaire (rad/s)", 0.5, 0.5),
+    ],
+)
+def test_the_only_column_of_a_rate_needs_no_title_that_is_known(tmp_path, title, value, rate):
+    """A German log lost its rate, with a note alone, and was valid."""
+    made = collect(import_log(log(tmp_path, {title: value})))
+    np.testing.assert_allclose(made.rate_rad_s, rate, rtol=1e-9)
+    assert made.status == "valid" and not told(made)["columns_left"]
+
+
+@pytest.mark.parametrize("role", ["rate", "temperature"])
+def test_several_columns_that_may_be_it_are_a_doubt_that_names_them(tmp_path, role):
+    unit = {"rate": "°/s", "temperature": "°C"}[role]
+    path = log(tmp_path, {f"Soll ({unit})": 20.0, f"Ist ({unit})": 21.0})
+    made = collect(import_log(path))
+    assert made.status == "suspect"
+    (said,) = made.status_reasons
+    assert said == (
+        f"no column is taken as the {role}, for 2 may be it ('Soll', 'Ist'); choose with"
+        f" --{role} 'Soll', or --{role} none"
+    )
+    for choice in ("Ist", "none"):
+        assert collect(import_log(path, **{role: choice})).status == "valid"
+
+
+def test_a_title_that_is_known_goes_before_other_columns_of_its_unit(tmp_path):
+    made = collect(import_log(log(tmp_path, {"Soll (°/s)": 20.0, "Drehrate (°/s)": 90.0})))
+    np.testing.assert_allclose(made.rate_rad_s, np.pi / 2, rtol=1e-9)
+    assert made.status == "valid"
