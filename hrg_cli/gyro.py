@@ -21,7 +21,7 @@ from .chain import (
     recording_to_wave,
     waves_to_results,
 )
-from .errors import HrgError
+from .errors import HrgError, name_some
 from .executors import start_processes
 from .pipeline import STAGES
 from .records import Recording
@@ -217,6 +217,24 @@ def _in_folder(folder: Path) -> list[Path]:
 def _head(path: Path) -> Recording:
     with store.open_record(path, Recording) as record:
         return record
+
+
+def need_readable(inputs: Sequence[Input]) -> None:
+    """Every recording opens, with a heading and columns of one length, before any work is done.
+
+    HrgError: some do not; the sentence is the first one's, and names the others.
+    """
+    bad: list[tuple[Path, HrgError]] = []
+    for one in inputs:
+        if one.logs:
+            continue
+        try:
+            _head(one.path)
+        except HrgError as error:
+            bad.append((one.path, error))
+    if bad:
+        others = name_some(path.name for path, _ in bad[1:]) if len(bad) > 1 else ""
+        raise HrgError(f"{bad[0][1]}" + (f"; nor can these be read: {others}" if others else ""))
 
 
 def find_gyro(inputs: Sequence[Input]) -> str:

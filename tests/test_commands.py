@@ -19,8 +19,10 @@ from file_digests import rows
 from forced_runs import Truth, programme
 
 from hrg_cli import store
+from hrg_cli.chain import Step
 from hrg_cli.cli import app
-from hrg_cli.gyro import run_gyro
+from hrg_cli.commands.run import _list_shown
+from hrg_cli.gyro import Input, run_gyro
 from hrg_cli.handbook.man_page import commands_of
 from hrg_cli.records import Recording
 from hrg_cli.stages.calibrate import calibrate
@@ -117,6 +119,35 @@ def test_run_shares_recordings_among_processes(tmp_path):
         "valid",
     ]
     assert rows(tmp_path / "out1") == rows(tmp_path / "out2") and len(rows(tmp_path / "out1")) == 2
+
+
+def recordings_of_one_gyro(folder, count=3):
+    folder.mkdir()
+    paths = [folder / f"r{k}.h5" for k in range(count)]
+    for k, path in enumerate(paths):
+        store.write(path, ringing(mode="forced", seed=k, run_id=str(k)))
+    return paths
+
+
+def test_run_opens_every_recording_before_any_work(hrg, tmp_path):
+    """A truncated one ended it after 70 % of the work."""
+    paths = recordings_of_one_gyro(tmp_path / "in")
+    for path in paths[1:]:
+        path.write_bytes(path.read_bytes()[:3000])
+    told = hrg("run", tmp_path / "in", "-o", tmp_path / "out")
+    assert told.status == 1 and not (tmp_path / "out").exists()
+    assert "r1.h5: is truncated (3000 bytes are there)" in told.err
+    assert "nor can these be read: r2.h5" in told.err
+
+
+def test_a_recording_that_a_step_fails_on_is_not_asked_for_on_the_page(tmp_path):
+    """The page read it again, and the run ended with 1 and no report of the others."""
+    paths = recordings_of_one_gyro(tmp_path / "in", 2)
+    steps = [
+        Step("demodulate", ("r0.h5",), "r0.periods.h5", "failed", ("r0.h5: c is damaged",)),
+        Step("demodulate", ("r1.h5",), "r1.periods.h5", "valid"),
+    ]
+    assert _list_shown([Input(path, path.stem) for path in paths], steps) == paths[1:]
 
 
 def test_run_refuses_what_it_cannot_know(hrg, tmp_path):

@@ -17,7 +17,7 @@ from ..chain import Step
 from ..errors import HrgError
 from ..extended import find_extended_paths
 from ..extras import without_pages
-from ..gyro import find_gyro, list_inputs, run_gyro
+from ..gyro import Input, find_gyro, list_inputs, need_readable, run_gyro
 from ..holding import hold
 from ..limits import Row, check_tables
 from ..pipeline import STAGES
@@ -100,6 +100,7 @@ def run_files(
     if dry_run:
         return _plan(say_by_hand(paths, folder, tables, run), started)
     inputs = list_inputs(paths, tables.get("import", {}).get("s_file"))
+    need_readable(inputs)
     gyro = find_gyro(inputs)
     made_folder = not folder.is_dir()
     if made_folder:
@@ -113,8 +114,7 @@ def run_files(
     found, rows = _judge_results(made, wanted)
     pageless = without_pages()
     if not pageless:
-        recorded = [one.path for one in inputs if one.path.suffix == ".h5" and one.path.exists()]
-        _write_page(page, [*recorded, *made], rows, full, force)
+        _write_page(page, [*_list_shown(inputs, steps), *made], rows, full, force)
     report = _judge(steps, rows) | {
         "output": str(folder),
         "answer": found.to_json() if found else None,
@@ -130,6 +130,13 @@ def run_files(
         console.say(f"page: {page}" if not pageless else f"no page: {pageless}")
 
     return report, show
+
+
+def _list_shown(inputs: Sequence[Input], steps: Sequence[Step]) -> list[Path]:
+    """The recordings that a page can show: those that no step failed on."""
+    failed = {name for step in steps if step.status == "failed" for name in step.inputs}
+    h5 = (one.path for one in inputs if one.path.suffix == ".h5" and one.path.exists())
+    return [path for path in h5 if path.name not in failed]
 
 
 def _files_made(steps: Sequence[Step], folder: Path) -> list[Path]:
