@@ -24,10 +24,11 @@ from .identification.by_regression import compare_methods, identify_by_regressio
 from .identification.methods import RegressionMethod
 from .identification.monitored import monitor_working_mode
 from .identification.outcome import Verdict
+from .identification.rate_steps import cut_at_rate_steps
 from .identification.resampled_errors import profile_intervals, resample_errors
 from .identification.unknown_rate import identify_with_unknown_rate
 from .one_gyro import need_each_once, need_same_gyro
-from .usable import drop_refused, restrict_to_known_rates
+from .usable import Usable, drop_refused, restrict_to_known_rates
 
 Array = np.ndarray
 ROWS_AT_ONCE = 1 << 16
@@ -134,12 +135,7 @@ def identify(
         raise HrgError("there is no run; give at least one wave file of a free run-down")
     need_same_gyro(waves, "identify")
     need_each_once(waves)
-    usable = drop_refused(waves)
-    if window == "auto" and method != "working-mode":
-        free = [part for wave in usable.waves for part in free_windows.cut_free_windows(wave)]
-        usable = replace(usable, waves=free)
-    given = [] if rate_rad_s is None else [w.run_id for w in usable.waves]
-    usable = restrict_to_known_rates(usable, given)
+    usable = _cut_to_usable(waves, rate_rad_s, method, window)
     waves = usable.waves
     with usable.blame_refusals():
         if method == "working-mode":
@@ -171,6 +167,19 @@ def identify(
         if method == "all":
             verdict.details["methods"] = compare_methods(runs, known, verdict, eliminate_rate)
         return usable.judge(_make_resonator_record(verdict, waves, method))
+
+
+def _cut_to_usable(
+    waves: Sequence[Wave], rate_rad_s: float | None, method: Method, window: str
+) -> Usable:
+    """The windows that are free run-downs at a known rate, between its steps."""
+    usable, whole = drop_refused(waves), method == "working-mode"
+    if window == "auto" and not whole:
+        free = [part for wave in usable.waves for part in free_windows.cut_free_windows(wave)]
+        usable = replace(usable, waves=free)
+    given = [] if rate_rad_s is None else [w.run_id for w in usable.waves]
+    usable = restrict_to_known_rates(usable, given)
+    return usable if whole or rate_rad_s is not None else cut_at_rate_steps(usable)
 
 
 def _make_resonator_record(verdict: Verdict, waves: Sequence[Wave], method: str) -> Resonator:

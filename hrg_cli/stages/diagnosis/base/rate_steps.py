@@ -19,17 +19,9 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.causes.wave_frame import to_reals
 from ....fitting.envelopes.coordinates import SCALE_FACTOR
+from ....fitting.samples.rate_steps import find_steps
 
 Array = np.ndarray
-ABOVE = 10.0
-"""Times the usual change from row to row that makes a step."""
-MATTERS = 0.3
-"""Uncertain angle times amplitude over σ from which it is worth correcting."""
-MOST_A_RUN = 12
-LONGEST = 8
-"""Rows a step may take, where the log is coarser than the rows."""
-SHARE = 0.25
-"""Part of a run's rows that steps may take."""
 ROUNDS = 2
 INDEPENDENT = 1e-6
 """Part of the strongest below which what a step does is what others do."""
@@ -54,30 +46,12 @@ def find_rate_steps(series: MeasuredRuns, scale_factor: float) -> list[tuple[int
     out = []
     for k, rate in enumerate(series.rate_rad_s):
         good = series.weight[k] > 0
-        jump = np.abs(np.diff(rate)) * good[1:]
-        if len(jump) < 8 or not jump.any():
+        if not good.any():
             continue
         size = float(np.sqrt(np.mean(np.sum(np.abs(series.envelope[k][good]) ** 2, axis=-1))))
-        unsure = (
-            abs(scale_factor)
-            * jump
-            * series.step_s[k]
-            / 2
-            * size
-            * float(np.median(series.weight[k][good]))
-        )
-        big = np.flatnonzero(
-            (jump > ABOVE * np.median(jump[good[1:]]))
-            & (jump > 1e-3 * np.abs(rate).max())
-            & (unsure > MATTERS)
-        )
-        groups = np.split(big, np.flatnonzero(np.diff(big) > 1) + 1) if len(big) else []
-        if (
-            0 < len(groups) <= MOST_A_RUN
-            and max(map(len, groups)) <= LONGEST
-            and len(big) < SHARE * good.sum()
-        ):
-            out += [(k, int(group[0]), int(group[-1])) for group in groups]
+        per_rad = abs(scale_factor) * size * float(np.median(series.weight[k][good]))
+        steps = find_steps(rate, good, per_rad * series.step_s[k] / 2)
+        out += [(k, first, last) for first, last in steps]
     return out
 
 
