@@ -49,16 +49,23 @@ HELD = (
     *modules_of("ledger"),
     *modules_of("stages.planning"),
     *modules_of("stages.calibration"),
+    *modules_of("stages.identification"),
     *(module for module in modules_of("stages", deep=False) if module != "stages.diagnose"),
     "fitting.checks",
     "lots.pooling",
     "fitting.least_squares",
-    *(f"stages.identification.{name}" for name in ("splits", "window_band")),
     *(
         f"fitting.envelopes.{name}"
         for name in (
             *("axis_crossings", "base_fit", "base_freedom", "channel_noise", "condensed"),
-            *("coordinates", "decay_stretch", "envelope_runs", "equations", "free_windows"),
+            *(
+                "coordinates",
+                "decay_stretch",
+                "drawn_run",
+                "envelope_runs",
+                "equations",
+                "free_windows",
+            ),
             *("frozen", "inference", "likelihood", "matrices", "method_ranges"),
             *("noise_propagation", "normal_equations", "one_mode", "phase_course", "propagator"),
             *("rate_driven", "rate_estimate", "rate_fit", "rate_from_model", "rate_offset"),

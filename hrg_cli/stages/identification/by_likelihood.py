@@ -19,7 +19,39 @@ from .verdict import POOR_FIT, judge_fit, refuse_contradictions
 
 def identify_by_likelihood(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verdict:
     """All runs together by maximum likelihood, judged; two modes without axes where the record
-    shows no more."""
+    shows no more.
+
+    Parameters
+    ----------
+    runs
+        Free ones of one gyro.
+    known
+        What is held.
+    blocks
+        Rows to which each run is averaged at least.
+
+    Returns
+    -------
+    Verdict
+        The resonator, or frequency and decay of its modes without axes.
+
+    Raises
+    ------
+    HrgError
+        Nothing can be fitted, neither a resonator nor two modes.
+
+    Examples
+    --------
+    Two runs that turn against each other tell every parameter:
+
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.by_likelihood import identify_by_likelihood
+    >>> runs = [draw_run_down(0.0, 0.5, seed=1), draw_run_down(0.8, -0.5, seed=2)]
+    >>> verdict = identify_by_likelihood(runs, Known(), 100)
+    >>> [round(verdict.values[name], 3) for name in ("damping_rate_1_s", "scale_factor")]
+    [0.1, 0.55]
+    """
     modes = identify_one_channel(runs)
     if modes is not None:
         return modes

@@ -30,8 +30,44 @@ Array = np.ndarray
 def identify_by_regression(
     runs: Sequence[EnvelopeRun], known: Known, method: str, eliminate_rate: bool, blocks: int
 ) -> Verdict:
-    """One of seed A's methods, judged by its own misfit, by its distance from the likelihood on the
-    same rows, and by physics."""
+    """One of seed A's methods, judged by its misfit, its distance from the likelihood, and physics.
+
+    The likelihood is fitted to the same rows; the frequency is its own, as every method has to know
+    it.
+
+    Parameters
+    ----------
+    runs
+        Free ones of one gyro.
+    known
+        What is held.
+    method
+        One of `methods.ALL`.
+    eliminate_rate
+        Of fixed-axes: the published elimination of the rate, which halves the damping split.
+    blocks
+        Rows to which each run is averaged at least.
+
+    Returns
+    -------
+    Verdict
+        The method's answer.
+
+    Raises
+    ------
+    HrgError
+        The method cannot be used on these runs.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.by_regression import identify_by_regression
+    >>> runs = [draw_run_down(0.0, 0.5, seed=1), draw_run_down(0.8, -0.5, seed=2)]
+    >>> verdict = identify_by_regression(runs, Known(), "stokes", False, 100)
+    >>> round(verdict.values["scale_factor"], 3), verdict.refused
+    (0.55, [])
+    """
     best = fit_base_model(runs, known, blocks)
     ready = prepare_rows(runs, known, best)
     answer = solve_method(method, ready, best, eliminate_rate)
@@ -146,7 +182,44 @@ def compare_methods(
     runs: Sequence[EnvelopeRun], known: Known, best: Verdict, eliminate_rate: bool
 ) -> list[dict[str, Any]]:
     """Every method on the same inputs: parameters, and the difference from the likelihood in units
-    of the method's own error."""
+    of the method's own error.
+
+    Parameters
+    ----------
+    runs
+        Free ones of one gyro.
+    known
+        What is held.
+    best
+        The likelihood's verdict on them.
+    eliminate_rate
+        Of fixed-axes: the published elimination of the rate.
+
+    Returns
+    -------
+    list of dict
+        One row for each method, the likelihood first: `method`, `parameters` (value, σ,
+        difference), `warnings`, why it `refused`, and its splits as vectors.
+
+    Raises
+    ------
+    HrgError
+        The runs show modes alone, so there is no fit of a resonator to compare with.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.by_likelihood import identify_by_likelihood
+    >>> from hrg_cli.stages.identification.by_regression import compare_methods
+    >>> runs = [draw_run_down(0.0, 0.5, seed=1), draw_run_down(0.8, -0.5, seed=2)]
+    >>> best = identify_by_likelihood(runs, Known(), 100)
+    >>> for row in compare_methods(runs, Known(), best, False)[:3]:
+    ...     print(row["method"], round(row["parameters"]["scale_factor"]["value"], 3))
+    likelihood 0.55
+    propagator 0.55
+    stokes 0.55
+    """
     if best.fit is None:
         raise HrgError(
             "the methods of seed A need both channels of a resonator, these runs show modes alone;"

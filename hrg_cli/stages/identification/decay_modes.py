@@ -52,8 +52,34 @@ class Seen:
 
 
 def find_modes(run: EnvelopeRun, thin: EnvelopeRun, u: Array) -> Seen:
-    """The decay's rows and its modes: two where they are apart and leave less than one whose decay
-    and frequency follow its amplitude; one where no phase tells them apart."""
+    """The decay's rows and its modes: one whose decay and frequency follow its amplitude, or two.
+
+    Two where they are apart and leave less than one; one where no phase tells them apart.
+
+    Parameters
+    ----------
+    run
+        All its windows.
+    thin
+        The same averaged to fewer rows (n,).
+    u
+        Its signals (n, k), complex.
+
+    Returns
+    -------
+    Seen
+        The rows and modes; of the stretches that either model finds, the one that fits better for
+        its length.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.decay_modes import find_modes
+    >>> run = draw_run_down(0.0)
+    >>> seen = find_modes(run, run, run.envelope[:, :1])
+    >>> seen.two is None, round(seen.mode.decay.find_coefficient("viscous_1_s")[0], 3)
+    (True, 0.1)
+    """
     from_one = find_decay_stretch(
         thin, u[:, 0], lambda rows: one_mode.measure_misfit(thin, u[:, 0], rows)
     )

@@ -81,6 +81,31 @@ def prepare_rows(runs: Sequence[EnvelopeRun], known: Known, best: Fit) -> Prepar
     damping over ω) does to the envelopes is taken off them by the likelihood's model, with the
     scale the likelihood found; where it is known no better than its standard deviation, the rows
     `beside` have one more of it taken off.
+
+    Parameters
+    ----------
+    runs
+        Free ones of one gyro.
+    known
+        What is held; K at its nominal value too where no run turns and none is given.
+    best
+        The likelihood's optimum on them.
+
+    Returns
+    -------
+    PreparedRows
+        Rows, the likelihood's coordinates on them and their covariance.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.base_fit import fit_base_model
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.first_order_rows import prepare_rows
+    >>> runs = [draw_run_down(0.0, 0.5, seed=1), draw_run_down(0.8, -0.5, seed=2)]
+    >>> ready = prepare_rows(runs, Known(), fit_base_model(runs, blocks=100))
+    >>> [len(run) for run in ready.rows], ready.p[[0, 5]].round(3).tolist()
+    ([100, 100], [0.1, 0.55])
     """
     if known.scale_factor is None and max(float(np.ptp(r.turn_rad)) for r in runs) == 0:
         known = dataclasses.replace(known, scale_factor=choose_scale_factor(runs[0].mode_number))

@@ -46,8 +46,38 @@ ALL: tuple[RegressionMethod, ...] = get_args(RegressionMethod)
 
 
 def solve_method(method: str, ready: PreparedRows, best: Fit, eliminate_rate: bool) -> Regression:
-    """One method's answer; how far the scale of the second order is unknown is in its
-    covariance."""
+    """One method's answer; how far the scale of the second order is unknown is in its covariance.
+
+    Parameters
+    ----------
+    method
+        One of `ALL`.
+    ready
+        The rows of the first order.
+    best
+        The likelihood's optimum.
+    eliminate_rate
+        Of fixed-axes: the published elimination of the rate.
+
+    Returns
+    -------
+    Regression
+        Coordinates (7,) with covariance (7, 7), NaN what the method does not give; `refused` says
+        why there are none.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.base_fit import fit_base_model
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.first_order_rows import prepare_rows
+    >>> from hrg_cli.stages.identification.methods import solve_method
+    >>> runs = [draw_run_down(0.0, 0.5, seed=1), draw_run_down(0.8, -0.5, seed=2)]
+    >>> best = fit_base_model(runs, blocks=100)
+    >>> answer = solve_method("stokes", prepare_rows(runs, Known(), best), best, False)
+    >>> answer.p[[0, 5]].round(3).tolist()
+    [0.1, 0.55]
+    """
     answer = _solve_on_rows(method, ready, best, eliminate_rate)
     if answer.refused or ready.beside is None:
         return answer
@@ -87,8 +117,41 @@ def _solve_on_rows(
 def name_parameters(
     answer: Regression, mode: int, method: str, thin: Sequence[EnvelopeRun], known: Known
 ) -> tuple[dict[str, float], dict[str, float], Array]:
-    """Parameters by name, standard deviations, covariance (7, 7) in ORDER; what the method does not
-    give is left out."""
+    """Parameters by name with their errors; what the method does not give is left out.
+
+    Parameters
+    ----------
+    answer
+        Of a method, in coordinates.
+    mode
+        m.
+    method
+        Its name.
+    thin
+        The runs it was solved on.
+    known
+        What was held.
+
+    Returns
+    -------
+    tuple
+        Values by name (the frequency 0: no method gives it), standard deviations by name, and the
+        covariance (7, 7) in `ORDER`, in the parameters' own units.
+
+    Examples
+    --------
+    A damping split of 0.02 1/s along the electrodes; K is nobody's where no run turns:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.fitting.envelopes.regressions import Regression
+    >>> from hrg_cli.stages.identification.methods import name_parameters
+    >>> answer = Regression(np.array([0.1, 0.02, 0, 0, 0.3, 0.55, 0]), 1e-8 * np.eye(7))
+    >>> values, std, _ = name_parameters(answer, 2, "stokes", [draw_run_down(0.0)], Known())
+    >>> values["damping_split_1_s"], round(std["damping_split_1_s"], 9), "scale_factor" in values
+    (0.02, 0.0001, False)
+    """
     numbers, slopes = coordinates.to_parameters(np.nan_to_num(answer.p), mode)
     covariance = np.zeros((7, 7))
     own = np.nan_to_num(answer.covariance)

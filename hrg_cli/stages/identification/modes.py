@@ -60,11 +60,32 @@ def thin_run(run: EnvelopeRun) -> EnvelopeRun:
 
 
 def identify_one_channel(runs: Sequence[EnvelopeRun]) -> Verdict | None:
-    """The verdict of runs at rest that are one signal each, with one mode or two; None: they are
-    ordinary runs.
+    """The verdict of runs at rest that are one signal each, with one mode or two.
 
     Two live channels that are proportional show a line that does not turn: that is an ordinary
     run-down unless it holds two modes.
+
+    Parameters
+    ----------
+    runs
+        Free ones of one gyro.
+
+    Returns
+    -------
+    Verdict or None
+        None: they are ordinary runs.
+
+    Examples
+    --------
+    A wave along one pair of electrodes leaves the other dead:
+
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.modes import identify_one_channel
+    >>> found = identify_one_channel([draw_run_down(0.0)])
+    >>> sorted(found.values), round(found.values["damping_rate_1_s"], 3)
+    (['damping_rate_1_s', 'frequency_hz'], 0.1)
+    >>> identify_one_channel([draw_run_down(0.0, rate_rad_s=0.5)]) is None
+    True
     """
     if max(float(np.ptp(r.turn_rad)) for r in runs) > 0:
         return None
@@ -116,11 +137,38 @@ def has_dead_channel(run: EnvelopeRun) -> bool:
 def identify_free_modes(
     runs: Sequence[EnvelopeRun], chi2_per_dof: float, impossible: bool = False
 ) -> Verdict | None:
-    """The verdict of one run at rest that two unrelated modes describe far better than a resonator
-    seen by an orthogonal pair.
+    """The verdict of one run at rest that two unrelated modes describe far better than a resonator.
 
-    `impossible`: the resonator found is none (a damping split above the damping), so two modes need
-    only be as good.
+    A resonator is seen by an orthogonal pair of channels; two modes whose shapes are any are more.
+
+    Parameters
+    ----------
+    runs
+        One, at rest; of more nothing is said.
+    chi2_per_dof
+        What the resonator leaves, over the noise.
+    impossible
+        The resonator found is none (a damping split above the damping), so two modes need only be
+        as good.
+
+    Returns
+    -------
+    Verdict or None
+        None: the resonator holds.
+
+    Examples
+    --------
+    Two modes 4 rad/s apart, each seen by both channels:
+
+    >>> from dataclasses import replace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.modes import identify_free_modes
+    >>> run = draw_run_down(0.0)
+    >>> other = np.exp((-0.12 - 4j) * run.time_s)[:, None] * [0.3j, 0.9]
+    >>> found = identify_free_modes([replace(run, envelope=run.envelope + other)], 100.0)
+    >>> round(found.values["frequency_split_rad_s"], 3), round(found.values["damping_rate_1_s"], 3)
+    (2.0, 0.11)
     """
     if len(runs) != 1 or float(np.ptp(runs[0].turn_rad)) > 0:
         return None

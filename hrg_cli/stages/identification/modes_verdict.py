@@ -51,8 +51,31 @@ def _read_run(seen: Seen) -> tuple[list[float], list[float]]:
 
 
 def judge_modes(found: Sequence[Seen], reason: str) -> Verdict:
-    """ν and δω (two modes), or ν and the laws of the amplitude (one): the runs' weighted mean,
-    errors their own or their scatter; `reason` has a place {what} for what is given."""
+    """The verdict of modes without axes: the runs' weighted mean, errors their own or their
+    scatter.
+
+    Parameters
+    ----------
+    found
+        What each run shows; where they disagree on two modes or one, one is taken.
+    reason
+        Why no axes are given, with a place {what} for what is.
+
+    Returns
+    -------
+    Verdict
+        Frequency [Hz] and ν [1/s], of two modes δω [rad/s] too; always suspect, for the reason.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.decay_modes import find_modes
+    >>> from hrg_cli.stages.identification.modes_verdict import judge_modes
+    >>> run = draw_run_down(0.0)
+    >>> seen = find_modes(run, run, run.envelope[:, :1])
+    >>> judge_modes([seen], "one channel is dead: {what}").suspect
+    ['one channel is dead: one mode is seen; its frequency and decay are given']
+    """
     found = _agree_on_modes(found)
     mean, std = _average_runs(found)
     measured = any(s.run.phase_known for s in found)

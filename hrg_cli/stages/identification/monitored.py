@@ -26,9 +26,50 @@ which the log is not what it should be."""
 
 
 def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
-    """Frequency and damping split of a driven gyro, with the sensitivity of the second and the
-    mean-frequency trap in numbers; the stiffness axis from the quadrature's course of its free
-    windows too."""
+    """Frequency and splits of a driven gyro, with the mean-frequency trap of the second in numbers.
+
+    The frequency split is told by the quadrature, the damping split by the phase; the stiffness
+    axis from the quadrature's course of the free windows too.
+
+    Parameters
+    ----------
+    waves
+        Driven throughout or in part, with the log of the drive where there is one.
+    rate_rad_s
+        Constant Ω instead of the waves' own.
+
+    Returns
+    -------
+    Verdict
+        Splits [1/s, rad/s] and axes [rad]; ν and K are no part of it.
+
+    Raises
+    ------
+    HrgError
+        No run, or mixed mode numbers.
+
+    Examples
+    --------
+    A wave held at 1 that turns by mθ = 0.5t; its quadrature follows ṙ = −0.2r + 0.01 sin 2mθ, its
+    phase φ̇ = (1 + r²)/(1 − r²)·0.01 cos 2mθ:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli import Wave
+    >>> from hrg_cli.stages.identification.monitored import monitor_working_mode
+    >>> t, ones = np.arange(0.0, 100.0, 0.02), np.ones(5000)
+    >>> r = np.imag(0.01 / (0.2 + 1j) * np.exp(1j * t)) + 0.05 * np.exp(-0.2 * t)
+    >>> speed = (1 + r**2) / (1 - r**2) * 0.01 * np.cos(t)
+    >>> wave = Wave(**{f.name: 1e-5 * ones for f in fields(Wave) if f.default is MISSING} | dict(
+    ...     time_s=t, main_amplitude=ones, quadrature_amplitude=r, wave_angle_rad=0.25 * t,
+    ...     phase_rad=np.append(0.0, np.cumsum(speed[1:] + speed[:-1]) * 0.01), mode="forced",
+    ...     flags=np.zeros(5000, "u1"), iterations=np.zeros(5000, "i2"), window_s=0.02,
+    ...     reference_frequency_hz=5e3,
+    ... ))
+    >>> verdict = monitor_working_mode([wave], 0.0)
+    >>> round(verdict.values["frequency_split_rad_s"], 4)
+    0.01
+    """
     apart = [split_driven_and_free(w, envelope_runs.from_wave(w, rate_rad_s)) for w in waves]
     driven, free = ([run for pair in apart for run in pair[k]] for k in (0, 1))
     check_runs(driven or free)

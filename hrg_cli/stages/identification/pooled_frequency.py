@@ -42,7 +42,31 @@ class PooledFrequency:
 
 
 def pool_frequencies(runs: inference.Frequencies) -> PooledFrequency:
-    """One frequency of the runs' own."""
+    """The runs' own frequencies as one: their weighted mean, or the plain one where they differ.
+
+    Parameters
+    ----------
+    runs
+        Frequencies (r,) [Hz] with their covariance and drifts.
+
+    Returns
+    -------
+    PooledFrequency
+        The mean [Hz], each run's weight, and what scatter and drift add to its variance.
+
+    Examples
+    --------
+    Two runs 0.1 Hz apart at 1 mHz are not one frequency:
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.stages.identification.pooled_frequency import pool_frequencies
+    >>> value, covariance = np.array([5e3, 5000.1]), 1e-6 * np.eye(2)
+    >>> runs = Told(value=value, covariance=covariance, drift_hz=np.zeros(2))
+    >>> pooled = pool_frequencies(runs)
+    >>> round(pooled.mean_hz, 6), pooled.differ, round(pooled.more_variance, 6)
+    (5000.05, True, 0.005)
+    """
     frequency, std = runs.value, np.sqrt(np.diag(runs.covariance))
     scatter = float(np.std(frequency, ddof=1)) if len(frequency) > 1 else 0.0
     differ = scatter > FREQUENCIES_DIFFER * float(np.median(std))
@@ -56,11 +80,45 @@ def pool_frequencies(runs: inference.Frequencies) -> PooledFrequency:
 def join_frequency(
     fit: Fit, covariance: Array, z: Array, runs_hz: inference.Frequencies, weight: Array, mode: int
 ) -> Array:
-    """Covariance (7, 7) with the mean frequency's before the others': f = b·z + its own noise, so
-    that the whole is a covariance.
+    """Covariance (7, 7) with the mean frequency's before the others', so that the whole is one.
 
-    covariance (6, 6) of the others, z's covariance z (k, k); the axes that are lost in noise are
-    wider there than the slope says, and are so here.
+    f = b·z + its own noise. The axes that are lost in noise are wider in `covariance` than the
+    slope says, and are so here.
+
+    Parameters
+    ----------
+    fit
+        Whose free coordinates z (k,) the frequencies follow.
+    covariance
+        (6, 6) of the other parameters, in their order and units.
+    z
+        (k, k) of z.
+    runs_hz
+        Frequencies of the runs.
+    weight
+        (r,) of each run in the mean.
+    mode
+        m.
+
+    Returns
+    -------
+    ndarray
+        (7, 7), the first row and column Hz times the parameters' units.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes import inference
+    >>> from hrg_cli.fitting.envelopes.base_fit import fit_base_model
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.pooled_frequency import join_frequency
+    >>> fit = fit_base_model([draw_run_down(0.0, 0.5, seed=1), draw_run_down(0.8, -0.5, seed=2)])
+    >>> z = inference.compute_covariance_z(fit, 1.0)
+    >>> own = inference.compute_parameter_covariance(fit, 1.0, 2)[1]
+    >>> runs_hz = inference.estimate_run_frequencies(fit, 1.0)
+    >>> whole = join_frequency(fit, own, z, runs_hz, np.full(2, 0.5), 2)
+    >>> whole.shape, bool(np.all(np.linalg.eigvalsh(whole) > -1e-12))
+    ((7, 7), True)
     """
     through = inference.differentiate_parameters(fit, mode)
     by_z = weight @ runs_hz.by_z

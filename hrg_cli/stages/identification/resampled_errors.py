@@ -20,7 +20,33 @@ Array = np.ndarray
 
 
 def profile_intervals(verdict: Verdict, runs: Sequence[EnvelopeRun]) -> dict[str, Any]:
-    """Profile-likelihood intervals of the verdict's fit."""
+    """Profile-likelihood intervals of the verdict's fit.
+
+    Parameters
+    ----------
+    verdict
+        Of a fit by likelihood.
+    runs
+        Those it was fitted to.
+
+    Returns
+    -------
+    dict
+        Parameter -> its bounds at "68" and "95" %, in its unit; infinite where the likelihood does
+        not fall.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.by_likelihood import identify_by_likelihood
+    >>> from hrg_cli.stages.identification.resampled_errors import profile_intervals
+    >>> runs = [draw_run_down(0.0, 0.5, seed=1), draw_run_down(0.8, -0.5, seed=2)]
+    >>> verdict = identify_by_likelihood(runs, Known(), 100)
+    >>> low, high = profile_intervals(verdict, runs)["damping_rate_1_s"]["95"]
+    >>> low < 0.1 < high
+    True
+    """
     assert verdict.fit is not None
     return resampling.profile(
         verdict.fit,
@@ -31,7 +57,30 @@ def profile_intervals(verdict: Verdict, runs: Sequence[EnvelopeRun]) -> dict[str
 
 
 def resample_errors(verdict: Verdict, draws: int, seed: int) -> None:
-    """Replace the errors by those of a block bootstrap and keep its 68 and 95 % intervals."""
+    """Replace the errors by those of a block bootstrap and keep its 68 and 95 % intervals.
+
+    Parameters
+    ----------
+    verdict
+        Of a fit by likelihood; its covariance, errors and details are replaced.
+    draws
+        Of the bootstrap.
+    seed
+        Of its draws.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.by_likelihood import identify_by_likelihood
+    >>> from hrg_cli.stages.identification.resampled_errors import resample_errors
+    >>> runs = [draw_run_down(0.0, 0.5, seed=1), draw_run_down(0.8, -0.5, seed=2)]
+    >>> verdict = identify_by_likelihood(runs, Known(), 100)
+    >>> before = verdict.std["scale_factor"]
+    >>> resample_errors(verdict, 100, 1)
+    >>> bool(0.3 < verdict.std["scale_factor"] / before < 3), verdict.details["bootstrap"]["draws"]
+    (True, 100)
+    """
     assert verdict.fit is not None
     p = resampling.bootstrap(verdict.fit, draws, seed)
     mode = verdict.mode_number

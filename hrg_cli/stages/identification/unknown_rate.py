@@ -28,11 +28,43 @@ UNCLEAR = 0.3
 
 
 def identify_with_unknown_rate(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Verdict:
-    """One unknown constant rate beside the resonator, added to the logged rates; refused where a
-    damping split imitates it.
+    """One unknown constant rate beside the resonator, added to the logged rates.
 
-    K is fitted where the logs hold different rates and none is given; else it is held, for K·Ω
-    alone is seen.
+    Refused where a damping split imitates it. K is fitted where the logs hold different rates and
+    none is given; else it is held, for K·Ω alone is seen.
+
+    Parameters
+    ----------
+    runs
+        Free ones of one gyro.
+    known
+        What is held.
+    blocks
+        Rows to which each run is averaged at least.
+
+    Returns
+    -------
+    Verdict
+        The resonator; the rate [rad/s] is in the details as `rate_rad_s`.
+
+    Raises
+    ------
+    HrgError
+        Nothing can be fitted.
+
+    Examples
+    --------
+    Both logs read 0.01 rad/s too little:
+
+    >>> from dataclasses import replace
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.unknown_rate import identify_with_unknown_rate
+    >>> runs = [draw_run_down(0.0, 0.5, seed=1), draw_run_down(0.8, -0.5, seed=2)]
+    >>> read = [replace(run, turn_rad=run.turn_rad - 0.01 * run.time_s) for run in runs]
+    >>> verdict = identify_with_unknown_rate(read, Known(), 100)
+    >>> round(verdict.details["rate_rad_s"]["value"], 4), round(verdict.values["scale_factor"], 3)
+    (0.01, 0.55)
     """
     mode = runs[0].mode_number
     told = known.scale_factor is not None

@@ -50,8 +50,38 @@ WORDS = {
 def judge_fit(
     fit: Fit, runs: Sequence[EnvelopeRun], known: Known, again: Callable[[Known], Fit]
 ) -> Verdict:
-    """Judge a fit; a scale factor no run can tell is held at its nominal value and the rest fitted
-    `again`."""
+    """Judge a fit; a scale factor no run can tell is held and the rest fitted `again`.
+
+    Parameters
+    ----------
+    fit
+        The likelihood's optimum.
+    runs
+        Those it was fitted to.
+    known
+        What was held.
+    again
+        Fits the same runs with more held.
+
+    Returns
+    -------
+    Verdict
+        K is not among its values where no run tells it.
+
+    Examples
+    --------
+    Nothing turned:
+
+    >>> from hrg_cli.fitting.envelopes.base_fit import fit_base_model
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.verdict import judge_fit
+    >>> runs = [draw_run_down(0.1, seed=1), draw_run_down(0.8, seed=2)]
+    >>> fit = fit_base_model(runs)
+    >>> verdict = judge_fit(fit, runs, Known(), lambda held: fit_base_model(runs, held))
+    >>> print(verdict.flat[0].split(";")[0], "scale_factor" in verdict.values)
+    scale_factor is not determined: no run was rotated False
+    """
     notes: list[str] = []
     beside = None
     turning = max(float(np.ptp(r.turn_rad)) for r in runs)
@@ -86,8 +116,29 @@ def judge_fit(
 
 
 def is_one_rate(fit: Fit) -> bool:
-    """Whether the runs' own systematic residual forbids telling K·Ω from a damping split: one rate,
-    less than a period of 2mθ, χ² poor."""
+    """Whether the runs' own systematic residual forbids telling K·Ω from a damping split.
+
+    It does at one rate, over less than a period of 2mθ, where χ² is poor.
+
+    Parameters
+    ----------
+    fit
+        The likelihood's optimum.
+
+    Returns
+    -------
+    bool
+        False where the rates differ by a tenth, a wave passes the period, or the fit leaves noise.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.base_fit import fit_base_model
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.verdict import is_one_rate
+    >>> runs = [draw_run_down(0.0, 0.5, seed=1), draw_run_down(0.8, -0.5, seed=2)]
+    >>> is_one_rate(fit_base_model(runs))
+    False
+    """
     data = fit.response.batch
     # KΩ turns a wave evenly, a damping split by sin 2mθ: over less than a period of 2mθ, and at
     # one rate, the two look alike but for noise
@@ -104,8 +155,35 @@ def is_one_rate(fit: Fit) -> bool:
 def judge_parameters(
     fit: Fit, runs: Sequence[EnvelopeRun], known: Known, beside: Array | None = None
 ) -> Verdict:
-    """Parameters, errors and sentences of one fit; `beside` (k, k): covariance of z by what stands
-    beside it."""
+    """Parameters, errors and sentences of one fit.
+
+    Parameters
+    ----------
+    fit
+        The likelihood's optimum.
+    runs
+        Those it was fitted to.
+    known
+        What was held.
+    beside
+        Covariance of z (k, k) by what stands beside it; None: nothing.
+
+    Returns
+    -------
+    Verdict
+        With the closing checks, flat directions and runs that disagree.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.base_fit import fit_base_model
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.verdict import judge_parameters
+    >>> runs = [draw_run_down(0.0, 0.5, seed=1), draw_run_down(0.8, -0.5, seed=2)]
+    >>> verdict = judge_parameters(fit_base_model(runs), runs, Known())
+    >>> verdict.flat, verdict.suspect, all(check.passed for check in verdict.checks)
+    ([], [], True)
+    """
     mode = runs[0].mode_number
     factor, colour = inference.estimate_variance_inflation(fit)
     between = np.zeros((len(fit.freedom.names),) * 2) if beside is None else beside
@@ -180,7 +258,27 @@ def _expand_covariance(fit: Fit, z: Array) -> Array:
 
 
 def read_second_order_std(fit: Fit) -> float:
-    """Standard deviation of the second-order scale, 0 where it is held."""
+    """Standard deviation of the second-order scale, 0 where it is held.
+
+    Parameters
+    ----------
+    fit
+        The likelihood's optimum.
+
+    Returns
+    -------
+    float
+        Of the coordinate `second_order`, dimensionless.
+
+    Examples
+    --------
+    Among coordinates without it:
+
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.identification.verdict import read_second_order_std
+    >>> read_second_order_std(Told(freedom=Told(names=("damping", "scale_factor"))))
+    0.0
+    """
     return (
         float(np.sqrt(fit.compute_covariance_z()[-1, -1]))
         if fit.freedom.names[-1] == "second_order"
@@ -248,11 +346,36 @@ def _disagreements(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun]) -> l
 def refuse_contradictions(
     verdict: Verdict, runs: Sequence[EnvelopeRun], again: Callable[[Sequence[EnvelopeRun]], Fit]
 ) -> None:
-    """Refuse a fit that one run spoils: each of the worst left out in turn, those named without
-    which the rest agree.
+    """Refuse a fit that one run spoils: the worst are left out in turn, those named that spoil it.
 
     Two runs can only say that they contradict each other, and of three, two left over agree easily:
     then none is named, or all that may be the wrong one.
+
+    Parameters
+    ----------
+    verdict
+        Of all runs; its `refused` is added to.
+    runs
+        Those it was fitted to.
+    again
+        Fits what is left of them.
+
+    Examples
+    --------
+    The rate log of the first run has the wrong sign:
+
+    >>> from dataclasses import replace
+    >>> from hrg_cli.fitting.envelopes.base_fit import fit_base_model
+    >>> from hrg_cli.fitting.envelopes.base_freedom import Known
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.identification.verdict import judge_parameters, refuse_contradictions
+    >>> rates = {"a": 0.5, "b": -0.5, "c": 0.25, "d": -0.25}
+    >>> runs = [draw_run_down(k, rates[n], run_id=n, seed=k) for k, n in enumerate(rates)]
+    >>> runs[0] = replace(runs[0], turn_rad=-runs[0].turn_rad)
+    >>> verdict = judge_parameters(fit_base_model(runs, blocks=100), runs, Known())
+    >>> refuse_contradictions(verdict, runs, lambda rest: fit_base_model(rest, blocks=100))
+    >>> print(*(sentence.split(" (χ²")[0] for sentence in verdict.refused))  # doctest: +ELLIPSIS
+    χ²/dof = ...: the runs contradict each other; leave out a
     """
     if len(runs) < 2 or verdict.chi2_per_dof < CONTRADICTION:
         return
