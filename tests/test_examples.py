@@ -50,6 +50,8 @@ HELD = (
     *modules_of("stages.planning"),
     *modules_of("stages.calibration"),
     *modules_of("stages.identification"),
+    *modules_of("stages.rehearsing"),
+    *modules_of("stages.simulation"),
     *(module for module in modules_of("stages", deep=False) if module != "stages.diagnose"),
     "fitting.checks",
     "lots.pooling",

@@ -50,7 +50,34 @@ class Rehearsed:
 
 
 def compare_figures(record: Record, twin: Twin) -> dict[str, RehearsedFigure]:
-    """Every figure of a rehearsal's result that has an error, beside the truth."""
+    """Every figure of a rehearsal's result that has an error, beside the truth.
+
+    Parameters
+    ----------
+    record
+        What the rehearsal gave.
+    twin
+        Whose truth it is held against.
+
+    Returns
+    -------
+    dict
+        Figure -> value, σ and truth in the figure's own unit. Of a split lost in noise its
+        components stand for size and axis; of tables, each coefficient at each of the rehearsal's
+        nodes.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.stages.rehearsing.figures import compare_figures
+    >>> known = dict(name=np.array(["scale_factor"]), units=np.array(["1"]), std=np.array([1e-3]))
+    >>> known |= dict(covariance=np.array([[1e-6]]), details="{}")
+    >>> truth, found = (Resonator(value=np.array([K]), **known) for K in (0.55, 0.552))
+    >>> round(compare_figures(found, Told(truth=truth))["scale_factor"].compute_t(), 6)
+    2.0
+    """
     truth = twin.truth
     if isinstance(record, Diagnosis) and isinstance(truth, Diagnosis):
         return _compare_sizes(record, truth, twin)

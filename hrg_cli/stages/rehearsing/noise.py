@@ -20,11 +20,35 @@ over some hundred windows of few samples scatters by 2 % from draw to draw."""
 
 
 def match_noise(twin: Twin, inputs: Sequence[Measured], seed: int) -> Twin:
-    """The twin, its samples' noise scaled so that its windows state the noise that the measured
-    ones do.
+    """The twin, its samples' noise scaled so that its windows state the noise of the measured ones.
 
     How a window's noise follows from a sample's depends on what else its fit holds; trials of each
     run tell, several of a short one.
+
+    Parameters
+    ----------
+    twin
+        Made of the inputs.
+    inputs
+        The measured runs, in its order.
+    seed
+        Of the trials.
+
+    Returns
+    -------
+    Twin
+        Each run's `readout.noise` changed by a factor within `MATCHED`.
+
+    Examples
+    --------
+    >>> from hrg_cli import identify
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> from hrg_cli.stages.rehearsing.noise import match_noise
+    >>> from hrg_cli.stages.rehearsing.twin import make_twin
+    >>> run = draw_input()
+    >>> twin = match_noise(make_twin(identify([run.wave]), [run], {}), [run], 0)
+    >>> round(twin.config["run"][0]["readout"]["noise"], 4)
+    0.001
     """
     runs = []
     for number, (run, measured) in enumerate(zip(twin.config["run"], inputs, strict=True)):

@@ -79,8 +79,47 @@ def _count_names(twin: Twin, good: Sequence[Rehearsed]) -> list[Named]:
 
 
 def summarise(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
-    """The rehearsals' statistics and verdict. HrgError: fewer than `FEWEST` of them gave a
-    result."""
+    """The rehearsals' statistics and verdict.
+
+    Parameters
+    ----------
+    twin
+        That was rehearsed.
+    done
+        What each rehearsal found.
+
+    Returns
+    -------
+    Rehearsal
+        Every figure that was estimated, and the sentences that make the result suspect.
+
+    Raises
+    ------
+    HrgError
+        Fewer than `FEWEST` of the rehearsals gave a result.
+
+    Examples
+    --------
+    Errors of ±0.9 σ are right ones:
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.stages.rehearsing.figures import Rehearsed, RehearsedFigure
+    >>> from hrg_cli.stages.rehearsing.rehearsals import summarise
+    >>> one = np.ones(1)
+    >>> truth = Resonator(
+    ...     name=np.array(["scale_factor"]), units=np.array(["1"]), value=one, std=one,
+    ...     covariance=np.eye(1),
+    ... )
+    >>> done = [
+    ...     Rehearsed({"scale_factor": RehearsedFigure(0.55 + off, 1e-3, 0.55)}, "valid")
+    ...     for off in 0.9e-3 * np.resize([1, -1], 20)
+    ... ]
+    >>> told = summarise(Told(truth=truth, runs=[]), done)
+    >>> told.status, round(told.figures[0].error_over_std_rms, 6), told.failed
+    ('valid', 0.9, 0)
+    """
     good = [one for one in done if one.status != "failed"]
     failed = [one for one in done if one.status == "failed"]
     if len(good) < FEWEST:
@@ -131,8 +170,35 @@ def _is_estimated(values: Sequence[float]) -> bool:
 
 
 def judge_by_rehearsal(record: Record, rehearsal: Rehearsal) -> Record:
-    """The record with the rehearsal's verdict in its status and its figures in its details; an
-    earlier rehearsal's are replaced."""
+    """The record with the rehearsal's verdict in its status and its figures in its details.
+
+    Parameters
+    ----------
+    record
+        The result; what an earlier rehearsal said of it is replaced.
+    rehearsal
+        Of it.
+
+    Returns
+    -------
+    Record
+        Suspect for the rehearsal's reasons, beside those that it had of its own.
+
+    Examples
+    --------
+    >>> import json
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.stages.rehearsing.rehearsals import Rehearsal, judge_by_rehearsal
+    >>> one = np.ones(1)
+    >>> found = Resonator(
+    ...     name=np.array(["scale_factor"]), units=np.array(["1"]), value=one, std=one,
+    ...     covariance=np.eye(1), details="{}",
+    ... )
+    >>> judged = judge_by_rehearsal(found, Rehearsal(30, [], (), 0, {"valid": 30}, "the file's"))
+    >>> judged.status, json.loads(judged.details)["rehearsal"]["times"]
+    ('valid', 30)
+    """
     others = tuple(reason for reason in record.status_reasons if not reason.startswith(PREFIX))
     status = (
         "valid"

@@ -34,8 +34,30 @@ Work = tuple[Twin, int]
 
 
 def rehearse_once(work: Work) -> Rehearsed:
-    """One rehearsal: the twin's runs through raw samples, demodulate, estimate and the result's own
-    stage."""
+    """One rehearsal: the twin's runs through raw samples, demodulate, estimate and the result's
+    stage.
+
+    Parameters
+    ----------
+    work
+        The twin, and the seed of this rehearsal's noise.
+
+    Returns
+    -------
+    Rehearsed
+        Figures and status; "failed" with the reason where a stage could not go on.
+
+    Examples
+    --------
+    >>> from hrg_cli import identify
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> from hrg_cli.stages.rehearsing.repeat import rehearse_once
+    >>> from hrg_cli.stages.rehearsing.twin import make_twin
+    >>> run = draw_input(rate_rad_s=6.0)
+    >>> found = rehearse_once((make_twin(identify([run.wave]), [run], {}), 1))
+    >>> found.status != "failed", abs(found.figures["scale_factor"].compute_t()) < 5
+    (True, True)
+    """
     twin, seed = work
     try:
         record = _repeat_stage(twin, seed)
@@ -64,7 +86,33 @@ def _repeat_stage(twin: Twin, seed: int) -> Record:
 
 
 def make_wave(twin: Twin, number: int, seed: int) -> Wave:
-    """A run of the twin as the chain sees it."""
+    """A run of the twin as the chain sees it.
+
+    Parameters
+    ----------
+    twin
+        That is simulated.
+    number
+        Of the run, from 0.
+    seed
+        Of its noise.
+
+    Returns
+    -------
+    Wave
+        With the measured run's name and without the logs that it lacks.
+
+    Examples
+    --------
+    >>> from hrg_cli import identify
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> from hrg_cli.stages.rehearsing.repeat import make_wave
+    >>> from hrg_cli.stages.rehearsing.twin import make_twin
+    >>> run = draw_input()
+    >>> wave = make_wave(make_twin(identify([run.wave]), [run], {}), 0, 1)
+    >>> len(wave), wave.run_id == run.wave.run_id
+    (50, True)
+    """
     run, config = twin.runs[number], dict(twin.config)
     extra = make_effects(twin, number, seed)
     model: Literal["fast", "slow"] = "slow" if any(e.slow is not no_term for e in extra) else "fast"

@@ -93,10 +93,35 @@ class Named:
 
 
 def judge_figure(name: str, t: Array, figures: int = 1) -> FigureStatistics:
-    """Statistics of the errors t (n,) in σ, and limits that chance exceeds in one of `figures`
-    right figures with `CHANCE` only.
+    """Statistics of a figure's errors over all rehearsals, and the limits that a right figure
+    keeps.
 
+    Chance exceeds one of the limits of `figures` right figures with the probability `CHANCE` only:
     Σt² of n Gaussian errors is χ² of n, their mean has the standard deviation 1/√n.
+
+    Parameters
+    ----------
+    name
+        Of the figure.
+    t
+        Errors (n,) in σ.
+    figures
+        Among how many it is judged.
+
+    Returns
+    -------
+    FigureStatistics
+        All in σ of the figure, coverages as parts of 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.rehearsing.statistics import judge_figure
+    >>> told = judge_figure("scale_factor", np.resize([3.0, -3.0], 30))
+    >>> told.bias_over_std, told.error_over_std_rms, told.coverage_95
+    (0.0, 3.0, 0.0)
+    >>> told.rms_limit < 1.5
+    True
     """
     from scipy.special import chdtri, ndtri
 

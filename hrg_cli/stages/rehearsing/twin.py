@@ -59,13 +59,41 @@ def make_twin(
     samples_a_period: float | None = None,
     identified: Sequence[Identified] = (),
 ) -> Twin:
-    """The twin of a result and its inputs; `settings` are the stage's own, as the result's file
-    keeps them.
+    """The twin of a result and its inputs.
 
-    samples_a_period: of the simulated recordings, instead of the measured ones' own sampling;
-    identified: the resonator files that tables of `--model physical` were made of.
-    HrgError: the result holds no device (two modes without axes, a foreign table, tables whose
-    resonator files are not at hand), no wave.
+    Parameters
+    ----------
+    truth
+        A resonator or a calibration.
+    inputs
+        The runs that it was made of.
+    settings
+        The stage's own, as the result's file keeps them.
+    samples_a_period
+        Of the simulated recordings; None: the measured ones' own sampling.
+    identified
+        The resonator files that tables of `--model physical` were made of.
+
+    Returns
+    -------
+    Twin
+        One simulated run for each measured one.
+
+    Raises
+    ------
+    HrgError
+        The result holds no device: two modes without axes, a foreign table, tables whose resonator
+        files are not at hand, no wave.
+
+    Examples
+    --------
+    >>> from hrg_cli import identify
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> from hrg_cli.stages.rehearsing.twin import make_twin
+    >>> run = draw_input()
+    >>> twin = make_twin(identify([run.wave]), [run], {})
+    >>> twin.stage, twin.samples, round(twin.config["device"]["damping_rate_1_s"], 2)
+    ('identify', 2000, 0.5)
     """
     if isinstance(truth, Resonator):
         plan = _plan_of_resonator(truth, inputs, settings)

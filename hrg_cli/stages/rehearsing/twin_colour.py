@@ -41,11 +41,33 @@ Colour = tuple[ColouredNoise, ...]
 def estimate_of_free_runs(
     waves: Sequence[Wave], settings: Mapping[str, Any], earth_rad_s: float
 ) -> Colour:
-    """The wander that a resonator fitted to these runs leaves; empty where there is none, or where
-    they show modes only.
+    """The wander that a resonator fitted to these runs leaves.
 
     A level above the windows' own is not taken for noise where nothing wanders: it may as well be
     the fit's fault, which a rehearsal is to find.
+
+    Parameters
+    ----------
+    waves
+        Of free runs, or of ones with free windows.
+    settings
+        Of the identification.
+    earth_rad_s
+        Rate about the axis that the logs leave out [rad/s].
+
+    Returns
+    -------
+    tuple of ColouredNoise
+        Of the four components; empty where all are white, or the runs show modes only.
+
+    Examples
+    --------
+    White noise does not wander:
+
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> from hrg_cli.stages.rehearsing.twin_colour import estimate_of_free_runs
+    >>> estimate_of_free_runs([draw_input(rate_rad_s=6.0).wave], {}, 0.0)
+    ()
     """
     known = Known(
         settings.get("scale_factor"),
@@ -70,8 +92,29 @@ def estimate_of_free_runs(
 
 
 def read_calibration_noise(truth: Calibration) -> dict[str, Colour]:
-    """The noise that a calibration found in its runs: white angles over what the windows state, and
-    their random walk, by run_id."""
+    """The noise that a calibration found in its runs: white angles over what the windows state, a
+    walk.
+
+    Parameters
+    ----------
+    truth
+        With its `noise` and `runs` in the details.
+
+    Returns
+    -------
+    dict
+        Run -> the noise of the four components, that of the angle alone coloured; without runs that
+        are as quiet as they state.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.rehearsing.twin_colour import read_calibration_noise
+    >>> rows = '[{"run_id": "a", "walk_rad2_s": 1e-9}, {"run_id": "b", "walk_rad2_s": 0}]'
+    >>> found = read_calibration_noise(Told(details=f'{{"runs": {rows}}}'))
+    >>> list(found), [noise.wander_1_s for noise in found["a"]]
+    (['a'], [0.0, 0.0, 1e-09, 0.0])
+    """
     details = json.loads(truth.details)
     white = float((details.get("noise") or {}).get("white_over_stated") or 1.0)
     out: dict[str, Colour] = {}
@@ -83,7 +126,30 @@ def read_calibration_noise(truth: Calibration) -> dict[str, Colour]:
 
 
 def read_diagnosis_wander(truth: Diagnosis) -> Colour:
-    """The wander that a diagnosis reports of its final residual."""
+    """The wander that a diagnosis reports of its final residual.
+
+    Parameters
+    ----------
+    truth
+        With its `wander` in the report.
+
+    Returns
+    -------
+    tuple of ColouredNoise
+        Of the four components; empty where it reports none.
+
+    Examples
+    --------
+    A walk of the angle that comes to 0.06 after an hour is one of 10⁻⁶ 1/s:
+
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.rehearsing.twin_colour import read_diagnosis_wander
+    >>> row = dict(component="angle", after_one_hour=0.06, correlation_s=0.0)
+    >>> row["white_over_stated"] = 1.0
+    >>> found = read_diagnosis_wander(Told(read_report=lambda: {"wander": [row]}))
+    >>> [round(noise.wander_1_s, 9) for noise in found]
+    [0.0, 0.0, 1e-06, 0.0]
+    """
     rows = {row["component"]: row for row in truth.read_report().get("wander") or []}
     if not rows:
         return ()
@@ -104,11 +170,37 @@ def _density(row: Mapping[str, Any]) -> float:
 def make_effect(
     noises: Colour, std: float, window_s: float, duration_s: float, seed: Sequence[int]
 ) -> Effect:
-    """The effect that puts the noise into a run's samples, y + Re[(α + jφ) w + (β + jε) J w* e^{2jψ}],
-    w = e^{jψ}(a_A e_A − j a_B e_B) the analytic signal (J w* e^{2jψ} = J w of a line).
+    """The effect that puts coloured noise into a run's samples.
 
-    α, φ, β, ε: the wanders of relative amplitude, phase, angle mθ and ellipticity; to them, held
-    over each window, what the scatter has above the windows' stated σ of one real (amplitude).
+    y + Re[(α + jφ) w + (β + jε) J w* e^{2jψ}], w = e^{jψ}(a_A e_A − j a_B e_B) the analytic signal
+    (J w* e^{2jψ} = J w of a line). α, φ, β, ε: the wanders of relative amplitude, phase, angle mθ
+    and ellipticity; to them, held over each window, what the scatter has above the windows' stated
+    σ.
+
+    Parameters
+    ----------
+    noises
+        Of the four components.
+    std
+        σ of one real of the windows, in the amplitude's unit.
+    window_s
+        Length of a window [s].
+    duration_s
+        Of the run [s].
+    seed
+        Of the noise.
+
+    Returns
+    -------
+    Effect
+        Of the read-out, without parameters.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.rehearsing.twin_colour import WHITE, make_effect
+    >>> effect = make_effect((WHITE,) * 4, 1e-4, 0.02, 1.0, (1, 0))
+    >>> effect.name, effect.family
+    ('measured_colour', 'read-out')
     """
     random = np.random.default_rng(list(seed))
     wanders = [draw_course(noise, window_s, duration_s, random) for noise in noises]
@@ -139,8 +231,38 @@ def make_effect(
 def draw_course(
     noise: ColouredNoise, step_s: float, duration_s: float, random: np.random.Generator
 ) -> tuple[Array, Array]:
-    """A wander's times and values (n,) from 0: an Ornstein–Uhlenbeck rate of ⟨v v'⟩ = (q/2τ)
-    e^{−|t−t'|/τ}, integrated; a random walk of q where τ is shorter than a step."""
+    """A wander's course from 0: an Ornstein–Uhlenbeck rate, integrated, or a random walk.
+
+    The rate has ⟨v v'⟩ = (q/2τ) e^{−|t−t'|/τ}; where τ is shorter than a step it is a walk of q.
+
+    Parameters
+    ----------
+    noise
+        With q [1/s] and τ [s].
+    step_s
+        Steps at most so long [s], unless there would be more than `MOST_STEPS`.
+    duration_s
+        Length of the course [s].
+    random
+        What is drawn from.
+
+    Returns
+    -------
+    tuple of ndarray
+        Times (n,) [s] and values (n,).
+
+    Examples
+    --------
+    A walk of q = 0.01 1/s over 100 s has the standard deviation 1 at its end:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.colour import ColouredNoise
+    >>> from hrg_cli.stages.rehearsing.twin_colour import draw_course
+    >>> walk, random = ColouredNoise(1.0, 0.01, 0.0, 0.0), np.random.default_rng(1)
+    >>> ends = [np.interp(100.0, *draw_course(walk, 1.0, 100.0, random)) for _ in range(1000)]
+    >>> bool(abs(np.std(ends) - 1) < 0.1)
+    True
+    """
     q, tau = noise.wander_1_s, noise.correlation_s
     if q <= 0:
         return np.array([0.0, duration_s]), np.zeros(2)
@@ -158,7 +280,27 @@ def draw_course(
 
 
 def describe_colour(noises: Sequence[Colour]) -> list[dict[str, Any]]:
-    """The coloured components for the JSON, the strongest of the runs."""
+    """The coloured components for the JSON, the strongest of the runs.
+
+    Parameters
+    ----------
+    noises
+        Of every run, the four components or none.
+
+    Returns
+    -------
+    list of dict
+        Component, wander [1/s], correlation time [s], white level over the stated σ; only
+        components that wander in some run.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.causes.colour import ColouredNoise
+    >>> from hrg_cli.stages.rehearsing.twin_colour import WHITE, describe_colour
+    >>> walks = (WHITE, WHITE, ColouredNoise(1.0, 1e-9, 0.0, 0.0), WHITE)
+    >>> [(row["component"], row["wander_1_s"]) for row in describe_colour([walks, ()])]
+    [('angle', 1e-09)]
+    """
     out = []
     for k, name in enumerate(colour.COMPONENTS):
         own = [n[k] for n in noises if n]

@@ -33,8 +33,45 @@ NEEDED = (
 def build_resonator(
     truth: Resonator, settings: Mapping[str, Any], inputs: Sequence[Measured]
 ) -> Mechanics:
-    """The device of a resonator file; what was held, or is not told by such runs, has the value
-    that the fit held it at."""
+    """The device of a resonator file.
+
+    What was held, or is not told by such runs, has the value that the fit held it at.
+
+    Parameters
+    ----------
+    truth
+        The file.
+    settings
+        Of its identification.
+    inputs
+        Its runs, whose decay stands for a ν that the file does not hold.
+
+    Returns
+    -------
+    Mechanics
+        The twin's resonator.
+
+    Raises
+    ------
+    HrgError
+        The file holds no whole resonator.
+
+    Examples
+    --------
+    K was held at its nominal value:
+
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.physics.resonator import PARAMETERS
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> from hrg_cli.stages.rehearsing.twin_device import build_resonator
+    >>> names, units = map(np.array, zip(*PARAMETERS[:-1]))
+    >>> value, std = np.array([5e3, 2e-3, 1e-4, 0.0, 0.02, 0.1]), np.full(6, 1e-6)
+    >>> told = dict(name=names, units=units, covariance=np.diag(std**2), details="{}")
+    >>> resonator = Resonator(value=value, std=std, **told)
+    >>> build_resonator(resonator, {}, [draw_input()]).scale_factor
+    0.55
+    """
     if twin_mode.is_modes(truth):
         return twin_mode.make_device(truth)
     values = {name: value for name, (value, _, _) in truth.parameters().items()}
@@ -57,8 +94,42 @@ def build_resonator(
 def build_carrier_of_tables(
     truth: Calibration, inputs: Sequence[Measured], identified: Sequence[Identified]
 ) -> Mechanics:
-    """A device without splits: drift and scale factor are the tables' or the resonator files', which
-    the twin's own effect gives it."""
+    """A device without splits: drift and scale factor are the tables' or the resonator files'.
+
+    The twin's own effect gives them to it.
+
+    Parameters
+    ----------
+    truth
+        The tables.
+    inputs
+        Their runs, of which frequency and decay are taken.
+    identified
+        The resonator files that tables of `--model physical` were made of.
+
+    Returns
+    -------
+    Mechanics
+        K is the tables' mean.
+
+    Raises
+    ------
+    HrgError
+        A foreign table, or resonator files that are not at hand.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> from hrg_cli.stages.rehearsing.twin_device import build_carrier_of_tables
+    >>> tables = Told(
+    ...     details="{}", mode_number=2, scale_factor_harmonics=np.array([[0.54], [0.56]])
+    ... )
+    >>> device = build_carrier_of_tables(tables, [draw_input()], [])
+    >>> round(device.frequency_hz, 2), round(device.scale_factor, 9), device.damping_split_1_s
+    (500.0, 0.55, 0.0)
+    """
     if is_rate_table(truth):
         raise HrgError("was made of a foreign table of dwells; there are no runs to rehearse")
     if is_physical(truth) and not identified:
@@ -93,8 +164,27 @@ def _find_decay(inputs: Sequence[Measured]) -> float:
 
 
 def find_hidden_rate(truth: Resonator, settings: Mapping[str, Any]) -> float:
-    """Rate about the axis that the logs leave out, rad/s: Earth's, and the unknown one that was
-    fitted."""
+    """Rate about the axis that the logs leave out: Earth's, and the unknown one that was fitted.
+
+    Parameters
+    ----------
+    truth
+        The resonator file.
+    settings
+        Of its identification.
+
+    Returns
+    -------
+    float
+        Rate [rad/s].
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.rehearsing.twin_device import find_hidden_rate
+    >>> find_hidden_rate(Told(details='{"rate_rad_s": {"value": 0.02}}'), {"fit_rate": True})
+    0.02
+    """
     return read_earth_rate(settings) + float(
         json.loads(truth.details).get("rate_rad_s", {}).get("value", 0.0)
         if settings.get("fit_rate")

@@ -32,7 +32,44 @@ def make_twin_of_diagnosis(
 ) -> Twin:
     """The twin of a diagnosis: its extended model, run by run with the measured windows and logs.
 
-    HrgError: it was refused and wrote no model, or the model lacks a run.
+    Parameters
+    ----------
+    truth
+        The diagnosis, with the model that it wrote.
+    inputs
+        Its runs, in its order.
+    settings
+        Its own.
+    samples_a_period
+        Of the simulated recordings; None: the measured ones' own sampling.
+
+    Returns
+    -------
+    Twin
+        One simulated run for each measured one.
+
+    Raises
+    ------
+    HrgError
+        It was refused and wrote no model, or the model lacks a run.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> from hrg_cli.stages.rehearsing.twin_diagnosis import make_twin_of_diagnosis
+    >>> model = '''
+    ... recording = {sample_rate_hz = 2000.0, duration_s = 1.0}
+    ... [[run]]
+    ... run_id = "a"
+    ... device = {frequency_hz = 500.0}
+    ... readout = {noise = 1e-3}
+    ... recording = {duration_s = 1.0}
+    ... '''
+    >>> truth = Told(extended_model=model, read_report=dict)
+    >>> twin = make_twin_of_diagnosis(truth, [draw_input()], {})
+    >>> [run.name for run in twin.runs], twin.samples
+    (['a'], 2000)
     """
     if not truth.extended_model:
         raise HrgError("was refused and holds no extended model; there is nothing to simulate")
@@ -66,7 +103,27 @@ def make_twin_of_diagnosis(
 
 
 def list_causes(record: Diagnosis) -> Causes:
-    """The causes that a diagnosis names; a cause seen twice, as it is told first."""
+    """The causes that a diagnosis names; a cause seen twice, as it is told first.
+
+    Parameters
+    ----------
+    record
+        The diagnosis.
+
+    Returns
+    -------
+    dict
+        Cause -> its parameters' values and standard deviations, and which others it cannot be told
+        from; one seen twice, as it is told first.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.rehearsing.twin_diagnosis import list_causes
+    >>> cause = {"name": "gain_mismatch", "parameters": {"gain": {"value": 0.01, "std": 1e-3}}}
+    >>> list_causes(Told(told=lambda table: [cause]))
+    {'gain_mismatch': ({'gain': (0.01, 0.001)}, frozenset())}
+    """
     out: Causes = {}
     for one in record.told("effects"):
         found = {
@@ -79,7 +136,34 @@ def list_causes(record: Diagnosis) -> Causes:
 
 
 def list_held_causes(twin: Twin) -> Causes:
-    """The causes of the twin's truth that its simulation holds."""
+    """The causes of the twin's truth that its simulation holds.
+
+    Parameters
+    ----------
+    twin
+        Of a diagnosis.
+
+    Returns
+    -------
+    dict
+        As of `list_causes`, without causes that the extended model could not hold.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.records import Diagnosis
+    >>> from hrg_cli.stages.rehearsing.twin_diagnosis import list_held_causes
+    >>> rows = dict.fromkeys(("run", "time_s", "wave_angle_rad", "main_amplitude"), np.zeros(0))
+    >>> series = ("measured", "simulated_before", "simulated_after")
+    >>> series += ("residual_before", "residual_after")
+    >>> rows |= dict.fromkeys(series, np.zeros((0, 4))) | {"series": "[]"}
+    >>> report = '{"effects": [{"name": "gain_mismatch"}, {"name": "clock_error"}]}'
+    >>> truth = Diagnosis(verdict="explained", report=report, **rows)
+    >>> config = {"run": [{"effects": {"clock_error": {}}}]}
+    >>> list(list_held_causes(Told(truth=truth, config=config)))
+    ['clock_error']
+    """
     inside = set(twin.config.get("effects", {}))
     for run in twin.config["run"]:
         inside |= set(run.get("effects", {}))
@@ -88,14 +172,58 @@ def list_held_causes(twin: Twin) -> Causes:
 
 
 def list_base_values(record: Diagnosis) -> dict[str, tuple[float, float]]:
-    """The resonator beside the causes: values and standard deviations by name."""
+    """The resonator beside the causes: values and standard deviations by name.
+
+    Parameters
+    ----------
+    record
+        The diagnosis.
+
+    Returns
+    -------
+    dict
+        Parameter -> value and standard deviation, in its unit.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.rehearsing.twin_diagnosis import list_base_values
+    >>> row = {"name": "scale_factor", "value": 0.55, "std": 1e-3}
+    >>> list_base_values(Told(told=lambda table: [row]))
+    {'scale_factor': (0.55, 0.001)}
+    """
     return {row["name"]: (float(row["value"]), float(row["std"])) for row in record.told("values")}
 
 
 def find_sign(
     name: str, found: Mapping[str, tuple[float, float]], true: Mapping[str, Any]
 ) -> float:
-    """−1 for a coherent effect whose vector came out the other way round, else 1."""
+    """−1 for a coherent effect whose vector came out the other way round, else 1.
+
+    Parameters
+    ----------
+    name
+        Of the effect.
+    found
+        Its parameters' values and standard deviations as they came out.
+    true
+        The same of the truth.
+
+    Returns
+    -------
+    float
+        −1 or 1.
+
+    Examples
+    --------
+    (mθ, φ) and (mθ + π, φ + π) are one wave, so nobody knows which way a force at its frequency
+    points:
+
+    >>> from hrg_cli.stages.rehearsing.twin_diagnosis import COHERENT, find_sign
+    >>> true, found = {"along": (1.0, 0.1)}, {"along": (-1.1, 0.1)}
+    >>> find_sign(sorted(COHERENT)[0], found, true), find_sign("gain_mismatch", found, true)
+    (-1.0, 1.0)
+    """
     if name not in COHERENT:
         return 1.0
     along = sum(value * true[key][0] for key, (value, _) in found.items() if key in true)

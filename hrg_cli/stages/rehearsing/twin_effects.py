@@ -23,8 +23,36 @@ TABLES = "calibrated_tables"
 
 
 def make_effects(twin: Twin, number: int, seed: int) -> tuple[Effect, ...]:
-    """The twin's own effects in one of its runs: the tables of a calibration, what one mode's decay
-    and frequency do with its amplitude, the colour of the noise."""
+    """The twin's own effects in one of its runs.
+
+    The tables of a calibration, what one mode's decay and frequency do with its amplitude, the
+    colour of the noise.
+
+    Parameters
+    ----------
+    twin
+        Whose run it is.
+    number
+        Of the run, from 0.
+    seed
+        Of the coloured noise.
+
+    Returns
+    -------
+    tuple of Effect
+        Empty where the device and white noise are all there is.
+
+    Examples
+    --------
+    >>> from hrg_cli import identify
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> from hrg_cli.stages.rehearsing.twin import make_twin
+    >>> from hrg_cli.stages.rehearsing.twin_effects import make_effects
+    >>> run = draw_input()  # a wave along one pair of electrodes: one mode is seen
+    >>> twin = make_twin(identify([run.wave]), [run], {})
+    >>> [effect.name for effect in make_effects(twin, 0, 1)]
+    ['one_mode']
+    """
     run, table = twin.runs[number], twin.config["run"][number]
     out: list[Effect] = []
     if isinstance(twin.truth, Calibration):

@@ -33,7 +33,24 @@ class Identified:
 
 
 def is_physical(truth: object) -> bool:
-    """Whether a result's drift is that of resonator files."""
+    """Whether a result's drift is that of resonator files.
+
+    Parameters
+    ----------
+    truth
+        A result of any kind.
+
+    Returns
+    -------
+    bool
+        True for a calibration of `--model physical`.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.rehearsing.twin_physical import is_physical
+    >>> is_physical("no calibration")
+    False
+    """
     return isinstance(truth, Calibration) and truth.model == "physical"
 
 
@@ -49,10 +66,46 @@ def _read_coefficients(truth: Calibration) -> tuple[Array, Array]:
 
 
 def make_effect(truth: Calibration, frequency: tuple[Array, Array] | None = None) -> Effect:
-    """What the resonators' splits and K add to a device that has none: u' = … + (−Δν·R + jδω·R +
-    KΩJ)u, all of them followed over temperature or the course `frequency` (times, Hz) of a run.
+    """What the resonators' splits and K add to a device that has none.
 
+    u' = … + (−Δν·R + jδω·R + KΩJ)u, all of them followed over temperature or the run's frequency.
     K_DC = −νδμ sin 2mθ_μ, K_DS = νδμ cos 2mθ_μ; the measured quadrature's are −2δω(cos, sin)2mθ_ω.
+
+    Parameters
+    ----------
+    truth
+        The calibration, which keeps the coefficients of its resonator files.
+    frequency
+        Times (k,) [s] and frequencies (k,) [Hz] of the run, where the tables are over frequency;
+        the device's frequency then follows them.
+
+    Returns
+    -------
+    Effect
+        Of the bench, without parameters.
+
+    Raises
+    ------
+    HrgError
+        The file does not keep the coefficients.
+
+    Examples
+    --------
+    Nothing but K, 0.05 above the device's 0.5, at 1 rad/s:
+
+    >>> import json
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.resonators import NAMES
+    >>> from hrg_cli.stages.rehearsing.twin_physical import make_effect
+    >>> row = dict.fromkeys(NAMES, 0.0) | {NAMES[2]: 0.55, "temperature_degc": 20.0}
+    >>> details = json.dumps({"resonator": [row]})
+    >>> truth = Told(details=details, axis="temperature", interpolation="linear")
+    >>> state = Told(temperature_degc=20.0, rate_rad_s=np.array(1.0))
+    >>> state.mechanics = Told(scale_factor=0.5)
+    >>> u = np.array([1.0 + 0j, 0.0])
+    >>> make_effect(truth).slow({}, u, state).real.round(9).tolist()
+    [0.0, -0.05]
     """
     places, values = _read_coefficients(truth)
     kind = "linear" if truth.interpolation in ("linear", "monotone") else "cubic"

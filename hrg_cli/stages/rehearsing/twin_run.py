@@ -80,7 +80,42 @@ def imitate_run(
     settings: Mapping[str, Any],
     samples_a_period: float | None,
 ) -> tuple[TwinRun, dict[str, Any]]:
-    """One run and its table: from its first good window's beginning to its last one's end."""
+    """One run and its table: from its first good window's beginning to its last one's end.
+
+    Parameters
+    ----------
+    name
+        Of the run in the simulation file.
+    measured
+        The run.
+    device
+        The twin's resonator, by which the start is traced back half a window.
+    hidden_rad_s
+        Rate that no log holds [rad/s].
+    settings
+        Of the stage that gave the result; a constant rate there stands for the log.
+    samples_a_period
+        Of the simulated recording; None: the measured one's own sampling.
+
+    Returns
+    -------
+    tuple
+        The twin's run, and its table of the simulation file.
+
+    Raises
+    ------
+    HrgError
+        Fewer than two windows without a flag.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> from hrg_cli.stages.rehearsing.twin_run import imitate_run
+    >>> run, table = imitate_run("a", draw_input(), Mechanics(500.0, 0.5), 0.0, {}, None)
+    >>> table["recording"], round(table["start"]["amplitude"], 3)
+    ({'sample_rate_hz': 2000.0, 'duration_s': 1.0, 'samples': 'float32'}, 1.0)
+    """
     wave = measured.wave
     good = np.flatnonzero(wave.good())
     if len(good) < 2:
@@ -167,14 +202,51 @@ def _keep_windows(measured: Measured, frequency_hz: float) -> dict[str, Any]:
 
 
 def name_run(wave: Wave) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """What a run is called, and the logs it lacks."""
+    """What a run is called, and the logs it lacks.
+
+    Parameters
+    ----------
+    wave
+        The measured run.
+
+    Returns
+    -------
+    tuple
+        Attributes that a twin's wave has from it, and the names of the logs that it lacks.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> from hrg_cli.stages.rehearsing.twin_run import name_run
+    >>> carried, missing = name_run(draw_input().wave)
+    >>> carried["mode"], missing
+    ('free', ('drive_main', 'drive_quadrature'))
+    """
     missing = tuple(key for key in LOGS if getattr(wave, key) is None)
     return {key: getattr(wave, key) for key in CARRIED}, missing
 
 
 def average_frequency(wave: Wave) -> tuple[Array, Array]:
-    """A run's frequency without its windows' noise: times from the run's beginning and means of
-    `COURSE_POINTS` stretches, Hz."""
+    """A run's frequency without its windows' noise: means of `COURSE_POINTS` stretches.
+
+    Parameters
+    ----------
+    wave
+        The measured run.
+
+    Returns
+    -------
+    tuple of ndarray
+        Times (k,) [s] from the run's beginning, and frequencies (k,) [Hz].
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> from hrg_cli.stages.rehearsing.twin_run import average_frequency
+    >>> times, frequency = average_frequency(draw_input().wave)
+    >>> len(times), float(frequency.mean().round(1))
+    (24, 500.0)
+    """
     good = np.flatnonzero(wave.good() & np.isfinite(wave.frequency_hz))
     begin = float(wave.time_s[int(np.flatnonzero(wave.good())[0])]) - wave.window_s / 2
     parts = [p for p in np.array_split(good, min(COURSE_POINTS, len(good))) if len(p)]
@@ -199,7 +271,33 @@ def choose_sample_rate(
     measured: Measured, frequency_hz: float, carrier_hz: float, samples_a_period: float | None
 ) -> float:
     """Sampling rate of the twin: as asked for, else the recording's own where it resolves the
-    signal, else `SAMPLES_A_PERIOD`."""
+    signal.
+
+    Else `SAMPLES_A_PERIOD` times the highest frequency.
+
+    Parameters
+    ----------
+    measured
+        The run, with the sampling rate of its recording where that is known.
+    frequency_hz, carrier_hz
+        Of the oscillation, and of the carrier or 0 [Hz].
+    samples_a_period
+        As asked for; None: nothing was.
+
+    Returns
+    -------
+    float
+        Sampling rate [Hz].
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.rehearsing.twin_run import choose_sample_rate
+    >>> choose_sample_rate(Told(sample_rate_hz=20_000.0), 5000.0, 0.0, None)
+    20000.0
+    >>> choose_sample_rate(Told(sample_rate_hz=None), 5000.0, 0.0, None)
+    40000.0
+    """
     highest = frequency_hz + carrier_hz
     own = measured.sample_rate_hz
     if samples_a_period is None and own is not None and own > SLOWEST_SAMPLING * highest:
@@ -208,7 +306,24 @@ def choose_sample_rate(
 
 
 def write_carrier(carrier_hz: float | None) -> dict[str, Any]:
-    """The part of [readout] that a carrier needs."""
+    """The part of [readout] that a carrier needs.
+
+    Parameters
+    ----------
+    carrier_hz
+        Of the carrier [Hz]; None: the channels are read directly.
+
+    Returns
+    -------
+    dict
+        Keys of the table; empty without one.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.rehearsing.twin_run import write_carrier
+    >>> write_carrier(50_000.0), write_carrier(None)
+    ({'kind': 'carrier', 'carrier_hz': 50000.0}, {})
+    """
     return {} if carrier_hz is None else {"kind": "carrier", "carrier_hz": float(carrier_hz)}
 
 

@@ -28,8 +28,49 @@ def record_blocks(
     random: np.random.Generator,
     block_samples: int,
 ) -> Iterator[Recording]:
-    """Blocks of at most so many samples, the log's rows with the first that follows them; what the
-    loops could not hold is in the last one's reasons."""
+    """An engine's blocks as recordings of at most so many samples, the log's rows with the first of
+    them.
+
+    What the loops could not hold is in the last one's reasons.
+
+    Parameters
+    ----------
+    settings
+        The run.
+    made
+        Blocks of the engine.
+    pickoff
+        Its read-out.
+    world
+        Its bench, whose logged rate and temperature are written.
+    random
+        What the read-out's noise is drawn from.
+    block_samples
+        Samples (n,) of each channel in a recording at most.
+
+    Returns
+    -------
+    iterator of Recording
+        The samples, a part each.
+
+    Raises
+    ------
+    HrgError
+        The motion has left what a number can hold.
+
+    Examples
+    --------
+    `simulate_run` puts a run together:
+
+    >>> from hrg_cli.stages.simulate import simulate_run
+    >>> from hrg_cli.stages.simulation_file import list_runs
+    >>> device = {"frequency_hz": 1000.0, "quality_factor": 1e5}
+    >>> recording = {"sample_rate_hz": 8000.0, "duration_s": 0.5, "log_rate_hz": 10.0}
+    >>> (run,) = list_runs({"device": device, "recording": recording})
+    >>> blocks = list(simulate_run(run, model="slow", block_samples=3000))
+    >>> [(len(block.c), len(block.temperature_degc)) for block in blocks]
+    [(3000, 5), (1000, 0)]
+    """
     head = _head(settings, pickoff)
     rate = settings.recording.sample_rate_hz
     log_stride = max(1, round(rate / settings.recording.log_rate_hz))

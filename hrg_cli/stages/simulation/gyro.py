@@ -16,7 +16,26 @@ Array = np.ndarray
 
 
 def make_start(settings: SimulationFile) -> tuple[Array, float]:
-    """Envelopes and electrical angle mθ at t = 0."""
+    """Envelopes and electrical angle mθ at t = 0.
+
+    Parameters
+    ----------
+    settings
+        The run, with its [start].
+
+    Returns
+    -------
+    tuple
+        Envelopes (2,) complex in the amplitude's unit, and mθ [rad].
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
+    >>> from hrg_cli.stages.simulation.gyro import make_start
+    >>> u, angle = make_start(draw_settings(start={"amplitude": 2.0, "wave_angle_rad": 0.25}))
+    >>> abs(u).round(4).tolist(), angle
+    ([1.7552, 0.9589], 0.5)
+    """
     start = settings.start
     a_A, a_B, angle, phase = np.array(
         [start.amplitude, start.quadrature, start.wave_angle_rad, start.phase_rad]
@@ -29,7 +48,26 @@ def make_start(settings: SimulationFile) -> tuple[Array, float]:
 
 
 def make_mechanics(settings: SimulationFile) -> Mechanics:
-    """The resonator of [device] at the reference temperature."""
+    """The resonator of [device] at the reference temperature.
+
+    Parameters
+    ----------
+    settings
+        The run.
+
+    Returns
+    -------
+    Mechanics
+        The parameters in SI units, whichever way the file gives damping and splits.
+
+    Examples
+    --------
+    >>> import math
+    >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
+    >>> from hrg_cli.stages.simulation.gyro import make_mechanics
+    >>> round(make_mechanics(draw_settings()).damping_rate_1_s / math.pi, 9)  # f/Q
+    0.01
+    """
     d = settings.device
     return Mechanics(
         d.frequency_hz, d.rate_1_s, d.split_1_s, d.damping_axis_rad, d.frequency_split, d.stiffness_axis_rad, d.scale_factor, d.mode_number
@@ -37,7 +75,25 @@ def make_mechanics(settings: SimulationFile) -> Mechanics:
 
 
 def make_courses(settings: SimulationFile) -> ThermalCourses:
-    """The courses of the resonator's parameters over temperature, [device.temperature]."""
+    """The courses of the resonator's parameters over temperature, [device.temperature].
+
+    Parameters
+    ----------
+    settings
+        The run.
+
+    Returns
+    -------
+    ThermalCourses
+        Coefficients of powers of T − T₀ for each parameter.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
+    >>> from hrg_cli.stages.simulation.gyro import make_courses
+    >>> make_courses(draw_settings()).reference_degc
+    20.0
+    """
     t = settings.device.temperature
 
     def course(given: Course) -> tuple[float, ...]:
@@ -54,7 +110,27 @@ def make_courses(settings: SimulationFile) -> ThermalCourses:
 
 
 def make_control(settings: SimulationFile) -> Control:
-    """The loops of [control]."""
+    """The loops of [control].
+
+    Parameters
+    ----------
+    settings
+        The run.
+
+    Returns
+    -------
+    Control
+        Loops that are off in a free run; the amplitude's integral is such that its two rates are
+        equal, where the file gives none.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
+    >>> from hrg_cli.stages.simulation.gyro import make_control
+    >>> forced = make_control(draw_settings(control={"mode": "forced", "amplitude_gain_1_s": 4.0}))
+    >>> forced.forced, forced.amplitude_integral_1_s2, make_control(draw_settings()).forced
+    (True, 4.0, False)
+    """
     c = settings.control
     if c.mode == "free":
         return Control()
@@ -86,7 +162,33 @@ def make_control(settings: SimulationFile) -> Control:
 
 
 def add_spring(settings: SimulationFile, plant: Plant) -> Plant:
-    """The plant with [spring]: W less 2ωs(I + R(2mα)), a softening along α alone."""
+    """The plant with [spring]: W less 2ωs(I + R(2mα)), a softening along α alone.
+
+    Parameters
+    ----------
+    settings
+        The run.
+    plant
+        That is softened in place.
+
+    Returns
+    -------
+    Plant
+        The same.
+
+    Examples
+    --------
+    Along α = 0 the stiffness falls by 4ωs, across it nothing changes:
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
+    >>> from hrg_cli.stages.simulation.gyro import add_spring
+    >>> plant = Told(stiffness=1e8 * np.eye(2), mechanics=Told(omega_rad_s=1e4))
+    >>> soft = add_spring(draw_settings(spring={"size_rad_s": 0.5, "axis_rad": 0.0}), plant)
+    >>> (1e8 * np.eye(2) - soft.stiffness).tolist()
+    [[20000.0, 0.0], [0.0, 0.0]]
+    """
     s = settings.spring
     if s is not None:
         axis = IDENTITY + make_reflection(2 * settings.device.mode_number * s.axis_rad)
@@ -95,7 +197,28 @@ def add_spring(settings: SimulationFile, plant: Plant) -> Plant:
 
 
 def make_electronics(settings: SimulationFile, pickoff: Readout) -> Electronics | None:
-    """The board of [electronics], with the converter of the read-out."""
+    """The board of [electronics], with the converter of the read-out.
+
+    Parameters
+    ----------
+    settings
+        The run.
+    pickoff
+        Its read-out, whose converter the board has.
+
+    Returns
+    -------
+    Electronics or None
+        None where the file has no such table: the loops are ideal.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
+    >>> from hrg_cli.stages.simulation.gyro import make_electronics, make_readout
+    >>> settings = draw_settings()
+    >>> make_electronics(settings, make_readout(settings)) is None
+    True
+    """
     e = settings.electronics
     if e is None:
         return None
@@ -116,7 +239,28 @@ def make_electronics(settings: SimulationFile, pickoff: Readout) -> Electronics 
 
 
 def make_noise(settings: SimulationFile, pickoff: Readout) -> noises.Noise:
-    """What is noisy, in the engine's units."""
+    """What is noisy, in the engine's units.
+
+    Parameters
+    ----------
+    settings
+        The run, with its [noise].
+    pickoff
+        Its read-out, whose noise of a sample counts.
+
+    Returns
+    -------
+    Noise
+        Thermal noise of the resonator, noise of read-out and drive with their corners.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
+    >>> from hrg_cli.stages.simulation.gyro import make_noise, make_readout
+    >>> settings = draw_settings(readout={"noise": 1e-4})
+    >>> make_noise(settings, make_readout(settings)).readout
+    0.0001
+    """
     n = settings.noise
     warm = n.temperature_k is not None and n.effective_mass_kg is not None
     return noises.Noise(
@@ -135,8 +279,27 @@ def make_noise(settings: SimulationFile, pickoff: Readout) -> noises.Noise:
 
 
 def make_readout(settings: SimulationFile) -> Readout:
-    """The pick-offs and converter of [readout]; the full scale is 1.5 times the largest amplitude,
-    3 times with a carrier, where none is given."""
+    """The pick-offs and converter of [readout].
+
+    Where no full scale is given it is 1.5 times the largest amplitude, 3 times with a carrier.
+
+    Parameters
+    ----------
+    settings
+        The run.
+
+    Returns
+    -------
+    Readout
+        In the amplitude's unit.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
+    >>> from hrg_cli.stages.simulation.gyro import make_readout
+    >>> make_readout(draw_settings(start={"amplitude": 2.0})).full_scale
+    3.0
+    """
     r = settings.readout
     largest = max(settings.start.amplitude, settings.control.amplitude or 0.0)
     return Readout(

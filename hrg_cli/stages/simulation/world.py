@@ -12,7 +12,36 @@ from .bench_tables import Cycle, Ramp, RatePoints, Sine, Soak, Steps, Sweep, Tem
 
 
 def make_environment(settings: SimulationFile, fine: bool = False) -> Environment:
-    """The run's world; `fine`: on a grid that effects may bend."""
+    """The run's temperature and rate over time, as they are and as they are logged.
+
+    Parameters
+    ----------
+    settings
+        The run, with its [environment].
+    fine
+        On a grid that effects may bend.
+
+    Returns
+    -------
+    Environment
+        Temperatures [°C] and rates [rad/s] on times [s].
+
+    Raises
+    ------
+    HrgError
+        A ramp that ends before it begins.
+
+    Examples
+    --------
+    Earth turns the gyro, and its log does not say so:
+
+    >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
+    >>> from hrg_cli.stages.simulation.world import make_environment
+    >>> bench = {"rate_rad_s": 1.0, "earth_rate_rad_s": 5e-5, "earth_logged": False}
+    >>> world = make_environment(draw_settings(environment=bench))
+    >>> float(world.rate_rad_s[0]), float(world.logged_rate_rad_s[0])
+    (1.00005, 1.0)
+    """
     e, duration = settings.environment, settings.recording.duration_s
     rates = [_rate_programme(e.rate, duration)] if e.rate else []
     earth = (
