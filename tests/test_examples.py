@@ -47,6 +47,7 @@ HELD = (
     *modules_of("studies"),
     *modules_of("exporting"),
     *modules_of("ledger"),
+    *modules_of("lots"),
     *modules_of("stages.planning"),
     *modules_of("stages.calibration"),
     *modules_of("stages.identification"),
@@ -54,7 +55,6 @@ HELD = (
     *modules_of("stages.simulation"),
     *(module for module in modules_of("stages", deep=False) if module != "stages.diagnose"),
     "fitting.checks",
-    "lots.pooling",
     "fitting.least_squares",
     *(
         f"fitting.envelopes.{name}"

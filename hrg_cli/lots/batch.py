@@ -37,8 +37,31 @@ from .lot_work import Task, work
 def choose_executor(
     jobs: int = 1, dask: bool = False, scheduler: str | None = None
 ) -> OpenExecutor:
-    """The executor a command line asks for: local processes, Dask workers started here, or those of
-    a running scheduler."""
+    """The executor a command line asks for: processes here, Dask workers started here, or a
+    cluster's.
+
+    Parameters
+    ----------
+    jobs
+        Workers.
+    dask
+        Whether they are Dask's.
+    scheduler
+        Address of a running scheduler, whose workers are taken; it says that they are Dask's.
+
+    Returns
+    -------
+    callable
+        Opens the executor.
+
+    Examples
+    --------
+    Nothing starts before it is opened:
+
+    >>> from hrg_cli.lots.batch import choose_executor
+    >>> choose_executor(jobs=2).func.__name__, choose_executor(jobs=2, dask=True).func.__name__
+    ('start_processes', 'connect_dask')
+    """
     if scheduler is not None or dask:
         return partial(connect_dask, scheduler, jobs)
     return partial(start_processes, jobs)
@@ -54,13 +77,53 @@ def run_lot(
     over: dict[str, Any] | None = None,
     progress: Progress = lambda share: None,
 ) -> dict[str, Any]:
-    """Run the lot of a TOML file into a folder; the report as JSON. What is done already,
-    unchanged, is not done again.
+    """Run the lot of a TOML file into a folder; the report as JSON.
 
-    A recording or gyro that fails is reported and does not stop the others. Status: refused (a gyro
-    did not pass or a recording cannot be read), suspect (a gyro has a fault, an outlier or a suspect
-    result), valid. HrgError: a wrong lot file, no recordings, a folder that holds something else
-    (unless `force`).
+    What is done already, unchanged, is not done again. A recording or gyro that fails is reported
+    and does not stop the others.
+
+    Parameters
+    ----------
+    path
+        The lot's file.
+    folder
+        New, empty, or this lot's.
+    open_executor
+        What shares the work; None: one process here.
+    force
+        The folder may hold something else.
+    assignments
+        Texts `key=value` over the file's settings.
+    over
+        Tables over them, before the assignments.
+    progress
+        Told how much of the work is done, from 0 to 1.
+
+    Returns
+    -------
+    dict
+        The report. Status: refused (a gyro did not pass or a recording cannot be read), suspect (a
+        gyro has a fault, an outlier or a suspect result), valid.
+
+    Raises
+    ------
+    HrgError
+        A wrong lot file, no recordings, a folder that holds something else.
+
+    Examples
+    --------
+    A lot of one recording that is none:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.lots.batch import run_lot
+    >>> with TemporaryDirectory() as name:
+    ...     place = Path(name)
+    ...     _ = (place / "SN-1.h5").write_text("no HDF5")
+    ...     _ = (place / "lot.toml").write_text('recordings = "*.h5"')
+    ...     report = run_lot(place / "lot.toml", place / "lot")
+    >>> report["status"], report["recordings"], report["recordings_failed"]
+    ('refused', 1, 1)
     """
     started = time.monotonic()
     path, folder = Path(path), Path(folder)

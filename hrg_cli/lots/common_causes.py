@@ -85,7 +85,27 @@ class CommonCauses:
 
 
 def gather_estimates(scores: Sequence[Mapping[str, Any] | None]) -> Estimates:
-    """The gyros' scores side by side; None: a gyro that was not diagnosed."""
+    """The gyros' scores side by side.
+
+    Parameters
+    ----------
+    scores
+        Of each gyro `names`, `units`, `value`, `std` and the lower triangle of `correlation`; None:
+        it was not diagnosed.
+
+    Returns
+    -------
+    Estimates
+        Of all parameters that any gyro has.
+
+    Examples
+    --------
+    >>> from hrg_cli.lots.common_causes import gather_estimates
+    >>> one = {"names": ["gain_mismatch.gain"], "units": ["1"], "value": [6e-4], "std": [3e-4]}
+    >>> found = gather_estimates([one | {"correlation": [[]]}, None])
+    >>> found.names, found.z.tolist()
+    (('gain_mismatch.gain',), [[2.0], [nan]])
+    """
     names = list(dict.fromkeys(name for one in scores if one for name in one["names"]))
     place = {name: k for k, name in enumerate(names)}
     units: dict[str, str] = {}
@@ -105,8 +125,36 @@ def gather_estimates(scores: Sequence[Mapping[str, Any] | None]) -> Estimates:
 
 
 def estimate_beside(estimates: Estimates, cause: int, members: Sequence[int]) -> Estimates:
-    """The estimates of all other causes beside one that is free in these gyros; what does the same
-    there is no longer known."""
+    """The estimates of all other causes beside one that is free in some gyros.
+
+    z_b → (z_b − ρ z_a)/√(1 − ρ²); what does the same there is no longer known.
+
+    Parameters
+    ----------
+    estimates
+        Of n gyros and M parameters.
+    cause
+        Place of the one that is free.
+    members
+        Places of the gyros in which it is.
+
+    Returns
+    -------
+    Estimates
+        The others' are wider by 1/√(1 − ρ²); its own stay.
+
+    Examples
+    --------
+    Half of what is seen of the second is the first's, ρ = 0.6:
+
+    >>> import numpy as np
+    >>> from hrg_cli.lots.common_causes import Estimates, estimate_beside
+    >>> alike = np.array([[[0.0, 0.6], [0.6, 0.0]]])
+    >>> both = Estimates(("a.x", "b.x"), {}, np.array([[5.0, 6.0]]), np.ones((1, 2)), alike)
+    >>> beside = estimate_beside(both, 0, [0])
+    >>> beside.z.round(9).tolist(), beside.std.round(9).tolist()
+    ([[5.0, 3.75]], [[1.0, 1.25]])
+    """
     z, per_sigma, alike = estimates.z.copy(), estimates.per_sigma.copy(), estimates.alike.copy()
     own = [k for k in members if np.isfinite(z[k, cause])]
     if not own:
@@ -130,8 +178,37 @@ def find_common_causes(
     origins: Sequence[Origin],
     rate: float = 0.01,
 ) -> CommonCauses:
-    """What groups of a lot's gyros have in common; `rate`: chance that a clean lot is given
-    anything."""
+    """What groups of a lot's gyros have in common, of a size that no single one of them need show.
+
+    Parameters
+    ----------
+    scores
+        Of each gyro's diagnosis; None: it was not diagnosed.
+    origins
+        Where each gyro's runs come from.
+    rate
+        Chance that a clean lot is given anything.
+
+    Returns
+    -------
+    CommonCauses
+        Surest first, each beside the others.
+
+    Examples
+    --------
+    Twenty gyros whose gain is 2 σ off each, where it is no fault of a single one:
+
+    >>> import numpy as np
+    >>> from hrg_cli.lots.common_causes import find_common_causes
+    >>> from hrg_cli.lots.groups import Origin
+    >>> def score(z):
+    ...     told = {"names": ["gain_mismatch.gain"], "units": ["1"], "correlation": [[]]}
+    ...     return told | {"value": [3e-4 * z], "std": [3e-4]}
+    >>> scores = [score(2 + z) for z in np.random.default_rng(1).standard_normal(20)]
+    >>> (one,) = find_common_causes(scores, [Origin({})] * 20).causes
+    >>> one.name, one.gyros, bool(abs(one.value - 6e-4) < 3 * one.std)
+    ('gain_mismatch.gain', 20, True)
+    """
     first = gather_estimates(scores)
     groups = list_groups(origins)
     tables = [_pooled(first, group) for group in groups]

@@ -60,7 +60,26 @@ class Group:
 
 
 def list_groups(origins: Sequence[Origin]) -> list[Group]:
-    """Every group with enough gyros, none twice; the whole lot first."""
+    """Every group with enough gyros, none twice; the whole lot first.
+
+    Parameters
+    ----------
+    origins
+        Of each gyro of the lot.
+
+    Returns
+    -------
+    list of Group
+        By each key and value, and of those the ones before and from a day on; of `FEWEST` gyros at
+        least. Other names of just the same gyros stand in `also`.
+
+    Examples
+    --------
+    >>> from hrg_cli.lots.groups import Origin, list_groups
+    >>> origins = [Origin({"station": "12"[k % 2]}) for k in range(20)]
+    >>> [group.describe() for group in list_groups(origins)]
+    ['all gyros', 'all gyros of station 1', 'all gyros of station 2']
+    """
     whole = [Group(tuple(range(len(origins))))]
     for by in GROUPED_BY:
         values: dict[str, list[int]] = {}
@@ -85,10 +104,30 @@ def list_groups(origins: Sequence[Origin]) -> list[Group]:
 
 
 def count_tests(known: Sequence[Array], groups: Sequence[Group]) -> Array:
-    """How many tests a single one's p is multiplied by, a group: those of its kind (limited in time
-    or not), times the kinds there are, which share the rate evenly.
+    """How many tests a single one's p is multiplied by, group by group.
 
-    known: a group, for which parameters (M,) there is a value.
+    Those of its kind (limited in time or not), times the kinds there are, which share the rate
+    evenly.
+
+    Parameters
+    ----------
+    known
+        Of each group, for which parameters (M,) there is a value.
+    groups
+        The groups.
+
+    Returns
+    -------
+    ndarray
+        (G,) of the groups.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.lots.groups import Group, count_tests
+    >>> groups = [Group((0, 1)), Group((1,), since="2026-05-04")]
+    >>> count_tests([np.array([True, True]), np.array([True, False])], groups).tolist()
+    [4, 2]
     """
     counts = {kind: 0 for kind in (False, True)}
     for own, group in zip(known, groups, strict=True):

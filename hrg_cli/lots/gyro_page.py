@@ -18,8 +18,29 @@ PAGE = "report.html"
 def answer_gyro(
     files: Sequence[Path], limits: Mapping[str, Any], epoch: int | None
 ) -> dict[str, Any]:
-    """Write the page of a gyro's results into their folder, unless it was written before; sentence,
-    health, causes with their shares, error before and after. Nothing where there is no result."""
+    """Write the page of a gyro's results into their folder, unless it was written before.
+
+    Parameters
+    ----------
+    files
+        The results.
+    limits
+        What the lot's file wants of them, by kind.
+    epoch
+        The time that the lot orders, s since 1970; None: the true one.
+
+    Returns
+    -------
+    dict
+        Sentence, health, causes with their shares, error before and after, limits missed; nothing
+        where there is no result.
+
+    Examples
+    --------
+    >>> from hrg_cli.lots.gyro_page import answer_gyro
+    >>> answer_gyro([], {}, None)
+    {}
+    """
     if not files:
         return {}
     page = files[0].with_name(PAGE)
@@ -54,7 +75,24 @@ def _missed(found: Answer) -> list[str]:
 
 
 def label_figure(name: str) -> str:
-    """A figure in words."""
+    """A figure in words.
+
+    Parameters
+    ----------
+    name
+        Of a column of the table.
+
+    Returns
+    -------
+    str
+        What people call it.
+
+    Examples
+    --------
+    >>> from hrg_cli.lots.gyro_page import label_figure
+    >>> label_figure("values.gain_mismatch.value")
+    'gain mismatch'
+    """
     stem = name.removeprefix("values.").removesuffix(".value")
     if stem == "damping_rate_1_s":  # its values and limits are rates
         return RATE_OF_DECAY

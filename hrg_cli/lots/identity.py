@@ -32,8 +32,37 @@ class Told:
 
 
 def read_gyro_id(file: Path) -> Told | None:
-    """Of an hrg recording, by its attributes alone; None of a laboratory's log. HrgError: it cannot
-    be opened."""
+    """What an hrg recording says of itself, by its attributes alone.
+
+    Parameters
+    ----------
+    file
+        A recording or a laboratory's log.
+
+    Returns
+    -------
+    Told or None
+        None of a log, which names no gyro in a way that is known here.
+
+    Raises
+    ------
+    HrgError
+        The file cannot be opened.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> from hrg_cli.lots.identity import read_gyro_id
+    >>> c = np.zeros(16)
+    >>> recording = Recording(c=c, s=c, sample_rate_hz=8000.0, mode="free", gyro_id="SN-1")
+    >>> with TemporaryDirectory() as name:
+    ...     _ = store.write(Path(name) / "run.h5", recording)
+    ...     read_gyro_id(Path(name) / "run.h5").gyro_id
+    'SN-1'
+    """
     if not _may_be_hdf5(file):
         if file.suffix.lower() in HDF5_SUFFIXES:
             raise HrgError(
@@ -60,7 +89,25 @@ def _may_be_hdf5(file: Path) -> bool:
 
 
 def is_readable(file: Path) -> bool:
-    """Whether every column of a recording is as declared."""
+    """Whether every column of a recording is as declared.
+
+    Parameters
+    ----------
+    file
+        An hrg recording.
+
+    Returns
+    -------
+    bool
+        False where it cannot be opened, or a column is missing or of another shape.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.lots.identity import is_readable
+    >>> is_readable(Path("nowhere.h5"))
+    False
+    """
     try:
         with store.open_record(file, Recording):
             return True
@@ -69,9 +116,26 @@ def is_readable(file: Path) -> bool:
 
 
 def find_owner(file: Path, readable: Mapping[Path, str]) -> tuple[str, str]:
-    """(gyro, what tells it) of a recording that cannot be read; two empty texts where nothing does.
+    """Whose a recording is that cannot be read, and what tells it.
 
-    readable: the gyro of every recording of the lot that could be read.
+    Parameters
+    ----------
+    file
+        The recording.
+    readable
+        The gyro of every recording of the lot that could be read.
+
+    Returns
+    -------
+    tuple of str
+        Gyro, and by what it was told in words; two empty texts where nothing does.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.lots.identity import find_owner
+    >>> find_owner(Path("lot/SN-7_run2.h5"), {Path("lot/SN-7_run1.h5"): "SN-7"})
+    ('SN-7', "by its file's name")
     """
     try:
         gyro = store.texts_of(file, Recording.kind, ("gyro_id",)).get("gyro_id", "")
@@ -130,8 +194,27 @@ def _names_held(file: Path, known: Sequence[str]) -> set[str]:
 
 
 def group_keys(own: Mapping[str, str], told: Sequence[Told]) -> dict[str, str]:
-    """The keys that group a gyro: what the lot's file says, else what all its recordings agree
-    on."""
+    """The keys that group a gyro: what the lot's file says, else what all its recordings agree on.
+
+    Parameters
+    ----------
+    own
+        What the lot's file says of it.
+    told
+        What its recordings do.
+
+    Returns
+    -------
+    dict
+        Key of `GROUPED_BY` -> value, without those of which nothing is said.
+
+    Examples
+    --------
+    >>> from hrg_cli.lots.identity import Told, group_keys
+    >>> runs = [Told("SN-1", "", {"station": station, "operator": "Ada"}) for station in "12"]
+    >>> group_keys({"fixture": "A"}, runs)
+    {'fixture': 'A', 'operator': 'Ada'}
+    """
     out = {}
     for key in GROUPED_BY:
         said = {one.groups[key] for one in told if one.groups.get(key)}

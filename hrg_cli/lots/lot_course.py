@@ -71,8 +71,37 @@ class LotCourse:
 
 @contextlib.contextmanager
 def say_how_far(folder: Path, course: LotCourse) -> Iterator[None]:
-    """An interrupted lot says how far it came and cleans up after its workers; so does one whose
-    disk is full."""
+    """Let an interrupted lot say how far it came, and clean up after its workers.
+
+    So does one whose disk is full.
+
+    Parameters
+    ----------
+    folder
+        The lot's.
+    course
+        How far it has come.
+
+    Returns
+    -------
+    context manager
+        Of the work.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.errors import InterruptedRunError
+    >>> from hrg_cli.lots.lot_course import say_how_far
+    >>> with TemporaryDirectory() as name:
+    ...     try:
+    ...         with say_how_far(Path(name), Told(describe=lambda: "1 of 2 gyros done")):
+    ...             raise KeyboardInterrupt
+    ...     except InterruptedRunError as error:
+    ...         print(str(error).partition(": ")[2])
+    interrupted: 1 of 2 gyros done
+    """
     try:
         yield
     except KeyboardInterrupt:

@@ -27,11 +27,38 @@ def diagnose_lot(
     origins: Mapping[str, Origin],
     rate: float,
 ) -> dict[str, Any]:
-    """`lot_causes`, `lot_tests`, `estimate_populations` of a lot's report.
+    """What a lot says as a whole: causes in common, parameters that stand off, populations.
 
-    gyros: {gyro_id, results: {stage: JSON}}; figures: (value, σ) by name of each; rate: chance that
-    a lot whose gyros have nothing in common is told that they have (half of it for causes, half for
-    parameters).
+    Parameters
+    ----------
+    gyros
+        Of each its `gyro_id` and `results`, stage -> JSON.
+    figures
+        Of each (value, σ) by name.
+    origins
+        Of the gyros by name, where something is known of where they come from.
+    rate
+        Chance that a lot whose gyros have nothing in common is told that they have: half of it for
+        causes, half for parameters.
+
+    Returns
+    -------
+    dict
+        `lot_causes`, `lot_tests` and `populations` of the lot's report.
+
+    Examples
+    --------
+    Ten gyros alike but for 0.1 % of their scale factor:
+
+    >>> import numpy as np
+    >>> from hrg_cli.lots.lot_diagnosis import diagnose_lot
+    >>> K = 0.55 + 5e-4 * np.random.default_rng(1).standard_normal(10)
+    >>> gyros = [{"gyro_id": f"SN-{k}", "results": {}} for k in range(10)]
+    >>> found = diagnose_lot(gyros, [{"scale_factor": (k, 1e-5)} for k in K], {}, 0.02)
+    >>> found["lot_causes"], found["populations"]["scale_factor"]["gyros"]
+    ([], 10)
+    >>> bool(3e-4 < found["populations"]["scale_factor"]["spread"] < 9e-4)
+    True
     """
     own = [origins.get(gyro["gyro_id"], Origin({})) for gyro in gyros]
     names = [str(gyro["gyro_id"]) for gyro in gyros]
@@ -162,7 +189,28 @@ def _mean(estimates: Sequence[tuple[int, float, float]]) -> dict[str, float] | N
 
 
 def size_cause(name: str, value: float, std: float, units: str) -> str:
-    """A size with its σ as people read it: 0.050 ± 0.010 %."""
+    """A size with its σ as people read it.
+
+    Parameters
+    ----------
+    name
+        Of the parameter, by which the unit that is shown is chosen.
+    value, std
+        In `units`.
+    units
+        As files have them.
+
+    Returns
+    -------
+    str
+        Both to the second digit of σ, with the unit; the value alone where σ is not known.
+
+    Examples
+    --------
+    >>> from hrg_cli.lots.lot_diagnosis import size_cause
+    >>> size_cause("gain", 5e-4, 1e-4, "1")
+    '500 ± 100 ppm'
+    """
     factor, unit = choose_unit(name, value, units)
     if not (math.isfinite(std) and std > 0):
         return f"{format_number(value * factor, 4)} {unit}".strip()

@@ -15,7 +15,30 @@ MARK = "lot.json"
 
 
 def claim(folder: Path, force: bool) -> None:
-    """The folder is new, empty, or that of a lot."""
+    r"""Make the folder of a lot, or take one that is empty or a lot's.
+
+    Parameters
+    ----------
+    folder
+        Of the lot.
+    force
+        It may hold something else.
+
+    Raises
+    ------
+    HrgError
+        It is a file, holds something else, or cannot be made.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.lots.lot_folder import claim
+    >>> with TemporaryDirectory() as name:
+    ...     claim(Path(name) / "lot", force=False)
+    ...     (Path(name) / "lot" / "lot.json").read_text()
+    '{"kind": "lot", "status": "unfinished"}\n'
+    """
     if folder.exists() and not folder.is_dir():
         raise HrgError(f"{folder}: is a file; name a folder for the lot")
     if not folder.exists():
@@ -38,7 +61,37 @@ def claim(folder: Path, force: bool) -> None:
 
 @contextlib.contextmanager
 def hold_as_only_writer(folder: Path) -> Iterator[None]:
-    """No two programs work on one lot at a time."""
+    """Let no two programs work on one lot at a time.
+
+    Parameters
+    ----------
+    folder
+        Of the lot.
+
+    Returns
+    -------
+    context manager
+        Of the work.
+
+    Raises
+    ------
+    HrgError
+        Another program works on it.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.errors import HrgError
+    >>> from hrg_cli.lots.lot_folder import hold_as_only_writer
+    >>> with TemporaryDirectory() as name, hold_as_only_writer(Path(name)):
+    ...     try:
+    ...         with hold_as_only_writer(Path(name)):
+    ...             pass
+    ...     except HrgError as error:
+    ...         print(str(error).partition(": ")[2])
+    another program works on this lot; wait until it has ended
+    """
     handle = os.open(folder, os.O_RDONLY)
     try:
         try:
@@ -53,6 +106,24 @@ def hold_as_only_writer(folder: Path) -> Iterator[None]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """A text, whole or not at all, in place of one that was there."""
+    """Write a text, whole or not at all, in place of one that was there.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    text
+        What it is to hold, as UTF-8.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.lots.lot_folder import write_text
+    >>> with TemporaryDirectory() as name:
+    ...     write_text(Path(name) / "note.txt", "0.55 °/h")
+    ...     (Path(name) / "note.txt").read_text(encoding="utf-8")
+    '0.55 °/h'
+    """
     with store.atomic_path(path, force=True) as temporary:
         temporary.write_text(text, encoding="utf-8")

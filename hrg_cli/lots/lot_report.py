@@ -14,8 +14,32 @@ MOST_NAMED, MOST_TOLD = 6, 20
 
 
 def make_paths_plain(result: Mapping[str, Any], folder: Path, lot_file: Path) -> dict[str, Any]:
-    """A result whose sentences name files relative to the lot, so that the table does not depend on
-    where it lies."""
+    """A result whose sentences name files relative to the lot.
+
+    So the table does not depend on where it lies.
+
+    Parameters
+    ----------
+    result
+        Of a recording or a gyro.
+    folder
+        Of the lot.
+    lot_file
+        Beside which its recordings lie.
+
+    Returns
+    -------
+    dict
+        The same with every text in it shortened.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.lots.lot_report import make_paths_plain
+    >>> told = {"error": "/data/SN-1.h5: it is clipped", "runs": ["/out/SN-1/a.wave.h5"]}
+    >>> make_paths_plain(told, Path("/out"), Path("/data/lot.toml"))
+    {'error': 'SN-1.h5: it is clipped', 'runs': ['SN-1/a.wave.h5']}
+    """
 
     def strip(value: Any) -> Any:
         if isinstance(value, str):
@@ -32,7 +56,28 @@ def make_paths_plain(result: Mapping[str, Any], folder: Path, lot_file: Path) ->
 def read_measured(
     rows: Sequence[Mapping[str, Any]], gyros: Sequence[Mapping[str, Any]]
 ) -> list[dict[str, tuple[float, float]]]:
-    """(value, σ) of every figure of these gyros, from the table."""
+    """Every figure of these gyros with its error, from the table.
+
+    Parameters
+    ----------
+    rows
+        Of the table.
+    gyros
+        In whose order they are wanted.
+
+    Returns
+    -------
+    list of dict
+        Of each gyro, name -> (value, σ), NaN where σ is not known; without figures it does not
+        have.
+
+    Examples
+    --------
+    >>> from hrg_cli.lots.lot_report import read_measured
+    >>> row = {"gyro_id": "SN-1", "scale_factor": 0.55, "scale_factor_std": 1e-5}
+    >>> read_measured([row | {"scale_factor_z": 0.2}], [{"gyro_id": "SN-1"}])
+    [{'scale_factor': (0.55, 1e-05)}]
+    """
     of = {row["gyro_id"]: row for row in rows}
     names = [key.removesuffix("_z") for key in (rows[0] if rows else {}) if key.endswith("_z")]
     return [
@@ -48,8 +93,33 @@ def read_measured(
 def make_lot_report(
     lot: LotSettings, rows: list[dict[str, Any]], recordings: list[dict[str, Any]]
 ) -> dict[str, Any]:
-    """Refused: a gyro did not pass, or a recording cannot be read; suspect: one has a fault, stands
-    off the lot, or has a result in doubt."""
+    """The report of a lot: its status and why, how many gyros passed, and every gyro's row.
+
+    Parameters
+    ----------
+    lot
+        Its settings.
+    rows
+        Of the table.
+    recordings
+        What came of each.
+
+    Returns
+    -------
+    dict
+        Refused: a gyro did not pass, or a recording cannot be read; suspect: one has a fault,
+        stands off the lot, or has a result in doubt.
+
+    Examples
+    --------
+    >>> from hrg_cli.lots.lot_report import make_lot_report
+    >>> from hrg_cli.lots.lot_settings import LotSettings
+    >>> row = {"gyro_id": "SN-1", "rank": 1, "passed": False, "reason": "it is clipped"}
+    >>> row |= {"status": "failed", "health": "", "outliers": ""}
+    >>> report = make_lot_report(LotSettings(), [row], [])
+    >>> report["status"], report["status_reasons"], report["passed"]
+    ('refused', ['SN-1: it is clipped'], 0)
+    """
     passed = [row for row in rows if row["passed"]]
     worst = sorted((row for row in rows if not row["passed"]), key=lambda row: row["rank"])
     reasons = [f"{row['gyro_id'] or 'a recording'}: {row['reason']}" for row in worst[:MOST_TOLD]]

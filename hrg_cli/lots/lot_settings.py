@@ -183,10 +183,39 @@ class LotSettings(BaseModel):
 def read_lot(
     path: Path | str, assignments: tuple[str, ...] = (), over: Table | None = None
 ) -> LotSettings:
-    """The lot of a TOML file, the keys of `over` and then `--set` assignments applied.
+    """The lot of a TOML file, checked whole: its settings, limits and those of every stage.
 
-    HrgError: not TOML, unknown keys, wrong values, no recordings named. UsageError: a limit that is
-    none.
+    Parameters
+    ----------
+    path
+        Of the file.
+    assignments
+        Texts `key=value`, applied last.
+    over
+        Tables over the file's own.
+
+    Returns
+    -------
+    LotSettings
+        The lot.
+
+    Raises
+    ------
+    HrgError
+        Not TOML, unknown keys, wrong values, no recordings named; a limit that is none is a
+        UsageError.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.lots.lot_settings import read_lot
+    >>> with TemporaryDirectory() as name:
+    ...     file = Path(name) / "lot.toml"
+    ...     _ = file.write_text('recordings = "*.h5"')
+    ...     lot = read_lot(file, ("demodulate.periods_per_window=20",))
+    >>> lot.recordings, lot.demodulate
+    (['*.h5'], {'periods_per_window': 20})
     """
     path = Path(path)
     tree = settings.load_toml(path)
@@ -210,8 +239,38 @@ def read_lot(
 
 
 def list_recordings(lot: LotSettings, path: Path) -> list[tuple[str | None, Path]]:
-    """(gyro or None, file) of every recording that the lot's file names, sorted, none twice.
-    HrgError: a name or pattern that no file fits."""
+    """Every recording that the lot's file names, sorted, none twice.
+
+    Parameters
+    ----------
+    lot
+        Its settings.
+    path
+        Of its file, beside which the recordings are looked for.
+
+    Returns
+    -------
+    list of tuple
+        The gyro that the file names for it, or None, and the recording.
+
+    Raises
+    ------
+    HrgError
+        A name or pattern that no file fits.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.lots.lot_settings import LotSettings, list_recordings
+    >>> with TemporaryDirectory() as name:
+    ...     for run in "ab":
+    ...         (Path(name) / f"{run}.h5").touch()
+    ...     lot = LotSettings(recordings="*.h5", gyro=[{"gyro_id": "SN-1", "recordings": ["b.h5"]}])
+    ...     found = list_recordings(lot, Path(name) / "lot.toml")
+    >>> [(gyro, file.name) for gyro, file in found]
+    [(None, 'a.h5'), ('SN-1', 'b.h5')]
+    """
     found: dict[Path, str | None] = {}
     for gyro, patterns in [(None, lot.recordings), *((g.gyro_id, g.recordings) for g in lot.gyro)]:
         for pattern in patterns:

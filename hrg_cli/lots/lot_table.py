@@ -31,10 +31,33 @@ def judge_rows(
     Robust distance of a parameter x from the lot: z = (x − median)/(1.4826·MAD), MAD the median
     absolute deviation of the lot: the lot's own spread, whatever the gyro's σ says. Beyond
     `outlier_z`, or where that is not given beyond the distance that a lot of this size without
-    outliers exceeds with a chance of `outlier_rate`, it is named in `outliers`, unless it is
-    within `OWN_SIGMA` of its own σ. A gyro passes when
-    all its stages gave a result of the status that the lot's file wants ("valid" where it says
-    nothing; one that is refused never passes), none of its recordings failed and every limit holds.
+    outliers exceeds with a chance of `outlier_rate`, it is named in `outliers`, unless it is within
+    `OWN_SIGMA` of its own σ. A gyro passes when all its stages gave a result of the status that the
+    lot's file wants ("valid" where it says nothing; one that is refused never passes), none of its
+    recordings failed and every limit holds.
+
+    Parameters
+    ----------
+    lot
+        Its settings.
+    recordings, gyros
+        What came of each.
+
+    Returns
+    -------
+    list of dict
+        `FIRST`, `outliers`, then of every figure value, σ and z; None what is not known.
+
+    Examples
+    --------
+    The only recording of a gyro that failed:
+
+    >>> from hrg_cli.lots.lot_settings import LotSettings
+    >>> from hrg_cli.lots.lot_table import judge_rows
+    >>> failed = {"gyro_id": "SN-1", "name": "a", "status": "failed", "error": "it is clipped"}
+    >>> (row,) = judge_rows(LotSettings(), [failed], [])
+    >>> row["gyro_id"], row["passed"], row["reason"]
+    ('SN-1', False, 'a: it is clipped')
     """
     of_gyro: dict[Any, list[Mapping[str, Any]]] = {}
     for place, recording in enumerate(recordings):
@@ -208,8 +231,28 @@ def _flat(row: Mapping[str, Any], columns: Sequence[str]) -> dict[str, Any]:
 
 
 def write_table(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """`lot.csv`, and `lot.parquet` where pyarrow is installed; columns without a single value are
-    left out."""
+    """Write `lot.csv`, and `lot.parquet` where pyarrow is installed.
+
+    Columns of σ or z without a single value are left out.
+
+    Parameters
+    ----------
+    folder
+        Of the lot.
+    rows
+        All of the same keys.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.lots.lot_table import write_table
+    >>> row = {"gyro_id": "SN-1", "scale_factor": 0.55, "scale_factor_z": None}
+    >>> with TemporaryDirectory() as name:
+    ...     write_table(Path(name), [row])
+    ...     (Path(name) / "lot.csv").read_text().splitlines()
+    ['gyro_id,scale_factor', 'SN-1,0.55']
+    """
     import pandas as pd
 
     table = pd.DataFrame(

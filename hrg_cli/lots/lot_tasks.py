@@ -49,7 +49,41 @@ class LotTasks:
 def list_tasks(
     lot: LotSettings, recordings: Sequence[tuple[str | None, Path]], folder: Path, command: str
 ) -> LotTasks:
-    """The tasks of a lot's recordings, (gyro that the lot's file names or None, file) each."""
+    """The tasks of a lot's recordings, and what is known of their gyros before any work.
+
+    Parameters
+    ----------
+    lot
+        Its settings.
+    recordings
+        The gyro that the lot's file names, or None, and the file of each.
+    folder
+        Of the lot.
+    command
+        As histories keep it.
+
+    Returns
+    -------
+    LotTasks
+        A task for each recording that can be opened, but for the file of a channel S that belongs
+        to another one's C.
+
+    Examples
+    --------
+    A laboratory's log is of the gyro that its folder is named by:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.lots.lot_settings import LotSettings
+    >>> from hrg_cli.lots.lot_tasks import list_tasks
+    >>> with TemporaryDirectory() as name:
+    ...     log = Path(name) / "SN-1" / "run 1.csv"
+    ...     log.parent.mkdir()
+    ...     _ = log.write_text("c,s")
+    ...     (task,) = list_tasks(LotSettings(), [(None, log)], Path(name), "hrg batch").recordings
+    >>> task.gyro_id, task.foreign, list(task.settings)
+    ('SN-1', True, ['import', 'demodulate', 'estimate'])
+    """
     tasks: list[RecordingTask] = []
     unread: list[tuple[str | None, Path, str]] = []
     told: dict[Path, Told] = {}
@@ -101,7 +135,33 @@ def _tell_origin(said: Told) -> str:
 def make_gyro_task(
     lot: LotSettings, one: RecordingTask, results: Sequence[Mapping[str, Any]]
 ) -> GyroTask:
-    """The task of a gyro: of one of its recordings, and of what came of all."""
+    """The task of a gyro, when all its recordings are done.
+
+    Parameters
+    ----------
+    lot
+        Its settings.
+    one
+        Any of its recordings' tasks.
+    results
+        What came of all.
+
+    Returns
+    -------
+    GyroTask
+        Of the waves of those that did not fail, by mode.
+
+    Examples
+    --------
+    >>> from hrg_cli.lots.lot_settings import LotSettings
+    >>> from hrg_cli.lots.lot_tasks import make_gyro_task
+    >>> from hrg_cli.lots.lot_work import RecordingTask
+    >>> one = RecordingTask("a.h5", "lot/SN-1", "a", "SN-1", None, {})
+    >>> done = {"status": "valid", "mode": "free", "wave": "lot/SN-1/a.wave.h5"}
+    >>> task = make_gyro_task(LotSettings(), one, [done])
+    >>> task.free, task.forced, task.stages
+    (('lot/SN-1/a.wave.h5',), (), ('identify', 'calibrate'))
+    """
     waves: dict[str, list[str]] = {"free": [], "forced": []}
     for result in results:
         if result["status"] != "failed":

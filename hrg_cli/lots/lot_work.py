@@ -80,7 +80,28 @@ Task = RecordingTask | GyroTask
 
 
 def work(task: Task) -> dict[str, Any]:
-    """What came of a task of either kind."""
+    """Do a task of either kind; what came of it.
+
+    Parameters
+    ----------
+    task
+        Of a recording: import (a foreign log), demodulate, estimate. Of a gyro: identify,
+        calibrate, diagnose, and hold against the limits.
+
+    Returns
+    -------
+    dict
+        Of a recording `wave`, `mode`, `status`, `reasons`, `error`; of a gyro `results` (`TABLED`
+        of each stage's JSON), `checks`, `answer`, `status`, `error`. Every failure but that of a
+        full disk is an `error`.
+
+    Examples
+    --------
+    >>> from hrg_cli.lots.lot_work import RecordingTask, work
+    >>> gone = work(RecordingTask("nowhere/a.h5", "lot/SN-1", "a", "SN-1", None, {}))
+    >>> gone["status"], gone["error"]
+    ('failed', "nowhere/a.h5: vanished; the lot's file names it")
+    """
     return _work_gyro(task) if isinstance(task, GyroTask) else _work_recording(task)
 
 
