@@ -5,6 +5,7 @@ import doctest
 import inspect
 import pkgutil
 import re
+from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
 from typing import get_type_hints
@@ -12,6 +13,7 @@ from typing import get_type_hints
 import pytest
 
 import hrg_cli
+from hrg_cli.effects import EFFECTS, Effect, Parameter
 
 FURTHER = {
     "hrg_cli.limits": ["check", "figures_of"],
@@ -47,6 +49,8 @@ HELD = (
     *modules_of("studies"),
     *modules_of("exporting"),
     *modules_of("ledger"),
+    "effects",
+    *modules_of("effects"),
     *modules_of("lots"),
     *modules_of("stages.planning"),
     *modules_of("stages.calibration"),
@@ -112,11 +116,12 @@ HELD = (
 
 
 def functions_of(module):
-    """The public functions that a module defines."""
+    """The public functions that a module defines; the terms of an effect are told by `Effect`."""
+    terms = list(vars(module.EFFECT).values()) if hasattr(module, "EFFECT") else []
     for name, found in vars(module).items():
         one = inspect.unwrap(found) if callable(found) else found
         own = inspect.isfunction(one) and one.__module__ == module.__name__
-        if own and not name.startswith("_"):
+        if own and not name.startswith("_") and one not in terms:
             yield f"{module.__name__.removeprefix('hrg_cli.')}.{name}", one
 
 
@@ -229,6 +234,20 @@ def test_public_functions_tell_parameters_results_and_errors(name):
         assert section_of(function, "Returns"), f"{name} does not tell its result"
     if "raise HrgError(" in inspect.getsource(function):
         assert section_of(function, "Raises"), f"{name} does not tell its errors"
+
+
+@pytest.mark.parametrize("told", [Effect, Parameter])
+def test_an_effects_fields_are_told_once_for_all_pages(told):
+    names = re.findall(r"^\w+$", section_of(told, "Attributes"), re.M)
+    assert names == [field.name for field in fields(told)]
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
+def test_a_term_says_what_is_its_own(effect):
+    """Its equation; what it takes and gives stands in `Effect`."""
+    for name, term in vars(effect).items():
+        if inspect.isfunction(term) and term.__module__.endswith(f".{effect.name}"):
+            assert inspect.getdoc(term), name
 
 
 def test_everything_exported_says_what_it_is():

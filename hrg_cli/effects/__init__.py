@@ -110,7 +110,35 @@ EFFECTS: tuple[Effect, ...] = (
 
 
 def find(name: str, effects: tuple[Effect, ...] = EFFECTS) -> Effect:
-    """The effect of that name. HrgError: there is none; close names are offered."""
+    """The effect of that name.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    effects
+        Among which it is looked for.
+
+    Returns
+    -------
+    Effect
+        The effect.
+
+    Raises
+    ------
+    HrgError
+        There is none; close names are offered.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects import find
+    >>> find("gain_mismatch").family
+    'read-out'
+    >>> find("table_wobbel")
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: effects.table_wobbel: no such effect; did you mean table_wobble?
+    """
     for effect in effects:
         if effect.name == name:
             return effect
@@ -122,8 +150,31 @@ def find(name: str, effects: tuple[Effect, ...] = EFFECTS) -> Effect:
 
 
 def format_page(name: str, effects: tuple[Effect, ...] = EFFECTS) -> str:
-    """The page `hrg effects NAME` prints: the docstring, the parameters, and the experiment that
-    separates it."""
+    """The page `hrg effects NAME` prints: physics, parameters, the experiment that separates it.
+
+    Parameters
+    ----------
+    name
+        Of the effect.
+    effects
+        Among which it is looked for.
+
+    Returns
+    -------
+    str
+        Lines of text.
+
+    Raises
+    ------
+    HrgError
+        There is no such effect.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects import format_page
+    >>> format_page("gain_mismatch").splitlines()[0]
+    'gain_mismatch (read-out)'
+    """
     effect = find(name, effects)
     lines = [
         f"{effect.name} ({effect.family})",
@@ -158,6 +209,24 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
     HrgError
         No such file, it fails to run or holds no effect, or one that is no effect: a name of the
         catalogue, nothing to fit, a slow term that fails.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.effects import load_effects
+    >>> text = '''
+    ... from hrg_cli.effects import Effect, Parameter
+    ... loss = Parameter("loss_1_s", "s-1", 1e-3, "damping rate")
+    ... def slow(p, u, state):
+    ...     return -p["loss_1_s"] * u
+    ... own = Effect("own_loss", "resonator", "A loss.", (loss,), slow=slow)
+    ... '''
+    >>> with TemporaryDirectory() as name:
+    ...     file = Path(name) / "own.py"
+    ...     _ = file.write_text(text)
+    ...     print([effect.name for effect in load_effects(file)])
+    ['own_loss']
     """
     import runpy
 

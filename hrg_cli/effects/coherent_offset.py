@@ -14,7 +14,7 @@ from ..physics.plant import Readout, Samples, SlowState
 from .effect import Array, Effect, Parameter, Values, find_frame, follow_phase
 
 
-def vector(p: Values) -> Array:
+def _read_vector(p: Values) -> Array:
     """e, complex (2,)."""
     return np.array(
         [p["in_phase_c"] + 1j * p["quadrature_c"], p["in_phase_s"] + 1j * p["quadrature_s"]]
@@ -24,7 +24,7 @@ def vector(p: Values) -> Array:
 def readout(p: Values, readout: Readout) -> None:
     """y + Re[e·e^{j(φ+ωt)}], the phase taken from displacement and velocity and followed from block
     to block."""
-    e, last = vector(p), list[Array]()
+    e, last = _read_vector(p), list[Array]()
 
     def step(block: Samples, y: Array) -> Array:
         w = (block.z - 1j * block.v_over_omega).T
@@ -36,7 +36,7 @@ def readout(p: Values, readout: Readout) -> None:
 
 def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """u + e e^{jφ}."""
-    return u + vector(p) * find_frame(u, state.phase_rad)[0][..., None]
+    return u + _read_vector(p) * find_frame(u, state.phase_rad)[0][..., None]
 
 
 EFFECT = Effect(

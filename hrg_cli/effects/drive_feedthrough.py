@@ -15,7 +15,7 @@ from ..physics.plant import Readout, Samples, SlowState
 from .effect import Array, Effect, Parameter, Values, find_frame, follow_phase, project
 
 
-def vector(p: Values) -> Array:
+def _read_vector(p: Values) -> Array:
     """κ + jη, complex (2,)."""
     return np.array(
         [
@@ -27,7 +27,7 @@ def vector(p: Values) -> Array:
 
 def readout(p: Values, readout: Readout) -> None:
     """y + Re[(κ + jη)·a_ΦA e^{j(φ+ωt)}], the phase followed from block to block."""
-    coupling, last = vector(p), list[Array]()
+    coupling, last = _read_vector(p), list[Array]()
 
     def step(block: Samples, y: Array) -> Array:
         w = (block.z - 1j * block.v_over_omega).T
@@ -43,7 +43,7 @@ def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """u + (κ + jη) a_ΦA e^{jφ}."""
     turn, e_A, _, _ = find_frame(u, state.phase_rad)
     amplitude = np.real(project(state.drive, e_A)[..., 0] / turn)
-    return u + vector(p) * (amplitude * turn)[..., None]
+    return u + _read_vector(p) * (amplitude * turn)[..., None]
 
 
 EFFECT = Effect(

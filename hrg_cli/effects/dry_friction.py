@@ -31,11 +31,11 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
     """z'' −= f v/|v|, f = πω/2 times the slope of a line's amplitude."""
     size = math.pi / 2 * plant.mechanics.omega_rad_s * p["slope_1_s"]
     if size != 0:
-        plant.accelerate(against(size))
+        plant.accelerate(_make_friction(size))
 
 
 @functools.lru_cache(maxsize=16)
-def against(size: float) -> Acceleration:
+def _make_friction(size: float) -> Acceleration:
     """−size v/|v|; one object a size, so that it is compiled once for all runs."""
 
     def acceleration(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
@@ -54,13 +54,35 @@ def slow(p: Values, u: Array, state: SlowState) -> Array:
     main = np.sqrt((whole + flat) / 2)
     main = np.where(main > 0, main, 1.0)
     side = np.abs(np.imag(u[..., :1] * np.conj(u[..., 1:]))) / main
-    G, Q = means(main, np.maximum(side, SLIM * main))
+    G, Q = compute_means(main, np.maximum(side, SLIM * main))
     return -np.pi / 2 * p["slope_1_s"] * G * (u / 2 - Q * square * np.conj(u))
 
 
-def means(a: Array, b: Array) -> tuple[Array, Array]:
-    """G = 1/M(a, b) = ⟨1/ρ⟩ and Q with ⟨sin²/ρ⟩, ⟨cos²/ρ⟩ = G(½ ∓ Q(a² − b²)), ρ² = a² sin² + b²
-    cos², a ≥ b > 0."""
+def compute_means(a: Array, b: Array) -> tuple[Array, Array]:
+    """Means of 1/ρ over a turn of an ellipse, ρ² = a² sin² + b² cos².
+
+    G = 1/M(a, b) = ⟨1/ρ⟩, and Q with ⟨sin²/ρ⟩, ⟨cos²/ρ⟩ = G(½ ∓ Q(a² − b²)).
+
+    Parameters
+    ----------
+    a, b
+        Half axes (...) in any unit, a ≥ b > 0.
+
+    Returns
+    -------
+    tuple of ndarray
+        G in 1/unit and Q in 1/unit².
+
+    Examples
+    --------
+    A circle of radius 2:
+
+    >>> import numpy as np
+    >>> from hrg_cli.effects.dry_friction import compute_means
+    >>> G, _ = compute_means(np.array(2.0), np.array(2.0))
+    >>> float(G)
+    0.5
+    """
     # every difference after the first is taken over a² − b², so that a circle is no exception
     over = 1 / (2 * (a + b))
     gap, Q, weight = a**2 - b**2, over**2, 1.0

@@ -49,14 +49,31 @@ RUN, OF_EVERY_RUN = "run", -1.0
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter: its unit, a typical size at unit amplitude, and the value at which it does
-    nothing.
+    """One parameter of an effect.
 
-    `amplitude_power`: the value scales as amplitude^power when the amplitude's unit changes.
-    `fitted`: False for a reference that only says where another parameter counts from. `minimum`:
-    the least value that physics allows. `sets_in`: up to a level it does nothing, so that there is
-    no slope at its neutral value and a score is that of the secant to a value tried. `fitted_then`:
-    it changes what others do and nothing else, so that it is fitted once these are found.
+    Attributes
+    ----------
+    name
+        It ends in its unit, where it has one.
+    units
+        As files have them.
+    typical
+        A size at unit amplitude.
+    meaning
+        In words.
+    neutral
+        The value at which it does nothing.
+    amplitude_power
+        The value scales as amplitude^power when the amplitude's unit changes.
+    fitted
+        False for a reference that only says where another parameter counts from.
+    minimum
+        The least value that physics allows.
+    sets_in
+        Up to a level it does nothing, so that there is no slope at its neutral value and a score is
+        that of the secant to a value tried.
+    fitted_then
+        It changes what others do and nothing else, so that it is fitted once these are found.
     """
 
     name: str
@@ -74,7 +91,24 @@ class Parameter:
 def make_reference_temperature(
     meaning: str = "temperature at which the base model holds",
 ) -> Parameter:
-    """The parameter that says from which temperature an effect counts."""
+    """The parameter that says from which temperature an effect counts.
+
+    Parameters
+    ----------
+    meaning
+        In words.
+
+    Returns
+    -------
+    Parameter
+        In °C, held by every fit.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects.effect import make_reference_temperature
+    >>> make_reference_temperature().neutral, make_reference_temperature().fitted
+    (25.0, False)
+    """
     return Parameter(REFERENCE_TEMPERATURE, "degC", 25.0, meaning, neutral=25.0, fitted=False)
 
 
@@ -100,58 +134,211 @@ class Runs(Protocol):
 
 
 def nothing(*_: Any) -> None:
-    """The fast term of an effect that has none at this place."""
+    """The fast term of an effect that has none at this place.
+
+    Parameters
+    ----------
+    *_
+        Whatever that place takes.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects.effect import nothing
+    >>> nothing({}, "a plant")
+    """
 
 
 def same_state(_: Values, state: SlowState) -> SlowState:
-    """The slow environment of an effect that does not change it."""
+    """The slow environment of an effect that does not change it.
+
+    Parameters
+    ----------
+    _
+        Values of its parameters.
+    state
+        What is logged.
+
+    Returns
+    -------
+    SlowState
+        The same.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects.effect import same_state
+    >>> same_state({}, "as logged")
+    'as logged'
+    """
     return state
 
 
 def no_term(_: Values, u: Array, __: SlowState) -> Array:
-    """The slow term of an effect that has none."""
+    """The slow term of an effect that has none.
+
+    Parameters
+    ----------
+    _, __
+        Values of its parameters, and the state.
+    u
+        Envelopes (..., 2).
+
+    Returns
+    -------
+    ndarray
+        Zeros (..., 2).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects.effect import no_term
+    >>> no_term({}, np.array([1.0, 2.0]), None).tolist()
+    [0.0, 0.0]
+    """
     return np.zeros_like(u)
 
 
 def same_signal(_: Values, u: Array, __: SlowState) -> Array:
-    """The read-out of an effect that does not change it."""
+    """The read-out of an effect that does not change it.
+
+    Parameters
+    ----------
+    _, __
+        Values of its parameters, and the state.
+    u
+        Envelopes (..., 2).
+
+    Returns
+    -------
+    ndarray
+        The same.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects.effect import same_signal
+    >>> same_signal({}, np.array([1.0, 2.0]), None).tolist()
+    [1.0, 2.0]
+    """
     return u
 
 
 def only_neutral(_: Runs) -> Sequence[Values]:
-    """The starts of an effect that is tried from its neutral values."""
+    """The starts of an effect that is tried from its neutral values.
+
+    Parameters
+    ----------
+    _
+        The measured runs.
+
+    Returns
+    -------
+    tuple of dict
+        One start, at which no parameter is given.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects.effect import only_neutral
+    >>> only_neutral(None)
+    ({},)
+    """
     return ({},)
 
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect of the catalogue; `page` is its module's docstring, which `hrg effects NAME`
-    prints.
+    """An effect of the catalogue: its page, its terms, and what others need to know of it.
 
-    Its terms, fast then slow, and its traits: seen_in: "dynamics" where the motion of the envelopes
-    shows it, "waveform" where only the samples do. coherent: its vector stands with the wave's
-    phase φ, so that its sign is nobody's to know: (mθ, φ) and (mθ + π, φ + π) are one wave.
-    same_as_base: what of the base model it cannot be told from in any run, in words; empty:
-    nothing. in_the_log: the logged command (field of the runs) that holds all it does, beside which
-    it is no candidate; empty: none. shown_by: what a programme of runs must hold for it to show.
-    needs: what the runs at hand must hold; without it a fit could give the effect any size. beside:
-    the effect that must stand beside it for it to do anything, as a thermometer's lag needs
-    something that follows temperature. part_of: effects of which it is a part: while the
-    misfit is gross one of them must stand first, or it must take the misfit away itself.
-    whole_samples: its size comes in samples only, so that it has no small one.
-    makes_harmonics: a read-out that puts multiples of the oscillation into the samples. makes_tone:
-    it puts a line of its own there. scales: the resonator's parameter that follows the temperature by
-    it. same_as_parameter: the one that it changes, exactly, in every run. acts_on: "velocity" where
-    its force follows the motion's velocity, whose envelopes turn beside those of the displacement by
-    KΩ/ω, so that its slow term is given these. nonlinear_force: its force is no linear one of the
-    motion, so that to second order it changes with what split, damping and rate do to that. starts: values from which
-    it is tried beside these runs: instants at which a parameter that is not
-    fitted is held, levels of one
-        that sets in.
+    A term takes `p`, the value of every parameter by name; with all at their neutral values it
+    changes nothing. u: envelopes (..., 2) in the amplitude's unit, over any leading shape; a
+    state's arrays have that leading shape.
+
+    Attributes
+    ----------
+    name
+        In files and commands.
+    family
+        "read-out", "resonator", "control" or "bench".
+    page
+        Its module's docstring, which `hrg effects NAME` prints.
+    parameters
+        In the order in which they are told.
+    mistaken_for
+        Effects that look alike.
+    next_experiment
+        That separates it from these, in words.
+    environment
+        `environment(p, env)`: changes the simulated bench in place, its temperature [°C] and rate
+        [rad/s] and what is logged of them.
+    plant
+        `plant(p, plant, env)`: changes the simulated resonator in place, its matrices, forces and
+        kicks.
+    control
+        `control(p, control)`: changes the simulated loops in place.
+    readout
+        `readout(p, readout)`: adds steps to the simulated read-out, each of the samples (2, n).
+    slow_environment
+        `slow_environment(p, state) -> state`: true temperature and rate from the logged ones.
+    slow
+        `slow(p, u, state) -> (..., 2)`: what it adds to du/dt [amplitude/s].
+    slow_rate
+        `slow_rate(p, u, state) -> (..., 2)`: d/dt of that where u stands and a spring moves.
+    slow_readout
+        `slow_readout(p, u, state) -> (..., 2)`: what is read of u.
+    slow_jump
+        `slow_jump(p, state) -> (time_s, (..., 2))`: the jump of u at an instant.
+    seen_in
+        "dynamics" where the motion of the envelopes shows it, "waveform" where only the samples do.
+    coherent
+        Its vector stands with the wave's phase φ, so that its sign is nobody's to know: (mθ, φ) and
+        (mθ + π, φ + π) are one wave.
+    same_as_base
+        What of the base model it cannot be told from in any run, in words; empty: nothing.
+    in_the_log
+        The logged command (field of the runs) that holds all it does, beside which it is no
+        candidate; empty: none.
+    shown_by
+        What a programme of runs must hold for it to show.
+    needs
+        What the runs at hand must hold; without it a fit could give the effect any size.
+    beside
+        The effect that must stand beside it for it to do anything, as a thermometer's lag needs
+        something that follows temperature.
+    part_of
+        Effects of which it is a part: while the misfit is gross one of them must stand first, or it
+        must take the misfit away itself.
+    whole_samples
+        Its size comes in samples only, so that it has no small one.
+    makes_harmonics
+        A read-out that puts multiples of the oscillation into the samples.
+    makes_tone
+        It puts a line of its own there.
+    scales
+        The resonator's parameter that follows the temperature by it.
+    same_as_parameter
+        The one that it changes, exactly, in every run.
+    acts_on
+        "velocity" where its force follows the motion's velocity, whose envelopes turn beside those
+        of the displacement by KΩ/ω, so that its slow term is given these.
+    nonlinear_force
+        Its force is no linear one of the motion, so that to second order it changes with what
+        split, damping and rate do to that.
+    starts
+        `starts(runs) -> values`: from which it is tried beside these runs, as instants at which a
+        parameter that is not fitted is held, or levels of one that sets in.
+
+    Examples
+    --------
+    A gain mismatch of 1 % reads a line at 45° as one that leans towards C:
+
+    >>> import numpy as np
+    >>> from hrg_cli.effects import find
+    >>> effect = find("gain_mismatch")
+    >>> effect.slow_readout(effect.values({"gain": 0.01}), np.array([1.0, 1.0]), None).tolist()
+    [1.005, 0.995]
     """
 
     name: str
-    family: str  # read-out | resonator | control | bench
+    family: str
     page: str
     parameters: tuple[Parameter, ...]
     mistaken_for: tuple[str, ...] = ()
@@ -183,8 +370,29 @@ class Effect:
     starts: Callable[[Runs], Sequence[Values]] = only_neutral
 
     def values(self, given: Mapping[str, Any] | None = None) -> dict[str, float]:
-        """Every parameter's value: `given`, else neutral. HrgError: an unknown name or something
-        that is not a finite number."""
+        """Every parameter's value: as given, else neutral.
+
+        Parameters
+        ----------
+        given
+            Values by name, in the parameters' units.
+
+        Returns
+        -------
+        dict
+            Of all parameters.
+
+        Raises
+        ------
+        HrgError
+            An unknown name, or something that is not a finite number.
+
+        Examples
+        --------
+        >>> from hrg_cli.effects import find
+        >>> find("gain_mismatch").values({"gain": 0.01})
+        {'gain': 0.01}
+        """
         given = dict(given or {})
         known = [p.name for p in self.parameters]
         unknown = sorted(set(given) - set(known))
@@ -205,7 +413,19 @@ class Effect:
         return {p.name: float(given.get(p.name, p.neutral)) for p in self.parameters}
 
     def fitted(self) -> tuple[Parameter, ...]:
-        """The parameters a fit may move."""
+        """The parameters a fit may move.
+
+        Returns
+        -------
+        tuple of Parameter
+            Without those that say where others count from.
+
+        Examples
+        --------
+        >>> from hrg_cli.effects import find
+        >>> [parameter.name for parameter in find("gain_temperature").fitted()]
+        []
+        """
         return tuple(p for p in self.parameters if p.fitted)
 
     @property
@@ -243,20 +463,83 @@ class Effect:
 
 
 def find_invariants(u: Array) -> tuple[Array, Array]:
-    """u†u and uᵀu (..., 1), of which every isotropic force is made."""
+    """u†u and uᵀu (..., 1), of which every isotropic force is made.
+
+    Parameters
+    ----------
+    u
+        Envelopes (..., 2).
+
+    Returns
+    -------
+    tuple of ndarray
+        Real and complex (..., 1), in squares of the amplitude's unit.
+
+    Examples
+    --------
+    Of a circular wave the second vanishes:
+
+    >>> import numpy as np
+    >>> from hrg_cli.effects.effect import find_invariants
+    >>> [value.item() for value in find_invariants(np.array([1.0, 1j]))]
+    [2.0, 0j]
+    """
     return np.sum(np.abs(u) ** 2, axis=-1, keepdims=True), np.sum(u**2, axis=-1, keepdims=True)
 
 
 def find_displacement(u: Array, state: SlowState | None) -> Array:
-    """The displacement's envelopes beside those, u, that an effect which acts on the velocity is
-    given."""
+    """The displacement's envelopes beside those that an effect which acts on the velocity is given.
+
+    Parameters
+    ----------
+    u
+        Envelopes (..., 2) that its slow term is given.
+    state
+        That holds the displacement's, where they differ; None: they do not.
+
+    Returns
+    -------
+    ndarray
+        (..., 2).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects.effect import find_displacement
+    >>> find_displacement(np.array([1.0, 0.0]), None).tolist()
+    [1.0, 0.0]
+    """
     return u if state is None or state.displacement is None else state.displacement
 
 
 def find_frame(u: Array, phase_rad: Array | float) -> tuple[Array, Array, Array, Array]:
-    """(e^{jφ}, e_A, e_B, a_A) of envelopes u (..., 2), φ taken within ±π/2 of `phase_rad`.
+    """(e^{jφ}, e_A, e_B, a_A) of envelopes u, φ taken within ±π/2 of a phase that is about known.
 
     e_A = (cos mθ, sin mθ), e_B = (−sin mθ, cos mθ), e_A·u = a_A e^{jφ}.
+
+    Parameters
+    ----------
+    u
+        (..., 2) complex.
+    phase_rad
+        (...) or one [rad]: (mθ, φ) and (mθ + π, φ + π) are the same wave.
+
+    Returns
+    -------
+    tuple of ndarray
+        Complex (...), real (..., 2) twice, and real (...) in the amplitude's unit.
+
+    Examples
+    --------
+    A line at mθ = 90°:
+
+    >>> import numpy as np
+    >>> from hrg_cli.effects.effect import find_frame
+    >>> turn, e_A, e_B, a_A = find_frame(np.array([0.0, 2.0]), 0.0)
+    >>> e_A.round(9).tolist(), float(a_A), complex(turn.round(9))
+    ([0.0, 1.0], 2.0, (1+0j))
+    >>> find_frame(np.array([0.0, 2.0]), np.pi)[1].round(9).tolist()
+    [-0.0, -1.0]
     """
     c, s = u[..., 0], u[..., 1]
     electrical = (
@@ -275,11 +558,33 @@ def find_frame(u: Array, phase_rad: Array | float) -> tuple[Array, Array, Array,
 
 
 def follow_phase(w: Array, last: list[Array]) -> Array:
-    """Phase φ + ωt (n,) of analytic signals w (n, 2) a sample apart, continuous from block to
-    block; `last` keeps signal and phase.
+    """Phase φ + ωt of analytic signals a sample apart, continuous from block to block.
 
     (mθ, φ) and (mθ + π, φ + π) are one wave, so the phase is continued by its mean advance, which
-    may be most of half a turn a sample.
+    may be most of half a turn per sample.
+
+    Parameters
+    ----------
+    w
+        (n, 2) complex, of both channels.
+    last
+        Signal and phase of the block before, empty at the first; it is renewed.
+
+    Returns
+    -------
+    ndarray
+        (n,) [rad].
+
+    Examples
+    --------
+    Two blocks of eight samples at 1 rad per sample:
+
+    >>> import numpy as np
+    >>> from hrg_cli.effects.effect import follow_phase
+    >>> w, last = np.exp(1j * np.arange(16))[:, None] * [1.0, 0.0], []
+    >>> phase = np.concatenate([follow_phase(w[:8], last), follow_phase(w[8:], last)])
+    >>> np.diff(phase).round(9).tolist() == [1.0] * 15
+    True
     """
     whole = np.concatenate([last[0], w]) if last else w
     phase = ellipse.find_wave(whole, 1)[3]
@@ -292,14 +597,50 @@ def follow_phase(w: Array, last: list[Array]) -> Array:
 
 
 def project(vector: Array, direction: Array) -> Array:
-    """Component (..., 1) of a complex vector (..., 2) along a real unit vector, without
-    conjugation."""
+    """Component of a complex vector along a real unit vector, without conjugation.
+
+    Parameters
+    ----------
+    vector
+        (..., 2) complex.
+    direction
+        (..., 2) real.
+
+    Returns
+    -------
+    ndarray
+        (..., 1).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects.effect import project
+    >>> project(np.array([1j, 2.0]), np.array([1.0, 0.0])).tolist()
+    [1j]
+    """
     return np.sum(vector * direction, axis=-1, keepdims=True)
 
 
 def find_branch(temperature: Array) -> Array:
-    """Sign of the last temperature change of a series: +1 rising, −1 falling, 0 before any change;
-    rounding is no change."""
+    """Sign of the last temperature change of a series; rounding is no change.
+
+    Parameters
+    ----------
+    temperature
+        (n,), in any unit.
+
+    Returns
+    -------
+    ndarray
+        (n,): +1 rising, −1 falling, 0 before any change.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects.effect import find_branch
+    >>> find_branch(np.array([20.0, 20.0, 21.0, 21.0, 20.5])).tolist()
+    [0.0, 0.0, 1.0, 1.0, -1.0]
+    """
     steps = np.diff(temperature)
     steps = np.where(np.abs(steps) > ROUNDING * np.ptp(temperature), steps, 0.0)
     sign = np.sign(np.concatenate([steps[:1], steps]))

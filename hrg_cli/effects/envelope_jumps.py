@@ -35,8 +35,32 @@ class Jump:
 
 
 def find_jumps(runs: Runs) -> list[Jump]:
-    """Where the envelopes of one row to the next jump by more than noise and their own curvature,
-    the clearest first."""
+    """Where envelopes jump by more than noise and their own curvature, the clearest first.
+
+    Parameters
+    ----------
+    runs
+        Measured ones side by side.
+
+    Returns
+    -------
+    list of Jump
+        None twice, as a jump is seen by neighbourhoods of several lengths.
+
+    Examples
+    --------
+    A step of 0.1 in C at 10 s, noise 10⁻³:
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.effects.envelope_jumps import find_jumps
+    >>> t, random = np.arange(200) * 0.1, np.random.default_rng(1)
+    >>> u = 1 + 0.1 * (t > 10)[:, None] * [1.0, 0.0] + 1e-3 * random.standard_normal((200, 2))
+    >>> runs = Told(time_s=t[None], envelope=u[None] + 0j, weight=np.full((1, 200), 1e3))
+    >>> (jump,) = find_jumps(runs)
+    >>> round(jump.time_s, 1), jump.change.real.round(2).tolist()
+    (10.0, [0.1, 0.0])
+    """
     found: list[Jump] = []
     threshold = _threshold((1 + len(PARTS)) * int(np.count_nonzero(runs.weight)))
     for number, (t, u, weight) in enumerate(
@@ -76,8 +100,33 @@ def find_jumps(runs: Runs) -> list[Jump]:
 
 
 def find_strikes(runs: Runs) -> list[Jump]:
-    """The clearest jumps of single runs; what the others together show as much of at that time of
-    theirs is of the programme, and strikes none of them."""
+    """The clearest jumps of single runs.
+
+    What the others together show as much of at that time of theirs is of the programme, and strikes
+    none of them.
+
+    Parameters
+    ----------
+    runs
+        Measured ones side by side.
+
+    Returns
+    -------
+    list of Jump
+        `MOST` at most.
+
+    Examples
+    --------
+    All three runs step at 10 s: so does the programme.
+
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.effects.envelope_jumps import find_strikes
+    >>> t, random = np.tile(np.arange(200) * 0.1, (3, 1)), np.random.default_rng(1)
+    >>> u = 1 + 0.1 * (t > 10)[..., None] + 1e-3 * random.standard_normal((3, 200, 2))
+    >>> len(find_strikes(Told(time_s=t, envelope=u + 0j, weight=np.full((3, 200), 1e3))))
+    0
+    """
     found = find_jumps(runs)
     alone = [
         jump
@@ -89,13 +138,56 @@ def find_strikes(runs: Runs) -> list[Jump]:
 
 
 def list_instants(runs: Runs) -> list[Values]:
-    """Where a run is struck, the clearest first."""
+    """Where a run is struck, the clearest first.
+
+    Parameters
+    ----------
+    runs
+        Measured ones side by side.
+
+    Returns
+    -------
+    list of dict
+        Of each the instant [s from the run's beginning] and the run's number from 0.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.effects.envelope_jumps import list_instants
+    >>> t, random = np.arange(200) * 0.1, np.random.default_rng(1)
+    >>> u = 1 + 0.1 * (t > 10)[:, None] * [1.0, 0.0] + 1e-3 * random.standard_normal((200, 2))
+    >>> runs = Told(time_s=t[None], envelope=u[None] + 0j, weight=np.full((1, 200), 1e3))
+    >>> [{name: round(value, 1) for name, value in start.items()} for start in list_instants(runs)]
+    [{'time_s': 10.0, 'run': 0.0}]
+    """
     return [{"time_s": jump.time_s, RUN: float(jump.run)} for jump in find_strikes(runs)]
 
 
 def find_part_after(time_s: Array, instant: float) -> Array:
-    """The part (..., n), 0 to 1, of every row that lies after an instant: a row is the mean of its
-    length, which the times (..., n) of its neighbours show."""
+    """The part of every row that lies after an instant.
+
+    A row is the mean of its length, which the times of its neighbours show.
+
+    Parameters
+    ----------
+    time_s
+        (..., n) [s].
+    instant
+        In seconds.
+
+    Returns
+    -------
+    ndarray
+        (..., n), 0 to 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects.envelope_jumps import find_part_after
+    >>> find_part_after(np.arange(4.0), 1.25).tolist()
+    [0.0, 0.25, 1.0, 1.0]
+    """
     if time_s.ndim == 0 or time_s.shape[-1] < 2:
         return np.asarray(time_s > instant, float)
     after, width = time_s - instant, np.gradient(time_s, axis=-1)
@@ -105,7 +197,24 @@ def find_part_after(time_s: Array, instant: float) -> Array:
 
 
 def make_run_parameter(what: str = "in which it happens") -> Parameter:
-    """The parameter that says in which run of several something happens."""
+    """The parameter that says in which run of several something happens.
+
+    Parameters
+    ----------
+    what
+        Of the run, in words.
+
+    Returns
+    -------
+    Parameter
+        Held by every fit; neutral is every run.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects.envelope_jumps import make_run_parameter
+    >>> make_run_parameter().meaning
+    'number of the run in which it happens, from 0; −1: every run'
+    """
     return Parameter(
         RUN,
         "1",
@@ -117,7 +226,28 @@ def make_run_parameter(what: str = "in which it happens") -> Parameter:
 
 
 def find_own_runs(p: Values, state: SlowState) -> Array:
-    """1 in the run, or the runs, in which it happens and 0 elsewhere, (...)."""
+    """1 in the run, or the runs, in which something happens, and 0 elsewhere.
+
+    Parameters
+    ----------
+    p
+        With the number of the run.
+    state
+        With the number of every run, where several stand side by side.
+
+    Returns
+    -------
+    ndarray
+        (...), as the state's numbers.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.effects.envelope_jumps import find_own_runs
+    >>> find_own_runs({"run": 1.0}, Told(run=np.array([0, 1, 2]))).tolist()
+    [0.0, 1.0, 0.0]
+    """
     if state.run is None or p[RUN] == OF_EVERY_RUN:
         return np.ones(())
     return np.asarray(state.run == p[RUN], float)

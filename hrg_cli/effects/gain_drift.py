@@ -16,7 +16,7 @@ from ..physics.plant import Readout, Samples, SlowState
 from .effect import Array, Effect, Parameter, Values
 
 
-def gain(p: Values, time_s: Array) -> Array:
+def _compute_gain(p: Values, time_s: Array) -> Array:
     """1 + ½ g̈ t² (...)."""
     return 1 + 0.5 * p["curvature_1_s2"] * np.asarray(time_s, float) ** 2
 
@@ -25,14 +25,14 @@ def readout(p: Values, readout: Readout) -> None:
     """y times the gain, sample by sample."""
 
     def step(block: Samples, y: Array) -> Array:
-        return y * gain(p, block.time_s)
+        return y * _compute_gain(p, block.time_s)
 
     readout.steps.append(step)
 
 
 def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """u times the gain."""
-    return u * gain(p, state.time_s)[..., None]
+    return u * _compute_gain(p, state.time_s)[..., None]
 
 
 EFFECT = Effect(

@@ -17,7 +17,7 @@ from .effect import Array, Effect, Parameter, Values
 from .envelope_jumps import find_own_runs, find_part_after, list_instants, make_run_parameter
 
 
-def steps(p: Values) -> Array:
+def _read_steps(p: Values) -> Array:
     """Relative steps of the gain (2,)."""
     return np.array([p["c_gain"], p["s_gain"]])
 
@@ -26,7 +26,7 @@ def readout(p: Values, readout: Readout) -> None:
     """y (1 + g) from t_k on, sample by sample."""
 
     def step(block: Samples, y: Array) -> Array:
-        return y * (1 + steps(p)[:, None] * (np.asarray(block.time_s) > p["time_s"]))
+        return y * (1 + _read_steps(p)[:, None] * (np.asarray(block.time_s) > p["time_s"]))
 
     readout.steps.append(step)
 
@@ -34,7 +34,7 @@ def readout(p: Values, readout: Readout) -> None:
 def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """u (1 + g r), r the part of a row's length after t_k, in the run that it happens in."""
     part = find_part_after(np.asarray(state.time_s), p["time_s"]) * find_own_runs(p, state)
-    return u * (1 + part[..., None] * steps(p))
+    return u * (1 + part[..., None] * _read_steps(p))
 
 
 EFFECT = Effect(

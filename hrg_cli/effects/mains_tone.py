@@ -14,14 +14,14 @@ from ..physics.plant import Readout, Samples, SlowState
 from .effect import Array, Effect, Parameter, Values
 
 
-def vector(p: Values) -> Array:
+def _read_vector(p: Values) -> Array:
     """e = e_cos − j e_sin, complex (2,)."""
     return np.array([p["c_cos"] - 1j * p["c_sin"], p["s_cos"] - 1j * p["s_sin"]])
 
 
 def readout(p: Values, readout: Readout) -> None:
     """y + Re[e e^{jω_m t}]."""
-    e, omega = vector(p), 2 * np.pi * p["frequency_hz"]
+    e, omega = _read_vector(p), 2 * np.pi * p["frequency_hz"]
 
     def step(block: Samples, y: Array) -> Array:
         return y + np.real(e[:, None] * np.exp(1j * omega * block.time_s))
@@ -34,7 +34,7 @@ def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     beat = np.exp(
         1j * (2 * np.pi * p["frequency_hz"] - state.omega_r_rad_s) * np.asarray(state.time_s)
     )
-    return u + vector(p) * beat[..., None]
+    return u + _read_vector(p) * beat[..., None]
 
 
 EFFECT = Effect(

@@ -19,7 +19,7 @@ from .effect import RUN, Array, Effect, Parameter, Runs, Values
 from .envelope_jumps import Jump, find_own_runs, find_strikes, make_run_parameter
 
 
-def velocity_over_omega(p: Values) -> Array:
+def _read_velocity_over_omega(p: Values) -> Array:
     """Δż/ω (2,)."""
     return np.array([p["c_velocity_over_omega"], p["s_velocity_over_omega"]])
 
@@ -27,26 +27,27 @@ def velocity_over_omega(p: Values) -> Array:
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """ż += Δż at t_k, ω that of the resonator."""
     omega = plant.mechanics.omega_rad_s
-    plant.kicks.append((p["time_s"] + p["phase_rad"] / omega, omega * velocity_over_omega(p)))
+    plant.kicks.append((p["time_s"] + p["phase_rad"] / omega, omega * _read_velocity_over_omega(p)))
 
 
 def slow_jump(p: Values, state: SlowState) -> tuple[float, Array]:
     """(t_k, −j (Δż/ω) e^{−jω_r t_k}) in the run that was struck."""
     instant = p["time_s"] + p["phase_rad"] / state.mechanics.omega_rad_s
-    jump = -1j * velocity_over_omega(p) * np.exp(-1j * state.omega_r_rad_s * instant)
+    jump = -1j * _read_velocity_over_omega(p) * np.exp(-1j * state.omega_r_rad_s * instant)
     return instant, find_own_runs(p, state)[..., None] * jump
 
 
-def instants(runs: Runs) -> list[Values]:
+def list_phased_instants(runs: Runs) -> list[Values]:
     """Where a run is struck, the clearest first, at the phase that makes the jump one of the
     velocity alone."""
     omega_r = 2 * np.pi * runs.reference_frequency_hz
     return [
-        {"time_s": in_phase(jump, omega_r), RUN: float(jump.run)} for jump in find_strikes(runs)
+        {"time_s": _find_instant_in_phase(jump, omega_r), RUN: float(jump.run)}
+        for jump in find_strikes(runs)
     ]
 
 
-def in_phase(jump: Jump, omega_r: float) -> float:
+def _find_instant_in_phase(jump: Jump, omega_r: float) -> float:
     """The instant next to that of a jump at which it is a velocity: j e^{jω_r t} Δu is real in both
     channels.
 
@@ -92,5 +93,5 @@ EFFECT = Effect(
     next_experiment="an accelerometer on the case, or the same run again: a knock comes once",
     plant=plant,
     slow_jump=slow_jump,
-    starts=instants,
+    starts=list_phased_instants,
 )

@@ -28,8 +28,25 @@ TURNS, WEIGHTS = np.cos(_EVEN + np.sin(_EVEN)), (1 + np.cos(_EVEN)) / 16
 shares of the mean; closest about x = π, where |z|^p of a line has its cusp."""
 
 
-def mean(power: float) -> float:
-    """N_p = 2⟨|cos|^p sin²⟩."""
+def compute_mean(power: float) -> float:
+    """N_p = 2⟨|cos|^p sin²⟩.
+
+    Parameters
+    ----------
+    power
+        p.
+
+    Returns
+    -------
+    float
+        1 of p = 0.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects.nonlinear_damping import compute_mean
+    >>> round(compute_mean(0.0), 12), round(compute_mean(2.0), 12)
+    (1.0, 0.25)
+    """
     # by logarithms: a fit may try a power whose factorials no float holds
     ratio = math.exp(math.lgamma((power + 1) / 2) - math.lgamma(power / 2 + 1))
     return 2 * ratio / (math.sqrt(math.pi) * (power + 2))
@@ -42,13 +59,15 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
         return
     half = p["power"] / 2
     if half < 0:
-        plant.accelerate(regulated(2 * p["damping_1_s"], plant.mechanics.omega_rad_s**2, half))
+        plant.accelerate(
+            _make_regulated_friction(2 * p["damping_1_s"], plant.mechanics.omega_rad_s**2, half)
+        )
     else:
-        plant.accelerate(against(2 * p["damping_1_s"] / mean(p["power"]), half))
+        plant.accelerate(_make_friction(2 * p["damping_1_s"] / compute_mean(p["power"]), half))
 
 
 @functools.lru_cache(maxsize=16)
-def regulated(supply: float, stiffness: float, half: float) -> Acceleration:
+def _make_regulated_friction(supply: float, stiffness: float, half: float) -> Acceleration:
     """−supply ρ^{2·half} v, ρ² = |z|² + |v|²/stiffness; one object for equal values, so that it is
     compiled once for all runs."""
 
@@ -60,7 +79,7 @@ def regulated(supply: float, stiffness: float, half: float) -> Acceleration:
 
 
 @functools.lru_cache(maxsize=16)
-def against(factor: float, half: float) -> Acceleration:
+def _make_friction(factor: float, half: float) -> Acceleration:
     """−factor |z|^{2·half} v; one object for equal values."""
 
     def acceleration(t: float, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
@@ -90,7 +109,7 @@ def slow(p: Values, u: Array, state: SlowState) -> Array:
         direction = square / np.where(flat > 0, flat, 1.0)
         return (
             -p["damping_1_s"]
-            / mean(p["power"])
+            / compute_mean(p["power"])
             * (_mean(swing) * u - _mean(swing * TURNS) * direction * np.conj(u))
         )
     return -p["damping_1_s"] * (2 * size * u - square * np.conj(u))

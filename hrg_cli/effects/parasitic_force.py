@@ -20,7 +20,7 @@ from .effect import Array, Effect, Parameter, Runs, Values, find_frame
 ALWAYS = "in_free_runs"
 
 
-def vector(p: Values) -> Array:
+def _read_vector(p: Values) -> Array:
     """f, complex (2,)."""
     return np.array(
         [
@@ -32,7 +32,7 @@ def vector(p: Values) -> Array:
 
 def control(p: Values, control: Control) -> None:
     """f; in a free run beside a drive whose commands are replayed, and are nought."""
-    control.parasitic_force = control.parasitic_force + vector(p)
+    control.parasitic_force = control.parasitic_force + _read_vector(p)
     if p[ALWAYS] and not control.forced:
         control.forced, control.log = True, np.zeros((1, 3))
 
@@ -40,10 +40,10 @@ def control(p: Values, control: Control) -> None:
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """f e^{jφ} while the drive is on, or always."""
     acting = np.where(p[ALWAYS], 1.0, state.forced)
-    return vector(p) * (acting * find_frame(u, state.phase_rad)[0])[..., None]
+    return _read_vector(p) * (acting * find_frame(u, state.phase_rad)[0])[..., None]
 
 
-def both(_: Runs) -> Sequence[Values]:
+def list_cases(_: Runs) -> Sequence[Values]:
     """With the drive alone, and always."""
     return ({}, {ALWAYS: 1.0})
 
@@ -75,5 +75,5 @@ EFFECT = Effect(
     slow=slow,
     coherent=True,
     shown_by=("drive",),
-    starts=both,
+    starts=list_cases,
 )

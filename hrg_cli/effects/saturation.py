@@ -30,7 +30,7 @@ def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     return u * (2 / np.pi) * (np.arcsin(x) + x * np.sqrt(np.maximum(1 - x**2, 0.0)))
 
 
-def levels(runs: Runs) -> list[Values]:
+def list_levels(runs: Runs) -> list[Values]:
     """Levels below the largest amplitude that these runs show."""
     largest = float(np.quantile(np.abs(runs.envelope)[runs.weight > 0], 0.999))
     return [{"inverse_level": 1 / (share * largest)} for share in SHARES]
@@ -59,5 +59,5 @@ EFFECT = Effect(
     readout=readout,
     slow_readout=slow_readout,
     makes_harmonics=True,
-    starts=levels,
+    starts=list_levels,
 )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hrg_cli.effects import converter_nonlinearity, dry_friction, find
-from hrg_cli.effects.momentum_kick import instants
+from hrg_cli.effects.momentum_kick import list_phased_instants
 from hrg_cli.physics import ellipse
 from hrg_cli.physics.plant import SlowState, add_accelerations
 from hrg_cli.physics.resonator import Mechanics
@@ -49,7 +49,7 @@ def test_the_means_of_dry_friction_are_the_integrals(a, b):
         np.pi / 4 * np.pi / 2 * np.cosh(x) / np.cosh(np.pi / 2 * np.sinh(x)) ** 2 * (x[1] - x[0])
     )
     rho = np.sqrt(a**2 * np.sin(angle) ** 2 + b**2 * np.cos(angle) ** 2)
-    G, Q = dry_friction.means(np.array(a), np.array(b))
+    G, Q = dry_friction.compute_means(np.array(a), np.array(b))
     for sign, wave in ((-1, np.sin(angle) ** 2), (1, np.cos(angle) ** 2)):
         mean = np.sum(wave / rho * width) * 2 / np.pi
         assert G * (0.5 + sign * Q * (a**2 - b**2)) == pytest.approx(mean, rel=1e-9)
@@ -158,7 +158,9 @@ def test_a_knock_in_one_run_is_named_with_its_run_instant_and_velocities():
 
 def test_runs_without_a_knock_offer_no_instant():
     """One programme of a thousand may hold a row that is taken for a jump."""
-    assert not any(instants(prepare(measured({}, seed=seed), None, 120)[0]) for seed in range(2))
+    assert not any(
+        list_phased_instants(prepare(measured({}, seed=seed), None, 120)[0]) for seed in range(2)
+    )
 
 
 def test_a_knock_moves_velocity_and_not_displacement():
