@@ -1,6 +1,7 @@
 """The examples in the docstrings of public functions run and print what they show; those functions
 tell their parameters, results and errors."""
 
+import ast
 import doctest
 import inspect
 import pkgutil
@@ -234,6 +235,34 @@ def test_public_functions_tell_parameters_results_and_errors(name):
         assert section_of(function, "Returns"), f"{name} does not tell its result"
     if "raise HrgError(" in inspect.getsource(function):
         assert section_of(function, "Raises"), f"{name} does not tell its errors"
+
+
+TITLES = "Parameters|Returns|Yields|Raises|Attributes|Notes|Examples"
+
+
+def docstrings():
+    """Every docstring of the package, with its place."""
+    package = Path(hrg_cli.__file__).parent
+    for path in sorted(package.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.Module):
+                where = f"{path.relative_to(package)}: {getattr(node, 'name', '')}"
+                yield where, ast.get_docstring(node) or ""
+
+
+def find_broken_titles(text):
+    """Titles of sections that are no line of their own above a line as long."""
+    flowed = re.findall(r"\b\w+ -{4,}", text)
+    lines = re.findall(rf"^({TITLES}) *\n(.*)$", text, re.M)
+    return flowed + [title for title, below in lines if below != "-" * len(title)]
+
+
+def test_sections_have_their_titles_on_lines_of_their_own():
+    """Three had flowed into the text, so that neither numpydoc nor a reader saw the section."""
+    assert find_broken_titles("It fits.\n\nExamples -------- Two runs:")
+    assert find_broken_titles("It fits.\n\nReturns\n---\nfloat")
+    found = {where: broken for where, text in docstrings() if (broken := find_broken_titles(text))}
+    assert not found
 
 
 @pytest.mark.parametrize("told", [Effect, Parameter])

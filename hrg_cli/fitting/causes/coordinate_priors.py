@@ -118,8 +118,10 @@ def build_prior_rows(freedom: CoordinatePriors, layout: FitColumns, series: Meas
     ndarray
         (m, columns): the coordinates first, then R rows of the offsets where these have a prior.
 
-    Examples -------- Two free runs whose frequencies wander by 0.5 rad/s about their mean: what
-    both share is nobody's.
+    Examples
+    --------
+    Two free runs whose frequencies wander by 0.5 rad/s about their mean: what both share is
+    nobody's.
 
     >>> from types import SimpleNamespace
     >>> import numpy as np

@@ -46,8 +46,10 @@ def compute_cost(prediction: Prediction, freedom: CoordinatePriors) -> float:
     float
         Infinite where the motion has no end.
 
-    Examples -------- A prediction whose damping is 0.1 1/s too small, over 101 rows of σ = 1/1000,
-    beside a prior that it is 2 σ away from:
+    Examples
+    --------
+    A prediction whose damping is 0.1 1/s too small, over 101 rows of σ = 1/1000, beside a prior
+    that it is 2 σ away from:
 
     >>> from dataclasses import MISSING, fields
     >>> import numpy as np

@@ -551,8 +551,10 @@ def predict_jumps(
     ndarray
         (R, n − 1, 2) complex.
 
-    Examples -------- A resonator without damping or splits keeps all of a knock at 4 s; the steps
-    before the row of it have none:
+    Examples
+    --------
+    A resonator without damping or splits keeps all of a knock at 4 s; the steps before the row of
+    it have none:
 
     >>> from dataclasses import MISSING, fields
     >>> import numpy as np
