@@ -11,7 +11,7 @@ import numpy as np
 
 from .errors import HrgError
 from .limit_values import find_unit
-from .limits import figures_of
+from .limits import list_figures
 from .records import Calibration, Diagnosis, Record
 
 
@@ -77,7 +77,7 @@ def compare(
             f"{called[0]} is of mode number {mode}, {called[1]} of"
             f" {getattr(new, 'mode_number', mode)}; compare like with like"
         )
-    first, second = figures_of(old), figures_of(new)
+    first, second = list_figures(old), list_figures(new)
     names = [
         n
         for n in first

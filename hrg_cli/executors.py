@@ -32,7 +32,7 @@ from typing import Any, TypeVar
 
 from . import threads
 from .errors import HrgError
-from .extras import PlainPythonWarning, how_to_install
+from .extras import PlainPythonWarning, tell_how_to_install
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -165,7 +165,9 @@ def connect_dask(address: str | None, jobs: int) -> Iterator[Executor]:
     try:
         from distributed import Client, LocalCluster
     except ImportError as error:
-        raise HrgError(f"sharing work with Dask needs {how_to_install('distributed')}") from error
+        raise HrgError(
+            f"sharing work with Dask needs {tell_how_to_install('distributed')}"
+        ) from error
     cluster = None
     with _quiet_distributed(), contextlib.ExitStack() as closing:
         if address is None:

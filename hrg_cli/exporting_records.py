@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from .errors import HrgError, UsageError
-from .extras import how_to_install
+from .extras import tell_how_to_install
 from .records import Array, Calibration, Record, Recording
 from .reporting.text import escape_for_spreadsheet
 
@@ -210,7 +210,7 @@ def import_package(package: str) -> Any:
     try:
         return import_module(package)
     except ImportError as error:
-        raise HrgError(f"this format needs {how_to_install(package.split('.')[0])}") from error
+        raise HrgError(f"this format needs {tell_how_to_install(package.split('.')[0])}") from error
 
 
 def _listed(values: Array) -> list[Any]:

@@ -25,13 +25,14 @@ def write_extended(diagnosis: Diagnosis, output: Path, force: bool) -> list[Path
     model, resonator = find_extended_paths(output)
     written = []
     if diagnosis.extended_model:
-        with store.atomic_path(model, force) as temporary:
+        with store.write_whole(model, force) as temporary:
             temporary.write_text(diagnosis.extended_model, encoding="utf-8")
         written.append(model)
     record = build_extended_resonator(diagnosis)
     if record is not None:
         provenance = replace(
-            diagnosis.provenance, sources=(Source(output.name, "diagnosis", store.sha256(output)),)
+            diagnosis.provenance,
+            sources=(Source(output.name, "diagnosis", store.compute_sha256(output)),),
         )
         store.write(resonator, record.replace(provenance=provenance), force)
         written.append(resonator)

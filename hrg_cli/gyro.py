@@ -197,7 +197,8 @@ def _in_folder(folder: Path) -> list[Path]:
             try:
                 found += (
                     [path]
-                    if store.kind_of(path) is Recording and not path.name.endswith(".recording.h5")
+                    if store.find_kind(path) is Recording
+                    and not path.name.endswith(".recording.h5")
                     else []
                 )
             except HrgError:

@@ -8,7 +8,7 @@ from typing import Any
 
 from .errors import UsageError
 from .limit_values import suggest
-from .limits import Row, check, check_tables, figures_of, is_group
+from .limits import Row, check, check_tables, is_group, list_figures
 from .records import Record
 from .records.replaced import find_replaced
 
@@ -49,4 +49,6 @@ def concerns(limits: Mapping[str, Any], kind: str) -> bool:
 
 def _names_of(record: Record) -> set[str]:
     """What a limit may name in a result."""
-    return {*figures_of(record), "status"} | ({"verdict"} if record.kind == "diagnosis" else set())
+    return {*list_figures(record), "status"} | (
+        {"verdict"} if record.kind == "diagnosis" else set()
+    )

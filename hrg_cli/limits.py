@@ -91,7 +91,7 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
     limits
         Tables of limits, name = { minimum = …, maximum = … } or a bare limit, which is a maximum; in a
         table of the record's kind ([calibration], [resonator], …) or at the top. Names are those of
-        the kind's figures (`figures_of`), nested keys joined by points; numbers are in SI, text has a
+        the kind's figures (`list_figures`), nested keys joined by points; numbers are in SI, text has a
         unit ("5 deg/h", "200 ppm").
 
     Returns
@@ -122,13 +122,36 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
     False frequency_split_rad_s is 0.002, at most 0.001 was wanted -10.0
     """
     verdict = record.verdict if isinstance(record, Diagnosis) else None
-    table = table_of(record.kind, limits)
-    return rows_of(Judged(record.kind, record.status, figures_of(record), verdict), table)
+    table = find_table(record.kind, limits)
+    return list_rows(Judged(record.kind, record.status, list_figures(record), verdict), table)
 
 
-def table_of(kind: str, limits: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The limits for a kind of file: its own table, or those at the top. HrgError: none.
-    UsageError: a table that looks mistyped."""
+def find_table(kind: str, limits: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The limits for a kind of file: its own table, or those at the top.
+
+    Parameters
+    ----------
+    kind
+        Of the file.
+    limits
+        Of a limits file.
+
+    Returns
+    -------
+    Mapping
+        Name -> limit, names spelt whole.
+
+    Raises
+    ------
+    HrgError
+        There are none, or too many; a table that looks mistyped is a UsageError.
+
+    Examples
+    --------
+    >>> from hrg_cli.limits import find_table
+    >>> find_table("resonator", {"resonator": {"scale_factor": 0.56}, "rows": 100})
+    {'scale_factor': 0.56}
+    """
     check_tables(limits)
     own = limits.get(kind)
     outside = {k: v for k, v in limits.items() if not is_group(v)}
@@ -147,15 +170,61 @@ def table_of(kind: str, limits: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def check_tables(limits: Mapping[str, Any]) -> None:
-    """UsageError: a table that looks mistyped."""
+    """Refuse a table that looks mistyped.
+
+    Parameters
+    ----------
+    limits
+        Of a limits file.
+
+    Raises
+    ------
+    UsageError
+        There is one.
+
+    Examples
+    --------
+    >>> from hrg_cli.errors import UsageError
+    >>> from hrg_cli.limits import check_tables
+    >>> try:
+    ...     check_tables({"resonater": {"scale_factor": 0.56}})
+    ... except UsageError as error:
+    ...     print(error)
+    the limits have a table [resonater], which is no kind of file; did you mean resonator?
+    """
     kinds = [cls.kind for cls in KINDS]
     for name, value in limits.items():
         if is_group(value) and name not in kinds and (hint := suggest(name, kinds)):
             raise UsageError(f"the limits have a table [{name}], which is no kind of file; {hint}")
 
 
-def rows_of(judged: Judged, table: Mapping[str, Any]) -> list[Row]:
-    """A row a limit of a kind's table, the status first. UsageError: as `check`."""
+def list_rows(judged: Judged, table: Mapping[str, Any]) -> list[Row]:
+    """Every limit of a kind's table held against the figures, the status first.
+
+    Parameters
+    ----------
+    judged
+        What is limited.
+    table
+        Name -> limit.
+
+    Returns
+    -------
+    list of Row
+        Figures and limits in SI.
+
+    Raises
+    ------
+    UsageError
+        As of `check`.
+
+    Examples
+    --------
+    >>> from hrg_cli.limits import Judged, list_rows
+    >>> judged = Judged("resonator", "valid", {"scale_factor": 0.55}, None)
+    >>> [(row.name, row.passed) for row in list_rows(judged, {"scale_factor": 0.5})]
+    [('status', True), ('scale_factor', False)]
+    """
     figures = judged.figures
     kind = judged.kind
     rows = [replace(_status_row(judged.status, table.get("status", "valid")), kind=kind)]
@@ -165,7 +234,7 @@ def rows_of(judged: Judged, table: Mapping[str, Any]) -> list[Row]:
         if name == "verdict" and judged.verdict is not None:
             rows.append(replace(_verdict_row(judged.verdict, limit), kind=kind))
             continue
-        minimum, maximum = bounds(name, limit)
+        minimum, maximum = read_bounds(name, limit)
         value = figures.get(name)
         if value is None and (hint := suggest(name, [*figures, "verdict", "status"])):
             raise UsageError(f"limit {name} is no figure of a {judged.kind} file; {hint}")
@@ -217,13 +286,53 @@ def _verdict_row(verdict: str, wanted: Any) -> Row:
 
 
 def is_group(value: Any) -> bool:
-    """Whether an entry is a table of limits, not a limit."""
+    """Whether an entry is a table of limits, not a limit.
+
+    Parameters
+    ----------
+    value
+        Of a limits file.
+
+    Returns
+    -------
+    bool
+        False for one with `minimum` and `maximum` alone.
+
+    Examples
+    --------
+    >>> from hrg_cli.limits import is_group
+    >>> is_group({"maximum": 0.56}), is_group({"scale_factor": {"maximum": 0.56}})
+    (False, True)
+    """
     return isinstance(value, Mapping) and not set(value) <= {"minimum", "maximum"}
 
 
-def bounds(name: str, limit: Any) -> tuple[float | None, float | None]:
-    """Minimum and maximum of a limit as it is written, in the figure's own unit. UsageError: neither
-    is one."""
+def read_bounds(name: str, limit: Any) -> tuple[float | None, float | None]:
+    """Minimum and maximum of a limit as it is written, in the figure's own unit.
+
+    Parameters
+    ----------
+    name
+        Of the figure.
+    limit
+        A number or text with a unit, which is a maximum, or a table of both.
+
+    Returns
+    -------
+    tuple
+        None where one is not given.
+
+    Raises
+    ------
+    UsageError
+        Neither is one.
+
+    Examples
+    --------
+    >>> from hrg_cli.limits import read_bounds
+    >>> read_bounds("frequency_split_rad_s", 0.5), read_bounds("duration_s", {"minimum": "2 min"})
+    ((None, 0.5), (120.0, None))
+    """
     if not isinstance(limit, Mapping):
         return None, limit_value(name, limit)
     for key in limit:
@@ -240,7 +349,7 @@ def bounds(name: str, limit: Any) -> tuple[float | None, float | None]:
     return low, high
 
 
-def figures_of(record: Record) -> dict[str, float]:
+def list_figures(record: Record) -> dict[str, float]:
     """Every number a limit may name: the stage's JSON, flattened, and figures of the trade.
 
     Parameters
@@ -263,12 +372,12 @@ def figures_of(record: Record) -> dict[str, float]:
     --------
     >>> import numpy as np
     >>> from hrg_cli import Resonator
-    >>> from hrg_cli.limits import figures_of
+    >>> from hrg_cli.limits import list_figures
     >>> resonator = Resonator(
     ...     name=np.array(["scale_factor"]), value=np.array([0.55]), std=np.array([1e-5]),
     ...     units=np.array(["1"]), covariance=np.array([[1e-10]]),
     ... )
-    >>> figures = figures_of(resonator)
+    >>> figures = list_figures(resonator)
     >>> figures["scale_factor"], figures["scale_factor_std"]
     (0.55, 1e-05)
     """

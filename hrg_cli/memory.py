@@ -21,7 +21,7 @@ from .version import __version__
 def make_key(content: Sequence[Any], inputs: Sequence[Path]) -> str:
     """SHA-256 over the version, what the work depends on, and the content of the inputs."""
     text = json.dumps(
-        [__version__, content, [[p.name, store.sha256(p)] for p in inputs]],
+        [__version__, content, [[p.name, store.compute_sha256(p)] for p in inputs]],
         sort_keys=True,
         default=str,
     )
@@ -44,7 +44,7 @@ def is_ours(note: Path, output: Path) -> bool:
     noted = _read(note)
     return noted is not None and (
         output.name in noted.get("begun", ())
-        or noted["outputs"].get(output.name) == store.sha256(output)
+        or noted["outputs"].get(output.name) == store.compute_sha256(output)
     )
 
 
@@ -57,12 +57,12 @@ def begin(note: Path, outputs: Sequence[Path]) -> None:
 
 def remember(note: Path, key: str, result: Mapping[str, Any], outputs: Sequence[Path]) -> None:
     """Write the note: key, the outputs' hashes, the result."""
-    hashes = {p.name: store.sha256(p) for p in outputs}
+    hashes = {p.name: store.compute_sha256(p) for p in outputs}
     _write(note, {"key": key, "outputs": hashes, "result": result})
 
 
 def _write(note: Path, content: Mapping[str, Any]) -> None:
-    with store.atomic_path(note, force=True) as temporary:
+    with store.write_whole(note, force=True) as temporary:
         temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
@@ -84,7 +84,8 @@ def _read(note: Path) -> dict[str, Any] | None:
 def _unchanged(noted: Mapping[str, Any], folder: Path) -> bool:
     try:
         return isinstance(noted["result"], dict) and all(
-            store.sha256(folder / name) == digest for name, digest in noted["outputs"].items()
+            store.compute_sha256(folder / name) == digest
+            for name, digest in noted["outputs"].items()
         )
     except HrgError:
         return False

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import HrgError
-from .extras import how_to_install
+from .extras import tell_how_to_install
 
 if TYPE_CHECKING:
     import xarray
@@ -49,7 +49,7 @@ def need_package(package: str, what: str) -> Any:
     try:
         return import_module(package)
     except ImportError as error:
-        raise HrgError(f"{what} needs {how_to_install(package.split('.')[0])}") from error
+        raise HrgError(f"{what} needs {tell_how_to_install(package.split('.')[0])}") from error
 
 
 class NotebookView:

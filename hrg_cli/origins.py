@@ -32,11 +32,11 @@ def find_samples(path: Path, part: str = "") -> tuple[str, ...]:
     damaged, or cannot be read.
     """
     try:
-        kind = store.kind_of(path).kind
+        kind = store.find_kind(path).kind
         if kind == "recording":
             with store.open_record(path, Recording) as recording:
                 return (fingerprint(recording) + part,)
-        provenance = store.provenance_of(path)
+        provenance = store.find_provenance(path)
     except NotHrgError:
         return ()
     known = {sample for source in provenance.sources for sample in source.samples}

@@ -149,7 +149,7 @@ def run_stage(
     if isinstance(result, Record):
         return Outcome(written, report(written, output, started, stage.summarise(written)))
     with (
-        gone_if_it_fails(output),
+        remove_if_it_fails(output),
         store.open_record(output, type(written)) as whole,
     ):  # `written` is only the stream's last block
         return Outcome(written, report(written, output, started, stage.summarise(whole)))
@@ -195,7 +195,7 @@ def _run_on_one(
 
 
 @contextmanager
-def gone_if_it_fails(output: Path) -> Iterator[None]:
+def remove_if_it_fails(output: Path) -> Iterator[None]:
     """While a written output is looked at once more: a command that then fails leaves no output."""
     try:
         yield
@@ -226,7 +226,7 @@ def write_first(
         )
 
 
-def common_keys(
+def make_common_keys(
     kind: str, status: str, reasons: Iterable[str], output: Path | None, started: float
 ) -> dict[str, Any]:
     """The keys that the JSON of every command has; `started`: `time.monotonic()` at its
@@ -244,9 +244,9 @@ def report(
     record: Record, output: Path | None, started: float, extra: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The JSON object of a command: the common keys, then the stage's own."""
-    return common_keys(record.kind, record.status, record.status_reasons, output, started) | dict(
-        extra
-    )
+    return make_common_keys(
+        record.kind, record.status, record.status_reasons, output, started
+    ) | dict(extra)
 
 
 def _by_files(result: Record, inputs: Sequence[Path], records: Sequence[Record]) -> Record:
@@ -320,7 +320,7 @@ def _with_provenance(
     history: dict[str, None] = {}
     for parent in parents:
         history.update(dict.fromkeys(parent.provenance.history))
-    now = store.created_now()
+    now = store.stamp_now()
     history[f"{now} hrg {__version__} {command_line}"] = None
     provenance = Provenance(tuple(history), text, sources, now, f"hrg {__version__}")
     return replace(record, provenance=provenance)

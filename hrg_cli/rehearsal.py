@@ -37,7 +37,7 @@ def rehearse_file(
 
     HrgError: an input is not found or was changed, no twin can be made, too much work.
     """
-    kind = store.kind_of(path)
+    kind = store.find_kind(path)
     if kind not in STAGE_OF:
         raise HrgError(
             f"{path}: is a {kind.kind} file; a resonator, a calibration or a diagnosis is rehearsed"
@@ -71,7 +71,7 @@ def write_verdict(path: Path, record: Record, told: Rehearsal, typed: str) -> No
     """The verdict in the file's own status and details: written beside it and renamed, so that it
     is whole at any time."""
     provenance = record.provenance
-    line = f"{store.created_now()} hrg {__version__} {typed}"
+    line = f"{store.stamp_now()} hrg {__version__} {typed}"
     judged = judge_by_rehearsal(record, told)
     store.write(
         path,
@@ -85,7 +85,7 @@ def write_verdict(path: Path, record: Record, told: Rehearsal, typed: str) -> No
 def find_settings(path: Path, stage: str) -> dict[str, Any]:
     """The settings of a stage that a file keeps. HrgError: they cannot be read."""
     try:
-        found = settings.parse_toml(store.provenance_of(path).settings).get(stage, {})
+        found = settings.parse_toml(store.find_provenance(path).settings).get(stage, {})
     except HrgError as error:
         raise HrgError(f"{path}: {error}; make it again") from error
     return dict(found) if isinstance(found, dict) else {}
@@ -94,7 +94,7 @@ def find_settings(path: Path, stage: str) -> dict[str, Any]:
 def list_inputs(path: Path, beside: Sequence[Path]) -> list[Path]:
     """The wave files a result was made of, in its order. HrgError: one is not found, or has
     changed."""
-    sources = [source for source in store.provenance_of(path).sources if source.kind == Wave.kind]
+    sources = [source for source in store.find_provenance(path).sources if source.kind == Wave.kind]
     if not sources:
         raise HrgError(
             f"{path}: names no wave file among its sources; only what was made of wave files is"
@@ -109,7 +109,7 @@ def find_identified(path: Path, record: Record, beside: Sequence[Path]) -> list[
     if not is_physical(record):
         return []
     out = []
-    for source in store.provenance_of(path).sources:
+    for source in store.find_provenance(path).sources:
         if source.kind == Resonator.kind:
             file = _must(find_source(source, path.parent, beside), source, path)
             out.append(
@@ -149,8 +149,8 @@ def find_source(source: Source, folder: Path, beside: Sequence[Path]) -> Path | 
         try:
             if (
                 candidate.is_file()
-                and store.kind_of(candidate).kind == source.kind
-                and store.sha256(candidate) == source.sha256
+                and store.find_kind(candidate).kind == source.kind
+                and store.compute_sha256(candidate) == source.sha256
             ):
                 return candidate
         except HrgError:
@@ -186,5 +186,5 @@ def attach_measured(wave: Path, beside: Sequence[Path]) -> Measured:
 
 def _parent(path: Path, kind: str, beside: Sequence[Path]) -> Path | None:
     """The file of a kind that `path` was made of, where it is at hand."""
-    sources = [source for source in store.provenance_of(path).sources if source.kind == kind]
+    sources = [source for source in store.find_provenance(path).sources if source.kind == kind]
     return find_source(sources[0], path.parent, beside) if sources else None

@@ -42,7 +42,7 @@ def read_public_key(path: Path) -> Any:
 def sign(path: Path, key: Any, force: bool = False) -> Path:
     """Write the signature of a file beside it; the name of the signature."""
     made = place_signature(path)
-    with store.atomic_path(made, force) as temporary:
+    with store.write_whole(made, force) as temporary:
         temporary.write_bytes(key.sign(_content(path)))
     return made
 

@@ -34,7 +34,7 @@ class Sources:
             store.need_readable(path)
         self._before = [self._stamp(p) for p in self._paths]
         self._hashes: list[Future[str]] = [
-            self._pool.submit(store.sha256, p, self._failed) for p in self._paths
+            self._pool.submit(store.compute_sha256, p, self._failed) for p in self._paths
         ]
         self._samples = [find_samples(path, self._part) for path in self._paths]
         for first, second in find_shared(self._samples):
@@ -89,6 +89,6 @@ def _say_once(path: Path) -> str:
 
 def _kind_name(path: Path) -> str:
     try:
-        return store.kind_of(path).kind
+        return store.find_kind(path).kind
     except NotHrgError:
         return path.suffix.lstrip(".").lower() or "file"

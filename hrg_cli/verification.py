@@ -113,19 +113,19 @@ class _Verification:
     def _own(self, path: Path, verdict: FileState) -> Record | None:
         """The file's values against its own checksums; its record where it can be read."""
         try:
-            verdict.kind = store.kind_of(path).kind
-            changed = store.changes(path)
+            verdict.kind = store.find_kind(path).kind
+            changed = store.find_changes(path)
             if changed is None:
                 verdict.worsen(
                     "without checksums",
                     "keeps no checksums (a laboratory's file, or an older hrg's); changes would not"
                     " show",
                 )
-                for sentence in store.unreadable(path):
+                for sentence in store.find_unreadable(path):
                     verdict.worsen("damaged", sentence)
             for sentence in changed or []:
                 verdict.worsen("changed", sentence)
-            with store.open_record(path, store.kind_of(path)) as record:
+            with store.open_record(path, store.find_kind(path)) as record:
                 return record
         except HrgError as error:
             verdict.worsen("damaged", str(error).removeprefix(f"{path}: "))
@@ -172,7 +172,7 @@ class _Verification:
         back, or settings differ between the sources of one file."""
         by_kind: dict[str, dict[str, list[str]]] = {}
         for source in sources:
-            kind = store.kind_of(source)
+            kind = store.find_kind(source)
             with store.open_record(source, kind) as parent:
                 made = parent.provenance
             self._lineage(record.provenance, made, source.name, verdict)
@@ -251,7 +251,7 @@ class _Verification:
         place = path.resolve()
         if place not in self._digests:
             try:
-                self._digests[place] = store.sha256(path)
+                self._digests[place] = store.compute_sha256(path)
             except HrgError:
                 self._digests[place] = None
         return self._digests[place]
@@ -259,7 +259,7 @@ class _Verification:
 
 def _is_ours(path: Path) -> bool:
     try:
-        store.kind_of(path)
+        store.find_kind(path)
     except HrgError:
         return False
     return True

@@ -12,11 +12,11 @@ from conftest import ringing
 
 from hrg_cli import store
 from hrg_cli.cli import app
-from hrg_cli.handbook.man_page import commands_of
+from hrg_cli.handbook.man_page import list_commands
 from hrg_cli.pipeline import STAGES
 from hrg_cli.records import Periods, Wave
 
-COMMANDS = commands_of(typer.main.get_command(app))
+COMMANDS = list_commands(typer.main.get_command(app))
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -72,7 +72,7 @@ def test_chain_with_provenance(hrg, recording, tmp_path):
     wave = store.read(tmp_path / "w.h5", Wave)
     assert len(wave.provenance.history) == 2 and "demodulate" in wave.provenance.history[0]
     assert (
-        wave.provenance.sources[0].sha256 == store.sha256(tmp_path / "p.h5")
+        wave.provenance.sources[0].sha256 == store.compute_sha256(tmp_path / "p.h5")
         and wave.provenance.sources[0].kind == "periods"
     )
     assert "periods_per_window = 5" in store.read(tmp_path / "p.h5", Periods).provenance.settings

@@ -23,14 +23,14 @@ from hrg_cli.chain import Step
 from hrg_cli.cli import app
 from hrg_cli.commands.run import _list_shown
 from hrg_cli.gyro import Input, run_gyro
-from hrg_cli.handbook.man_page import commands_of
+from hrg_cli.handbook.man_page import list_commands
 from hrg_cli.records import Recording
 from hrg_cli.stages.calibrate import calibrate
 
 ROOT = Path(__file__).parent.parent
 SAMPLE = sorted((ROOT / "sample_data").glob("free-*.h5"))[:2]
 FEW_WINDOWS = ("--set", "demodulate.periods_per_window=20", "--set", "diagnose.most_effects=1")
-COMMANDS = commands_of(typer.main.get_command(app))
+COMMANDS = list_commands(typer.main.get_command(app))
 
 
 def shell(*arguments, stdin=None, **environment):

@@ -17,12 +17,12 @@ from conftest import ringing
 
 from hrg_cli import store
 from hrg_cli.cli import app
-from hrg_cli.handbook.man_page import commands_of
+from hrg_cli.handbook.man_page import list_commands
 from hrg_cli.ledger import database
 
 ROOT = Path(__file__).parent.parent
 CONFIGS = ROOT / "configs"
-COMMANDS = commands_of(typer.main.get_command(app))
+COMMANDS = list_commands(typer.main.get_command(app))
 CLEAN = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
 
 

@@ -17,7 +17,6 @@ import hrg_cli
 from hrg_cli.effects import EFFECTS, Effect, Parameter
 
 FURTHER = {
-    "hrg_cli.limits": ["check", "figures_of"],
     "hrg_cli.physics.ellipse": ["compute_envelopes", "find_wave"],
     "hrg_cli.limit_values": ["limit_value"],
     "hrg_cli.settings": ["parse_assignment"],
@@ -52,6 +51,8 @@ HELD = (
     *modules_of("ledger"),
     "effects",
     *modules_of("effects"),
+    *("extras", "limits"),
+    *modules_of("handbook"),
     *modules_of("lots"),
     *modules_of("stages.planning"),
     *modules_of("stages.calibration"),

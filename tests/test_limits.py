@@ -8,7 +8,7 @@ import pytest
 from forced_runs import Truth, programme
 
 from hrg_cli.errors import HrgError, UsageError
-from hrg_cli.limits import MOST_LIMITS, Judged, check, rows_of, table_of
+from hrg_cli.limits import MOST_LIMITS, Judged, check, find_table, list_rows
 from hrg_cli.reporting.lot_page import find_limits
 from hrg_cli.settings import load_toml
 from hrg_cli.stages.calibrate import calibrate
@@ -114,7 +114,7 @@ JUDGED = Judged(
 def test_a_name_with_dots_needs_no_quotes(written):
     """Without them it was "limit drift_rms_rad_s has held_out", and --set had no way to give it."""
     limits = tomllib.loads(f"[calibration]\n{written}\n")
-    _, row = rows_of(JUDGED, table_of("calibration", limits))
+    _, row = list_rows(JUDGED, find_table("calibration", limits))
     assert row.name == "drift_rms_rad_s.held_out"
     assert row.maximum == pytest.approx(5 * np.pi / 180 / 3600)
 
@@ -123,7 +123,7 @@ def test_a_name_with_dots_needs_no_quotes(written):
 def test_a_mistyped_bound_stays_one(limit):
     limits = tomllib.loads(f"[calibration]\nscale_factor = {limit}\n")
     with pytest.raises(UsageError, match="minimum"):
-        rows_of(JUDGED, table_of("calibration", limits))
+        list_rows(JUDGED, find_table("calibration", limits))
 
 
 def test_a_lots_limit_needs_no_quotes():

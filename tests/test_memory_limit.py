@@ -17,12 +17,12 @@ LIMITED = """
 import resource, sys
 from pathlib import Path
 import importlib.util
-from hrg_cli.store.atomic import atomic_path
+from hrg_cli.store.atomic import write_whole
 from hrg_cli.errors import HrgError
 have = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (have + (24 << 20), have + (24 << 20)))
 try:
-    with atomic_path(Path(sys.argv[1])):
+    with write_whole(Path(sys.argv[1])):
         import llvmlite.binding.ffi as ffi
         ffi.lib._load_lib()
 except HrgError as error:

@@ -94,6 +94,6 @@ def test_a_line_break_in_a_name_makes_no_line_of_history(sign, hrg, recording, t
     named = recording.rename(tmp_path / f"new{sign}line.h5")
     out = tmp_path / "out.h5"
     assert hrg("demodulate", named, "-o", out).status == 0
-    (line,) = store.provenance_of(out).history
+    (line,) = store.find_provenance(out).history
     assert f"new{sign.encode('unicode_escape').decode()}line.h5" in line
     assert hrg("verify", out).status == 0

@@ -141,7 +141,7 @@ def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_generated_parts_are_fresh(page):
     text = page.read_text(encoding="utf-8")
-    assert pages.renewed(text) == text, "run `python -m hrg_cli.handbook README.md docs`"
+    assert pages.renew_text(text) == text, "run `python -m hrg_cli.handbook README.md docs`"
 
 
 def test_every_generated_part_stands_somewhere():
@@ -320,7 +320,7 @@ def renew(asked: Sequence[str]) -> None:
                     lines = run(said, Path(folder)).splitlines()
                 printed = "\n".join(line.rstrip() for line in lines) + "\n"
                 text = text[: found.start("output")] + printed + text[found.end("output") :]
-        page.write_text(pages.renewed(text), encoding="utf-8")
+        page.write_text(pages.renew_text(text), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import inspect
 import numpy as np
 import pytest
 
-from hrg_cli.limits import figures_of
+from hrg_cli.limits import list_figures
 from hrg_cli.pipeline import STAGES
 from hrg_cli.records import KINDS, Resonator
 
@@ -43,4 +43,4 @@ def test_a_summary_that_moved_is_no_empty_one(monkeypatch):
     with pytest.raises(AttributeError, match="summarise"):
         STAGES["identify"].summarise(resonator())
     with pytest.raises(AttributeError, match="summarise"):
-        figures_of(resonator())
+        list_figures(resonator())

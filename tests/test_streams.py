@@ -60,7 +60,7 @@ def test_a_closed_stream_is_none_to_write_to(closed, recording, tmp_path):
     out = tmp_path / "out.h5"
     status, _, said = hrg(closed, "demodulate", recording, "-o", out)
     assert status == 0 and "internal error" not in said
-    assert store.changes(out) == []
+    assert store.find_changes(out) == []
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="no /dev/full here")
@@ -68,7 +68,7 @@ def test_messages_that_cannot_be_written_stop_nothing(recording, tmp_path):
     """The disk of a log was full, and with it the result was lost."""
     out = tmp_path / "out.h5"
     assert hrg("2> /dev/full", "demodulate", recording, "-o", out)[0] == 0
-    assert store.changes(out) == []
+    assert store.find_changes(out) == []
     assert hrg("2> /dev/full", "info", tmp_path / "gone.h5")[0] == 1
 
 

@@ -79,7 +79,7 @@ def test_what_holds_of_many_sources_is_said_once(chain, tmp_path, hrg):
 def test_a_file_that_many_were_made_from_is_looked_at_once(made, monkeypatch):
     """The runs of a chain meet again in their resonator: work in proportion to the files."""
     looked = []
-    monkeypatch.setattr(store, "changes", lambda path: looked.append(path.name) or [])
+    monkeypatch.setattr(store, "find_changes", lambda path: looked.append(path.name) or [])
     paths = [made / name for name in ("resonator.h5", "w0.h5", "w1.h5", "r0.h5")]
     assert len(verify(paths)) == 7
     assert len(looked) == len(set(looked)) == 7
@@ -193,7 +193,7 @@ def name_source(path, old, source):
         sources = json.loads(file.attrs["sources"])
         for one in sources:
             if one["name"] == old:
-                one |= {"name": source.name, "sha256": store.sha256(source)}
+                one |= {"name": source.name, "sha256": store.compute_sha256(source)}
         file.attrs["sources"] = json.dumps(sources)
 
     forge(path, change)
@@ -269,14 +269,14 @@ def test_sources_that_changed_names_or_are_gone_from_the_file_are_noted(chain):
 
 def test_a_file_that_cannot_be_read_does_not_end_the_verification(chain, monkeypatch):
     """A bad sector in one of many files, and nothing was said of the others."""
-    own = store.sha256
+    own = store.compute_sha256
 
     def unless(path):
         if path.name == "p0.h5":
             raise HrgError(f"{path}: is damaged (Input/output error); copy or record it again")
         return own(path)
 
-    monkeypatch.setattr(store, "sha256", unless)
+    monkeypatch.setattr(store, "compute_sha256", unless)
     told = results(chain)
     assert told["w0.h5"].result == "damaged"
     assert told["w0.h5"].findings == ["its source p0.h5 cannot be read"]
@@ -378,14 +378,16 @@ def test_values_that_cannot_be_read_are_damage_without_checksums_too(tmp_path):
 @pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.kind)
 def test_every_kind_is_whole_as_it_is_written_and_read(kind, tmp_path):
     store.write(tmp_path / "a.h5", small(kind))
-    assert store.changes(tmp_path / "a.h5") == []
+    assert store.find_changes(tmp_path / "a.h5") == []
 
 
 def test_a_stream_keeps_the_checksums_of_the_whole(tmp_path):
     whole = small(Periods, 100)
     store.write(tmp_path / "a.h5", whole.blocks(7))
     store.write(tmp_path / "b.h5", ringing(seconds=2.0).blocks(1000))
-    assert store.changes(tmp_path / "a.h5") == [] and store.changes(tmp_path / "b.h5") == []
+    assert (
+        store.find_changes(tmp_path / "a.h5") == [] and store.find_changes(tmp_path / "b.h5") == []
+    )
     assert store.read(tmp_path / "b.h5", Recording).c.dtype == np.dtype("i2")
 
 
@@ -406,9 +408,9 @@ def test_a_lots_notes_are_compared(tmp_path, monkeypatch):
     )  # and sealed anew
     (out / "G" / "1.periods.h5").unlink()
     unreadable = out / "G" / "0.periods.h5"
-    own = store.sha256
+    own = store.compute_sha256
     monkeypatch.setattr(
-        store, "sha256", lambda path: own(path if path != unreadable else tmp_path / "gone")
+        store, "compute_sha256", lambda path: own(path if path != unreadable else tmp_path / "gone")
     )
     verdicts = results(out)
     assert "cannot be read; 0.json notes it" in verdicts["0.periods.h5"].findings

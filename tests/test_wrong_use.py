@@ -6,9 +6,9 @@ import typer.main
 
 from hrg_cli import store
 from hrg_cli.cli import app
-from hrg_cli.handbook.man_page import commands_of
+from hrg_cli.handbook.man_page import list_commands
 
-COMMANDS = sorted(commands_of(typer.main.get_command(app)))
+COMMANDS = sorted(list_commands(typer.main.get_command(app)))
 LONGEST = 160
 """Characters: two lines of a terminal of 80 columns."""
 

@@ -10,7 +10,7 @@ import typer
 
 from .. import settings
 from ..errors import HrgError
-from ..extras import without_pages
+from ..extras import tell_lack_of_pages
 from ..ledger import database
 from ..ledger.lots import enter_lot
 from ..lots.batch import choose_executor, run_lot
@@ -116,7 +116,7 @@ def show(report: Mapping[str, Any], folder: Path) -> None:
             (r["gyro_id"] or "a recording", r["health"] or r["status"], r["reason"]) for r in ranked
         ]
         console.print_table("", ("worst", "gyro is", "why"), worst)
-    pageless = without_pages()
+    pageless = tell_lack_of_pages()
     console.say(f"no page: {pageless}" if pageless else f"page: {folder / 'lot.html'}")
 
 

@@ -137,7 +137,7 @@ def check_files(
         (markdown, check_pages.write_markdown(done, found)),
     ):
         if target is not None:
-            with store.atomic_path(target, run.force) as temporary:
+            with store.write_whole(target, run.force) as temporary:
                 temporary.write_text(text, encoding="utf-8")
     report = _report(done, found) | {"elapsed_s": round(time.monotonic() - started, 3)}
     return run.write_report(report), lambda: _show(done)
@@ -145,7 +145,7 @@ def check_files(
 
 def _needed_of(path: Path) -> AbstractContextManager[Record]:
     """A file's record with its rows left on disk: limits and baselines ask for a few figures."""
-    return store.open_record(path, store.kind_of(path))
+    return store.open_record(path, store.find_kind(path))
 
 
 def _answer_one_gyro(done: Sequence[Checked]) -> Answer | None:

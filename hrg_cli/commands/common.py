@@ -82,12 +82,12 @@ class Common:
         """The report of a command that only answers, written as JSON where --output names a
         file."""
         from ..reporting import console
-        from ..store import atomic_path
+        from ..store import write_whole
 
         whole = {**report, "output": None if self.output is None else str(self.output)}
         if self.output is not None:
             self._need_suffix("report.json")
-            with atomic_path(self.output, self.force) as temporary:
+            with write_whole(self.output, self.force) as temporary:
                 temporary.write_text(
                     json.dumps(console.clean(whole), indent=1, ensure_ascii=False) + "\n",
                     encoding="utf-8",

@@ -86,7 +86,7 @@ def diagnose_files(
         further["resonator"] = read_believed(model, average_temperature(waves))
     elif model is not None:
         beside["resonator"] = model
-    with store.whole_or_none([output, extended, resonator]):
+    with store.keep_whole_or_none([output, extended, resonator]):
         outcome = pipeline.run_stage(
             "diagnose",
             waves,

@@ -57,7 +57,7 @@ def diff_files(old: Path | None, new: Path | None, run: Common, limit_sigma: flo
         raise UsageError("one result is named; name two, OLD and NEW")
     with ExitStack() as opened:  # the figures are few: rows stay on disk
         before, after = (
-            opened.enter_context(store.open_record(p, store.kind_of(p))) for p in paths
+            opened.enter_context(store.open_record(p, store.find_kind(p))) for p in paths
         )
         found = compare(before, after, (str(paths[0]), str(paths[1])))
     beyond = describe_beyond(found, limit_sigma) if limit_sigma is not None else []

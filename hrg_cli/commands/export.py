@@ -93,7 +93,7 @@ def export_file(
         )
     else:
         content = export_record(record, output)
-    with store.atomic_path(output, run.force) as temporary:
+    with store.write_whole(output, run.force) as temporary:
         temporary.write_bytes(content)
     if key is not None:
         signatures.sign(output, key, run.force)

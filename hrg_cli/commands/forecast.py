@@ -67,11 +67,13 @@ def forecast_file(
         )
     made = forecast(store.read(path, Resonator), **values)
     report = {
-        **pipeline.common_keys("forecast", made.status, made.status_reasons, run.output, started),
+        **pipeline.make_common_keys(
+            "forecast", made.status, made.status_reasons, run.output, started
+        ),
         **summarise(made),
     }
     if run.output is not None:
-        with store.atomic_path(run.output, run.force) as temporary:
+        with store.write_whole(run.output, run.force) as temporary:
             _write(made, report, run.output.suffix, temporary)
     return report, lambda: _show(report)
 

@@ -227,9 +227,9 @@ def _dropped_where_it_fails(outputs: Sequence[Path]) -> Iterator[None]:
     if not outputs:
         yield
         return
-    from ..store import whole_or_none
+    from ..store import keep_whole_or_none
 
-    with whole_or_none(outputs, unless=(typer.Exit,)):
+    with keep_whole_or_none(outputs, unless=(typer.Exit,)):
         yield
 
 

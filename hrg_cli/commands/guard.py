@@ -22,7 +22,7 @@ from ..errors import (
     UsageError,
     is_no_memory,
 )
-from ..extras import how_to_install, optional
+from ..extras import find_optional, tell_how_to_install
 from ..reporting.text import fold_line
 from ..streams import drop, result_stream
 
@@ -113,8 +113,8 @@ def _unforeseen(error: Exception, verbose: bool) -> NoReturn:
     own."""
     if is_no_memory(error):
         leave(NO_MEMORY, FAILED)
-    if gone := optional(error):
-        leave(f"this needs {how_to_install(gone)}", FAILED)
+    if gone := find_optional(error):
+        leave(f"this needs {tell_how_to_install(gone)}", FAILED)
     if is_no_memory(error):
         leave(NO_MEMORY, FAILED)
     if isinstance(error, OSError) and (said := explain_system_error(error)):

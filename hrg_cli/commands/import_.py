@@ -115,7 +115,7 @@ def import_file(
         )
     facts: dict[str, Any] = {"run_id": getattr(record, "run_id", "")}
     if isinstance(record, Recording):
-        with pipeline.gone_if_it_fails(output), store.open_record(output, Recording) as whole:
+        with pipeline.remove_if_it_fails(output), store.open_record(output, Recording) as whole:
             facts |= {
                 "samples": len(whole),
                 "duration_s": float(whole.times(len(whole) - 1)[-1]),

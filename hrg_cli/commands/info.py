@@ -46,7 +46,7 @@ def info_file(
     """What a file holds. Its status is told, not judged: the command ends with 0 whatever it is."""
     started = time.monotonic()
     path = need_inputs([file] if file else [], "an hrg file")[0]
-    with store.open_record(path, store.kind_of(path)) as record:
+    with store.open_record(path, store.find_kind(path)) as record:
         facts = tables.list_facts(record)
     found = (
         answer([store.read_any(path)], (), {record.kind: path.name})

@@ -315,7 +315,7 @@ def _hand_over(
     if output is None or output.suffix not in (*FORMATS, PAGE):
         return run.write_report(report)
     content = page().encode() if output.suffix == PAGE else FORMATS[output.suffix](entries)
-    with store.atomic_path(output, run.force) as temporary:
+    with store.write_whole(output, run.force) as temporary:
         temporary.write_bytes(content)
     return {**report, "output": str(output)}
 

@@ -51,12 +51,12 @@ def mismatch_file(
         )
     wave = store.read(path, Wave)
     made = mismatch(wave, **values)
-    with store.atomic_path(output, run.force) as temporary:
+    with store.write_whole(output, run.force) as temporary:
         temporary.write_text(
             _csv(made.columns) if output.suffix == ".csv" else _json(made.columns), encoding="utf-8"
         )
     report = {
-        **pipeline.common_keys("mismatch", wave.status, wave.status_reasons, output, started),
+        **pipeline.make_common_keys("mismatch", wave.status, wave.status_reasons, output, started),
         "rows": len(made.columns["time_s"]),
         "delay_s": made.delay_s,
         "noise_density": made.noise_density,

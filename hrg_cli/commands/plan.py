@@ -101,10 +101,10 @@ def plan_files(
     offered = settings.load_toml(menu) if menu is not None else _menu_of(known, first)
     made = plan(known, offered, [store.read(path, Wave) for path in waves], **values)
     if run.output is not None:
-        with store.atomic_path(run.output, run.force) as temporary:
+        with store.write_whole(run.output, run.force) as temporary:
             temporary.write_text(settings.to_toml(made.file), encoding="utf-8")
     return {
-        **pipeline.common_keys("plan", made.status, made.status_reasons, run.output, started),
+        **pipeline.make_common_keys("plan", made.status, made.status_reasons, run.output, started),
         **summarise(made),
     }
 

@@ -75,7 +75,7 @@ def rehearse_files(
             )
         store.check_output(run.output, run.force)
     given = need_inputs(files, "a resonator, calibration or diagnosis file")
-    results = [path for path in given if store.kind_of(path) in RESULTS]
+    results = [path for path in given if store.find_kind(path) in RESULTS]
     if len(results) != 1:
         found = "none" if not results else " and ".join(str(path) for path in results)
         raise UsageError(
@@ -86,13 +86,13 @@ def rehearse_files(
         results[0], given, values, run.jobs, progress, None if keep_file else read_command_line()
     )
     report = {
-        **pipeline.common_keys("rehearsal", told.status, told.reasons, run.output, started),
+        **pipeline.make_common_keys("rehearsal", told.status, told.reasons, run.output, started),
         "file": str(results[0]),
         "written": not keep_file,
         **told.to_json(),
     }
     if run.output is not None:
-        with store.atomic_path(run.output, run.force) as temporary:
+        with store.write_whole(run.output, run.force) as temporary:
             _write(report, run.output.suffix, temporary)
     if not keep_file:
         console.tell(f"{results[0]}: the verdict ({told.status}) was written into its status")

@@ -41,15 +41,15 @@ def report(
         return write_figures(files, output, truth=truth)
     store.check_output(output, force)
     limits = limits or {}
-    limited = [path for path in files if concerns(limits, store.kind_of(path).kind)]
+    limited = [path for path in files if concerns(limits, store.find_kind(path).kind)]
     with ExitStack() as opened:
         # a limit asks for a few figures: a recording's samples stay where they are
         records = [
-            opened.enter_context(store.open_record(path, store.kind_of(path))) for path in limited
+            opened.enter_context(store.open_record(path, store.find_kind(path))) for path in limited
         ]
         held = hold(records, limits)
     page = build_report(files, truth=truth, full=full, rows=[row for rows in held for row in rows])
-    with store.atomic_path(output, force) as temporary:
+    with store.write_whole(output, force) as temporary:
         temporary.write_text(page, encoding="utf-8")
     return [output]
 
@@ -93,7 +93,7 @@ def report_files(
     )
     worst, reasons = find_worst_status(paths)
     return {
-        **pipeline.common_keys("report", "valid", (), output, started),
+        **pipeline.make_common_keys("report", "valid", (), output, started),
         "files": [str(path) for path in made],
         "reported": {"status": worst, "status_reasons": reasons},
     }

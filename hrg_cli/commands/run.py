@@ -16,7 +16,7 @@ from .. import settings, store
 from ..chain import Step
 from ..errors import HrgError
 from ..extended import find_extended_paths
-from ..extras import without_pages
+from ..extras import tell_lack_of_pages
 from ..gyro import Input, find_gyro, list_inputs, need_readable, run_gyro
 from ..holding import hold
 from ..limits import Row, check_tables
@@ -112,7 +112,7 @@ def run_files(
     _need_result(steps, folder if made_folder else None)
     made = _files_made(steps, folder)
     found, rows = _judge_results(made, wanted)
-    pageless = without_pages()
+    pageless = tell_lack_of_pages()
     if not pageless:
         _write_page(page, [*_list_shown(inputs, steps), *made], rows, full, force)
     report = _judge(steps, rows) | {
@@ -148,7 +148,7 @@ def _files_made(steps: Sequence[Step], folder: Path) -> list[Path]:
 
 def _write_report(path: Path, report: Mapping[str, Any]) -> None:
     text = json.dumps(console.clean(report), indent=1, ensure_ascii=False) + "\n"
-    with store.atomic_path(path, force=True) as temporary:
+    with store.write_whole(path, force=True) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
@@ -341,5 +341,5 @@ def _write_page(
     from ..reporting.page import build_report
 
     text = build_report(files, rows=rows, full=full)
-    with store.atomic_path(page, force) as temporary:
+    with store.write_whole(page, force) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -88,7 +88,7 @@ def simulate_files(
         Task(config, file, effects_from, {**values, "run": name}, path, run.force, typed)
         for name, path in zip(names, outputs)
     ]
-    with store.whole_or_none(outputs):
+    with store.keep_whole_or_none(outputs):
         reports = _simulate_all(tasks, run.jobs, progress)
     statuses = [report["status"] for report in reports]
     return {

@@ -19,7 +19,7 @@ from ..errors import UsageError
 from ..extras import warn_of_plain_python
 from ..records import Recording
 from ..reporting import console
-from ..store import atomic_path, check_output
+from ..store import check_output, write_whole
 from ..version import __version__
 from .common import Common
 from .frame import make_command
@@ -126,14 +126,14 @@ def run_study(
     mark: dict[str, Any] = {"settings": {k: v for k, v in values.items() if k not in OF_NO_ROW}}
     if name in OF_RECORDINGS:
         read = [store.read(Path(path), Recording) for path in recordings]
-        mark["files"] = [store.sha256(Path(path)) for path in recordings]
+        mark["files"] = [store.compute_sha256(Path(path)) for path in recordings]
         result = _resumed(partial(study, read, **values), name, folder, mark)
     elif name in RESUMED:
         result = _resumed(partial(study, **values), name, folder, mark)
     else:
         result = study(**values)
     report: dict[str, Any] = {
-        **pipeline.common_keys("study", "valid", (), folder, started),
+        **pipeline.make_common_keys("study", "valid", (), folder, started),
         "name": name,
         "settings": values,
         "result": result,
@@ -163,14 +163,14 @@ def _write_study(
 ) -> None:
     """Figure, table and report beside one another, each whole or not at all; the report last, so that
     it says that the others are there."""
-    with atomic_path(place.with_suffix(".png"), force) as temporary:
+    with write_whole(place.with_suffix(".png"), force) as temporary:
         figure.savefig(temporary, format="png", dpi=120)
     with (
-        atomic_path(place.with_suffix(".csv"), force) as temporary,
+        write_whole(place.with_suffix(".csv"), force) as temporary,
         temporary.open("w", encoding="utf-8", newline="") as file,
     ):
         csv.writer(file).writerows([shown[0], *shown[1]])
-    with atomic_path(place.with_suffix(".json"), force) as temporary:
+    with write_whole(place.with_suffix(".json"), force) as temporary:
         temporary.write_text(
             json.dumps(console.clean(report), indent=1, ensure_ascii=False), encoding="utf-8"
         )
@@ -193,7 +193,7 @@ def _resumed(
 
     def keep(rows: Sequence[Any]) -> None:
         if kept is not None:
-            with atomic_path(kept, True) as temporary:
+            with write_whole(kept, True) as temporary:
                 temporary.write_text(
                     json.dumps(console.clean({"mark": mark, "rows": rows}), ensure_ascii=False),
                     encoding="utf-8",

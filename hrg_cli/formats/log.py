@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import HrgError
-from ..extras import how_to_install
+from ..extras import tell_how_to_install
 from .left_out import LeftOut
 
 Array = np.ndarray
@@ -178,4 +178,4 @@ def need_library(name: str, path: Path) -> HrgError:
     >>> print(need_library("npTDMS", Path("run.tdms")))
     run.tdms: reading it needs npTDMS...
     """
-    return HrgError(f"{path}: reading it needs {how_to_install(name)}")
+    return HrgError(f"{path}: reading it needs {tell_how_to_install(name)}")

@@ -49,8 +49,20 @@ ENVIRONMENT = (
 )
 
 
-def manual() -> str:
-    """The page in the language of man(7)."""
+def write_manual() -> str:
+    """The page in the language of man(7).
+
+    Returns
+    -------
+    str
+        The text of `hrg_cli/hrg.1`.
+
+    Examples
+    --------
+    >>> from hrg_cli.handbook.man_page import write_manual
+    >>> print(write_manual().splitlines()[1])
+    .SH NAME
+    """
     group: Any = typer.main.get_command(app)
     return "\n".join(_lines(group, __version__)) + "\n"
 
@@ -70,7 +82,7 @@ def _lines(group: Any, version: str) -> Iterator[str]:
     )
     yield "Progress and messages go to standard error, results to standard output."
     yield ".SH COMMANDS"
-    for name, command in commands_of(group).items():
+    for name, command in list_commands(group).items():
         yield from _command(name, command)
     yield ".SH OPTIONS OF EVERY COMMAND"
     yield (
@@ -94,11 +106,30 @@ def _lines(group: Any, version: str) -> Iterator[str]:
     yield "makes the shell complete commands, options, effects and studies."
 
 
-def commands_of(group: Any) -> dict[str, Any]:
-    """Every command by what is typed after `hrg`, those of a group by both words."""
+def list_commands(group: Any) -> dict[str, Any]:
+    """Every command by what is typed after `hrg`, those of a group by both words.
+
+    Parameters
+    ----------
+    group
+        Of click: the program, or a command that has others below it.
+
+    Returns
+    -------
+    dict
+        What is typed -> click's command.
+
+    Examples
+    --------
+    >>> import typer.main
+    >>> from hrg_cli.cli import app
+    >>> from hrg_cli.handbook.man_page import list_commands
+    >>> {"demodulate", "ledger add"} <= set(list_commands(typer.main.get_command(app)))
+    True
+    """
     found: dict[str, Any] = {}
     for name, command in group.commands.items():
-        below = commands_of(command) if hasattr(command, "commands") else {"": command}
+        below = list_commands(command) if hasattr(command, "commands") else {"": command}
         found |= {f"{name} {word}".strip(): entry for word, entry in below.items()}
     return found
 
@@ -168,4 +199,4 @@ def _text(text: str) -> str:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(manual(), encoding="utf-8")
+    Path(sys.argv[1]).write_text(write_manual(), encoding="utf-8")

@@ -22,8 +22,25 @@ Notebook = Mapping[str, Any]
 
 
 def run_notebook(notebook: Notebook) -> dict[str, Any]:
-    """The notebook with its code cells run in their order, in one namespace, and their outputs
-    new."""
+    """Run the code cells of a notebook in their order, in one namespace.
+
+    Parameters
+    ----------
+    notebook
+        As its file has it, in JSON.
+
+    Returns
+    -------
+    dict
+        The notebook with new outputs.
+
+    Examples
+    --------
+    >>> from hrg_cli.handbook.notebook_page import run_notebook
+    >>> cells = [{"cell_type": "code", "source": text} for text in ("a = 2", "a + 1")]
+    >>> run_notebook({"cells": cells})["cells"][1]["outputs"][0]["data"]
+    {'text/plain': '3'}
+    """
     import matplotlib
     from matplotlib import pyplot
 
@@ -67,9 +84,28 @@ def _outputs(code: str, namespace: dict[str, Any], count: int) -> Iterator[dict[
     pyplot.close("all")
 
 
-def page_of(notebook: Notebook, name: str) -> tuple[str, dict[str, bytes]]:
-    """The notebook as a page in Markdown, and its figures by file name; `name`: the notebook's,
-    without its ending."""
+def make_page(notebook: Notebook, name: str) -> tuple[str, dict[str, bytes]]:
+    r"""The notebook as a page in Markdown, and its figures.
+
+    Parameters
+    ----------
+    notebook
+        With its outputs.
+    name
+        The notebook's, without its ending.
+
+    Returns
+    -------
+    tuple
+        The page's text, and the PNG files by name.
+
+    Examples
+    --------
+    >>> from hrg_cli.handbook.notebook_page import make_page
+    >>> cell = {"cell_type": "markdown", "source": "# A gyro"}
+    >>> make_page({"cells": [cell]}, "gyro")
+    ('# A gyro\n', {})
+    """
     parts: list[str] = []
     figures: dict[str, bytes] = {}
     for cell in notebook["cells"]:
@@ -92,10 +128,30 @@ def _text(source: str | list[str]) -> str:
 
 
 def renew(path: Path) -> None:
-    """Run a notebook; write it with its outputs, its page and its figures."""
+    r"""Run a notebook; write it with its outputs, its page and its figures.
+
+    Parameters
+    ----------
+    path
+        Of the notebook, beside which page and figures are written.
+
+    Examples
+    --------
+    >>> import json
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.handbook.notebook_page import renew
+    >>> cell = {"cell_type": "markdown", "source": "# A gyro"}
+    >>> with TemporaryDirectory() as name:
+    ...     file = Path(name) / "gyro.ipynb"
+    ...     _ = file.write_text(json.dumps({"cells": [cell]}))
+    ...     renew(file)
+    ...     file.with_suffix(".md").read_text()
+    '# A gyro\n'
+    """
     notebook = run_notebook(json.loads(path.read_text(encoding="utf-8")))
     path.write_text(json.dumps(notebook, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    page, figures = page_of(notebook, path.stem)
+    page, figures = make_page(notebook, path.stem)
     path.with_suffix(".md").write_text(page, encoding="utf-8")
     for name, content in figures.items():
         (path.parent / name).write_bytes(content)

@@ -17,21 +17,45 @@ from ..records import KINDS
 from ..reporting.text import take_first_paragraph
 from ..stages.diagnosis import thresholds as diagnosis
 from . import json_keys, settings_keys
-from .man_page import commands_of
+from .man_page import list_commands
 
 
-def commands() -> str:
-    """Every command with its help and example."""
+def tabulate_commands() -> str:
+    """Every command with its help and example.
+
+    Returns
+    -------
+    str
+        A table in Markdown.
+
+    Examples
+    --------
+    >>> from hrg_cli.handbook.pages import tabulate_commands
+    >>> any(row.startswith("| `demodulate` |") for row in tabulate_commands().splitlines())
+    True
+    """
     group = typer.main.get_command(app)
     rows = ["| command | what it does | example |", "|---|---|---|"]
-    for name, entry in commands_of(group).items():
+    for name, entry in list_commands(group).items():
         example = (entry.epilog or "").removeprefix("Example: ")
         rows.append(f"| `{name}` | {take_first_paragraph(entry.help)} | `{example}` |")
     return "\n".join(rows)
 
 
-def file_format() -> str:
-    """Every dataset and attribute of every kind, from its declaration."""
+def describe_file_format() -> str:
+    """Every dataset and attribute of every kind, from its declaration.
+
+    Returns
+    -------
+    str
+        A table in Markdown for each kind.
+
+    Examples
+    --------
+    >>> from hrg_cli.handbook.pages import describe_file_format
+    >>> print(describe_file_format().splitlines()[0])
+    **recording**, made by `hrg import` or `hrg simulate`
+    """
     parts = []
     for kind in KINDS:
         parts.append(f"**{kind.kind}**, made by `{kind.made_by}`\n")
@@ -48,8 +72,20 @@ def file_format() -> str:
     return "\n".join(parts).rstrip()
 
 
-def effects() -> str:
-    """Every effect of the catalogue with its parameters."""
+def tabulate_effects() -> str:
+    """Every effect of the catalogue with its parameters.
+
+    Returns
+    -------
+    str
+        A table in Markdown, a row for each parameter.
+
+    Examples
+    --------
+    >>> from hrg_cli.handbook.pages import tabulate_effects
+    >>> print(tabulate_effects().splitlines()[2])
+    | `gain_mismatch` | `gain` | 1 | 0.002 |
+    """
     rows = ["| effect | parameter | unit | typical size |", "|---|---|---|---|"]
     for effect in EFFECTS:
         for parameter in effect.parameters:
@@ -60,9 +96,27 @@ def effects() -> str:
     return "\n".join(rows)
 
 
-def constants(path: Path) -> Iterator[tuple[str, str, str]]:
-    """Name, value as it is written and meaning of every documented constant of a module, in its
-    order."""
+def list_constants(path: Path) -> Iterator[tuple[str, str, str]]:
+    """Every documented constant of a module, in its order.
+
+    Parameters
+    ----------
+    path
+        Of the module's file, which is read, not run.
+
+    Returns
+    -------
+    iterator of tuple
+        Of three texts.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.handbook.pages import list_constants
+    >>> from hrg_cli.stages.identification import closing
+    >>> next(list_constants(Path(closing.__file__)))[:2]
+    ('SURE', '3.0')
+    """
     body = ast.parse(path.read_text(encoding="utf-8")).body
     for statement, following in pairwise(body):
         documented = (
@@ -82,35 +136,65 @@ def constants(path: Path) -> Iterator[tuple[str, str, str]]:
             )
 
 
-def thresholds() -> str:
-    """Every constant that decides a verdict: those of the diagnosis, then those of the checks that
-    all stages share."""
+def tabulate_thresholds() -> str:
+    """Every constant that decides a verdict: the diagnosis's, then the checks' that all stages
+    share.
+
+    Returns
+    -------
+    str
+        A table in Markdown.
+
+    Examples
+    --------
+    >>> from hrg_cli.handbook.pages import tabulate_thresholds
+    >>> print(tabulate_thresholds().splitlines()[0])
+    | name | value | meaning |
+    """
     rows = ["| name | value | meaning |", "|---|---|---|"]
     for module in (diagnosis, checks):
         rows += [
             f"| `{name}` | {value} | {meaning.replace('|', '&#124;')} |"
-            for name, value, meaning in constants(Path(str(module.__file__)))
+            for name, value, meaning in list_constants(Path(str(module.__file__)))
         ]
     return "\n".join(rows)
 
 
 PARTS: dict[str, Callable[[], str]] = {
-    "commands": commands,
-    "settings of the commands": settings_keys.command_settings,
-    "simulation file": settings_keys.simulation_file,
-    "lot file": settings_keys.lot_file,
-    "limits file": settings_keys.limits_file,
-    "common keys": json_keys.common_keys,
-    "JSON of the commands": json_keys.commands,
-    "tables of the JSON": json_keys.tables,
-    "file format": file_format,
-    "effects": effects,
-    "thresholds": thresholds,
+    "commands": tabulate_commands,
+    "settings of the commands": settings_keys.tabulate_command_settings,
+    "simulation file": settings_keys.tabulate_simulation_file,
+    "lot file": settings_keys.tabulate_lot_file,
+    "limits file": settings_keys.tabulate_limits_file,
+    "common keys": json_keys.tabulate_common_keys,
+    "JSON of the commands": json_keys.tabulate_commands,
+    "tables of the JSON": json_keys.tabulate_tables,
+    "file format": describe_file_format,
+    "effects": tabulate_effects,
+    "thresholds": tabulate_thresholds,
 }
 
 
-def renewed(text: str) -> str:
-    """A page's text with every generated part made again."""
+def renew_text(text: str) -> str:
+    r"""A page's text with every generated part made again.
+
+    Parameters
+    ----------
+    text
+        Of a page; a generated part stands between two comments.
+
+    Returns
+    -------
+    str
+        Without a generated part, the same.
+
+    Examples
+    --------
+    >>> from hrg_cli.handbook.pages import renew_text
+    >>> old = "<!-- generated: effects -->\nnone\n<!-- end of generated part -->"
+    >>> "`gain_mismatch`" in renew_text(old), renew_text("none")
+    (True, 'none')
+    """
     for name, make in PARTS.items():
         begin, end = f"<!-- generated: {name} -->", "<!-- end of generated part -->"
         found = re.search(re.escape(begin) + r".*?" + re.escape(end), text, re.S)
@@ -119,8 +203,26 @@ def renewed(text: str) -> str:
     return text
 
 
-def pages(places: Iterable[Path]) -> list[Path]:
-    """The files named, and every Markdown page below the folders named."""
+def list_pages(places: Iterable[Path]) -> list[Path]:
+    """The files named, and every Markdown page below the folders named.
+
+    Parameters
+    ----------
+    places
+        Files and folders.
+
+    Returns
+    -------
+    list of Path
+        In their order, those of a folder sorted.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.handbook.pages import list_pages
+    >>> list_pages([Path("README.md")]) == [Path("README.md")]
+    True
+    """
     return [
         page
         for place in places
@@ -128,18 +230,36 @@ def pages(places: Iterable[Path]) -> list[Path]:
     ]
 
 
-WHOLE: dict[str, Callable[[], str]] = {"json.schema.json": json_keys.schemas}
+WHOLE: dict[str, Callable[[], str]] = {"json.schema.json": json_keys.write_schemas}
 """Files of a folder `reference` that are generated whole."""
 
 
 def renew(places: Iterable[Path]) -> None:
-    """Write the generated parts again: in the files named, and in every page of a folder named."""
+    r"""Write the generated parts again: in the files named, and in every page of a folder named.
+
+    Parameters
+    ----------
+    places
+        Files and folders.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.handbook.pages import renew
+    >>> with TemporaryDirectory() as name:
+    ...     page = Path(name) / "page.md"
+    ...     _ = page.write_text("<!-- generated: effects -->\n<!-- end of generated part -->")
+    ...     renew([page])
+    ...     page.read_text().splitlines()[1]
+    '| effect | parameter | unit | typical size |'
+    """
     places = list(places)
     for place in places:
         for name, make in WHOLE.items():
             if (place / "reference").is_dir():
                 (place / "reference" / name).write_text(make(), encoding="utf-8")
-    for page in pages(places):
+    for page in list_pages(places):
         text = page.read_text(encoding="utf-8")
-        if renewed(text) != text:
-            page.write_text(renewed(text), encoding="utf-8")
+        if renew_text(text) != text:
+            page.write_text(renew_text(text), encoding="utf-8")

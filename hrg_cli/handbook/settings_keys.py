@@ -56,7 +56,7 @@ ALTERNATIVES = {
 """When a second function of a command takes the settings."""
 
 
-def tables_of_command(name: str) -> list[tuple[str, Callable[..., Any]]]:
+def _list_tables(name: str) -> list[tuple[str, Callable[..., Any]]]:
     """(Table, function) of every table of settings that a command reads; none: it has no
     settings."""
     if name in FUNCTIONS:
@@ -64,11 +64,23 @@ def tables_of_command(name: str) -> list[tuple[str, Callable[..., Any]]]:
     return [(name, STAGES[name].load_function())] if name in STAGES else []
 
 
-def command_settings() -> str:
-    """Every key of every command's table."""
+def tabulate_command_settings() -> str:
+    """Every key of every command's table.
+
+    Returns
+    -------
+    str
+        A heading and a table in Markdown for each.
+
+    Examples
+    --------
+    >>> from hrg_cli.handbook.settings_keys import tabulate_command_settings
+    >>> "### `hrg demodulate`: `[demodulate]`" in tabulate_command_settings().splitlines()
+    True
+    """
     parts = []
     for command in COMMANDS:
-        for table, function in tables_of_command(command):
+        for table, function in _list_tables(command):
             schema = make_model(function).model_json_schema()
             if not schema["properties"]:
                 continue
@@ -80,13 +92,37 @@ def command_settings() -> str:
     return "\n\n".join(parts)
 
 
-def simulation_file() -> str:
-    """Every table and key of a simulation file."""
+def tabulate_simulation_file() -> str:
+    """Every table and key of a simulation file.
+
+    Returns
+    -------
+    str
+        Headings and tables in Markdown.
+
+    Examples
+    --------
+    >>> from hrg_cli.handbook.settings_keys import tabulate_simulation_file
+    >>> "### `[device]`" in tabulate_simulation_file().splitlines()
+    True
+    """
     return _tables(SimulationFile)
 
 
-def lot_file() -> str:
-    """Every table and key of a lot's file."""
+def tabulate_lot_file() -> str:
+    """Every table and key of a lot's file.
+
+    Returns
+    -------
+    str
+        Headings and tables in Markdown.
+
+    Examples
+    --------
+    >>> from hrg_cli.handbook.settings_keys import tabulate_lot_file
+    >>> "### `[[gyro]]`" in tabulate_lot_file().splitlines()
+    True
+    """
     return _tables(LotSettings)
 
 
@@ -141,7 +177,7 @@ def _keys(table: Mapping[str, Any], defs: Mapping[str, Any]) -> str:
         if (name == "kind" and "const" in entry) or list(_models(entry, defs, "")):
             continue
         meaning = take_first_paragraph(entry.get("description"))
-        cells = (f"`{name}`", value_of(entry), _default(entry, name in needed), meaning)
+        cells = (f"`{name}`", _describe_value(entry), _default(entry, name in needed), meaning)
         rows.append("| " + " | ".join(cell.replace("|", "&#124;") for cell in cells) + " |")
     return "\n".join(rows) if len(rows) > 2 else "Tables alone."
 
@@ -155,10 +191,10 @@ WORDS = {
 }
 
 
-def value_of(entry: Mapping[str, Any]) -> str:
+def _describe_value(entry: Mapping[str, Any]) -> str:
     """What a key takes, from its JSON schema: type, choices, bounds."""
     if "anyOf" in entry:
-        kinds = [value_of(one) for one in entry["anyOf"] if one.get("type") != "null"]
+        kinds = [_describe_value(one) for one in entry["anyOf"] if one.get("type") != "null"]
         return " or ".join(dict.fromkeys(kinds))
     if "enum" in entry or "const" in entry:
         return ", ".join(f'"{word}"' for word in entry.get("enum", [entry.get("const")]))
@@ -167,10 +203,12 @@ def value_of(entry: Mapping[str, Any]) -> str:
         count, rest = (
             (f"{low} ", "") if low and low == high else ("", ", one or more" if low else "")
         )
-        return f"list of {count}{_plural(value_of(entry['items']))}{rest}"
+        return f"list of {count}{_plural(_describe_value(entry['items']))}{rest}"
     if entry.get("type") == "object":
         inner = entry.get("additionalProperties")
-        below = "" if not isinstance(inner, Mapping) else value_of(inner).partition(" or ")[0]
+        below = (
+            "" if not isinstance(inner, Mapping) else _describe_value(inner).partition(" or ")[0]
+        )
         return f"table of {_plural(below)}" if below else "table"
     return WORDS.get(entry.get("type", ""), "any value") + _bounds(entry)
 
@@ -206,8 +244,20 @@ def _default(entry: Mapping[str, Any], needed: bool) -> str:
     return f"`{value!r}`".replace("'", '"')
 
 
-def limits_file() -> str:
-    """What may limit a figure: its quantities, told by the end of its name, with their units."""
+def tabulate_limits_file() -> str:
+    """What may limit a figure: its quantities, told by the end of its name, with their units.
+
+    Returns
+    -------
+    str
+        A table in Markdown.
+
+    Examples
+    --------
+    >>> from hrg_cli.handbook.settings_keys import tabulate_limits_file
+    >>> print(tabulate_limits_file().splitlines()[0])
+    | a figure's name ends in | it is | in | and may be written in |
+    """
     rows = ["| a figure's name ends in | it is | in | and may be written in |", "|---|---|---|---|"]
     for suffix, quantity in [*SUFFIXES, ("anything else", "a ratio")]:
         base = quantity.partition(" in ")[0]

@@ -19,7 +19,7 @@ from typing import Any
 from urllib.parse import quote
 
 from ..errors import HrgError
-from ..store.atomic import atomic_path
+from ..store.atomic import write_whole
 from .entry import Entry, Figure
 from .times import parse_time
 
@@ -102,7 +102,7 @@ def _need_finite(entry: Entry) -> None:
 
 def _add_to_new(path: Path, entries: Sequence[Entry]) -> list[bool]:
     """Make the ledger whole or not at all: nothing is left of one whose disk was full."""
-    with atomic_path(path) as temporary:
+    with write_whole(path) as temporary:
         return _add_to(temporary, path, entries, journal="MEMORY")
 
 

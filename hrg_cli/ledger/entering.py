@@ -16,7 +16,7 @@ from .. import store
 from ..comparing import find_std, is_told_once
 from ..errors import HrgError
 from ..limit_values import find_unit
-from ..limits import figures_of
+from ..limits import list_figures
 from ..records import Calibration, Diagnosis, Record, Resonator, Wave
 from . import database
 from .entry import KINDS, Entry, Figure
@@ -126,8 +126,8 @@ def make_entry(path: Path, gyro_id: str, given: Mapping[str, str]) -> Entry:
     >>> entry.gyro_id, entry.station, entry.figures["scale_factor"]
     ('SN-1', 'north', Figure(value=0.55, std=0.001, units='1'))
     """
-    digest = store.sha256(path)
-    kind = store.kind_of(path)
+    digest = store.compute_sha256(path)
+    kind = store.find_kind(path)
     if kind.kind not in KINDS:
         raise HrgError(
             f"{path}: is a {kind.kind} file; the ledger keeps a gyro's results, which are"
@@ -138,7 +138,7 @@ def make_entry(path: Path, gyro_id: str, given: Mapping[str, str]) -> Entry:
     if not gyro:
         raise HrgError(f"{path}: names no gyro; give its serial number with --gyro-id")
     try:
-        figures = figures_of(record)
+        figures = list_figures(record)
     except HrgError as error:
         raise HrgError(f"{path}: {error}") from error
     waves = _waves_of(path, record)
@@ -216,7 +216,7 @@ def _waves_of(path: Path, record: Record) -> list[Wave]:
     for source in record.provenance.sources:
         beside = path.parent / Path(source.name).name
         try:
-            if source.kind == "wave" and store.sha256(beside) == source.sha256:
+            if source.kind == "wave" and store.compute_sha256(beside) == source.sha256:
                 with store.open_record(beside, Wave) as wave:
                     found.append(wave)
         except HrgError:

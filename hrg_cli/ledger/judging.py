@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import HrgError
-from ..limits import Judged, Row, rows_of, table_of
+from ..limits import Judged, Row, find_table, list_rows
 from ..reporting.answer import describe_requirement
 from .entry import Entry
 from .guard import compute_guard_limits, compute_probability_outside
@@ -91,7 +91,7 @@ def find_tables(limits: Mapping[str, Any], kinds: Sequence[str]) -> dict[str, Ma
     hrg_cli.errors.HrgError: the limits have no table for resonator or calibration files; write one, ...
     """
     found = {
-        kind: table_of(kind, limits) for kind in kinds if isinstance(limits.get(kind), Mapping)
+        kind: find_table(kind, limits) for kind in kinds if isinstance(limits.get(kind), Mapping)
     }
     if not found and kinds:
         if len(kinds) > 1:
@@ -99,7 +99,7 @@ def find_tables(limits: Mapping[str, Any], kinds: Sequence[str]) -> dict[str, Ma
                 f"the limits have no table for {' or '.join(kinds)} files; write one, or name one"
                 " kind with --kind"
             )
-        found = {kinds[0]: table_of(kinds[0], limits)}
+        found = {kinds[0]: find_table(kinds[0], limits)}
     return found
 
 
@@ -129,7 +129,7 @@ def find_bounds(entries: Sequence[Entry], table: Mapping[str, Any]) -> dict[str,
     """
     found: dict[str, Bounds] = {}
     for entry in entries:
-        for row in rows_of(_judge_entry(entry), table):
+        for row in list_rows(_judge_entry(entry), table):
             if row.name not in NO_FIGURE and row.value is not None:
                 found[_own_name(row.name)] = (row.minimum, row.maximum)
     return found
@@ -169,7 +169,7 @@ def hold_limits(
     (True, True, False)
     """
     found = []
-    for row in rows_of(_judge_entry(entry), table):
+    for row in list_rows(_judge_entry(entry), table):
         if row.name in NO_FIGURE or row.value is None:
             found.append(Held(row, None, False, None))
             continue

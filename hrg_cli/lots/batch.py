@@ -20,7 +20,7 @@ from typing import Any
 
 from .. import settings, store
 from ..executors import OpenExecutor, connect_dask, run_tasks, start_processes
-from ..extras import warn_of_plain_python, without_pages
+from ..extras import tell_lack_of_pages, warn_of_plain_python
 from .copies import fail_copies
 from .groups import Origin
 from .gyro_page import PAGE
@@ -159,7 +159,7 @@ def run_lot(
             for gyro, place in folders.items()
             if (place / PAGE).is_file()
         }
-        if not without_pages():
+        if not tell_lack_of_pages():
             from ..reporting.lot_page import make_lot_page
 
             write_text(folder / "lot.html", make_lot_page(report, pages, lot.limits))
@@ -174,4 +174,4 @@ def _command(path: Path, assignments: Sequence[str], over: Mapping[str, Any] | N
     done."""
     words = ["hrg", "batch", path.name, *(word for text in assignments for word in ("--set", text))]
     added = f", settings over it {settings.to_toml({'batch': over}).strip()!r}" if over else ""
-    return f"{shlex.join(words)}; {path.name} has SHA-256 {store.sha256(path)}{added}"
+    return f"{shlex.join(words)}; {path.name} has SHA-256 {store.compute_sha256(path)}{added}"

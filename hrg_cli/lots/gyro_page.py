@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import memory, store
-from ..extras import without_pages
+from ..extras import tell_lack_of_pages
 from ..holding import hold
 from ..reporting.answer import Answer, answer
 from ..reporting.quantities import LABELS, RATE_OF_DECAY
@@ -51,12 +51,12 @@ def answer_gyro(
         return done
     records = [store.read_any(path) for path in files]
     rows = [row for held in hold(records, limits) for row in held]
-    pageless = without_pages()
+    pageless = tell_lack_of_pages()
     if not pageless:
         from ..reporting.page import build_report
 
         text = build_report(files, rows=rows)
-        with store.atomic_path(page, force=True) as temporary:
+        with store.write_whole(page, force=True) as temporary:
             temporary.write_text(text, encoding="utf-8")
     found = answer(records, rows, {r.kind: p.name for r, p in zip(records, files, strict=True)})
     result = {} if found is None else _short(found) | {"missed": _missed(found)}

@@ -71,7 +71,7 @@ def read_gyro_id(file: Path) -> Told | None:
             )
         return None
     try:
-        texts = store.heading_of(file, Recording, ("gyro_id", "start_time", *GROUPED_BY))
+        texts = store.read_heading(file, Recording, ("gyro_id", "start_time", *GROUPED_BY))
     except NotHrgError:
         return None
     gyro, start = texts.pop("gyro_id", ""), texts.pop("start_time", "")
@@ -138,7 +138,7 @@ def find_owner(file: Path, readable: Mapping[Path, str]) -> tuple[str, str]:
     ('SN-7', "by its file's name")
     """
     try:
-        gyro = store.texts_of(file, Recording.kind, ("gyro_id",)).get("gyro_id", "")
+        gyro = store.read_texts(file, Recording.kind, ("gyro_id",)).get("gyro_id", "")
         if gyro:
             return gyro, "its gyro_id can still be read"
     except HrgError:

@@ -125,5 +125,5 @@ def write_text(path: Path, text: str) -> None:
     ...     (Path(name) / "note.txt").read_text(encoding="utf-8")
     '0.55 °/h'
     """
-    with store.atomic_path(path, force=True) as temporary:
+    with store.write_whole(path, force=True) as temporary:
         temporary.write_text(text, encoding="utf-8")

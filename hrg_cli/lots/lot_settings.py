@@ -14,7 +14,7 @@ from .. import settings
 from ..errors import HrgError
 from ..formats import import_log
 from ..limit_values import spell_whole_names
-from ..limits import bounds, check_tables
+from ..limits import check_tables, read_bounds
 from ..pipeline import STAGES
 from .groups import GROUPED_BY
 
@@ -231,7 +231,7 @@ def read_lot(
     for table in lot.limits.values():
         for name, limit in spell_whole_names(table).items():
             if name not in ("status", "verdict"):
-                bounds(name, limit)
+                read_bounds(name, limit)
     for stage in ("import", *PER_RECORDING, *lot.stages):
         for pattern in ("", *lot.runs):
             lot.check_settings(stage, pattern, str(path))

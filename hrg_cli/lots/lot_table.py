@@ -271,11 +271,11 @@ def write_table(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
             if table[name].isna().all() and str(name).endswith(("_std", "_z"))
         ]
     )
-    with store.atomic_path(folder / "lot.csv", force=True) as temporary:
+    with store.write_whole(folder / "lot.csv", force=True) as temporary:
         table.to_csv(temporary, index=False, lineterminator="\n")
     try:
         import pyarrow  # noqa: F401
     except ImportError:
         return
-    with store.atomic_path(folder / "lot.parquet", force=True) as temporary:
+    with store.write_whole(folder / "lot.parquet", force=True) as temporary:
         table.to_parquet(temporary, index=False)

@@ -15,7 +15,7 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from ..limit_values import spell_whole_names
-from ..limits import bounds
+from ..limits import read_bounds
 from ..lots.groups import GROUPED_BY
 from .figures.drawing import Plot, use_style, write_svg
 from .figures.lot import (
@@ -194,7 +194,7 @@ def find_limits(name: str, limits: Mapping[str, Any]) -> Limits:
         table = limits.get(kind)
         named = spell_whole_names(table) if isinstance(table, Mapping) else {}
         if key in named:
-            return bounds(key, named[key])
+            return read_bounds(key, named[key])
     return None, None
 
 

@@ -141,7 +141,7 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
                 name += "_"
             used.add(name)
             target = folder / f"{name}.png"
-            with store.atomic_path(target, force=True) as temporary:
+            with store.write_whole(target, force=True) as temporary:
                 write_png(plot, temporary)
             written.append(target)
     return written
@@ -176,7 +176,7 @@ def find_worst_status(paths: Sequence[Path]) -> tuple[str, list[str]]:
     order = ["valid", "suspect", "refused"]
     worst, reasons = "valid", []
     for path in drop_repeats(paths):
-        with store.open_record(path, store.kind_of(path)) as record:
+        with store.open_record(path, store.find_kind(path)) as record:
             worst = max(worst, record.status, key=order.index)
             reasons += [f"{path.name}: {reason}" for reason in record.status_reasons]
     return worst, reasons

@@ -136,7 +136,7 @@ def draw_answer(path: Path) -> Iterator[Plot]:
     ...     list(draw_answer(Path(folder) / "run.h5"))
     []
     """
-    if store.kind_of(path) is Diagnosis:
+    if store.find_kind(path) is Diagnosis:
         record = store.read(path, Diagnosis)
         made = answer([record])
         with use_style():

@@ -196,7 +196,7 @@ def draw_file(path: Path, beside: Beside) -> Iterator[Plot]:
     >>> len(plots)
     3
     """
-    with store.open_record(path, store.kind_of(path)) as record, use_style():
+    with store.open_record(path, store.find_kind(path)) as record, use_style():
         record = thin_out(record)
         draw = _DRAW[type(record)]
         yield from draw(record, beside)

@@ -124,7 +124,7 @@ def describe_file(path: Path, index: int, full: bool) -> PageEntry:
     >>> entry.name, len(entry.record)
     ('run.h5', 0)
     """
-    with store.open_record(path, store.kind_of(path)) as record:
+    with store.open_record(path, store.find_kind(path)) as record:
         record = thin_out(record) if full or not isinstance(record, Periods | Wave) else record
         shown = list_told(list_facts(record))
         kept = record
@@ -135,7 +135,7 @@ def describe_file(path: Path, index: int, full: bool) -> PageEntry:
         f"file-{index + 1}",
         bare,
         path.stat().st_size,
-        store.sha256(path),
+        store.compute_sha256(path),
         shown,
         found_tables,
     )

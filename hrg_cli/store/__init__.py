@@ -7,42 +7,50 @@ replaced only when asked. Datasets carry dimension scales, so each group opens w
 """
 
 from .atomic import (
-    atomic_path,
     check_output,
     is_same_file,
+    keep_whole_or_none,
     need_no_input,
     remove_stale,
-    whole_or_none,
+    write_whole,
 )
 from .handles import need_possible, need_readable
-from .headings import changes, heading_of, is_hdf5, kind_of, provenance_of, texts_of, unreadable
+from .headings import (
+    find_changes,
+    find_kind,
+    find_provenance,
+    find_unreadable,
+    is_hdf5,
+    read_heading,
+    read_texts,
+)
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord
 from .reading import open_record, read, read_any
-from .writing import created_now, sha256, write
+from .writing import compute_sha256, stamp_now, write
 
 __all__ = [
     "FORMAT",
     "FORMAT_VERSION",
     "AnyRecord",
-    "atomic_path",
-    "changes",
     "check_output",
-    "created_now",
-    "heading_of",
+    "compute_sha256",
+    "find_changes",
+    "find_kind",
+    "find_provenance",
+    "find_unreadable",
     "is_hdf5",
     "is_same_file",
-    "kind_of",
+    "keep_whole_or_none",
     "need_no_input",
     "need_possible",
     "need_readable",
     "open_record",
-    "provenance_of",
     "read",
     "read_any",
+    "read_heading",
+    "read_texts",
     "remove_stale",
-    "sha256",
-    "texts_of",
-    "unreadable",
-    "whole_or_none",
+    "stamp_now",
     "write",
+    "write_whole",
 ]

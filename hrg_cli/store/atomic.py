@@ -160,7 +160,7 @@ def _read_only(folder: Path) -> bool:
 
 
 @contextlib.contextmanager
-def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
+def write_whole(path: Path | str, force: bool = False) -> Iterator[Path]:
     """A temporary name beside `path`, renamed to it when the block ends well and removed otherwise.
 
     Parameters
@@ -184,9 +184,9 @@ def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from hrg_cli.store import atomic_path
+    >>> from hrg_cli.store import write_whole
     >>> folder = Path(tempfile.mkdtemp())
-    >>> with atomic_path(folder / "table.csv") as temporary:
+    >>> with write_whole(folder / "table.csv") as temporary:
     ...     _ = temporary.write_text("a,b")
     >>> [path.name for path in folder.iterdir()]
     ['table.csv']
@@ -212,7 +212,7 @@ def atomic_path(path: Path | str, force: bool = False) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def whole_or_none(
+def keep_whole_or_none(
     outputs: Sequence[Path], unless: tuple[type[BaseException], ...] = ()
 ) -> Iterator[None]:
     """Outputs that belong together: where the block fails, no file that it has written stays.
@@ -233,10 +233,10 @@ def whole_or_none(
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from hrg_cli.store import whole_or_none
+    >>> from hrg_cli.store import keep_whole_or_none
     >>> out = Path(tempfile.mkdtemp()) / "first.csv"
     >>> try:
-    ...     with whole_or_none([out]):
+    ...     with keep_whole_or_none([out]):
     ...         _ = out.write_text("a,b")
     ...         raise OSError("the second one failed")
     ... except OSError:

@@ -22,7 +22,7 @@ from .layout import BY_NAME, FORMAT, FORMAT_VERSION, find_place, make_default
 from .validity import find_attribute_problem
 
 
-def provenance_of(path: Path | str) -> Provenance:
+def find_provenance(path: Path | str) -> Provenance:
     """Where a file comes from, without reading its datasets.
 
     Parameters
@@ -48,7 +48,7 @@ def provenance_of(path: Path | str) -> Provenance:
     >>> path = tempfile.mkdtemp() + "/run.h5"
     >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
     >>> _ = store.write(path, run)
-    >>> store.provenance_of(path).sources
+    >>> store.find_provenance(path).sources
     ()
     """
     with open_for_reading(Path(path)) as file:
@@ -85,7 +85,7 @@ def is_hdf5(path: Path | str) -> bool:
         return has_signature(Path(path))
 
 
-def kind_of(path: Path | str) -> type[Record]:
+def find_kind(path: Path | str) -> type[Record]:
     """The kind of record in a file.
 
     Parameters
@@ -111,14 +111,14 @@ def kind_of(path: Path | str) -> type[Record]:
     >>> path = tempfile.mkdtemp() + "/run.h5"
     >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
     >>> _ = store.write(path, run)
-    >>> store.kind_of(path).__name__
+    >>> store.find_kind(path).__name__
     'Recording'
     """
     with open_for_reading(Path(path)) as file:
         return _kind(file, Path(path))
 
 
-def texts_of(path: Path | str, group: str, names: Sequence[str]) -> dict[str, str]:
+def read_texts(path: Path | str, group: str, names: Sequence[str]) -> dict[str, str]:
     """Attributes of a group, as texts; also ones that no record declares.
 
     Parameters
@@ -148,14 +148,14 @@ def texts_of(path: Path | str, group: str, names: Sequence[str]) -> dict[str, st
     >>> path = tempfile.mkdtemp() + "/run.h5"
     >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
     >>> _ = store.write(path, run)
-    >>> store.texts_of(path, "recording", ["mode", "mood"])
+    >>> store.read_texts(path, "recording", ["mode", "mood"])
     {'mode': 'free'}
     """
     with open_for_reading(Path(path)) as file:
         return _texts(file, group, names)
 
 
-def heading_of(path: Path | str, kind: type[Record], names: Sequence[str]) -> dict[str, str]:
+def read_heading(path: Path | str, kind: type[Record], names: Sequence[str]) -> dict[str, str]:
     """Attributes of a record, as texts; its datasets are not looked at.
 
     Parameters
@@ -187,7 +187,7 @@ def heading_of(path: Path | str, kind: type[Record], names: Sequence[str]) -> di
     >>> path = tempfile.mkdtemp() + "/run.h5"
     >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free", gyro_id="SN-1")
     >>> _ = store.write(path, run)
-    >>> store.heading_of(path, Recording, ["gyro_id"])
+    >>> store.read_heading(path, Recording, ["gyro_id"])
     {'gyro_id': 'SN-1'}
     """
     declared = kind.columns()
@@ -201,7 +201,7 @@ def heading_of(path: Path | str, kind: type[Record], names: Sequence[str]) -> di
         return texts
 
 
-def changes(path: Path | str) -> list[str] | None:
+def find_changes(path: Path | str) -> list[str] | None:
     """What in a file differs from what was written there, by its checksums (SHA-256).
 
     Parameters
@@ -228,14 +228,14 @@ def changes(path: Path | str) -> list[str] | None:
     >>> path = tempfile.mkdtemp() + "/run.h5"
     >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
     >>> _ = store.write(path, run)
-    >>> store.changes(path)
+    >>> store.find_changes(path)
     []
     """
     with open_for_reading(Path(path)) as file:
         return checksums.list_changes(file)
 
 
-def unreadable(path: Path | str) -> list[str]:
+def find_unreadable(path: Path | str) -> list[str]:
     """What of a file's values cannot be read back.
 
     Parameters
@@ -261,7 +261,7 @@ def unreadable(path: Path | str) -> list[str]:
     >>> path = tempfile.mkdtemp() + "/run.h5"
     >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
     >>> _ = store.write(path, run)
-    >>> store.unreadable(path)
+    >>> store.find_unreadable(path)
     []
     """
     with open_for_reading(Path(path)) as file:

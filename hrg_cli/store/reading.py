@@ -25,7 +25,7 @@ from .dataset_checks import (
 )
 from .handles import Handle, explain_reading
 from .headings import (
-    kind_of,
+    find_kind,
     need_kind,
     open_for_reading,
     read_attribute,
@@ -146,7 +146,7 @@ def read_any(path: Path | str) -> Record:
     >>> type(store.read_any(path)).__name__
     'Recording'
     """
-    return read(path, kind_of(path))
+    return read(path, find_kind(path))
 
 
 def _record(

@@ -28,7 +28,7 @@ import numpy as np
 from ..errors import DiskFullError, HrgError
 from ..records import GROWING, Column, Record
 from ..version import __version__
-from .atomic import atomic_path, collect_lost_writes
+from .atomic import collect_lost_writes, write_whole
 from .checksums import Running, seal
 from .handles import explain_reading, need_readable
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord, find_place, make_default
@@ -39,7 +39,7 @@ ROW_CHUNK = {"recording": 1 << 18}
 _SCALE_ONLY = "This is a netCDF dimension but not a netCDF variable. %9d"
 
 
-def created_now() -> str:
+def stamp_now() -> str:
     """The time for `created` and `history`; SOURCE_DATE_EPOCH fixes it.
 
     Returns
@@ -50,14 +50,14 @@ def created_now() -> str:
     Examples
     --------
     >>> from hrg_cli import store
-    >>> store.created_now()[4], store.created_now()[7]
+    >>> store.stamp_now()[4], store.stamp_now()[7]
     ('-', '-')
     """
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(float(epoch) if epoch else None))
 
 
-def sha256(path: Path | str, unwanted: threading.Event | None = None) -> str:
+def compute_sha256(path: Path | str, unwanted: threading.Event | None = None) -> str:
     """SHA-256 of a file's bytes.
 
     Parameters
@@ -82,7 +82,7 @@ def sha256(path: Path | str, unwanted: threading.Event | None = None) -> str:
     >>> import tempfile
     >>> from hrg_cli import store
     >>> with tempfile.NamedTemporaryFile() as empty:
-    ...     store.sha256(empty.name)[:8]
+    ...     store.compute_sha256(empty.name)[:8]
     'e3b0c442'
     """
     need_readable(Path(path))
@@ -137,7 +137,7 @@ def write(
     ...
     hrg_cli.errors.HrgError: ...
     """
-    with atomic_path(path, force) as temporary, collect_lost_writes() as lost:
+    with write_whole(path, force) as temporary, collect_lost_writes() as lost:
         blocks: Iterable[AnyRecord] = (stream,) if isinstance(stream, Record) else stream
         last: AnyRecord | None = None
         file: h5py.File | None = None
@@ -290,7 +290,7 @@ def _finish(file: h5py.File, record: Record) -> None:
     file.attrs["format_version"] = FORMAT_VERSION
     file.attrs["kind"] = record.kind
     file.attrs["generated_by"] = provenance.generated_by or f"hrg {__version__}"
-    file.attrs["created"] = provenance.created or created_now()
+    file.attrs["created"] = provenance.created or stamp_now()
     file.attrs["history"] = "\n".join(_as_line(command) for command in provenance.history)
     file.attrs["settings"] = provenance.settings
     file.attrs["sources"] = json.dumps([dataclasses.asdict(s) for s in provenance.sources])

@@ -33,7 +33,7 @@ def test_a_packed_log_is_the_log_itself(hrg, tmp_path):
         assert np.array_equal(getattr(plain, column)[:], getattr(unpacked, column)[:]), column
     assert plain.sample_rate_hz == unpacked.sample_rate_hz
     (source,) = unpacked.provenance.sources
-    assert source.sha256 == store.sha256(path)
+    assert source.sha256 == store.compute_sha256(path)
 
 
 @pytest.mark.parametrize(

@@ -10,21 +10,21 @@ import pytest
 import typer.main
 
 from hrg_cli.cli import app
-from hrg_cli.handbook.man_page import commands_of, manual
+from hrg_cli.handbook.man_page import list_commands, write_manual
 
-COMMANDS = commands_of(typer.main.get_command(app))
+COMMANDS = list_commands(typer.main.get_command(app))
 
 
 def test_manual_is_fresh():
     packed = (resources.files("hrg_cli") / "hrg.1").read_text(encoding="utf-8")
-    assert packed == manual(), "run `python -m hrg_cli.handbook.man_page hrg_cli/hrg.1`"
+    assert packed == write_manual(), "run `python -m hrg_cli.handbook.man_page hrg_cli/hrg.1`"
 
 
 @pytest.mark.skipif(shutil.which("groff") is None, reason="groff is not installed")
 def test_formatter_accepts_it_and_nothing_is_lost():
     done = subprocess.run(
         ["groff", "-man", "-Tascii", "-ww", "-P-cbou", "-rLL=200n"],
-        input=manual(),
+        input=write_manual(),
         capture_output=True,
         text=True,
         check=True,

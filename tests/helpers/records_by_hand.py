@@ -425,7 +425,7 @@ def write_all(folder: Path) -> list[Path]:
     paths: list[Path] = []
     for kind, make in RECORDS.items():
         path = folder / f"{kind}.h5"
-        sources = tuple(Source(p.name, p.stem, store.sha256(p)) for p in paths[-1:])
+        sources = tuple(Source(p.name, p.stem, store.compute_sha256(p)) for p in paths[-1:])
         lines = (
             "2026-01-02T03:04:05Z hrg 0.1.0 hrg simulate run.toml -o recording.h5",
             f"2026-01-02T03:05:00Z hrg 0.1.0 hrg make {kind}",

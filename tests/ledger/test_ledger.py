@@ -49,7 +49,10 @@ def test_add_says_what_is_new_and_what_is_known(hrg, files, tmp_path):
     first = hrg("ledger", "add", *files, "--ledger", ledger, "--station", "2", "--json").json
     assert first["added"] == 3 and first["known"] == 0 and first["status"] == "valid"
     told = first["files"][0]
-    assert told["sha256"] == store.sha256(files[0]) and told["processed"] == "2026-03-01T08:00:00Z"
+    assert (
+        told["sha256"] == store.compute_sha256(files[0])
+        and told["processed"] == "2026-03-01T08:00:00Z"
+    )
     assert told["station"] == "2" and told["order"] == "L7" and told["gyro_id"] == "SN-1"
     again = hrg("ledger", "add", files[0], "--ledger", ledger)
     assert again.status == 0 and "known already" in again.out and "0 added, 1 known" in again.out

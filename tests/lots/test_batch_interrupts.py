@@ -166,7 +166,7 @@ def test_histories_tell_the_true_time_and_command(lot, tmp_path, monkeypatch):
     """Results of one and two processes differ in the stamp alone; each step is told with its
     command, the lot's file and its settings."""
     monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
-    before = store.created_now()
+    before = store.stamp_now()
     changed = ("demodulate.periods_per_window=2.0", 'recordings="data/g1-*.h5"')
     for jobs in (1, 2):
         run_lot(
@@ -175,7 +175,7 @@ def test_histories_tell_the_true_time_and_command(lot, tmp_path, monkeypatch):
             open_executor=choose_executor(jobs),
             assignments=changed,
         )
-    after = store.created_now()
+    after = store.stamp_now()
     one, two = (
         store.read(tmp_path / f"{jobs}" / "G1" / "resonator.h5", Resonator) for jobs in (1, 2)
     )
@@ -188,7 +188,7 @@ def test_histories_tell_the_true_time_and_command(lot, tmp_path, monkeypatch):
         steps = [line.split(" ", 3) for line in record.provenance.history]
         assert all(before <= time <= after for time, *_ in steps)
         assert [words.split()[1] for *_, words in steps[:2]] == ["demodulate", "estimate"]
-        digest = store.sha256(lot / "lot.toml")
+        digest = store.compute_sha256(lot / "lot.toml")
         assert all(
             "hrg batch lot.toml --set demodulate.periods_per_window=2.0" in words
             and digest in words

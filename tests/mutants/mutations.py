@@ -312,7 +312,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         "tests/lots/test_batch.py",
         (
             ("noted[\"key\"] == key and", ""),
-            ("store.sha256(folder / name) == digest for name", "True for name"),
+            ("store.compute_sha256(folder / name) == digest for name", "True for name"),
         ),
     ),
     "stages/demodulation/judge.py": (

@@ -88,7 +88,7 @@ def test_the_schema_file_is_fresh():
         text = (ROOT / "docs" / "reference" / name).read_text(encoding="utf-8")
         assert text == make(), "run `python -m hrg_cli.handbook README.md docs`"
     for command in SHAPES:
-        assert json_keys.schema(command)
+        assert json_keys.make_schema(command)
 
 
 def test_real_outputs_fit(hrg, tmp_path):

@@ -73,7 +73,7 @@ def test_page_holds_every_kind_and_loads_nothing(whole, files):
     assert all(a.startswith(("#", "data:image/png;base64,")) for a in addresses)
     assert "@import" not in whole and not re.search(r"url\((?!#)", whole)
     for path in files:
-        assert store.sha256(path) in whole
+        assert store.compute_sha256(path) in whole
 
 
 def test_figures_say_their_numbers_in_words(whole):

@@ -315,7 +315,7 @@ def _judged_output(found: Outcome, output: Path) -> list[str]:
     if output.suffix == ".h5" and output.is_file():
         try:
             store.read_any(output)
-            if store.changes(output):
+            if store.find_changes(output):
                 broken.append("an output that differs from its own checksums")
         except Exception as error:
             broken.append(f"an output that cannot be read: {error}")

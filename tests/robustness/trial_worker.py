@@ -26,7 +26,7 @@ ADDRESS_SPACE = 8 << 30
 
 def use_record(path: Path) -> None:
     """Read a file every way the commands do."""
-    kind = store.kind_of(path)
+    kind = store.find_kind(path)
     store.read(path, kind)
     with store.open_record(path, kind) as record:
         for block in first_blocks(record):

@@ -204,7 +204,7 @@ def test_two_hosts_write_one_name_in_one_folder(tmp_path, monkeypatch):
         with monkeypatch.context() as far:
             far.setattr(atomic, "name_host", lambda: "farhost.01234567")
             far.setattr(os, "getpid", lambda: 999999999)
-            writing = atomic.atomic_path(path)
+            writing = atomic.write_whole(path)
             half = writing.__enter__()
         with contextlib.ExitStack() as end:
             end.push(writing)
@@ -371,7 +371,7 @@ def test_a_zeroed_heap_is_refused_before_the_library_sees_it(tmp_path):
     """The library steps through it without end; the test would, too, without the look before."""
     path = tmp_path / "a.h5"
     store.write(path, small(Wave))
-    assert store.kind_of(path) is Wave, "what passed once is looked at again when it changed"
+    assert store.find_kind(path) is Wave, "what passed once is looked at again when it changed"
     content = bytearray(path.read_bytes())
     at = content.index(b"GCOL\x01\x00\x00\x00")
     content[at + 16 : at + 64] = bytes(48)
@@ -379,16 +379,16 @@ def test_a_zeroed_heap_is_refused_before_the_library_sees_it(tmp_path):
     with pytest.raises(HrgError, match=f"texts at byte {at} are overwritten"):
         check_heaps(path)
     with pytest.raises(HrgError, match="are overwritten"):
-        store.kind_of(path)
+        store.find_kind(path)
 
 
 @pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="no /proc here")
 def test_a_file_that_cannot_be_hashed_is_named(tmp_path):
     """The input is to blame, not the output that its hash goes into."""
     with pytest.raises(HrgError, match=r"gone\.h5: no such file"):
-        store.sha256(tmp_path / "gone.h5")
+        store.compute_sha256(tmp_path / "gone.h5")
     with pytest.raises(HrgError, match=r"mem: is damaged \(.*Input/output error"):
-        store.sha256("/proc/self/mem")  # nothing is mapped at address 0
+        store.compute_sha256("/proc/self/mem")  # nothing is mapped at address 0
 
 
 def test_whether_a_file_is_hdf5_is_not_said_where_it_cannot_be_read(tmp_path, monkeypatch):
@@ -402,7 +402,7 @@ def test_whether_a_file_is_hdf5_is_not_said_where_it_cannot_be_read(tmp_path, mo
     with pytest.raises(HrgError, match=r"x\.h5: is damaged \(.*Input/output error"):
         store.is_hdf5(tmp_path / "x.h5")
     with pytest.raises(HrgError, match=r"x\.h5: is damaged \(.*Input/output error"):
-        store.kind_of(tmp_path / "x.h5")
+        store.find_kind(tmp_path / "x.h5")
 
 
 def test_a_write_that_is_lost_while_an_object_is_let_go_is_none(tmp_path, capfd):

@@ -109,7 +109,7 @@ def test_hdf5_is_known_nowhere_else(block, wave):
     wave.write_bytes(bytes(block) + wave.read_bytes())
     assert not store.is_hdf5(wave) and not h5py.is_hdf5(wave)
     with pytest.raises(NotHrgError, match="is not an HDF5 file"):
-        store.kind_of(wave)
+        store.find_kind(wave)
 
 
 def test_a_source_that_cannot_be_read_is_not_one_without_samples(tmp_path, monkeypatch):

@@ -112,7 +112,11 @@ def test_a_link_into_another_file_is_refused_before_it_is_followed(through, tmp_
             file["/recording/s"] = h5py.SoftLink("/a/t") if through == "soft links" else away
             file["/a/t"] = h5py.SoftLink("u")
             file["/a/u"] = away
-    for ask in (store.read_any, store.kind_of, lambda p: store.texts_of(p, "/recording/s", ["x"])):
+    for ask in (
+        store.read_any,
+        store.find_kind,
+        lambda p: store.read_texts(p, "/recording/s", ["x"]),
+    ):
         with pytest.raises(HrgError, match=r"lies in another file; copy it into this one$") as told:
             ask(path)
         assert str(path) in str(told.value)

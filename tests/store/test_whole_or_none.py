@@ -39,13 +39,13 @@ def test_only_what_was_written_is_dropped(tmp_path):
     kept, new, changed = (tmp_path / name for name in ("kept", "new", "changed"))
     kept.write_text("before")
     changed.write_text("before")
-    with pytest.raises(HrgError), store.whole_or_none([kept, new, changed]):
+    with pytest.raises(HrgError), store.keep_whole_or_none([kept, new, changed]):
         new.write_text("now")
-        with store.atomic_path(changed, force=True) as temporary:
+        with store.write_whole(changed, force=True) as temporary:
             temporary.write_text("now")
         raise HrgError("later")
     assert [path.name for path in tmp_path.iterdir()] == ["kept"]
-    with pytest.raises(LeavingError), store.whole_or_none([new], unless=(LeavingError,)):
+    with pytest.raises(LeavingError), store.keep_whole_or_none([new], unless=(LeavingError,)):
         new.write_text("now")
         raise LeavingError
     assert new.read_text() == "now"
