@@ -109,7 +109,8 @@ HELD = (
     *(
         f"fitting.tables.{name}"
         for name in (
-            *("allan", "allan_terms", "bends", "common_walk", "dwells", "increment_noise"),
+            *("allan", "allan_terms", "bends", "common_walk", "drawn_path", "dwells"),
+            "increment_noise",
             *("increments", "joint", "normal_pieces", "shrinkage", "table_design", "table_layout"),
         )
     ),

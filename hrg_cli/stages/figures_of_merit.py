@@ -132,15 +132,11 @@ def compute_scale_factor_figures(
     A gain 0.2 % larger to one side than to the other:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.figures_of_merit import compute_scale_factor_figures
     >>> def turn(rate):
-    ...     t, one = np.arange(600.0), np.ones(600)
-    ...     angle = -(0.5 + 0.0005 * np.sign(rate)) * rate * t / 2
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
-    ...         0 * t, None, None, 600, 1.0,
-    ...     )
+    ...     t = np.arange(600.0)
+    ...     return draw_path(rate, angle_rad=-(0.5 + 0.0005 * np.sign(rate)) * rate * t / 2)
     >>> found = compute_scale_factor_figures([turn(rate) for rate in (-0.4, -0.2, 0.2, 0.4)])
     >>> round(found.scale_factor, 9), round(found.asymmetry_ppm, 3)
     (0.5, 2000.0)

@@ -42,19 +42,12 @@ def find_stray_harmonics(fitted: Fitted, solution: TableSolution) -> list[dict[s
     Waves that drift as the tables say hold none:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.checks import find_stray_harmonics
-    >>> def turn(rate):
-    ...     t, one = np.arange(600.0), np.ones(600)
-    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
-    ...         0 * t, None, None, 600, 1.0,
-    ...     )
     >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
-    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> [stray["significant"] for stray in find_stray_harmonics(fitted, fitted.solution)]
     [False, False]
     """

@@ -46,14 +46,9 @@ def build_quadrature(path: AnglePath) -> Array:
     --------
     r = 0.6 at θ = 0:
 
-    >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.factors import build_quadrature
-    >>> t, one = np.arange(3.0), np.ones(3)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, 0.6 * one, one, 0 * t,
-    ...     None, None, 3, 1.0,
-    ... )
+    >>> path = draw_path(blocks=3, ratio=0.6)
     >>> build_quadrature(path).round(9).tolist()
     [[0.9375, 0.0], [0.9375, 0.0]]
     """
@@ -84,14 +79,9 @@ def build_ellipticity(path: AnglePath) -> Array:
     --------
     r = 0.6 at θ = 0, where (1 + r²)/(1 − r²) = 2.125:
 
-    >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.factors import build_ellipticity
-    >>> t, one = np.arange(3.0), np.ones(3)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, 0.6 * one, one, 0 * t,
-    ...     None, None, 3, 1.0,
-    ... )
+    >>> path = draw_path(blocks=3, ratio=0.6)
     >>> 1 + build_ellipticity(path)[0].round(9)
     array([2.125, 1.   ])
     """
@@ -147,14 +137,9 @@ def compute_phase_ratio(path: AnglePath) -> Array:
     --------
     It is largest, −1, where the wave is a circle:
 
-    >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.factors import compute_phase_ratio
-    >>> t, one = np.arange(3.0), np.ones(3)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, one, one, 0 * t,
-    ...     None, None, 3, 1.0,
-    ... )
+    >>> path = draw_path(blocks=3, ratio=1.0)
     >>> compute_phase_ratio(path).tolist()
     [-1.0, -1.0]
     """
@@ -182,14 +167,9 @@ def build_flattening(path: AnglePath) -> Array:
     --------
     In a circle nothing is left of it:
 
-    >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.factors import build_flattening
-    >>> t, one = np.arange(3.0), np.ones(3)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, one, one, 0 * t,
-    ...     None, None, 3, 1.0,
-    ... )
+    >>> path = draw_path(blocks=3, ratio=1.0)
     >>> (1 + build_flattening(path)[:, 0]).tolist()
     [0.0, 0.0]
     """
@@ -329,13 +309,9 @@ def build_factors(
     Free runs without a quadrature, at one rate, carry no measured part:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.factors import build_factors
-    >>> t, one = np.arange(3.0), np.ones(3)
-    >>> path = AnglePath(
-    ...     "", False, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, 0 * t, one, 0 * t,
-    ...     None, None, 3, 1.0,
-    ... )
+    >>> path = draw_path(blocks=3, forced=False)
     >>> names = ["drive_matrix", "quadrature_course", "rate", "main_drive"]
     >>> build_factors([path], np.array([20.0]), "temperature", "linear", names)[1]
     {'drive_matrix': 3}

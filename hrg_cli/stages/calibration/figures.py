@@ -206,19 +206,12 @@ def gather_cells(
     A scale factor of 0.55 leaves nothing, one of 0.56 leaves 0.01 Ω:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.figures import gather_cells
-    >>> def turn(rate):
-    ...     t, one = np.arange(600.0), np.ones(600)
-    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
-    ...         0 * t, None, None, 600, 1.0,
-    ...     )
     >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
-    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
     >>> whole = np.array([[0.0, 0.0, 0.0, 0.55], [0.0, 0.0, 0.0, 0.56]]).T
     >>> used, _ = gather_cells(fitted, whole, np.repeat(whole[:, :, None], 2, axis=2), folds)
@@ -321,19 +314,12 @@ def tabulate_model_figures(
 
     >>> from hrg_cli.stages.calibration.figures import gather_cells
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.figures import tabulate_model_figures
-    >>> def turn(rate):
-    ...     t, one = np.arange(600.0), np.ones(600)
-    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
-    ...         0 * t, None, None, 600, 1.0,
-    ...     )
     >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
-    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
     >>> whole = np.array([[0.0, 0.0, 0.0, 0.56]]).T
     >>> cells = gather_cells(fitted, whole, np.repeat(whole[:, :, None], 2, axis=2), folds)

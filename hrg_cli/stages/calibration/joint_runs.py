@@ -58,20 +58,13 @@ def fit_jointly(
     >>> from dataclasses import replace
     >>> from hrg_cli.stages.calibration.accuracy_stages import LadderSettings
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.joint_runs import fit_jointly
-    >>> def turn(rate):
-    ...     t, one = np.arange(600.0), np.ones(600)
-    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
-    ...         0 * t, None, None, 600, 1.0,
-    ...     )
     >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
-    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
-    >>> free = [replace(turn(rate), forced=False) for rate in (-0.2, 0.2)]
+    >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> free = [draw_path(rate, random, forced=False) for rate in (-0.2, 0.2)]
     >>> joint, factors = fit_jointly(fitted, free, LadderSettings(1, 0, 0.55, 99, 0))
     >>> len(joint.paths), "drive_matrix" in factors
     (6, True)

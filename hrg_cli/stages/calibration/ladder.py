@@ -69,19 +69,12 @@ def climb(
     >>> from hrg_cli.stages.calibration.accuracy_stages import LadderSettings
     >>> from hrg_cli.stages.calibration.trials import add_loop_columns
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.ladder import climb
-    >>> def turn(rate):
-    ...     t, one = np.arange(600.0), np.ones(600)
-    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
-    ...         0 * t, None, None, 600, 1.0,
-    ...     )
     >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
-    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
     >>> loops = add_loop_columns(fitted)
     >>> rows, _ = climb(loops, [], folds, LadderSettings(1, 0, 0.55, 99, 0), None)

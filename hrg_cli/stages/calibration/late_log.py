@@ -69,13 +69,10 @@ def compute_rate_slope(path: AnglePath) -> Array:
     A rate that rises by 0.2 rad/s²:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.late_log import compute_rate_slope
-    >>> t, one = np.arange(4.0), np.ones(4)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, 0 * t, one, 0.1 * t**2, 20 * one, 5e3 * one, 0 * t, one, 0 * t,
-    ...     None, None, 4, 1.0,
-    ... )
+    >>> t = np.arange(4.0)
+    >>> path = draw_path(blocks=4, rate_integral_rad=0.1 * t**2)
     >>> compute_rate_slope(path).round(9).ravel().tolist()
     [0.2, 0.2, 0.2]
     """
@@ -98,15 +95,10 @@ def is_rate_moving(path: AnglePath) -> bool:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.late_log import is_rate_moving
-    >>> def turn(integral):
-    ...     t, one = np.arange(101.0), np.ones(101)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, 0 * t, one, integral(t), 20 * one, 5e3 * one, 0 * t, one,
-    ...         0 * t, None, None, 101, 1.0,
-    ...     )
-    >>> is_rate_moving(turn(lambda t: 0.5 * t)), is_rate_moving(turn(lambda t: 0.01 * t**2))
+    >>> rising = draw_path(rate_integral_rad=0.01 * np.arange(600.0) ** 2)
+    >>> is_rate_moving(draw_path(0.5)), is_rate_moving(rising)
     (False, True)
     """
     if len(path) < 2 * PARTS:
@@ -195,19 +187,12 @@ def follow(
     Constant rates do not show when they were logged:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.late_log import follow
-    >>> def turn(rate):
-    ...     t, one = np.arange(600.0), np.ones(600)
-    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
-    ...         0 * t, None, None, 600, 1.0,
-    ...     )
     >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
-    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> same, others, late = follow(fitted, [])
     >>> same is fitted, others, late
     (True, [], None)

@@ -38,17 +38,12 @@ def compare_known_noise(fitted: Fitted) -> Check:
     Noise three times as large as its windows state fails:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
     >>> from hrg_cli.stages.calibration.noise_guards import compare_known_noise
-    >>> t, one = np.arange(600.0), np.ones(600)
-    >>> angle = -0.025 * t + 3e-6 * np.random.default_rng(0).standard_normal(600)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, angle, 1e-12 * one, 0.1 * t, 20 * one, 5e3 * one, 0 * t, one,
-    ...     0 * t, None, None, 600, 1.0,
-    ... )
-    >>> check = compare_known_noise(fit([path], TableLayout(one[:1], "temperature", 2, 0, 0)))
+    >>> path = draw_path(0.1, np.random.default_rng(0), angle_variance=1e-12 / 9)
+    >>> check = compare_known_noise(fit([path], TableLayout(np.ones(1), "temperature", 2, 0, 0)))
     >>> bool(8 < check.value < 10), check.passed
     (True, False)
     """
@@ -103,17 +98,12 @@ def say_noise(fitted: Fitted) -> dict[str, float | None]:
     Noise of 1 µrad in angles whose windows state 1 µrad:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
     >>> from hrg_cli.stages.calibration.noise_guards import say_noise
-    >>> t, one = np.arange(600.0), np.ones(600)
-    >>> angle = -0.025 * t + 1e-6 * np.random.default_rng(0).standard_normal(600)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, angle, 1e-12 * one, 0.1 * t, 20 * one, 5e3 * one, 0 * t, one,
-    ...     0 * t, None, None, 600, 1.0,
-    ... )
-    >>> fitted = fit([path], TableLayout(one[:1], "temperature", 2, 0, 0))
+    >>> path = draw_path(0.1, np.random.default_rng(0))
+    >>> fitted = fit([path], TableLayout(np.ones(1), "temperature", 2, 0, 0))
     >>> bool(abs(say_noise(fitted)["white_over_stated"] - 1) < 0.1)
     True
     """

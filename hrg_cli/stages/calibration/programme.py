@@ -60,16 +60,10 @@ def choose_nodes(
     --------
     Dwells at 20 and 60 °C:
 
-    >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.programme import choose_nodes
-    >>> def dwell(degc):
-    ...     t, one = np.arange(9.0), np.ones(9)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, 0 * t, one, t, degc * one, 5e3 * one, 0 * t, one, 0 * t,
-    ...         None, None, 9, 1.0,
-    ...     )
-    >>> nodes, low, high, remarks = choose_nodes([dwell(20.0), dwell(60.0)], "temperature", None)
+    >>> dwells = [draw_path(1.0, blocks=9, temperature_degc=degc) for degc in (20.0, 60.0)]
+    >>> nodes, low, high, remarks = choose_nodes(dwells, "temperature", None)
     >>> nodes.tolist(), low, high, remarks
     ([20.0, 60.0], 20.0, 60.0, [])
     """
@@ -183,13 +177,10 @@ def examine(paths: Sequence[AnglePath], nodes: Array, axis: str, harmonics: int)
     One run at one rate cannot tell the drift from the scale factor:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.programme import examine
-    >>> t, one = np.arange(99.0), np.ones(99)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, -0.1 * t, one, 0.4 * t, 20 * one, 5e3 * one, 0 * t, one, 0 * t,
-    ...     None, None, 99, 1.0,
-    ... )
+    >>> t = np.arange(99.0)
+    >>> path = draw_path(blocks=99, angle_rad=-0.1 * t, rate_integral_rad=0.4 * t)
     >>> [finding.refuses for finding in examine([path], np.array([20.0]), "temperature", 1)]
     [True]
     """

@@ -59,19 +59,12 @@ def make_calibration_record(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.record import make_calibration_record
-    >>> def turn(rate):
-    ...     t, one = np.arange(600.0), np.ones(600)
-    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
-    ...         0 * t, None, None, 600, 1.0,
-    ...     )
     >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
-    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> solution = fitted.solution
     >>> record = make_calibration_record([], fitted, solution, 1.0, (1, 0), (17.0, 23.0), "table", {})
     >>> record.drift_rad_s.shape, round(float(record.scale_factor[0, 0]), 6), record.node_max

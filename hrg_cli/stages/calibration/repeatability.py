@@ -65,13 +65,10 @@ def compute_sweep(path: AnglePath) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.repeatability import compute_sweep
-    >>> t, one = np.arange(4.0), np.ones(4)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 + 0.5 * t, 5e3 * one, 0 * t, one, 0 * t,
-    ...     None, None, 4, 1.0,
-    ... )
+    >>> t = np.arange(4.0)
+    >>> path = draw_path(blocks=4, temperature_degc=20 + 0.5 * t)
     >>> compute_sweep(path).tolist()[1]
     0.5
     """
@@ -121,19 +118,12 @@ def compare_programmes(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.repeatability import compare_programmes
-    >>> def turn(rate):
-    ...     t, one = np.arange(600.0), np.ones(600)
-    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
-    ...         0 * t, None, None, 600, 1.0,
-    ...     )
     >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
-    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> compare_programmes(fitted, fitted.solution.coefficients, 1, 0, None) is None
     True
     """

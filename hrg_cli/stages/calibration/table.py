@@ -521,13 +521,9 @@ def compute_corrections(calibration: Calibration, path: AnglePath) -> tuple[Arra
 
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.table import compute_corrections
-    >>> t, one = np.arange(3.0), np.ones(3)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, 0 * t, one, 0 * t,
-    ...     None, None, 3, 1.0,
-    ... )
+    >>> path = draw_path(blocks=3)
     >>> tables = Told(
     ...     axis="temperature", details="{}",
     ...     values_at=lambda x, angle, travel: (1e-6 * np.ones(len(x)), 0.55 * np.ones(len(x))),
@@ -566,13 +562,9 @@ def compute_measured_drift(calibration: Calibration, path: AnglePath) -> Array:
     >>> import json
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.table import compute_measured_drift
-    >>> t, one = np.arange(3.0), np.ones(3)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, 0 * t, one, 0 * t, 20 * one, 5e3 * one, 0.6 * one, one, 0 * t,
-    ...     None, None, 3, 1.0,
-    ... )
+    >>> path = draw_path(blocks=3, ratio=0.6)
     >>> measured = {"kind": "quadrature", "exact": True, "coefficients": [[1.0, 0.0]]}
     >>> tables = Told(
     ...     axis="temperature", details=json.dumps({"measured": measured}), node=np.array([20.0]),

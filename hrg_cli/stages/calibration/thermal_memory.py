@@ -61,19 +61,12 @@ def compare_thermal_memory(
     Runs that dwell show neither:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.thermal_memory import compare_thermal_memory
-    >>> def turn(rate):
-    ...     t, one = np.arange(600.0), np.ones(600)
-    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
-    ...         0 * t, None, None, 600, 1.0,
-    ...     )
     >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
-    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> everything = Model("everything", np.eye(layout.size))
     >>> compare_thermal_memory(fitted, everything, fitted.solution.coefficients) is None
     True
@@ -176,19 +169,12 @@ def tell_one_way(fitted: Fitted, coefficients: Array) -> list[str]:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.thermal_memory import tell_one_way
-    >>> def turn(rate):
-    ...     t, one = np.arange(600.0), np.ones(600)
-    ...     angle = -0.275 * rate * t + 1e-6 * random.standard_normal(600)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, angle, 1e-12 * one, rate * t, 20 * one, 5e3 * one, 0 * t, one,
-    ...         0 * t, None, None, 600, 1.0,
-    ...     )
     >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
-    >>> fitted = fit([turn(rate) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
+    >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> tell_one_way(fitted, fitted.solution.coefficients)
     []
     """
