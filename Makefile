@@ -28,7 +28,7 @@ $(READY): $(INSTALLED)
 	$(BIN)/python -m pip install --quiet -e '.[dev]'
 	@touch $@
 
-run: $(INSTALLED)  ## Demonstrate: a gyro with a hidden fault, free and forced, through the whole chain; results in build/run
+run: $(INSTALLED)  ## Demonstrate: a gyro with two hidden faults, free and forced, through the whole chain; results in build/run
 	PATH="$(CURDIR)/$(BIN):$$PATH" bash configs/run_chain.sh build/run
 
 test: $(READY)  ## Run the tests (quick samples of the long studies included)

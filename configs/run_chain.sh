@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# The demonstration: a gyro with a hidden fault, free and forced, through the whole chain. `make run` calls it with the folder for the results.
+# The demonstration: a gyro with two hidden faults, free and forced, through the whole chain. `make run` calls it with the folder for the results.
 set -eu
 out=${1:?name the folder for the results}
 rm -rf "$out"
 mkdir -p "$out/recordings"
-echo "simulating a gyro with a hidden fault (configs/demonstration_free.toml says which) ..."
+echo "simulating a gyro with two hidden faults (configs/demonstration_free.toml says which) ..."
 hrg simulate configs/demonstration_free.toml -o "$out/recordings/free.h5" --seed 3 -q
 hrg simulate configs/demonstration_forced.toml -o "$out/recordings/forced.h5" --seed 3 -q
 hrg run "$out/recordings" -o "$out/results" --config configs/chain.toml

@@ -64,6 +64,7 @@ SAMPLES = [said for said in RUN if said.found["slow"] and not said.before]
 SHORTER = [("duration_s = 12.0", "duration_s = 6.0")]
 """A sample of a slow block runs on shorter recordings."""
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+COUNTED = re.compile(r"\ball \d+ [a-z]+")
 LONGEST_README = 150
 LONGEST_LINE = 200
 """Characters: two lines of a terminal."""
@@ -167,8 +168,8 @@ def test_every_command_of_tutorials_and_howtos_is_run():
     ],
 )
 def test_commands_run_and_print_what_is_shown(said, tmp_path, warm):
-    """The words are the same; the numbers within 5 % or a few of their last digits, as another
-    processor rounds otherwise."""
+    """The words are the same, and what is counted in words ("all 22 closing checks"); the numbers
+    within 5 % or a few of their last digits, as another processor rounds otherwise."""
     if "openssl" in said.found["commands"] and shutil.which("openssl") is None:
         pytest.skip("openssl is not here")
     printed = run(said, tmp_path, script=warm)
@@ -177,6 +178,7 @@ def test_commands_run_and_print_what_is_shown(said, tmp_path, warm):
     words, numbers = words_and_numbers(printed)
     shown_words, shown_numbers = words_and_numbers(said.found["output"])
     assert words == shown_words, "run `python tests/test_readme.py`"
+    assert COUNTED.findall(printed) == COUNTED.findall(said.found["output"])
     np.testing.assert_allclose(numbers, shown_numbers, rtol=0.05, atol=1e-9)
 
 
