@@ -49,6 +49,11 @@ HELD = (
     *modules_of("studies"),
     *modules_of("exporting"),
     *modules_of("ledger"),
+    *(
+        f"commands.{name}"
+        for name in ("dry_run", "frame", "guard", "one_stage", "options", "pipes")
+    ),
+    "commands.told_differences",
     "effects",
     *modules_of("effects"),
     *("extras", "limits"),

@@ -49,7 +49,7 @@ def main(
 ) -> None:
     """The whole chain for every gyro of a lot, a page each, and the lot as a whole: causes in
     common, worst gyros, outliers; resumes where it was interrupted; 3 when a gyro does not pass."""
-    report, shown = batch_file(lot, run, dask, scheduler, ledger)
+    report, shown = _run_batch(lot, run, dask, scheduler, ledger)
     told = [f"{row['gyro_id'] or 'a recording'}: {row['reason']}" for row in _worst(report)]
     run.finish(report, shown, told=told)
 
@@ -58,7 +58,7 @@ Shown = tuple[dict[str, Any], Callable[[], None]]
 """A command's JSON, and what shows it to a person."""
 
 
-def batch_file(
+def _run_batch(
     lot: Path | None, run: Common, dask: bool, scheduler: str | None, ledger: Path | None = None
 ) -> Shown:
     """Run a lot; the command's JSON and what shows it. Keys of the lot's file, then [batch] of
@@ -74,7 +74,7 @@ def batch_file(
     )
     assignments = (*run.assignments, *(seeds if run.seed is not None else ()))
     if run.show_config:
-        run.leave_with_settings({"batch": resolve_lot(read_lot(path, assignments, over))})
+        run.leave_with_settings({"batch": _resolve_lot(read_lot(path, assignments, over))})
     folder = run.need_output("lot/")
     if ledger is not None:
         database.add_entries(
@@ -95,10 +95,10 @@ def batch_file(
             f"{STAGES[stage].gives}.h5" for stage in read_lot(path, assignments, over).stages
         ]
         report["ledger"] = {"path": str(ledger), **enter_lot(ledger, report, folder, results)}
-    return report, lambda: show(report, folder)
+    return report, lambda: _show(report, folder)
 
 
-def show(report: Mapping[str, Any], folder: Path) -> None:
+def _show(report: Mapping[str, Any], folder: Path) -> None:
     """The lot in a sentence, what its gyros have in common, the worst of them, and where the page
     is."""
     from ..reporting.lot_words import make_sentence
@@ -127,7 +127,7 @@ def _worst(report: Mapping[str, Any]) -> list[dict[str, Any]]:
     return sorted((r for r in report["rows"] if r["reason"]), key=lambda r: r["rank"])[:WORST]
 
 
-def resolve_lot(lot: LotSettings) -> dict[str, Any]:
+def _resolve_lot(lot: LotSettings) -> dict[str, Any]:
     """The whole lot with every default of every stage, in the form of a lot's file."""
     tree = lot.model_dump(by_alias=True, exclude_unset=False)
     for name in (*PER_RECORDING, *lot.stages):

@@ -70,7 +70,7 @@ def main(
     --rate-column and --temperature-column.
     """
     of_table = {setting: flags.pop(option) for setting, option in OF_TABLE.items()}
-    if not is_table(waves or [], of_table):
+    if not _is_table(waves or [], of_table):
         run_stage_on_files(
             run,
             "calibrate",
@@ -82,7 +82,7 @@ def main(
         return
     _refuse_options_of_waves(flags, resonator, rehearse)
     wanted = {**of_table, "interpolation": flags["interpolation"]}
-    outcome = calibrate_table(waves or [], run, wanted)
+    outcome = _calibrate_table(waves or [], run, wanted)
     run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
 
 
@@ -102,7 +102,7 @@ def _refuse_options_of_waves(
         raise UsageError("--rehearse is for wave files; a table of dwells has no runs to rehearse")
 
 
-def calibrate_table(files: list[Path], run: Common, flags: Mapping[str, Any]) -> Outcome:
+def _calibrate_table(files: list[Path], run: Common, flags: Mapping[str, Any]) -> Outcome:
     """Read the table, fit it, write the calibration; returns the record and the command's JSON."""
     started = time.monotonic()
     if (
@@ -154,7 +154,7 @@ def _columns(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
     return columns
 
 
-def is_table(files: list[Path], columns: dict[str, str | None]) -> bool:
+def _is_table(files: list[Path], columns: dict[str, str | None]) -> bool:
     """Whether `hrg calibrate` was given a foreign table, by its columns' flags or by what the file
     is."""
     wave = next((path for path in files if path.is_file() and store.is_hdf5(path)), None)

@@ -57,11 +57,11 @@ def main(
     """What the simulation gets wrong: the cause, its size, the extended model
     (OUTPUT.extended.toml) and the gain."""
     with console.show_progress("diagnose", run.quiet or run.json) as progress:
-        outcome = diagnose_files(waves or [], run, model, effects_from, flags, progress)
+        outcome = _diagnose_files(waves or [], run, model, effects_from, flags, progress)
     run.finish(outcome.json, lambda: tables.show(outcome.record, outcome.json))
 
 
-def diagnose_files(
+def _diagnose_files(
     waves: Sequence[Path],
     run: Common,
     model: Path | None,
@@ -83,7 +83,7 @@ def diagnose_files(
         {"extra_effects": load_effects(effects_from)} if effects_from is not None else {}
     )
     if model is not None and model.suffix == ".toml":
-        further["resonator"] = read_believed(model, average_temperature(waves))
+        further["resonator"] = _read_believed(model, _average_temperature(waves))
     elif model is not None:
         beside["resonator"] = model
     with store.keep_whole_or_none([output, extended, resonator]):
@@ -109,7 +109,7 @@ def diagnose_files(
     return pipeline.Outcome(outcome.record, outcome.json | more)
 
 
-def average_temperature(waves: Sequence[Path]) -> float | None:
+def _average_temperature(waves: Sequence[Path]) -> float | None:
     """Mean of the runs' logged temperatures in °C; None where none is logged."""
     means = []
     for path in waves:
@@ -122,7 +122,7 @@ def average_temperature(waves: Sequence[Path]) -> float | None:
     return float(np.mean(means)) if means else None
 
 
-def read_believed(file: Path, temperature_degc: float | None) -> Resonator:
+def _read_believed(file: Path, temperature_degc: float | None) -> Resonator:
     """The resonator of a simulation file at the runs' temperature, without errors: values the user
     holds for true."""
     settings_of_run = list_runs(settings.load_toml(file), str(file))[0]

@@ -45,10 +45,12 @@ def main(
     ] = None,
 ) -> None:
     """What moved between two results of one kind, in σ of both."""
-    run.finish(*diff_files(old, new, run, limit_sigma))
+    run.finish(*_diff_files(old, new, run, limit_sigma))
 
 
-def diff_files(old: Path | None, new: Path | None, run: Common, limit_sigma: float | None) -> Shown:
+def _diff_files(
+    old: Path | None, new: Path | None, run: Common, limit_sigma: float | None
+) -> Shown:
     """Hold two results against each other; refused (exit 3) only where --limit-sigma is given and
     exceeded."""
     started = time.monotonic()

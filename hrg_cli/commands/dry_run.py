@@ -15,8 +15,43 @@ from .common import Common
 def say_by_hand(
     paths: Sequence[Path], folder: Path, tables: Mapping[str, Mapping[str, Any]], run: Common
 ) -> list[str]:
-    """A command a step, which reads what is given or what a step before it wrote, with the
-    settings of its stage."""
+    """What a run would do, step by step, as commands that do it by hand.
+
+    Each reads what is given or what a step before it wrote, with the settings of its stage.
+
+    Parameters
+    ----------
+    paths
+        Files and folders of the run.
+    folder
+        For its results.
+    tables
+        Resolved settings by stage.
+    run
+        The command's options, whose --config and --set are handed on.
+
+    Returns
+    -------
+    list of str
+        A line of a shell each.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli import Recording, store
+    >>> from hrg_cli.commands.dry_run import say_by_hand
+    >>> c = np.zeros(16)
+    >>> recording = Recording(c=c, s=c, sample_rate_hz=8000.0, mode="free", run_id="a")
+    >>> with TemporaryDirectory() as name:
+    ...     file = Path(name) / "a.h5"
+    ...     _ = store.write(file, recording)
+    ...     lines = say_by_hand([file], Path("out"), {}, Told(assignments=(), config=None))
+    >>> [line.split()[1] for line in lines[:2]]
+    ['demodulate', 'estimate']
+    """
     times = tables.get("rehearse", {}).get("times")
     place = _places(paths, tables)
     lines: list[str] = []

@@ -15,7 +15,24 @@ from .frame import NO_DRAWS, ONE_PROCESS, make_command, refuse_settings
 
 
 def list_effect_names(incomplete: str) -> list[str]:
-    """Names of effects, for the shell's completion."""
+    """Names of effects, for the shell's completion.
+
+    Parameters
+    ----------
+    incomplete
+        What is typed so far.
+
+    Returns
+    -------
+    list of str
+        Of the catalogue.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.effects import list_effect_names
+    >>> list_effect_names("table_")
+    ['table_rate_error', 'table_wobble']
+    """
     return [effect.name for effect in EFFECTS if effect.name.startswith(incomplete)]
 
 
@@ -41,10 +58,10 @@ def main(
     ] = None,
 ) -> None:
     """The catalogue of effects: what a simulation can contain and a diagnosis can name."""
-    run.finish(*show_effects(name, run))
+    run.finish(*_show_effects(name, run))
 
 
-def show_effects(name: str | None, run: Common) -> tuple[dict[str, Any], Callable[[], None]]:
+def _show_effects(name: str | None, run: Common) -> tuple[dict[str, Any], Callable[[], None]]:
     """The catalogue of effects, or one effect's page."""
     started = time.monotonic()
     report: dict[str, Any] = {"kind": "effects", "status": "valid", "status_reasons": []}

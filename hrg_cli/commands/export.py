@@ -48,14 +48,14 @@ def main(
 ) -> None:
     """Any hrg file for other programs, by the output's suffix: CSV, JSON (.gz), Parquet, XLSX, MAT;
     a calibration as a C header."""
-    run.finish(export_file(file, run, verify_with, sign_with, **flags))
+    run.finish(_export_file(file, run, verify_with, sign_with, **flags))
 
 
 OF_TABLES = (".csv", ".json", ".h")
 """Formats that a calibration has a form of its own for: what is needed to apply it."""
 
 
-def export_file(
+def _export_file(
     file: Path | None,
     run: Common,
     verify_with: Path | None = None,

@@ -45,14 +45,14 @@ def main(run: Common, /, resonator: OneFile = None, **flags: Any) -> None:
     Written as a table over time (.csv), all of it (.json) or one figure (.svg, .png), by the
     output's suffix.
     """
-    run.finish(*forecast_file(resonator, run, flags))
+    run.finish(*_forecast_file(resonator, run, flags))
 
 
 Show = Callable[[], None]
 SUFFIXES = (".csv", ".json", ".svg", ".png")
 
 
-def forecast_file(
+def _forecast_file(
     file: Path | None, run: Common, flags: dict[str, Any]
 ) -> tuple[dict[str, Any], Show]:
     """Forecast; writes the output its suffix asks for; the command's JSON and the function that

@@ -32,7 +32,24 @@ EffectsFrom = Annotated[
 
 
 def make_rehearse_option(what: str) -> Any:
-    """Declaration of `--rehearse`: how often `what` is rehearsed; a spread needs two."""
+    """Declaration of `--rehearse`: how often something is rehearsed; a spread needs two.
+
+    Parameters
+    ----------
+    what
+        Is rehearsed, in words.
+
+    Returns
+    -------
+    OptionInfo
+        Of typer.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.frame import make_rehearse_option
+    >>> make_rehearse_option("the result").help
+    'Rehearse the result so many times on a simulated twin at once.'
+    """
     return typer.Option(
         "--rehearse",
         min=2,
@@ -136,7 +153,24 @@ _SETTINGS = ("config", "assignments", "show_config")
 
 
 def refuse_settings(why: str) -> dict[str, str]:
-    """The reason why a command has no settings, for each option that would change them."""
+    """The reason why a command has no settings, for each option that would change them.
+
+    Parameters
+    ----------
+    why
+        In words, after "has no effect here:".
+
+    Returns
+    -------
+    dict
+        Option -> the reason, a part of what `make_command` takes as `idle`.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.frame import refuse_settings
+    >>> list(refuse_settings("it has none"))
+    ['config', 'assignments', 'show_config']
+    """
     return dict.fromkeys(_SETTINGS, why)
 
 
@@ -149,13 +183,39 @@ def make_command(
     says: Mapping[str, str] | None = None,
     also_written: Sequence[str] = (),
 ) -> Callable[[Callable[..., None]], Any]:
-    """Make a command of its body: common options added, errors turned into one line and an exit
-    status, an example under its help.
+    """Make a command of its body: common options, one line for every failure, an example in its
+    help.
 
-    flags: options made from a stage's signature (`options.make_flags`), which the body takes as
-    **flags; idle: common option -> why it changes nothing in this command, whose help leaves it out
-    and which says so where it is given all the same; says: common option -> its help in this
-    command; also_written: the command's own options that name further outputs.
+    Parameters
+    ----------
+    name
+        As typed after `hrg`.
+    example
+        Of a command line.
+    flags
+        Options made from a stage's signature (`options.make_flags`), which the body takes as
+        **flags.
+    idle
+        Common option -> why it changes nothing in this command, whose help leaves it out and which
+        says so where it is given all the same.
+    says
+        Common option -> its help in this command.
+    also_written
+        The command's own options that name further outputs.
+
+    Returns
+    -------
+    callable
+        Turns a function of (run, …) into click's command; its docstring is the help.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.frame import make_command
+    >>> @make_command("greet", "hrg greet")
+    ... def main(run):
+    ...     '''Say where the output goes.'''
+    >>> main.name, main.epilog
+    ('greet', 'Example: hrg greet')
     """
     without_effect = idle or {}
 
@@ -308,7 +368,19 @@ def _say_idle(name: str, given: Mapping[str, Any], idle: Mapping[str, str]) -> N
 
 
 def read_command_line() -> str:
-    """The command as it was typed, for `history`."""
+    """The command as it was typed, for `history`.
+
+    Returns
+    -------
+    str
+        Quoted as a shell would need it; bytes that are no text are escaped.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.frame import read_command_line
+    >>> read_command_line().startswith("hrg ")
+    True
+    """
     import shlex
 
     typed = "hrg " + shlex.join(sys.argv[1:])
@@ -316,7 +388,35 @@ def read_command_line() -> str:
 
 
 def need_inputs(paths: Sequence[Path], what: str) -> list[Path]:
-    """The inputs, at least one."""
+    """The inputs, at least one.
+
+    Parameters
+    ----------
+    paths
+        That were named.
+    what
+        Is to be named, in words.
+
+    Returns
+    -------
+    list of Path
+        The same.
+
+    Raises
+    ------
+    UsageError
+        None is named.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.frame import need_inputs
+    >>> need_inputs(["a.h5"], "a wave file")
+    ['a.h5']
+    >>> need_inputs([], "a wave file")
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.UsageError: no input is named; name a wave file
+    """
     if not paths:
         raise UsageError(f"no input is named; name {what}")
     return list(paths)

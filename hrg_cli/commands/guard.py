@@ -31,8 +31,20 @@ DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
 
 @contextlib.contextmanager
 def forgive_closed_pipe() -> Iterator[None]:
-    """A reader that left (`hrg info x | head -1`) is no error of the command: what is printed from
-    then on is dropped."""
+    """Let a reader leave (`hrg info x | head -1`): what is printed from then on is dropped.
+
+    Returns
+    -------
+    context manager
+        Of what prints.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.guard import forgive_closed_pipe
+    >>> with forgive_closed_pipe():
+    ...     print("a line")
+    a line
+    """
     try:
         yield
         sys.stdout.flush()
@@ -41,7 +53,7 @@ def forgive_closed_pipe() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def keep_standard_output() -> Iterator[None]:
+def _keep_standard_output() -> Iterator[None]:
     """Standard output for this program alone: libraries below Python (LAPACK) that print there
     would break --json. HrgError: what is printed cannot be written.
     """
@@ -69,7 +81,7 @@ def keep_standard_output() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def silence_libraries(verbose: bool) -> Iterator[None]:
+def _silence_libraries(verbose: bool) -> Iterator[None]:
     """Without the warnings and logs of libraries, which are for programmers: here results are
     judged, in sentences."""
     if verbose:
@@ -86,9 +98,35 @@ def silence_libraries(verbose: bool) -> Iterator[None]:
 
 
 def run_guarded(body: Callable[[], None], verbose: bool = False) -> None:
-    """Run a command's body; every failure becomes one line on standard error and an exit status."""
+    """Run a command's body; every failure becomes one line on standard error and an exit status.
+
+    Parameters
+    ----------
+    body
+        Without arguments.
+    verbose
+        An error of the program's own is shown with its trace, and what libraries print.
+
+    Raises
+    ------
+    Exit
+        Of typer, with the status: 1 the input or the run failed, 2 usage, 130 interrupted.
+
+    Examples
+    --------
+    >>> import typer
+    >>> from hrg_cli.commands.guard import run_guarded
+    >>> from hrg_cli.errors import HrgError
+    >>> def fail():
+    ...     raise HrgError("a.h5: no such file")
+    >>> try:
+    ...     run_guarded(fail)
+    ... except typer.Exit as left:
+    ...     print(left.exit_code)
+    1
+    """
     try:
-        with silence_libraries(verbose), keep_standard_output(), forgive_closed_pipe():
+        with _silence_libraries(verbose), _keep_standard_output(), forgive_closed_pipe():
             body()
     except UsageError as error:
         leave(str(error), USAGE)
@@ -115,9 +153,7 @@ def _unforeseen(error: Exception, verbose: bool) -> NoReturn:
         leave(NO_MEMORY, FAILED)
     if gone := find_optional(error):
         leave(f"this needs {tell_how_to_install(gone)}", FAILED)
-    if is_no_memory(error):
-        leave(NO_MEMORY, FAILED)
-    if isinstance(error, OSError) and (said := explain_system_error(error)):
+    if isinstance(error, OSError) and (said := _explain_system_error(error)):
         leave(said, FAILED)
     if verbose:
         import traceback
@@ -147,7 +183,7 @@ REFUSALS = {
 """What the system refuses wherever a file is touched, and what to do then."""
 
 
-def explain_system_error(error: OSError) -> str | None:
+def _explain_system_error(error: OSError) -> str | None:
     """The sentence for what the system refused; None where it may be an error of the program."""
     if isinstance(error, FileNotFoundError) and error.filename is None and _folder_is_gone():
         return "the folder that this was started in is gone; change into one that is there"
@@ -166,6 +202,34 @@ def _folder_is_gone() -> bool:
 
 
 def leave(text: str, status: int) -> NoReturn:
-    """One line on standard error, then the exit status."""
+    """Print one line on standard error and leave with an exit status.
+
+    Parameters
+    ----------
+    text
+        What is said after `hrg:`, folded to one line.
+    status
+        Of the program.
+
+    Returns
+    -------
+    NoReturn
+        It does not return.
+
+    Raises
+    ------
+    Exit
+        Of typer, with the status.
+
+    Examples
+    --------
+    >>> import typer
+    >>> from hrg_cli.commands.guard import leave
+    >>> try:
+    ...     leave("a.h5: no such file", 1)
+    ... except typer.Exit as left:
+    ...     print(left.exit_code)
+    1
+    """
     print(f"hrg: {fold_line(text)}", file=sys.stderr, flush=True)
     raise typer.Exit(status) from None

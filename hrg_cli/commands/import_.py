@@ -72,11 +72,11 @@ def main(
 
     --show-config prints the mapping as TOML; kept as a file it serves a whole lot through --config.
     """
-    report = import_file(log, run, flags, envelope)
-    run.finish(report, lambda: show(report))
+    report = _import_file(log, run, flags, envelope)
+    run.finish(report, lambda: _show(report))
 
 
-def import_file(
+def _import_file(
     log: Path | None, run: Common, flags: Mapping[str, Any], envelope: bool = False
 ) -> dict[str, Any]:
     """Read `log`, write the recording (of an envelope: periods), return the JSON: what was taken,
@@ -126,7 +126,7 @@ def import_file(
     )
 
 
-def show(report: Mapping[str, Any]) -> None:
+def _show(report: Mapping[str, Any]) -> None:
     """What was taken of the log, as a table for a person."""
     columns = report.get("columns") or {}
     rows: list[tuple[Any, ...]] = [

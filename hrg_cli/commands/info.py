@@ -37,10 +37,10 @@ def main(
     full: Annotated[bool, typer.Option("--full", help="Print the whole history.")] = False,
 ) -> None:
     """What a file holds: kind, validity, history, sources, figures."""
-    run.finish(*info_file(file, run, full), judged=False)
+    run.finish(*_tell_file(file, run, full), judged=False)
 
 
-def info_file(
+def _tell_file(
     file: Path | None, run: Common, full: bool = False
 ) -> tuple[dict[str, Any], Callable[[], None]]:
     """What a file holds. Its status is told, not judged: the command ends with 0 whatever it is."""

@@ -64,11 +64,11 @@ def main(
     """An effect of the catalogue hidden in measured samples, to see whether a diagnosis finds it
     there."""
     with console.show_progress("inject", run.quiet or run.json) as progress:
-        outcome = inject_file(recording, run, effect or [], resonator, effects_from, progress)
+        outcome = _inject_file(recording, run, effect or [], resonator, effects_from, progress)
     run.finish(outcome.json)
 
 
-def inject_file(
+def _inject_file(
     recording: Path | None,
     run: Common,
     names: Sequence[str],
@@ -78,7 +78,7 @@ def inject_file(
 ) -> pipeline.Outcome:
     """Hide effects in a recording file; the record and the command's JSON."""
     extra = load_effects(effects_from) if effects_from is not None else ()
-    assignments = tuple(complete_keys(names, run.assignments, (*extra, *EFFECTS)))
+    assignments = tuple(_complete_keys(names, run.assignments, (*extra, *EFFECTS)))
     values = settings.resolve(inject, run.config, assignments)
     for name in names:
         values["effects"].setdefault(name, {})
@@ -101,7 +101,7 @@ def inject_file(
     )
 
 
-def complete_keys(
+def _complete_keys(
     names: Sequence[str], assignments: Sequence[str], known: Sequence[Effect]
 ) -> list[str]:
     """The assignments with whole keys: PARAMETER=VALUE belongs to the effect that has it,

@@ -137,7 +137,7 @@ def add(
         "order": order,
         "gyro_id": gyro_id,
     }
-    run.finish(*add_files(files or [], run, ledger, given))
+    run.finish(*_add_files(files or [], run, ledger, given))
 
 
 @make_command(
@@ -164,7 +164,7 @@ def show(
     """Every gyro's standing, and of every figure: control chart, capability Cp and Cpk, gauge
     study, risk of its limits; the golden unit's drift a station."""
     chosen = (kind.value if kind else None, figure or [], since)
-    run.finish(*show_ledger(run, ledger, limits, chosen, golden, guard_sigma, by.value))
+    run.finish(*_show_ledger(run, ledger, limits, chosen, golden, guard_sigma, by.value))
 
 
 @make_command(
@@ -187,10 +187,10 @@ def history(
 ) -> None:
     """Every result of one gyro, and how each figure moved: in σ, in shares of its limit, a day."""
     chosen = (kind.value if kind else None, figure or [], since)
-    run.finish(*show_history(run, gyro, ledger, limits, chosen, guard_sigma, by.value))
+    run.finish(*_show_history(run, gyro, ledger, limits, chosen, guard_sigma, by.value))
 
 
-def add_files(
+def _add_files(
     files: Sequence[Path], run: Common, ledger: Path, given: Mapping[str, str | None]
 ) -> Shown:
     """Enter files; the command's JSON."""
@@ -218,7 +218,7 @@ def add_files(
     return run.write_report(report), show
 
 
-def show_ledger(
+def _show_ledger(
     run: Common,
     ledger: Path,
     limits: Path | None,
@@ -244,7 +244,7 @@ def show_ledger(
     return _hand_over(run, report, entries, page), lambda: ledger_tables.show_overview(found)
 
 
-def show_history(
+def _show_history(
     run: Common,
     gyro: str | None,
     ledger: Path,

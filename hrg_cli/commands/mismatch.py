@@ -34,10 +34,10 @@ from .options import make_flags
 def main(run: Common, /, wave: OneFile = None, **flags: Any) -> None:
     """The signals a control system acts on: error of the amplitude, quadrature, phase and angle,
     with their noise and delay."""
-    run.finish(*mismatch_file(wave, run, flags))
+    run.finish(*_compute_mismatch(wave, run, flags))
 
 
-def mismatch_file(
+def _compute_mismatch(
     file: Path | None, run: Common, flags: dict[str, Any]
 ) -> tuple[dict[str, Any], Callable[[], None]]:
     """Write the signals; the command's JSON and the function that shows their noise and delay."""

@@ -21,8 +21,37 @@ def run_stage_on_files(
     rehearse: int | None = None,
     **flags: Any,
 ) -> None:
-    """The body of every command that is one stage on files; its result is rehearsed so many times
-    where that is asked for."""
+    """Do what every command does that is one stage on files.
+
+    Parameters
+    ----------
+    run
+        The command's options.
+    name
+        Of the stage.
+    inputs
+        That were named.
+    beside
+        Further files by their argument of the stage; None: not given.
+    rehearse
+        So many times its result is rehearsed; None: it is not.
+    **flags
+        Settings given by options of the command; None: not given.
+
+    Raises
+    ------
+    HrgError
+        The input or the stage failed; wrong use is a UsageError.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.commands.one_stage import run_stage_on_files
+    >>> run_stage_on_files(Told(resolve_settings=lambda stage: {}), "demodulate", [])
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.UsageError: no input is named; name a recording file
+    """
     stage = STAGES[name]
     values = run.resolve_settings(stage.load_function(), **flags)
     inputs = need_inputs(inputs, f"a {stage.takes} file")

@@ -16,8 +16,33 @@ def make_flags(
 ) -> list[inspect.Parameter]:
     """Options for settings of a stage: those named, and those that the command calls otherwise.
 
-    prefix: put before every help; renamed: setting=option. An option that is not given is None, so
-    that files and --set keep their say; choices, bounds and defaults are the stage's.
+    An option that is not given is None, so that files and --set keep their say; choices, bounds and
+    defaults are the stage's.
+
+    Parameters
+    ----------
+    stage
+        Its function, whose parameters have descriptions.
+    *names
+        Of the settings.
+    prefix
+        Put before every help.
+    **renamed
+        Setting -> what its option is called.
+
+    Returns
+    -------
+    list of Parameter
+        Of a signature, with keywords only.
+
+    Examples
+    --------
+    >>> from typing import get_args
+    >>> from hrg_cli import identify
+    >>> from hrg_cli.commands.options import make_flags
+    >>> (option,) = make_flags(identify, "bootstrap")
+    >>> option.name, get_args(option.annotation)[1].help
+    ('bootstrap', 'Block-bootstrap draws for the errors, 0: none (default 0).')
     """
     hints = get_type_hints(stage, include_extras=True)
     defaults = inspect.signature(stage).parameters
@@ -71,12 +96,51 @@ def _sentence(prefix: str, meaning: str, default: Any) -> str:
 
 
 def parse_column(text: str) -> str | int:
-    """A column's title, or its number."""
+    """A column's title, or its number.
+
+    Parameters
+    ----------
+    text
+        As typed.
+
+    Returns
+    -------
+    str or int
+        The number where the text is one.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.options import parse_column
+    >>> parse_column("3"), parse_column("T")
+    (3, 'T')
+    """
     return int(text) if text.isdigit() else text
 
 
 def parse_numbers(text: str) -> list[float]:
-    """Numbers joined by commas."""
+    """Numbers joined by commas.
+
+    Parameters
+    ----------
+    text
+        As typed.
+
+    Returns
+    -------
+    list of float
+        In its order.
+
+    Raises
+    ------
+    BadParameter
+        Of typer: a part is no number.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.options import parse_numbers
+    >>> parse_numbers("-20,0,20")
+    [-20.0, 0.0, 20.0]
+    """
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
@@ -86,5 +150,22 @@ def parse_numbers(text: str) -> list[float]:
 
 
 def parse_words(text: str) -> list[str]:
-    """Names joined by commas."""
+    """Names joined by commas.
+
+    Parameters
+    ----------
+    text
+        As typed.
+
+    Returns
+    -------
+    list of str
+        Without empty ones.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.options import parse_words
+    >>> parse_words("gain_mismatch, clock_error,")
+    ['gain_mismatch', 'clock_error']
+    """
     return [part.strip() for part in text.split(",") if part.strip()]

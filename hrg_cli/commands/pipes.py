@@ -38,8 +38,29 @@ READS_CONTENT = ("import",)
 
 
 def name_piped_output(command: str) -> Path:
-    """The name of a temporary output that does not exist yet. UsageError: the command makes no hrg
-    file."""
+    """The name of a temporary output that does not exist yet.
+
+    Parameters
+    ----------
+    command
+        That will write it.
+
+    Returns
+    -------
+    Path
+        In the folder for temporary files.
+
+    Raises
+    ------
+    UsageError
+        The command makes no hrg file.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.pipes import name_piped_output
+    >>> name_piped_output("demodulate").name.startswith("hrg-pipe-")
+    True
+    """
     if command not in MAKES_A_FILE:
         raise UsageError(
             f"{command} -o -: only an hrg file goes through a pipe ({', '.join(MAKES_A_FILE)});"
@@ -52,10 +73,36 @@ def name_piped_output(command: str) -> Path:
 
 
 def take_from_pipe(command: str, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], list[Path]]:
-    """The arguments with every `-` replaced by the names that came through the pipe, and those
+    r"""The arguments with every `-` replaced by the names that came through the pipe, and those
     names.
 
-    HrgError: nothing came. UsageError: `-` twice, or several names for one file.
+    Parameters
+    ----------
+    command
+        That is given them.
+    arguments
+        Of its body.
+
+    Returns
+    -------
+    tuple
+        The arguments, and the names in their order; none where no `-` is among them.
+
+    Raises
+    ------
+    HrgError
+        Nothing came; `-` twice, or several names for one file, is a UsageError.
+
+    Examples
+    --------
+    >>> import io, sys
+    >>> from pathlib import Path
+    >>> from hrg_cli.commands.pipes import take_from_pipe
+    >>> own, sys.stdin = sys.stdin, io.StringIO("a.h5\nb.h5\n")
+    >>> arguments, names = take_from_pipe("identify", {"files": [Path("-"), Path("c.h5")]})
+    >>> sys.stdin = own
+    >>> [path.name for path in arguments["files"]], len(names)
+    (['a.h5', 'b.h5', 'c.h5'], 2)
     """
     dashes = [
         key
@@ -83,13 +130,49 @@ def take_from_pipe(command: str, arguments: Mapping[str, Any]) -> tuple[dict[str
 
 
 def hand_on(output: Path) -> list[Path]:
-    """The files made under a temporary output's name: itself, or one a run."""
+    """List the files made under a temporary output's name: itself, or one per run.
+
+    Parameters
+    ----------
+    output
+        The temporary name.
+
+    Returns
+    -------
+    list of Path
+        In the order of their names.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.commands.pipes import hand_on
+    >>> with TemporaryDirectory() as name:
+    ...     (Path(name) / "x-2.h5").touch()
+    ...     (Path(name) / "x-1.h5").touch()
+    ...     [path.name for path in hand_on(Path(name) / "x.h5")]
+    ['x-1.h5', 'x-2.h5']
+    """
     return [output] if output.exists() else sorted(output.parent.glob(f"{output.stem}-*.h5"))
 
 
 def remove(names: list[Path]) -> None:
-    """Remove the temporary files that were taken, and what was made beside them; other files
-    stay."""
+    """Remove the temporary files that were taken, and what was made beside them; other files stay.
+
+    Parameters
+    ----------
+    names
+        That came through the pipe.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.pipes import name_piped_output, remove
+    >>> output = name_piped_output("demodulate")
+    >>> output.touch()
+    >>> remove([output])
+    >>> output.exists()
+    False
+    """
     folder = Path(tempfile.gettempdir())
     for name in names:
         if name.name.startswith(PREFIX) and name.parent == folder:

@@ -50,11 +50,11 @@ def main(
 
     FILE: a resonator or diagnosis file, then the wave files measured already.
     """
-    report = plan_files(files or [], menu, run, flags)
-    run.finish(report, lambda: show(report), told=report["impossible"])
+    report = _plan_next(files or [], menu, run, flags)
+    run.finish(report, lambda: _show(report), told=report["impossible"])
 
 
-def show(report: Mapping[str, Any]) -> None:
+def _show(report: Mapping[str, Any]) -> None:
     """The chosen runs, and what they are expected to bring."""
     console.print_table("", ("run", "why"), [(r["run_id"], r["reason"]) for r in report["runs"]])
     told = [
@@ -83,7 +83,7 @@ def _write_std(name: str, std: float | None) -> str:
     return "–" if std is None else format_rounded(name, std, find_unit(name), 3)
 
 
-def plan_files(
+def _plan_next(
     files: Sequence[Path], menu: Path | None, run: Common, flags: dict[str, Any]
 ) -> dict[str, Any]:
     """Plan the next runs; writes them as a simulation file; the command's JSON."""

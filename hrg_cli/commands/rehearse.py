@@ -48,7 +48,7 @@ def main(
     named beside it. The verdict is written into the file's status.
     """
     with console.show_progress("rehearse", run.quiet or run.json) as progress:
-        report, show = rehearse_files(files or [], run, flags, keep_file, progress)
+        report, show = _rehearse_files(files or [], run, flags, keep_file, progress)
     run.finish(report, show)
 
 
@@ -56,7 +56,7 @@ RESULTS = (Resonator, Calibration, Diagnosis)
 SUFFIXES = (".json", ".svg", ".html")
 
 
-def rehearse_files(
+def _rehearse_files(
     files: Sequence[Path],
     run: Common,
     flags: Mapping[str, Any],
@@ -100,7 +100,13 @@ def rehearse_files(
 
 
 def show(told: Mapping[str, Any]) -> None:
-    """The rehearsal's tables."""
+    """Print the rehearsal's tables.
+
+    Parameters
+    ----------
+    told
+        The rehearsal as the JSON has it.
+    """
     for table in tabulate_rehearsal(told):
         console.print_table(table.caption, table.head, table.rows)
 
@@ -128,8 +134,32 @@ def _write(report: Mapping[str, Any], suffix: str, path: Path) -> None:
 def rehearse_outcome(
     outcome: pipeline.Outcome, output: Path, inputs: Sequence[Path], times: int, run: Common
 ) -> pipeline.Outcome:
-    """What `--rehearse N` of a command adds to its outcome: the verdict in the file's status and in
-    the JSON."""
+    """What `--rehearse N` of a command adds to its outcome: the verdict in the file and in the
+    JSON.
+
+    Parameters
+    ----------
+    outcome
+        Of the stage, whose file is written.
+    output
+        That file; the verdict is written into its status.
+    inputs
+        That it was made of.
+    times
+        Rehearsals.
+    run
+        The command's options.
+
+    Returns
+    -------
+    Outcome
+        The record as the file has it now, and the JSON with `rehearsal`.
+
+    Raises
+    ------
+    HrgError
+        No twin can be made of it, or too few rehearsals gave a result.
+    """
     values = settings.check_settings(
         rehearse, {"times": times} | ({} if run.seed is None else {"seed": run.seed}), usage=True
     )

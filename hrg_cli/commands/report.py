@@ -33,8 +33,29 @@ def report(
         bool, Field(description="draw the figures of every file behind the answer")
     ] = False,
 ) -> list[Path]:
-    """Write the page or the figures; the files written. HrgError: a file is damaged or not of hrg,
-    the output exists."""
+    """Write the page or the figures of files.
+
+    Parameters
+    ----------
+    files
+        Of hrg, of any kind.
+    output
+        The page, or the folder for figures.
+    force
+        It may be replaced.
+    limits
+        Held against the files on the page, by kind.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    HrgError
+        A file is damaged or not of hrg, or the output exists.
+    """
     from ..reporting.page import build_report, write_figures
 
     if format == "png":
@@ -71,10 +92,10 @@ def main(
     **flags: Any,
 ) -> None:
     """One self-contained page (or the figures) about any set of hrg files: the answer first."""
-    run.finish(report_files(files or [], run, limits, **flags))
+    run.finish(_report_files(files or [], run, limits, **flags))
 
 
-def report_files(
+def _report_files(
     files: Sequence[Path], run: Common, limits: Path | None = None, **flags: Any
 ) -> dict[str, Any]:
     """Report on files; the command's JSON."""

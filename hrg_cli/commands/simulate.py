@@ -45,14 +45,14 @@ def main(
     started = time.monotonic()
     file = need_inputs([config_file] if config_file else [], "a simulation file (TOML)")[0]
     with console.show_progress("simulate", run.quiet or run.json) as progress:
-        report = simulate_files(file, run, flags, effects_from, progress)
+        report = _simulate_files(file, run, flags, effects_from, progress)
     run.finish({**report, "elapsed_s": round(time.monotonic() - started, 3)})
 
 
 STAGE_SETTINGS = ("model", "run", "block_samples", "seed")
 
 
-def simulate_files(
+def _simulate_files(
     file: Path,
     run: Common,
     flags: Mapping[str, Any],

@@ -95,7 +95,7 @@ def main(
     recovery hides every effect in RECORDINGs of yours and tells what a diagnosis finds of it.
     programmes and recovery go on where they were stopped: give the same folder again.
     """
-    run.finish(*run_study(name, run, recordings or [], effects=effects, sizes=sizes))
+    run.finish(*_run_study(name, run, recordings or [], effects=effects, sizes=sizes))
 
 
 OF_RECORDINGS, RESUMED = ("recovery",), ("programmes", "recovery")
@@ -104,7 +104,7 @@ OF_NO_ROW = ("jobs", "programmes")
 """Settings that no row of a study depends on: how the work is shared, and how much of it there is."""
 
 
-def run_study(
+def _run_study(
     name: str | None, run: Common, recordings: Sequence[Path] = (), **flags: Any
 ) -> tuple[dict[str, Any], Callable[[], None]]:
     """Run the study; its JSON report and the function that shows its table."""

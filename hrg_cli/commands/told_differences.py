@@ -13,7 +13,26 @@ HEAD = ("figure", "old", "new", "change", "moved by, σ")
 
 
 def list_differences(found: Sequence[Difference]) -> list[tuple[str, ...]]:
-    """Figure, old, new, change and σ of each difference; a figure kept in two places once."""
+    """Differences as rows of a table; a figure that is kept in two places once.
+
+    Parameters
+    ----------
+    found
+        Of two results.
+
+    Returns
+    -------
+    list of tuple
+        The texts of `HEAD`, in units of the trade.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.told_differences import list_differences
+    >>> from hrg_cli.comparing import Difference
+    >>> one = Difference("scale_factor", 0.55, None, 0.551, None, "1", 1e-3, 1.0)
+    >>> [(row[0], row[-1]) for row in list_differences([one, one])]
+    [('scale factor K', '1')]
+    """
     rows: list[tuple[str, ...]] = []
     for one in found:
         row = (
@@ -29,7 +48,31 @@ def list_differences(found: Sequence[Difference]) -> list[tuple[str, ...]]:
 
 
 def describe_beyond(found: Comparison, limit_sigma: float) -> list[str]:
-    """Sentences: what moved by more, what is in one alone (causes), which words changed."""
+    """What changed beyond a limit, in sentences.
+
+    Parameters
+    ----------
+    found
+        Of two results.
+    limit_sigma
+        σ by which a figure may have moved.
+
+    Returns
+    -------
+    list of str
+        What moved by more, causes that are in one result alone, and which words changed.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.commands.told_differences import describe_beyond
+    >>> words = [("verdict", "explained", "adequate")]
+    >>> found = Told(differences=[], lone_causes=[("old", "gain_mismatch")], words=words)
+    >>> for sentence in describe_beyond(found, 4.0):
+    ...     print(sentence)
+    cause gain mismatch is in the old result alone
+    verdict was explained, is adequate
+    """
     far = [d for d in found.differences if d.sigma is not None and abs(d.sigma) > limit_sigma]
     said = [
         f"{name} moved by {sigma} σ ({change}), at most {limit_sigma:g} was wanted"
@@ -44,7 +87,25 @@ def describe_beyond(found: Comparison, limit_sigma: float) -> list[str]:
 
 
 def list_lone_causes(found: Comparison) -> list[tuple[str, str]]:
-    """Causes that one result alone has, in words: "old" or "new", and the cause."""
+    """Causes that one result alone has, in words: "old" or "new", and the cause.
+
+    Parameters
+    ----------
+    found
+        Of two results.
+
+    Returns
+    -------
+    list of tuple
+        In the order found.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.commands.told_differences import list_lone_causes
+    >>> list_lone_causes(Told(lone_causes=[("old", "gain_mismatch")]))
+    [('old', 'gain mismatch')]
+    """
     return [(place, clean_text(cause.replace("_", " "))) for place, cause in found.lone_causes]
 
 

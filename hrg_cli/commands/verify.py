@@ -45,10 +45,10 @@ def main(
 
     FILE: hrg files or folders; sources that lie in the same folder are followed.
     """
-    run.finish(*verify_files(files or [], run, sign_with))
+    run.finish(*_verify_files(files or [], run, sign_with))
 
 
-def verify_files(
+def _verify_files(
     files: Sequence[Path], run: Common, sign_with: Path | None = None
 ) -> tuple[dict[str, Any], Callable[[], None]]:
     """Verify, and sign what is whole; the command's JSON and its table."""
