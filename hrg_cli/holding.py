@@ -22,7 +22,37 @@ def hold(records: Sequence[Record], limits: Mapping[str, Any]) -> list[list[Row]
     A limit outside a table is held against every result that has such a figure; what the table of
     its kind says of the same figure goes first. One that no result has does not pass. Of a linear
     resonator that a diagnosis beside it explains nothing is held: the diagnosis' own stands in its
-    place. UsageError: as `check`.
+    place.
+
+    Parameters
+    ----------
+    records
+        The results.
+    limits
+        Of a limits file.
+
+    Returns
+    -------
+    list of list of Row
+        Of each result, in their order.
+
+    Raises
+    ------
+    UsageError
+        As of `check`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator
+    >>> from hrg_cli.holding import hold
+    >>> one = np.ones(1)
+    >>> found = Resonator(
+    ...     name=np.array(["scale_factor"]), units=np.array(["1"]), value=0.55 * one, std=one,
+    ...     covariance=np.eye(1),
+    ... )
+    >>> [[row.passed for row in rows] for rows in hold([found], {"scale_factor": 0.56})]
+    [[True, True]]
     """
     check_tables(limits)
     outside = {name: value for name, value in limits.items() if not is_group(value)}
@@ -43,7 +73,26 @@ def hold(records: Sequence[Record], limits: Mapping[str, Any]) -> list[list[Row]
 
 
 def concerns(limits: Mapping[str, Any], kind: str) -> bool:
-    """Whether limits may say something of a kind of file."""
+    """Whether limits may say something of a kind of file.
+
+    Parameters
+    ----------
+    limits
+        Of a limits file.
+    kind
+        Of the file.
+
+    Returns
+    -------
+    bool
+        True where there is a limit outside a table.
+
+    Examples
+    --------
+    >>> from hrg_cli.holding import concerns
+    >>> concerns({"resonator": {"scale_factor": 0.56}}, "calibration")
+    False
+    """
     return kind in limits or not all(is_group(value) for value in limits.values())
 
 

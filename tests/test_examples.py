@@ -56,7 +56,7 @@ HELD = (
     "commands.told_differences",
     "effects",
     *modules_of("effects"),
-    *("extras", "limits"),
+    *("extras", "holding", "limits", "memory"),
     *modules_of("handbook"),
     *modules_of("lots"),
     *modules_of("stages.planning"),
