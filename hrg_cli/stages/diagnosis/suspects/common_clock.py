@@ -16,9 +16,9 @@ import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Array, Wave
+from ...suspicion import Suspicion
 from .cases import REMOVED, Fitted, SuspectFound, fit_or_none
 from .readings import FINEST, LATEST, compute_misfits, has_varying_rate, search_least
-from .suspicion import Suspicion
 from .transformations import advance_rate, advance_rate_within_log
 
 LOOKED_AT = 3

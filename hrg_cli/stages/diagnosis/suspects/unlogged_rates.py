@@ -8,9 +8,9 @@ from ....errors import name_some
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.base_freedom import choose_scale_factor
 from ....records import Wave
+from ...suspicion import Suspicion
 from .cases import REMOVED, Fitted, SuspectFound, fit_or_none
 from .readings import SCALE_FACTOR, compute_shown_rate, estimate_own, is_turning
-from .suspicion import Suspicion
 from .transformations import hold_rate
 
 ROUNDS = 8
