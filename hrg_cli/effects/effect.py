@@ -132,6 +132,11 @@ class Runs(Protocol):
     def reference_frequency_hz(self) -> float:
         """Frequency against which the envelopes stand."""
 
+    @property
+    def table_turn_rad(self) -> Array:
+        """By how much the logged rates alone turn mθ back from the runs' starts on, K∫Ω dt with the
+        usual K (R, n)."""
+
 
 def nothing(*_: Any) -> None:
     """The fast term of an effect that has none at this place.

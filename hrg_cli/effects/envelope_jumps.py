@@ -25,7 +25,8 @@ QUARTER = 1.9226
 
 @dataclass(frozen=True)
 class Jump:
-    """A jump of run `run` near `time_s`: Δu (2,) of the envelopes e^{−j·turn·t} u, and its χ²."""
+    """A jump of run `run` near `time_s`: Δu (2,) of the envelopes e^{−j·turn·t} u as they stand on
+    the table that turns, and its χ²."""
 
     run: int
     time_s: float
@@ -63,9 +64,9 @@ def find_jumps(runs: Runs) -> list[Jump]:
     """
     found: list[Jump] = []
     threshold = _threshold((1 + len(PARTS)) * int(np.count_nonzero(runs.weight)))
-    for number, (t, u, weight) in enumerate(
-        zip(runs.time_s, runs.envelope, runs.weight, strict=True)
-    ):
+    # a table whose rate steps bends the wave's course, which is no jump of it
+    on_table = _stand_on_table(runs.envelope, runs.table_turn_rad)
+    for number, (t, u, weight) in enumerate(zip(runs.time_s, on_table, runs.weight, strict=True)):
         rows = np.flatnonzero(weight)
         if len(rows) < 8 * FEWEST:
             continue
@@ -97,6 +98,12 @@ def find_jumps(runs: Runs) -> list[Jump]:
         for k, jump in enumerate(found)
         if not any(_is_same_jump(jump, other, runs) for other in found[:k])
     ]
+
+
+def _stand_on_table(u: Array, turn: Array) -> Array:
+    """Envelopes (..., 2) without the turn of mθ, −turn (...), that the rate makes."""
+    c, s = np.cos(turn), np.sin(turn)
+    return np.stack([c * u[..., 0] - s * u[..., 1], s * u[..., 0] + c * u[..., 1]], axis=-1)
 
 
 def find_strikes(runs: Runs) -> list[Jump]:

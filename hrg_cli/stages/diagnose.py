@@ -30,7 +30,7 @@ from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.base.contradiction import find_strangers
 from .diagnosis.base.joint_fit import Cut, cut_at_losses, fit_base, fit_together
 from .diagnosis.closing.closing_checks import choose_word, make_closing_checks
-from .diagnosis.closing.sized import Sized
+from .diagnosis.closing.sized import Sized, give_up_unsized
 from .diagnosis.closing.stability import examine_stability
 from .diagnosis.closing.wander import describe_wander
 from .diagnosis.extended.model import compose_simulation_file
@@ -231,6 +231,7 @@ def _diagnosed(asked: Asked) -> Diagnosis:
     # Tones near the oscillation first: in the envelopes they look like a split that beats.
     case, pieces, tones = _explain_beside_tones(asked, cut, near)
     result = _judge(asked, cut, case, pieces, tones)
+    case = result.case
     mistake = result.mistake
     if mistake is not None and mistake.surely:
         suspected = list(mistake.suspicions)
@@ -266,7 +267,7 @@ def _judge(
     asked: Asked, cut: Cut, case: Case, pieces: Sequence[Wave], tones: Sequence[Tone]
 ) -> ClosedCase:
     """The case held against the samples, against its own simulation, and by the closing checks."""
-    sized = Sized.from_case(case)
+    case, sized = give_up_unsized(case)
     samples = _seen_in_samples(asked.waves, case, cut, tones)
     model, written = _written(asked, case, cut, pieces, samples)
     closing = make_closing_checks(

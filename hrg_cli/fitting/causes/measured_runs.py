@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..envelopes import channel_noise
+from ..envelopes.base_freedom import choose_scale_factor
 from .designs import Basis, Softened
 from .walks import Walk
 
@@ -146,6 +147,12 @@ class MeasuredRuns:
         no weight."""
         weight = np.where(self.weight > 0, self.weight, np.inf)[..., None]
         return channel_noise.whiten(channel_noise.invert(self.whitening), over_noise / weight)
+
+    @property
+    def table_turn_rad(self) -> Array:
+        """By how much the logged rates alone turn mθ back from the runs' starts on, K∫Ω dt with the
+        usual K (R, n)."""
+        return choose_scale_factor(self.mode_number) * self.table_angle_rad
 
     @property
     def numbers(self) -> Array:

@@ -15,6 +15,7 @@ from ....fitting.least_squares import square_over_covariance
 from ..fits.refits import adopt, leave_out
 from ..fits.scoring import score_effects
 from ..search.search_case import Case
+from ..thresholds import OWN_SIGMA
 from .held_shapes import refit_one_sigma_off
 
 
@@ -73,6 +74,31 @@ class Sized:
         """Those that hold a cause, and in which its own numbers mean the same."""
         there = [self.beside, *(fit for name, fit in self.off.items() if name != cause)]
         return [fit for fit in there if cause in {one.name for one, _ in fit.point.active}]
+
+
+def give_up_unsized(case: Case) -> tuple[Case, Sized]:
+    """The case without the causes that, beside a rest, are not off zero by their own σ, and its sizes.
+
+    Open terms that describe the rest take such a cause's place, or the rest moves it by as much as
+    itself: it is a part of what is not understood. The weakest goes first.
+    """
+    sized = Sized.from_case(case)
+    while case.remainder is not None:
+        judged = [
+            (sized.measure_sigma_off(one.variant.effect), one)
+            for one in case.search.found
+            if one.sizes is None
+        ]
+        sigma, weakest = min(judged, key=lambda pair: pair[0], default=(np.inf, None))
+        if weakest is None or not sigma < OWN_SIGMA:
+            break
+        name = weakest.variant.effect.name
+        without = leave_out(case.search.final, name, base=case.search.base)
+        if without is None:
+            break
+        case = case.give_up(weakest, without)
+        sized = Sized.from_case(case)
+    return case, sized
 
 
 def refit_with_rivals(case: Case) -> list[ExtendedFit]:

@@ -63,11 +63,13 @@ class Strike:
 
 def take_strikes(case: Case) -> Case:
     """The case with what stands out of a gross misfit at an instant, one after another; as it is
-    where the misfit is none."""
+    where the misfit is none, and without them where open terms describe more alone than beside
+    them."""
     if case.remainder is None or not is_gross(case.search.final):
         return case
     sharp = [effect for effect in EFFECTS if effect.of_one_run]
-    before, case = case, _drop_instants(case, sharp)
+    before, slow = case, _drop_instants(case, sharp)
+    case = slow
     step_s = case.inquiry.sampling_step_s
     for _ in range(case.inquiry.most):
         found = _clearest(case.search.final, sharp, step_s) if is_gross(case.search.final) else None
@@ -79,7 +81,12 @@ def take_strikes(case: Case) -> Case:
         case = replace(case, search=search)
     if case is before:
         return case
-    return replace(case, remainder=search_rest(case.search.final, case.inquiry.noise))
+    struck = replace(case, remainder=search_rest(case.search.final, case.inquiry.noise))
+    if case is slow:
+        return struck
+    if slow is not before:
+        slow = replace(slow, remainder=search_rest(slow.search.final, slow.inquiry.noise))
+    return struck if struck.criterion < slow.criterion else slow
 
 
 def _drop_instants(case: Case, sharp: Sequence[Effect]) -> Case:

@@ -7,8 +7,6 @@ import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from ....fitting.causes import evidence, extended_fit
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
@@ -16,7 +14,7 @@ from ..fits.refits import adopt, compute_bic, loosen
 from ..fits.scoring import score_effects
 from ..thresholds import BOUND_COST, CLEARLY, FURTHER, SAME, SIGNIFICANT, WORTH
 from .remainder import OPEN_TERMS, Remainder, describe
-from .search_case import Case
+from .search_case import Case, compute_criterion
 from .selection import Found
 from .stand_in import takes_nearly_all
 
@@ -36,7 +34,7 @@ class Rival:
     @property
     def criterion(self) -> float:
         """χ² + rank·ln N."""
-        return _criterion(self.fit, self.described)
+        return compute_criterion(self.fit, self.described)
 
     def is_clearly_better(self, case: Case) -> bool:
         """Whether one open term does clearly better than the next cause, where the list of causes
@@ -57,7 +55,7 @@ def give_way_to_open_terms(case: Case) -> Case:
     smaller claim than a list that explains everything.
     """
     clearly = CLEARLY * case.inquiry.noise.slow
-    full = _criterion(case.search.final, case.remainder)
+    full = case.criterion
     best: Rival | None = None
     start = case.search.base
     for count, following in enumerate(case.search.found):
@@ -122,14 +120,6 @@ def _is_better(rival: Rival, case: Case, full: float, mimics: bool) -> bool:
     forbidden = case.search.final.bound_cost > bound > rival.described.fit.bound_cost
     near = rival.criterion < full + CLEARLY * slow
     return mimics or (near and forbidden) or rival.criterion < full - margin * slow
-
-
-def _criterion(fit: ExtendedFit, beside: Remainder | None) -> float:
-    """χ² + rank·ln N of a fit with open terms beside it."""
-    if beside is None:
-        return compute_bic(fit)
-    rank = fit.basis.shape[1] + beside.rank
-    return beside.chi2 + rank * float(np.log(len(fit.residual)))
 
 
 def _is_open(rival: Rival, found: Sequence[Found], slow: float) -> bool:

@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from ....fitting.causes.extended_fit import ExtendedFit
+from ..fits.refits import compute_bic
 from .damping_form import Form
 from .inquiry import Inquiry
 from .remainder import Remainder, search_rest
@@ -24,8 +27,21 @@ class Case:
     frequencies: Mapping[str, Any] = field(default_factory=dict)
     form: Form | None = None
 
+    @property
+    def criterion(self) -> float:
+        """χ² + rank·ln N of the causes with the open terms beside them."""
+        return compute_criterion(self.search.final, self.remainder)
+
     def give_up(self, cause: Found, fit: ExtendedFit) -> Case:
         """The case in which a cause is given up; `fit`: the fit without it, whose rest is sought
         again."""
         search = self.search.give_up(cause, fit, self.inquiry.candidates)
         return replace(self, search=search, remainder=search_rest(fit, self.inquiry.noise))
+
+
+def compute_criterion(fit: ExtendedFit, beside: Remainder | None) -> float:
+    """χ² + rank·ln N of a fit with open terms beside it."""
+    if beside is None:
+        return compute_bic(fit)
+    rank = fit.basis.shape[1] + beside.rank
+    return beside.chi2 + rank * float(np.log(len(fit.residual)))

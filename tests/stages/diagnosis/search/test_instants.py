@@ -16,6 +16,7 @@ from hrg_cli.stages.diagnosis.fits.scoring import is_gross
 from hrg_cli.stages.diagnosis.fits.variants import list_variants
 from hrg_cli.stages.diagnosis.search.inquiry import Inquiry
 from hrg_cli.stages.diagnosis.search.instants import take_strikes
+from hrg_cli.stages.diagnosis.search.remainder import search_rest
 from hrg_cli.stages.diagnosis.search.search_case import Case
 from hrg_cli.stages.diagnosis.search.selection import Search
 
@@ -46,8 +47,8 @@ def named(wave, sampling_step_s=None):
     base = extended_fit.fit(series, point, choose_freedom(series, point, None))
     assert is_gross(base), "a slow misfit was expected"
     candidates = list_variants([e for e in EFFECTS if e.seen_in == "dynamics"], base)
-    left_over = object()  # what it is does not matter here, only that it is
     inquiry = Inquiry(tuple(candidates), 5, sampling_step_s=sampling_step_s)
+    left_over = search_rest(base, inquiry.noise)
     case = Case(inquiry, Search(base, base, (), (), ()), left_over)
     return take_strikes(case).search.found
 
