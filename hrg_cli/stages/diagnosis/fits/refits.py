@@ -12,12 +12,13 @@ from functools import reduce
 
 import numpy as np
 
-from ....effects.effect import Effect
+from ....effects.effect import INSTANT, Effect
 from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.least_squares import square_over_covariance
 from ..thresholds import CLEARLY, OUTDONE, WORTH
+from .instants import settle_instants
 from .scoring import compute_worth, is_gross, is_possible, price_place
 from .variants import Variant
 
@@ -191,6 +192,10 @@ def _refitted(
             trial = settle(trial)
             level = compute_bic(trial)
         effect, _ = trial.point.active[-1]
+        if (placed := settle_instants(trial, {effect.name})) is not trial:
+            trial, level = placed, compute_bic(placed)
+            instant = placed.point.active[-1][1][INSTANT]
+            variant = replace(variant, values={**variant.values, INSTANT: instant})
         if (
             trial.converged
             and is_possible(effect, trial)

@@ -17,12 +17,11 @@ from .between import take_from_frequencies
 from .forecast import drop_misleading
 from .form import take_better_form
 from .inquiry import Inquiry, NoiseLevel
-from .instants import take_strikes
+from .instants import place_strikes, take_strikes
 from .open_rivals import give_way_to_open_terms
 from .remainder import Remainder, judge_adequacy, search_rest
 from .search_case import Case
 from .selection import select
-from .struck_rows import settle_instants
 
 LEAST_CHANGE = 0.03
 """Relative difference of the noise from the stated one that is let be."""
@@ -54,15 +53,15 @@ def explain(
         case = _searched(reweight_fit(base, white), inquiry)
     # each step judges what those before it left. Causes that only the frequencies of the runs show
     # are taken before any is given up for want of them; a cause that open terms outdo needs no
-    # better form; data held out judge the form that stays; what strikes is
-    # moved within its row to where it does most; only then is what is left over a misfit
-    # that nothing explains, out of which strikes, and in the end every cause, have to stand
+    # better form; data held out judge the form that stays; what strikes does so at one place of its
+    # row; only then is what is left over a misfit that nothing explains, out of which strikes, and
+    # in the end every cause, have to stand
     for step in (
         take_from_frequencies,
         give_way_to_open_terms,
         take_better_form,
         drop_misleading,
-        settle_instants,
+        place_strikes,
         take_strikes,
         drop_indistinct,
     ):

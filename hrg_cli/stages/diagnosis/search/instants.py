@@ -24,6 +24,7 @@ from ....fitting.causes import designs, evidence, extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.least_squares import invert_information
+from ..fits.instants import settle_instants
 from ..fits.refits import leave_out
 from ..fits.scoring import count_places, is_gross, is_possible, score_effects
 from ..fits.variants import Variant, list_variants
@@ -59,6 +60,18 @@ class Strike:
         if step_s is None or not self.variant.effect.whole_samples:
             return True
         return bool(count_whole(self.size, self.std, step_s)[1].all())
+
+
+def place_strikes(case: Case) -> Case:
+    """The case with the instants of its causes where they leave least within their rows."""
+    names = {one.variant.effect.name for one in case.search.found if one.sizes is None}
+    settled = settle_instants(case.search.final, names)
+    if settled.chi2 > case.search.final.chi2 - WORTH * case.inquiry.noise.slow:
+        return case
+    case = replace(case, search=replace(case.search, final=settled))
+    if case.remainder is None:
+        return case
+    return replace(case, remainder=search_rest(settled, case.inquiry.noise))
 
 
 def take_strikes(case: Case) -> Case:

@@ -11,6 +11,7 @@ from ....effects.effect import Effect
 from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
+from ..fits.instants import settle_instants
 from ..fits.refits import QUICK_STEPS, adopt_hopeful, settle
 from ..fits.scoring import score_effects
 from ..fits.variants import Variant
@@ -54,6 +55,7 @@ def fit_nearest(base: ExtendedFit, candidates: Sequence[Variant], enough: float)
         if not likely:
             break
         fit = settle(min(likely, key=_find_misfit))
+        fit = settle_instants(fit, {effect.name for effect, _ in fit.point.active})
         best = min(best, fit, key=_find_misfit)
         if _find_misfit(best) < enough:
             break

@@ -151,6 +151,10 @@ class AtRest:
     weight: np.ndarray
     reference_frequency_hz: float = 5000.0
 
+    @property
+    def table_turn_rad(self):
+        return np.zeros(self.weight.shape)
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
