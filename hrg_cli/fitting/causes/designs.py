@@ -149,6 +149,20 @@ class Basis:
             return self
         return Basis(self.own, self.shared, self.variance / level**2)
 
+    def select_rows(self, kept: Array) -> Basis:
+        """The parts that live on some rows alone, on those `kept` (N,) of these; without the shared
+        ones."""
+        place = np.cumsum([0, *kept])
+        own = [
+            (
+                slice(int(place[rows.start]), int(place[rows.stop])),
+                orthonormalise(Q[kept[rows]], CLEAR_RANK),
+            )
+            for rows, Q in self.own
+            if kept[rows].any()
+        ]
+        return Basis(tuple(own), np.zeros((int(place[-1]), 0)))
+
     def project_out_own(self, S: Array) -> Array:
         """Columns (N, …) less their part along what lives on some rows alone."""
         out = S.copy()

@@ -110,14 +110,33 @@ class MeasuredRuns:
         """Some of the runs."""
         index = list(index)
         cut = self._cut(index)
+        there = np.isin(np.arange(len(self.names)), index)[:, None]
+        in_order = index == sorted(set(index))
         return replace(
             self.drop_shared_doubt(),
             names=tuple(self.names[i] for i in index),
             turn_rad_s=self.turn_rad_s[index],
             number=self.numbers[index],
             whitening=None if self.whitening is None else self.whitening[index],
+            unsettled=self._select_unsettled(there) if in_order else None,
             **cut,
         )
+
+    def keep_rows(self, kept: Array) -> MeasuredRuns:
+        """The runs with weight on the rows `kept` (R, n) alone."""
+        return replace(
+            self.drop_shared_doubt(),
+            weight=np.where(kept, self.weight, 0.0),
+            unsettled=self._select_unsettled(kept),
+        )
+
+    def _select_unsettled(self, kept: Array) -> Basis | None:
+        """What is unsettled of some rows (R, n) or runs (R, 1); None where that is said of all rows
+        together."""
+        if self.unsettled is None or self.scatter is not None or self.walk is not None:
+            return None
+        kept = np.broadcast_to(kept, self.weight.shape)
+        return self.unsettled.select_rows(np.repeat(kept[self.weight > 0], 4))
 
     def drop_rows_before(self, first: int) -> MeasuredRuns:
         """The runs from one row on."""

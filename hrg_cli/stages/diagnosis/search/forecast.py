@@ -26,7 +26,7 @@ from ....fitting.causes.fit_point import Point
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.causes.sensitivities import linearise_flow
 from ....fitting.causes.slow_prediction import predict
-from ....fitting.causes.wave_frame import to_reals
+from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.causes.whitened_rows import build_layout, compute_design
 from ....fitting.envelopes import channel_noise
 from ....physics import ellipse
@@ -132,7 +132,7 @@ def split_for_forecast(series: MeasuredRuns) -> list[Fold]:
         return []
     return [
         Fold(
-            replace(series.drop_shared_doubt(), weight=np.where(keep, series.weight, 0.0)),
+            series.keep_rows(keep),
             good & ~keep,
             False,
         )
@@ -199,12 +199,10 @@ def train(base: ExtendedFit, fold: Fold) -> ExtendedFit:
 
 def find_forecast_errors(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
     """What a training fit misses of the rows held out."""
-    held_out = np.where(fold.test, base.series.weight, 0.0)
-    series = replace(base.series.drop_shared_doubt(), weight=held_out)
     if fold.whole_runs:
         # a run's start and frequency are its own: they are fitted on it, everything shared is held
         kept = np.flatnonzero(fold.test.any(axis=1))
-        series = series.select_runs(kept.tolist())
+        series = base.series.select_runs(kept.tolist())
         still = tuple(
             (replace(e, parameters=tuple(replace(p, fitted=False) for p in e.parameters)), v)
             for e, v in fit.point.active
@@ -220,30 +218,38 @@ def find_forecast_errors(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Err
         prediction, names = own.prediction, kept
         learned = _propagate_learned(own, fit)
     else:
+        series = base.series.keep_rows(fold.test)
         prediction, names = predict(series, fit.point), np.arange(len(series.names))
         with np.errstate(all="ignore"):
             design = compute_design(linearise_flow(prediction), fit.layout)
             learned = design.to_matrix() @ _root(fit.covariance)
     run, row = np.argwhere(series.weight > 0).T
-    weight = series.weight[run, row]
-    whitening = None if series.whitening is None else series.whitening[run]
-    learned = channel_noise.whiten_reals(
-        channel_noise.invert(whitening), learned.reshape(len(run), 1, 4, -1)
-    )[:, 0]
-    learned = learned / weight[:, None, None]
-    measured, said = series.envelope[run, row], prediction.seen[run, row]
+    plain = to_reals(series.whiten(series.envelope - prediction.seen))
+    missed = plain[run, row].reshape(4 * len(run))
+    if series.unsettled is not None:
+        # what nobody knows of these runs is no error of the forecast
+        missed, learned = (series.unsettled.project_out(one) for one in (missed, learned))
+    difference = _to_units(series, run, row, missed[:, None])[..., 0]
+    measured = series.envelope[run, row]
     # a model that misses its own training by more than the noise is trusted that much less
     misfit = max(1.0, fit.chi2 / fit.dof)
-    parts = _parts(measured, said)
     return Errors(
         names[run],
         series.time_s[run, row],
-        to_reals(measured - said),
-        parts,
-        np.sqrt(misfit) * learned,
-        weight,
-        whitening,
+        difference,
+        _parts(measured, measured - to_complex(difference)),
+        np.sqrt(misfit) * _to_units(series, run, row, learned),
+        series.weight[run, row],
+        None if series.whitening is None else series.whitening[run],
     )
+
+
+def _to_units(series: MeasuredRuns, run: Array, row: Array, over_noise: Array) -> Array:
+    """Columns (4k, m) over the noise of rows in the envelopes' unit, (k, 4, m)."""
+    whitening = None if series.whitening is None else series.whitening[run]
+    inverse = channel_noise.invert(whitening)
+    values = channel_noise.whiten_reals(inverse, over_noise.reshape(len(run), 1, 4, -1))
+    return np.asarray(values[:, 0] / series.weight[run, row][:, None, None])
 
 
 def _propagate_learned(own: ExtendedFit, fit: ExtendedFit) -> Array:
