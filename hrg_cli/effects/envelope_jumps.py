@@ -57,7 +57,9 @@ def find_jumps(runs: Runs) -> list[Jump]:
     >>> from hrg_cli.effects.envelope_jumps import find_jumps
     >>> t, random = np.arange(200) * 0.1, np.random.default_rng(1)
     >>> u = 1 + 0.1 * (t > 10)[:, None] * [1.0, 0.0] + 1e-3 * random.standard_normal((200, 2))
-    >>> runs = Told(time_s=t[None], envelope=u[None] + 0j, weight=np.full((1, 200), 1e3))
+    >>> runs = Told(
+    ...     time_s=t[None], envelope=u[None] + 0j, weight=np.full((1, 200), 1e3), table_turn_rad=0 * t[None]
+    ... )
     >>> (jump,) = find_jumps(runs)
     >>> round(jump.time_s, 1), jump.change.real.round(2).tolist()
     (10.0, [0.1, 0.0])
@@ -131,7 +133,8 @@ def find_strikes(runs: Runs) -> list[Jump]:
     >>> from hrg_cli.effects.envelope_jumps import find_strikes
     >>> t, random = np.tile(np.arange(200) * 0.1, (3, 1)), np.random.default_rng(1)
     >>> u = 1 + 0.1 * (t > 10)[..., None] + 1e-3 * random.standard_normal((3, 200, 2))
-    >>> len(find_strikes(Told(time_s=t, envelope=u + 0j, weight=np.full((3, 200), 1e3))))
+    >>> weight = np.full((3, 200), 1e3)
+    >>> len(find_strikes(Told(time_s=t, envelope=u + 0j, weight=weight, table_turn_rad=0 * t)))
     0
     """
     found = find_jumps(runs)
@@ -164,7 +167,9 @@ def list_instants(runs: Runs) -> list[Values]:
     >>> from hrg_cli.effects.envelope_jumps import list_instants
     >>> t, random = np.arange(200) * 0.1, np.random.default_rng(1)
     >>> u = 1 + 0.1 * (t > 10)[:, None] * [1.0, 0.0] + 1e-3 * random.standard_normal((200, 2))
-    >>> runs = Told(time_s=t[None], envelope=u[None] + 0j, weight=np.full((1, 200), 1e3))
+    >>> runs = Told(
+    ...     time_s=t[None], envelope=u[None] + 0j, weight=np.full((1, 200), 1e3), table_turn_rad=0 * t[None]
+    ... )
     >>> [{name: round(value, 1) for name, value in start.items()} for start in list_instants(runs)]
     [{'time_s': 10.0, 'run': 0.0}]
     """

@@ -15,6 +15,8 @@ from ....fitting.least_squares import square_over_covariance
 from ..fits.refits import adopt, leave_out
 from ..fits.scoring import score_effects
 from ..search.search_case import Case
+from ..search.selection import Found
+from ..search.stand_in import takes_nearly_all
 from ..thresholds import OWN_SIGMA
 from .held_shapes import refit_one_sigma_off
 
@@ -80,25 +82,32 @@ def give_up_unsized(case: Case) -> tuple[Case, Sized]:
     """The case without the causes that, beside a rest, are not off zero by their own σ, and its sizes.
 
     Open terms that describe the rest take such a cause's place, or the rest moves it by as much as
-    itself: it is a part of what is not understood. The weakest goes first.
+    itself: it is a part of what is not understood. The weakest goes first; a cause that takes nearly
+    all of a gross misfit stays, whatever its size.
     """
     sized = Sized.from_case(case)
-    while case.remainder is not None:
-        judged = [
-            (sized.measure_sigma_off(one.variant.effect), one)
-            for one in case.search.found
-            if one.sizes is None
-        ]
-        sigma, weakest = min(judged, key=lambda pair: pair[0], default=(np.inf, None))
-        if weakest is None or not sigma < OWN_SIGMA:
-            break
-        name = weakest.variant.effect.name
-        without = leave_out(case.search.final, name, base=case.search.base)
-        if without is None:
-            break
-        case = case.give_up(weakest, without)
+    while case.remainder is not None and (weakest := _find_weakest(case, sized)) is not None:
+        case = case.give_up(*weakest)
         sized = Sized.from_case(case)
     return case, sized
+
+
+def _find_weakest(case: Case, sized: Sized) -> tuple[Found, ExtendedFit] | None:
+    """The cause that stands off zero least, by less than `OWN_SIGMA`, and the fit without it; None where
+    there is none."""
+    judged = [
+        (sized.measure_sigma_off(one.variant.effect), number, one)
+        for number, one in enumerate(case.search.found)
+        if one.sizes is None
+    ]
+    for sigma, _, one in sorted(judged):
+        if not sigma < OWN_SIGMA:
+            break
+        final = case.search.final
+        without = leave_out(final, one.variant.effect.name, base=case.search.base)
+        if without is not None and not takes_nearly_all(without, final):
+            return one, without
+    return None
 
 
 def refit_with_rivals(case: Case) -> list[ExtendedFit]:
