@@ -25,6 +25,7 @@ from hrg_cli.stages.diagnosis.samples.tones import take_out_tones
 from hrg_cli.stages.diagnosis.samples.waveform import find_waveform_causes
 from hrg_cli.stages.diagnosis.search.inquiry import Inquiry
 from hrg_cli.stages.diagnosis.search.instants import take_strikes
+from hrg_cli.stages.diagnosis.search.remainder import search_rest
 from hrg_cli.stages.diagnosis.search.search_case import Case
 from hrg_cli.stages.diagnosis.search.selection import Search
 from hrg_cli.stages.diagnosis.suspects.rivals import fit_nearest
@@ -116,8 +117,8 @@ def found_at_instants(name, wave):
     own = next(pair for pair in score_effects(base, dynamics(base)) if pair[0].name == OWN[name])
     fit = adopt(base, *own)
     assert is_gross(fit)
-    left_over = object()  # what it is does not matter here, only that it is
     inquiry = Inquiry(tuple(dynamics(fit)), 3, sampling_step_s=find_common_step([wave]))
+    left_over = search_rest(fit, inquiry.noise)
     case = Case(inquiry, Search(fit, fit, (), (), ()), left_over)
     return take_strikes(case).search.found
 

@@ -29,7 +29,7 @@ from ..fits.refits import leave_out
 from ..fits.scoring import count_places, is_gross, is_possible, score_effects
 from ..fits.variants import Variant, list_variants
 from ..fits.whole_samples import count_whole
-from ..thresholds import INADEQUATE, MOST_RIVALS, SIGNIFICANT, WORTH
+from ..thresholds import INADEQUATE, MOST_RIVALS, NEVER_LESS, SIGNIFICANT, WORTH
 from .beside_misfit import Spectrum, count_independent_numbers
 from .remainder import search_rest
 from .search_case import Case
@@ -76,8 +76,7 @@ def place_strikes(case: Case) -> Case:
 
 def take_strikes(case: Case) -> Case:
     """The case with what stands out of a gross misfit at an instant, one after another; as it is
-    where the misfit is none, and without them where open terms describe more alone than beside
-    them."""
+    where the misfit is none, and without them where open terms describe all of it alone."""
     if case.remainder is None or not is_gross(case.search.final):
         return case
     sharp = [effect for effect in EFFECTS if effect.of_one_run]
@@ -99,7 +98,16 @@ def take_strikes(case: Case) -> Case:
         return struck
     if slow is not before:
         slow = replace(slow, remainder=search_rest(slow.search.final, slow.inquiry.noise))
-    return struck if struck.criterion < slow.criterion else slow
+    return slow if _is_described(slow) and slow.criterion <= struck.criterion else struck
+
+
+def _is_described(case: Case) -> bool:
+    """Whether open terms describe all that the causes leave, down to the noise: of less a strike may
+    still be a part."""
+    if case.remainder is None:
+        return True
+    fit = case.remainder.fit
+    return fit.chi2 < NEVER_LESS * case.inquiry.noise.slow * fit.dof
 
 
 def _drop_instants(case: Case, sharp: Sequence[Effect]) -> Case:
