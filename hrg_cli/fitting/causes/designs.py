@@ -152,15 +152,13 @@ class Basis:
     def select_rows(self, kept: Array) -> Basis:
         """The parts that live on some rows alone, on those `kept` (N,) of these; without the shared
         ones."""
-        place = np.cumsum([0, *kept])
-        own = [
-            (
-                slice(int(place[rows.start]), int(place[rows.stop])),
-                orthonormalise(Q[kept[rows]], CLEAR_RANK),
-            )
-            for rows, Q in self.own
-            if kept[rows].any()
-        ]
+        place, own = np.cumsum([0, *kept]), []
+        for rows, Q in self.own:
+            if kept[rows].any():
+                # Q has unit columns: what little of one is kept may be rounding, and no direction
+                U, s, _ = np.linalg.svd(Q[kept[rows]], full_matrices=False)
+                there = slice(int(place[rows.start]), int(place[rows.stop]))
+                own.append((there, U[:, s > CLEAR_RANK]))
         return Basis(tuple(own), np.zeros((int(place[-1]), 0)))
 
     def project_out_own(self, S: Array) -> Array:

@@ -61,3 +61,12 @@ def test_what_lives_on_some_rows_is_cut_with_them():
     assert np.allclose(left[:6], S[10:16] - first[6:] @ np.linalg.lstsq(first[6:], S[10:16])[0])
     assert np.allclose(left[10:22], whole.project_out(S)[20:32])
     assert np.allclose(left[6:10], S[16:20])
+
+
+def test_rounding_of_a_part_that_is_cut_away_is_no_direction():
+    """A step's own rows begin where it does; those before it hold 1e-17 of it."""
+    random = np.random.default_rng(0)
+    part = np.concatenate([1e-17 * random.standard_normal((8, 2)), random.standard_normal((8, 2))])
+    whole = Basis(((slice(0, 16), orthonormalise(part)),), np.zeros((16, 0)))
+    assert whole.select_rows(np.arange(16) < 8).shape == (8, 0)
+    assert whole.select_rows(np.arange(16) >= 8).shape == (8, 2)
