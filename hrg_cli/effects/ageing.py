@@ -2,7 +2,7 @@
 
 Physics: coating, mount and stress relax; frequency and damping split change in proportion to time.
 Equation: φ̇ = ω α_t t, νδμ R(2mθ_μ) → … + t (m_c R(0) + m_s R(π/2)), t from the run's start   (PHYSICS M12).
-Size: 0.1 … 10 % a year; the parameters are per second. Mistaken for: temperature on one ramp, cubic
+Size: 0.1 … 10 % per year; the parameters are per second. Mistaken for: temperature on one ramp, cubic
 stiffness in a ring-down. What separates it: the same calibration repeated; a thermal cycle.
 """
 
@@ -35,9 +35,9 @@ EFFECT = Effect(
     family="bench",
     page=__doc__,
     parameters=(
-        Parameter("frequency_1_s", "s-1", 1e-7, "relative drift of the frequency a second"),
-        Parameter("split_cos_1_s2", "s-2", 5e-4, "drift of νδμ cos 2mθ_μ a second"),
-        Parameter("split_sin_1_s2", "s-2", 5e-4, "drift of νδμ sin 2mθ_μ a second"),
+        Parameter("frequency_1_s", "s-1", 1e-7, "relative drift of the frequency per second"),
+        Parameter("split_cos_1_s2", "s-2", 5e-4, "drift of νδμ cos 2mθ_μ per second"),
+        Parameter("split_sin_1_s2", "s-2", 5e-4, "drift of νδμ sin 2mθ_μ per second"),
     ),
     mistaken_for=("thermal_frequency", "cubic_stiffness"),
     next_experiment="the same runs repeated later at the same temperatures, or a thermal cycle",

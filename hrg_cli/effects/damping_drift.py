@@ -27,7 +27,7 @@ EFFECT = Effect(
     name="damping_drift",
     family="resonator",
     page=__doc__,
-    parameters=(Parameter("slope_1_s2", "s-2", 1e-3, "change of ν a second"),),
+    parameters=(Parameter("slope_1_s2", "s-2", 1e-3, "change of ν per second"),),
     mistaken_for=("nonlinear_damping", "thermal_damping"),
     next_experiment=(
         "ring-downs from two amplitudes at one temperature: a drift follows time, nonlinear damping"

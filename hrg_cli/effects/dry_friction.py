@@ -4,7 +4,7 @@ Physics: a suspension that rubs, a joint or knife edge of a pendulum, a loose el
 −f·ż/|ż|, f an acceleration. Equation: averaged over a period, u' = −(f/ω) G [u/2 − Q (uᵀu) u*],
 with the arithmetic–geometric mean M: G = 1/M(a_A, |a_B|) and Q (a_A² − a_B²)² = Σ 2^{n−1} c_n², n ≥
 1, c_n the differences of that mean (complete elliptic integrals). So ȧ_A = −(f/ω) a_A ⟨sin²/ρ⟩ and
-ȧ_B = −(f/ω) a_B ⟨cos²/ρ⟩, ρ² = a_A² sin² + a_B² cos²: a line swings down by 2f/(πω) a second
+ȧ_B = −(f/ω) a_B ⟨cos²/ρ⟩, ρ² = a_A² sin² + a_B² cos²: a line swings down by 2f/(πω) per second
 whatever its amplitude, a circle by f/2ω. The quadrature of a slim ellipse dies ln(4a_A/|a_B|) − 1
 times as fast as the main wave, relatively: the ellipse narrows; it does not turn. Size: 1e-4 … 1e-1
 of ν a. Source: the averaging of Krylov and Bogoliubov; the mean of Gauss for the elliptic integrals
@@ -104,7 +104,7 @@ EFFECT = Effect(
             "slope_1_s",
             "amplitude s-1",
             1e-3,
-            "amplitude that a line loses a second, 2f/πω",
+            "amplitude that a line loses per second, 2f/πω",
             amplitude_power=1,
             minimum=0.0,
         ),

@@ -39,7 +39,7 @@ REFERENCE_TEMPERATURE = "reference_temperature_degc"
 """Name of the parameter of every effect that counts from a temperature at which the base model
 holds."""
 RELATIVE_TO_TEMPERATURE = "relative_1_k"
-"""Name of the parameter by which an effect that `scales` a parameter does so, a part a kelvin."""
+"""Name of the parameter by which an effect that `scales` a parameter does so, a part per kelvin."""
 INSTANT = "time_s"
 """Name of the parameter of every effect that happens at one instant."""
 RUN, OF_EVERY_RUN = "run", -1.0

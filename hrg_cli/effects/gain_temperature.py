@@ -46,7 +46,7 @@ EFFECT = Effect(
     page=__doc__,
     needs=("temperature",),
     parameters=(
-        Parameter("relative_1_k", "K-1", 1e-3, "relative gain of both channels a kelvin"),
+        Parameter("relative_1_k", "K-1", 1e-3, "relative gain of both channels per kelvin"),
         make_reference_temperature("temperature at which the gain is 1"),
     ),
     mistaken_for=("thermal_damping", "damping_drift"),

@@ -44,7 +44,7 @@ EFFECT = Effect(
     page=__doc__,
     needs=("temperature",),
     parameters=(
-        Parameter("relative_1_k", "K-1", 1e-3, "relative gain of C over S a kelvin"),
+        Parameter("relative_1_k", "K-1", 1e-3, "relative gain of C over S per kelvin"),
         make_reference_temperature("temperature at which the gains are equal"),
     ),
     mistaken_for=("gain_mismatch", "split_temperature"),

@@ -36,7 +36,7 @@ EFFECT = Effect(
     family="read-out",
     page=__doc__,
     parameters=(
-        Parameter("slope_rad_s", "rad s-1", 1e-3, "change of the phase of C against S a second"),
+        Parameter("slope_rad_s", "rad s-1", 1e-3, "change of the phase of C against S per second"),
     ),
     mistaken_for=("frequency split", "phase_mismatch"),
     next_experiment=(

@@ -46,7 +46,7 @@ EFFECT = Effect(
     page=__doc__,
     needs=("temperature",),
     parameters=(
-        Parameter("relative_1_k", "K-1", 1e-5, "relative change of the scale factor a kelvin"),
+        Parameter("relative_1_k", "K-1", 1e-5, "relative change of the scale factor per kelvin"),
         make_reference_temperature(),
     ),
     mistaken_for=("scale factor", "table_rate_error"),

@@ -38,7 +38,7 @@ EFFECT = Effect(
     page=__doc__,
     needs=("temperature",),
     parameters=(
-        Parameter("relative_1_k", "K-1", 5e-3, "relative change of the damping a kelvin"),
+        Parameter("relative_1_k", "K-1", 5e-3, "relative change of the damping per kelvin"),
         make_reference_temperature(),
     ),
     mistaken_for=("damping_drift", "nonlinear_damping"),

@@ -39,7 +39,7 @@ EFFECT = Effect(
     page=__doc__,
     needs=("temperature",),
     parameters=(
-        Parameter("relative_1_k", "K-1", 1e-6, "relative change of frequency a kelvin"),
+        Parameter("relative_1_k", "K-1", 1e-6, "relative change of frequency per kelvin"),
         make_reference_temperature(),
     ),
     mistaken_for=("ageing", "cubic_stiffness", "thermal_hysteresis"),

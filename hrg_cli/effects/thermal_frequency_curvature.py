@@ -44,7 +44,7 @@ EFFECT = Effect(
     page=__doc__,
     needs=("temperature",),
     parameters=(
-        Parameter("relative_1_k2", "K-2", 1e-8, "relative bend of frequency a kelvin squared"),
+        Parameter("relative_1_k2", "K-2", 1e-8, "relative bend of frequency per kelvin squared"),
         make_reference_temperature(),
     ),
     mistaken_for=("thermal_hysteresis", "ageing", "cubic_stiffness"),

@@ -36,9 +36,9 @@ EFFECT = Effect(
     page=__doc__,
     needs=("temperature",),
     parameters=(
-        Parameter("frequency_s_k", "s K-1", 1e-6, "relative frequency a kelvin a second"),
-        Parameter("split_cos_rad_k", "rad K-1", 1e-3, "split δω cos 2mθ_ω a kelvin a second"),
-        Parameter("split_sin_rad_k", "rad K-1", 1e-3, "split δω sin 2mθ_ω a kelvin a second"),
+        Parameter("frequency_s_k", "s K-1", 1e-6, "relative frequency per kelvin per second"),
+        Parameter("split_cos_rad_k", "rad K-1", 1e-3, "split δω cos 2mθ_ω per kelvin per second"),
+        Parameter("split_sin_rad_k", "rad K-1", 1e-3, "split δω sin 2mθ_ω per kelvin per second"),
     ),
     mistaken_for=("thermal_lag", "thermal_hysteresis"),
     next_experiment="temperature in soak steps, or ramps at two speeds",

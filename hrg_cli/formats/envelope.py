@@ -108,7 +108,7 @@ def import_envelope(
         Column, Field(description="column of the rate, by its title or 1-based number")
     ] = None,
     sample_rate_hz: Annotated[
-        float | None, Field(gt=0, description="rows a second, where the log has no times")
+        float | None, Field(gt=0, description="rows per second, where the log has no times")
     ] = None,
     sampling_tolerance: SamplingTolerance = 1e-3,
     time_units: TimeUnits = None,

@@ -209,7 +209,7 @@ def _read(path: Path, places: Sequence[_Place]) -> Blocks:
 
 
 def _clock_base(nodes: list[tuple[str, Any]], scalars: dict[str, float]) -> float | None:
-    """Ticks a second of LabOne's time stamps, from the attributes or the clockbase node; None where
+    """Ticks per second of LabOne's time stamps, from the attributes or the clockbase node; None where
     not written."""
     for name, value in scalars.items():
         if "clockbase" in name.lower().split("/") and value > 0:

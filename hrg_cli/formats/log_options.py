@@ -22,7 +22,7 @@ TimeUnits = Annotated[
     ),
 ]
 ClockHz = Annotated[
-    float | None, Field(gt=0, description="ticks a second of a time column that counts ticks")
+    float | None, Field(gt=0, description="ticks per second of a time column that counts ticks")
 ]
 RateUnits = Annotated[
     str | None,

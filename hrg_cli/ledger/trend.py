@@ -25,7 +25,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Trend:
-    """Slope a day with its σ, and how far the values lie from the line over their own σ, √(χ²/dof)
+    """Slope per day with its σ, and how far the values lie from the line over their own σ, √(χ²/dof)
     (None without σ or degrees of freedom); a value above 1 has widened the slope's σ."""
 
     slope_per_day: float

@@ -434,7 +434,7 @@ def regulate_on_board(
     Returns
     -------
     tuple of float
-        a_ΦA and a_ΦB, amplitudes a second, and σ, rad/s.
+        a_ΦA and a_ΦB, amplitudes per second, and σ, rad/s.
 
     Examples
     --------

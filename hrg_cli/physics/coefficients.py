@@ -92,7 +92,7 @@ class Coefficients:
 
     def choose_knot_stride(self, h: float) -> int:
         """Steps between knots, so that the chord of the exponential errs by less than
-        `_CHORD_ERROR_1_S` a second."""
+        `_CHORD_ERROR_1_S` per second."""
         if not self.moving:
             return _LONGEST_STRIDE
         return int(

@@ -25,7 +25,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Electronics:
-    """The board: times in periods of the nominal frequency, force in amplitude a second."""
+    """The board: times in periods of the nominal frequency, force in amplitude per second."""
 
     periods_per_update: int = 16
     delay_periods: float = 0.0

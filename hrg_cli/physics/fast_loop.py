@@ -136,7 +136,7 @@ def _interpolate(knot: int, f: float, table: Array, out: Array) -> None:
 def _velocity(
     x: float, y: float, px: float, py: float, held: tuple[float, float], local: Array
 ) -> tuple[float, float]:
-    """Velocity over ω from the momentum in amplitudes a second, less `held`, what of it is the
+    """Velocity over ω from the momentum in amplitudes per second, less `held`, what of it is the
     sampled force's."""
     d, omega = DAMPING, local[OMEGA]
     vx = px + local[d] * x + local[d + 1] * y - held[0]

@@ -253,7 +253,7 @@ def regulate(
     Returns
     -------
     tuple of float
-        a_ΦA and a_ΦB, amplitudes a second.
+        a_ΦA and a_ΦB, amplitudes per second.
 
     Examples
     --------
@@ -349,7 +349,7 @@ def make_force(
     Returns
     -------
     tuple of complex
-        Phasors of C and S, amplitudes a second.
+        Phasors of C and S, amplitudes per second.
 
     Examples
     --------
@@ -395,7 +395,7 @@ def compute_spring_pull(x: float, y: float, omega: float, command: Command) -> t
     Returns
     -------
     tuple of float
-        Of C and S, amplitudes a second squared.
+        Of C and S, amplitudes per second squared.
 
     Examples
     --------
@@ -446,7 +446,7 @@ def reach_mode(
     Returns
     -------
     tuple of complex
-        Phasors of C and S, amplitudes a second.
+        Phasors of C and S, amplitudes per second.
 
     Examples
     --------

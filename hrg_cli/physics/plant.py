@@ -223,7 +223,7 @@ def make_linear_plant(
 class Control:
     """Drive and loops; nothing acts in a free run, nor while the drive is off.
 
-    Force on the envelope, a second (PHYSICS §1(c); u = e^{jφ}(a_A e_A − j a_B e_B)):
+    Force on the envelope, per second (PHYSICS §1(c); u = e^{jφ}(a_A e_A − j a_B e_B)):
         f = D e^{jφ}(a_ΦA e^{−jΔφ_A} e_A − j a_ΦB e^{−jΔφ_B} e_B) + f_parasitic e^{jφ}, D =
         `drive_matrix`
     so ȧ_A = a_ΦA − …, ȧ_B = a_ΦB − …. The amplitude loop makes a_ΦA (proportional and integral, the
@@ -274,7 +274,7 @@ class Samples:
     with the analytic signal, to the order of δω/ω."""
     drive: Array
     """(2, n) complex: the force on the envelopes (before `drive_matrix`) turned to the instant, f
-    e^{jω_r t}, amplitude a second."""
+    e^{jω_r t}, amplitude per second."""
     temperature_degc: Array
     rate_rad_s: Array
     velocity: Callable[[], Array] | None = None
@@ -345,7 +345,7 @@ class SlowState:
     table_angle_rad: Array
     """∫Ω dt of the run, from 0."""
     drive: Array
-    """Commanded force on the envelopes (..., 2) complex, amplitude a second, before any drive
+    """Commanded force on the envelopes (..., 2) complex, amplitude per second, before any drive
     defect; zero in a free run."""
     forced: Array
     """1 where the drive is on, else 0."""

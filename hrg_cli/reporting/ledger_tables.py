@@ -163,7 +163,7 @@ def tabulate_figures(found: Overview) -> list[PageTable]:
         ),
         PageTable(
             "golden unit",
-            ("figure", found.by, "n", "mean", "from the others", "since the first", "a day", "chart"),
+            ("figure", found.by, "n", "mean", "from the others", "since the first", "per day", "chart"),
             [_golden(row, of_golden) for row in found.golden],
         ),
     ]  # fmt: skip
@@ -235,7 +235,7 @@ def tabulate_courses(found: History) -> PageTable:
     """
     names = name_figures([(row.kind, row.name) for row in found.figures])
     since = ("against the last", "of the limit", "since the first", "of the limit")
-    head = ("figure", "n", "now", *since, "a day", "limit in", "chart")
+    head = ("figure", "n", "now", *since, "per day", "limit in", "chart")
     return PageTable("", head, [_course(row, names) for row in found.figures])
 
 

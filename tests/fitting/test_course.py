@@ -129,7 +129,7 @@ def test_a_command_goes_on_where_its_log_has_ended() -> None:
 
 
 def test_a_log_of_single_values_of_a_smooth_command_gives_its_means() -> None:
-    """Loops that settle as e^{−8t} beside twenty rows a second: taken for means, the values would
+    """Loops that settle as e^{−8t} beside twenty rows per second: taken for means, the values would
     miss h²·64/24 = 0.7 %."""
     t, step = np.arange(0.0, 2.0, 0.05), 0.05
     means = estimate_means(t, np.exp(-8 * t))

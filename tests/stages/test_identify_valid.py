@@ -158,7 +158,7 @@ def test_a_drifting_frequency_does_not_turn_the_axes_of_fixed_axes():
 
 
 def test_through_raw_samples():
-    """The same chain a user runs, at a tenth of the time: 20 windows of samples a second, turned
+    """The same chain a user runs, at a tenth of the time: 20 windows of samples per second, turned
     ten times as fast."""
     device = {
         "frequency_hz": 500.0,

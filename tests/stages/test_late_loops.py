@@ -150,5 +150,5 @@ def test_the_working_mode_takes_the_logged_force_off_the_quadrature(waves):
     assert any(said in s for s in unlogged.flat) and not any(said in s for s in logged.flat)
     mistaken = [w.replace(drive_quadrature=3 * np.asarray(w.drive_quadrature)) for w in forced]
     assert any(
-        "not in amplitude a second" in s for s in monitor_working_mode(mistaken, None).suspect
+        "not in amplitude per second" in s for s in monitor_working_mode(mistaken, None).suspect
     )

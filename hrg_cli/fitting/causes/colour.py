@@ -3,7 +3,7 @@
 Of each component x (relative amplitude, phase, angle, ellipticity) the noise is white n beside a
 wander whose rate is correlated over τ,
     Cov(x_s, x_t) = (q/2)[2 min(s, t) − τ(1 − e^{−s/τ} − e^{−t/τ} + e^{−|t−s|/τ})] + w² σ² δ_st,
-the integrated Ornstein–Uhlenbeck process: a random walk of q a second for τ → 0. q, τ and the white
+the integrated Ornstein–Uhlenbeck process: a random walk of q per second for τ → 0. q, τ and the white
 level w are those of the largest restricted likelihood (Patterson and Thompson 1971): the residual's
 polynomial in time is a fixed effect, so that a misfit of the model is not taken for noise, and the
 wander at long times is what the quick wander makes it.
@@ -148,7 +148,7 @@ def estimate(time_s: Array, values: Array, std: Array) -> ColouredNoise:
 
     Examples
     --------
-    White noise twice as large as stated, and the same beside a random walk of 1 a second:
+    White noise twice as large as stated, and the same beside a random walk of 1 per second:
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.causes.colour import estimate

@@ -280,7 +280,7 @@ def fit(
 ) -> ExtendedFit:
     """The extended model's optimum over all runs, by Gauss–Newton with step halving.
 
-    It stops when a step changes χ² by less than a thousandth of χ² a degree of freedom. Where the
+    It stops when a step changes χ² by less than a thousandth of χ² per degree of freedom. Where the
     damping would become negative along an axis the step runs along that bound, which is part of the
     fit (`CoordinatePriors.passive`); the covariance is that without the bound.
 

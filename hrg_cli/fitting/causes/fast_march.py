@@ -122,7 +122,7 @@ def march(
 
     Examples
     --------
-    A wave whose main drive of 0.1 a second makes up for a damping of 0.1 1/s stays as it is, and
+    A wave whose main drive of 0.1 per second makes up for a damping of 0.1 1/s stays as it is, and
     without it decays:
 
     >>> import numpy as np

@@ -227,7 +227,7 @@ class RungeKuttaStage:
 
         With the displacement for all, driven runs whose frequency follows 40 K of temperature are
         missed by what that makes of the force's lead; with v for what follows the velocity, a
-        damping that changes by Δν leaves out ΔνKΩ/ω of quadrature a second.
+        damping that changes by Δν leaves out ΔνKΩ/ω of quadrature per second.
         """
         if effect.acts_on == "velocity":
             beside = copy.copy(state)

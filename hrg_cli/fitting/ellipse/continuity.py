@@ -166,7 +166,7 @@ def estimate_local_slope(time_s: Array, values: Array, weights: Array, half_widt
     Returns
     -------
     ndarray
-        (n,), unit of the values a second; NaN where less than two neighbours are used.
+        (n,), unit of the values per second; NaN where less than two neighbours are used.
 
     Examples
     --------

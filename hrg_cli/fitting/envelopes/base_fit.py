@@ -267,7 +267,7 @@ def _rough_scale_factor(runs: Sequence[EnvelopeRun], known: Known) -> float:
 
 def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
     """From the propagator's start, or, where that leads nowhere, from other ones: the best of them, by
-    χ² a degree of freedom, for their rows differ."""
+    χ² per degree of freedom, for their rows differ."""
     best: Fit | None = None
     for p, offsets in _starts(runs, known):
         for held_first in (False, True):

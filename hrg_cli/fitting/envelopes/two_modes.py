@@ -174,7 +174,7 @@ def identify(run: EnvelopeRun, u: Array, count: int = 2) -> Modes:
     Returns
     -------
     Modes
-        The quickest first, with standard deviations widened where χ² a degree of freedom is above
+        The quickest first, with standard deviations widened where χ² per degree of freedom is above
         1.
 
     Examples

@@ -41,7 +41,7 @@ def estimate_slopes(u: Array, local_less_reference_rad_s: Array, window_s: float
     Returns
     -------
     ndarray or None
-        As u, its unit a second.
+        As u, its unit per second.
 
     Examples
     --------
@@ -83,7 +83,7 @@ def estimate_fine_slopes(
     Returns
     -------
     ndarray or None
-        As u, its unit a second; None with fewer rows than 2·`NEIGHBOURS` + 1.
+        As u, its unit per second; None with fewer rows than 2·`NEIGHBOURS` + 1.
 
     Examples
     --------
@@ -137,7 +137,7 @@ def estimate_better_slopes(
     Returns
     -------
     ndarray or None
-        As u, its unit a second; None where the rows are too few for any.
+        As u, its unit per second; None where the rows are too few for any.
 
     Examples
     --------
@@ -172,7 +172,7 @@ def estimate_curvatures(
     Returns
     -------
     curvature : ndarray
-        As u, its unit a second squared. In place of the pair None, with fewer than three rows.
+        As u, its unit per second squared. In place of the pair None, with fewer than three rows.
     doubt : ndarray
         As u, real: how far the curvature may be wrong.
 
@@ -458,7 +458,7 @@ def compute_motion_residual(motion: Array, turn: Array, by: Pull) -> Array:
 
     Examples
     --------
-    What a fit without t·cos and t·sin leaves of an envelope that rises by 3 a second:
+    What a fit without t·cos and t·sin leaves of an envelope that rises by 3 per second:
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.samples.basis import build_window_basis

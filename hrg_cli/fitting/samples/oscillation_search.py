@@ -189,7 +189,7 @@ def follow_frequency(
 
     Examples
     --------
-    A frequency that rises by 2 Hz a second:
+    A frequency that rises by 2 Hz per second:
 
     >>> import numpy as np
     >>> from hrg_cli import Recording

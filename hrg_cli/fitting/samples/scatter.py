@@ -74,7 +74,7 @@ def settle_by_scatter(pooled: Array, share: Array, freedom: Array, seen: float) 
     pooled
         Of the residuals (windows,), without the share.
     share
-        The motion's part of each, a degree of freedom (windows,).
+        The motion's part of each, per degree of freedom (windows,).
     freedom
         Degrees of freedom, one number or (windows,).
     seen

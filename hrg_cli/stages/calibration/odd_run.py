@@ -25,7 +25,7 @@ from .turn_against_log import find_wrong_turns
 CANDIDATES = 3
 """Runs left out in turn, those first that the others predict worst."""
 GROSS = 1e3
-"""χ² a degree of freedom of a run against the others' prediction from which it is blamed, as where
+"""χ² per degree of freedom of a run against the others' prediction from which it is blamed, as where
 `diagnose` asks whose the runs are: less may be a cause that all share, of which one shows most."""
 
 

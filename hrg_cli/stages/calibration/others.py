@@ -38,7 +38,7 @@ class Rest:
     best: TriedVariant
 
     def contradict(self, path: AnglePath) -> float:
-        """χ² a degree of freedom of a run that was left out, as its logs say it, against what the
+        """χ² per degree of freedom of a run that was left out, as its logs say it, against what the
         others' answer predicts, at the noise that these have."""
         fitted, tried = self.whole.fitted, self.best.tried
         whites, walks = zip(*((noise.white, noise.walk) for noise in fitted.noises))

@@ -22,7 +22,7 @@ INADEQUATE = 1e-4
 """Chance at which a clean model would be called inadequate by the residual's smooth part, and again
 by the open terms."""
 GROSS = 10.0
-"""χ² a degree of freedom above which the model is so far from the data that scores mislead: more
+"""χ² per degree of freedom above which the model is so far from the data that scores mislead: more
 causes are refitted before one is chosen, and what the misfit could bend (the second order's scale)
 is held where physics has it."""
 NEARLY_ALL = 100.0

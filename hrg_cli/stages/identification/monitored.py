@@ -97,12 +97,12 @@ def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Ver
     if driven and pushed is None:
         verdict.flat.append(
             "the quadrature's drive is not logged: a loop that acts late makes the frequency split"
-            f" {1e-1 * damping:.2g} % too large a millisecond"
+            f" {1e-1 * damping:.2g} % too large per millisecond"
         )
     if misread:
         verdict.suspect.append(
             "with the logged drive_quadrature taken off, the quadrature would grow by itself: it is"
-            " not in amplitude a second, or of wrong sign, and was left out"
+            " not in amplitude per second, or of wrong sign, and was left out"
         )
     return verdict
 

@@ -26,9 +26,9 @@ from .splits import state_splits
 
 Array = np.ndarray
 POOR_FIT = 1.5
-"""χ² a degree of freedom above which the model does not hold within the noise."""
+"""χ² per degree of freedom above which the model does not hold within the noise."""
 CONTRADICTION = 30.0
-"""χ² a degree of freedom from which single runs are left out to see whether one contradicts the
+"""χ² per degree of freedom from which single runs are left out to see whether one contradicts the
 rest, and the fall that shows it."""
 DISAGREES = 5.0
 """Shift of the answer by one run, as improbable as so many σ of a single number, above which it

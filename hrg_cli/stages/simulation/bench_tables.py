@@ -146,11 +146,11 @@ class RecordingTable(Table):
     """[recording]: length, rates, names and the numbers' type."""
 
     sample_rate_hz: Positive
-    """Samples a second."""
+    """Samples per second."""
     duration_s: Positive
     """Length of the run."""
     log_rate_hz: Positive = 100.0
-    """Rows a second of the auxiliary log."""
+    """Rows per second of the auxiliary log."""
     samples: Literal["float64", "float32"] = "float64"
     """Type of the numbers in the file."""
     gyro_id: str = "SIM"

@@ -69,7 +69,7 @@ class ReadoutTable(Table):
 
 
 class DriveLog(Table):
-    """[control.log]: a drive that was logged, a_ΦA and a_ΦB in amplitude a second, replayed along
+    """[control.log]: a drive that was logged, a_ΦA and a_ΦB in amplitude per second, replayed along
     straight lines through the rows; constant before the first and after the last."""
 
     time_s: Annotated[list[float], Field(min_length=1)]
@@ -164,7 +164,7 @@ class ElectronicsTable(Table):
     """[electronics]: the loops act on what a board demodulates (windows of whole periods), filtered, delayed and through converters.
 
     Its converter is that of [readout] (adc_bits, full_scale). drive_full_scale is the force,
-    amplitude a second, at which it saturates.
+    amplitude per second, at which it saturates.
     """
 
     periods_per_update: Annotated[int, Field(ge=1, le=100_000)] = 16
@@ -178,7 +178,7 @@ class ElectronicsTable(Table):
     drive_bits: Annotated[int, Field(ge=0, le=31)] = 0
     """Bits of the drive's converter; 0: none."""
     drive_full_scale: Positive | None = None
-    """Force, amplitude a second, at which the drive's converter saturates."""
+    """Force, amplitude per second, at which the drive's converter saturates."""
     drive_periods: Annotated[int, Field(ge=0, le=100_000)] = 0
     """Periods of driving after each window of reading; 0: both at once."""
     spring_signal: Literal["quadrature", "phase_product"] = "quadrature"

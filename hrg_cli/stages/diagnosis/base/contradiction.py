@@ -6,7 +6,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ...one_gyro import find_two_gyros
 
 GROSS = 1e3
-"""χ² a degree of freedom from which it is asked whether the runs are of one gyro."""
+"""χ² per degree of freedom from which it is asked whether the runs are of one gyro."""
 
 
 def find_strangers(base: ExtendedFit) -> str | None:
@@ -16,6 +16,6 @@ def find_strangers(base: ExtendedFit) -> str | None:
         return None
     two = find_two_gyros(base.series.names, base.frequency_hz)
     return two and (
-        f"{two}, and no model fits both (χ² a degree of freedom {base.chi2 / base.dof:.3g});"
+        f"{two}, and no model fits both (χ² per degree of freedom {base.chi2 / base.dof:.3g});"
         " diagnose them apart"
     )

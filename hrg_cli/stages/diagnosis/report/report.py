@@ -60,7 +60,7 @@ def report(
 
 
 def _figures(fit: ExtendedFit) -> dict[str, float]:
-    """χ² a degree of freedom and the residual's rms in the signals' unit."""
+    """χ² per degree of freedom and the residual's rms in the signals' unit."""
     left = flatten_rows(fit.series, fit.prediction.compute_residual())
     plain = to_reals(fit.series.to_units(to_complex(place_on_rows(fit, left))))[tuple(fit.rows.T)]
     return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": float(np.sqrt(np.mean(plain**2)))}

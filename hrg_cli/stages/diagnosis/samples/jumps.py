@@ -70,7 +70,7 @@ class EnvelopeJump:
     shift_s: float
     shift_std_s: float
     rate_rad_s: float
-    """Common turn a second about the jump, against the reference frequency."""
+    """Common turn per second about the jump, against the reference frequency."""
 
     @property
     def alike(self) -> bool:

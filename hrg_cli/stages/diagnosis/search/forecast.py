@@ -46,7 +46,7 @@ UNTAUGHT = 3.0
 """Times its σ from all data beyond which a cause is not known from a part of them, so that what it
 predicts there says nothing of it."""
 WORSE_TAUGHT = 2.0
-"""Times χ² a degree of freedom of all data beyond which the training is not fitted: of driven runs
+"""Times χ² per degree of freedom of all data beyond which the training is not fitted: of driven runs
 what a log may have missed is said of all of them together, and a part of them is without it."""
 
 

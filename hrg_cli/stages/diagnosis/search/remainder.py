@@ -402,7 +402,7 @@ def smooth_columns(fit: ExtendedFit) -> list[tuple[slice, Array]]:
 
 
 def judge_adequacy(fit: ExtendedFit) -> tuple[float, float]:
-    """(χ² a degree of freedom of the residual's smooth part, its p): 1 and not small when nothing
+    """(χ² per degree of freedom of the residual's smooth part, its p): 1 and not small when nothing
     is left but white noise."""
     from scipy.special import chdtrc
 

@@ -61,7 +61,7 @@ def find_common_lateness(
     told = Suspicion(
         "all runs" if len(moving) > 1 else waves[moving[0]].run_id,
         f"rate log {way}",
-        f"with the rate logs moved by {-found.late_s:+.5g} ± {std_s:.1g} s χ² a degree of freedom"
+        f"with the rate logs moved by {-found.late_s:+.5g} ± {std_s:.1g} s χ² per degree of freedom"
         f" falls from {before:.3g} to {after:.3g}",
         f"the rate logs come {abs(found.late_s):.5g} s too {way}: estimate these runs with"
         f" --rate-late-s {found.late_s:.5g}, or keep both on one clock",

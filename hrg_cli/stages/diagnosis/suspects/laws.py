@@ -15,7 +15,7 @@ from ..thresholds import SIGNIFICANT
 def is_one_law(before: ExtendedFit, left: float, numbers: int, price: float) -> bool:
     """Whether one open term beside the runs as they are serves as well as mistakes of several runs.
 
-    before: the fit of the runs as they are; left: χ² a degree of freedom once the mistakes are
+    before: the fit of the runs as they are; left: χ² per degree of freedom once the mistakes are
     undone; numbers: free in them; price: Δ(χ² + k ln N), at the noise that is left, a number.
     """
     # what stands otherwise in every run is no law

@@ -49,7 +49,7 @@ def find_leaks(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> Susp
             waves[k].run_id,
             "loss of pressure",
             f"its damping is {fit.coordinate(DAMPING) + less[k]:.5g} 1/s, the least of the runs"
-            f" {common:.5g}: with a damping of its own in every run χ² a degree of freedom falls"
+            f" {common:.5g}: with a damping of its own in every run χ² per degree of freedom falls"
             f" from {before:.3g} to {after:.3g}",
             "check the vacuum between the runs: gas damping; calibrate these runs apart",
         )

@@ -34,14 +34,14 @@ TRIED = 3
 
 
 def fit_catalogue(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> float:
-    """Least χ² a degree of freedom that a few causes reach with a scale factor that a resonator
+    """Least χ² per degree of freedom that a few causes reach with a scale factor that a resonator
     has; it ends where that is `enough`."""
     return _find_misfit(fit_nearest(base, candidates, enough))
 
 
 def fit_nearest(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> ExtendedFit:
     """The fit that leaves least of those with a few causes, each chosen in few steps, with a scale
-    factor that a resonator has; it ends where χ² a degree of freedom is `enough`."""
+    factor that a resonator has; it ends where χ² per degree of freedom is `enough`."""
     fit = best = base
     for taken in itertools.count():
         worthwhile = WORTHWHILE if taken < MOST else NEARLY_ALL

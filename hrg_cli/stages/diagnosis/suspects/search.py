@@ -26,12 +26,12 @@ from .unlogged_rates import find_unlogged_rates
 STEP = 1.4
 """Times by which χ² must fall for one more run to be doubted."""
 RIVAL = 3.0
-"""χ² a degree of freedom that causes of the catalogue may leave over that of the best mistake: then
+"""χ² per degree of freedom that causes of the catalogue may leave over that of the best mistake: then
 no run is blamed."""
 EVEN = 1.05
 """Times by which causes of the catalogue must leave less than a run of strange frequency, undone."""
 CLEAR = 3.0
-"""Times χ² a degree of freedom of the best runs without one, up to which leaving out another is as
+"""Times χ² per degree of freedom of the best runs without one, up to which leaving out another is as
 good."""
 DOUBTED = 2
 """Runs whose mistakes are tried, those without which the others agree best."""
@@ -318,7 +318,7 @@ def describe_case(
 ) -> Suspicion:
     """The case in words; runs and mistakes that explain as much are named."""
     evidence = (
-        f"{case.reading.found} χ² a degree of freedom falls from {before:.3g} to"
+        f"{case.reading.found} χ² per degree of freedom falls from {before:.3g} to"
         f" {case.chi2 / case.dof:.3g}"
     )
     alike = [

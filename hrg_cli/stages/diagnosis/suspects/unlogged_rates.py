@@ -54,7 +54,7 @@ def find_unlogged_rates(
         "all runs",
         "rate log missing",
         f"no run logs a rate; as if turned at {each} rad/s, with the usual scale factor {usual:.4g},"
-        f" χ² a degree of freedom falls from {before:.3g} to {after:.3g}",
+        f" χ² per degree of freedom falls from {before:.3g} to {after:.3g}",
         "import the runs with the rate of the table, or with --constant-rate-rad-s",
     )
     return SuspectFound((found,), len(waves), base, best, after)

@@ -64,7 +64,7 @@ def pooled(runs):
 
 
 def named(found):
-    """Verdict, χ² a degree of freedom, and each cause's first parameter with its σ."""
+    """Verdict, χ² per degree of freedom, and each cause's first parameter with its σ."""
     report = summarise(found)
     causes = {
         one["name"]: next((p["value"], p["std"]) for p in one["parameters"].values())

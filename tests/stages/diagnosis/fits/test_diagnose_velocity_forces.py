@@ -59,7 +59,7 @@ def driven_waves(effect, values, temperatures):
 
 
 def misfit_of(waves, effect, values):
-    """χ² a degree of freedom of the resonator with this effect, from the true values, its rows
+    """χ² per degree of freedom of the resonator with this effect, from the true values, its rows
     averaged along its own motion."""
     device = GYRO["device"]
     truth = Mechanics(

@@ -108,7 +108,7 @@ def test_a_line_far_below_is_named_where_it_is_and_not_at_its_images_in_the_wind
 
 
 def test_an_offset_that_drifts_is_no_tone_and_not_explained():
-    """1 amplitude a second: the sawtooth of what drifts inside a window is the same in all windows,
+    """1 amplitude per second: the sawtooth of what drifts inside a window is the same in all windows,
     a line at a multiple of their rate that the samples do not have."""
     table = programme(5, runs=4, duration_s=0.4)
     drifting = []

@@ -47,7 +47,7 @@ def test_the_wrong_run_and_its_mistake_are_named(kind):
     waves, culprit = wrong(kind, 1)
     found = suspicions(waves)
     assert [(one.run_id, one.what) for one in found] == [(culprit, KINDS[kind])]
-    assert "χ² a degree of freedom falls from" in found[0].evidence and found[0].correction
+    assert "χ² per degree of freedom falls from" in found[0].evidence and found[0].correction
 
 
 def test_a_driven_run_whose_recorder_exchanged_channels():
