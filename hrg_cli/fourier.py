@@ -76,7 +76,8 @@ def compute_monotone_weights(x: Array, nodes: Array, values: Array) -> Array:
     nodes, values = np.asarray(nodes, float), np.asarray(values, float)
     if len(nodes) < 3:
         return compute_node_weights(x, nodes)
-    step = 1e-6 * max(np.ptp(values), 1e-300)
+    # where all values are one, any step gives the same weights
+    step = 1e-6 * (float(np.ptp(values)) or max(1.0, float(np.abs(values).max())))
     inside = np.clip(np.asarray(x, float), nodes[0], nodes[-1])
     moved = (
         values[:, None] + np.concatenate([np.eye(len(nodes)), -np.eye(len(nodes))], axis=1) * step

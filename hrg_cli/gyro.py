@@ -55,15 +55,53 @@ def run_gyro(
 ) -> list[Step]:
     """Run every step that the inputs allow; one that fails is told, and what needs it is not tried.
 
-    paths: recordings, foreign logs (imported first), or folders of them; tables: settings a stage;
-    limits: tables a kind of file; jobs: processes that share the recordings up to their waves, and
-    the rehearsals (the same results for any number); rehearse: whole settings of the rehearsals of
-    resonator and calibration, None: there are none. HrgError: recordings of several gyros, two inputs of one name, an
-    output that this chain did not make (unless `force`).
+    Parameters
+    ----------
+    paths
+        Recordings, foreign logs (imported first), or folders of them.
+    folder
+        Of the results; it exists.
+    tables
+        Settings by stage.
+    limits
+        By kind of file.
+    force
+        An output may be replaced that this chain did not make.
+    command_line
+        Of the history.
+    told
+        Called with every step.
+    jobs
+        Processes that share the recordings up to their waves, and the rehearsals; the results are
+        the same for any number.
+    rehearse
+        Whole settings of the rehearsals of resonator and calibration; None: there are none.
+
+    Returns
+    -------
+    list of Step
+        Those that were done, in their order.
+
+    Raises
+    ------
+    HrgError
+        Recordings of several gyros, two inputs of one name.
+
+    Examples
+    --------
+    A recording that is not there leaves nothing to identify:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.gyro import run_gyro
+    >>> with TemporaryDirectory() as folder:
+    ...     steps = run_gyro([Path(folder) / "run-1.h5"], Path(folder))
+    >>> [(step.name, step.output, step.status) for step in steps]
+    [('demodulate', 'run-1.periods.h5', 'failed')]
     """
     tables = tables or {}
     inputs = list_inputs(paths, tables.get("import", {}).get("s_file"))
-    find_gyro(inputs)
+    find_gyro(read_headings(inputs))
     stages = [*(["import"] if any(i.logs for i in inputs) else []), *PER_RECORDING, *RESULTS]
     work = Work(
         folder,
@@ -100,10 +138,47 @@ def run_gyro(
 def plan_steps(
     paths: Sequence[Path], tables: Mapping[str, Mapping[str, Any]], rehearse: bool = False
 ) -> list[tuple[str, tuple[str, ...], str]]:
-    """What a run would do, without doing it: (stage, inputs, output) a line, a rehearsal without
-    output; the modes of recordings are read, logs count as free."""
+    """What a run would do, without doing it.
+
+    Parameters
+    ----------
+    paths
+        Recordings, logs or folders; the modes of recordings are read, logs count as free.
+    tables
+        Settings by stage.
+    rehearse
+        Results would be rehearsed.
+
+    Returns
+    -------
+    list of tuple
+        Stage, names of inputs, name of the output of every step; a rehearsal has no output.
+
+    Raises
+    ------
+    HrgError
+        A recording cannot be read, several gyros, two inputs of one name.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.gyro import plan_steps
+    >>> with TemporaryDirectory() as folder:
+    ...     log = Path(folder) / "run-1.csv"
+    ...     _ = log.write_text("0.0,0.1,0.2")
+    ...     for step in plan_steps([log], {}):
+    ...         print(*step)
+    import ('run-1.csv',) run-1.recording.h5
+    demodulate ('run-1.recording.h5',) run-1.periods.h5
+    estimate ('run-1.periods.h5',) run-1.wave.h5
+    identify ('run-1.wave.h5',) resonator.h5
+    diagnose ('run-1.wave.h5',) diagnosis.h5
+    """
     inputs = list_inputs(paths, tables.get("import", {}).get("s_file"))
-    find_gyro(inputs)
+    headings = read_headings(inputs)
+    need_readable(headings)
+    find_gyro(headings)
     lines: list[tuple[str, tuple[str, ...], str]] = []
     waves: dict[str, list[str]] = {"free": [], "forced": []}
     for one in inputs:
@@ -114,9 +189,8 @@ def plan_steps(
             )
         lines.append(("demodulate", (read,), f"{one.name}.periods.h5"))
         lines.append(("estimate", (f"{one.name}.periods.h5",), f"{one.name}.wave.h5"))
-        waves[
-            str(tables.get("import", {}).get("mode", "free")) if one.logs else _head(one.path).mode
-        ].append(f"{one.name}.wave.h5")
+        mode = tables.get("import", {}).get("mode", "free") if one.logs else headings[one.path].mode
+        waves[str(mode)].append(f"{one.name}.wave.h5")
     free, forced = tuple(waves["free"]), tuple(waves["forced"])
     judged = [("rehearse", "")] if rehearse else []
     if free:
@@ -135,7 +209,31 @@ def plan_steps(
 def resolve_settings(
     tables: Mapping[str, Mapping[str, Any]], stages: Sequence[str]
 ) -> dict[str, dict[str, Any]]:
-    """The whole settings of these stages."""
+    """The whole settings of stages.
+
+    Parameters
+    ----------
+    tables
+        What is set, by stage.
+    stages
+        Their names, "import" among them.
+
+    Returns
+    -------
+    dict
+        By stage: its defaults with what is set over them.
+
+    Raises
+    ------
+    HrgError
+        A key that a stage does not have, or a value that it does not take.
+
+    Examples
+    --------
+    >>> from hrg_cli.gyro import resolve_settings
+    >>> resolve_settings({"demodulate": {"from_s": 0.5}}, ["demodulate"])["demodulate"]["from_s"]
+    0.5
+    """
     from .formats import import_log
 
     functions = {
@@ -148,10 +246,31 @@ def resolve_settings(
 
 
 def list_inputs(paths: Sequence[Path], s_file: str | None = None) -> list[Input]:
-    """The recordings and logs, folders opened, without those that hold the channel S of another
-    one.
+    """The recordings and logs that are run, folders opened.
 
-    HrgError: nothing to run in a folder, two inputs whose outputs would have one name.
+    Parameters
+    ----------
+    paths
+        Recordings, logs or folders.
+    s_file
+        Pattern of the files that hold the channel S of another one; these are no inputs.
+
+    Returns
+    -------
+    list of Input
+        In the order of the paths, those of a folder run-2 before run-10.
+
+    Raises
+    ------
+    HrgError
+        Nothing to run in a folder, two inputs whose outputs would have one name.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.gyro import list_inputs
+    >>> [one.name for one in list_inputs([Path("run-2.h5"), Path("run-10.csv.gz")])]
+    ['run-2', 'run-10']
     """
     from .formats import find_partners, find_second_file
 
@@ -215,42 +334,103 @@ def _in_folder(folder: Path) -> list[Path]:
     return found
 
 
-def _head(path: Path) -> Recording:
-    with store.open_record(path, Recording) as record:
-        return record
+Headings = Mapping[Path, Recording | HrgError]
+"""What the recordings say of themselves, without their rows, or why one cannot be read."""
 
 
-def need_readable(inputs: Sequence[Input]) -> None:
-    """Every recording opens, with a heading and columns of one length, before any work is done.
+def read_headings(inputs: Sequence[Input]) -> Headings:
+    """The heading of every recording: whose it is, free or forced, columns of one length.
 
-    HrgError: some do not; the sentence is the first one's, and names the others.
+    Parameters
+    ----------
+    inputs
+        Recordings and logs; a log has no heading before it is imported.
+
+    Returns
+    -------
+    mapping
+        By path, in their order; the error of one that cannot be read stands in its place.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.gyro import Input, read_headings
+    >>> print(*read_headings([Input(Path("nowhere.h5"), "nowhere")]).values())
+    nowhere.h5: no such file; name a file that `hrg` or your laboratory wrote
     """
-    bad: list[tuple[Path, HrgError]] = []
-    for one in inputs:
-        if one.logs:
-            continue
-        try:
-            _head(one.path)
-        except HrgError as error:
-            bad.append((one.path, error))
+    return {one.path: _read_heading(one.path) for one in inputs if not one.logs}
+
+
+def _read_heading(path: Path) -> Recording | HrgError:
+    try:
+        with store.open_record(path, Recording) as record:
+            return record
+    except HrgError as error:
+        return error
+
+
+def need_readable(headings: Headings) -> None:
+    """Refuse recordings of which one cannot be read, before any work is done.
+
+    Parameters
+    ----------
+    headings
+        Of the recordings.
+
+    Raises
+    ------
+    HrgError
+        Some do not open; the sentence is the first one's, and names the others.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli import HrgError
+    >>> from hrg_cli.gyro import need_readable
+    >>> damaged = {Path(f"run-{k}.h5"): HrgError(f"run-{k}.h5: is damaged") for k in (1, 2)}
+    >>> try:
+    ...     need_readable(damaged)
+    ... except HrgError as error:
+    ...     print(error)
+    run-1.h5: is damaged; nor can these be read: run-2.h5
+    """
+    bad = {path: found for path, found in headings.items() if isinstance(found, HrgError)}
     if bad:
-        others = name_some(path.name for path, _ in bad[1:]) if len(bad) > 1 else ""
-        raise HrgError(f"{bad[0][1]}" + (f"; nor can these be read: {others}" if others else ""))
+        _, *others = (path.name for path in bad)
+        further = f"; nor can these be read: {name_some(others)}" if others else ""
+        raise HrgError(f"{next(iter(bad.values()))}{further}")
 
 
-def find_gyro(inputs: Sequence[Input]) -> str:
-    """The gyro of these recordings, empty where none names it. HrgError: several gyros. A file that
-    cannot be read is left to its step."""
+def find_gyro(headings: Headings) -> str:
+    """The gyro that recordings are of; one that cannot be read is left to its step.
+
+    Parameters
+    ----------
+    headings
+        Of the recordings.
+
+    Returns
+    -------
+    str
+        Its identity, empty where none names it.
+
+    Raises
+    ------
+    HrgError
+        They are of several gyros.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from types import SimpleNamespace as Heading
+    >>> from hrg_cli.gyro import find_gyro
+    >>> find_gyro({Path("a.h5"): Heading(gyro_id=""), Path("b.h5"): Heading(gyro_id="SN-17")})
+    'SN-17'
+    """
     gyros: dict[str, Path] = {}
-    for one in inputs:
-        if one.logs:
-            continue
-        try:
-            gyro = _head(one.path).gyro_id
-        except HrgError:
-            continue
-        if gyro:
-            gyros.setdefault(gyro, one.path)
+    for path, found in headings.items():
+        if not isinstance(found, HrgError) and found.gyro_id:
+            gyros.setdefault(found.gyro_id, path)
     if len(gyros) > 1:
         (a, first), (b, second) = list(gyros.items())[:2]
         raise HrgError(

@@ -17,7 +17,7 @@ from ..chain import Step
 from ..errors import HrgError
 from ..extended import find_extended_paths
 from ..extras import tell_lack_of_pages
-from ..gyro import Input, find_gyro, list_inputs, need_readable, run_gyro
+from ..gyro import Input, find_gyro, list_inputs, need_readable, read_headings, run_gyro
 from ..holding import hold
 from ..limits import Row, check_tables
 from ..pipeline import STAGES
@@ -100,8 +100,9 @@ def run_files(
     if dry_run:
         return _plan(say_by_hand(paths, folder, tables, run), started)
     inputs = list_inputs(paths, tables.get("import", {}).get("s_file"))
-    need_readable(inputs)
-    gyro = find_gyro(inputs)
+    headings = read_headings(inputs)
+    need_readable(headings)
+    gyro = find_gyro(headings)
     made_folder = not folder.is_dir()
     if made_folder:
         store.check_output(folder)

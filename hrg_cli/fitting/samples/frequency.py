@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..parabola import fit_parabola
 from .basis import build_columns, build_rotations
 from .spectrum import compute_chi_square_excess
 
@@ -281,10 +282,9 @@ def find_peak(
     ratio = float(power[top]) / below if below > 0 else (np.inf if power[top] > 0 else 0.0)
     offset = 0.0
     if power[top - 1 : top + 2].min() > 0:
-        a, b, c = np.log(power[top - 1 : top + 2])
-        curvature = a - 2 * b + c
-        if curvature < 0:
-            offset = float(np.clip(0.5 * (a - c) / curvature, -0.5, 0.5))
+        parabola = fit_parabola(*-np.log(power[top - 1 : top + 2]))
+        if parabola:
+            offset = float(np.clip(parabola.lowest, -0.5, 0.5))
     return float(frequency_hz[top] + offset * (frequency_hz[1] - frequency_hz[0])), ratio
 
 

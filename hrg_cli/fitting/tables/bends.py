@@ -88,14 +88,10 @@ def settle_bends(
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.bends import settle_bends
     >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.table_design import predict_turn
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
-    >>> t, one = np.arange(41.0), np.ones(41)
-    >>> path = AnglePath(
-    ...     "", False, 2, "", t, 0 * t, 0 * t, one, 0 * t, t, one, 0 * t,
-    ...     one, 0 * t, None, None, 41, 1.0,
-    ... )
+    >>> path = draw_path(blocks=41, temperature_degc=np.arange(41.0))
     >>> layout = TableLayout(np.array([0.0, 20.0, 40.0]), "temperature", 2, 0, 0, "monotone")
     >>> true = np.array([1e-3, 0, 2e-3, 0, 4e-3, 0])
     >>> turn, model = predict_turn(path, layout, true, true), Model("everything", np.eye(6))

@@ -80,14 +80,10 @@ def coarsen(
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.common_walk import coarsen
     >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
-    >>> t, one = np.arange(200.0), np.ones(200)
-    >>> path = AnglePath(
-    ...     "", False, 2, "", t, one, 0 * t, one, 0 * t, one, one, 0 * t,
-    ...     one, 0 * t, None, None, 200, 1.0,
-    ... )
-    >>> layout = TableLayout(one[:1], "temperature", 2, 0, 0)
+    >>> path = draw_path(blocks=200, angle_variance=1.0)
+    >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 0, 0)
     >>> model = Model("drift", np.eye(2)[:, :1])
     >>> coarse = coarsen(path, AngleNoise(0.3, 0.0), np.zeros(199), layout, model, None)
     >>> coarse.columns[0].round(9).tolist(), round(coarse.white, 9)

@@ -101,17 +101,14 @@ def fit(
     --------
     A drift of 1 mrad/s in a run at rest, whose angles scatter by 1 µrad:
 
+    >>> from dataclasses import replace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
-    >>> t, one = np.arange(600.0), np.ones(600)
-    >>> angle = (1e-3 * t + 1e-6 * np.random.default_rng(0).standard_normal(600)) / 2
-    >>> path = AnglePath(
-    ...     "", False, 2, "", t, one, angle, one, 0 * t, one, one, 0 * t,
-    ...     one, 0 * t, None, None, 600, 1.0,
-    ... )
-    >>> found = fit([path], TableLayout(one[:1], "temperature", 2, 0, 0)).solution
+    >>> still = draw_path(random=np.random.default_rng(0))
+    >>> path = replace(still, angle_rad=still.angle_rad + 0.5e-3 * still.time_s)
+    >>> found = fit([path], TableLayout(np.array([20.0]), "temperature", 2, 0, 0)).solution
     >>> bool(abs(found.coefficients[0] - 1e-3) < 3 * found.covariance[0, 0] ** 0.5 < 1e-7)
     True
     """

@@ -121,14 +121,10 @@ def accumulate(
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.normal_pieces import accumulate
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
-    >>> t, one = np.arange(5.0), np.ones(5)
-    >>> path = AnglePath(
-    ...     "", False, 2, "", t, 0 * t, 0 * t, one, 0.1 * t, one, one, 0 * t,
-    ...     one, 0 * t, None, None, 5, 1.0,
-    ... )
+    >>> path = draw_path(0.1, blocks=5, width_s=0.0)
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 0, 0)
     >>> pieces = accumulate([path], [AngleNoise(0.0, 4.0)], layout, [np.zeros(4)])
     >>> round(float(pieces.sum()[0][0, 0]), 9)

@@ -41,14 +41,10 @@ def build_design(run: AnglePath, layout: TableLayout, previous: Array | None, ro
     At 0.1 rad/s a second's increment holds 1 s of the drift and −0.1 rad of the scale factor:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.table_design import build_design
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
-    >>> t, one = np.arange(5.0), np.ones(5)
-    >>> path = AnglePath(
-    ...     "", False, 2, "", t, 0 * t, 0 * t, one, 0.1 * t, one, one, 0 * t,
-    ...     one, 0 * t, None, None, 5, 1.0,
-    ... )
+    >>> path = draw_path(0.1, blocks=5, width_s=0.0)
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 0, 0)
     >>> build_design(path, layout, None, slice(0, 1)).round(9).tolist()
     [[1.0, -0.1]]
@@ -135,14 +131,10 @@ def predict_turn(
     D − KΩ with a drift of 0.01 rad/s, K = 0.3 and a rate of 0.1 rad/s:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.table_design import predict_turn
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
-    >>> t, one = np.arange(5.0), np.ones(5)
-    >>> path = AnglePath(
-    ...     "", False, 2, "", t, 0 * t, 0 * t, one, 0.1 * t, one, one, 0 * t,
-    ...     one, 0 * t, None, None, 5, 1.0,
-    ... )
+    >>> path = draw_path(0.1, blocks=5, width_s=0.0)
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 0, 0)
     >>> predict_turn(path, layout, np.array([0.01, 0.3])).round(9).tolist()
     [-0.02, -0.02, -0.02, -0.02]

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fitting.least_squares import fit_columns
+from ...fitting.parabola import fit_parabola
 from ...records import Array, Recording
 from ..text import format_number
 from .drawing import (
@@ -125,8 +126,8 @@ def _strongest(signal: Array, rate_hz: float) -> float:
     top = int(np.argmax(power[4:])) + 4
     offset = 0.0
     if top + 1 < len(power) and power[top - 1 : top + 2].min() > 0:
-        a, b, c = np.log(power[top - 1 : top + 2])
-        offset = 0.5 * (a - c) / (a - 2 * b + c) if a - 2 * b + c < 0 else 0.0
+        parabola = fit_parabola(*-np.log(power[top - 1 : top + 2]))
+        offset = parabola.lowest if parabola else 0.0
     return float((top + offset) * rate_hz / (4 * n))
 
 

@@ -143,13 +143,9 @@ def set_right(path: AnglePath, late_s: float) -> AnglePath:
     A rate that rises by 0.2 rad/s², logged 1 s late:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.late_log import set_right
-    >>> t, one = np.arange(6.0), np.ones(6)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, 0 * t, one, 0.1 * t**2, 20 * one, 5e3 * one, 0 * t, one, 0 * t,
-    ...     None, None, 6, 1.0,
-    ... )
+    >>> path = draw_path(blocks=6, rate_integral_rad=0.1 * np.arange(6.0) ** 2)
     >>> moved = set_right(path, 1.0)
     >>> path.rate_rad_s[:3].round(9).tolist(), moved.rate_rad_s[:3].round(9).tolist()
     ([0.1, 0.3, 0.5], [0.3, 0.5, 0.7])

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...fitting.tables.increments import AnglePath
+from ...units import DEGREE, RATE_UNITS
 from ..suspicion import Suspicion
 from .shown_temperatures import ShownTemperature
 
@@ -21,14 +22,8 @@ ALIKE = 3.0
 SILENT = 0.1
 """Least over largest amplitude of a wave of which one channel is not seen, and how near its angle
 stays to the other's axis, of mθ."""
-UNITS = (
-    ("°/s", 180 / np.pi),
-    ("°/h", 180 / np.pi * 3600),
-    ("mrad/s", 1e3),
-    ("1/min", 30 / np.pi),
-    ("rad/s, read as °/s", np.pi / 180),
-)
-"""Units of a rate log that is read as rad/s, and what they multiply it by."""
+LOGGED_IN = RATE_UNITS | {"rad/s, read as °/s": 1 / DEGREE}
+"""Unit of a rate log that was read as another -> what sets the rate right."""
 IMPORT_WITH_UNIT = "import its rate log with its unit"
 
 
@@ -59,12 +54,11 @@ def find_silent_channel(path: AnglePath) -> str | None:
     A wave that turns, of which only C is measured:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.odd_readings import find_silent_channel
-    >>> t, one = np.arange(99.0), np.ones(99)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, np.pi / 2 * (np.cos(0.1 * t) < 0), one, 0.2 * t, 20 * one,
-    ...     5e3 * one, 0 * t, np.abs(np.cos(0.1 * t)), 0 * t, None, None, 99, 1.0,
+    >>> seen = np.cos(0.1 * np.arange(99.0))
+    >>> path = draw_path(
+    ...     blocks=99, main_amplitude=np.abs(seen), angle_rad=np.pi / 2 * (seen < 0)
     ... )
     >>> find_silent_channel(path)
     'S'
@@ -104,8 +98,8 @@ def list_mistakes(shown: ShownTemperature | None) -> list[Mistake]:
         Mistake("one channel inverted", "turn the sign of one of its channels", _mirror(0.0)),
         Mistake("channels exchanged", "exchange its channels", _mirror(np.pi / 2)),
         *(
-            Mistake(f"rate log in {unit}", IMPORT_WITH_UNIT, _scale_rate(1 / factor))
-            for unit, factor in UNITS
+            Mistake(f"rate log in {unit}", IMPORT_WITH_UNIT, _scale_rate(size))
+            for unit, size in LOGGED_IN.items()
         ),
     ]
     if shown is not None and shown.shown_degc is not None:
@@ -153,15 +147,11 @@ def read_mistake(
     A run that agrees with the others once its rate is turned round:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.odd_readings import read_mistake
-    >>> t, one = np.arange(99.0), np.ones(99)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, -0.3 * t, one, -0.5 * t, 20 * one, 5e3 * one, 0 * t, one, 0 * t,
-    ...     None, None, 99, 1.0,
-    ... )
+    >>> path = draw_path(0.5, rate_integral_rad=-0.5 * np.arange(600.0))
     >>> def contradict(path):
-    ...     return float(1e6 * np.sum((path.turn + 1.2 * path.rotation) ** 2))
+    ...     return float(1e6 * np.sum((path.turn + 0.55 * path.rotation) ** 2))
     >>> read_mistake(path, None, contradict)[0]
     'rate log of wrong sign or one channel inverted or channels exchanged'
     """

@@ -118,14 +118,10 @@ def leave_out(
 
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
     >>> from hrg_cli.stages.calibration.others import leave_out
-    >>> t, one = np.arange(600.0), np.ones(600)
-    >>> path = AnglePath(
-    ...     "", True, 2, "", t, one, -0.05 * t, one, 0.2 * t, 20 * one, 5e3 * one, 0 * t, one, 0 * t,
-    ...     None, None, 600, 1.0,
-    ... )
+    >>> path = draw_path(0.2)
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
     >>> runs = Told(forced=[path, path], free=[], nodes=layout.nodes)
     >>> leave_out([0], runs, Told(layout=layout), 0, None) is None

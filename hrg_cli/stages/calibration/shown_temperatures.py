@@ -64,15 +64,10 @@ def find_wrong_temperatures(paths: Sequence[AnglePath]) -> dict[int, ShownTemper
     --------
     Of four runs logged at 20 °C one oscillates as at 40 °C:
 
-    >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.shown_temperatures import find_wrong_temperatures
     >>> def dwell(logged, true):
-    ...     t, one = np.arange(9.0), np.ones(9)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, 0 * t, one, 0 * t, logged * one, (1e3 + 0.09 * true) * one,
-    ...         0 * t, one, 0 * t, None, None, 9, 1.0,
-    ...     )
+    ...     return draw_path(blocks=9, temperature_degc=logged, frequency_hz=1e3 + 0.09 * true)
     >>> runs = [(0, 0), (0, 0), (20, 20), (20, 20), (20, 20), (20, 40), (60, 60), (60, 60)]
     >>> found = find_wrong_temperatures([dwell(*run) for run in runs])
     >>> list(found), round(found[5].shown_degc, 6)

@@ -36,14 +36,10 @@ def find_wrong_turns(paths: Sequence[AnglePath]) -> list[int]:
     One of four logs is in °/s:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import AnglePath
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.stages.calibration.turn_against_log import find_wrong_turns
     >>> def turn(rate, logged):
-    ...     t, one = np.arange(99.0), np.ones(99)
-    ...     return AnglePath(
-    ...         "", True, 2, "", t, one, -0.275 * rate * t, one, logged * t, 20 * one, 5e3 * one, 0 * t,
-    ...         one, 0 * t, None, None, 99, 1.0,
-    ...     )
+    ...     return draw_path(rate, rate_integral_rad=logged * np.arange(600.0))
     >>> find_wrong_turns([turn(0.1, 0.1), turn(-0.1, -0.1), turn(0.2, 11.46), turn(-0.2, -0.2)])
     [2]
     """

@@ -44,7 +44,7 @@ def build_resonator(
     settings
         Of its identification.
     inputs
-        Its runs, whose decay stands for a ν that the file does not hold.
+        Its runs, whose decay stands for a ν that the file does not hold; else none are needed.
 
     Returns
     -------
@@ -85,9 +85,8 @@ def build_resonator(
             " of them"
         )
     values.setdefault("scale_factor", choose_scale_factor(truth.mode_number))
-    values.setdefault(
-        "damping_rate_1_s", max(_find_decay(inputs), abs(values["damping_split_1_s"]))
-    )
+    if "damping_rate_1_s" not in values:
+        values["damping_rate_1_s"] = max(_find_decay(inputs), abs(values["damping_split_1_s"]))
     return Mechanics(**values, mode_number=truth.mode_number)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from ....effects.effect import INSTANT, RUN, Effect
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.parabola import fit_parabola
 
 PARTS = (1 / 4, 1 / 4, 1 / 12, 1 / 36, 1 / 108)
 """Parts of a row by which the instant is moved to see the parabola, which bends anew at every row's
@@ -54,8 +55,8 @@ def _settle_instant(fit: ExtendedFit, effect: Effect, part: float) -> tuple[Exte
     if step == 0 or before is None or after is None:
         return fit, 0.0
     rise = max(abs(before.chi2 - fit.chi2), abs(after.chi2 - fit.chi2))
-    bend = before.chi2 - 2 * fit.chi2 + after.chi2
-    move = (before.chi2 - after.chi2) / (2 * bend) if bend > 0 else 0.0
+    parabola = fit_parabola(before.chi2, fit.chi2, after.chi2)
+    move = parabola.lowest if parabola else 0.0
     by_s = _round_to(float(np.clip(move, -2.0, 2.0)) * step, grain)
     settled = _move_instant(fit, effect, by_s) if by_s else None
     made = filter(None, (fit, before, after, settled))

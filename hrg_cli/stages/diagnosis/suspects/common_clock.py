@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.parabola import fit_parabola
 from ....records import Array, Wave
 from ...suspicion import Suspicion
 from .cases import REMOVED, Fitted, SuspectFound, fit_or_none
@@ -94,12 +95,12 @@ def _find_lateness(
         if any(fit is None for fit in fits):
             return None
         low, here, high = (fit.chi2 / fit.dof for fit in fits if fit is not None)
-        bend = (low - 2 * here + high) / step**2
-        if not bend > 0:
+        parabola = fit_parabola(low, here, high)
+        if parabola is None:
             return None
-        move = (low - high) / (2 * step * bend)
+        move = parabola.lowest * step
         start += float(np.clip(move, -4 * step, 4 * step))
-        std = float(np.sqrt(2 / (bend * base.dof)))
+        std = step * float(np.sqrt(2 / (parabola.bend * base.dof)))
         step = max(min(step, abs(move)), 3 * std)
         if abs(move) < NEAR * std * np.sqrt(max(1.0, here)):
             break

@@ -10,6 +10,7 @@ import numpy as np
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.base_freedom import choose_scale_factor
 from ....records import Wave
+from ....units import RATE_UNITS
 from ...suspicion import Suspicion
 from ..samples.lines import find_median_frequency
 from ..thresholds import GROSS
@@ -17,7 +18,8 @@ from ..thresholds import GROSS
 SCALE_FACTOR = "scale_factor"
 SURE = 5.0
 """σ from which K is known; σ of a misfit counts."""
-UNITS = ((180 / np.pi, "°/s"), (180 / np.pi * 3600, "°/h"))
+MISTAKEN = ("°/s", "°/h")
+"""Units of a rate log that a scale factor without any misfit shows."""
 RANGE = 2.5
 """Times above and below its usual value that a scale factor may be."""
 KELVIN_DEGC = 150.0
@@ -55,14 +57,15 @@ def _rates(fit: ExtendedFit) -> list[Suspicion]:
     usual = choose_scale_factor(fit.series.mode_number)
     if not abs(K) > SURE * std:
         return []
-    for factor, unit in UNITS:
-        if usual / RANGE < abs(K) * factor < usual * RANGE:
+    for unit in MISTAKEN:
+        right = abs(K) / RATE_UNITS[unit]
+        if usual / RANGE < right < usual * RANGE:
             return [
                 Suspicion(
                     "all runs",
                     f"rate log in {unit}",
                     f"the scale factor comes out as {K:.4g} ± {std:.2g}, {usual:g} is usual;"
-                    f" {abs(K) * factor:.4g} with the log in {unit}",
+                    f" {right:.4g} with the log in {unit}",
                     f"import the rate logs with their unit, {unit}",
                 )
             ]

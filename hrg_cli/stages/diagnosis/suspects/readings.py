@@ -14,6 +14,7 @@ from ....fitting.causes import extended_fit
 from ....fitting.causes.coordinate_priors import CoordinatePriors
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES, COUNT
+from ....fitting.parabola import fit_parabola
 from ....records import Array, Wave
 from ..base.data import prepare
 from ..samples.jumps import find_jumps
@@ -312,9 +313,8 @@ def search_least(
             break
         reach = 1.5 * step
     if 0 < k < len(trials) - 1:
-        low, here, high = values[k - 1 : k + 2]
-        bend = low - 2 * here + high
-        best += 0.5 * step * (low - high) / bend if bend > 0 else 0.0
+        parabola = fit_parabola(*values[k - 1 : k + 2])
+        best += parabola.lowest * step if parabola else 0.0
     return best
 
 
