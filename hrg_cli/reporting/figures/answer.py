@@ -111,9 +111,9 @@ def _shares(ax: object, departure: Departure | None, causes: tuple[Cause, ...]) 
     if departure is None:
         ax.set_axis_off()
         return "No figure of the error is known."
-    rows = [("without", departure.before, SERIES[1])]
+    rows = [("without causes", departure.before, SERIES[1])]
     rows += [(c.words, getattr(c, departure.key) or 0.0, MUTED) for c in causes[:6]]
-    rows += [("left", departure.after, SERIES[0])]
+    rows += [("with causes", departure.after, SERIES[0])]
     ax.barh(range(len(rows)), [v for _, v, _ in rows], color=[c for *_, c in rows], height=0.6)
     ax.set_yticks(range(len(rows)), [name for name, *_ in rows])
     ax.invert_yaxis()
@@ -131,9 +131,11 @@ def _shares(ax: object, departure: Departure | None, causes: tuple[Cause, ...]) 
         )
     words = next(w for key, w, *_ in QUANTITIES if key == departure.key)
     set_labels(ax, x=f"{words} error, {departure.unit}", title="Whose it is")
-    note(ax, "on data left out" if departure.held_out else "")
+    note(ax, "first, last: data left out" if departure.held_out else "")
     left = f"{format_number(departure.after, 3)} {departure.unit}"
     return (
         f"{words.capitalize()} error {format_number(departure.before, 3)} {departure.unit} without the"
-        f" causes, {left} with them."
+        f" causes, {left} with them{' on data that was not fitted' if departure.held_out else ''}."
+        " A cause's bar: how far the runs go off where that cause is left out and all else is fitted"
+        " anew; these bars do not add up."
     )
