@@ -278,7 +278,7 @@ def main() -> None:
     threads.use_one()
     streams.prepare()
     try:
-        with streams.written_out():
+        with streams.flush_at_end():
             app(prog_name="hrg")
     except HrgError as error:  # its words did not reach standard output
         print(f"hrg: {error}", file=sys.stderr, flush=True)

@@ -109,7 +109,7 @@ def compare(
 def _difference(
     name: str, old: float, old_std: float | None, new: float, new_std: float | None, mode: int
 ) -> Difference:
-    change = change_of(name, old, new, mode)
+    change = compute_change(name, old, new, mode)
     both = (
         math.hypot(old_std or 0.0, new_std or 0.0)
         if old_std is not None and new_std is not None
@@ -127,7 +127,7 @@ def _difference(
     )
 
 
-def change_of(name: str, old: float, new: float, mode: int) -> float:
+def compute_change(name: str, old: float, new: float, mode: int) -> float:
     """new − old; of an axis, which repeats after π/m, the shorter way round."""
     change = new - old
     if name.endswith(("axis_rad", "axis_rad.value")):

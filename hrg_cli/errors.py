@@ -14,8 +14,25 @@ UNMAPPED = "failed to map segment"
 
 
 def is_no_memory(error: BaseException) -> bool:
-    """Whether an error says that memory ran out: Python's own, the system's, that of a compiler
-    that could not even say so, or that of a library that could not be loaded."""
+    """Whether an error says that memory ran out.
+
+    Parameters
+    ----------
+    error
+        Python's own, the system's, that of a compiler that could not even say so, or that of a library
+        that could not be loaded.
+
+    Returns
+    -------
+    bool
+        Fewer or shorter inputs would help.
+
+    Examples
+    --------
+    >>> from hrg_cli.errors import is_no_memory
+    >>> is_no_memory(MemoryError()), is_no_memory(OSError(2, "no such file"))
+    (True, False)
+    """
     if isinstance(error, (OSError, ImportError)):
         said = (str(error), str(error.__cause__ or error.__context__))
         return getattr(error, "errno", None) == errno.ENOMEM or any(UNMAPPED in s for s in said)
@@ -24,7 +41,26 @@ def is_no_memory(error: BaseException) -> bool:
 
 
 def name_some(names: Iterable[object], room: int = ROOM) -> str:
-    """Names in a sentence: as many as have room, at least one, and how many there are."""
+    """Names in a sentence: as many as have room, at least one, and how many there are.
+
+    Parameters
+    ----------
+    names
+        Of files, runs or keys.
+    room
+        Characters that they may take.
+
+    Returns
+    -------
+    str
+        Joined by commas.
+
+    Examples
+    --------
+    >>> from hrg_cli.errors import name_some
+    >>> name_some(["run-1", "run-2", "run-3"], room=12)
+    'run-1, run-2 … (3 in all)'
+    """
     every = [str(name) for name in names]
     shown, length = every[:1], len("".join(every[:1]))
     for name in every[1:]:

@@ -31,7 +31,7 @@ LONGEST_CELL = 32_000
 """Characters of a text that a cell takes."""
 
 
-def format_of(output: Path) -> tuple[str, bool]:
+def find_format(output: Path) -> tuple[str, bool]:
     """(format, whether it is compressed) by the output's name. UsageError: an unknown one, a binary
     format with .gz."""
     packed = output.suffix == ".gz"
@@ -47,7 +47,7 @@ def format_of(output: Path) -> tuple[str, bool]:
 def export_record(record: Record, output: Path) -> bytes:
     """The record in the format of the output's name. UsageError: an unknown one. HrgError: a
     package missing, too many rows for a sheet."""
-    suffix, packed = format_of(output)
+    suffix, packed = find_format(output)
     if suffix not in _WRITERS:
         endings = (*FORMATS, HEADER) if isinstance(record, Calibration) else FORMATS
         raise UsageError(

@@ -20,12 +20,40 @@ def build_harmonic_basis(
     travel_rad: Array | float = 0.0,
     block_travel_rad: Array | float = 0.0,
 ) -> Array:
-    """Columns 1, cos 2mθ, sin 2mθ, …, sin 2mKθ (n, 1 + 2K); averaged along `travel_rad` of wave
-    angle about θ.
+    """Columns 1, cos 2mθ, sin 2mθ, …, sin 2mKθ, averaged along what the wave travels.
 
-    A harmonic nθ averaged along a stretch Δθ that is crossed evenly loses the factor sinc(nΔθ/2).
+    A harmonic nθ averaged along a stretch Δθ that is crossed evenly loses the factor sin(nΔθ/2)/(nΔθ/2).
     Between two averages over blocks of windows it loses a second one, of the travel within a block:
     the weight is the convolution of both boxes.
+
+    Parameters
+    ----------
+    wave_angle_rad
+        θ [rad], (n,).
+    harmonics
+        K.
+    mode_number
+        m.
+    travel_rad
+        Δθ about each θ [rad], (n,) or one number.
+    block_travel_rad
+        Δθ within a block [rad], (n,) or one number.
+
+    Returns
+    -------
+    ndarray
+        (n, 1 + 2K).
+
+    Examples
+    --------
+    A quarter of the period π/2 of m = 2, and the same averaged over half of it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fourier import build_harmonic_basis
+    >>> build_harmonic_basis(np.array([np.pi / 8]), 1, 2).round(6).tolist()
+    [[1.0, 0.0, 1.0]]
+    >>> build_harmonic_basis(np.array([np.pi / 8]), 1, 2, travel_rad=np.pi / 4).round(6).tolist()
+    [[1.0, 0.0, 0.63662]]
     """
     angle = np.asarray(wave_angle_rad, float)
     columns = np.empty((angle.size, 1 + 2 * harmonics))
@@ -41,11 +69,32 @@ def build_harmonic_basis(
 
 
 def compute_node_weights(x: Array, nodes: Array, interpolation: str = "linear") -> Array:
-    """Weights ψ_j(x) (n, J) of the node values: linear between neighbours, or the cardinal cubic
-    splines (not-a-knot).
+    """Weights ψ_j(x) of the node values: linear between neighbours, or the cardinal cubic splines
+    (not-a-knot).
 
     Beyond the outer nodes the outer straight line (or the spline's outer slope) is continued;
     whether that is allowed is the table's range, not this function's business.
+
+    Parameters
+    ----------
+    x
+        Temperature or frequency, (n,).
+    nodes
+        Of the table, rising, (J,).
+    interpolation
+        "linear", or else cubic.
+
+    Returns
+    -------
+    ndarray
+        (n, J); every row sums to 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fourier import compute_node_weights
+    >>> compute_node_weights(np.array([5.0, 25.0]), np.array([0.0, 10.0, 20.0])).tolist()
+    [[0.5, 0.5, 0.0], [0.0, -0.5, 1.5]]
     """
     x, nodes = np.asarray(x, float), np.asarray(nodes, float)
     if len(nodes) == 1:
@@ -66,10 +115,34 @@ def compute_node_weights(x: Array, nodes: Array, interpolation: str = "linear") 
 
 
 def compute_monotone_weights(x: Array, nodes: Array, values: Array) -> Array:
-    """Weights (n, J) with Σ_j weight_j·value_j = the monotone (PCHIP) interpolant of `values` at x.
+    """Weights with Σ_j weight_j·value_j = the monotone (PCHIP) interpolant of the values at x.
 
     The interpolant is homogeneous of degree one in the node values, so by Euler's theorem its
     derivatives with respect to them are such weights; a fit repeats with them until they settle.
+
+    Parameters
+    ----------
+    x
+        Temperature or frequency, (n,).
+    nodes
+        Of the table, rising, (J,).
+    values
+        At the nodes, (J,).
+
+    Returns
+    -------
+    ndarray
+        (n, J).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.interpolate import PchipInterpolator
+    >>> from hrg_cli.fourier import compute_monotone_weights
+    >>> x, nodes, values = np.array([3.0]), np.array([0.0, 10.0, 20.0]), np.array([1.0, 2.0, 8.0])
+    >>> curve = PchipInterpolator(nodes, values)
+    >>> bool(np.allclose(compute_monotone_weights(x, nodes, values) @ values, curve(x)))
+    True
     """
     from scipy.interpolate import PchipInterpolator
 
@@ -93,7 +166,32 @@ def compute_monotone_weights(x: Array, nodes: Array, values: Array) -> Array:
 def interpolate_coefficients(
     x: Array, nodes: Array, coefficients: Array, interpolation: str = "linear"
 ) -> Array:
-    """Fourier coefficients (n, H) at x from those of the nodes (J, H)."""
+    """Fourier coefficients at x from those of the nodes.
+
+    Parameters
+    ----------
+    x
+        Temperature or frequency, (n,).
+    nodes
+        Of the table, rising, (J,).
+    coefficients
+        h_j, (J, H), in the unit of the table.
+    interpolation
+        "linear", "cubic" or "monotone".
+
+    Returns
+    -------
+    ndarray
+        (n, H), in the same unit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fourier import interpolate_coefficients
+    >>> nodes, at_nodes = np.array([0.0, 20.0]), np.array([[1.0, 0.0], [3.0, 4.0]])
+    >>> interpolate_coefficients(np.array([5.0]), nodes, at_nodes).tolist()
+    [[1.5, 1.0]]
+    """
     if interpolation == "monotone" and len(nodes) > 2:
         return np.stack(
             [
@@ -119,7 +217,38 @@ def evaluate(
     interpolation: str = "linear",
     travel_rad: Array | float = 0.0,
 ) -> Array:
-    """The table's value (n,) at (x, θ), averaged along `travel_rad` of wave angle."""
+    """The table's value Σ_j ψ_j(x) [h_j0 + Σ_k h_j,2k−1 cos 2mkθ + h_j,2k sin 2mkθ].
+
+    Parameters
+    ----------
+    x
+        Temperature or frequency, (n,).
+    wave_angle_rad
+        θ [rad], (n,).
+    nodes
+        Of the table, rising, (J,).
+    coefficients
+        h_j, (J, 1 + 2K), in the unit of the table.
+    mode_number
+        m.
+    interpolation
+        "linear", "cubic" or "monotone".
+    travel_rad
+        Of wave angle, along which the value is averaged [rad], (n,) or one number.
+
+    Returns
+    -------
+    ndarray
+        (n,), in the unit of the table.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fourier import evaluate
+    >>> coefficients = np.array([[1.0, 0.5, 0.0]])
+    >>> evaluate(np.zeros(2), np.array([0.0, np.pi / 4]), np.zeros(1), coefficients, 2).tolist()
+    [1.5, 0.5]
+    """
     harmonics = (np.shape(coefficients)[1] - 1) // 2
     basis = build_harmonic_basis(wave_angle_rad, harmonics, mode_number, travel_rad)
     return np.asarray(

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from .errors import UsageError
-from .units import DEGREE, DEGREE_PER_HOUR, canonical
+from .units import DEGREE, DEGREE_PER_HOUR, to_file_unit
 
 TURN = 2 * math.pi
 RATES = {
@@ -107,8 +107,26 @@ UNITS = {
 
 
 def find_quantity(name: str) -> str:
-    """What a figure of this name is; a part of the name before the last point may carry the unit
-    ("drift_rms_rad_s.held_out")."""
+    """What a figure is, by its name.
+
+    A part of the name before the last point may carry the unit ("drift_rms_rad_s.held_out").
+
+    Parameters
+    ----------
+    name
+        The figure's, with dots.
+
+    Returns
+    -------
+    str
+        A key of `UNITS`; a name without a unit is a ratio.
+
+    Examples
+    --------
+    >>> from hrg_cli.limit_values import find_quantity
+    >>> find_quantity("drift_rms_rad_s.held_out"), find_quantity("chi2_per_dof")
+    ('a rate', 'a ratio')
+    """
     for part in reversed(name.split(".")):
         stem = part.removesuffix("_std")
         for suffix, quantity in SUFFIXES:
@@ -118,13 +136,47 @@ def find_quantity(name: str) -> str:
 
 
 def is_relative(name: str) -> bool:
-    """Whether a figure without a unit in its name is relative to something."""
+    """Whether a figure without a unit in its name is a part of something.
+
+    Parameters
+    ----------
+    name
+        The figure's, with dots.
+
+    Returns
+    -------
+    bool
+        A limit in ppm or % means something.
+
+    Examples
+    --------
+    >>> from hrg_cli.limit_values import is_relative
+    >>> is_relative("effects.gain_mismatch"), is_relative("scale_factor")
+    (True, False)
+    """
     parts = name.split(".")
     return parts[0] == "effects" or any(not RELATIVE.isdisjoint(p.split("_")) for p in parts)
 
 
 def find_unit(name: str) -> str:
-    """The unit of a figure of this name."""
+    """The unit of a figure, by its name.
+
+    Parameters
+    ----------
+    name
+        The figure's, with dots.
+
+    Returns
+    -------
+    str
+        As files spell it; empty for a ratio.
+
+    Examples
+    --------
+    >>> from hrg_cli.limit_values import find_unit
+    >>> find_unit("damping_rate_1_s"), find_unit("drift_deg_h")
+    ('s-1', 'deg/h')
+    """
     return UNITS[find_quantity(name)]
 
 
@@ -163,7 +215,7 @@ def limit_value(name: str, value: Any) -> float:
                 f'limit {name} = {value!r}: a finite number, or one with a unit such as "5 deg/h",'
                 " was expected"
             )
-        number, unit = float(match[1]), canonical(match[2]) if match[2] else ""
+        number, unit = float(match[1]), to_file_unit(match[2]) if match[2] else ""
     if not math.isfinite(number):
         raise UsageError(f"limit {name} = {value!r}: a finite number was expected")
     return number * _factor(name, unit) if unit else number
@@ -189,8 +241,28 @@ def _factor(name: str, unit: str) -> float:
 
 
 def spell_whole_names(table: Mapping[str, Any], begin: str = "") -> dict[str, Any]:
-    """Limits by the whole names of their figures: of a name with dots that stands in no quotes TOML
-    makes a table in a table."""
+    """Limits by the whole names of their figures.
+
+    Of a name with dots that stands in no quotes TOML makes a table in a table.
+
+    Parameters
+    ----------
+    table
+        Limits of a kind of file, as TOML was read.
+    begin
+        What stands before its names.
+
+    Returns
+    -------
+    dict
+        Name -> limit.
+
+    Examples
+    --------
+    >>> from hrg_cli.limit_values import spell_whole_names
+    >>> spell_whole_names({"drift_rms_rad_s": {"held_out": {"maximum": "5 deg/h"}}})
+    {'drift_rms_rad_s.held_out': {'maximum': '5 deg/h'}}
+    """
     found: dict[str, Any] = {}
     for name, limit in table.items():
         inner = isinstance(limit, Mapping) and limit
@@ -202,7 +274,26 @@ def spell_whole_names(table: Mapping[str, Any], begin: str = "") -> dict[str, An
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
-    """The question "did you mean …?" where a known word is close, else nothing."""
+    """The question whether another word was meant.
+
+    Parameters
+    ----------
+    word
+        As it was typed.
+    known
+        Words that there are.
+
+    Returns
+    -------
+    str
+        "did you mean …?" where a known word is close, else empty.
+
+    Examples
+    --------
+    >>> from hrg_cli.limit_values import suggest
+    >>> suggest("maximun", ("minimum", "maximum"))
+    'did you mean maximum?'
+    """
     names = [k for k in known if k]
     close = difflib.get_close_matches(word, names, 1, 0.72) or difflib.get_close_matches(
         word.split(".")[-1], names, 1, 0.85

@@ -25,11 +25,35 @@ STRETCHES, STRETCH = 48, 1024
 
 
 def find_samples(path: Path, part: str = "") -> tuple[str, ...]:
-    """Fingerprints of the recorded samples behind a file; empty for a file that is not hrg's, or
-    whose sources do not say.
+    """Fingerprints of the recorded samples that a file goes back to.
 
-    part: what the command takes of a recording, as `part_of` says it. HrgError: the file is
-    damaged, or cannot be read.
+    Parameters
+    ----------
+    path
+        Of hrg, or another program's.
+    part
+        What the command takes of a recording, as `name_part` says it.
+
+    Returns
+    -------
+    tuple of str
+        Sorted; empty for a file that is not hrg's, or whose sources do not say.
+
+    Raises
+    ------
+    HrgError
+        The file is damaged, or cannot be read.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.origins import find_samples
+    >>> with TemporaryDirectory() as folder:
+    ...     log = Path(folder) / "lab.csv"
+    ...     _ = log.write_text("t,c,s")
+    ...     print(find_samples(log))
+    ()
     """
     try:
         kind = store.find_kind(path).kind
@@ -50,7 +74,28 @@ def find_samples(path: Path, part: str = "") -> tuple[str, ...]:
 
 
 def fingerprint(recording: Recording) -> str:
-    """SHA-256 of the length and of stretches of both channels' physical values."""
+    """SHA-256 of the length of a recording and of stretches of both channels' physical values.
+
+    Parameters
+    ----------
+    recording
+        Its channels may be on disk.
+
+    Returns
+    -------
+    str
+        64 digits; the same for a copy that is called, compressed or stored otherwise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.origins import fingerprint
+    >>> run = dict(s=np.zeros(9), sample_rate_hz=8e3, mode="free")
+    >>> one, other = (Recording(c=np.full(9, c), **run) for c in (0.1, 0.2))
+    >>> fingerprint(one) == fingerprint(one.replace(run_id="b")), fingerprint(one) == fingerprint(other)
+    (True, False)
+    """
     length = len(recording.c)
     digest = hashlib.sha256(str(length).encode())
     starts = np.unique(np.linspace(0, max(length - STRETCH, 0), STRETCHES).astype(int))
@@ -60,9 +105,25 @@ def fingerprint(recording: Recording) -> str:
     return digest.hexdigest()
 
 
-def part_of(settings: Mapping[str, Any]) -> str:
-    """The part of a recording that a command's settings take, "@from:to" in seconds; empty for all
-    of it."""
+def name_part(settings: Mapping[str, Any]) -> str:
+    """The part of a recording that a command's settings take.
+
+    Parameters
+    ----------
+    settings
+        Of a stage.
+
+    Returns
+    -------
+    str
+        "@from:to" in seconds; empty for all of it.
+
+    Examples
+    --------
+    >>> from hrg_cli.origins import name_part
+    >>> name_part({"from_s": 1, "to_s": None}), name_part({})
+    ('@1.0:', '')
+    """
     first, last = settings.get("from_s"), settings.get("to_s")
     return (
         ""
@@ -72,14 +133,47 @@ def part_of(settings: Mapping[str, Any]) -> str:
 
 
 def overlap(one: str, other: str) -> bool:
-    """Whether two parts "from:to" of the same samples share some; "" is all of them."""
+    """Whether two parts of the same samples share some.
+
+    Parameters
+    ----------
+    one, other
+        "from:to" in seconds; "" is all of them.
+
+    Returns
+    -------
+    bool
+        A part that begins where another ends shares nothing with it.
+
+    Examples
+    --------
+    >>> from hrg_cli.origins import overlap
+    >>> overlap("0:2", "1:"), overlap("0:2", "2:3"), overlap("", "2:3")
+    (True, False, True)
+    """
     (a, b), (c, d) = _ends(one), _ends(other)
     return a < d and c < b
 
 
 def find_shared(samples: Sequence[Sequence[str]]) -> Iterator[tuple[int, int]]:
-    """Places of two inputs, the earlier first, that go back to samples which both hold; `samples`: of
-    each its fingerprints."""
+    """Inputs that go back to samples which an earlier input holds too.
+
+    Parameters
+    ----------
+    samples
+        Fingerprints of each input.
+
+    Yields
+    ------
+    tuple of int
+        Places of two inputs, the earlier first.
+
+    Examples
+    --------
+    >>> from hrg_cli.origins import find_shared
+    >>> list(find_shared([["aa@0:2"], ["bb"], ["aa@1:3"]]))
+    [(0, 2)]
+    """
     first: dict[str, list[tuple[int, str]]] = {}
     for place, own in enumerate(samples):
         for sample in own:

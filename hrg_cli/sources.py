@@ -11,7 +11,7 @@ from typing import Any
 
 from . import store
 from .errors import EACH_RUN_ONCE, HrgError, NotHrgError
-from .origins import find_samples, find_shared, part_of
+from .origins import find_samples, find_shared, name_part
 from .records import KINDS, Periods, Recording, Source, Wave
 
 
@@ -27,7 +27,7 @@ class Sources:
         self._paths = [Path(p) for p in paths]
         self._pool = ThreadPoolExecutor(1)
         self._failed = Event()
-        self._part = part_of(taken or {})
+        self._part = name_part(taken or {})
 
     def __enter__(self) -> Sources:
         for path in self._paths:

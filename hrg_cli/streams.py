@@ -48,15 +48,60 @@ class _Messages(io.FileIO):
 
 
 def drop(handle: int) -> None:
-    """Let what is written there from now on vanish."""
+    """Let what is written to an open file from now on vanish.
+
+    Parameters
+    ----------
+    handle
+        Its number.
+
+    Examples
+    --------
+    >>> import os
+    >>> from tempfile import TemporaryFile
+    >>> from hrg_cli.streams import drop
+    >>> with TemporaryFile() as file:
+    ...     drop(file.fileno())
+    ...     os.write(file.fileno(), b"lost")
+    4
+    """
     silent = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silent, handle)
     os.close(silent)
 
 
-def result_stream(handle: int, like: TextIO, close: bool) -> TextIO:
-    """Text for an open file that takes a result, encoded as `like` is; characters that the encoding
-    lacks are shown as escapes. close: whether the file is closed with it."""
+def make_result_stream(handle: int, like: TextIO, close: bool) -> TextIO:
+    r"""Text for an open file that takes a result.
+
+    Characters that the encoding lacks are shown as escapes.
+
+    Parameters
+    ----------
+    handle
+        The file's number.
+    like
+        A stream of the same encoding.
+    close
+        The file is closed with it.
+
+    Returns
+    -------
+    TextIO
+        Writing to it fails with one sentence, once.
+
+    Examples
+    --------
+    >>> import io
+    >>> from tempfile import TemporaryFile
+    >>> from hrg_cli.streams import make_result_stream
+    >>> like = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    >>> with TemporaryFile() as file:
+    ...     with make_result_stream(file.fileno(), like, close=False) as stream:
+    ...         _ = stream.write("15 °/h")
+    ...     _ = file.seek(0)
+    ...     print(file.read())
+    b'15 \\xb0/h'
+    """
     return io.TextIOWrapper(
         io.BufferedWriter(_Result(handle, "w", closefd=close)),
         encoding=like.encoding,
@@ -66,11 +111,24 @@ def result_stream(handle: int, like: TextIO, close: bool) -> TextIO:
 
 
 def prepare() -> None:
-    """Make this process' own streams what this module says; streams that were put in their place
-    (by a test, a notebook) stay."""
+    """Make this process' own streams what this module says.
+
+    Streams that were put in their place (by a test, a notebook) stay.
+
+    Examples
+    --------
+    >>> import io, sys
+    >>> from contextlib import redirect_stdout
+    >>> from hrg_cli.streams import prepare
+    >>> with redirect_stdout(io.StringIO()) as theirs:
+    ...     prepare()
+    ...     stays = sys.stdout is theirs
+    >>> stays
+    True
+    """
     _open_closed()
     if _is_own("stdout"):
-        sys.stdout = result_stream(OUTPUT, sys.stdout, close=False)
+        sys.stdout = make_result_stream(OUTPUT, sys.stdout, close=False)
     if _is_own("stderr"):
         sys.stderr = io.TextIOWrapper(
             io.BufferedWriter(_Messages(ERROR, "w", closefd=False)),
@@ -104,9 +162,28 @@ def _open_closed() -> None:
 
 
 @contextlib.contextmanager
-def written_out() -> Iterator[None]:
-    """Write what is still in the buffer when the command is done, however it ends; a reader that
-    left is no failure. HrgError: it cannot be written."""
+def flush_at_end() -> Iterator[None]:
+    """Write what is still in the buffer when the command is done, however it ends.
+
+    A reader that left is no failure.
+
+    Yields
+    ------
+    None
+        While the command runs.
+
+    Raises
+    ------
+    HrgError
+        It cannot be written.
+
+    Examples
+    --------
+    >>> from hrg_cli.streams import flush_at_end
+    >>> with flush_at_end():
+    ...     print("the result")
+    the result
+    """
     try:
         yield
     finally:

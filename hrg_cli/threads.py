@@ -11,6 +11,15 @@ NAMES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def use_one() -> None:
-    """One thread for what is loaded from here on, where the environment does not say."""
+    """One thread for what is loaded from here on, where the environment does not say.
+
+    Examples
+    --------
+    >>> import os
+    >>> from hrg_cli.threads import NAMES, use_one
+    >>> use_one()
+    >>> all(name in os.environ for name in NAMES)
+    True
+    """
     for name in NAMES:
         os.environ.setdefault(name, "1")

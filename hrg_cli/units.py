@@ -25,8 +25,25 @@ RATE_UNITS = {"°/s": DEGREE, "°/h": DEGREE_PER_HOUR, "mrad/s": 1e-3, "1/min": 
 """Units that a rate log may come in for rad/s -> their size in rad/s."""
 
 
-def canonical(unit: str) -> str:
-    """The spelling of `unit` that files use; an unknown unit is returned as it is."""
+def to_file_unit(unit: str) -> str:
+    """The spelling of a unit that files use.
+
+    Parameters
+    ----------
+    unit
+        As a laboratory spells it.
+
+    Returns
+    -------
+    str
+        One of `CANONICAL`; an unknown unit as it is.
+
+    Examples
+    --------
+    >>> from hrg_cli.units import to_file_unit
+    >>> to_file_unit("rad/s"), to_file_unit(" furlong ")
+    ('rad s-1', 'furlong')
+    """
     return _SPELLING.get(unit.strip(), unit.strip())
 
 
@@ -41,8 +58,28 @@ the longest end first."""
 
 
 def to_trade(name: str, value: float) -> tuple[str, float, str]:
-    """A figure in the trade's unit: (name in words, value, unit) of a name that ends in its SI
-    unit."""
+    """A figure in the trade's unit.
+
+    Parameters
+    ----------
+    name
+        Of the figure, which ends in its SI unit.
+    value
+        In that unit.
+
+    Returns
+    -------
+    tuple
+        The name in words, the value, the trade's unit; the unit is empty where the trade has none of
+        its own.
+
+    Examples
+    --------
+    >>> from hrg_cli.units import to_trade
+    >>> name, value, unit = to_trade("angle_random_walk_rad_sqrt_s", 1e-6)
+    >>> name, round(value, 6), unit
+    ('angle random walk', 0.003438, '°/√h')
+    """
     for end, (size, unit) in TRADE.items():
         if name.endswith("_" + end):
             return name.removesuffix("_" + end).replace("_", " "), value / size, unit
@@ -50,5 +87,22 @@ def to_trade(name: str, value: float) -> tuple[str, float, str]:
 
 
 def to_deg_per_hour(rate_rad_s: float) -> float:
-    """A rate in rad/s as °/h, for people."""
+    """A rate in °/h, for people.
+
+    Parameters
+    ----------
+    rate_rad_s
+        [rad/s]
+
+    Returns
+    -------
+    float
+        [°/h]
+
+    Examples
+    --------
+    >>> from hrg_cli.units import EARTH_RATE_RAD_S, to_deg_per_hour
+    >>> round(to_deg_per_hour(EARTH_RATE_RAD_S), 3)
+    15.041
+    """
     return rate_rad_s / DEGREE_PER_HOUR

@@ -7,7 +7,7 @@ import pytest
 from conftest import ringing
 
 from hrg_cli import store
-from hrg_cli.origins import overlap, part_of
+from hrg_cli.origins import name_part, overlap
 from hrg_cli.records import Recording, Wave
 from hrg_cli.sources import Sources
 
@@ -90,7 +90,7 @@ def test_a_lot_does_not_count_a_copied_recording_twice(hrg, tmp_path):
 
 
 def test_parts_of_one_recording_are_no_duplicates():
-    assert part_of({"from_s": None}) == "" and part_of({"from_s": 1, "to_s": 2.5}) == "@1.0:2.5"
+    assert name_part({"from_s": None}) == "" and name_part({"from_s": 1, "to_s": 2.5}) == "@1.0:2.5"
     assert overlap("", "1.0:2.0") and overlap("1.0:", "0.0:1.5") and not overlap(":1.0", "1.0:")
 
 

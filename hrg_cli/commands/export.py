@@ -12,7 +12,7 @@ import typer
 from .. import signatures, store
 from ..errors import UsageError
 from ..exporting import export
-from ..exporting_records import FORMATS, export_record, format_of
+from ..exporting_records import FORMATS, export_record, find_format
 from ..records import Calibration
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, OneFile, make_command, need_inputs
@@ -69,7 +69,7 @@ def _export_file(
     output = run.need_output(
         "table.csv, table.json, table.parquet, table.xlsx, table.mat or (a calibration) table.h"
     )
-    suffix, packed = format_of(output)
+    suffix, packed = find_format(output)
     store.check_output(output, run.force)
     key = None
     if sign_with is not None:

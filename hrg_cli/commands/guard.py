@@ -24,7 +24,7 @@ from ..errors import (
 )
 from ..extras import find_optional, tell_how_to_install
 from ..reporting.text import fold_line
-from ..streams import drop, result_stream
+from ..streams import drop, make_result_stream
 
 DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -65,7 +65,7 @@ def _keep_standard_output() -> Iterator[None]:
         return
     stream.flush()
     kept = os.dup(handle)
-    sys.stdout = own = result_stream(kept, stream, close=True)
+    sys.stdout = own = make_result_stream(kept, stream, close=True)
     drop(handle)
     try:
         yield

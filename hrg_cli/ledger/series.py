@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..comparing import change_of
+from ..comparing import compute_change
 from ..origins import overlap
 from .entry import Entry
 from .times import parse_time
@@ -162,7 +162,7 @@ def make_series(entries: Sequence[Entry], name: str) -> FigureSeries:
     figures = [e.figures[name] for e in having]
     first = figures[0].value if figures else 0.0
     values = [
-        first + change_of(name, first, f.value, e.mode_number) for e, f in zip(having, figures)
+        first + compute_change(name, first, f.value, e.mode_number) for e, f in zip(having, figures)
     ]
     stds = [np.nan if f.std is None else f.std for f in figures]
     units = figures[0].units if figures else ""

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import Column
-from ..units import canonical
+from ..units import to_file_unit
 from .validity import find_dtype_problem, find_size_problem
 
 LARGEST_COLUMN_BYTES = 8 << 30
@@ -175,7 +175,7 @@ def need_declared(dataset: Any, path: Path, place: str, spec: Column) -> None:
     if (
         units is not None
         and spec.units not in (None, "any", "1")
-        and canonical(decode_text(units)) != spec.units
+        and to_file_unit(decode_text(units)) != spec.units
     ):
         raise HrgError(
             f"{path}: dataset {place} has units {decode_text(units)!r}, {spec.units!r} was expected;"

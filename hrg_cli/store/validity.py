@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import SIZES, Calibration, Column, Diagnosis, Record, Recording, Resonator, Valid
-from ..units import canonical
+from ..units import to_file_unit
 from .covariance_checks import find_covariance_problem
 from .report_checks import find_report_problem
 
@@ -325,7 +325,7 @@ def _recording_problem(record: Recording) -> str | None:
             return (
                 f"{name[2:]} of channel {name[0]} is 0, a finite number other than 0 was expected"
             )
-    if canonical(record.c_units) != canonical(record.s_units):
+    if to_file_unit(record.c_units) != to_file_unit(record.s_units):
         return (
             f"channel c is in {record.c_units!r} and channel s in {record.s_units!r}; both must"
             " have one unit"

@@ -438,7 +438,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("claimed - stored > LARGEST_GAP_BYTES", "False"),
             ("dataset.is_virtual or layout.get_external_count()", "dataset.is_virtual"),
             ("if known != size:", "if False:"),
-            ("canonical(decode_text(units)) != spec.units", "False"),
+            ("to_file_unit(decode_text(units)) != spec.units", "False"),
             ("if claimed > UNPACKED_BYTES and", "if False and"),
         ),
     ),
