@@ -90,11 +90,41 @@ def _step_of_recording(
 def recording_to_wave(
     work: Work, source: Path, name: str, logs: Sequence[Path] = (), identity: Sequence[Any] = ()
 ) -> Iterator[Step]:
-    """import (of a laboratory's logs), demodulate, estimate: NAME.periods.h5 and NAME.wave.h5, the
-    mode in the last step's JSON.
+    """Import a laboratory's logs, demodulate, estimate: NAME.periods.h5 and NAME.wave.h5.
 
-    logs: the files of a foreign log, first the one that is named; empty for an hrg recording.
-    identity: gyro and lot, where they count.
+    Parameters
+    ----------
+    work
+        The gyro's folder, settings and limits.
+    source
+        The recording, or the log that is named.
+    name
+        NAME of the outputs.
+    logs
+        The files of a foreign log, first the one that is named; empty for an hrg recording.
+    identity
+        Gyro and lot, where they count.
+
+    Returns
+    -------
+    iterator of Step
+        As they are done; the mode of the wave is in the last one's JSON. A step that fails is told
+        and ends them.
+
+    Raises
+    ------
+    DiskFullError, UsageError
+        What no further step could mend.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.chain import Work, recording_to_wave
+    >>> with TemporaryDirectory() as folder:
+    ...     steps = list(recording_to_wave(Work(Path(folder), {}), Path("nowhere.h5"), "run-1"))
+    >>> [(step.name, step.status, step.reasons[0].split(";")[0]) for step in steps]
+    [('demodulate', 'failed', 'nowhere.h5: no such file')]
     """
     note = work.folder / f"{name}.json"
     outputs = [work.folder / f"{name}.{kind}.h5" for kind in ("periods", "wave")]
@@ -132,9 +162,36 @@ def recording_to_wave(
 def waves_to_results(
     work: Work, free: Sequence[Path], forced: Sequence[Path], stages: Sequence[str] = RESULTS
 ) -> Iterator[Step]:
-    """Identify free runs, diagnose free ones (forced where there are none) with the identified
-    resonator beside them, calibrate and compensate forced ones; each stage of `stages` for which
-    there are waves."""
+    """Identify free runs, diagnose free ones (forced where there are none) with the identified resonator
+    beside them, calibrate and compensate forced ones.
+
+    Parameters
+    ----------
+    work
+        The gyro's folder, settings and limits.
+    free, forced
+        Waves.
+    stages
+        Those of `RESULTS` that are wanted.
+
+    Returns
+    -------
+    iterator of Step
+        As they are done, for each stage for which there are waves. A step that fails is told; what
+        needs its result is not tried.
+
+    Raises
+    ------
+    DiskFullError, UsageError
+        What no further step could mend.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.chain import Work, waves_to_results
+    >>> list(waves_to_results(Work(Path("results"), {}), [], []))
+    []
+    """
     resonator: Path | None = None
     calibration: Path | None = None
     modes_alone = False
@@ -168,7 +225,31 @@ def waves_to_results(
 
 
 def find_mode(wave: Path) -> str:
-    """Free or forced."""
+    """Whether a wave was free or driven.
+
+    Parameters
+    ----------
+    wave
+        Its file.
+
+    Returns
+    -------
+    str
+        "free" or "forced".
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli import store
+    >>> from hrg_cli.chain import find_mode
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.wave.h5"
+    ...     _ = store.write(file, draw_input().wave)
+    ...     print(find_mode(file))
+    free
+    """
     with store.open_record(wave, Wave) as record:
         return str(record.mode)
 

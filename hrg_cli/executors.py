@@ -86,10 +86,27 @@ class _Processes(ProcessPoolExecutor):
 
 @contextlib.contextmanager
 def start_processes(jobs: int) -> Iterator[Executor]:
-    """`jobs` processes of this machine with one thread each; this process itself for one.
+    """Processes of this machine with one thread each; this process itself for one.
 
     They end with this process. Left by an exception (Ctrl-C, a full disk), what is pending is
     dropped and what runs is killed at once.
+
+    Parameters
+    ----------
+    jobs
+        How many.
+
+    Returns
+    -------
+    context manager
+        Of an `Executor`.
+
+    Examples
+    --------
+    >>> from hrg_cli.executors import start_processes
+    >>> with start_processes(1) as executor:
+    ...     executor.submit(sum, [1, 2]).result()
+    3
     """
     if jobs == 1:
         yield InlineExecutor()
@@ -160,8 +177,36 @@ class DaskExecutor(Executor):
 
 @contextlib.contextmanager
 def connect_dask(address: str | None, jobs: int) -> Iterator[Executor]:
-    """The workers of a running scheduler (`address`), or `jobs` started here. HrgError: Dask
-    missing, no scheduler there."""
+    """Dask's workers as an executor.
+
+    Parameters
+    ----------
+    address
+        Of a running scheduler; None: workers are started here.
+    jobs
+        How many are started here.
+
+    Returns
+    -------
+    context manager
+        Of an `Executor`.
+
+    Raises
+    ------
+    HrgError
+        Dask is missing, or no scheduler is there.
+
+    Examples
+    --------
+    >>> from hrg_cli import HrgError
+    >>> from hrg_cli.executors import connect_dask
+    >>> try:
+    ...     with connect_dask("nowhere", 1):
+    ...         pass
+    ... except HrgError as error:
+    ...     print(str(error).split(" (")[0])
+    nowhere: no Dask scheduler answers there
+    """
     try:
         from distributed import Client, LocalCluster
     except ImportError as error:
@@ -259,12 +304,32 @@ def run_tasks(
     done: Callable[[int], None] = lambda count: None,
     then: Callable[[Task, Result | None], Sequence[Task]] = lambda task, result: (),
 ) -> list[Result | None]:
-    """work(task) of every task, in the tasks' order; None where its process was killed even when it
-    ran alone.
+    """The results of a function over tasks, each done in a process that may be killed.
 
-    then(task, result): tasks that follow from one that ended; they go before those that wait, and
-    are told to `then` in their turn. An exception of `work` itself is raised: it is the work's duty
-    to report its own failures as results.
+    Parameters
+    ----------
+    work
+        Its exceptions are raised: it is its duty to report its own failures as results.
+    tasks
+        One argument each.
+    open_executor
+        Opens what they are done by; again after a process was killed.
+    done
+        Called with how many are done.
+    then
+        Called with a task that ended and its result: tasks that follow from it. They go before those
+        that wait, and are told to `then` in their turn.
+
+    Returns
+    -------
+    list
+        In the tasks' order; None where its process was killed even when it ran alone.
+
+    Examples
+    --------
+    >>> from hrg_cli.executors import run_tasks, start_processes
+    >>> run_tasks(abs, [-1, 2], lambda: start_processes(1))
+    [1, 2]
     """
     every = list(tasks)
     results: dict[int, Result | None] = {}

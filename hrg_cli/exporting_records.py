@@ -32,8 +32,30 @@ LONGEST_CELL = 32_000
 
 
 def find_format(output: Path) -> tuple[str, bool]:
-    """(format, whether it is compressed) by the output's name. UsageError: an unknown one, a binary
-    format with .gz."""
+    """The format of an export, by its output's name.
+
+    Parameters
+    ----------
+    output
+        Its path.
+
+    Returns
+    -------
+    tuple
+        The ending, and whether it is compressed.
+
+    Raises
+    ------
+    UsageError
+        A binary format with .gz.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.exporting_records import find_format
+    >>> find_format(Path("wave.csv.gz"))
+    ('.csv', True)
+    """
     packed = output.suffix == ".gz"
     suffix = output.with_suffix("").suffix if packed else output.suffix
     if packed and suffix not in (".csv", ".json"):
@@ -45,8 +67,39 @@ def find_format(output: Path) -> tuple[str, bool]:
 
 
 def export_record(record: Record, output: Path) -> bytes:
-    """The record in the format of the output's name. UsageError: an unknown one. HrgError: a
-    package missing, too many rows for a sheet."""
+    """A record in the format of its output's name.
+
+    Parameters
+    ----------
+    record
+        Of any kind.
+    output
+        Its path, whose ending says the format; nothing is written.
+
+    Returns
+    -------
+    bytes
+        The file's content.
+
+    Raises
+    ------
+    UsageError
+        An unknown ending.
+    HrgError
+        A package is missing, or a sheet has not rows enough.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pathlib import Path
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.exporting_records import export_record
+    >>> run = Recording(c=np.array([0.5, 0.25]), s=np.zeros(2), sample_rate_hz=4.0, mode="free")
+    >>> print(export_record(run, Path("run.csv")).decode(), end="")
+    time_s,c,s
+    0.0,0.5,0.0
+    0.25,0.25,0.0
+    """
     suffix, packed = find_format(output)
     if suffix not in _WRITERS:
         endings = (*FORMATS, HEADER) if isinstance(record, Calibration) else FORMATS
@@ -59,8 +112,27 @@ def export_record(record: Record, output: Path) -> bytes:
 
 
 def list_columns(record: Record) -> dict[str, Array]:
-    """The table: equally long columns, one name a number; a column of several numbers a row becomes
-    several."""
+    """The table of a record: equally long columns, one name a number.
+
+    Parameters
+    ----------
+    record
+        Of any kind; of a calibration a row is a node and an angle.
+
+    Returns
+    -------
+    dict
+        Name -> (rows,); of a column of several numbers a row each becomes a column.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.exporting_records import list_columns
+    >>> run = Recording(c=np.array([0.5, 0.25]), s=np.zeros(2), sample_rate_hz=4.0, mode="free")
+    >>> {name: column.tolist() for name, column in list_columns(run).items()}
+    {'time_s': [0.0, 0.25], 'c': [0.5, 0.25], 's': [0.0, 0.0]}
+    """
     if isinstance(record, Recording):
         c, s = record.physical(0, len(record))
         return {"time_s": record.times(0, len(record)), "c": c, "s": s}
@@ -90,7 +162,28 @@ def list_columns(record: Record) -> dict[str, Array]:
 
 
 def list_attributes(record: Record) -> dict[str, Any]:
-    """What stands beside the table: kind, status, the group's attributes, where it comes from."""
+    """What stands beside a record's table: kind, status, attributes, where it comes from.
+
+    Parameters
+    ----------
+    record
+        Of any kind.
+
+    Returns
+    -------
+    dict
+        Name -> a number, a text or a list of texts.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.exporting_records import list_attributes
+    >>> run = Recording(c=np.zeros(2), s=np.zeros(2), sample_rate_hz=4.0, mode="free", run_id="a")
+    >>> found = list_attributes(run)
+    >>> found["kind"], found["run_id"], found["sample_rate_hz"]
+    ('recording', 'a', 4.0)
+    """
     plain: dict[str, Any] = {
         "kind": record.kind,
         "status": record.status,
@@ -204,7 +297,29 @@ def _frame(record: Record) -> Any:
 
 
 def import_package(package: str) -> Any:
-    """A package that a format needs. HrgError: it is not installed."""
+    """A package that a format needs.
+
+    Parameters
+    ----------
+    package
+        Its name, or a module's in it.
+
+    Returns
+    -------
+    module
+        Imported.
+
+    Raises
+    ------
+    HrgError
+        It is not installed.
+
+    Examples
+    --------
+    >>> from hrg_cli.exporting_records import import_package
+    >>> import_package("json.decoder").__name__
+    'json.decoder'
+    """
     from importlib import import_module
 
     try:

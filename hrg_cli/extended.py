@@ -12,7 +12,25 @@ from .stages.diagnosis.extended.extended_resonator import build_extended_resonat
 
 
 def find_extended_paths(output: Path) -> tuple[Path, Path]:
-    """NAME.extended.toml and NAME.extended_resonator.h5 of NAME.h5."""
+    """Where a diagnosis leaves its extended model.
+
+    Parameters
+    ----------
+    output
+        The diagnosis, NAME.h5.
+
+    Returns
+    -------
+    tuple of Path
+        NAME.extended.toml and NAME.extended_resonator.h5.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.extended import find_extended_paths
+    >>> [path.name for path in find_extended_paths(Path("diagnosis.h5"))]
+    ['diagnosis.extended.toml', 'diagnosis.extended_resonator.h5']
+    """
     stem = output.name.removesuffix(".h5")
     return output.with_name(f"{stem}.extended.toml"), output.with_name(
         f"{stem}.extended_resonator.h5"
@@ -20,8 +38,40 @@ def find_extended_paths(output: Path) -> tuple[Path, Path]:
 
 
 def write_extended(diagnosis: Diagnosis, output: Path, force: bool) -> list[Path]:
-    """Write what the diagnosis holds of its extended model; the files written. HrgError: one exists
-    (unless `force`)."""
+    """Write what a diagnosis holds of its extended model, beside it.
+
+    Parameters
+    ----------
+    diagnosis
+        As it was written.
+    output
+        Its file.
+    force
+        Files that are there may be replaced.
+
+    Returns
+    -------
+    list of Path
+        The files written; none of a diagnosis without a model.
+
+    Raises
+    ------
+    HrgError
+        One exists.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from hrg_cli.extended import write_extended
+    >>> from hrg_cli.records import Diagnosis
+    >>> rows = dict.fromkeys(("run", "time_s", "wave_angle_rad", "main_amplitude"), np.zeros(0))
+    >>> signals = ("measured", "simulated_before", "simulated_after", "residual_before")
+    >>> rows |= dict.fromkeys((*signals, "residual_after"), np.zeros((0, 4)))
+    >>> none = Diagnosis(verdict="unexplained", report="{}", series="{}", **rows)
+    >>> write_extended(none, Path("diagnosis.h5"), False)
+    []
+    """
     model, resonator = find_extended_paths(output)
     written = []
     if diagnosis.extended_model:

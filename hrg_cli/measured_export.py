@@ -31,7 +31,26 @@ MEASURED_FORMULA = {
 
 
 def make_csv_measured(calibration: Calibration) -> tuple[list[str], list[list[float]]]:
-    """(further columns, their values a node); none for a model without a measured part."""
+    """The measured part of a drift model as columns of a CSV file.
+
+    Parameters
+    ----------
+    calibration
+        Its tables.
+
+    Returns
+    -------
+    tuple
+        Names of further columns, and their values, a list for each node; none for a model without a
+        measured part.
+
+    Examples
+    --------
+    >>> from hrg_cli.measured_export import make_csv_measured
+    >>> from hrg_cli.stages.calibration.drawn_tables import draw_tables
+    >>> make_csv_measured(draw_tables())
+    ([], [[]])
+    """
     part = interpolate_measured(calibration, np.asarray(calibration.node, float))
     if part is None:
         return [], [[] for _ in calibration.node]
@@ -52,8 +71,28 @@ def _columns(part: MeasuredDrift) -> tuple[list[str], Array]:
 
 
 def make_c_measured(calibration: Calibration, nodes: Array) -> str:
-    """The C function `hrg_measured_drift_rad_s(x, theta, ratio, frequency_hz)`, the same for every
-    model; nodes: the header's."""
+    """The C function `hrg_measured_drift_rad_s(x, theta, ratio, frequency_hz)` of a drift model.
+
+    Parameters
+    ----------
+    calibration
+        Its tables.
+    nodes
+        Of the header, rising, (J,): temperatures or frequencies.
+
+    Returns
+    -------
+    str
+        C; the function is there whatever the model, and gives 0 for one without a measured part.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.measured_export import make_c_measured
+    >>> from hrg_cli.stages.calibration.drawn_tables import draw_tables
+    >>> "double hrg_measured_drift_rad_s(" in make_c_measured(draw_tables(), np.array([20.0]))
+    True
+    """
     fine = np.linspace(nodes[0], nodes[-1], FINE_NODES) if len(nodes) > 1 else nodes
     part = interpolate_measured(calibration, fine)
     if part is None:

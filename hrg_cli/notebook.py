@@ -45,7 +45,31 @@ PLOTTED = (
 
 
 def need_package(package: str, what: str) -> Any:
-    """A package of the notebook. HrgError: it is not installed."""
+    """A package that the notebook's views need.
+
+    Parameters
+    ----------
+    package
+        Its name, or a module's in it.
+    what
+        What needs it, in words.
+
+    Returns
+    -------
+    module
+        Imported.
+
+    Raises
+    ------
+    HrgError
+        It is not installed.
+
+    Examples
+    --------
+    >>> from hrg_cli.notebook import need_package
+    >>> need_package("json.decoder", "a table").__name__
+    'json.decoder'
+    """
     try:
         return import_module(package)
     except ImportError as error:

@@ -163,9 +163,9 @@ def find_shared(samples: Sequence[Sequence[str]]) -> Iterator[tuple[int, int]]:
     samples
         Fingerprints of each input.
 
-    Yields
-    ------
-    tuple of int
+    Returns
+    -------
+    iterator of tuple
         Places of two inputs, the earlier first.
 
     Examples

@@ -110,10 +110,54 @@ def run_stage(
 ) -> Outcome:
     """Run one stage on files: records in, one record out, whole or not at all.
 
-    values: the stage's resolved settings; beside: files of further records, a list where the stage
-    takes several; further: arguments that are no file. HrgError: an input is of the wrong kind,
-    damaged or changed while it was read, or holds samples that another input holds; the output
-    exists.
+    Parameters
+    ----------
+    name
+        Of the stage, a key of `STAGES`.
+    inputs
+        Files of the kind that it takes.
+    output
+        The file to write.
+    values
+        The stage's resolved settings.
+    beside
+        Argument's name -> file of a further record, a list where the stage takes several.
+    further
+        Arguments that are no file.
+    force
+        The output may be replaced.
+    command_line
+        Of the history.
+    progress
+        Called with the share done.
+
+    Returns
+    -------
+    Outcome
+        The record that was written, and the command's JSON.
+
+    Raises
+    ------
+    HrgError
+        An input is of the wrong kind, damaged or changed while it was read, or holds samples that
+        another input holds; the output exists.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, demodulate, store
+    >>> from hrg_cli.pipeline import run_stage
+    >>> from hrg_cli.settings import resolve
+    >>> t = np.arange(4000) / 1e4
+    >>> c, s = np.cos(2e3 * np.pi * t), 0.5 * np.cos(2e3 * np.pi * t)
+    >>> with TemporaryDirectory() as folder:
+    ...     run, periods = Path(folder) / "run.h5", Path(folder) / "run.periods.h5"
+    ...     _ = store.write(run, Recording(c=c, s=s, sample_rate_hz=1e4, mode="free"))
+    ...     outcome = run_stage("demodulate", [run], periods, resolve(demodulate))
+    >>> outcome.record.kind, round(outcome.json["reference_frequency_hz"], 6)
+    ('periods', 1000.0)
     """
     stage = STAGES[name]
     started = time.monotonic()
@@ -196,7 +240,33 @@ def _run_on_one(
 
 @contextmanager
 def remove_if_it_fails(output: Path) -> Iterator[None]:
-    """While a written output is looked at once more: a command that then fails leaves no output."""
+    """While a written output is looked at once more: a command that then fails leaves no output.
+
+    Parameters
+    ----------
+    output
+        The file.
+
+    Returns
+    -------
+    context manager
+        Of that look.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.pipeline import remove_if_it_fails
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "wave.h5"
+    ...     file.touch()
+    ...     try:
+    ...         with remove_if_it_fails(file):
+    ...             raise ValueError
+    ...     except ValueError:
+    ...         print(file.exists())
+    False
+    """
     try:
         yield
     except BaseException:
@@ -214,8 +284,51 @@ def write_first(
     force: bool,
     command_line: str,
 ) -> AnyRecord:
-    """Write the record of a command that starts a chain (import, simulate, calibrate on a foreign
-    table)."""
+    """Write the record of a command that starts a chain (import, simulate, calibrate on a foreign table).
+
+    Parameters
+    ----------
+    output
+        The file to write.
+    stream
+        The record, or its blocks.
+    values
+        The command's settings.
+    table
+        Their name in the file's provenance.
+    sources
+        Files that it was made of.
+    force
+        The output may be replaced.
+    command_line
+        Of the history.
+
+    Returns
+    -------
+    Record
+        That was written; of a stream its last block.
+
+    Raises
+    ------
+    HrgError
+        A source changed while it was read, or the output exists.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.pipeline import write_first
+    >>> run = Recording(c=np.zeros(2), s=np.zeros(2), sample_rate_hz=4.0, mode="free")
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.h5"
+    ...     told = dict(force=False, command_line="hrg simulate gyro.toml")
+    ...     written = write_first(file, run, {"seed": 1}, "simulate", [], **told)
+    >>> print(written.provenance.settings, end="")
+    [simulate]
+    seed = 1
+    """
     with Sources(sources) as hashed:
         text = settings.to_toml({table: values})
         return store.write(
@@ -229,8 +342,33 @@ def write_first(
 def make_common_keys(
     kind: str, status: str, reasons: Iterable[str], output: Path | None, started: float
 ) -> dict[str, Any]:
-    """The keys that the JSON of every command has; `started`: `time.monotonic()` at its
-    beginning."""
+    """The keys that the JSON of every command has.
+
+    Parameters
+    ----------
+    kind
+        Of the result, or the command's name.
+    status
+        "valid", "suspect" or "refused".
+    reasons
+        Sentences.
+    output
+        The file; None: there is none.
+    started
+        `time.monotonic()` at the command's beginning [s].
+
+    Returns
+    -------
+    dict
+        As JSON has it.
+
+    Examples
+    --------
+    >>> import time
+    >>> from hrg_cli.pipeline import make_common_keys
+    >>> list(make_common_keys("wave", "valid", (), None, time.monotonic()))
+    ['kind', 'status', 'status_reasons', 'output', 'elapsed_s']
+    """
     return {
         "kind": kind,
         "status": status,
@@ -243,7 +381,35 @@ def make_common_keys(
 def report(
     record: Record, output: Path | None, started: float, extra: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The JSON object of a command: the common keys, then the stage's own."""
+    """The JSON of a command that wrote a record: the common keys, then the stage's own.
+
+    Parameters
+    ----------
+    record
+        The result.
+    output
+        Its file; None: there is none.
+    started
+        `time.monotonic()` at the command's beginning [s].
+    extra
+        The stage's own keys.
+
+    Returns
+    -------
+    dict
+        As JSON has it.
+
+    Examples
+    --------
+    >>> import time
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.pipeline import report
+    >>> run = Recording(c=np.zeros(2), s=np.zeros(2), sample_rate_hz=4.0, mode="free")
+    >>> told = report(run, None, time.monotonic(), {"samples": 2})
+    >>> told["kind"], told["status"], told["samples"]
+    ('recording', 'valid', 2)
+    """
     return make_common_keys(
         record.kind, record.status, record.status_reasons, output, started
     ) | dict(extra)

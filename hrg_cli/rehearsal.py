@@ -33,9 +33,50 @@ def rehearse_file(
     progress: pipeline.Progress,
     written_by: str | None,
 ) -> Rehearsal:
-    """Rehearse a result file; with `written_by` (a line of history) the verdict is written into it.
+    """Rehearse a result file.
 
-    HrgError: an input is not found or was changed, no twin can be made, too much work.
+    Parameters
+    ----------
+    path
+        A resonator, a calibration or a diagnosis.
+    beside
+        Files and folders named by the user, of which its inputs may be some.
+    values
+        Whole settings of the rehearsals.
+    jobs
+        Processes that share them.
+    progress
+        Called with the share done.
+    written_by
+        Line of history with which the verdict is written into the file; None: it is not written.
+
+    Returns
+    -------
+    Rehearsal
+        What it says of the result's errors.
+
+    Raises
+    ------
+    HrgError
+        Another kind of file, an input that is not found or was changed, no twin can be made, too much
+        work.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from hrg_cli import HrgError, Recording, store
+    >>> from hrg_cli.rehearsal import rehearse_file
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.h5"
+    ...     run = Recording(c=np.zeros(2), s=np.zeros(2), sample_rate_hz=4.0, mode="free")
+    ...     _ = store.write(file, run)
+    ...     try:
+    ...         rehearse_file(file, [], {}, 1, print, None)
+    ...     except HrgError as error:
+    ...         print(str(error).split("run.h5: ")[1])
+    is a recording file; a resonator, a calibration or a diagnosis is rehearsed
     """
     kind = store.find_kind(path)
     if kind not in STAGE_OF:
@@ -68,8 +109,41 @@ def rehearse_file(
 
 
 def write_verdict(path: Path, record: Record, told: Rehearsal, typed: str) -> None:
-    """The verdict in the file's own status and details: written beside it and renamed, so that it
-    is whole at any time."""
+    """Write a rehearsal's verdict into its result's status and details.
+
+    The file is written beside itself and renamed, so that it is whole at any time.
+
+    Parameters
+    ----------
+    path
+        The result.
+    record
+        As it was read.
+    told
+        Its rehearsal.
+    typed
+        The command, for the history.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from hrg_cli import Resonator, store
+    >>> from hrg_cli.rehearsal import write_verdict
+    >>> from hrg_cli.stages.rehearsing.rehearsals import Rehearsal
+    >>> one = np.ones(1)
+    >>> found = Resonator(
+    ...     name=np.array(["scale_factor"]), units=np.array(["1"]), value=one, std=one,
+    ...     covariance=np.eye(1), details="{}",
+    ... )
+    >>> told = Rehearsal(30, [], (), 0, {"valid": 30}, "the file's")
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "resonator.h5"
+    ...     write_verdict(file, found, told, "rehearse resonator.h5")
+    ...     print(store.read(file, Resonator).provenance.history[0].split(" ", 3)[3])
+    rehearse resonator.h5
+    """
     provenance = record.provenance
     line = f"{store.stamp_now()} hrg {__version__} {typed}"
     judged = judge_by_rehearsal(record, told)
@@ -83,7 +157,41 @@ def write_verdict(path: Path, record: Record, told: Rehearsal, typed: str) -> No
 
 
 def find_settings(path: Path, stage: str) -> dict[str, Any]:
-    """The settings of a stage that a file keeps. HrgError: they cannot be read."""
+    """The settings of a stage that a file keeps.
+
+    Parameters
+    ----------
+    path
+        The file.
+    stage
+        Its name.
+
+    Returns
+    -------
+    dict
+        Name -> value; empty where it keeps none.
+
+    Raises
+    ------
+    HrgError
+        They cannot be read.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> from hrg_cli.pipeline import write_first
+    >>> from hrg_cli.rehearsal import find_settings
+    >>> run = Recording(c=np.zeros(2), s=np.zeros(2), sample_rate_hz=4.0, mode="free")
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.h5"
+    ...     told = dict(force=False, command_line="hrg simulate gyro.toml")
+    ...     _ = write_first(file, run, {"seed": 1}, "simulate", [], **told)
+    ...     print(find_settings(file, "simulate"))
+    {'seed': 1}
+    """
     try:
         found = settings.parse_toml(store.find_provenance(path).settings).get(stage, {})
     except HrgError as error:
@@ -92,8 +200,42 @@ def find_settings(path: Path, stage: str) -> dict[str, Any]:
 
 
 def list_inputs(path: Path, beside: Sequence[Path]) -> list[Path]:
-    """The wave files a result was made of, in its order. HrgError: one is not found, or has
-    changed."""
+    """The wave files that a result was made of, in its order.
+
+    Parameters
+    ----------
+    path
+        The result.
+    beside
+        Files and folders named by the user, which are looked at first.
+
+    Returns
+    -------
+    list of Path
+        Those with the very content.
+
+    Raises
+    ------
+    HrgError
+        It names none, or one is not found, or has changed.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from hrg_cli import HrgError, Recording, store
+    >>> from hrg_cli.rehearsal import list_inputs
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.h5"
+    ...     run = Recording(c=np.zeros(2), s=np.zeros(2), sample_rate_hz=4.0, mode="free")
+    ...     _ = store.write(file, run)
+    ...     try:
+    ...         list_inputs(file, [])
+    ...     except HrgError as error:
+    ...         print(str(error).split("run.h5: ")[1].split(";")[0])
+    names no wave file among its sources
+    """
     sources = [source for source in store.find_provenance(path).sources if source.kind == Wave.kind]
     if not sources:
         raise HrgError(
@@ -104,8 +246,35 @@ def list_inputs(path: Path, beside: Sequence[Path]) -> list[Path]:
 
 
 def find_identified(path: Path, record: Record, beside: Sequence[Path]) -> list[Identified]:
-    """The resonator files that tables of `--model physical` were made of, each with its own waves
-    and settings. HrgError: one is not found, or has changed."""
+    """The resonator files that tables of `--model physical` were made of.
+
+    Parameters
+    ----------
+    path
+        The calibration.
+    record
+        As it was read.
+    beside
+        Files and folders named by the user, which are looked at first.
+
+    Returns
+    -------
+    list of Identified
+        Each with its own waves and settings; empty for another model.
+
+    Raises
+    ------
+    HrgError
+        One is not found, or has changed.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.rehearsal import find_identified
+    >>> from hrg_cli.stages.calibration.drawn_tables import draw_tables
+    >>> find_identified(Path("calibration.h5"), draw_tables(), [])
+    []
+    """
     if not is_physical(record):
         return []
     out = []
@@ -140,8 +309,39 @@ def _must(found: Path | None, source: Source, path: Path) -> Path:
 
 
 def find_source(source: Source, folder: Path, beside: Sequence[Path]) -> Path | None:
-    """The file with a source's SHA-256: named by the user, under its own name in the folder, or
-    under another one there; files of its name are read first."""
+    """The file with a source's SHA-256: named by the user, under its own name in the folder, or under
+    another one there.
+
+    Parameters
+    ----------
+    source
+        Name, kind and SHA-256.
+    folder
+        Of the file that names it.
+    beside
+        Files named by the user.
+
+    Returns
+    -------
+    Path or None
+        Files of its name are read first.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> from hrg_cli.records import Source
+    >>> from hrg_cli.rehearsal import find_source
+    >>> with TemporaryDirectory() as name:
+    ...     folder = Path(name)
+    ...     run = Recording(c=np.zeros(2), s=np.zeros(2), sample_rate_hz=4.0, mode="free")
+    ...     _ = store.write(folder / "renamed.h5", run)
+    ...     source = Source("run.h5", "recording", store.compute_sha256(folder / "renamed.h5"))
+    ...     print(find_source(source, folder, []).name)
+    renamed.h5
+    """
     own = folder / source.name
     others = sorted(p for p in folder.glob("*.h5") if p != own)
     candidates = dict.fromkeys([*beside, own, *others])
@@ -159,8 +359,39 @@ def find_source(source: Source, folder: Path, beside: Sequence[Path]) -> Path | 
 
 
 def attach_measured(wave: Path, beside: Sequence[Path]) -> Measured:
-    """A wave and, where they lie beside it, what its periods and its recording say of sampling and
-    windows."""
+    """A wave and what its periods and its recording say of sampling and windows.
+
+    Parameters
+    ----------
+    wave
+        Its file; periods and recording are looked for beside it.
+    beside
+        Files named by the user, which are looked at first.
+
+    Returns
+    -------
+    Measured
+        Without a periods file neither carrier nor sampling rate.
+
+    Raises
+    ------
+    HrgError
+        A wave read out by a carrier, whose periods file is not at hand.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli import store
+    >>> from hrg_cli.rehearsal import attach_measured
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.wave.h5"
+    ...     _ = store.write(file, draw_input().wave)
+    ...     found = attach_measured(file, [])
+    >>> len(found.wave), found.sample_rate_hz
+    (50, None)
+    """
     record = store.read(wave, Wave)
     periods = _parent(wave, Periods.kind, beside)
     demodulate, carrier, sampling = {}, None, None

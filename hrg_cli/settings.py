@@ -21,7 +21,25 @@ from .errors import HrgError, UsageError, name_some
 
 @functools.cache
 def make_model(stage: Callable[..., Any]) -> Any:
-    """Pydantic model of a stage's keyword-only settings: strict, frozen, no unknown key, no NaN."""
+    """The pydantic model of a stage's keyword-only settings: strict, frozen, no unknown key, no NaN.
+
+    Parameters
+    ----------
+    stage
+        A function whose settings are annotated.
+
+    Returns
+    -------
+    type
+        Made once for each stage.
+
+    Examples
+    --------
+    >>> from hrg_cli.settings import make_model
+    >>> def wait(*, seconds: float = 1.0): ...
+    >>> make_model(wait)(seconds=2).seconds
+    2.0
+    """
     from pydantic import ConfigDict, create_model
 
     hints = typing.get_type_hints(stage, include_extras=True)
@@ -50,7 +68,34 @@ MOST_TOLD = 3
 
 
 def load_toml(path: Path | str) -> dict[str, Any]:
-    """A TOML file as a dictionary. HrgError: missing, too long, not text, not TOML."""
+    r"""A TOML file as a dictionary.
+
+    Parameters
+    ----------
+    path
+        Of at most 16 MB.
+
+    Returns
+    -------
+    dict
+        Tables within tables.
+
+    Raises
+    ------
+    HrgError
+        It is missing, too long, not text, or not TOML.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from hrg_cli.settings import load_toml
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "chain.toml"
+    ...     _ = file.write_text("[estimate]\ntolerance = 1e-8")
+    ...     load_toml(file)
+    {'estimate': {'tolerance': 1e-08}}
+    """
     path = Path(path)
     if not path.exists():
         raise HrgError(f"{path}: no such file; name a TOML file")
@@ -98,7 +143,29 @@ def _need_few_keys(text: str, where: str) -> None:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """A TOML text (a record's settings) as a dictionary. HrgError: it is none."""
+    r"""A TOML text as a dictionary: the settings that a record keeps.
+
+    Parameters
+    ----------
+    text
+        The whole of it.
+
+    Returns
+    -------
+    dict
+        Tables within tables.
+
+    Raises
+    ------
+    HrgError
+        It is no TOML.
+
+    Examples
+    --------
+    >>> from hrg_cli.settings import parse_toml
+    >>> parse_toml("[estimate]\ntolerance = 1e-8")
+    {'estimate': {'tolerance': 1e-08}}
+    """
     try:
         _need_few_keys(text, "the text")
         tree = tomllib.loads(text)
@@ -109,7 +176,26 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested tables as one table of dotted keys."""
+    """Nested tables as one table of dotted keys.
+
+    Parameters
+    ----------
+    tree
+        Tables within tables.
+    prefix
+        Before every key, with its dot.
+
+    Returns
+    -------
+    dict
+        Dotted key -> value; a list is a value.
+
+    Examples
+    --------
+    >>> from hrg_cli.settings import flatten
+    >>> flatten({"estimate": {"tolerance": 1e-8}, "jobs": 2})
+    {'estimate.tolerance': 1e-08, 'jobs': 2}
+    """
     out: dict[str, Any] = {}
     for key, value in tree.items():
         out |= (
@@ -125,7 +211,26 @@ LARGEST_INTEGER = 2**63
 
 
 def list_leaves(tree: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Every value of nested tables and lists with its dotted key; a list's places count from 0."""
+    """Every value of nested tables and lists with its dotted key.
+
+    Parameters
+    ----------
+    tree
+        Tables and lists within one another, or one value.
+    key
+        Its own.
+
+    Returns
+    -------
+    iterator of tuple
+        Dotted key and value; a list's places count from 0.
+
+    Examples
+    --------
+    >>> from hrg_cli.settings import list_leaves
+    >>> list(list_leaves({"run": [{"rate_rad_s": 0.1}, {"rate_rad_s": 0.2}]}))
+    [('run.0.rate_rad_s', 0.1), ('run.1.rate_rad_s', 0.2)]
+    """
     if isinstance(tree, Mapping | list):
         pairs = tree.items() if isinstance(tree, Mapping) else enumerate(tree)
         for name, value in pairs:
@@ -195,7 +300,31 @@ def parse_assignment(text: str) -> tuple[str, Any]:
 
 
 def assign(tree: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key of nested tables; a number addresses an element of an array of tables."""
+    """Set a dotted key of nested tables.
+
+    Parameters
+    ----------
+    tree
+        Changed in place.
+    key
+        A number in it addresses an element of an array of tables.
+    value
+        Of the key.
+
+    Raises
+    ------
+    UsageError
+        An element that there is not, or a value where a table was expected.
+
+    Examples
+    --------
+    >>> from hrg_cli.settings import assign
+    >>> tree = {"run": [{"rate_rad_s": 0.1}]}
+    >>> assign(tree, "run.0.rate_rad_s", 0.2)
+    >>> assign(tree, "resonator.quality", 1e6)
+    >>> tree
+    {'run': [{'rate_rad_s': 0.2}], 'resonator': {'quality': 1000000.0}}
+    """
     *parents, last = key.split(".")
     for part in parents:
         if isinstance(tree, list):
@@ -212,7 +341,23 @@ def assign(tree: dict[str, Any], key: str, value: Any) -> None:
 
 
 def merge(into: dict[str, Any], tree: Mapping[str, Any]) -> None:
-    """Put `tree` over `into`: tables are merged, anything else is replaced."""
+    """Put tables over others: tables are merged, anything else is replaced.
+
+    Parameters
+    ----------
+    into
+        Changed in place.
+    tree
+        Put over it.
+
+    Examples
+    --------
+    >>> from hrg_cli.settings import merge
+    >>> limits = {"wave": {"residual_rms": 1e-3}, "jobs": 1}
+    >>> merge(limits, {"wave": {"frequency_hz": 5e3}, "jobs": 2})
+    >>> limits
+    {'wave': {'residual_rms': 0.001, 'frequency_hz': 5000.0}, 'jobs': 2}
+    """
     for key, value in tree.items():
         if isinstance(value, Mapping) and isinstance(into.get(key), dict):
             merge(into[key], value)
@@ -221,7 +366,27 @@ def merge(into: dict[str, Any], tree: Mapping[str, Any]) -> None:
 
 
 def accepts(stage: Callable[..., Any], name: str) -> bool:
-    """Whether a stage has a setting of this name."""
+    """Whether a stage has a setting.
+
+    Parameters
+    ----------
+    stage
+        Its function.
+    name
+        Of the setting.
+
+    Returns
+    -------
+    bool
+        It is in the stage's signature.
+
+    Examples
+    --------
+    >>> from hrg_cli import identify
+    >>> from hrg_cli.settings import accepts
+    >>> accepts(identify, "bootstrap"), accepts(identify, "harmonics")
+    (True, False)
+    """
     return name in inspect.signature(stage).parameters
 
 
@@ -232,8 +397,40 @@ def resolve(
     flags: Mapping[str, Any] | None = None,
     table: str = "",
 ) -> dict[str, Any]:
-    """The stage's whole checked settings: signature < `table` of `config` (the stage's name) <
-    --set < flags that were given (not None)."""
+    """The stage's whole checked settings: signature < table of the file < --set < flags.
+
+    Parameters
+    ----------
+    stage
+        Its function.
+    config
+        A TOML file.
+    assignments
+        `key=value` of --set; the key may begin with the table's name.
+    flags
+        Of the command line; None was not given.
+    table
+        Of the file; the stage's name where none is told.
+
+    Returns
+    -------
+    dict
+        Name -> value.
+
+    Raises
+    ------
+    HrgError
+        The file cannot be read, or its table is none or holds a wrong key.
+    UsageError
+        A flag or an assignment is wrong.
+
+    Examples
+    --------
+    >>> from hrg_cli.settings import resolve
+    >>> def wait(*, seconds: float = 1.0, times: int = 1): ...
+    >>> resolve(wait, assignments=("wait.seconds=2", "times=3"), flags={"times": 4})
+    {'seconds': 2.0, 'times': 4}
+    """
     name = table or stage.__name__
     from_file: dict[str, Any] = {}
     if config is not None:
@@ -257,7 +454,40 @@ def check_settings(
     where: str = "settings",
     usage: bool = False,
 ) -> dict[str, Any]:
-    """The stage's whole settings: its defaults with `values` over them."""
+    """The stage's whole settings: its defaults with values over them.
+
+    Parameters
+    ----------
+    stage
+        Its function.
+    values
+        Name -> value.
+    where
+        Where they come from, for messages.
+    usage
+        They come from the command line.
+
+    Returns
+    -------
+    dict
+        Name -> value.
+
+    Raises
+    ------
+    HrgError
+        An unknown key, or a value out of range; `UsageError` of the command line.
+
+    Examples
+    --------
+    >>> from hrg_cli.settings import check_settings
+    >>> def wait(*, seconds: float = 1.0, times: int = 1): ...
+    >>> check_settings(wait, {"times": 2})
+    {'seconds': 1.0, 'times': 2}
+    >>> check_settings(wait, {"second": 2})
+    Traceback (most recent call last):
+    ...
+    hrg_cli.errors.HrgError: settings: unknown key second (did you mean seconds?)
+    """
     model = validate(make_model(stage), values, where, usage=usage)
     return {key: getattr(model, key) for key in type(model).model_fields}
 
@@ -265,7 +495,38 @@ def check_settings(
 def validate(
     model: Any, values: Mapping[str, Any], where: str, prefix: str = "", usage: bool = False
 ) -> Any:
-    """An instance of a pydantic model, or one sentence that lists the wrong keys."""
+    """An instance of a pydantic model, or one sentence that lists the wrong keys.
+
+    Parameters
+    ----------
+    model
+        Its class.
+    values
+        Name -> value.
+    where
+        Where they come from, for messages.
+    prefix
+        Of their keys in messages, with its dot.
+    usage
+        They come from the command line.
+
+    Returns
+    -------
+    BaseModel
+        Of that class.
+
+    Raises
+    ------
+    HrgError
+        Wrong keys, the first three by name; `UsageError` of the command line.
+
+    Examples
+    --------
+    >>> from hrg_cli.settings import make_model, validate
+    >>> def wait(*, seconds: float = 1.0): ...
+    >>> validate(make_model(wait), {"seconds": 2}, "chain.toml", prefix="wait.").seconds
+    2.0
+    """
     from pydantic import ValidationError
 
     try:
@@ -320,7 +581,25 @@ def _find_part(model: Any, part: str | int) -> Any:
 
 
 def to_toml(values: Mapping[str, Any]) -> str:
-    """Settings as TOML text; None is left out."""
+    """Settings as TOML text.
+
+    Parameters
+    ----------
+    values
+        Models, tables, lists, paths, numbers; None is left out.
+
+    Returns
+    -------
+    str
+        Lines.
+
+    Examples
+    --------
+    >>> from hrg_cli.settings import to_toml
+    >>> print(to_toml({"estimate": {"tolerance": 1e-8, "from_s": None}}), end="")
+    [estimate]
+    tolerance = 1e-08
+    """
     import tomli_w
 
     return tomli_w.dumps(_plain(values))

@@ -21,26 +21,131 @@ LARGEST_KEY = 1 << 16
 
 
 def place_signature(path: Path) -> Path:
-    """Where the signature of a file lies: beside it."""
+    """Where the signature of a file lies: beside it.
+
+    Parameters
+    ----------
+    path
+        The file, FILE.
+
+    Returns
+    -------
+    Path
+        FILE.sig.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.signatures import place_signature
+    >>> place_signature(Path("calibration.h")).name
+    'calibration.h.sig'
+    """
     return path.with_name(f"{path.name}.sig")
 
 
 def read_private_key(path: Path) -> Any:
-    """A private key, to sign with. HrgError: none in the file, or one under a password."""
+    """A private key, to sign with.
+
+    Parameters
+    ----------
+    path
+        A PEM file without a password.
+
+    Returns
+    -------
+    Ed25519PrivateKey
+        Of the library.
+
+    Raises
+    ------
+    HrgError
+        There is none in the file, or one under a password or of another algorithm.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli import HrgError
+    >>> from hrg_cli.signatures import read_private_key
+    >>> try:
+    ...     read_private_key(Path("nowhere.pem"))
+    ... except HrgError as error:
+    ...     print(error)
+    nowhere.pem: cannot be read (No such file or directory); name a file that is there and readable
+    """
     from_pem = _library().load_pem_private_key
     key = _loaded(path, lambda text: from_pem(text, password=None), "private")
     return _of_kind(path, key, "sign", "private")
 
 
 def read_public_key(path: Path) -> Any:
-    """A public key, to check with. HrgError: none in the file."""
+    """A public key, to check with.
+
+    Parameters
+    ----------
+    path
+        A PEM file.
+
+    Returns
+    -------
+    Ed25519PublicKey
+        Of the library.
+
+    Raises
+    ------
+    HrgError
+        There is none in the file, or one of another algorithm.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli import HrgError
+    >>> from hrg_cli.signatures import read_public_key
+    >>> try:
+    ...     read_public_key(Path("nowhere.pem"))
+    ... except HrgError as error:
+    ...     print(error)
+    nowhere.pem: cannot be read (No such file or directory); name a file that is there and readable
+    """
     return _of_kind(
         path, _loaded(path, _library().load_pem_public_key, "public"), "verify", "public"
     )
 
 
 def sign(path: Path, key: Any, force: bool = False) -> Path:
-    """Write the signature of a file beside it; the name of the signature."""
+    """Write the signature of a file beside it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    key
+        A private key.
+    force
+        A signature that is there may be replaced.
+
+    Returns
+    -------
+    Path
+        The signature.
+
+    Raises
+    ------
+    HrgError
+        The file is too large or cannot be read, or a signature is there.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+    >>> from hrg_cli.signatures import sign
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "calibration.h"
+    ...     _ = file.write_text("/* table */")
+    ...     made = sign(file, Ed25519PrivateKey.generate())
+    ...     print(made.name, made.stat().st_size)
+    calibration.h.sig 64
+    """
     made = place_signature(path)
     with store.write_whole(made, force) as temporary:
         temporary.write_bytes(key.sign(_content(path)))
@@ -48,7 +153,40 @@ def sign(path: Path, key: Any, force: bool = False) -> Path:
 
 
 def need_signed(path: Path, key: Any) -> None:
-    """Refuse a file that the key's owner did not sign. HrgError: no signature, or another one."""
+    """Refuse a file that the key's owner did not sign.
+
+    Parameters
+    ----------
+    path
+        The file, whose signature lies beside it.
+    key
+        A public key.
+
+    Raises
+    ------
+    HrgError
+        There is no signature, or another one.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+    >>> from hrg_cli import HrgError
+    >>> from hrg_cli.signatures import need_signed, sign
+    >>> key = Ed25519PrivateKey.generate()
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "calibration.h"
+    ...     _ = file.write_text("/* table */")
+    ...     _ = sign(file, key)
+    ...     need_signed(file, key.public_key())
+    ...     _ = file.write_text("/* another */")
+    ...     try:
+    ...         need_signed(file, key.public_key())
+    ...     except HrgError:
+    ...         print("was changed")
+    was changed
+    """
     from cryptography.exceptions import InvalidSignature
 
     beside = place_signature(path)

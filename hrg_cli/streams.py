@@ -167,10 +167,10 @@ def flush_at_end() -> Iterator[None]:
 
     A reader that left is no failure.
 
-    Yields
-    ------
-    None
-        While the command runs.
+    Returns
+    -------
+    context manager
+        Of the command.
 
     Raises
     ------

@@ -43,10 +43,37 @@ class FileState:
 
 
 def verify(paths: Sequence[Path]) -> list[FileState]:
-    """Verdicts on files, on the hrg files of folders and on every source of theirs that lies in the
-    same folders.
+    """Hold files, the hrg files of folders and every source of theirs in the same folders against what
+    was written.
 
-    HrgError: a path that is not there, or nothing to verify.
+    Parameters
+    ----------
+    paths
+        Files and folders.
+
+    Returns
+    -------
+    list of FileState
+        One a file, in the order in which they were looked at.
+
+    Raises
+    ------
+    HrgError
+        A path is not there, or there is nothing to verify.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, store
+    >>> from hrg_cli.verification import verify
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.h5"
+    ...     run = Recording(c=np.zeros(2), s=np.zeros(2), sample_rate_hz=4.0, mode="free")
+    ...     _ = store.write(file, run)
+    ...     [state.result for state in verify([file])]
+    ['whole']
     """
     given: list[Path] = []
     for path in paths:
@@ -67,8 +94,26 @@ def verify(paths: Sequence[Path]) -> list[FileState]:
 
 
 def report(verdicts: Sequence[FileState]) -> dict[str, Any]:
-    """The JSON: refused where anything was changed, suspect where a file keeps no checksums, else
-    valid."""
+    """The JSON of files' states.
+
+    Parameters
+    ----------
+    verdicts
+        One a file.
+
+    Returns
+    -------
+    dict
+        Refused where anything was changed, suspect where a file keeps no checksums, else valid.
+
+    Examples
+    --------
+    >>> from hrg_cli.verification import FileState, report
+    >>> changed = FileState("wave.h5", "wave", "changed", ["frequency_hz is another"])
+    >>> told = report([FileState("run.h5", "recording"), changed])
+    >>> told["status"], told["status_reasons"]
+    ('refused', ['wave.h5: frequency_hz is another'])
+    """
     worst = max((verdict.result for verdict in verdicts), key=RESULTS.index)
     status = {"whole": "valid", "without checksums": "suspect"}.get(worst, "refused")
     reasons = [f"{v.name}: {sentence}" for v in verdicts for sentence in v.findings]

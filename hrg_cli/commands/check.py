@@ -102,8 +102,46 @@ def check_files(
     junit: Path | None,
     markdown: Path | None,
 ) -> Shown:
-    """Hold files against limits: those of --limits, tables of --config over them, --set over both;
-    and against a baseline's results."""
+    """Hold files against limits and a baseline's results.
+
+    Parameters
+    ----------
+    files
+        Of hrg, of any kind.
+    run
+        The command's options; tables of --config lie over those of `limits`, --set over both.
+    limits
+        TOML file with the limits.
+    baseline
+        Earlier result, or folder of results by the same names.
+    limit_sigma
+        Difference from the baseline that passes [σ].
+    junit, markdown
+        Files to write.
+
+    Returns
+    -------
+    tuple
+        The command's JSON, and the function that shows its tables.
+
+    Raises
+    ------
+    UsageError
+        There is nothing to hold files against.
+    HrgError
+        The limits hold nothing of these files, or one cannot be read.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Options
+    >>> from hrg_cli import HrgError
+    >>> from hrg_cli.commands.check import check_files
+    >>> try:
+    ...     check_files([], Options(config=None, assignments=()), None, None, 5.0, None, None)
+    ... except HrgError as error:
+    ...     print(error)
+    no limits are named; add --limits limits.toml, or --baseline results/
+    """
     started = time.monotonic()
     wanted = resolve_limits(run, limits)
     if not wanted and baseline is None:
@@ -209,7 +247,27 @@ def _show(done: Sequence[Checked]) -> None:
 
 
 def resolve_limits(run: Common, limits: Path | None) -> dict[str, Any]:
-    """The limits of --limits, tables of --config over them, --set over both."""
+    """The limits of a file, tables of --config over them, --set over both.
+
+    Parameters
+    ----------
+    run
+        The command's options.
+    limits
+        TOML file; None: there is none.
+
+    Returns
+    -------
+    dict
+        Kind of file -> figure -> limit.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Options
+    >>> from hrg_cli.commands.check import resolve_limits
+    >>> resolve_limits(Options(config=None, assignments=("diagnosis.causes=0",)), None)
+    {'diagnosis': {'causes': 0}}
+    """
     wanted: dict[str, Any] = {}
     for path in (p for p in (limits, run.config) if p is not None):
         settings.merge(wanted, settings.load_toml(path))
@@ -219,7 +277,25 @@ def resolve_limits(run: Common, limits: Path | None) -> dict[str, Any]:
 
 
 def tell_apart(paths: Sequence[Path]) -> list[str]:
-    """The paths' ends, as long as it takes to tell them apart."""
+    """Names of files, as long as it takes to tell them apart.
+
+    Parameters
+    ----------
+    paths
+        Of the files.
+
+    Returns
+    -------
+    list of str
+        The paths' ends.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.commands.check import tell_apart
+    >>> tell_apart([Path("lot/a/wave.h5"), Path("lot/b/wave.h5")])
+    ['a/wave.h5', 'b/wave.h5']
+    """
     for parts in range(1, max(len(path.parts) for path in paths) + 1):
         names = [str(Path(*path.parts[-parts:])) for path in paths]
         if len(set(names)) == len(names):

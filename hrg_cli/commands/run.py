@@ -84,11 +84,51 @@ def run_files(
     part: Mapping[str, float | None] | None = None,
     rehearse: int | None = None,
 ) -> Shown:
-    """Run the chain; the command's JSON and what shows it. --config gives each stage's table, --set
-    takes stage.key=value.
+    """Run the chain on files; --config gives each stage's table, --set takes stage.key=value.
 
-    part: where demodulate cuts; rehearse: how many times resonator and calibration are rehearsed.
-    HrgError: every recording failed, mixed gyros, outputs in the way.
+    Parameters
+    ----------
+    recordings
+        Of one gyro: recordings, logs, or their folder.
+    run
+        The command's options.
+    limits
+        TOML file with limits that the results must hold.
+    full
+        The page has the figures of every run and file.
+    dry_run
+        What would be done is told, and nothing is done.
+    part
+        Where demodulate cuts [s], from_s and to_s.
+    rehearse
+        How many times resonator and calibration are rehearsed.
+
+    Returns
+    -------
+    tuple
+        The command's JSON, and the function that shows the answer.
+
+    Raises
+    ------
+    HrgError
+        Every recording failed, mixed gyros, outputs in the way.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from types import SimpleNamespace as Options
+    >>> from hrg_cli.commands.run import run_files
+    >>> typed = Options(
+    ...     config=None, assignments=(), seed=None, show_config=False,
+    ...     need_output=lambda _: Path("results"),
+    ... )
+    >>> with TemporaryDirectory() as folder:
+    ...     log = Path(folder) / "run-1.csv"
+    ...     _ = log.write_text("0.0,0.1,0.2")
+    ...     report, _ = run_files([log], typed, dry_run=True)
+    >>> [line.split()[1] for line in report["steps"]]
+    ['import', 'demodulate', 'estimate', 'identify', 'diagnose']
     """
     started = time.monotonic()
     tables = resolve_tables(run, part or {}, rehearse)
@@ -218,7 +258,37 @@ _ORDER = ["valid", "suspect", "refused"]
 def resolve_tables(
     run: Common, part: Mapping[str, float | None], rehearse: int | None = None
 ) -> dict[str, Any]:
-    """The settings a stage; with --show-config they are printed and the command ends."""
+    """The settings by stage; with --show-config they are printed and the command ends.
+
+    Parameters
+    ----------
+    run
+        The command's options.
+    part
+        Where demodulate cuts [s], from_s and to_s.
+    rehearse
+        How many times resonator and calibration are rehearsed.
+
+    Returns
+    -------
+    dict
+        Stage -> what is set of it.
+
+    Raises
+    ------
+    HrgError
+        There is no such stage.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Options
+    >>> from hrg_cli.commands.run import resolve_tables
+    >>> typed = Options(
+    ...     config=None, assignments=("identify.bootstrap=100",), seed=None, show_config=False
+    ... )
+    >>> resolve_tables(typed, {"from_s": 0.5, "to_s": None})
+    {'identify': {'bootstrap': 100}, 'demodulate': {'from_s': 0.5}}
+    """
     tables: dict[str, Any] = settings.load_toml(run.config) if run.config else {}
     for text in run.assignments:
         settings.assign(tables, *settings.parse_assignment(text))
@@ -249,9 +319,28 @@ def resolve_tables(
 
 
 def read_rehearsals(tables: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The whole settings of the rehearsals; None where a run is to have none.
+    """The whole settings of the rehearsals of a run.
 
-    HrgError: something is set of them, but not how many there are to be.
+    Parameters
+    ----------
+    tables
+        Settings by stage.
+
+    Returns
+    -------
+    dict or None
+        None where a run is to have none.
+
+    Raises
+    ------
+    HrgError
+        Something is set of them, but not how many there are to be.
+
+    Examples
+    --------
+    >>> from hrg_cli.commands.run import read_rehearsals
+    >>> read_rehearsals({}) is None, read_rehearsals({"rehearse": {"times": 30}})["times"]
+    (True, 30)
     """
     if "rehearse" not in tables:
         return None
@@ -266,8 +355,29 @@ def read_rehearsals(tables: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def list_reasons(steps: Sequence[Step]) -> list[str]:
-    """Every reason once: what a result inherits from its inputs is told at the input, and the same
-    reason of many files once for all."""
+    """Every reason of a chain once.
+
+    What a result inherits from its inputs is told at the input, and the same reason of many files once
+    for all.
+
+    Parameters
+    ----------
+    steps
+        Of the chain.
+
+    Returns
+    -------
+    list of str
+        Sentences, each with the file that it is first of.
+
+    Examples
+    --------
+    >>> from hrg_cli.chain import Step
+    >>> from hrg_cli.commands.run import list_reasons
+    >>> waves = [Step("estimate", (), f"{k}.wave.h5", "suspect", ("is clipped",)) for k in "abc"]
+    >>> list_reasons(waves)
+    ['a.wave.h5 and 2 more: is clipped']
+    """
     doubted = {step.output for step in steps if step.status in ("suspect", "refused")}
     named: dict[str, list[str]] = {}
     for step in steps:

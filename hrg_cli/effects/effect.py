@@ -429,7 +429,7 @@ class Effect:
         --------
         >>> from hrg_cli.effects import find
         >>> [parameter.name for parameter in find("gain_temperature").fitted()]
-        []
+        ['relative_1_k']
         """
         return tuple(p for p in self.parameters if p.fitted)
 

@@ -66,20 +66,9 @@ def export(
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from hrg_cli import Calibration
     >>> from hrg_cli.exporting import export
-    >>> zero, angles = np.zeros((1, 4)), np.arange(4) * np.pi / 4
-    >>> tables = Calibration(
-    ...     temperature_degc=np.array([20.0]), node_min=15.0, node_max=25.0,
-    ...     rate_min_rad_s=-2.0, rate_max_rad_s=2.0, wave_angle_rad=angles,
-    ...     drift_rad_s=zero + 1e-5, drift_rad_s_std=zero + 1e-7,
-    ...     scale_factor=zero + 0.55, scale_factor_std=zero + 1e-5,
-    ...     drift_harmonics=zero[:, :1] + 1e-5, drift_harmonics_std=zero[:, :1] + 1e-7,
-    ...     scale_factor_harmonics=zero[:, :1] + 0.55,
-    ...     scale_factor_harmonics_std=zero[:, :1] + 1e-5,
-    ...     covariance=np.diag([1e-14, 1e-10]),
-    ... )
+    >>> from hrg_cli.stages.calibration.drawn_tables import draw_tables
+    >>> tables = draw_tables()
     >>> print(export(tables, ".csv").text.splitlines()[1])
     20.0,0.0,1e-05,1e-07,0.55,1e-05
     """

@@ -153,7 +153,40 @@ def advance(
     disturbance: Disturbance,
     rows: Rows,
 ) -> None:
-    """The samples of `motion` into `rows`; `memory` (MEMORY,) goes on from the block before."""
+    """The samples of `motion` into `rows`, step by step (kick–drift–kick, seed A (3) with the forces).
+
+    Parameters
+    ----------
+    memory
+        (MEMORY,): position, momentum and held force, from which it goes on; changed.
+    motion
+        Where the block begins, its steps and their propagators.
+    forces
+        What bends the plant, and the drawn thermal and drive noise.
+    loops
+        Gains, drive and times at which they are off.
+    board
+        The electronics, and their state, which is changed.
+    disturbance
+        Read-out noise of the block.
+    rows
+        What is written: position, velocity, drive, commands, noise.
+
+    Examples
+    --------
+    `fast_engine.run` prepares them, and gives the rows as envelopes:
+
+    >>> import numpy as np
+    >>> from hrg_cli.physics.environment import hold_value, make_environment
+    >>> from hrg_cli.physics.fast_engine import run
+    >>> from hrg_cli.physics.plant import Control, ThermalCourses, make_linear_plant
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> world = make_environment(hold_value(20.0), hold_value(0.0), 0.0, 1.0, 0.001)
+    >>> plant = make_linear_plant(Mechanics(100.0, 0.5), ThermalCourses(), world)
+    >>> block = next(run(world, plant, Control(), np.array([1.0, 0j]), 0.001, 1000))
+    >>> bool(abs(block.envelopes(np.array([999]))[0, 0] - np.exp(-0.5 * 0.999)) < 1e-3)
+    True
+    """
     # Fields of a tuple are taken once: in the loop each would be counted as a reference.
     first, substeps, h, scale = motion.first, motion.substeps, motion.h, motion.scale
     knots, table = motion.knots, motion.local
@@ -310,8 +343,25 @@ OPENED = frozenset(f.__name__ for f in (find_stokes, *_CONTROL, compute_spring_p
 
 @functools.lru_cache(maxsize=16)
 def compile_loop(extra: Acceleration | None) -> Callable[..., None]:
-    """The loop with `extra` inside: compiled (and kept on disk where nothing of the caller's is
-    inside), or plain Python."""
+    """The loop over steps with an acceleration of the caller's inside.
+
+    Parameters
+    ----------
+    extra
+        (t, x, y, vx, vy) -> (ax, ay); None: there is none.
+
+    Returns
+    -------
+    callable
+        `advance`, compiled (and kept on disk where nothing of the caller's is inside), or plain Python
+        where numba is not installed.
+
+    Examples
+    --------
+    >>> from hrg_cli.physics.fast_loop import compile_loop
+    >>> compile_loop(None) is compile_loop(None)
+    True
+    """
     try:
         from numba import njit
     except ImportError:

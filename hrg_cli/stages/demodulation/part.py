@@ -134,7 +134,40 @@ def cut_part(
 
 
 def survey_run_down(recording: Recording, whole: Survey, found: RunDown, name: str) -> Survey:
-    """The survey of the run-down alone; of the whole where too little is left."""
+    """The survey of the run-down alone.
+
+    Parameters
+    ----------
+    recording
+        All of it.
+    whole
+        Its survey.
+    found
+        Where the run-down begins and ends.
+    name
+        For messages.
+
+    Returns
+    -------
+    Survey
+        Of the run-down; that of the whole where too little is left.
+
+    Examples
+    --------
+    Of a run-down of three samples only the whole can be looked at:
+
+    >>> import numpy as np
+    >>> from hrg_cli import Recording
+    >>> from hrg_cli.fitting.samples.run_down import RunDown
+    >>> from hrg_cli.fitting.samples.survey import survey
+    >>> from hrg_cli.stages.demodulation.part import survey_run_down
+    >>> t = np.arange(4000) / 1e4
+    >>> c = np.cos(2e3 * np.pi * t)
+    >>> made = Recording(c=c, s=0.5 * c, sample_rate_hz=1e4, mode="free")
+    >>> whole = survey(made, "run a")
+    >>> survey_run_down(made, whole, RunDown(0.0, 3e-4, ()), "run a") is whole
+    True
+    """
     start, stop = (
         fallback if not np.isfinite(at) else _find_row(recording, at)
         for at, fallback in ((found.begin_s, 0), (found.end_s, len(recording.c)))

@@ -18,12 +18,40 @@ the windows (χ² of four)."""
 
 
 def make_continuous(x: Array, block: Periods, context: Array | None) -> Array | None:
-    """Make (mθ, φ, ψ) of x (n, 5) continuous in place; `context` and the result hold the last
-    trusted rows (k, 4: time, mθ, φ, ψ).
+    """Make (mθ, φ, ψ) continuous, in place.
 
     The path runs through trusted rows only, for one stray value near half a period away would turn
     all that follows; the others take the copy nearest to the path. Where fewer than half of the
     rows can be trusted, all have a say.
+
+    Parameters
+    ----------
+    x
+        (n, 5): a_A, a_B, mθ, φ, ψ; changed.
+    block
+        The windows' times, deviations and flags.
+    context
+        The last trusted rows before, (k, 4): time, mθ, φ, ψ; None: there are none.
+
+    Returns
+    -------
+    ndarray or None
+        Those after this block, the next one's context.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Block
+    >>> import numpy as np
+    >>> from hrg_cli.stages.estimation.continuity import make_continuous
+    >>> angle = np.linspace(0.0, 6.0, 9)
+    >>> folded = np.remainder(angle + np.pi / 2, np.pi) - np.pi / 2
+    >>> x = np.stack([angle * 0 + 1, angle * 0, folded, folded - angle, 0 * angle], axis=1)
+    >>> block = Block(
+    ...     time_s=np.arange(9.0), signals_std=np.full((9, 4), 1e-3), flags=np.zeros(9, int), window_s=1.0
+    ... )
+    >>> context = make_continuous(x, block, None)
+    >>> bool(np.allclose(np.diff(x[:, 2]), 0.75))
+    True
     """
     time_s, std = np.asarray(block.time_s, float), np.asarray(block.signals_std, float)
     finite = find_finite(x) & np.isfinite(time_s)

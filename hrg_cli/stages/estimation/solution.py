@@ -43,8 +43,36 @@ class LastSolution:
 def solve_block(
     signals: Array, direct: bool, how: SolverSettings, last: LastSolution | None
 ) -> tuple[Array, Array, Array, LastSolution | None]:
-    """x (n, 5) canonical, misfit rms (n), iterations (n) of one block; rows that are not finite
-    stay NaN with −1 iterations."""
+    """The ellipse of every window of a block.
+
+    Parameters
+    ----------
+    signals
+        Of the windows, (n, 8) of a carrier's sidebands or (n, 4) of a direct read-out.
+    direct
+        The read-out is direct.
+    how
+        The solver's settings.
+    last
+        What the block before left; None: this is the first one.
+
+    Returns
+    -------
+    tuple
+        x (n, 5) canonical: a_A, a_B, mθ, φ, ψ; rms of the misfit (n,); iterations (n,); what the next
+        block needs. Rows that are not finite stay NaN with −1 iterations.
+
+    Examples
+    --------
+    A line along C of amplitude 2, φ = 0:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.estimation.solution import SolverSettings, solve_block
+    >>> how = SolverSettings("closed-form", "previous", None, 1e-12, 20)
+    >>> x, *_ = solve_block(np.array([[2.0, 0.0, 0.0, 0.0]]), True, how, None)
+    >>> abs(x.round(9)).tolist()
+    [[2.0, 0.0, 0.0, 0.0, 0.0]]
+    """
     n = len(signals)
     x, misfit, iterations = np.full((n, 5), np.nan), np.full(n, np.nan), np.full(n, -1, np.int16)
     finite = find_finite(signals)

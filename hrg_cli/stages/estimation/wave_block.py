@@ -22,7 +22,40 @@ UNKNOWN = 100.0
 def write_block(
     block: Periods, x: Array, misfit: Array, iterations: Array, carrier_known: bool
 ) -> Wave:
-    """The block's record, but for its frequency."""
+    """The record of a block's solutions with their standard deviations, without its frequency.
+
+    Parameters
+    ----------
+    block
+        The windows.
+    x
+        (n, 5): a_A, a_B, mθ, φ, ψ.
+    misfit
+        rms of each window, (n,), in the signals' unit.
+    iterations
+        Of each window, (n,).
+    carrier_known
+        ψ was not estimated.
+
+    Returns
+    -------
+    Wave
+        Its frequency is NaN.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli import Recording, collect, demodulate
+    >>> from hrg_cli.stages.estimation.wave_block import write_block
+    >>> t = np.arange(4000) / 1e4
+    >>> c = np.cos(2e3 * np.pi * t) + 1e-3 * np.random.default_rng(0).standard_normal(4000)
+    >>> block = collect(demodulate(Recording(c=c, s=0.5 * c, sample_rate_hz=1e4, mode="free")))
+    >>> n = len(block)
+    >>> x = np.tile([1.0, 0.0, 0.4, 0.0, 0.0], (n, 1))
+    >>> wave = write_block(block, x, np.zeros(n), np.ones(n, int), True)
+    >>> float(wave.wave_angle_rad[0]), bool(wave.wave_angle_rad_std[0] > 0)
+    (0.2, True)
+    """
     variances = np.asarray(block.signals_std, float) ** 2
     std = compute_standard_deviations(x, variances, carrier_known, block.noise_correlation or 0.0)
     # With a carrier the envelope is the mean of two sidebands.
@@ -94,11 +127,36 @@ def _mean_of(variances: Array, known: Array, otherwise: Array) -> Array:
 
 
 def add_frequency(before: Wave | None, wave: Wave, after: Wave | None, half_width: int) -> Wave:
-    """The wave with its frequency: reference + slope of φ over the neighbouring windows, across the
-    blocks' borders too.
+    """The wave with its frequency: f = f_r + φ̇/2π, φ̇ over the neighbouring windows.
 
-    Clipped rows and rows beside gaps weigh next to nothing, but where there are no others they
-    still tell the frequency.
+    The slope goes across the blocks' borders. Clipped rows and rows beside gaps weigh next to nothing,
+    but where there are no others they still tell the frequency.
+
+    Parameters
+    ----------
+    before
+        The block before; None: there is none.
+    wave
+        The block.
+    after
+        The block behind it; None: there is none.
+    half_width
+        Windows to either side that the slope is taken over.
+
+    Returns
+    -------
+    Wave
+        `wave` with `frequency_hz`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.estimation.wave_block import add_frequency
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> wave = draw_input().wave
+    >>> found = add_frequency(None, wave, None, 10)
+    >>> bool(np.all(np.abs(found.frequency_hz - 500.0) < 0.01))
+    True
     """
     parts = (
         [wave]

@@ -43,15 +43,45 @@ class Conditions:
 def follow_wave(
     gyros: Mechanics, mechanics: Mechanics, run: Conditions
 ) -> tuple[dict[str, Array], float]:
-    """The table over time, and the Adams rule's error against the largest error forecast (the same
-    with twice the step, over 15).
+    """The way of the wave over hours, by the Adams rule.
 
-    gyros: the resonator (1 + 2k, 1) with its spread, `mechanics` its first. Columns (t,): time after
-    an external fix; wave angle from the start angle, its σ, and by the tangent law (damping split
-    alone, at rest); error of the input angle uncompensated, from this start, rms and worst over all
-    start angles; what compensation with this resonator leaves of it, rms over all start angles. The
-    table ends with the wave that was asked for; the columns over all start angles are NaN once one
-    of their waves has ended. HrgError: it ends at once.
+    Parameters
+    ----------
+    gyros
+        The resonator (1 + 2k, 1) with its spread, as `spread_points` has it.
+    mechanics
+        The first of them.
+    run
+        How the gyro runs.
+
+    Returns
+    -------
+    tuple
+        The table over time, and the Adams rule's error against the largest error forecast (the same
+        with twice the step, over 15). Columns (t,): time after an external fix; wave angle from the
+        start angle, its σ, and by the tangent law (damping split alone, at rest); error of the input
+        angle uncompensated, from this start, rms and worst over all start angles; what compensation
+        with this resonator leaves of it, rms over all start angles. The table ends with the wave that
+        was asked for; the columns over all start angles are NaN once one of their waves has ended.
+
+    Raises
+    ------
+    HrgError
+        The table ends at once, or takes too many steps.
+
+    Examples
+    --------
+    A damping split of 10⁻³ 1/s turns the wave towards its axis, m dθ/dt = −νδμ sin 2mθ:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import from_vector, make_vector, spread_points
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.stages.forecasting.course import Conditions, follow_wave
+    >>> gyro = Mechanics(1000.0, 0.2, 1e-3)
+    >>> gyros = from_vector(spread_points(make_vector(gyro), 1e-12 * np.eye(6)), gyro)
+    >>> table, error = follow_wave(gyros, gyro, Conditions("force", 0.0, 0.1, 0.0, 20.0))
+    >>> bool(np.isclose(table["wave_angle_rad"][-1], table["tangent_law_rad"][-1]))
+    True
     """
     m, K, rate = mechanics.mode_number, mechanics.scale_factor, run.rate_rad_s
     starts = np.arange(STARTS) * np.pi / m / STARTS

@@ -14,8 +14,37 @@ NODES = 48
 
 
 def map_drift(gyros: Mechanics, drive: str, gain: float) -> dict[str, Array]:
-    """D over the wave angle: exact at the settled quadrature where the gyro is driven, after one
-    time constant in a run-down."""
+    """The drift D over the wave angle.
+
+    It is exact at the settled quadrature where the gyro is driven, after one time constant in a
+    run-down.
+
+    Parameters
+    ----------
+    gyros
+        The resonator (1 + 2k, 1) with its spread.
+    drive
+        "free", or how the wave is driven.
+    gain
+        Of the quadrature loop by force [1/s].
+
+    Returns
+    -------
+    dict
+        Columns over the period π/m of the wave angle: D with its σ, what damping and frequency split
+        make of it [rad/s], and the quadrature over the main amplitude.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import from_vector, make_vector, spread_points
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.stages.forecasting.drift_map import map_drift
+    >>> gyro = Mechanics(1000.0, 0.2, 1e-3)
+    >>> gyros = from_vector(spread_points(make_vector(gyro), 1e-12 * np.eye(6)), gyro)
+    >>> float(np.abs(map_drift(gyros, "force", 0.0)["drift_rad_s"]).max().round(9))
+    0.001
+    """
     angle = np.arange(NODES) * _spacing(gyros)
     damping = law.compute_drift(gyros, angle)
     total, r = _drift_at(gyros, angle, drive, gain)
@@ -58,7 +87,38 @@ def _largest_drift(
 def name_figures(
     gyros: Mechanics, drawn: dict[str, Array], drive: str, gain: float, rate: float
 ) -> dict[str, dict[str, float]]:
-    """Named figures with their standard deviations."""
+    """The named figures of seed A's (8) and (9), with their standard deviations.
+
+    Parameters
+    ----------
+    gyros
+        The resonator (1 + 2k, 1) with its spread.
+    drawn
+        Of it, as `map_drift` gives it.
+    drive
+        "free", or how the wave is driven.
+    gain
+        Of the quadrature loop by force [1/s].
+    rate
+        Ω [rad/s].
+
+    Returns
+    -------
+    dict
+        Name -> value and std [rad/s].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import from_vector, make_vector, spread_points
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.stages.forecasting.drift_map import map_drift, name_figures
+    >>> gyro = Mechanics(1000.0, 0.2, 1e-3)
+    >>> gyros = from_vector(spread_points(make_vector(gyro), 1e-12 * np.eye(6)), gyro)
+    >>> figures = name_figures(gyros, map_drift(gyros, "force", 0.0), "force", 0.0, 0.0)
+    >>> round(figures["drift_largest_rad_s"]["value"], 9)
+    0.001
+    """
     split = np.square(gyros.frequency_split_rad_s) / law.compute_quadrature_decay(
         gyros, drive, gain
     )

@@ -45,10 +45,42 @@ def compute_trim(
     gain_1_s: float,
     step_rad_s: float | None,
 ) -> tuple[Trim, Array]:
-    """The trim of a resonator given as vector x with covariance, and the vector of the trimmed one.
+    """The electric spring that takes a frequency split away.
 
-    step_rad_s: smallest step of either electrode pair; what rounding and the covariance leave is
-    `left_rad_s` with its deviation, and D_max after the trim is of the root of their mean squares.
+    Parameters
+    ----------
+    mechanics
+        The resonator.
+    x
+        The same as a vector, as `make_vector` has it, (6,).
+    covariance
+        Of x, (6, 6).
+    drive
+        "free", or how the wave is driven.
+    gain_1_s
+        Of the quadrature loop by force [1/s].
+    step_rad_s
+        Smallest step of either electrode pair [rad/s]; None: as fine as is wanted.
+
+    Returns
+    -------
+    tuple
+        The trim, and the trimmed resonator's vector (6,). What rounding and the covariance leave is
+        the trim's `left_rad_s` with its deviation, and D_max after it is of the root of their mean
+        squares.
+
+    Examples
+    --------
+    A split of 0.1 rad/s, trimmed in steps of 0.03:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import make_vector
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> from hrg_cli.stages.forecasting.trim import compute_trim
+    >>> gyro = Mechanics(1000.0, 0.2, frequency_split_rad_s=0.1)
+    >>> trim, after = compute_trim(gyro, make_vector(gyro), 1e-12 * np.eye(6), "force", 0.0, 0.03)
+    >>> round(trim.size_rad_s, 9), round(trim.left_rad_s, 9)
+    (0.09, 0.01)
     """
     wanted = x[3:5]
     done = wanted if step_rad_s is None else np.round(wanted / step_rad_s) * step_rad_s

@@ -40,8 +40,39 @@ ChangeAt = Callable[[Array], Array]
 
 
 def integrate_change(wave: Wave, moving: Sequence[Hidden], resonator: Resonator | None) -> ChangeAt:
-    """T of the motion with the effects, through the rows of the slow model; what jumps, jumps from
-    the wave as it was measured."""
+    """The change T of a run's motion by effects, u → T u, through the rows of the slow model.
+
+    What jumps, jumps from the wave as it was measured.
+
+    Parameters
+    ----------
+    wave
+        The run.
+    moving
+        Effects that move the wave, and their values.
+    resonator
+        Of the run; None: the wave's own fit.
+
+    Returns
+    -------
+    callable
+        Times (n,) [s] -> T (n, 2, 2) complex.
+
+    Raises
+    ------
+    HrgError
+        The motion has no end with these values.
+
+    Examples
+    --------
+    Without an effect nothing is changed:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.injection.motion import integrate_change
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> integrate_change(draw_input().wave, [], None)(np.array([0.5])).real.tolist()
+    [[[1.0, 0.0], [0.0, 1.0]]]
+    """
     series, point = _fit_model(wave, resonator)
     smooth = tuple((effect, p) for effect, p in moving if effect.slow_jump is None)
     changes = []

@@ -31,8 +31,32 @@ class Oscillation:
 
 
 def interpolate_oscillation(wave: Wave) -> Oscillation:
-    """The oscillation of a run through its finite windows. HrgError: fewer than `FEWEST` of
-    them."""
+    """The oscillation of a run through its finite windows, by a cubic spline of its envelopes.
+
+    Parameters
+    ----------
+    wave
+        The run.
+
+    Returns
+    -------
+    Oscillation
+        Smooth between the windows.
+
+    Raises
+    ------
+    HrgError
+        Fewer than `FEWEST` windows show it.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.injection.oscillation import interpolate_oscillation
+    >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
+    >>> wave = draw_input().wave
+    >>> u = interpolate_oscillation(wave).spline(wave.time_s)
+    >>> u.shape, bool(abs(u[0, 0].real - wave.main_amplitude[0]) < 0.01)
+    ((50, 2), True)
+    """
     from scipy.interpolate import CubicSpline
 
     u = compute_envelopes(wave)
