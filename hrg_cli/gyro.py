@@ -176,8 +176,7 @@ def plan_steps(
     diagnose ('run-1.wave.h5',) diagnosis.h5
     """
     inputs = list_inputs(paths, tables.get("import", {}).get("s_file"))
-    headings = read_headings(inputs)
-    need_readable(headings)
+    headings = need_readable(read_headings(inputs))
     find_gyro(headings)
     lines: list[tuple[str, tuple[str, ...], str]] = []
     waves: dict[str, list[str]] = {"free": [], "forced": []}
@@ -369,13 +368,18 @@ def _read_heading(path: Path) -> Recording | HrgError:
         return error
 
 
-def need_readable(headings: Headings) -> None:
-    """Refuse recordings of which one cannot be read, before any work is done.
+def need_readable(headings: Headings) -> dict[Path, Recording]:
+    """The headings of recordings that can all be read, asked before any work is done.
 
     Parameters
     ----------
     headings
         Of the recordings.
+
+    Returns
+    -------
+    dict
+        The same, without an error among them.
 
     Raises
     ------
@@ -399,6 +403,7 @@ def need_readable(headings: Headings) -> None:
         _, *others = (path.name for path in bad)
         further = f"; nor can these be read: {name_some(others)}" if others else ""
         raise HrgError(f"{next(iter(bad.values()))}{further}")
+    return {path: found for path, found in headings.items() if not isinstance(found, HrgError)}
 
 
 def find_gyro(headings: Headings) -> str:

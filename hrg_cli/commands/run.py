@@ -140,9 +140,7 @@ def run_files(
     if dry_run:
         return _plan(say_by_hand(paths, folder, tables, run), started)
     inputs = list_inputs(paths, tables.get("import", {}).get("s_file"))
-    headings = read_headings(inputs)
-    need_readable(headings)
-    gyro = find_gyro(headings)
+    gyro = find_gyro(need_readable(read_headings(inputs)))
     made_folder = not folder.is_dir()
     if made_folder:
         store.check_output(folder)
