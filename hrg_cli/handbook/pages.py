@@ -84,15 +84,18 @@ def tabulate_effects() -> str:
     --------
     >>> from hrg_cli.handbook.pages import tabulate_effects
     >>> print(tabulate_effects().splitlines()[2])
-    | `gain_mismatch` | `gain` | 1 | 0.002 |
+    | `gain_mismatch` | `gain` | relative gain of C over S | 1 | 0.002 |
     """
-    rows = ["| effect | parameter | unit | typical size |", "|---|---|---|---|"]
+    rows = ["| effect | parameter | meaning | unit | typical size |", "|---|---|---|---|---|"]
     for effect in EFFECTS:
+        named = f"`{effect.name}`"
         for parameter in effect.parameters:
+            meaning = parameter.meaning.replace("|", "\\|")
             rows.append(
-                f"| `{effect.name}` | `{parameter.name}` | {parameter.units} |"
+                f"| {named} | `{parameter.name}` | {meaning} | {parameter.units} |"
                 f" {parameter.typical:g} |"
             )
+            named = ""
     return "\n".join(rows)
 
 
@@ -252,7 +255,7 @@ def renew(places: Iterable[Path]) -> None:
     ...     _ = page.write_text("<!-- generated: effects -->\n<!-- end of generated part -->")
     ...     renew([page])
     ...     page.read_text().splitlines()[1]
-    '| effect | parameter | unit | typical size |'
+    '| effect | parameter | meaning | unit | typical size |'
     """
     places = list(places)
     for place in places:
