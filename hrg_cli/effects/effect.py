@@ -280,7 +280,9 @@ class Effect:
     control
         `control(p, control)`: changes the simulated loops in place.
     readout
-        `readout(p, readout)`: adds steps to the simulated read-out, each of the samples (2, n).
+        `readout(p, readout)`: adds steps to the simulated read-out, each of samples (channels, n),
+        block by block: the two of a gyro, or one for each of many amplitudes where a diagnosis asks
+        what harmonics it makes. What a step remembers has a place for each channel.
     slow_environment
         `slow_environment(p, state) -> state`: true temperature and rate from the logged ones.
     slow
