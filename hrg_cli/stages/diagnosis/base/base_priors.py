@@ -25,12 +25,37 @@ DIFFERENT_RATES = 0.1
 def choose_freedom(
     series: MeasuredRuns, point: Point, scale_factor: float | None
 ) -> CoordinatePriors:
-    """Weak priors on the splits; while the misfit is gross, K is held where these runs cannot tell
-    it, the second order's scale at 1.
+    """Weak priors on the splits; while the misfit is gross, K is held where these runs cannot tell it, the
+    second order's scale at 1.
 
     With one rate and less than a turn of the wave, K Ω does what a damping split does: a scale
     factor fitted there takes up any misfit. Once it is not gross, K may be any that a mode shape
     makes (`SHAPES`; a pendulum's is 1), and the scale that of plain averaging, 0.
+
+    Parameters
+    ----------
+    series
+        The runs' rows.
+    point
+        Where the fit starts.
+    scale_factor
+        That is held; None: it is not known.
+
+    Returns
+    -------
+    CoordinatePriors
+        Of the coordinates, and what they become once the misfit is not gross.
+
+    Examples
+    --------
+    The damping rate is free, K is not while nothing is known of the misfit:
+
+    >>> from hrg_cli.stages.diagnosis.base.base_priors import choose_freedom
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> fit = draw_fit()
+    >>> priors = choose_freedom(fit.series, fit.point, 0.55)
+    >>> float(priors.std[0]), float(priors.std[5])
+    (inf, 0.0)
     """
     span = float(series.time_s.max())
     damping = max(abs(float(point.p[DAMPING])), 0.01 / span)
@@ -50,8 +75,28 @@ def choose_freedom(
 
 
 def shows_scale_factor(series: MeasuredRuns, nominal: float) -> bool:
-    """Whether the runs tell K: at rates that differ, or at one that turns the wave through a whole
-    period of its splits."""
+    """Whether the runs tell K: at rates that differ, or at one that turns the wave through a whole period
+    of its splits.
+
+    Parameters
+    ----------
+    series
+        The runs' rows.
+    nominal
+        K of that mode.
+
+    Returns
+    -------
+    bool
+        It may be fitted.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.base_priors import shows_scale_factor
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> shows_scale_factor(draw_fit().series, 0.55)
+    True
+    """
     good = series.weight > 0
     turned = [
         float(np.ptp(angle[rows]))
@@ -72,8 +117,33 @@ def _tell(rates: Array, turned: Sequence[float], nominal: float) -> bool:
 def choose_held_scale_factor(
     waves: Sequence[Wave], runs: Sequence[EnvelopeRun], scale_factor: float | None
 ) -> float | None:
-    """The scale factor to be held from the guess on: the user's, or, where no run tells it, the
-    nominal one; None where it is free."""
+    """The scale factor to be held from the guess on.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    runs
+        Their envelopes.
+    scale_factor
+        The user's; None: there is none.
+
+    Returns
+    -------
+    float or None
+        The user's, or, where no run tells it, the nominal one; None where it is free.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.base_priors import choose_held_scale_factor
+    >>> from hrg_cli.stages.diagnosis.base.data import prepare
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> _, _, runs = prepare(draw_waves(), None, 100)
+    >>> choose_held_scale_factor(draw_waves(), runs, None) is None
+    True
+    >>> choose_held_scale_factor(draw_waves()[:1], runs[:1], None)
+    0.55
+    """
     if scale_factor is not None:
         return scale_factor
     logs = [np.asarray(w.rate_rad_s, float) for w in waves if w.rate_rad_s is not None]

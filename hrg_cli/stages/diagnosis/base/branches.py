@@ -18,8 +18,28 @@ beside a corner they have none."""
 
 
 def average_branch(time_s: Array, temperature: Array) -> Array:
-    """Mean of the branch (+1 rising, −1 falling, 0 before any change) over the step that follows
-    each row, (n,); the last row has none and repeats the one before."""
+    """Mean of a temperature's branch over the step that follows each row: +1 rising, −1 falling, 0 before
+    any change.
+
+    Parameters
+    ----------
+    time_s
+        Of the rows [s], (n,).
+    temperature
+        (n,) [°C].
+
+    Returns
+    -------
+    ndarray
+        (n,); the last row has no step and repeats the one before.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.base.branches import average_branch
+    >>> average_branch(np.arange(6.0), np.array([20.0, 21.0, 22.0, 23.0, 22.0, 21.0])).tolist()
+    [1.0, 1.0, 1.0, -1.0, -1.0, -1.0]
+    """
     signs = find_branch(temperature)[1:]  # of every step
     if len(signs) == 0 or not signs.any():
         return np.zeros(len(time_s))
@@ -37,8 +57,32 @@ def average_branch(time_s: Array, temperature: Array) -> Array:
 
 
 def find_turning_time_s(time_s: Array, temperature: Array, step: int) -> float:
-    """When the temperature turned that moves another way from `step` on: within that step or the one
-    before."""
+    """When a temperature turned that moves another way from a step on: within that step or the one before.
+
+    Parameters
+    ----------
+    time_s
+        Of the rows [s], (n,).
+    temperature
+        (n,) [°C].
+    step
+        The first step that goes the other way.
+
+    Returns
+    -------
+    float
+        [s], where the straight lines from either side meet, or by a parabola where it turns smoothly.
+
+    Examples
+    --------
+    A ramp of 1 °C/s that turns at 3.4 s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.base.branches import find_turning_time_s
+    >>> t = np.arange(8.0)
+    >>> round(find_turning_time_s(t, 20 - np.abs(t - 3.4), 4), 6)
+    3.4
+    """
     slopes = np.diff(temperature) / np.diff(time_s)
     first, last = time_s[step - 1], time_s[step + 1]
     inner = 2 <= step <= len(slopes) - 2

@@ -10,8 +10,25 @@ GROSS = 1e3
 
 
 def find_strangers(base: ExtendedFit) -> str | None:
-    """A sentence naming the runs on either side of the widest gap between the runs' frequencies,
-    where no one gyro has both; else None."""
+    """A sentence naming runs whose frequencies no one gyro has.
+
+    Parameters
+    ----------
+    base
+        The base model's fit.
+
+    Returns
+    -------
+    str or None
+        The runs on either side of the widest gap; None where one gyro may have them all.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.contradiction import find_strangers
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> find_strangers(draw_fit()) is None
+    True
+    """
     if base.chi2 / base.dof < GROSS:
         return None
     two = find_two_gyros(base.series.names, base.frequency_hz)

@@ -50,11 +50,40 @@ def prepare(
     along: Point | None = None,
     straight: bool = False,
 ) -> tuple[MeasuredRuns, Point, list[EnvelopeRun]]:
-    """Runs side by side and where to start, the rows `coarser` times as long as they would be.
+    """Runs side by side, and where a fit of them starts.
 
-    along: where a first fit stands, to average along its motion; without it along that of a guess,
-    which is `straight` where phases do not count.
-    HrgError: no run, mixed mode numbers, runs without enough good windows.
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    scale_factor
+        That is held; None: it is not known.
+    blocks
+        Fewest averaged rows a run.
+    coarser
+        Times as long as they would be that the rows are.
+    along
+        Where a first fit stands, to average along its motion; without it along that of a guess.
+    straight
+        The guess is one where phases do not count.
+
+    Returns
+    -------
+    tuple
+        The rows, the start, and the runs' envelopes.
+
+    Raises
+    ------
+    HrgError
+        No run, mixed mode numbers, runs without enough good windows.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.data import prepare
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> series, point, runs = prepare(draw_waves(), None, 100)
+    >>> series.envelope.shape, len(point.p), len(runs)
+    ((3, 50, 2), 7, 3)
     """
     if not waves:
         raise HrgError("there is no run; give at least one wave file")
@@ -120,12 +149,31 @@ def _count_rows(runs: Sequence[EnvelopeRun], p: Array, blocks: int, coarser: int
 
 
 def is_averaged_well(series: MeasuredRuns, fitted: Point) -> bool:
-    """Whether rows miss their middles by less than a tenth of σ, all together, had they followed
-    another motion than that which they were averaged along.
+    """Whether rows miss their middles by less than a tenth of σ, all together, had they followed another
+    motion than that which they were averaged along.
 
     In the frame that L carries, what Δ more does changes as both turn it, ẅ = (Δ² + [Δ, L])w, and
     the mean of a row of length h misses its middle by h²ẅ/24: a split of which the average knew
     nothing is missed in proportion to itself where the wave turns.
+
+    Parameters
+    ----------
+    series
+        The rows.
+    fitted
+        The motion.
+
+    Returns
+    -------
+    bool
+        The rows may stay.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.data import is_averaged_well
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> is_averaged_well(draw_fit().series, draw_fit().point)
+    True
     """
     if series.averaged_along is None:
         return True
@@ -174,8 +222,28 @@ def _fastest_turn(run: EnvelopeRun) -> float:
 
 
 def bridge_gaps(run: EnvelopeRun) -> EnvelopeRun:
-    """The run with empty rows (σ = ∞) in its gaps, so that no step of the Runge–Kutta rule is
-    longer than the others."""
+    """The run with empty rows (σ = ∞) in its gaps.
+
+    No step of the Runge–Kutta rule is then longer than the others.
+
+    Parameters
+    ----------
+    run
+        Its envelopes.
+
+    Returns
+    -------
+    EnvelopeRun
+        The same where it has no gap.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
+    >>> from hrg_cli.stages.diagnosis.base.data import bridge_gaps
+    >>> run = draw_run_down(0.0)
+    >>> bridge_gaps(run) is run
+    True
+    """
     steps = np.diff(run.time_s)
     usual = float(np.median(steps))
     wide = np.flatnonzero(steps > GAP * usual)
@@ -206,7 +274,28 @@ def _common_reference_hz(runs: Sequence[EnvelopeRun]) -> float:
 
 
 def align_runs(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> MeasuredRuns:
-    """Padded arrays against one reference frequency, with everything the effects may look at."""
+    """Padded arrays against one reference frequency, with everything the effects may look at.
+
+    Parameters
+    ----------
+    runs
+        Their envelopes.
+    waves
+        Of the same runs.
+
+    Returns
+    -------
+    MeasuredRuns
+        (R, n) each; padded rows have no weight.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.data import align_runs, prepare
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> _, _, runs = prepare(draw_waves(), None, 100)
+    >>> align_runs(runs, draw_waves()).time_s.shape
+    (3, 50)
+    """
     longest = max(len(run) for run in runs)
     reference_hz = _common_reference_hz(runs)
     columns: dict[str, list[Array]] = {}
@@ -299,21 +388,95 @@ def _finite(x: Array, y: Array | None) -> tuple[Array, Array]:
 
 
 def interpolate_command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
-    """A logged drive command over rows about times t; zero where there is none."""
+    """A logged drive command over rows.
+
+    Parameters
+    ----------
+    wave
+        Of the run.
+    name
+        Of its column.
+    t
+        Middles of the rows [s], (n,).
+    forced
+        Rows of the wave in which it is driven, (k,) bool.
+
+    Returns
+    -------
+    ndarray
+        (n,), in the column's unit; zero where nothing is logged.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.base.data import interpolate_command
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> wave = draw_waves()[0]
+    >>> interpolate_command(wave, "drive_main", wave.time_s[:2], np.ones(50, bool)).tolist()
+    [0.0, 0.0]
+    """
     logged = _logged(wave, name, forced)
     return np.zeros(len(t)) if logged is None else average_over_windows(logged, t, np.gradient(t))
 
 
 def integrate_command(wave: Wave, name: str, t: Array, forced: Array) -> Array:
-    """∫ of a logged drive command from the log's start to times t; zero where there is none."""
+    """∫ of a logged drive command from the log's start.
+
+    Parameters
+    ----------
+    wave
+        Of the run.
+    name
+        Of its column.
+    t
+        To where [s], (n,).
+    forced
+        Rows of the wave in which it is driven, (k,) bool.
+
+    Returns
+    -------
+    ndarray
+        (n,), in the column's unit times seconds; zero where nothing is logged.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.base.data import integrate_command
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> wave = draw_waves()[0]
+    >>> integrate_command(wave, "drive_main", wave.time_s[:2], np.ones(50, bool)).tolist()
+    [0.0, 0.0]
+    """
     logged = _logged(wave, name, forced)
     return np.zeros(len(t)) if logged is None else logged.integrate_to(t)
 
 
 def integrate_temperature(wave: Wave, t: Array, smooth: Array | None) -> Array:
-    """∫ of the temperature to rows about times t, each its mean over the row, as what it moves of
-    the wave is: of the log, which knows where in a row it turned a corner, or along a smoothed
-    course from row to row."""
+    """∫ of the temperature to rows, each its mean over the row, as what it moves of the wave is.
+
+    Parameters
+    ----------
+    wave
+        Of the run, whose log knows where in a row it turned a corner.
+    t
+        Middles of the rows [s], (n,).
+    smooth
+        A smoothed course at the rows (n,) [°C], along which it is taken from row to row instead.
+
+    Returns
+    -------
+    ndarray
+        (n,) [°C s]
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.base.data import integrate_temperature
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> t = np.arange(3.0)
+    >>> integrate_temperature(draw_waves()[0], t, np.full(3, 20.0)).tolist()
+    [0.0, 20.0, 40.0]
+    """
     if smooth is not None or not _has(wave.temperature_degc):
         course = np.zeros(len(t)) if smooth is None else smooth
         return np.concatenate([[0.0], np.cumsum(np.diff(t) * (course[1:] + course[:-1]) / 2)])

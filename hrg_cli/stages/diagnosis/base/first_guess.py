@@ -42,8 +42,36 @@ def guess(
     scale_factor: float | None,
     straight: bool = False,
 ) -> tuple[Array, Array]:
-    """Coordinates (7,) and every run's frequency offset (R,): by the propagator on the free runs,
-    else roughly; `straight`: without what moving frequencies bend their phases by."""
+    """Coordinates and every run's frequency offset, before any fit.
+
+    Parameters
+    ----------
+    runs
+        Their envelopes.
+    free
+        Those of them that are not driven; the propagator starts from them.
+    waves
+        Of the runs.
+    scale_factor
+        That is held; None: it is not known.
+    straight
+        Without what moving frequencies bend the phases by.
+
+    Returns
+    -------
+    tuple
+        (7,), and (R,) in rad/s.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.data import prepare
+    >>> from hrg_cli.stages.diagnosis.base.first_guess import guess
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> _, _, runs = prepare(draw_waves(), None, 100)
+    >>> p, offsets = guess(runs, runs, draw_waves(), None)
+    >>> round(float(p[0]), 2), round(float(p[5]), 2), offsets.shape
+    (0.5, 0.55, (3,))
+    """
     known = Known(scale_factor=scale_factor)
     p, rough_offsets = propagator.guess_roughly(runs)
     if scale_factor is not None:
@@ -109,11 +137,34 @@ def regress_driven(
     offsets: Array,
     scale_factor: float | None,
 ) -> tuple[Array, Array] | None:
-    """Coordinates (7,) and frequency offsets (R,) in rad/s of the driven runs with a log; None where
-    there is none.
+    """Coordinates and frequency offsets of the driven runs with a log, by a regression of their integrated
+    equation.
 
-    offsets (R,): roughly, so that the envelopes turn little from row to row; scale_factor: where it
-    is known, or cannot be told.
+    Parameters
+    ----------
+    runs
+        Their envelopes.
+    waves
+        Of the runs.
+    offsets
+        Roughly, so that the envelopes turn little from row to row, (R,) [rad/s].
+    scale_factor
+        Where it is known, or cannot be told.
+
+    Returns
+    -------
+    tuple or None
+        (7,), and (R,) in rad/s; None where no run is driven with a log.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.base.data import prepare
+    >>> from hrg_cli.stages.diagnosis.base.first_guess import regress_driven
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> _, _, runs = prepare(draw_waves(), None, 100)
+    >>> regress_driven(runs, draw_waves(), np.zeros(3), None) is None
+    True
     """
     logged = [k for k, wave in enumerate(waves) if _is_logged(wave)]
     if not logged:

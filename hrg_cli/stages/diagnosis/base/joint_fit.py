@@ -58,9 +58,38 @@ def fit_base(
     quick: bool = False,
     along: Point | None = None,
 ) -> ExtendedFit:
-    """The base model fitted to runs, averaged along the motion that it has itself; `quick`: of driven
-    runs the first fit alone, beside nothing that a log may have missed; `along`: the motion that the
-    runs are known to have beside their causes, to be averaged along instead."""
+    """The base model fitted to runs, averaged along the motion that it has itself.
+
+    Parameters
+    ----------
+    pieces
+        Of the runs.
+    coarser
+        Times as long as they would be that the rows are.
+    scale_factor
+        That is held; None: it is not known.
+    blocks
+        Fewest averaged rows a run.
+    free_phase
+        The runs are fitted by shape and angle alone.
+    quick
+        Of driven runs the first fit alone, beside nothing that a log may have missed.
+    along
+        The motion that the runs are known to have beside their causes, to be averaged along instead.
+
+    Returns
+    -------
+    ExtendedFit
+        Without any cause.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> fit = fit_base(draw_waves(), scale_factor=None, blocks=100, free_phase=False)
+    >>> round(fit.coordinate("scale_factor"), 2)
+    0.55
+    """
 
     def prepared(
         motion: Point | None, straight: bool = False
@@ -100,8 +129,26 @@ def fit_base(
 
 def settle_log(fit: ExtendedFit) -> ExtendedFit:
     """The fit again beside what the drive's log leaves unknown, and along the motion that this makes
-    likely; the same where nothing is logged, or where a misfit is left that is gross beside all of
-    that too: it would be laid on it."""
+    likely.
+
+    Parameters
+    ----------
+    fit
+        The base model's.
+
+    Returns
+    -------
+    ExtendedFit
+        The same where nothing is logged, or where a misfit is left that is gross beside all of that
+        too: it would be laid on it.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.joint_fit import settle_log
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> settle_log(draw_fit()) is draw_fit()
+    True
+    """
     if not has_log(fit.series):
         return fit
     if fit.series.scatter is None:
@@ -156,8 +203,25 @@ def _fit_beside_frames(fit: ExtendedFit) -> ExtendedFit:
 
 
 def fit_beside_delay(fit: ExtendedFit) -> ExtendedFit | None:
-    """The fit of driven runs again where a lateness of their loops may have moved the scale factor
-    too; None where there are free runs, or where no frame is allowed for."""
+    """The fit of driven runs again where a lateness of their loops may have moved the scale factor too.
+
+    Parameters
+    ----------
+    fit
+        The base model's.
+
+    Returns
+    -------
+    ExtendedFit or None
+        None where there are free runs, or where no frame is allowed for.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.joint_fit import fit_beside_delay
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> fit_beside_delay(draw_fit()) is None
+    True
+    """
     if fit.series.unsettled is None or not are_all_driven(fit.series):
         return None
     return _allow_answers(fit, FrameAnswers.from_fit(fit).doings)
@@ -195,7 +259,25 @@ def _fit_phases(
 
 
 def start_fit(fit: ExtendedFit) -> ExtendedFit:
-    """The base fit with what is weakly known free where that is no way to hide a gross misfit."""
+    """The base fit with what is weakly known free where that is no way to hide a gross misfit.
+
+    Parameters
+    ----------
+    fit
+        The base model's.
+
+    Returns
+    -------
+    ExtendedFit
+        From which the search for causes starts.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.joint_fit import start_fit
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> bool(start_fit(draw_fit()).chi2 <= draw_fit().chi2)
+    True
+    """
     if not is_gross(fit) or fit.freedom.loose is None:
         return loosen(fit)
     with contextlib.suppress(extended_fit.DivergedError):
@@ -234,11 +316,37 @@ def cut_at_losses(
     fitted: Callable[..., ExtendedFit],
     near: Callable[[ExtendedFit], ExtendedFit],
 ) -> Cut:
-    """The runs as they are to be diagnosed: whole where cuts are not worth it, and where a gross
-    misfit is left of the pieces by the few causes that leave least (`near`): a loss is then held
-    against that (`instants`).
+    """The runs as they are to be diagnosed: cut where samples seem lost.
 
-    HrgError: the base model finds no fit to them together.
+    They stay whole where cuts are not worth it, and where a gross misfit is left of the pieces by the
+    few causes that leave least: a loss is then held against that (`instants`).
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    fitted
+        The base model's fit to waves.
+    near
+        From it one that leaves as little as a few causes can.
+
+    Returns
+    -------
+    Cut
+        The pieces, the steps between them, and their fits.
+
+    Raises
+    ------
+    HrgError
+        The base model finds no fit to the runs together.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.joint_fit import cut_at_losses
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> cut = cut_at_losses(draw_waves(), lambda pieces: draw_fit(), lambda fit: fit)
+    >>> len(cut.pieces), cut.steps, cut.origin
+    (3, [], [0, 1, 2])
     """
     steps = find_phase_steps(waves)
     pieces, origin = split_at(waves, steps)
@@ -253,7 +361,32 @@ def cut_at_losses(
 
 
 def fit_together(pieces: Sequence[Wave], fitted: Callable[..., ExtendedFit]) -> ExtendedFit:
-    """The base model's fit to runs. HrgError: there is none."""
+    """The base model's fit to runs.
+
+    Parameters
+    ----------
+    pieces
+        Of the runs.
+    fitted
+        Its fit to waves.
+
+    Returns
+    -------
+    ExtendedFit
+        Without any cause.
+
+    Raises
+    ------
+    HrgError
+        There is none.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.joint_fit import fit_together
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> fit_together(draw_waves(), lambda pieces: draw_fit()) is draw_fit()
+    True
+    """
     try:
         return fitted(pieces)
     except extended_fit.DivergedError as error:

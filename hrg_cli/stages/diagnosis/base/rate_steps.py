@@ -28,8 +28,26 @@ INDEPENDENT = 1e-6
 
 
 def fit_rate_steps(fit: ExtendedFit) -> ExtendedFit:
-    """The fit again with the table angle of every step as the waves show it, blind to what else a
-    step can do; the same where none is."""
+    """The fit again with the table angle of every step of the rate as the waves show it, blind to what
+    else a step can do.
+
+    Parameters
+    ----------
+    fit
+        The base model's.
+
+    Returns
+    -------
+    ExtendedFit
+        The same where there is no step.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.rate_steps import fit_rate_steps
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> fit_rate_steps(draw_fit()) is draw_fit()
+    True
+    """
     places = find_rate_steps(fit.series, float(fit.point.p[SCALE_FACTOR]))
     for _ in range(ROUNDS if places else 0):
         fit = extended_fit.fit(_correct_steps(fit, places), fit.point, fit.freedom)
@@ -41,8 +59,27 @@ def fit_rate_steps(fit: ExtendedFit) -> ExtendedFit:
 
 
 def find_rate_steps(series: MeasuredRuns, scale_factor: float) -> list[tuple[int, int, int]]:
-    """(run, first row before, last row before) of every step of the rate that matters; none in a
-    run whose rate always moves like that."""
+    """Every step of the rate that matters.
+
+    Parameters
+    ----------
+    series
+        The runs' rows.
+    scale_factor
+        K.
+
+    Returns
+    -------
+    list of tuple
+        Run, first row before, last row before; none in a run whose rate always moves like that.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.rate_steps import find_rate_steps
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> find_rate_steps(draw_fit().series, 0.55)
+    []
+    """
     out = []
     for k, rate in enumerate(series.rate_rad_s):
         good = series.weight[k] > 0

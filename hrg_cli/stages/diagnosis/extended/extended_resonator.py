@@ -16,11 +16,29 @@ SURE = ("adequate", "explained")
 
 
 def build_extended_resonator(diagnosis: Diagnosis) -> Resonator | None:
-    """The base parameters beside the causes found, with their covariance; None where the report
-    holds no values.
+    """The base parameters beside the causes found, with their covariance, as a resonator.
 
     Suspect unless the verdict says that nothing is left: parameters of a model that misses
     something are only as good as the model.
+
+    Parameters
+    ----------
+    diagnosis
+        With its report.
+
+    Returns
+    -------
+    Resonator or None
+        None where the report holds no values.
+
+    Examples
+    --------
+    >>> from hrg_cli import diagnose
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.extended.extended_resonator import build_extended_resonator
+    >>> found = build_extended_resonator(diagnose(draw_waves()))
+    >>> found.status, round(found.parameters()["scale_factor"][0], 2)
+    ('valid', 0.55)
     """
     try:
         report = diagnosis.read_report()

@@ -27,10 +27,33 @@ Array = np.ndarray
 def find_change(
     fit: ExtendedFit, difference: Array, compared: Array, origin: Sequence[int]
 ) -> Array:
-    """What of the runs' starts and frequency offsets (R, 5) makes up most of a difference over σ
-    (R, n, 4), judged as the fit judges, on the rows that were compared (R, n).
+    """What of the runs' starts and frequency offsets makes up most of a difference, judged as the fit
+    judges.
 
-    origin: the run of which each of the fit's runs is a piece; a run's change stands at its first.
+    Parameters
+    ----------
+    fit
+        The model's.
+    difference
+        Over σ, (R, n, 4).
+    compared
+        Rows that were compared, (R, n).
+    origin
+        The run of which each of the fit's runs is a piece; a run's change stands at its first.
+
+    Returns
+    -------
+    ndarray
+        (R, 5): start state and frequency offset [rad/s].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.extended.run_changes import find_change
+    >>> rows = draw_fit().series.weight > 0
+    >>> find_change(draw_fit(), np.zeros((*rows.shape, 4)), rows, [0, 1, 2]).any()
+    np.False_
     """
     own = find_base_sensitivities(fit.flow)[1] * compared[..., None, None]
     columns, wanted = flatten_own(fit.series, own), flatten_own(fit.series, difference)

@@ -97,15 +97,32 @@ def write_faithfully(
     extra_effects: Sequence[Effect],
     tone: Tone | None = None,
 ) -> Candidate:
-    """The file and how it holds: the first that misses the measurement no more than the fit, or the
-    one that misses least.
+    """The file of an extended model and how it holds: the first way that misses the measurement no more
+    than the fit, or the one that misses least.
 
-    written: the file's text with a change of the runs' starts and frequencies, in one of the ways
-    that it may be written. Loops are the better model of an instrument, since they serve other runs
-    too, but those that are fitted to a log may not be the recorded ones: then the log stands, with
-    starts and frequencies moved to where the simulation misses the fit least. Last, rates go
-    straight: one that swings beside its log may be nearer to that than to the log's course.
-    tone: the one that was taken out of the measurement and is in the file.
+    Loops are the better model of an instrument, since they serve other runs too, but those that are
+    fitted to a log may not be the recorded ones: then the log stands, with starts and frequencies moved
+    to where the simulation misses the fit least. Last, rates go straight: one that swings beside its
+    log may be nearer to that than to the log's course.
+
+    Parameters
+    ----------
+    written
+        The file's text with a change of the runs' starts and frequencies, in one of the ways that it
+        may be written.
+    fit
+        The extended model's.
+    origin
+        The file's run of each piece.
+    extra_effects
+        The user's, beside the catalogue.
+    tone
+        The one that was taken out of the measurement and is in the file.
+
+    Returns
+    -------
+    Candidate
+        Text, and what it misses.
     """
     driven = bool(np.any(fit.series.forced))
     along = Way(replayed=driven)
@@ -160,12 +177,39 @@ def hold_written(
     extra_effects: Sequence[Effect],
     tone: Tone | None = None,
 ) -> Written | None:
-    """Simulate a written model and compare it at the fit's rows; None where it cannot be simulated.
+    """Simulate a written model and compare it at the fit's rows.
 
-    origin: the file's run of each piece. tone: the one that the rows were freed of; the simulation
-    is freed of the same, so that one which the file has wrong is left in it. A tone far from the
-    oscillation is left out: the file knows its size and not its phase, and with it not what it leaks
-    into these windows; the rows were freed of what it leaked into theirs.
+    A tone far from the oscillation is left out: the file knows its size and not its phase, and with it
+    not what it leaks into these windows; the rows were freed of what it leaked into theirs.
+
+    Parameters
+    ----------
+    text
+        The file.
+    fit
+        The extended model's.
+    origin
+        The file's run of each piece.
+    extra_effects
+        The user's, beside the catalogue.
+    tone
+        The one that the rows were freed of; the simulation is freed of the same, so that one which the
+        file has wrong is left in it.
+
+    Returns
+    -------
+    Written or None
+        None where it cannot be simulated.
+
+    Examples
+    --------
+    >>> from hrg_cli import diagnose
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.extended.written import hold_written
+    >>> model = diagnose(draw_waves()).extended_model
+    >>> found = hold_written(model, draw_fit(), [0, 1, 2], ())
+    >>> found.share, bool(found.rms_over_noise < 1.1 * found.fitted_rms_over_noise)
+    (1.0, True)
     """
     table = tomllib.loads(text)
     if tone is None:

@@ -54,30 +54,114 @@ def make_diagnosis_record(
 
 
 def add_shares(record: Diagnosis, shares: Shares) -> Diagnosis:
-    """The record with the rows of the models without some of the causes, where there are causes."""
+    """The record with the rows of the models without some of the causes.
+
+    Parameters
+    ----------
+    record
+        A diagnosis.
+    shares
+        Of its causes.
+
+    Returns
+    -------
+    Diagnosis
+        The same where there are no causes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.report.record import add_shares
+    >>> from hrg_cli.stages.diagnosis.report.shares import Shares
+    >>> add_shares(None, Shares((), np.zeros((0, 4, 0)), {})) is None
+    True
+    """
     if not shares.left_out:
         return record
     return record.replace(simulated_without=shares.rows, left_out=json.dumps(shares.left_out))
 
 
 def take_form(effect: dict[str, Any], form: Form | None) -> dict[str, Any]:
-    """The report's entry of a cause, in the better form where there is one."""
+    """The report's entry of a cause, in the better form where there is one.
+
+    Parameters
+    ----------
+    effect
+        The entry.
+    form
+        The better form; None: there is none.
+
+    Returns
+    -------
+    dict
+        As JSON has it.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.report.record import take_form
+    >>> take_form({"name": "ageing"}, None)
+    {'name': 'ageing'}
+    """
     return form.amend(effect) if form is not None else effect
 
 
 def describe_left_over(
     remainder: dict[str, Any] | None, form: Form | None, failed: Sequence[str]
 ) -> dict[str, Any] | None:
-    """The report's remainder: open terms, what the catalogue's form leaves, else the sentences of
-    the checks that failed."""
+    """The report's remainder: open terms, what the catalogue's form leaves, else the sentences of the
+    checks that failed.
+
+    Parameters
+    ----------
+    remainder
+        Open terms as JSON has them; None: there are none.
+    form
+        A better form than the catalogue's; None: there is none.
+    failed
+        Sentences of closing checks.
+
+    Returns
+    -------
+    dict or None
+        As JSON has it; None where nothing is left over.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.report.record import describe_left_over
+    >>> describe_left_over(None, None, ()) is None
+    True
+    >>> describe_left_over(None, None, ["the residual is not white"])["description"]
+    'the residual is not white'
+    """
     if form is not None:
         return form.complete(remainder)
     return describe_in_words("; ".join(failed)) if failed and remainder is None else remainder
 
 
 def list_diagnosis_doubts(verdict: str, failed: Sequence[str], final: ExtendedFit) -> list[str]:
-    """What makes the diagnosis suspect: a word that could not be given, and a drive's log that may
-    be why."""
+    """What makes a diagnosis suspect: a word that could not be given, and a drive's log that may be why.
+
+    Parameters
+    ----------
+    verdict
+        The word.
+    failed
+        Sentences of closing checks.
+    final
+        The last fit.
+
+    Returns
+    -------
+    list of str
+        Sentences.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.report.record import list_diagnosis_doubts
+    >>> list_diagnosis_doubts("unexplained", ["the residual is not white"], draw_fit())
+    ['the verdict is "unexplained": the residual is not white']
+    """
     if verdict in ("adequate", "explained"):
         return []
     scatter = describe_scatter(final)

@@ -30,7 +30,36 @@ def refuse(
     resonator: Resonator | None,
 ) -> Diagnosis:
     """The diagnosis of runs of which some are not what they say: these are named, and no physics is
-    blamed."""
+    blamed.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    base
+        The base model's fit.
+    searched
+        Effects that would have been looked for.
+    suspicions
+        Of the runs.
+    resonator
+        The user's; None: there is none.
+
+    Returns
+    -------
+    Diagnosis
+        Refused.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.report.refusal import refuse
+    >>> from hrg_cli.stages.suspicion import Suspicion
+    >>> told = Suspicion("run 2", "channels exchanged", "it leans the other way", "exchange them")
+    >>> refused = refuse(draw_waves(), draw_fit(), (), [told], None)
+    >>> refused.status, refused.verdict
+    ('refused', 'unexplained')
+    """
     sentences = [one.sentence for one in suspicions]
     closing = checks.check_holds("runs_are_what_they_say", False, "; ".join(sentences))
     record = _unexplained(waves, base, searched, resonator, closing, suspicions)
@@ -44,9 +73,36 @@ def stop_search(
     resonator: Resonator | None,
     spent: str,
 ) -> Diagnosis:
-    """The diagnosis of runs whose search was stopped: no cause that it had come to is named."""
+    """The diagnosis of runs whose search was stopped: no cause that it had come to is named.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    base
+        The base model's fit.
+    searched
+        Effects that were looked for.
+    resonator
+        The user's; None: there is none.
+    spent
+        What was spent, as the beginning of a sentence.
+
+    Returns
+    -------
+    Diagnosis
+        Unexplained.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.report.refusal import stop_search
+    >>> stopped = stop_search(draw_waves(), draw_fit(), (), None, "90 s were spent")
+    >>> stopped.status_reasons[0].split(";")[0]
+    'the verdict is "unexplained": 90 s were spent'
+    """
     sentence = (
-        f"{spent}; the base model leaves χ² {base.chi2 / base.dof:.3g} a degree of freedom and no"
+        f"{spent}; the base model leaves χ² {base.chi2 / base.dof:.3g} per degree of freedom and no"
         " cause settles beside it: look for jumps and damaged rows in the waves, and diagnose the"
         " runs one by one"
     )

@@ -129,7 +129,24 @@ def _correlations(search: Search) -> dict[str, Any]:
 
 
 def describe_in_words(description: str) -> dict[str, Any]:
-    """A remainder of which there are words alone."""
+    """A remainder of which there are words alone.
+
+    Parameters
+    ----------
+    description
+        A sentence.
+
+    Returns
+    -------
+    dict
+        As JSON has it.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.report.report import describe_in_words
+    >>> describe_in_words("the residual is not white")["covariate"] is None
+    True
+    """
     return {
         "description": description,
         "covariate": None,

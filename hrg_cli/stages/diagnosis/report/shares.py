@@ -46,10 +46,27 @@ class DriftDifference:
 
 
 def compute_difference(first: Array, second: Array) -> DriftDifference:
-    """First less second, of rows Re C0, Re S0, Im C0, Im S0 (k, 4); angles between −π/2 and π/2,
-    NaN where the wave is nearly a circle.
+    """The difference of two motions, row by row.
 
     Of a circle neither angle nor phase is defined: their noise grows as 1/(1 − r²), r = a_B/a_A.
+
+    Parameters
+    ----------
+    first, second
+        Rows Re C0, Re S0, Im C0, Im S0, (k, 4).
+
+    Returns
+    -------
+    DriftDifference
+        First less second; angles between −π/2 and π/2, NaN where the wave is nearly a circle.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.report.shares import compute_difference
+    >>> turned, still = np.array([[np.cos(0.1), np.sin(0.1), 0, 0]]), np.array([[1.0, 0, 0, 0]])
+    >>> float(compute_difference(turned, still).angle[0].round(9))
+    0.1
     """
     a, b = (
         ellipse.find_wave(rows[:, :2] + 1j * rows[:, 2:], 1)
@@ -69,8 +86,34 @@ def compute_difference(first: Array, second: Array) -> DriftDifference:
 def compute_departure_figures(
     departure: DriftDifference, run: Array, time_s: Array
 ) -> dict[str, float | None]:
-    """Root mean squares over runs: drift m·dθ/dt in °/h, angle m·θ and amplitude in ppm, frequency
-    in Hz; None where nothing shows it."""
+    """Root mean squares of a difference over runs.
+
+    Parameters
+    ----------
+    departure
+        Of two motions, (k,).
+    run
+        Number of each row's run, (k,).
+    time_s
+        Of each row [s], (k,).
+
+    Returns
+    -------
+    dict
+        Drift m·dθ/dt in °/h, over quarters of each run; angle m·θ and amplitude in ppm; frequency in
+        Hz. None where nothing shows it.
+
+    Examples
+    --------
+    An angle that grows by 10⁻⁵ rad/s, two degrees an hour:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.report.shares import DriftDifference, compute_departure_figures
+    >>> t, zero = np.arange(40.0), np.zeros(40)
+    >>> found = compute_departure_figures(DriftDifference(1e-5 * t, zero, zero, zero), zero, t)
+    >>> round(found["drift_deg_h"], 3)
+    2.063
+    """
     drifts: list[float] = []
     frequencies: list[float] = []
     for k in np.unique(run):
@@ -107,8 +150,24 @@ class Shares:
 
 
 def list_sets_left_out(names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Every proper subset of a few causes; of many, each alone, and all but the first 1, 2, …
-    found."""
+    """The sets of causes without which the model is fitted.
+
+    Parameters
+    ----------
+    names
+        Of the causes, in the order in which they were found.
+
+    Returns
+    -------
+    list of tuple
+        Every proper subset of a few causes; of many, each alone, and all but the first 1, 2, … found.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.report.shares import list_sets_left_out
+    >>> list_sets_left_out(["gain_mismatch", "ageing"])
+    [('gain_mismatch',), ('ageing',)]
+    """
     if len(names) <= ALL_SUBSETS:
         return (
             [one for count in range(1, len(names)) for one in combinations(names, count)]
@@ -120,11 +179,29 @@ def list_sets_left_out(names: Sequence[str]) -> list[tuple[str, ...]]:
 
 
 def compute_shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
-    """Leave out sets of the extended model's causes and fit the rest; rows with weight, in the
-    order of the diagnosis's rows.
+    """Leave out sets of a model's causes and fit the rest.
 
-    base: the fit without any cause. A set without which the fit diverges is not told, and one
-    without which it does not settle has no figures: they would be those of wherever it stopped.
+    Parameters
+    ----------
+    base
+        The fit without any cause.
+    fit
+        The extended model's.
+
+    Returns
+    -------
+    Shares
+        Rows with weight, in the order of the diagnosis' rows. A set without which the fit diverges is
+        not told, and one without which it does not settle has no figures: they would be those of
+        wherever it stopped.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.report.shares import compute_shares
+    >>> found = compute_shares(draw_fit(), draw_fit())
+    >>> found.left_out, found.rows.shape, found.figures
+    ((), (150, 4, 0), {})
     """
     good = fit.series.weight > 0
     run = np.broadcast_to(np.arange(len(fit.series.names))[:, None], good.shape)[good]
@@ -155,9 +232,31 @@ def compute_shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
 
 
 def compute_base_covariance(fit: ExtendedFit, std: Array) -> Array:
-    """Covariance (7, 7) of the base parameters in the order of the resonator's file, beside the
-    causes: the fit's correlations, Σ = G C Gᵀ with G the slopes of the parameters against the
-    fitted coordinates, and the standard deviations (7,) that the report states."""
+    """Covariance of the base parameters beside the causes: Σ = G C Gᵀ, at stated standard deviations.
+
+    G: slopes of the parameters against the fitted coordinates, C: the coordinates' covariance; the
+    correlations are the fit's.
+
+    Parameters
+    ----------
+    fit
+        The extended model's.
+    std
+        That the report states, in the order of the resonator's file, (7,).
+
+    Returns
+    -------
+    ndarray
+        (7, 7), in the parameters' units.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.report.shares import compute_base_covariance
+    >>> np.sqrt(np.diag(compute_base_covariance(draw_fit(), np.full(7, 1e-3)))).round(9).tolist()
+    [0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001]
+    """
     _, slopes = to_parameters(fit.point.p, fit.series.mode_number)
     out = np.zeros((7, 7))
     out[0, 0] = 1.0
@@ -170,8 +269,31 @@ def compute_base_covariance(fit: ExtendedFit, std: Array) -> Array:
 def report_shares(
     report: dict[str, Any], base: ExtendedFit, fit: ExtendedFit
 ) -> tuple[dict[str, Any], Shares]:
-    """The report with each cause's `share` and the base parameters' `covariance` beside the causes;
-    the rows of the models without some of the causes."""
+    """The report with each cause's share and the base parameters' covariance beside the causes.
+
+    Parameters
+    ----------
+    report
+        As JSON has it.
+    base
+        The fit without any cause.
+    fit
+        The extended model's.
+
+    Returns
+    -------
+    tuple
+        The report, and the rows of the models without some of the causes.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.report.shares import report_shares
+    >>> report = {"effects": [], "values": 7 * [{"std": 1e-3}]}
+    >>> told, shares = report_shares(report, draw_fit(), draw_fit())
+    >>> len(told["covariance"]), shares.left_out
+    (7, ())
+    """
     found = compute_shares(base, fit)
     effects = [{**e, "share": found.figures.get(str(e["name"]))} for e in report["effects"]]
     covariance = compute_base_covariance(fit, np.array([v["std"] for v in report["values"]]))

@@ -29,8 +29,27 @@ CLIPPED_PEAK = 4 / np.pi
 
 
 def measure_motion_harmonics(fit: ExtendedFit) -> float:
-    """Part of the wave's size that the third harmonic of the motion may have at most: forces of it, F₃,
-    of up to three times those at ω, F₁ = 2ω|u̇|, move it by F₃/8ω²."""
+    """Part of the wave's size that the third harmonic of the motion may have at most.
+
+    Forces of it, F₃, of up to three times those at ω, F₁ = 2ω|u̇|, move it by F₃/8ω².
+
+    Parameters
+    ----------
+    fit
+        With its causes.
+
+    Returns
+    -------
+    float
+        0 where no cause is a nonlinear force.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.samples.harmonics import measure_motion_harmonics
+    >>> measure_motion_harmonics(draw_fit())
+    0.0
+    """
     motion = fit.prediction.motion
     state = build_state(fit.series, fit.point)
     parts = [
@@ -48,9 +67,39 @@ def name_bent_channels(
     found: Sequence[Effect],
     of_motion: float = 0.0,
 ) -> list[dict[str, Any]]:
-    """What the odd harmonics are, as entries; none where the dynamics found a read-out that makes
-    them (`found`), and no cubic of the pick-off where the motion itself may make the third one, of
-    this part of the wave's size."""
+    """What the odd harmonics in the samples are.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    harmonics
+        Multiple -> line.
+    codes
+        Lines at odd multiples too many for chance: a converter's.
+    found
+        Causes named by the dynamics.
+    of_motion
+        Part of the wave's size that the third harmonic of the motion itself may have.
+
+    Returns
+    -------
+    list of dict
+        Entries of the report; none where the dynamics found a read-out that makes the harmonics, and no
+        cubic of the pick-off where the motion itself may make the third one.
+
+    Examples
+    --------
+    A third harmonic of 10⁻³ in both channels:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.harmonics import name_bent_channels
+    >>> from hrg_cli.stages.diagnosis.samples.lines import Line
+    >>> third = Line(1500.0, np.full(2, 1e-3), 1e4, 3, np.ones((3, 2)))
+    >>> [entry["name"] for entry in name_bent_channels(draw_waves(), {3: third}, [], [])]
+    ['pickoff_nonlinearity']
+    """
     odd = [n for n in sorted(harmonics) if n % 2]
     if any(effect.makes_harmonics for effect in found):
         return []
@@ -80,8 +129,26 @@ def name_bent_channels(
 
 
 def find_clipped_windows(waves: Sequence[Wave]) -> list[Array]:
-    """Windows (n,) of every wave in which samples were clipped: those that the demodulation
-    flagged, else odd ones that are just those of the largest signal."""
+    """Windows of every wave in which samples were clipped.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    list of ndarray
+        (n,) bool of each: those that the demodulation flagged, else odd ones that are just those of
+        the largest signal.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.harmonics import find_clipped_windows
+    >>> [int(one.sum()) for one in find_clipped_windows(draw_waves())]
+    [0, 0, 0]
+    """
     clipped = [(np.asarray(w.flags) & 1) > 0 for w in waves]
     odd = [] if any(one.any() for one in clipped) else find_odd_windows(waves)
     if are_at_top(waves, odd):
@@ -118,14 +185,54 @@ def _clipping(
 
 
 def read_least_count(waves: Sequence[Wave]) -> float | None:
-    """Step of the converter's codes, where the files know it."""
+    """Step of the converter's codes.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    float or None
+        In the signals' unit, the median of the runs; None where no file knows it.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.harmonics import read_least_count
+    >>> read_least_count([wave.replace(least_count=2e-4) for wave in draw_waves()])
+    0.0002
+    """
     counts = [float(step) for w in waves if (step := getattr(w, "least_count", None))]
     return float(np.median(counts)) if counts else None
 
 
 def is_below_codes(line: Line, waves: Sequence[Wave]) -> bool:
-    """Whether a line is smaller than half a code in runs whose noise is too small to spread the
-    codes (less than half of one)."""
+    """Whether a line is smaller than half a code in runs whose noise is too small to spread the codes.
+
+    Parameters
+    ----------
+    line
+        Of the runs' spectra.
+    waves
+        Of the runs; their noise is too small below half a code.
+
+    Returns
+    -------
+    bool
+        The line may be the converter's own.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.harmonics import is_below_codes
+    >>> from hrg_cli.stages.diagnosis.samples.lines import Line
+    >>> line = Line(1500.0, np.full(2, 1e-3), 1e4, 3, np.ones((3, 2)))
+    >>> [is_below_codes(line, [w.replace(least_count=q) for w in draw_waves()]) for q in (1e-4, 1e-2)]
+    [False, True]
+    """
     step = read_least_count(waves)
     if step is None or float(line.amplitude.max()) > step / 2:
         return False

@@ -39,7 +39,27 @@ NEAREST_TOP = 1e-6
 
 
 def find_unheard(fit: ExtendedFit, waves: Sequence[Wave]) -> list[str]:
-    """The causes of a fit that would make harmonics which the samples do not have."""
+    """The causes of a fit that would make harmonics which the samples do not have.
+
+    Parameters
+    ----------
+    fit
+        With its causes.
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    list of str
+        Their names.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.heard import find_unheard
+    >>> find_unheard(draw_fit(), draw_waves())
+    []
+    """
     return [
         effect.name
         for effect, values in fit.point.active
@@ -61,8 +81,32 @@ def _find_least_values(
 
 
 def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wave]) -> bool:
-    """Whether one harmonic of these values would be clearly stronger than all that any run's
-    samples hold there."""
+    """Whether an effect would make a harmonic clearly stronger than all that a run's samples hold there.
+
+    Parameters
+    ----------
+    effect
+        A read-out.
+    values
+        Of its parameters.
+    waves
+        Of the runs, with their residual's spectra.
+
+    Returns
+    -------
+    bool
+        One run is enough.
+
+    Examples
+    --------
+    Multiples of 500 Hz from the third on lie beyond samples at 2 kHz, which exclude nothing:
+
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.heard import is_excluded
+    >>> is_excluded(find("saturation"), {"inverse_level": 2.0}, draw_waves())
+    False
+    """
     for wave in waves:
         if wave.readout != "direct" or wave.spectrum_density is None:
             continue
@@ -87,8 +131,35 @@ def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wav
 def compute_harmonic_power(
     effect: Effect, values: Mapping[str, float], amplitude: Array, noise: float = 0.0
 ) -> Array:
-    """Power (orders, n, channels) of the odd multiples that an effect's curve, its corners rounded
-    by the samples' noise, makes of channels of these amplitudes (n, channels)."""
+    """Power of the odd multiples that an effect's curve makes of channels, its corners rounded by noise.
+
+    Parameters
+    ----------
+    effect
+        A read-out.
+    values
+        Of its parameters.
+    amplitude
+        Of the channels, (n, channels).
+    noise
+        σ of the samples, in the same unit.
+
+    Returns
+    -------
+    ndarray
+        (orders, n, channels): mean squares of the multiples `ORDERS`.
+
+    Examples
+    --------
+    A cubic y = x + cx³ makes the third harmonic ca³/4:
+
+    >>> import numpy as np
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.samples.heard import compute_harmonic_power
+    >>> power = compute_harmonic_power(find("pickoff_nonlinearity"), {"cubic": 0.04}, np.ones((1, 1)))
+    >>> float(np.sqrt(2 * power[0, 0, 0]).round(6))
+    0.01
+    """
     readout = Readout()
     effect.readout(dict(values), readout)
     # a clip sets in just under the top, and within a thousandth its harmonics grow tenfold
@@ -109,12 +180,32 @@ def compute_harmonic_power(
 
 
 def bound_power_in_looks(power: Array, time_s: Array, length_s: float) -> Array:
-    """The least (orders, channels) that a spectrum may hold of a power (orders, n, channels) that
-    comes and goes.
+    """The least that a spectrum may hold of a power that comes and goes.
 
     A spectrum is the mean of `LOOKS` stretches spread evenly along a run, each tapered by sin². A
     wave that is clipped while it passes an axis may do so between them, or at the end of one: of all
     places of the stretches, moved together by up to half their distance, those count that see least.
+
+    Parameters
+    ----------
+    power
+        (orders, n, channels).
+    time_s
+        Of the rows [s], (n,).
+    length_s
+        Of a stretch [s].
+
+    Returns
+    -------
+    ndarray
+        (orders, channels), in the unit of the power.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.samples.heard import bound_power_in_looks
+    >>> bound_power_in_looks(np.ones((1, 50, 2)), np.arange(50.0), 2.0).round(6).tolist()
+    [[1.0, 1.0]]
     """
     span = time_s[-1] - time_s[0]
     pitch = (span - length_s) / (LOOKS - 1)

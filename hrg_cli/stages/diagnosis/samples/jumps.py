@@ -87,7 +87,28 @@ class EnvelopeJump:
 
 
 def find_jumps(wave: Wave) -> list[EnvelopeJump]:
-    """Jumps of a wave in order of time, none where there are too many for instants."""
+    """Jumps of a wave in order of time.
+
+    Parameters
+    ----------
+    wave
+        Of a run.
+
+    Returns
+    -------
+    list of EnvelopeJump
+        None where there are too many for instants.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.jumps import find_jumps
+    >>> wave = draw_waves()[0]
+    >>> struck = wave.replace(wave_angle_rad=wave.wave_angle_rad + 0.1 * (np.arange(50) > 24))
+    >>> [(jump.before, jump.after) for jump in find_jumps(struck)], find_jumps(wave)
+    ([(24, 25)], [])
+    """
     rows = np.flatnonzero(wave.good() & np.isfinite(wave.phase_rad))
     if len(rows) < 4 * NEIGHBOURS:
         return []
@@ -126,7 +147,25 @@ def _peaks(height: Array) -> list[tuple[int, int]]:
 
 
 def to_circular(u: Array) -> Array:
-    """The parts (n, 2) that a rotation only turns: (C + jS, C − jS)/√2."""
+    """The parts of envelopes that a rotation only turns: (C + jS, C − jS)/√2.
+
+    Parameters
+    ----------
+    u
+        Envelopes of C and S, (n, 2).
+
+    Returns
+    -------
+    ndarray
+        z₊ and z₋, (n, 2).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.samples.jumps import to_circular
+    >>> to_circular(np.array([[1.0, 1j]])).round(6).tolist()
+    [[0j, (1.414214+0j)]]
+    """
     return np.stack([u[:, 0] + 1j * u[:, 1], u[:, 0] - 1j * u[:, 1]], axis=-1) / np.sqrt(2)
 
 

@@ -82,14 +82,50 @@ class Line:
 
 
 def find_cell_hz(waves: Sequence[Wave]) -> float:
-    """Distance of two cells of the averaged spectrum; 0 where there is none."""
+    """Distance of two cells of the runs' averaged spectra.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    float
+        [Hz], the median of the runs; 0 where there is no spectrum.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lines import find_cell_hz
+    >>> round(find_cell_hz(draw_waves()), 6)
+    4.0
+    """
     grids = [w.spectrum_frequency_hz for w in waves if w.spectrum_frequency_hz is not None]
     cells = [np.diff(grid).mean() for grid in grids if len(grid) > 1]
     return float(np.median(cells)) if cells else 0.0
 
 
 def find_sampling_hz(waves: Sequence[Wave]) -> float | None:
-    """Sampling rate, twice the end of the spectrum."""
+    """Sampling rate, twice the end of the spectrum.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    float or None
+        [Hz], of the first run with a spectrum; None where there is none.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lines import find_sampling_hz
+    >>> round(find_sampling_hz(draw_waves()), 6)
+    2000.0
+    """
     ends = [
         float(w.spectrum_frequency_hz[-1])
         for w in waves
@@ -99,8 +135,25 @@ def find_sampling_hz(waves: Sequence[Wave]) -> float | None:
 
 
 def find_even_step(wave: Wave) -> float | None:
-    """Sampling step of an evenly sampled run, whose windows are then all equally far apart; None
-    elsewhere."""
+    """Sampling step of an evenly sampled run, whose windows are then all equally far apart.
+
+    Parameters
+    ----------
+    wave
+        Of the run.
+
+    Returns
+    -------
+    float or None
+        [s]; None where the sampling is uneven, or nothing tells it.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lines import find_even_step
+    >>> round(find_even_step(draw_waves()[0]), 9)
+    0.0005
+    """
     rate = find_sampling_hz([wave])
     steps = np.diff(np.asarray(wave.time_s, float))
     regular = (
@@ -121,7 +174,25 @@ def find_even_step(wave: Wave) -> float | None:
 
 
 def find_common_step(waves: Sequence[Wave]) -> float | None:
-    """Sampling step [s] of runs that are all evenly sampled at one rate; None elsewhere."""
+    """Sampling step of runs that are all evenly sampled at one rate.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    float or None
+        [s]; None where one is not.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lines import find_common_step
+    >>> round(find_common_step(draw_waves()), 9)
+    0.0005
+    """
     steps = [find_even_step(wave) for wave in waves]
     known = [step for step in steps if step is not None]
     alike = len(known) == len(steps) > 0 and max(known) - min(known) < SAME_STEP * max(known)
@@ -129,21 +200,77 @@ def find_common_step(waves: Sequence[Wave]) -> float | None:
 
 
 def find_folding_hz(waves: Sequence[Wave]) -> float | None:
-    """Sampling rate at half of which lines of all runs are folded; None where it is not known, or
-    where a run's samples are not evenly apart: a line above half the rate then has no image."""
+    """Sampling rate at half of which lines of all runs are folded.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    float or None
+        [Hz]; None where it is not known, or where a run's samples are not evenly apart: a line above
+        half the rate then has no image.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lines import find_folding_hz
+    >>> round(find_folding_hz(draw_waves()), 6)
+    2000.0
+    """
     return (
         find_sampling_hz(waves) if all(find_even_step(wave) is not None for wave in waves) else None
     )
 
 
 def find_median_amplitude(wave: Wave) -> float:
-    """Median main amplitude of the good rows."""
+    """Median main amplitude of the good rows.
+
+    Parameters
+    ----------
+    wave
+        Of a run.
+
+    Returns
+    -------
+    float
+        In the signals' unit; 0 where no row is good.
+
+    Examples
+    --------
+    Of e^{−t/2 s} over 1 s from 1:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lines import find_median_amplitude
+    >>> round(find_median_amplitude(draw_waves()[0]), 2)
+    0.78
+    """
     good = wave.good()
     return float(np.median(np.asarray(wave.main_amplitude, float)[good])) if good.any() else 0.0
 
 
 def find_median_frequency(wave: Wave) -> float:
-    """Median frequency of the good rows, from the phase."""
+    """Median frequency of the good rows, from the phase.
+
+    Parameters
+    ----------
+    wave
+        Of a run.
+
+    Returns
+    -------
+    float
+        [Hz]
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lines import find_median_frequency
+    >>> round(find_median_frequency(draw_waves()[0]), 2)
+    500.0
+    """
     good = wave.good()
     phase, t = np.asarray(wave.phase_rad, float)[good], np.asarray(wave.time_s, float)[good]
     above = float(np.median(np.diff(phase) / np.diff(t))) / (2 * np.pi) if len(t) > 1 else 0.0
@@ -161,7 +288,27 @@ class _Peak(NamedTuple):
 
 
 def find_lines(waves: Sequence[Wave]) -> list[Line]:
-    """Lines that a third of the runs at least show, strongest first."""
+    """Lines that a third of the runs at least show.
+
+    Parameters
+    ----------
+    waves
+        Of the runs, with the lines that demodulation found in their residual's spectrum.
+
+    Returns
+    -------
+    list of Line
+        Strongest first.
+
+    Examples
+    --------
+    A sound gyro's samples hold none:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lines import find_lines
+    >>> find_lines(draw_waves())
+    []
+    """
     pool = list[_Peak]()
     for number, wave in enumerate(waves):
         if (
@@ -213,8 +360,36 @@ def find_harmonic(
     cell: float,
     wander_hz: float | None = None,
 ) -> int:
-    """Which multiple of the oscillation (2 … `HARMONICS`) a line is, folded at half the sampling
-    rate where that is known; 0: none. wander_hz: how far the runs' frequencies may lie apart."""
+    """Which multiple of the oscillation a line is, folded at half the sampling rate.
+
+    Parameters
+    ----------
+    line
+        Its frequency counts.
+    frequency_hz
+        Of the oscillation [Hz].
+    sampling
+        Rate at half of which lines are folded [Hz]; None: it is not known, and nothing is folded.
+    cell
+        Distance of two cells of the spectrum [Hz].
+    wander_hz
+        How far the runs' frequencies may lie apart [Hz]; None: as runs usually do.
+
+    Returns
+    -------
+    int
+        2 … `HARMONICS`; 0: none.
+
+    Examples
+    --------
+    The third harmonic of 700 Hz, sampled at 2000 Hz, stands at 100 Hz:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.samples.lines import Line, find_harmonic
+    >>> line = Line(100.0, np.ones(2), 1e3, 3, np.ones((3, 2)))
+    >>> find_harmonic(line, 700.0, 2000.0, 1.0)
+    3
+    """
     orders = np.arange(2, HARMONICS + 1)
     wander_hz = 2 * WANDER * frequency_hz if wander_hz is None else wander_hz
     off = np.abs(line.frequency_hz - fold(orders * frequency_hz, sampling))
@@ -223,10 +398,31 @@ def find_harmonic(
 
 
 def describe_folded(waves: Sequence[Wave], found: Sequence[Effect]) -> str:
-    """A sentence on the lowest odd multiple of the oscillation that a named cause makes and the
-    sampling folds so near to it that the windows do not part them; empty where there is none.
+    """A sentence on a multiple of the oscillation that the sampling folds next to it.
 
-    The slow model knows a read-out's defect by what it does at the oscillation itself.
+    It is the lowest odd one that a named cause makes and that the windows do not part from the
+    oscillation. The slow model knows a read-out's defect by what it does at the oscillation itself.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    found
+        Causes that are named.
+
+    Returns
+    -------
+    str
+        Empty where there is none.
+
+    Examples
+    --------
+    Without a cause that makes harmonics:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lines import describe_folded
+    >>> describe_folded(draw_waves(), [])
+    ''
     """
     sampling, makers = find_folding_hz(waves), [e.name for e in found if e.makes_harmonics]
     if not sampling or not makers:
@@ -251,11 +447,38 @@ def find_spurs(
     sampling: float | None,
     cell: float,
 ) -> list[Line]:
-    """Lines at odd multiples of the oscillation, of any order, too many for chance; none where they
-    are few.
+    """Lines at odd multiples of the oscillation, of any order, too many for chance.
 
     Of L lines k meet one of the odd orders up to N by chance with the binomial probability of p = Σ
     2·tolerance/(half the rate).
+
+    Parameters
+    ----------
+    found
+        Lines of the runs.
+    frequency_hz
+        Of the oscillation [Hz].
+    wander_hz
+        How far the runs' frequencies lie apart [Hz].
+    sampling
+        Rate at half of which lines are folded [Hz]; None: it is not known.
+    cell
+        Distance of two cells of the spectrum [Hz].
+
+    Returns
+    -------
+    list of Line
+        Empty where they are few.
+
+    Examples
+    --------
+    Eight lines at the odd multiples 5 … 19 of 503 Hz, sampled at 20 kHz:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.samples.lines import Line, find_spurs
+    >>> lines = [Line(503.0 * n, np.ones(2), 1e3, 3, np.ones((3, 2))) for n in range(5, 20, 2)]
+    >>> len(find_spurs(lines, 503.0, 0.01, 20000.0, 1.0))
+    8
     """
     from scipy.special import bdtrc
 

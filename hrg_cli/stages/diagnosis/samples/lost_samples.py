@@ -45,8 +45,30 @@ class PhaseStep:
 
 
 def find_phase_steps(waves: Sequence[Wave]) -> list[PhaseStep]:
-    """Where both channels of a run turn alike between two windows and do nothing else, at most a
-    few a run."""
+    """Where both channels of a run turn alike between two windows and do nothing else.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    list of PhaseStep
+        At most a few a run.
+
+    Examples
+    --------
+    A wave whose phase steps by 0.3 rad behind its 25th window:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lost_samples import find_phase_steps
+    >>> wave = draw_waves()[0]
+    >>> stepped = wave.replace(phase_rad=wave.phase_rad + 0.3 * (np.arange(50) > 24))
+    >>> [(step.before, round(step.step_rad, 1)) for step in find_phase_steps([stepped])]
+    [(24, 0.3)]
+    """
     found = (
         (number, jump)
         for number, wave in enumerate(waves)
@@ -70,8 +92,32 @@ def find_phase_steps(waves: Sequence[Wave]) -> list[PhaseStep]:
 
 
 def split_at(waves: Sequence[Wave], steps: Sequence[PhaseStep]) -> tuple[list[Wave], list[int]]:
-    """The waves cut at every step, each piece a run of its own, and the wave each comes from;
-    pieces too short are left out, but for the longest of a run."""
+    """The waves cut at every step, each piece a run of its own.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    steps
+        Of their phases.
+
+    Returns
+    -------
+    tuple
+        The pieces, and the wave that each comes from; pieces too short are left out, but for the
+        longest of a run.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lost_samples import find_phase_steps, split_at
+    >>> wave = draw_waves()[0]
+    >>> stepped = wave.replace(phase_rad=wave.phase_rad + 0.3 * (np.arange(50) > 24))
+    >>> pieces, origin = split_at([stepped], find_phase_steps([stepped]))
+    >>> [len(piece) for piece in pieces], origin
+    ([19, 19], [0, 0])
+    """
     pieces, origin = [], []
     for number, wave in enumerate(waves):
         own: list[Wave] = []
@@ -108,7 +154,30 @@ def _rough(wave: Wave) -> float:
 
 
 def join_steps(steps: Sequence[PhaseStep], waves: Sequence[Wave]) -> list[list[PhaseStep]]:
-    """Steps at the same instant and of the same size in several runs are one cause."""
+    """Steps at the same instant and of the same size in several runs, which are one cause.
+
+    Parameters
+    ----------
+    steps
+        Of the runs' phases.
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    list of list
+        The steps by causes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lost_samples import find_phase_steps, join_steps
+    >>> wave = draw_waves()[0]
+    >>> waves = 2 * [wave.replace(phase_rad=wave.phase_rad + 0.3 * (np.arange(50) > 24))]
+    >>> [len(group) for group in join_steps(find_phase_steps(waves), waves)]
+    [2]
+    """
     groups: list[list[PhaseStep]] = []
     for step in steps:
         for group in groups:
@@ -134,8 +203,35 @@ def join_steps(steps: Sequence[PhaseStep], waves: Sequence[Wave]) -> list[list[P
 def count_lost(
     group: Sequence[PhaseStep], waves: Sequence[Wave], frequency_hz: float
 ) -> dict[str, Any] | None:
-    """Samples lost, or repeated where the time is negative; None where the sampling is even and no
-    whole number of samples does it."""
+    """How many samples a step of the phase lost, or repeated where the time is negative.
+
+    Parameters
+    ----------
+    group
+        The step in every run that has it.
+    waves
+        Of the runs.
+    frequency_hz
+        Of the oscillation [Hz].
+
+    Returns
+    -------
+    dict or None
+        An entry of the report; None where the sampling is even and no whole number of samples does it.
+
+    Examples
+    --------
+    Five samples of 0.5 ms of a wave of 498.7 Hz turn it by 2π·498.7·0.0025 rad:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lost_samples import PhaseStep, count_lost
+    >>> turn = float(np.angle(np.exp(2j * np.pi * 498.7 * 0.0025)))
+    >>> step = PhaseStep(0, 24, 25, 0.5, turn, 1e-4, 498.7)
+    >>> found = count_lost([step], draw_waves(), 498.7)
+    >>> found["name"]
+    'dropped_samples'
+    """
     omega, first = 2 * np.pi * frequency_hz, group[0]
     weight = np.array([s.std_rad**-2 for s in group])
     mean = first.step_rad + float(

@@ -48,7 +48,28 @@ class OddWindow:
 
 
 def find_odd_windows(waves: Sequence[Wave]) -> list[OddWindow]:
-    """Every odd window among the good rows; none in runs too short to have neighbours."""
+    """Windows whose σ is far above that of their neighbours.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    list of OddWindow
+        Among the good rows; none in runs too short to have neighbours.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.odd_windows import find_odd_windows
+    >>> wave = draw_waves()[0]
+    >>> burst = wave.replace(signal_std=wave.signal_std * np.where(np.arange(50) == 30, 9.0, 1.0))
+    >>> [one.row for one in find_odd_windows([wave, burst])]
+    [30]
+    """
     found = []
     for number, wave in enumerate(waves):
         rows = np.flatnonzero(wave.good())
@@ -114,7 +135,26 @@ def _find_harmonic_std(
 
 
 def find_channel_amplitudes(wave: Wave) -> Array:
-    """The larger amplitude of the two channels (n,)."""
+    """The larger amplitude of the two channels.
+
+    Parameters
+    ----------
+    wave
+        Of a run.
+
+    Returns
+    -------
+    ndarray
+        (n,), in the signals' unit.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.odd_windows import find_channel_amplitudes
+    >>> wave = draw_waves()[0]
+    >>> bool((find_channel_amplitudes(wave) <= wave.main_amplitude * 1.001).all())
+    True
+    """
     u = compute_envelopes(wave)
     return np.asarray(np.abs(u).max(axis=-1))
 
@@ -122,8 +162,36 @@ def find_channel_amplitudes(wave: Wave) -> Array:
 def are_at_top(
     waves: Sequence[Wave], odd: Sequence[OddWindow], by_chance: float = BY_CHANCE
 ) -> bool:
-    """Whether the odd windows are just those of the largest signal, which of N windows chance makes
-    of k once in N over k."""
+    """Whether odd windows are just those of the largest signal.
+
+    Of N windows chance makes that of k once in N over k.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    odd
+        Their odd windows.
+    by_chance
+        Below which chance is none.
+
+    Returns
+    -------
+    bool
+        The signal may be clipped there.
+
+    Examples
+    --------
+    The first six windows of a run-down, and the last six:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.odd_windows import OddWindow, are_at_top
+    >>> wave = draw_waves()[0]
+    >>> rows = (range(6), range(44, 50))
+    >>> first, last = ([OddWindow(0, k, 0.0, 9.0, 0.1) for k in six] for six in rows)
+    >>> are_at_top([wave], first), are_at_top([wave], last)
+    (True, False)
+    """
     if not odd:
         return False
     size = [find_channel_amplitudes(wave) for wave in waves]
@@ -140,11 +208,34 @@ def say_odd_windows(
     causes: Sequence[Effect],
     bends: Sequence[tuple[Effect, Mapping[str, float]]] = (),
 ) -> str:
-    """One sentence on the odd windows that no named cause makes; empty where there are none.
+    """One sentence on the odd windows that no named cause makes.
 
-    instants: (wave, time) at which a cause acts, within a window of which others may be odd. bends:
-    read-outs with their values, whose harmonics stand in the windows of a single period by chance
-    of where the samples fall.
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    instants
+        (wave, time [s]) at which a cause acts, within a window of which others may be odd.
+    causes
+        That are named.
+    bends
+        Read-outs with their values, whose harmonics stand in the windows of a single period by chance
+        of where the samples fall.
+
+    Returns
+    -------
+    str
+        Empty where there are none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.odd_windows import say_odd_windows
+    >>> wave = draw_waves()[0].replace(run_id="a")
+    >>> burst = wave.replace(signal_std=wave.signal_std * np.where(np.arange(50) == 30, 9.0, 1.0))
+    >>> say_odd_windows([burst], [], []).split(":")[0]
+    'one window holds more than noise'
     """
     odd = find_odd_windows(waves)
     if any(cause.sets_in for cause in causes) and are_at_top(waves, odd, by_chance=1.0):

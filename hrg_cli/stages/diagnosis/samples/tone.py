@@ -63,7 +63,25 @@ class Tone:
 
 
 def split_channels(vector: Array) -> dict[str, float]:
-    """A tone's complex amplitudes (2,) as the cosine and sine of each channel."""
+    """A tone's complex amplitudes as the cosine and sine of each channel.
+
+    Parameters
+    ----------
+    vector
+        e of C and S, (2,): the real part of e·e^{jωt} is what is added.
+
+    Returns
+    -------
+    dict
+        By the parameters of the effect `mains_tone`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.samples.tone import split_channels
+    >>> split_channels(np.array([0.1 - 0.2j, 0.3]))
+    {'c_cos': 0.1, 'c_sin': 0.2, 's_cos': 0.3, 's_sin': -0.0}
+    """
     return {
         "c_cos": float(vector[0].real),
         "c_sin": float(-vector[0].imag),
@@ -73,11 +91,26 @@ def split_channels(vector: Array) -> dict[str, float]:
 
 
 def compute_window_response(turns: float) -> float:
-    """Part that a window shows of what beats by so many turns in it: sin(πx)/(πx)·(1 + E(1 +
-    cE)/24).
+    """Part that a window shows of what beats by x turns in it: sin(πx)/(πx)·(1 + E(1 + cE)/24).
 
     The second factor is the curvature that demodulate puts back, from h windows on either side: E =
     (2 sin(πhx)/h)².
+
+    Parameters
+    ----------
+    turns
+        x.
+
+    Returns
+    -------
+    float
+        1 of what stands still.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.samples.tone import compute_window_response
+    >>> compute_window_response(0.0), round(compute_window_response(0.25), 3)
+    (1.0, 0.951)
     """
     bend = float((2 * np.sin(np.pi * BEND * turns) / BEND) ** 2)
     return float(np.sinc(turns)) * (1 + bend * (1 + CURVED * bend) / 24)

@@ -44,8 +44,30 @@ Residual = tuple[Array, Array, Array]
 
 
 def collect_residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]:
-    """Of every run at the windows' own rate, against the common reference; without the windows that
-    the model leaves out."""
+    """What a model leaves of every run at the windows' own rate, against the common reference.
+
+    Parameters
+    ----------
+    fit
+        Of the model.
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    list of tuple
+        Of each run times [s] (n,), envelopes (n, 2) and their σ (n,), without the windows that the
+        model leaves out.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.tone_search import collect_residuals
+    >>> t, left, std = collect_residuals(draw_fit(), draw_waves())[0]
+    >>> left.shape, bool(np.sqrt(np.mean(np.abs(left) ** 2)) < 3 * np.median(std))
+    ((50, 2), True)
+    """
     from scipy.interpolate import CubicSpline
 
     out = []
@@ -109,8 +131,29 @@ class ResidualSpectrum:
 
 
 def find_strongest_tone(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
-    """The strongest one-sided tone that stands out of its surroundings by chance once in a million,
-    common to the runs in frequency; beside a gross misfit one that stands there alone."""
+    """The strongest one-sided tone that stands out of its surroundings.
+
+    By chance one does once in a million. Beside a gross misfit it is one that stands there alone.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+    waves
+        Of the runs, to which the tone's frequency is common.
+
+    Returns
+    -------
+    Tone or None
+        None where there is none.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.tone_search import find_strongest_tone
+    >>> find_strongest_tone(draw_fit(), draw_waves()) is None
+    True
+    """
     data = collect_residuals(fit, waves)
     spectrum = _spectrum(data)
     if spectrum is None:

@@ -23,7 +23,31 @@ MOST_TONES = 4
 
 
 def take_out_tone(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
-    """The waves with the tone taken out of every run."""
+    """The waves with a tone taken out of every run.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    tone
+        With an amplitude for each of them.
+
+    Returns
+    -------
+    list of Wave
+        With the ellipses of what is left.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.tone import Tone
+    >>> from hrg_cli.stages.diagnosis.samples.tones import take_out_tone
+    >>> nothing = Tone(510.0, np.zeros((3, 2), complex), np.full((3, 2), 1e-5), 0.0)
+    >>> left = take_out_tone(draw_waves(), nothing)[0]
+    >>> bool(np.allclose(left.main_amplitude, draw_waves()[0].main_amplitude))
+    True
+    """
     out = []
     for k, wave in enumerate(waves):
         t = np.asarray(wave.time_s, float)
@@ -44,7 +68,27 @@ def take_out_tone(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
 
 
 def remove_tones(waves: Sequence[Wave], tones: Sequence[Tone]) -> list[Wave]:
-    """The waves without the tones; one that dies away is listed only, and stays in them."""
+    """The waves without tones.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    tones
+        One that dies away is listed only, and stays in them.
+
+    Returns
+    -------
+    list of Wave
+        In their order.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.tones import remove_tones
+    >>> remove_tones(draw_waves(), [])[0] is draw_waves()[0]
+    True
+    """
     return reduce(take_out_tone, (tone for tone in tones if tone.standing), list(waves))
 
 
@@ -86,10 +130,32 @@ def take_out_tones(
     fitted: Callable[[Sequence[Wave]], ExtendedFit],
     nearest: Callable[[ExtendedFit], ExtendedFit],
 ) -> tuple[ExtendedFit, list[Wave], list[Tone]]:
-    """The fit and the waves without the tones found one after another, and these.
+    """The fit and the waves without the tones found one after another.
 
-    fitted: the base model's fit to waves; nearest: from it one that leaves as little as a few causes
-    can, beside which the tones of a gross misfit are looked for.
+    Parameters
+    ----------
+    fit
+        The base model's.
+    waves
+        Of the runs.
+    fitted
+        The base model's fit to waves.
+    nearest
+        From a fit one that leaves as little as a few causes can, beside which the tones of a gross
+        misfit are looked for.
+
+    Returns
+    -------
+    tuple
+        The fit, the waves, and the tones.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.tones import take_out_tones
+    >>> fit, waves, tones = take_out_tones(draw_fit(), draw_waves(), None, lambda fit: fit)
+    >>> fit is draw_fit(), tones
+    (True, [])
     """
     left, tones = list(waves), list[Tone]()
     while len(tones) < MOST_TONES:
@@ -111,11 +177,36 @@ def take_out_tones(
 def confirm_tones(
     tones: Sequence[Tone], waves: Sequence[Wave], fitted: Callable[[Sequence[Wave]], ExtendedFit]
 ) -> list[Tone]:
-    """The tones that stand out of the waves beside a complete model as well, each with the others
-    taken out; what is listed only stays.
+    """The tones that stand out of the waves beside a complete model as well, each with the others taken
+    out.
 
-    Before its cause is known a misfit of the motion can look like a line. fitted: the complete
-    model's fit to waves; where it has none nothing speaks against the tone.
+    Before its cause is known a misfit of the motion can look like a line.
+
+    Parameters
+    ----------
+    tones
+        As they were found; what is listed only stays.
+    waves
+        Of the runs, with the tones in them.
+    fitted
+        The complete model's fit to waves; where it has none nothing speaks against the tone.
+
+    Returns
+    -------
+    list of Tone
+        In their order.
+
+    Examples
+    --------
+    A tone that no wave holds:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.tone import Tone
+    >>> from hrg_cli.stages.diagnosis.samples.tones import confirm_tones
+    >>> supposed = Tone(510.0, np.full((3, 2), 1e-4 + 0j), np.full((3, 2), 1e-5), 100.0)
+    >>> confirm_tones([supposed], draw_waves(), lambda waves: draw_fit())
+    []
     """
 
     def stands(tone: Tone) -> bool:

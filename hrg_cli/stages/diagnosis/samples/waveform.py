@@ -60,9 +60,35 @@ def find_waveform_causes(
     found: Sequence[Effect],
     of_motion: float = 0.0,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """(effects the waveform shows, as the report's entries; every line with its meaning). `found`:
-    effects named by the dynamics; of_motion: part of the wave's size that harmonics of the motion
-    itself may have."""
+    """What the samples show: causes by their lines and steps, and what every line is.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    steps
+        Of their phases.
+    tones
+        Found at the windows' rate.
+    frequency_hz
+        Of the oscillation [Hz].
+    found
+        Effects named by the dynamics.
+    of_motion
+        Part of the wave's size that harmonics of the motion itself may have.
+
+    Returns
+    -------
+    tuple
+        Effects as the report's entries, and every line with its meaning.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.waveform import find_waveform_causes
+    >>> find_waveform_causes(draw_waves(), [], [], 500.0, [])
+    ([], [])
+    """
     far = find_lines(waves)
     near, listed = _judge_tones(tones, far, waves, frequency_hz)
     strange = list_near_tones(tones, waves, frequency_hz)
@@ -199,7 +225,30 @@ def _multiple(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> int:
 
 
 def list_unnamed_tones(tones: Sequence[Tone], named: Sequence[Effect]) -> list[Tone]:
-    """Tones that were taken out of the waves where nothing that is named makes a line."""
+    """Tones that were taken out of the waves where nothing that is named makes a line.
+
+    Parameters
+    ----------
+    tones
+        As they were found.
+    named
+        Causes.
+
+    Returns
+    -------
+    list of Tone
+        Without those that die away, which were not taken out.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.samples.tone import Tone
+    >>> from hrg_cli.stages.diagnosis.samples.waveform import list_unnamed_tones
+    >>> tone = Tone(510.0, np.full((1, 2), 1e-4 + 0j), np.full((1, 2), 1e-5), 100.0)
+    >>> [len(list_unnamed_tones([tone], named)) for named in ([], [find("mains_tone")])]
+    [1, 0]
+    """
     makes_lines = any(effect.makes_lines for effect in named)
     return [] if makes_lines else [tone for tone in tones if tone.standing]
 
@@ -230,8 +279,35 @@ def _is_image(tone: Tone, far: Sequence[Line], waves: Sequence[Wave]) -> bool:
 def list_near_tones(
     tones: Sequence[Tone], waves: Sequence[Wave], frequency_hz: float
 ) -> list[Tone]:
-    """Of the tones seen at the windows' rate those that stand on their own there, at their true
-    size."""
+    """Of the tones seen at the windows' rate those that stand on their own there, at their true size.
+
+    Parameters
+    ----------
+    tones
+        As they were found.
+    waves
+        Of the runs.
+    frequency_hz
+        Of the oscillation [Hz].
+
+    Returns
+    -------
+    list of Tone
+        Without multiples of the oscillation and images of lines farther off.
+
+    Examples
+    --------
+    What beats by a fifth of a turn in a window is shown smaller there than it is:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.tone import Tone
+    >>> from hrg_cli.stages.diagnosis.samples.waveform import list_near_tones
+    >>> tone = Tone(510.0, np.full((3, 2), 1e-3 + 0j), np.full((3, 2), 1e-5), 1e4)
+    >>> found = list_near_tones([tone], draw_waves(), 500.0)
+    >>> [bool(abs(one.vector[0, 0]) > 1e-3) for one in found]
+    [True]
+    """
     far = find_lines(waves)
     window = float(np.median([w.window_s for w in waves]))
     return [
