@@ -48,7 +48,26 @@ ROUNDING = 1e-9
 
 
 def choose_word(causes: bool, is_open: bool) -> str:
-    """The verdict's word from whether causes are named and whether anything stays open."""
+    """The verdict's word.
+
+    Parameters
+    ----------
+    causes
+        Causes are named.
+    is_open
+        Anything stays open.
+
+    Returns
+    -------
+    str
+        "adequate", "explained", "partly explained" or "unexplained".
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.closing.closing_checks import choose_word
+    >>> [choose_word(causes, False) for causes in (False, True)]
+    ['adequate', 'explained']
+    """
     if is_open:
         return "partly explained" if causes else "unexplained"
     return "explained" if causes else "adequate"

@@ -20,9 +20,26 @@ NAME = "loop_delay"
 
 
 def estimate_moves_of_delay(fit: ExtendedFit) -> dict[str, Array]:
-    """By how much the base model's coordinates may be moved by loops that act late: columns (7, k),
-    whose squares add up to the mean square; nothing where free runs tell, or where no frame of loops
-    was allowed for."""
+    """By how much the base model's coordinates may be moved by loops that act late.
+
+    Parameters
+    ----------
+    fit
+        The final one.
+
+    Returns
+    -------
+    dict
+        Columns (7, k), whose squares add up to the mean square; empty where free runs tell, or where no
+        frame of loops was allowed for.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.closing.loop_delay import estimate_moves_of_delay
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> estimate_moves_of_delay(draw_fit())
+    {}
+    """
     beside = fit_beside_delay(fit)
     if beside is None:
         return {}

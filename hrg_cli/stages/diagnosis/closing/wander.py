@@ -20,10 +20,25 @@ HOUR = 3600.0
 
 
 def describe_wander(fit: ExtendedFit) -> list[dict[str, Any]]:
-    """The wander of every component: standard deviation after an hour, correlation time of its
-    rate, white level over the stated σ.
+    """The wander of every component that a fit leaves.
 
-    Empty where the residual is white as far as its smooth part can tell.
+    Parameters
+    ----------
+    fit
+        The final one.
+
+    Returns
+    -------
+    list of dict
+        Standard deviation after an hour, correlation time of its rate, white level over the stated σ;
+        empty where the residual is white as far as its smooth part can tell.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.closing.wander import describe_wander
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> describe_wander(draw_fit())
+    []
     """
     if judge_adequacy(fit)[1] > INADEQUATE:
         return []

@@ -86,13 +86,34 @@ class FrameAnswers:
 
 
 def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
-    """The fit again with the commands in the frame that the waves make likely; the same where that is
-    settled, or where no frame of loops that hold a wave is likely: a gross misfit would be laid on it.
+    """The fit again with the commands in the frame that the waves make likely.
 
-    fit: beside these answers. Of a frame late by 80 ms, in which the wave turns by 0.06 rad, the
-    force along the wave lacks two thousandths: more than columns of first order hold. So the frame
-    is turned by the likely answers' whole angle, c = Dᵀ C⁻¹ r, and columns stand about that. Driven
-    runs alone do not know the late part of it from their scale factor.
+    Of a frame late by 80 ms, in which the wave turns by 0.06 rad, the force along the wave lacks two
+    thousandths: more than columns of first order hold. So the frame is turned by the likely answers'
+    whole angle, c = Dᵀ C⁻¹ r, and columns stand about that. Driven runs alone do not know the late part
+    of it from their scale factor.
+
+    Parameters
+    ----------
+    fit
+        Beside these answers.
+    answers
+        Of late frames, one standard deviation each.
+
+    Returns
+    -------
+    ExtendedFit
+        The same where the frame is settled, or where no frame of loops that hold a wave is likely: a
+        gross misfit would be laid on it.
+
+    Examples
+    --------
+    Without driven runs nothing is unsettled:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_frame import follow_frames
+    >>> follow_frames(draw_fit(), None) is draw_fit()
+    True
     """
     series = fit.series
     if series.unsettled is None or are_all_driven(series):
@@ -114,7 +135,25 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
 
 
 def are_all_driven(series: MeasuredRuns) -> bool:
-    """Whether no run is free."""
+    """Whether no run is free.
+
+    Parameters
+    ----------
+    series
+        The runs' rows.
+
+    Returns
+    -------
+    bool
+        Every run is driven somewhere.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_frame import are_all_driven
+    >>> are_all_driven(draw_fit().series)
+    False
+    """
     return bool(np.all(np.any(series.forced > 0, axis=1)))
 
 
@@ -128,8 +167,35 @@ def _project_scale_factor(fit: ExtendedFit, doings: Array) -> Array:
 
 
 def carry_turns(flow: Propagation, series: MeasuredRuns, angle: Array, phase: Array) -> Array:
-    """How turns of the commands' frame in angle and phase, rad (R, n, k) each, change the motion,
-    (R, n, 4, 2k)."""
+    """How turns of the commands' frame change the motion.
+
+    Parameters
+    ----------
+    flow
+        Of the fit.
+    series
+        The runs' rows.
+    angle, phase
+        Turns [rad], (R, n, k) each.
+
+    Returns
+    -------
+    ndarray
+        (R, n, 4, 2k), per turn: the angles', then the phases'.
+
+    Examples
+    --------
+    Where nothing is commanded a turned frame changes nothing:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_frame import carry_turns
+    >>> fit = draw_fit()
+    >>> one = np.ones((*fit.series.time_s.shape, 1))
+    >>> changed = carry_turns(fit.flow, fit.series, one, one)
+    >>> changed.shape, bool(changed.any())
+    ((3, 50, 4, 2), False)
+    """
     answers = angle, phase
     between = tuple((a[:, 1:] + a[:, :-1]) / 2 for a in answers)
     at_rows, at_middle = (
@@ -149,7 +215,26 @@ def carry_turns(flow: Propagation, series: MeasuredRuns, angle: Array, phase: Ar
 
 
 def find_courses(fit: ExtendedFit) -> tuple[Array, Array]:
-    """Angle mθ and phase of the wave over the rows, rad (R, n), in driven runs."""
+    """Angle mθ and phase of the wave over the rows of driven runs.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+
+    Returns
+    -------
+    tuple of ndarray
+        [rad], (R, n) each; 0 where a run is free.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_frame import find_courses
+    >>> angle, phase = find_courses(draw_fit())
+    >>> angle.shape, bool(angle.any())
+    ((3, 50), False)
+    """
     series, v = fit.series, fit.flow.prediction.motion
     turn, e_A, _, _ = find_frame(v, series.phase_rad)
     driven = np.where(series.weight > 0, series.forced, 0.0)
@@ -158,7 +243,27 @@ def find_courses(fit: ExtendedFit) -> tuple[Array, Array]:
 
 
 def compute_slope(time_s: Array, course: Array) -> Array:
-    """Rate of change over the rows, (R, n); 0 where rows are padded."""
+    """Rate of change over the rows.
+
+    Parameters
+    ----------
+    time_s
+        [s], (R, n).
+    course
+        (R, n).
+
+    Returns
+    -------
+    ndarray
+        (R, n), the course's unit per second; 0 where rows are padded.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drive.command_frame import compute_slope
+    >>> compute_slope(np.array([[0.0, 0.5, 1.0]]), np.array([[0.0, 1.0, 2.0]])).tolist()
+    [[2.0, 2.0, 2.0]]
+    """
     step = np.gradient(time_s, axis=1)
     return np.divide(np.gradient(course, axis=1), step, out=np.zeros_like(course), where=step > 0)
 
@@ -175,8 +280,32 @@ def _answers(series: MeasuredRuns, course: Array, turning_rad_s: float) -> Array
 def choose_natural_frequencies(
     series: MeasuredRuns, slowest: float = 2 * np.pi, apart: float = APART
 ) -> Array:
-    """ω_n of the loops allowed for, rad/s: from `slowest` over a run's length to one over a row's, by
-    a ratio of `apart` at most."""
+    """ω_n of the loops allowed for, from a run's length to a row's.
+
+    Parameters
+    ----------
+    series
+        The runs' rows.
+    slowest
+        Times the run's inverse length with which they begin.
+    apart
+        Ratio of neighbours at most.
+
+    Returns
+    -------
+    ndarray
+        [rad/s], rising.
+
+    Examples
+    --------
+    Rows of 20 ms within 1 s:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_frame import choose_natural_frequencies
+    >>> found = choose_natural_frequencies(draw_fit().series, apart=3.0)
+    >>> found.round(1).tolist()
+    [6.4, 17.9, 50.0]
+    """
     lengths = [np.ptp(t[w > 0]) for t, w in zip(series.time_s, series.weight, strict=True)]
     least, most = slowest / max(lengths), 1 / find_row_length_s(series)
     most = max(most, least)
@@ -186,11 +315,39 @@ def choose_natural_frequencies(
 def compute_unfollowed(
     series: MeasuredRuns, course: Array, natural_rad_s: Array, *, as_before: bool = False
 ) -> Array:
-    """What loops of second order leave of a course (R, n), (R, n, loops): −s²/(s² + √2 ω_n s + ω_n²),
-    by the bilinear rule on a fine grid.
+    """What loops of second order leave of a course: −s²/(s² + √2 ω_n s + ω_n²), by the bilinear rule on a
+    fine grid.
 
-    Loops have followed the run's mean line when it begins; `as_before`: a course like the run's own,
-    turned about its start, so that nothing begins and what is left is what the course alone leaves.
+    Loops have followed the run's mean line when it begins.
+
+    Parameters
+    ----------
+    series
+        The runs' rows.
+    course
+        (R, n).
+    natural_rad_s
+        ω_n of the loops [rad/s].
+    as_before
+        The course is one like the run's own, turned about its start, so that nothing begins and what is
+        left is what the course alone leaves.
+
+    Returns
+    -------
+    ndarray
+        (R, n, loops), in the course's unit.
+
+    Examples
+    --------
+    A loop that is fast beside a course of 1 Hz leaves less of it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_frame import compute_unfollowed
+    >>> series = draw_fit().series
+    >>> left = compute_unfollowed(series, np.sin(2 * np.pi * series.time_s), np.array([3.0, 30.0]))
+    >>> left.shape, bool(np.ptp(left[0, :, 1]) < np.ptp(left[0, :, 0]))
+    ((3, 50, 2), True)
     """
     from scipy import signal
 

@@ -43,8 +43,25 @@ STEP = 1e-3
 
 
 def fit_lateness(fit: ExtendedFit) -> ExtendedFit:
-    """The fit again with the commands as late as the waves show them; the same where none is
-    logged."""
+    """The fit again with the commands as late as the waves show them.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+
+    Returns
+    -------
+    ExtendedFit
+        The same where no command is logged.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_log import fit_lateness
+    >>> fit_lateness(draw_fit()) is draw_fit()
+    True
+    """
     if not has_log(fit.series):
         return fit
     before = 1 / (REACH * find_row_length_s(fit.series)) ** 2
@@ -73,8 +90,26 @@ def fit_lateness(fit: ExtendedFit) -> ExtendedFit:
 
 
 def is_thinkable(fit: ExtendedFit) -> bool:
-    """Whether the commands' lateness is one that a log may have, or all that is wrong with the runs:
-    others are a misfit laid on the log's time."""
+    """Whether the commands' lateness is one that a log may have, or all that is wrong with the runs: others
+    are a misfit laid on the log's time.
+
+    Parameters
+    ----------
+    fit
+        With its lateness.
+
+    Returns
+    -------
+    bool
+        It may stand.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_log import is_thinkable
+    >>> is_thinkable(draw_fit())
+    True
+    """
     late, usual = abs(fit.series.drive_late_s), REACH * find_row_length_s(fit.series)
     return late <= THINKABLE * usual or checks.check_goodness(fit.chi2, fit.dof).passed
 
@@ -87,10 +122,28 @@ def _is_beside_the_point(fit: ExtendedFit, column: Array) -> bool:
 
 
 def predict_lateness(fit: ExtendedFit) -> Array:
-    """What one standard deviation of the log's lateness does to the waves, over σ (N, 1).
+    """What one standard deviation of the log's lateness does to the waves.
 
     Of what the commands do beyond their scatter: loops answer the windows' noise, which the residual
     is, and to take the whole column off it would leave the rest of that column in its place.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+
+    Returns
+    -------
+    ndarray
+        Over σ, (N, 1).
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_log import predict_lateness
+    >>> column = predict_lateness(draw_fit())
+    >>> len(column) == len(draw_fit().residual), bool(column.any())
+    (True, False)
     """
     column = whitened_rows.flatten_own(
         fit.series, differentiate_by_lateness(fit, remove_command_scatter)
@@ -99,11 +152,28 @@ def predict_lateness(fit: ExtendedFit) -> Array:
 
 
 def predict_command_scatter(fit: ExtendedFit) -> Array:
-    """What the commands' scatter from row to row does to the waves, of either command, over σ (N, 2):
-    how much of it was the drive's own nobody knows.
+    """What the commands' scatter from row to row does to the waves: how much of it was the drive's own
+    nobody knows.
 
     Single values of a noisy command hold noise that the drive's mean did not, and what follows from
     it would be followed by the waves in part: as if every command were so much too large.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+
+    Returns
+    -------
+    ndarray
+        Of either command over σ, (N, 2); (N, 0) where it moves no run.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_log import predict_command_scatter
+    >>> predict_command_scatter(draw_fit()).shape[1]
+    0
     """
     series = fit.series
     if not np.any(Scatter.from_commands(series).find_moved_runs(series)):
@@ -127,7 +197,27 @@ def predict_command_scatter(fit: ExtendedFit) -> Array:
 def differentiate_by_lateness(
     fit: ExtendedFit, part: Callable[[MeasuredRuns], MeasuredRuns] = lambda series: series
 ) -> Array:
-    """What is seen of a lateness of one second, over σ, (R, n, 4); of a part of the commands."""
+    """What is seen of a lateness of one second.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+    part
+        Which part of the commands is late.
+
+    Returns
+    -------
+    ndarray
+        Over σ, per second, (R, n, 4).
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_log import differentiate_by_lateness
+    >>> differentiate_by_lateness(draw_fit()).shape
+    (3, 50, 4)
+    """
     small = STEP * find_row_length_s(fit.series)
     return _change(fit, delay_commands(fit.series, small, part(fit.series))) / small
 
@@ -147,11 +237,27 @@ def _change(fit: ExtendedFit, other: MeasuredRuns) -> Array:
 
 
 def remove_command_scatter(series: MeasuredRuns) -> MeasuredRuns:
-    """The commands without their scatter: coefficients c over orthonormal cosines less (3s)²/c of
-    them, s the white scatter from row to row.
+    """The commands without their scatter: coefficients c over orthonormal cosines less (3s)²/c of them.
 
-    Loops on noisy envelopes answer the noise that the fit leaves, which would be taken for a
-    lateness of what they command.
+    s is the white scatter from row to row. Loops on noisy envelopes answer the noise that the fit
+    leaves, which would be taken for a lateness of what they command.
+
+    Parameters
+    ----------
+    series
+        The runs' rows.
+
+    Returns
+    -------
+    MeasuredRuns
+        With smoother commands.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_log import remove_command_scatter
+    >>> bool(remove_command_scatter(draw_fit().series).main_drive.any())
+    False
     """
     from scipy.fft import dct, idct
 
@@ -175,8 +281,35 @@ def remove_command_scatter(series: MeasuredRuns) -> MeasuredRuns:
 def delay_commands(
     series: MeasuredRuns, late_s: float, moving: MeasuredRuns | None = None
 ) -> MeasuredRuns:
-    """The commands later still by a time that is short against the rows: f − τḟ, and ∫f − τf;
-    moving: the series whose commands f are late, where that is a part of them."""
+    """The commands later still by a time τ that is short against the rows: f − τḟ, and ∫f − τf.
+
+    Parameters
+    ----------
+    series
+        The runs' rows.
+    late_s
+        τ [s].
+    moving
+        The series whose commands f are late, where that is a part of them.
+
+    Returns
+    -------
+    MeasuredRuns
+        With later commands.
+
+    Examples
+    --------
+    A command that rises by 2 per second:
+
+    >>> from dataclasses import replace
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_log import delay_commands
+    >>> series = draw_fit().series
+    >>> rising = replace(series, main_drive=2 * series.time_s)
+    >>> late = delay_commands(rising, 1e-3)
+    >>> float((late.main_drive - rising.main_drive)[0, 20].round(9))
+    -0.002
+    """
     moving = series if moving is None else moving
     width = np.gradient(series.time_s, axis=1)
     width = np.where(width > 0, width, np.inf)
@@ -189,7 +322,30 @@ def delay_commands(
 
 
 def shift_commands(wave: Wave, late_s: float) -> Wave:
-    """The wave with the commands in its log's rows at the times at which they act."""
+    """The wave with the commands in its log's rows at the times at which they act.
+
+    Parameters
+    ----------
+    wave
+        Of a run.
+    late_s
+        By how much they are late [s].
+
+    Returns
+    -------
+    Wave
+        The same in all else.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.drive.command_log import shift_commands
+    >>> wave = draw_waves()[0]
+    >>> driven = wave.replace(drive_main=np.asarray(wave.time_s, float))
+    >>> float((driven.drive_main - shift_commands(driven, 0.01).drive_main)[20].round(9))
+    0.01
+    """
 
     def at(values: Array | None) -> Array | None:
         if values is None or late_s == 0:

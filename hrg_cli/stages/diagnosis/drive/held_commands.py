@@ -79,8 +79,26 @@ class _Left:
 
 
 def find_likely_beats(fit: ExtendedFit) -> list[float]:
-    """The beat D of the commands' steps with the oscillation that is likely in what is left of driven
-    runs, rad/s, and none where that is likely too; empty where neither is."""
+    """The beats D of the commands' steps with the oscillation that are likely in what is left of driven
+    runs.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+
+    Returns
+    -------
+    list of float
+        [rad/s]; 0 where none is likely too, empty where neither is.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.held_commands import find_likely_beats
+    >>> find_likely_beats(draw_fit())
+    []
+    """
     left = _find_remainder(fit, _span_linear_maps(fit.flow))
     if not left:
         return []
@@ -106,8 +124,27 @@ def find_likely_beats(fit: ExtendedFit) -> list[float]:
 
 
 def allow_steps(fit: ExtendedFit, beat_rad_s: float) -> ExtendedFit:
-    """The fit again where the steps of held commands, of such a beat, may stand beside it in every
-    driven run."""
+    """The fit again where the steps of held commands may stand beside it in every driven run.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+    beat_rad_s
+        D of the steps with the oscillation [rad/s].
+
+    Returns
+    -------
+    ExtendedFit
+        The same in free runs, which have no commands.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.held_commands import allow_steps
+    >>> allow_steps(draw_fit(), 3.0).chi2 == draw_fit().chi2
+    True
+    """
     series = replace(fit.series, held_beat_rad_s=beat_rad_s)
     flow = replace(fit.flow, prediction=replace(fit.prediction, series=series))
     return soften_runs(replace(fit, flow=flow), _moved(fit, np.array([beat_rad_s])))

@@ -19,8 +19,25 @@ SIGMA = 2.0
 
 
 def bound_gains(series: MeasuredRuns) -> tuple[float, float]:
-    """Greatest gains of the amplitude loop and of the quadrature loop that their logs and the waves
-    allow, 1/s; 0 where a command stands still, infinite where any gain is possible."""
+    """Greatest gains of the amplitude loop and of the quadrature loop that their logs and the waves allow.
+
+    Parameters
+    ----------
+    series
+        The runs' rows.
+
+    Returns
+    -------
+    tuple of float
+        [1/s]; 0 where a command stands still, infinite where any gain is possible.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.loop_gain import bound_gains
+    >>> bound_gains(draw_fit().series)
+    (0.0, 0.0)
+    """
     main, quadrature, _, _ = ellipse.find_wave(series.envelope)
     return (
         _bound(series, main, series.main_drive),

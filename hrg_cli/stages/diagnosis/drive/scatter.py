@@ -123,8 +123,28 @@ class _Run:
 
 
 def soften_runs(fit: ExtendedFit, changed: Array) -> ExtendedFit:
-    """The fit again where changes of the driven runs' motion (R, n, 4, k) may stand beside it in each
-    of them, of standard deviation 1; the same where they could not be seen."""
+    """The fit again where changes of the driven runs' motion may stand beside it in each of them.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+    changed
+        Changes of standard deviation 1, (R, n, 4, k).
+
+    Returns
+    -------
+    ExtendedFit
+        The same where they could not be seen.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.scatter import soften_runs
+    >>> soften_runs(draw_fit(), np.zeros((3, 50, 4, 1))) is draw_fit()
+    True
+    """
     doings = whitened_rows.flatten_rows(fit.series, fit.flow.whiten_read_out(changed))
     driven = np.any(fit.series.forced > 0, axis=1)
     runs = [
@@ -137,7 +157,25 @@ def soften_runs(fit: ExtendedFit, changed: Array) -> ExtendedFit:
 
 def allow_scatter(fit: ExtendedFit) -> ExtendedFit:
     """The fit again beside as much of the log's scatter and of its frame's noise as the waves leave
-    possible; the same where none could be seen."""
+    possible.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+
+    Returns
+    -------
+    ExtendedFit
+        The same where none could be seen.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.scatter import allow_scatter
+    >>> allow_scatter(draw_fit()) is draw_fit()
+    True
+    """
     if not has_log(fit.series):
         return fit
     for scatter, forces in (
@@ -154,11 +192,28 @@ def allow_scatter(fit: ExtendedFit) -> ExtendedFit:
 
 
 def follow_walk(fit: ExtendedFit) -> ExtendedFit:
-    """The fit again along the motion that the waves make likely; the same where the log holds all.
+    """The fit again along the motion that the waves make likely.
 
     Loops take back what they see of a walk, by commands that the log does hold: the motion predicted
     from these alone has the walk with the other sign, and whatever follows it would be correlated
     with the residual, which is the walk.
+
+    Parameters
+    ----------
+    fit
+        Beside the walk that is allowed for.
+
+    Returns
+    -------
+    ExtendedFit
+        The same where the log holds all.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.scatter import follow_walk
+    >>> follow_walk(draw_fit()) is draw_fit()
+    True
     """
     series, walk = fit.series, fit.series.walk
     if walk is None or series.scatter is None or not walk.parts:
@@ -179,13 +234,49 @@ def _soften_walk(series: MeasuredRuns, walk: Walk, jumps: Array, seen: Array) ->
 
 
 def has_log(series: MeasuredRuns) -> bool:
-    """Whether a command is logged in any run."""
+    """Whether a command is logged in any run.
+
+    Parameters
+    ----------
+    series
+        The runs' rows.
+
+    Returns
+    -------
+    bool
+        One moves within a run.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.scatter import has_log
+    >>> has_log(draw_fit().series)
+    False
+    """
     commands = np.stack([series.main_drive, series.quadrature_drive])
     return bool(np.any(np.ptp(commands, axis=-1) > 0))
 
 
 def find_row_length_s(series: MeasuredRuns) -> float:
-    """Length of the rows, of the run that has the shortest."""
+    """Length of the rows, of the run that has the shortest.
+
+    Parameters
+    ----------
+    series
+        The runs' rows.
+
+    Returns
+    -------
+    float
+        [s]
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.scatter import find_row_length_s
+    >>> round(find_row_length_s(draw_fit().series), 3)
+    0.02
+    """
     lengths = [np.median(h[h > 0]) for h in series.step_s if np.any(h > 0)]
     return float(min(lengths))
 
@@ -217,9 +308,30 @@ def _soften(
 
 
 def allow(fit: ExtendedFit, columns: Array) -> ExtendedFit:
-    """The fit again where columns (N, k) over σ may stand beside all runs together with standard
-    deviation 1 each, in place of what else was allowed so; those that move the waves by less than
-    could be seen are left."""
+    """The fit again where columns may stand beside all runs together, in place of what else was allowed
+    so.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+    columns
+        Over σ, of standard deviation 1 each, (N, k); those that move the waves by less than could be
+        seen are left.
+
+    Returns
+    -------
+    ExtendedFit
+        The same where none is left.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.scatter import allow
+    >>> allow(draw_fit(), np.zeros((len(draw_fit().residual), 1))) is draw_fit()
+    True
+    """
     U, size, _ = np.linalg.svd(columns, full_matrices=False)
     seen = size > LEAST
     if not np.any(seen):
@@ -231,7 +343,25 @@ def allow(fit: ExtendedFit, columns: Array) -> ExtendedFit:
 
 
 def describe_scatter(fit: ExtendedFit) -> str:
-    """What is to be said of a log that scatters; empty where it hardly moves the wave."""
+    """What is to be said of a log that scatters.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+
+    Returns
+    -------
+    str
+        A sentence; empty where it hardly moves the wave.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.scatter import describe_scatter
+    >>> describe_scatter(draw_fit())
+    ''
+    """
     scatter = Scatter.from_commands(fit.series)
     walk = scatter.walk[scatter.worst] * fit.series.scatter_part
     if walk < TOLD:
@@ -246,8 +376,27 @@ def describe_scatter(fit: ExtendedFit) -> str:
 
 
 def find_corner_hz(fit: ExtendedFit) -> float:
-    """Distance from the resonance at which the walk that is allowed for is as strong as the noise,
-    s/2πσ: the walk's density is s²h/(2πf)², that of the noise σ²h; 0 where none is."""
+    """Distance from the resonance at which the walk that is allowed for is as strong as the noise, s/2πσ.
+
+    The walk's density is s²h/(2πf)², that of the noise σ²h.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+
+    Returns
+    -------
+    float
+        [Hz]; 0 where no walk is allowed for.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.scatter import find_corner_hz
+    >>> find_corner_hz(draw_fit())
+    0.0
+    """
     if fit.series.scatter is None:
         return 0.0
     size = Scatter.from_commands(fit.series).size.max(axis=1)
@@ -288,8 +437,29 @@ def _predict_frame_forces(fit: ExtendedFit) -> tuple[Array, Array]:
 
 
 def turn_forces(series: MeasuredRuns, v: Array) -> tuple[Array, Array]:
-    """Forces (R, n, 2) on envelopes v that a radian between the commands' angle, and their phase, and
-    the wave's makes: e^{jφ}(f_A e_B + j f_B e_A) and jF."""
+    """Forces that a radian between the commands' frame and the wave's makes: e^{jφ}(f_A e_B + j f_B e_A)
+    in angle and jF in phase.
+
+    Parameters
+    ----------
+    series
+        The runs' rows.
+    v
+        Envelopes (R, n, 2).
+
+    Returns
+    -------
+    tuple of ndarray
+        (R, n, 2) each, amplitude per second.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.scatter import turn_forces
+    >>> angle, phase = turn_forces(draw_fit().series, draw_fit().prediction.motion)
+    >>> angle.shape, bool(angle.any() or phase.any())
+    ((3, 50, 2), False)
+    """
     turn, e_A, e_B, _ = find_frame(v, series.phase_rad)
     main = series.main_drive[..., None] * turn[..., None]
     quadrature = series.quadrature_drive[..., None] * turn[..., None]

@@ -35,8 +35,25 @@ APART = 2.0
 
 
 def allow_starts(fit: ExtendedFit) -> ExtendedFit:
-    """The fit again where the commands' frame may settle in every driven run; the same where no log
-    has commands."""
+    """The fit again where the commands' frame may settle in every driven run.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+
+    Returns
+    -------
+    ExtendedFit
+        The same where no log has commands.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.tracker_start import allow_starts
+    >>> allow_starts(draw_fit()) is draw_fit()
+    True
+    """
     if not has_log(fit.series):
         return fit
     angle, phase = (_settling(fit.series, course) for course in find_courses(fit))
