@@ -287,7 +287,7 @@ def check_whiteness(
     )
 
 
-def slow_part(residuals: Sequence[Array]) -> float:
+def measure_slow_part(residuals: Sequence[Array]) -> float:
     """Power of the residuals' slow part over that of white noise of their own level: what colour
     does to a variance.
 
@@ -309,9 +309,9 @@ def slow_part(residuals: Sequence[Array]) -> float:
     Noise held for four rows moves what is slow by four times its variance, at least:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.checks import slow_part
+    >>> from hrg_cli.fitting.checks import measure_slow_part
     >>> held = np.repeat(np.random.default_rng(1).standard_normal(20_000), 4)
-    >>> slow_part([held]) > 3.9
+    >>> measure_slow_part([held]) > 3.9
     True
     """
     level = (

@@ -26,7 +26,7 @@ def _read_run(seen: Seen) -> tuple[list[float], list[float]]:
     """(mean frequency, mean decay, half the frequency difference, half the decay difference) of a
     run, with standard deviations."""
     reference = 2 * np.pi * seen.run.reference_frequency_hz
-    wider = float(np.sqrt(checks.slow_part([seen.compute_residual()])))
+    wider = float(np.sqrt(checks.measure_slow_part([seen.compute_residual()])))
     if seen.two is not None:
         high, low = seen.two.exponent
         half = wider * float(np.hypot(*seen.two.std)) / 2
@@ -212,7 +212,7 @@ def _average_laws(found: Sequence[Seen]) -> dict[str, dict[str, float]]:
     """Coefficients of the laws of one mode with standard deviations, the mean over the runs."""
     out: dict[str, dict[str, float]] = {}
     reference = np.array([2 * np.pi * s.run.reference_frequency_hz for s in found])
-    wider = np.array([np.sqrt(checks.slow_part([s.compute_residual()])) for s in found])
+    wider = np.array([np.sqrt(checks.measure_slow_part([s.compute_residual()])) for s in found])
     for law, powers in (("frequency", one_mode.FREQUENCY_POWERS), ("decay", one_mode.DECAY_POWERS)):
         for name in powers:
             table = np.array([getattr(s.mode, law).find_coefficient(name) for s in found])
