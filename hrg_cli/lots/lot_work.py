@@ -10,9 +10,7 @@ anything that changed is.
 from __future__ import annotations
 
 import contextlib
-import os
 import shlex
-import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,7 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from .. import chain
+from .. import chain, store
 from ..errors import NO_MEMORY, DiskFullError, HrgError, is_no_memory
 from ..extras import PlainPythonWarning
 from .gyro_page import answer_gyro
@@ -31,8 +29,6 @@ TABLED = (
 )
 """What the lot's table and the causes in common are made of; the rest of a result stays in its
 file, so that a lot of thousands fits in memory."""
-_ONE_AT_A_TIME = threading.Lock()
-"""The time stands in the environment, which all threads of a Dask worker share."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +118,7 @@ def _work_recording(task: RecordingTask) -> dict[str, Any]:
         "name": task.name,
         "wave": str(folder / f"{task.name}.wave.h5"),
     }
-    with _stamped(task.epoch), _reporting(told) as result:
+    with store.order_time(task.epoch), _reporting(told) as result:
         if not Path(task.source).is_file():
             raise HrgError(f"{task.source}: vanished; the lot's file names it")
         folder.mkdir(parents=True, exist_ok=True)
@@ -161,7 +157,7 @@ def _work_gyro(task: GyroTask) -> dict[str, Any]:
     errors: list[str] = []
     checks: list[dict[str, Any]] = []
     made: list[str] = []
-    with _stamped(task.epoch), _reporting({}) as failed:
+    with store.order_time(task.epoch), _reporting({}) as failed:
         work = chain.Work(
             Path(task.folder),
             task.settings,
@@ -180,7 +176,7 @@ def _work_gyro(task: GyroTask) -> dict[str, Any]:
             checks += [{**check, "stage": step.name} for check in step.checks]
     errors += [failed["error"]] if failed.get("error") else []
     answer: dict[str, Any] = {}
-    with _stamped(task.epoch), _reporting({}) as failed:
+    with store.order_time(task.epoch), _reporting({}) as failed:
         answer = answer_gyro([Path(task.folder) / name for name in made], task.limits, task.epoch)
     errors += [f"page: {failed['error']}"] if failed.get("error") else []
     return {
@@ -208,25 +204,6 @@ def _worst(results: Mapping[str, Any], errors: list[str]) -> str:
         return "failed"
     order = ("valid", "suspect", "refused")
     return max((str(r["status"]) for r in results.values()), key=order.index)
-
-
-@contextlib.contextmanager
-def _stamped(epoch: int | None) -> Iterator[None]:
-    """A lot's files bear the time that was ordered, where one was, else the true one; one task at a
-    time in a process."""
-    if epoch is None:
-        yield
-        return
-    with _ONE_AT_A_TIME:
-        before = os.environ.get("SOURCE_DATE_EPOCH")
-        os.environ["SOURCE_DATE_EPOCH"] = str(epoch)
-        try:
-            yield
-        finally:
-            if before is None:
-                os.environ.pop("SOURCE_DATE_EPOCH", None)
-            else:
-                os.environ["SOURCE_DATE_EPOCH"] = before
 
 
 @contextlib.contextmanager

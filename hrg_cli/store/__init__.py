@@ -26,7 +26,7 @@ from .headings import (
 )
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord
 from .reading import open_record, read, read_any
-from .writing import compute_sha256, stamp_now, write
+from .writing import compute_sha256, order_time, stamp_now, write
 
 __all__ = [
     "FORMAT",
@@ -45,6 +45,7 @@ __all__ = [
     "need_possible",
     "need_readable",
     "open_record",
+    "order_time",
     "read",
     "read_any",
     "read_heading",

@@ -2,7 +2,7 @@
 provenance.
 
 Identical content gives identical bytes: no time stamps inside but `created`, which honours
-SOURCE_DATE_EPOCH.
+`order_time` and SOURCE_DATE_EPOCH.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import time
 import traceback
 import zlib
 from collections.abc import Iterable, Iterator
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +40,40 @@ ROW_CHUNK = {"recording": 1 << 18}
 _SCALE_ONLY = "This is a netCDF dimension but not a netCDF variable. %9d"
 
 
+_ORDERED: ContextVar[int | None] = ContextVar("_ORDERED", default=None)
+"""The time that `order_time` holds, for its own thread alone."""
+
+
+@contextlib.contextmanager
+def order_time(epoch: int | None) -> Iterator[None]:
+    """While it lasts, what this thread writes bears one time.
+
+    Parameters
+    ----------
+    epoch
+        Seconds since 1970; None: the true time, or SOURCE_DATE_EPOCH.
+
+    Returns
+    -------
+    context manager
+        Of the writing.
+
+    Examples
+    --------
+    >>> from hrg_cli import store
+    >>> with store.order_time(0):
+    ...     store.stamp_now()
+    '1970-01-01T00:00:00Z'
+    """
+    before = _ORDERED.set(epoch)
+    try:
+        yield
+    finally:
+        _ORDERED.reset(before)
+
+
 def stamp_now() -> str:
-    """The time for `created` and `history`; SOURCE_DATE_EPOCH fixes it.
+    """The time for `created` and `history`; `order_time` or SOURCE_DATE_EPOCH fixes it.
 
     Returns
     -------
@@ -53,8 +86,10 @@ def stamp_now() -> str:
     >>> store.stamp_now()[4], store.stamp_now()[7]
     ('-', '-')
     """
-    epoch = os.environ.get("SOURCE_DATE_EPOCH")
-    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(float(epoch) if epoch else None))
+    ordered = _ORDERED.get()
+    epoch = os.environ.get("SOURCE_DATE_EPOCH") if ordered is None else ordered
+    known = None if epoch in (None, "") else float(epoch)
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(known))
 
 
 def compute_sha256(path: Path | str, unwanted: threading.Event | None = None) -> str:

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -98,6 +99,14 @@ def test_every_group_opens_in_xarray(kind, tmp_path):
 def _has_unit(name, item):
     if isinstance(item, h5py.Dataset) and "NAME" not in item.attrs:
         assert "units" in item.attrs, name
+
+
+def test_a_time_that_was_ordered_is_one_threads_alone():
+    """It stood in the environment, which all threads of a worker share."""
+    with store.order_time(0), ThreadPoolExecutor(1) as other:
+        assert store.stamp_now().startswith("1970")
+        assert not other.submit(store.stamp_now).result().startswith("1970")
+    assert not store.stamp_now().startswith("1970")
 
 
 def test_a_stream_gives_the_same_bytes_as_the_whole(tmp_path, monkeypatch):
