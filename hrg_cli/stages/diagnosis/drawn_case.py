@@ -1,14 +1,19 @@
-"""Three short runs of one sound gyro and the base model's fit to them, for examples and trials by
-hand."""
+"""Three short runs of one sound gyro, the base model's fit to them and their case, for examples and
+trials by hand."""
 
 from __future__ import annotations
 
 import functools
 
+from ...effects import find
 from ...fitting.causes.extended_fit import ExtendedFit
 from ...records import Wave
 from ..rehearsing.drawn_input import draw_input
 from .base.joint_fit import fit_base
+from .fits.variants import list_variants
+from .search.inquiry import Inquiry
+from .search.search_case import Case
+from .search.selection import select
 
 RATES_RAD_S = (0.0, 1.0, -1.0)
 
@@ -48,3 +53,23 @@ def draw_fit() -> ExtendedFit:
     (True, True, 0.55)
     """
     return fit_base(draw_waves(), scale_factor=None, blocks=100, free_phase=False)
+
+
+@functools.cache
+def draw_case() -> Case:
+    """The case of these runs, of which a gain mismatch alone was asked for.
+
+    Returns
+    -------
+    Case
+        Nothing is found, and nothing left over.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case
+    >>> case = draw_case()
+    >>> list(case.search.found), case.remainder
+    ([], None)
+    """
+    inquiry = Inquiry(tuple(list_variants([find("gain_mismatch")], draw_fit())), most=1)
+    return Case(inquiry, select(draw_fit(), inquiry))

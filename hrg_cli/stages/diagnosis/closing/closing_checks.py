@@ -83,9 +83,37 @@ def make_closing_checks(
 ) -> list[Check]:
     """All checks of a diagnosis, in the order in which a reader would ask.
 
-    sized: the fit whose numbers are told; waveform: entries of the causes that the samples show
-    before any dynamics; lines_hz: what was taken out of the waves and is no named cause's; odd: a
-    sentence on windows that hold more than noise, empty where there are none.
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+    sized
+        The fit whose numbers are told.
+    written
+        How the extended model's file holds; None: it could not be simulated.
+    waveform
+        Entries of the causes that the samples show before any dynamics.
+    lines_hz
+        What was taken out of the waves and is no named cause's [Hz].
+    odd
+        A sentence on windows that hold more than noise, empty where there are none.
+
+    Returns
+    -------
+    list of Check
+        One that fails takes the word away.
+
+    Examples
+    --------
+    Only the file of the model was not simulated here:
+
+    >>> from hrg_cli.fitting.checks import list_failures
+    >>> from hrg_cli.stages.diagnosis.closing.closing_checks import make_closing_checks
+    >>> from hrg_cli.stages.diagnosis.closing.sized import Sized
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case
+    >>> found = make_closing_checks(draw_case(), Sized.from_case(draw_case()), None, [])
+    >>> len(list_failures(found))
+    1
     """
     search, level = case.search, case.inquiry.noise.white
     final = search.final
@@ -235,16 +263,55 @@ def _expected(fit: ExtendedFit, fold: Array) -> float:
 
 
 def estimate_unknown_walk(fit: ExtendedFit) -> float:
-    """Walk of the wave, over σ, that the scatter of the drive's log may have left out of a run and
-    that the fit's own σ do not hold."""
+    """Walk of the wave that the scatter of the drive's log may have left out of a run and that the fit's
+    own σ do not hold.
+
+    Parameters
+    ----------
+    fit
+        The final one.
+
+    Returns
+    -------
+    float
+        Over σ; 0 where the fit stands beside it.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.closing.closing_checks import estimate_unknown_walk
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> estimate_unknown_walk(draw_fit())
+    0.0
+    """
     if fit.series.scatter is not None:
         return 0.0
     return float(np.max(Scatter.from_commands(fit.series).walk))
 
 
 def check_beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
-    """A cause so many σ off zero beside a walk of the wave, in σ, that the scatter of the drive's
-    log may have left out; nothing where that is less than the noise."""
+    """The check of a cause beside a walk of the wave that the scatter of the drive's log may have left
+    out.
+
+    Parameters
+    ----------
+    name
+        Of the cause.
+    sigma
+        σ that it stands off zero.
+    walk
+        Over σ.
+
+    Returns
+    -------
+    iterator of Check
+        None where the walk is less than the noise.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.closing.closing_checks import check_beside_drive_log
+    >>> [[c.passed for c in check_beside_drive_log("ageing", 9.0, walk)] for walk in (0.0, 99.0)]
+    [[], [False]]
+    """
     if walk < TOLD:
         return
     beside = sigma / float(np.hypot(1.0, walk))

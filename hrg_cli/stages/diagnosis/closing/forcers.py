@@ -27,8 +27,28 @@ Array = np.ndarray
 
 
 def estimate_moves_of_forcers(case: Case) -> dict[str, Array]:
-    """By how much the base model's coordinates may be moved by each cause of the drive that is not
-    named and not excluded: columns (7, k), whose squares add up to the mean square."""
+    """By how much the base model's coordinates may be moved by each cause of the drive that is not named
+    and not excluded.
+
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+
+    Returns
+    -------
+    dict
+        By the cause's name, columns (7, k), whose squares add up to the mean square.
+
+    Examples
+    --------
+    A gain mismatch is none of the drive:
+
+    >>> from hrg_cli.stages.diagnosis.closing.forcers import estimate_moves_of_forcers
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case
+    >>> estimate_moves_of_forcers(draw_case())
+    {}
+    """
     fit = case.search.final
     active = {effect.name for effect, _ in fit.point.active}
     open_ones = [

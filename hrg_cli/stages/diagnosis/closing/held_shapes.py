@@ -22,8 +22,27 @@ SHAPE = "power"
 
 
 def refit_one_sigma_off(fit: ExtendedFit, inflation: float) -> dict[str, ExtendedFit]:
-    """Refits of a model, whose variances are inflated, with the held power of each cause that has one
-    moved by one σ."""
+    """Refits of a model with the held power of each cause that has one moved by one σ.
+
+    Parameters
+    ----------
+    fit
+        The final one.
+    inflation
+        Of its variances.
+
+    Returns
+    -------
+    dict
+        By the cause's name; none of a cause without a power, or without such a fit.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.closing.held_shapes import refit_one_sigma_off
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> refit_one_sigma_off(draw_fit(), 1.0)
+    {}
+    """
     return {
         effect.name: moved
         for effect, values in fit.point.active

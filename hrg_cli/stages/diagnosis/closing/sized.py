@@ -79,11 +79,29 @@ class Sized:
 
 
 def give_up_unsized(case: Case) -> tuple[Case, Sized]:
-    """The case without the causes that, beside a rest, are not off zero by their own σ, and its sizes.
+    """The case without the causes that, beside a rest, are not off zero by their own σ.
 
     Open terms that describe the rest take such a cause's place, or the rest moves it by as much as
     itself: it is a part of what is not understood. The weakest goes first; a cause that takes nearly
     all of a gross misfit stays, whatever its size.
+
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+
+    Returns
+    -------
+    tuple
+        The case, and its sizes.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.closing.sized import give_up_unsized
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case
+    >>> case, sized = give_up_unsized(draw_case())
+    >>> case is draw_case(), sized.factor >= 1
+    (True, True)
     """
     sized = Sized.from_case(case)
     while case.remainder is not None and (weakest := _find_weakest(case, sized)) is not None:
@@ -111,7 +129,25 @@ def _find_weakest(case: Case, sized: Sized) -> tuple[Found, ExtendedFit] | None:
 
 
 def refit_with_rivals(case: Case) -> list[ExtendedFit]:
-    """The final fit with each rival in the place of its cause, where that has a fit."""
+    """The final fit with each rival in the place of its cause.
+
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+
+    Returns
+    -------
+    list of ExtendedFit
+        Those that have one.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.closing.sized import refit_with_rivals
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case
+    >>> refit_with_rivals(draw_case())
+    []
+    """
     out: list[ExtendedFit] = []
     for one in case.search.found:
         if not one.rivals:

@@ -15,8 +15,29 @@ from ..search.selection import select
 def examine_stability(
     case: Case, ahead: Mapping[str, Any] | None, coarser: Callable[[], ExtendedFit]
 ) -> list[dict[str, Any]]:
-    """The causes' names where the runs are averaged to half as many rows, and on a part of the data
-    (`ahead`: the forecast, which chose them there)."""
+    """The causes' names where the evaluation is changed.
+
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+    ahead
+        The forecast, which chose causes on a part of the data; None: there is none.
+    coarser
+        Fits the base model to runs averaged to half as many rows.
+
+    Returns
+    -------
+    list of dict
+        `stability` of the report; empty where nothing is named.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.closing.stability import examine_stability
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case, draw_fit
+    >>> examine_stability(draw_case(), None, draw_fit)
+    []
+    """
     if not case.search.found:
         return []
     out: list[dict[str, Any]] = []

@@ -41,13 +41,47 @@ def compose_simulation_file(
     way: Way,
     tone: Tone | None = None,
 ) -> str:
-    """TOML that `hrg simulate` runs: [device], [effects.NAME], and a [[run]] a run with its start,
-    rate, temperature and length.
+    """The simulation file of an extended model: [device], [effects.NAME], and a [[run]] a run with its
+    start, rate, temperature and length.
 
-    The fit's runs are `pieces` of the waves (`origin`: of which); samples lost between two pieces
-    become the run's own effect. change (R, 5): of the runs' start states and frequency offsets, by
-    what a simulation of the file missed the fit. tone: one near the resonance, at its true size;
-    each run its own where its phase is not the same in all.
+    Parameters
+    ----------
+    fit
+        Of the extended model.
+    waves
+        Of the runs.
+    pieces
+        Of the waves, which the fit's runs are; samples lost between two of them become the run's own
+        effect.
+    origin
+        The wave of each piece.
+    effects_named
+        Entries of the report.
+    change
+        (R, 5): of the runs' start states and frequency offsets, by what a simulation of the file missed
+        the fit; None: nothing.
+    way
+        How the file is written where there is more than one.
+    tone
+        One near the resonance, at its true size; each run its own where its phase is not the same in
+        all.
+
+    Returns
+    -------
+    str
+        TOML that `hrg simulate` runs.
+
+    Examples
+    --------
+    >>> from hrg_cli.settings import parse_toml
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.extended.model import compose_simulation_file
+    >>> from hrg_cli.stages.diagnosis.extended.written_run import Way
+    >>> waves = draw_waves()
+    >>> text = compose_simulation_file(draw_fit(), waves, waves, [0, 1, 2], [], None, Way())
+    >>> model = parse_toml(text)
+    >>> len(model["run"]), round(model["device"]["scale_factor"], 2)
+    (3, 0.55)
     """
     change = np.zeros((len(fit.series.names), OWN)) if change is None else change
     frequency = fit.frequency_hz + change[:, FREQUENCY] / (2 * np.pi)

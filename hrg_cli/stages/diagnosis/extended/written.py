@@ -122,7 +122,19 @@ def write_faithfully(
     Returns
     -------
     Candidate
-        Text, and what it misses.
+        The text, and what it misses.
+
+    Examples
+    --------
+    >>> from functools import partial
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.extended.model import compose_simulation_file
+    >>> from hrg_cli.stages.diagnosis.extended.written import write_faithfully
+    >>> waves = draw_waves()
+    >>> written = partial(compose_simulation_file, draw_fit(), waves, waves, [0, 1, 2], [])
+    >>> text, found = write_faithfully(written, draw_fit(), [0, 1, 2], ())
+    >>> text.startswith("#") or "[device]" in text, found.share
+    (True, 1.0)
     """
     driven = bool(np.any(fit.series.forced))
     along = Way(replayed=driven)

@@ -63,10 +63,41 @@ def run_table(
     way: Way,
     lost_s: float = 0.0,
 ) -> dict[str, Any]:
-    """[start], [environment], [readout], [recording] and [control] of a run, of which the fit's runs `own` are the pieces.
+    """[start], [environment], [readout], [recording] and [control] of a run.
 
-    change (5,): what is added to the start state; lost_s: time of samples lost before the first of
-    the pieces, which its motion has gone through.
+    Parameters
+    ----------
+    fit
+        Of the extended model.
+    own
+        The fit's runs that are its pieces.
+    wave
+        Of the run.
+    piece
+        The first of them.
+    sample_rate_hz
+        Of the samples [Hz].
+    change
+        (5,): what is added to the start state and the frequency offset.
+    way
+        How the file is written where there is more than one.
+    lost_s
+        Time of samples lost before the first of the pieces, which its motion has gone through [s].
+
+    Returns
+    -------
+    dict
+        Tables of a simulation file.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.extended.written_run import Way, run_table
+    >>> wave = draw_waves()[0]
+    >>> table = run_table(draw_fit(), [0], wave, wave, 2000.0, np.zeros(5), Way())
+    >>> table["recording"], round(table["start"]["amplitude"], 2)
+    ({'duration_s': 0.99975}, 1.0)
     """
     series, k = fit.series, own[0]
     wave = shift_commands(wave, series.drive_late_s)

@@ -27,12 +27,33 @@ WRONG = 4.0
 def list_base_values(
     sized: Sized, resonator: Resonator | None, of_forcers: Mapping[str, Array]
 ) -> list[dict[str, Any]]:
-    """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes
-    them wrong.
+    """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes them
+    wrong.
 
-    of_forcers: by how much causes of the drive that nothing excludes may move the coordinates
-    (`estimate_moves_of_forcers`). That is a part of every σ, and a parameter that they may move by
-    more than these runs show it to says so: it is a sum.
+    Parameters
+    ----------
+    sized
+        The fit whose numbers are told.
+    resonator
+        The user's; None: there is none.
+    of_forcers
+        By how much causes of the drive that nothing excludes may move the coordinates
+        (`estimate_moves_of_forcers`). That is a part of every σ, and a parameter that they may move by
+        more than these runs show it to says so: it is a sum.
+
+    Returns
+    -------
+    list of dict
+        `values` of the report.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.closing.sized import Sized
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case
+    >>> from hrg_cli.stages.diagnosis.report.base_values import list_base_values
+    >>> last = list_base_values(Sized.from_case(draw_case()), None, {})[-1]
+    >>> last["name"], round(last["value"], 2)
+    ('scale_factor', 0.55)
     """
     fit = sized.fit
     numbers, slopes = to_parameters(fit.point.p, fit.series.mode_number)

@@ -22,8 +22,35 @@ from .shares import Shares
 def make_diagnosis_record(
     search: Search, waves: Sequence[Wave], verdict: str, report: dict[str, Any], model: str
 ) -> Diagnosis:
-    """The record: measured and simulated rows of the fits before and after, the words and the
-    file."""
+    """The record of a diagnosis: measured and simulated rows of the fits before and after, the words and
+    the file.
+
+    Parameters
+    ----------
+    search
+        With its first and its last fit.
+    waves
+        Of the runs.
+    verdict
+        The word.
+    report
+        As JSON has it.
+    model
+        The extended model's simulation file.
+
+    Returns
+    -------
+    Diagnosis
+        Rows of all runs one after another, without those of no weight.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case, draw_waves
+    >>> from hrg_cli.stages.diagnosis.report.record import make_diagnosis_record
+    >>> record = make_diagnosis_record(draw_case().search, draw_waves(), "adequate", {}, "")
+    >>> record.verdict, len(record)
+    ('adequate', 150)
+    """
     series = search.base.series
     good = series.weight > 0
     run = np.broadcast_to(np.arange(len(series.names))[:, None], good.shape)[good]

@@ -34,8 +34,39 @@ def report(
     resonator: Resonator | None,
     untouched: ExtendedFit,
 ) -> dict[str, Any]:
-    """What the contract names of the case and the steps that led there; `sized`: the final fit with
-    what widens its σ; `untouched`: the base fit before tones and steps were taken out."""
+    """What the contract names of a case and the steps that led there.
+
+    Parameters
+    ----------
+    verdict
+        The word.
+    case
+        The causes and what they leave over.
+    sized
+        The final fit with what widens its σ.
+    gain
+        On data left out.
+    resonator
+        The user's; None: there is none.
+    untouched
+        The base fit before tones and steps were taken out.
+
+    Returns
+    -------
+    dict
+        As JSON has it.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.closing.sized import Sized
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case, draw_fit
+    >>> from hrg_cli.stages.diagnosis.report.report import report
+    >>> from hrg_cli.stages.diagnosis.search.gain import predict_held_out
+    >>> gain = predict_held_out(draw_fit(), draw_fit())
+    >>> told = report("adequate", draw_case(), Sized.from_case(draw_case()), gain, None, draw_fit())
+    >>> told["verdict"], told["mode_number"], told["effects"]
+    ('adequate', 2, [])
+    """
     search = case.search
     by_name = {v.effect.name: v for v in case.inquiry.candidates}
     return {
@@ -157,7 +188,25 @@ def describe_in_words(description: str) -> dict[str, Any]:
 
 
 def describe(remainder: Remainder) -> dict[str, Any]:
-    """The best open term in words and as a formula; further ones behind it."""
+    """The best open term in words and as a formula; further ones behind it.
+
+    Parameters
+    ----------
+    remainder
+        What the causes leave over.
+
+    Returns
+    -------
+    dict
+        `remainder` of the report.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Remainder
+    >>> from hrg_cli.stages.diagnosis.report.report import describe
+    >>> describe(Remainder(terms=[]))["description"]
+    'a residual that is neither white nor one of the terms looked for'
+    """
     if not remainder.terms:
         return describe_in_words("a residual that is neither white nor one of the terms looked for")
     rows = [_term(t) for t in remainder.terms]

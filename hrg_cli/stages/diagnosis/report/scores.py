@@ -28,8 +28,30 @@ DIGITS = 6
 
 
 def tabulate_scores(case: Case, sized: Sized) -> dict[str, list[Any]]:
-    """`names` ("effect.parameter"), `units`, `value` (off neutral), `std`, and the lower triangle of
-    `correlation`, row by row without the diagonal."""
+    """The scores of the candidates that are open, as a lot pools them.
+
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+    sized
+        The fit whose numbers are told.
+
+    Returns
+    -------
+    dict
+        `names` ("effect.parameter"), `units`, `value` (off neutral), `std`, and the lower triangle of
+        `correlation`, row by row without the diagonal.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.closing.sized import Sized
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case
+    >>> from hrg_cli.stages.diagnosis.report.scores import tabulate_scores
+    >>> found = tabulate_scores(draw_case(), Sized.from_case(draw_case()))
+    >>> found["names"], bool(abs(found["value"][0]) < 4 * found["std"][0])
+    (['gain_mismatch.gain'], True)
+    """
     fit = sized.fit
     open_ones = _poolable(case.search, case.inquiry.candidates)
     names = [f"{v.effect.name}.{parameter}" for v in open_ones for parameter in v.steps]

@@ -19,8 +19,26 @@ ONE_SIDED = 1.645
 
 
 def test_candidates(case: Case) -> list[dict[str, Any]]:
-    """Every candidate: score beside the base model and beside what was found, 95 % upper limit of its
-    size beside what was found."""
+    """Every candidate: score beside the base model and beside what was found, 95 % upper limit of its size
+    beside what was found.
+
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+
+    Returns
+    -------
+    list of dict
+        `tested` of the report.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case
+    >>> from hrg_cli.stages.diagnosis.report.tested import test_candidates
+    >>> [row["name"] for row in test_candidates(draw_case())]
+    ['gain_mismatch']
+    """
     search, noise, candidates = case.search, case.inquiry.noise, case.inquiry.candidates
     by_name = {v.effect.name: v for v in candidates}
     found = {one.variant.effect.name for one in search.found}
