@@ -80,7 +80,7 @@ HELD = (
     *modules_of("stages.estimation"),
     *modules_of("stages.forecasting"),
     *modules_of("stages.injection"),
-    *(module for module in modules_of("stages", deep=False) if module != "stages.diagnose"),
+    *modules_of("stages", deep=False),
     "stages.diagnosis.drawn_case",
     *modules_of("stages.diagnosis.base"),
     *modules_of("stages.diagnosis.drive"),

@@ -421,8 +421,26 @@ def _need_both_channels(waves: Sequence[Wave]) -> None:
 
 
 def summarise(diagnosis: Diagnosis) -> dict[str, Any]:
-    """The contract's JSON keys of diagnose; `extended_model` is the TOML's path, which whoever
-    writes the file fills in."""
+    """What the command's JSON says of a diagnosis: its report.
+
+    Parameters
+    ----------
+    diagnosis
+        As it was written.
+
+    Returns
+    -------
+    dict
+        By the keys of the JSON page.
+
+    Examples
+    --------
+    >>> from hrg_cli import diagnose
+    >>> from hrg_cli.stages.diagnose import summarise
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> summarise(diagnose(draw_waves()))["verdict"]
+    'adequate'
+    """
     return diagnosis.read_report()
 
 
