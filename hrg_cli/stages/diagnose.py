@@ -431,7 +431,8 @@ def summarise(diagnosis: Diagnosis) -> dict[str, Any]:
     Returns
     -------
     dict
-        By the keys of the JSON page.
+        By the keys of the JSON page; `extended_model` is the TOML's path, which whoever writes the
+        file fills in.
 
     Examples
     --------
