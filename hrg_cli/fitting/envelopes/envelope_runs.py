@@ -235,6 +235,48 @@ def compute_envelopes(wave: Wave, rows: Array | slice = slice(None)) -> Array:
     )
 
 
+def replace_envelopes(wave: Wave, envelope: Array) -> Wave:
+    """The wave with other envelopes of its channels: A, B, θ and φ anew, its σ as they were.
+
+    Parameters
+    ----------
+    wave
+        Every row.
+    envelope
+        (n, 2), complex, against the wave's own reference.
+
+    Returns
+    -------
+    Wave
+        With θ and φ without jumps.
+
+    Examples
+    --------
+    Channel S read with twice its gain, and that taken back:
+
+    >>> from dataclasses import MISSING, fields
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.envelope_runs import compute_envelopes, replace_envelopes
+    >>> from hrg_cli.records import Wave
+    >>> ones = np.ones(3)
+    >>> wave = Wave(**{f.name: ones for f in fields(Wave) if f.default is MISSING} | dict(
+    ...     quadrature_amplitude=0.1 * ones, mode_number=2))
+    >>> u = compute_envelopes(wave)
+    >>> twice = replace_envelopes(wave, u * [1, 2])
+    >>> back = replace_envelopes(twice, compute_envelopes(twice) / [1, 2])
+    >>> bool(abs(compute_envelopes(back) - u).max() < 1e-12 * abs(u).max())
+    True
+    """
+    main, quadrature, angle, phase = ellipse.find_wave(envelope, wave.mode_number)
+    angle, phase = ellipse.unwrap(angle, phase, wave.mode_number)
+    return wave.replace(
+        main_amplitude=main,
+        quadrature_amplitude=quadrature,
+        wave_angle_rad=angle,
+        phase_rad=phase,
+    )
+
+
 def select_good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -> EnvelopeRun:
     """The good rows of a wave as a run.
 

@@ -9,9 +9,8 @@ from functools import reduce
 import numpy as np
 
 from ....fitting.causes.extended_fit import DivergedError, ExtendedFit
-from ....fitting.envelopes.envelope_runs import compute_envelopes
+from ....fitting.envelopes.envelope_runs import compute_envelopes, replace_envelopes
 from ....fitting.samples.spectrum import find_floor
-from ....physics import ellipse
 from ....records import Wave
 from .tone import Tone
 from .tone_search import find_strongest_tone
@@ -53,17 +52,7 @@ def take_out_tone(waves: Sequence[Wave], tone: Tone) -> list[Wave]:
         t = np.asarray(wave.time_s, float)
         u = compute_envelopes(wave)
         u = u - tone.compute_envelopes(k, t, float(wave.reference_frequency_hz))
-        a_A, a_B, angle, phase = ellipse.find_wave(u, wave.mode_number)
-        angle, phase = ellipse.unwrap(angle, phase, wave.mode_number)
-        out.append(
-            wave.replace(
-                main_amplitude=a_A,
-                quadrature_amplitude=a_B,
-                wave_angle_rad=angle,
-                phase_rad=phase,
-                **_std_without(wave, tone.vector[k]),
-            )
-        )
+        out.append(replace_envelopes(wave, u).replace(**_std_without(wave, tone.vector[k])))
     return out
 
 

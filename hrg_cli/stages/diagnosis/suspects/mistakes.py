@@ -10,6 +10,7 @@ from .drive_logs import find_drive_mistakes
 from .rate_offsets import find_offset_mistakes
 from .readings import (
     Reading,
+    find_amplifier_mistakes,
     find_channel_mistakes,
     find_damping_mistakes,
     find_knock_mistakes,
@@ -23,6 +24,7 @@ Maker = Callable[[Wave, ExtendedFit], Iterator[Reading]]
 def find_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """Every mistake that this run's motion could show beside the others' coordinates."""
     yield from find_channel_mistakes(wave, others)
+    yield from find_amplifier_mistakes(wave, others)
     yield from find_time_mistakes(wave, others)
     yield from find_rate_mistakes(wave, others)
     yield from find_offset_mistakes(wave, others)

@@ -28,6 +28,8 @@ TIME_LEAST = 3e-4
 TRIALS = 13
 LATEST, FINEST = 0.2, 1e-3
 """Parts of the run by which a log may be late, and to which that is found."""
+LARGEST_GAIN, LARGEST_LEAD_RAD = 20.0, 0.8
+"""What one channel's amplifier may multiply by, or be late by, in one run and not in the others."""
 ROTATION = 3.0
 """σ from which a run's rate is known from its wave."""
 
@@ -116,6 +118,39 @@ def find_channel_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
         "with C and S exchanged and one of them turned",
         "exchange C and S of this run, turn the sign of one and import it anew",
     )
+
+
+def find_amplifier_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+    """One channel read with another gain, or later, than in the other runs."""
+
+    def scale(logarithm: float) -> Wave:
+        return change.scale_channel(wave, np.exp(-logarithm))
+
+    def delay(lead_rad: float) -> Wave:
+        return change.scale_channel(wave, np.exp(-1j * lead_rad))
+
+    logarithm = find_least_misfit(scale, others, np.log(LARGEST_GAIN), FINEST)
+    if logarithm:
+        times = _round_factor(float(np.exp(logarithm)))
+        yield Reading(
+            "one channel's gain changed",
+            (scale(logarithm),),
+            1,
+            f"its C is read {times} times as large beside S as the others': with that taken back",
+            f"divide this run's C by {times}, or multiply its S by it (a range switched, a contact)",
+        )
+    lead = find_least_misfit(delay, others, LARGEST_LEAD_RAD, FINEST)
+    if lead:
+        late_s = abs(lead) / (2 * np.pi * float(np.median(others.frequency_hz)))
+        channel = "S" if lead > 0 else "C"
+        yield Reading(
+            "one channel late",
+            (delay(lead),),
+            1,
+            f"its {channel} comes {abs(lead):.4g} rad of the oscillation ({late_s:.4g} s) late beside"
+            " the others': with that taken back",
+            f"shift this run's {channel} by {late_s:.4g} s, or sample both channels together",
+        )
 
 
 def find_time_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ....fitting.envelopes.envelope_runs import compute_envelopes, replace_envelopes
 from ....records import Array, Wave
 from ...estimation.late_rate import read_log_later
 
@@ -89,6 +90,19 @@ def swap_and_invert(wave: Wave) -> Wave:
     return _with_noise_inverted(_with_noise_swapped(wave)).replace(
         wave_angle_rad=wave.wave_angle_rad + np.pi / (2 * wave.mode_number)
     )
+
+
+def scale_channel(wave: Wave, ratio: complex) -> Wave:
+    """C over S multiplied by a ratio: its size the gains', its argument what C leads S by.
+
+    Each channel takes half of it, since which of them is wrong nobody sees.
+    """
+    half = np.sqrt(complex(ratio))
+    scaled = replace_envelopes(wave, compute_envelopes(wave) * [half, 1 / half])
+    if wave.channel_std is None:
+        return scaled
+    gain = abs(half)
+    return scaled.replace(channel_std=np.asarray(wave.channel_std, float) * [gain, 1 / gain])
 
 
 def invert_quadrature_drive(wave: Wave) -> Wave:
