@@ -26,6 +26,9 @@ KINDS = {
     "late": "rate log late",
     "offset": "rate log offset",
     "pressure": "loss of pressure",
+    "gain": "one channel's gain changed",
+    "range": "one channel's gain changed",
+    "late channel": "one channel late",
 }
 """Ways a run may be wrong, and what they are to be called."""
 COURSES = {"kind": "sine", "amplitude_rad_s": 2.0, "frequency_hz": 0.8}
@@ -139,5 +142,9 @@ def wrong(kind, seed, **settings):
         one = one.replace(rate_rad_s=np.interp(time - 0.05, time, rate))
     elif kind == "offset":
         one = one.replace(rate_rad_s=np.asarray(one.rate_rad_s) + 0.1)
+    elif kind in ("gain", "range"):
+        one = one.replace(c=np.asarray(one.c) * (1.01 if kind == "gain" else 10.0))
+    elif kind == "late channel":
+        one = one.replace(c=np.asarray(one.c)[1:], s=np.asarray(one.s)[:-1])
     records[k] = one
     return estimated(records), table["run"][k]["run_id"]

@@ -73,7 +73,7 @@ def fit_base(
     free_phase
         The runs are fitted by shape and angle alone.
     quick
-        Of driven runs the first fit alone, beside nothing that a log may have missed.
+        The first fit alone, of driven runs beside nothing that a log may have missed.
     along
         The motion that the runs are known to have beside their causes, to be averaged along instead.
 
@@ -103,7 +103,7 @@ def fit_base(
         return fit if quick and has_log(fit.series) else start_fit(fit)
 
     first = fitted(along)
-    if quick and has_log(first.series):
+    if quick:
         return first
     for _ in range(0 if along else AVERAGED_AGAIN):
         if is_averaged_well(first.series, first.point):

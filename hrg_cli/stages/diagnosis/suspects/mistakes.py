@@ -1,4 +1,4 @@
-"""Every mistake that a run's motion could show."""
+"""Every mistake that a run could show: in its motion, and beside it in its thermometer."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from .readings import (
     find_rate_mistakes,
     find_time_mistakes,
 )
+from .thermometers import find_thermometer_mistakes
 
 Maker = Callable[[Wave, ExtendedFit], Iterator[Reading]]
 
@@ -31,3 +32,9 @@ def find_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     yield from find_drive_mistakes(wave, others)
     yield from find_knock_mistakes(wave)
     yield from find_damping_mistakes(wave, others)
+
+
+def find_every_mistake(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+    """The mistakes of a run's motion, and of its thermometer where a cause follows it."""
+    yield from find_mistakes(wave, others)
+    yield from find_thermometer_mistakes(wave, others)

@@ -22,9 +22,8 @@ from ..thresholds import GROSS, WORTH
 from .cases import Fitted, SuspectCase, SuspectFound, fit_or_none
 from .common_clock import find_common_lateness
 from .leaks import find_leaks
-from .mistakes import find_mistakes
+from .mistakes import find_every_mistake
 from .own_numbers import find_gain_of_lateness, find_largest_gain
-from .readings import Reading
 from .rivals import add_causes_to_fit
 from .search import (
     DOUBTED,
@@ -35,7 +34,6 @@ from .search import (
     is_any_logged,
     leave_out,
 )
-from .thermometers import find_thermometer_mistakes
 
 FEWEST_RUNS = 4
 """Runs from which one is doubted: three others must agree without it."""
@@ -214,19 +212,13 @@ def _find_mistake(
         case
         for run, others in agreeing[:DOUBTED]
         for case in find_cases(
-            leave_out(waves, run), waves[run], run, others, fitted, _find_every_mistake
+            leave_out(waves, run), waves[run], run, others, fitted, find_every_mistake
         )
     ]
     if not cases:
         return None
     case, beside = choose_case(cases)
     return (case, beside) if case.apart is None and _is_noise(case.fit) else None
-
-
-def _find_every_mistake(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
-    """The mistakes of a run's motion, and of its thermometer where a cause follows it."""
-    yield from find_mistakes(wave, others)
-    yield from find_thermometer_mistakes(wave, others)
 
 
 def _is_noise(fit: ExtendedFit) -> bool:

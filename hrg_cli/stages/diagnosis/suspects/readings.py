@@ -28,7 +28,7 @@ TIME_LEAST = 3e-4
 TRIALS = 13
 LATEST, FINEST = 0.2, 1e-3
 """Parts of the run by which a log may be late, and to which that is found."""
-LARGEST_GAIN, LARGEST_LEAD_RAD = 20.0, 0.8
+LARGEST_GAIN, LARGEST_LEAD_RAD = 20.0, 3.0
 """What one channel's amplifier may multiply by, or be late by, in one run and not in the others."""
 ROTATION = 3.0
 """σ from which a run's rate is known from its wave."""

@@ -17,10 +17,9 @@ from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_non
 from .common_clock import find_common_lateness
 from .leaks import find_leaks
 from .logs import find_wrong_logs
-from .mistakes import Maker, find_mistakes
+from .mistakes import Maker, find_every_mistake, find_mistakes
 from .readings import DAMPING, KNOCK, Reading, find_knock_mistakes, fit_held
 from .rivals import fit_catalogue, fit_warming
-from .thermometers import find_thermometer_mistakes
 from .unlogged_rates import find_unlogged_rates
 
 STEP = 1.4
@@ -36,7 +35,7 @@ good."""
 DOUBTED = 2
 """Runs whose mistakes are tried, those without which the others agree best."""
 FINALISTS = 3
-"""Mistakes of a run, first among quick fits of driven runs, that are fitted in full."""
+"""Mistakes of a run, first among quick fits, that are fitted in full."""
 MOST_LEFT_OUT = 10
 """Runs left out one by one; of more, those that the base model misses most."""
 
@@ -71,16 +70,13 @@ def suspect_runs(
 def _find_mistakes_of_runs(
     waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, candidates: Sequence[Variant]
 ) -> SuspectFound | None:
-    """The runs without which the others agree, or whose dampings or thermometers do not."""
+    """The runs without which the others agree, at one temperature or as they warm, or whose dampings
+    do not."""
     warm = fit_warming(fitted, candidates, base)
     return (
         _wrong_runs(waves, fitted, base, find_mistakes)
         or find_leaks(waves, fitted, base)
-        or (
-            _wrong_runs(waves, warm, warm(waves), find_thermometer_mistakes)
-            if warm is not None
-            else None
-        )
+        or (_wrong_runs(waves, warm, warm(waves), find_every_mistake) if warm is not None else None)
     )
 
 
@@ -244,8 +240,7 @@ def find_cases(
 def _read(
     pieces: Sequence[tuple[Wave, ...]], run: int, made: Sequence[Reading], fitted: Fitted
 ) -> list[SuspectCase]:
-    """A run's mistakes fitted in its place, of driven runs those alone that come first when fitted
-    quickly."""
+    """A run's mistakes fitted in its place, of many those alone that come first when fitted quickly."""
 
     def fit_all(made: Sequence[Reading], quick: bool) -> list[SuspectCase]:
         out = []
@@ -256,7 +251,7 @@ def _read(
                 out.append(SuspectCase(run, reading, fit))
         return out
 
-    if len(made) > FINALISTS and is_any_logged(_flat(pieces)):
+    if len(made) > FINALISTS:
         quickly = fit_all(made, quick=True)
         noise = max(1.0, min((case.chi2 / case.dof for case in quickly), default=1.0))
         ranked = sorted(quickly, key=lambda case: case.compute_price(noise))
