@@ -85,3 +85,8 @@ def fit_or_none(waves: Sequence[Wave], fitted: Fitted, quick: bool = False) -> E
         if np.isfinite(fit.chi2):
             return fit
     return None
+
+
+def is_any_logged(waves: Sequence[Wave]) -> bool:
+    """Whether a drive is logged, so that a fit in full takes several to allow for its log."""
+    return any(wave.drive_main is not None for wave in waves)

@@ -18,7 +18,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.parabola import fit_parabola
 from ....records import Array, Wave
 from ...suspicion import Suspicion
-from .cases import REMOVED, Fitted, SuspectFound, fit_or_none
+from .cases import REMOVED, Fitted, SuspectFound, fit_or_none, is_any_logged
 from .readings import FINEST, LATEST, compute_misfits, has_varying_rate, search_least
 from .transformations import advance_rate, advance_rate_within_log
 
@@ -83,7 +83,7 @@ def _find_lateness(
             advance_rate_within_log(wave, late_s + move * step_s, *near) if k in moving else wave
             for k, wave in enumerate(waves)
         ]
-        return fit_or_none(moved, fitted, True)
+        return fit_or_none(moved, fitted, quick=is_any_logged(waves))
 
     span = min(float(waves[k].time_s[-1] - waves[k].time_s[0]) for k in moving)
     start = _find_start(waves, moving, base, span)

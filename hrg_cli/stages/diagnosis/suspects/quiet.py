@@ -19,7 +19,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from ...suspicion import Suspicion
 from ..thresholds import GROSS, WORTH
-from .cases import Fitted, SuspectCase, SuspectFound, fit_or_none
+from .cases import Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
 from .common_clock import find_common_lateness
 from .leaks import find_leaks
 from .mistakes import find_every_mistake
@@ -31,7 +31,6 @@ from .search import (
     describe_case,
     find_cases,
     fit_without_each,
-    is_any_logged,
     leave_out,
 )
 

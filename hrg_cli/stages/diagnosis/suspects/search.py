@@ -13,7 +13,7 @@ from ....records import Array, Wave
 from ...suspicion import Suspicion
 from ..fits.variants import Variant
 from ..thresholds import FREQUENCIES_APART, GROSS
-from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none
+from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
 from .common_clock import find_common_lateness
 from .leaks import find_leaks
 from .logs import find_wrong_logs
@@ -276,11 +276,6 @@ def fit_without_each(
     if len(runs) > DOUBTED and is_any_logged(waves):
         runs = [k for k, _ in fit_all(runs, quick=True)[:DOUBTED]]
     return fit_all(runs, quick=False)
-
-
-def is_any_logged(waves: Sequence[Wave]) -> bool:
-    """Whether a drive is logged, so that a fit in full takes several to allow for its log."""
-    return any(wave.drive_main is not None for wave in waves)
 
 
 def leave_out(waves: Sequence[Wave], run: int) -> list[tuple[Wave, ...]]:
