@@ -125,10 +125,27 @@ def test_what_is_computed_from_a_resonator_moves_with_the_components_and_not_wit
         name: {"value": p[k], "std": std[k]}
         for k, name in enumerate(coordinates.SPLIT_COMPONENTS, 1)
     }
+    along = {
+        name: inference.measure_along(p[k : k + 2], cov_p[k : k + 2, k : k + 2])
+        for name, k in ((names[1], 1), (names[3], 3))
+    }
     record = Resonator(
         name=np.array(names, dtype=object), value=values, std=np.sqrt(np.diag(covariance)),
         units=np.array(["1"] * 6, dtype=object), covariance=covariance, mode_number=2,
-        details=json.dumps({"split_components": components}),
+        details=json.dumps({"split_components": components, "split_slope_std": along}),
     )  # fmt: skip
     assert compute_slope_covariance(record) == pytest.approx(slope, rel=1e-6, abs=1e-18)
     assert compute_vector_covariance(record) == pytest.approx(cov_p[:6, :6], rel=1e-6, abs=1e-18)
+
+
+@pytest.mark.parametrize("size", [4.0, 8.0, 16.0, 60.0])
+@pytest.mark.parametrize("narrow", [0.02, 0.2])
+def test_error_over_sigma_of_the_size_is_near_one_where_noise_lies_across_the_split(size, narrow):
+    """The slope knows nothing of t²/2r: of a split of 3 σ across and 72 along the size was 14 σ off."""
+    draw = np.random.default_rng(5)
+    part, error = np.diag([narrow, 1.0]) ** 2, []
+    for true in size + 1j * draw.uniform(-3, 3, 2000):
+        p = np.array([true.real, true.imag]) + draw.normal(size=2) * [narrow, 1.0]
+        error.append((np.hypot(*p) - abs(true)) / np.sqrt(stated(p, part)[1][1, 1]))
+    assert 0.8 < np.sqrt(np.mean(np.square(error))) < 1.15
+    assert np.max(np.abs(error)) < 5

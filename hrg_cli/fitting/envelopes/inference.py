@@ -249,7 +249,8 @@ def compute_covariance_z(fit: Fit, factor: float) -> Array:
 
 
 def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> None:
-    """Give axes whose split is not clear of its noise the spread of their components.
+    """Give axes whose split is not clear of its noise the spread of their components, and sizes what an
+    error across the split adds to them.
 
     The slope's would be too narrow or too wide there. One that is held stays so.
 
@@ -281,6 +282,7 @@ def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> N
     for axis, first in ((2, 1), (4, 3)):
         split, part = p[first : first + 2], cov_p[first : first + 2, first : first + 2]
         std, size2 = np.sqrt(max(0.0, covariance[axis, axis])), float(split @ split)
+        covariance[first, first] += _compute_bent_variance(split, part, covariance[first, first])
         if not np.any(part) or not np.isfinite(size2) or size2 > CLEAR**2 * np.trace(part):
             continue
         tangent = 2 * mode_number * np.sqrt(size2) * std
@@ -291,6 +293,47 @@ def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> N
         covariance[axis] *= wider
         covariance[:, axis] *= wider
         covariance[axis, axis] = spread**2
+
+
+def measure_along(split: Array, part: Array) -> float:
+    """The standard deviation of a split's size by its slope alone.
+
+    Parameters
+    ----------
+    split
+        Components (2,).
+    part
+        Their covariance (2, 2).
+
+    Returns
+    -------
+    float
+        Along the split; without one, the root of the mean variance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.envelopes.inference import measure_along
+    >>> measure_along(np.array([3.0, 0.0]), np.diag([0.01, 1.0]))
+    0.1
+    """
+    size = float(np.hypot(*split))
+    variance = split @ part @ split / size**2 if size > 0 else np.trace(part) / 2
+    return float(np.sqrt(max(0.0, float(variance))))
+
+
+def _compute_bent_variance(split: Array, part: Array, along: float) -> float:
+    """What the second order adds to the variance of a split's size, beside that of its slope (`along`).
+
+    An error t across a split of size r makes it longer by t²/2r: (σ_t²/2r)² of bias and twice that of
+    scatter, no more than an error along it would be were it as large.
+    """
+    size = float(np.hypot(*split))
+    if not size > 0 or not np.all(np.isfinite(part)):
+        return 0.0
+    across = np.array([-split[1], split[0]]) / size
+    variance = float(across @ part @ across)
+    return max(0.0, min(0.75 * (variance / size) ** 2, variance - along))
 
 
 def differentiate_parameters(fit: Fit, mode_number: int) -> Array:

@@ -151,8 +151,9 @@ def compute_slope_covariance(resonator: Resonator) -> Array:
     anything computed from it moves with.
 
     The stated deviation of an axis whose split is lost in noise tells how far the axis may lie off
-    (`inference.widen_axes`) and would move the split as a vector by more than its noise. The stated
-    components give the slope's back: their variances add up to the size's and the tangent's.
+    (`inference.widen_axes`) and would move the split as a vector by more than its noise, and so would
+    what an error across a split adds to its size. The stated components give the slopes' back: their
+    variances add up to the size's and the tangent's.
 
     Parameters
     ----------
@@ -175,7 +176,7 @@ def compute_slope_covariance(resonator: Resonator) -> Array:
     """
     values = resonator.parameters()
     names = [str(n) for n in resonator.name]
-    narrower = np.ones(len(names))
+    narrower, more = np.ones(len(names)), np.zeros(len(names))
     for size, axis, components in SPLITS:
         if not {size, axis} <= set(values):
             continue
@@ -183,13 +184,17 @@ def compute_slope_covariance(resonator: Resonator) -> Array:
         stated = lever * values[axis][1]
         slope = stated
         trace = _stated_trace(resonator, components)
+        along = read_details_number(resonator.details, "split_slope_std", size, default=-1.0)
+        along = values[size][1] if along < 0 else min(along, values[size][1])
+        more[names.index(size)] = values[size][1] ** 2 - along**2
         if trace is not None:
-            slope = np.sqrt(max(0.0, trace - values[size][1] ** 2))
+            slope = np.sqrt(max(0.0, trace - along**2))
         elif values[axis][1] >= UNIFORM * np.pi / resonator.mode_number / np.sqrt(12):
             slope = values[size][1]
         if slope > 0 and 0 < stated < np.inf:
             narrower[names.index(axis)] = slope / stated
-    return np.asarray(np.outer(narrower, narrower) * np.asarray(resonator.covariance, float))
+    covariance = np.asarray(resonator.covariance, float) - np.diag(more)
+    return np.asarray(np.outer(narrower, narrower) * covariance)
 
 
 def _stated_trace(resonator: Resonator, components: tuple[str, ...]) -> float | None:

@@ -245,7 +245,8 @@ def compare_methods(
 
 def _tell_splits(verdict: Verdict) -> dict[str, Any]:
     """What a verdict says of its splits as vectors."""
-    return {key: verdict.details[key] for key in ("split_components", "weak_splits")}
+    told = ("split_components", "split_slope_std", "weak_splits")
+    return {key: verdict.details[key] for key in told}
 
 
 def _compare_row(

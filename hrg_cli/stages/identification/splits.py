@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...fitting.envelopes.coordinates import SPLIT_COMPONENTS, SPLITS
-from ...fitting.envelopes.inference import CLEAR
+from ...fitting.envelopes.inference import CLEAR, measure_along
 
 Array = np.ndarray
 Components = Mapping[str, Mapping[str, float]]
@@ -64,7 +64,8 @@ def state_splits(
     Returns
     -------
     dict
-        `split_components` and `weak_splits`.
+        `split_components`, `split_slope_std` (of a size along the split alone, without what an error
+        across it adds) and `weak_splits`.
 
     Examples
     --------
@@ -77,8 +78,14 @@ def state_splits(
     1
     """
     components = split_components(p, covariance)
+    along = {
+        size: measure_along(p[first : first + 2], covariance[first : first + 2, first : first + 2])
+        for (size, _, _), first in zip(SPLITS, (1, 3), strict=True)
+        if size in values
+    }
     return {
         "split_components": components,
+        "split_slope_std": along,
         "weak_splits": describe_weak_splits(values, std, components),
     }
 
