@@ -167,7 +167,8 @@ def calibrate(
     needed = 1 if harmonics is None else harmonics
     earth = find_earth_rate(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
     rates = KnownRates(rates_rad_s or {}, rate_rad_s, earth)
-    runs = prepare(waves, rates, axis, nodes, max(limits), needed)
+    needed_scale = 1 if scale_factor_harmonics is None else scale_factor_harmonics
+    runs = prepare(waves, rates, axis, nodes, max(limits), (needed, needed_scale))
     refused = bool(runs.refusals)
 
     whole = fit_everything(runs, limits, axis, interpolation)
@@ -236,6 +237,7 @@ def _judge(
 def _doubts_of(chosen: Chosen, strays: Sequence[Mapping[str, Any]]) -> list[str]:
     """What the answer's residuals and its repeats between programmes speak against."""
     return [
+        *list_failures(chosen.own_checks),
         *find_noisy_angles(chosen.fitted, chosen.answer.limits[0]),
         *(s["sentence"] for s in strays if s["significant"]),
         *find_shown_memory(chosen.thermal_memory),

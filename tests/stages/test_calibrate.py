@@ -179,6 +179,12 @@ def test_repeated_programmes_are_held_out_as_whole_runs():
             slice(None),
             "cover .* % of the wave angle's period of 90°: .* is missing",
         ),
+        (
+            (20,),
+            (0.5, -0.02),
+            slice(None),
+            "of the wave angle at one rate only, where K and D cannot be told apart; turn the slow",
+        ),
     ],
 )
 def test_programmes_that_cannot_serve_are_refused_with_the_missing_run(
@@ -189,6 +195,16 @@ def test_programmes_that_cannot_serve_are_refused_with_the_missing_run(
     import re
 
     assert any(re.search(words, reason) for reason in record.status_reasons), record.status_reasons
+
+
+def test_a_slow_run_tells_a_scale_factor_without_harmonics_from_the_drift_at_one_angle():
+    """With harmonics of K a fast run and a slow one gave K 15 % off, 8 σ, "valid"."""
+    truth = Truth(1, scale_ripple=0.0, curved=False)
+    waves = programme(truth, (-20, 20, 60), (0.3, -0.02), duration=30, noise=1e-6)
+    record = calibrate(waves, scale_factor_harmonics=0, bootstrap=0)
+    assert record.status == "valid"
+    k, std = record.scale_factor_harmonics[:, 0], record.scale_factor_harmonics_std[:, 0]
+    assert np.all(np.abs(k - truth.scale(np.array(record.node), 0.0)) < 4 * std)
 
 
 def test_one_temperature_gives_one_node_with_a_narrow_range():

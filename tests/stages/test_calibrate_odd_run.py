@@ -234,3 +234,57 @@ def test_a_wave_locked_at_a_low_rate_is_no_wrong_turn():
     truth = Truth(3, drift=1e-2)
     waves = programme(truth, (-20, 20, 60), (0.3, -0.3, 0.02, 0.15), duration=30.0, noise=1e-6)
     assert "suspect_runs" not in summarise(calibrated(waves))
+
+
+@pytest.mark.parametrize("factor", [1.001, 1.1, 0.9])
+@pytest.mark.parametrize("odd", [3, 4, 5])
+def test_a_small_mistake_of_one_of_three_runs_is_told_by_the_scale_factor_of_other_dwells(
+    factor, odd
+):
+    """Any of the three fits without one, but K is the same at all temperatures; loops were blamed."""
+    waves = three_a_dwell()
+    waves[odd] = times(factor)(waves[odd])
+    record = calibrated(waves)
+    assert record.status == "refused"
+    assert [one["run_id"] for one in summarise(record)["suspect_runs"]] == [waves[odd].run_id]
+
+
+def test_a_log_of_zeros_at_a_single_temperature_is_told_by_what_a_scale_factor_may_be():
+    """Without another of the three K is twice that of any resonator."""
+    waves = three_a_dwell(temperatures=(20,))
+    waves[1] = times(0.0)(waves[1])
+    record = calibrated(waves)
+    assert record.status == "refused"
+    assert [one["run_id"] for one in summarise(record)["suspect_runs"]] == [waves[1].run_id]
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (180 / np.pi, "with the rate log in °/s it is 0.55"),
+        (180 / np.pi * 3600, "with the rate log in °/h it is 0.55"),
+        (30 / np.pi, "with the rate log in 1/min it is 0.55"),
+        (np.pi / 180, "with the rate log in rad/s, read as °/s it is 0.55"),
+        (-1.0, "check the sign and the unit"),
+    ],
+)
+def test_logs_that_all_have_another_unit_or_sign_give_no_scale_factor_of_a_resonator(factor, said):
+    """They agree among themselves: K = 0.0096 was "valid"."""
+    record = calibrated([times(factor)(wave) for wave in three_a_dwell()])
+    assert record.status == "suspect"
+    assert any(said in reason for reason in record.status_reasons)
+
+
+@pytest.mark.parametrize(
+    ("temperatures", "factor"),
+    [((-20, 20, 60), 1.1), ((20, 60), 1.03), (range(-40, 81, 30), 1.005)],
+)
+def test_a_dwell_of_two_runs_whose_scale_factor_is_another_is_doubted(temperatures, factor):
+    """Two runs fit exactly, whatever they are; K at their temperature was 4.8 % off, "valid"."""
+    waves = three_a_dwell(temperatures=temperatures, rates=(0.3, -0.3))
+    waves[1] = times(factor)(waves[1])
+    record = calibrated(waves)
+    assert record.status == "suspect"
+    assert any(
+        f"at {temperatures[0]:.4g} °C and 0.55" in reason for reason in record.status_reasons
+    )

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...fitting.checks import Check
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.table_layout import Model
 from ...records import Calibration, Wave
@@ -21,6 +22,7 @@ from .folds import choose_smoothness
 from .noise_guards import say_noise
 from .record import make_calibration_record
 from .repeatability import compare_programmes, drop_unstable
+from .scale_factor_course import ScaleFactors
 from .thermal_memory import compare_thermal_memory
 from .variant_solutions import Wanted
 from .variants import build_variant, list_measured_details
@@ -99,6 +101,13 @@ class Chosen:
         coefficients = self.answer.tried.solution.coefficients
         return self.fitted.layout.compute_mean_scale_factor(coefficients)
 
+    @cached_property
+    def own_checks(self) -> list[Check]:
+        """Whether its scale factor is one of a resonator, and alike at all nodes."""
+        layout, solution = self.fitted.layout, self.answer.tried.solution
+        found = ScaleFactors.from_solution(layout, solution, self.inflation)
+        return found.check(layout.axis)
+
     @property
     def chi2_per_dof(self) -> float:
         """χ² per degree of freedom at the noise found."""
@@ -146,7 +155,7 @@ class Chosen:
             "ladder": steps,
             "smoothness": self.smoothness,
             "chi2_per_dof": self.chi2_per_dof,
-            "checks": [check.to_json() for check in answer.checks],
+            "checks": [check.to_json() for check in (*answer.checks, *self.own_checks)],
             "noise": say_noise(fitted),
             "stability": self.stability,
             "dropped": list(self.dropped),

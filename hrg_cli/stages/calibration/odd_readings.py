@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...fitting.tables.increments import AnglePath
-from ...units import DEGREE, RATE_UNITS
 from ..suspicion import Suspicion
+from ..usual_scale_factor import LOGGED_IN
 from .shown_temperatures import ShownTemperature
 
 Undo = Callable[[AnglePath], AnglePath]
@@ -22,8 +22,6 @@ ALIKE = 3.0
 SILENT = 0.1
 """Least over largest amplitude of a wave of which one channel is not seen, and how near its angle
 stays to the other's axis, of mθ."""
-LOGGED_IN = RATE_UNITS | {"rad/s, read as °/s": 1 / DEGREE}
-"""Unit of a rate log that was read as another -> what sets the rate right."""
 IMPORT_WITH_UNIT = "import its rate log with its unit"
 
 

@@ -5,6 +5,7 @@ for in the joint fit such a run makes the noise of all runs, and stands in for a
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ from ..suspicion import Suspicion
 from .odd_readings import describe_odd_run, read_mistake
 from .others import Answer, Rest, compare_with_others, leave_out
 from .preparation import PreparedRuns
+from .scale_factor_course import ScaleFactors
 from .shown_temperatures import ShownTemperature, find_wrong_temperatures
 from .trials import FullFit
 from .turn_against_log import find_wrong_turns
@@ -27,6 +29,10 @@ CANDIDATES = 3
 GROSS = 1e3
 """χ² per degree of freedom of a run against the others' prediction from which it is blamed, as where
 `diagnose` asks whose the runs are: less may be a cause that all share, of which one shows most."""
+
+BETTER = 0.2
+"""Part of the others' departure of K from node to node that a run must leave, to be the one that is
+wrong."""
 
 
 @dataclass(frozen=True)
@@ -119,12 +125,35 @@ def find_odd_runs(
             for run in marked
         ):
             return _describe(sorted(marked), runs, rest, shown)
-    found = list[OddRuns]()
+    found, untold = dict[int, Rest](), False
     for run in _order_by_surprise(whole.fitted)[:CANDIDATES] if doubted else ():
         rest = leave_out({run}, runs, whole, harmonics, answer)
+        untold |= rest is None
         if rest is not None and rest.best.fits and _is_contradicted(rest, runs.forced[run]):
-            found.append(_describe([run], runs, rest, shown))
-    return found[0] if len(found) == 1 else None
+            found[run] = rest
+    odd = _choose_by_scale_factor(found, whole if untold else None)
+    return None if odd is None else _describe([odd], runs, found[odd], shown)
+
+
+def _choose_by_scale_factor(found: Mapping[int, Rest], whole: FullFit | None) -> int | None:
+    """The one of runs, any of which may be wrong, without which K is that of one resonator; None where
+    several are. `whole`: all runs, where one that may be wrong leaves too few without it."""
+    if len(found) == 1 and whole is None:
+        return next(iter(found))
+    apart = {
+        run: float(rest.scale_factors.measure_departures().max())
+        for run, rest in found.items()
+        if rest.scale_factors.is_plausible()
+    }
+    best = min(apart, key=lambda run: apart[run], default=None)
+    others = [apart[run] for run in apart if run != best]
+    if whole is not None:
+        fitted = whole.fitted
+        of_all = ScaleFactors.from_solution(fitted.layout, fitted.solution)
+        others.append(float(of_all.measure_departures().max()))
+    if best is None or (others and not apart[best] < BETTER * min(others)):
+        return None
+    return best
 
 
 def _order_by_surprise(fitted: Fitted) -> list[int]:

@@ -20,6 +20,7 @@ from .guards import compute_score, find_unseen_directions
 from .late_log import follow, set_right
 from .preparation import PreparedRuns
 from .programme import examine
+from .scale_factor_course import ScaleFactors
 from .trials import FullFit
 from .turn_against_log import FAR
 
@@ -60,6 +61,11 @@ class Rest:
         """The turns m·Δθ (n,) that the others' tables make of a run."""
         coefficients = self.best.tried.solution.coefficients
         return predict_turn(path, self.whole.layout, coefficients, coefficients)
+
+    @property
+    def scale_factors(self) -> ScaleFactors:
+        """K of their answer at its nodes."""
+        return ScaleFactors.from_solution(self.whole.layout, self.best.tried.solution)
 
     def set_right(self, path: AnglePath) -> AnglePath:
         """A run with its log moved in time as theirs were."""

@@ -62,7 +62,7 @@ def prepare(
     axis: str,
     nodes: list[float] | None,
     harmonics: int,
-    needed: int,
+    needed: tuple[int, int],
 ) -> PreparedRuns:
     """Runs as paths of the wave angle, the nodes of their tables, and whether the programme gives
     them.
@@ -80,7 +80,7 @@ def prepare(
     harmonics
         Of 2mθ in the paths.
     needed
-        Of 2mθ that the drift shall have.
+        Of 2mθ that the drift and the scale factor shall have.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def prepare(
     ...         "readout": {"noise": 1e-3},
     ...     }
     ... )
-    >>> found = prepare([make_wave(run)], KnownRates({}, None, 0.0), "temperature", [25.0], 1, 1)
+    >>> found = prepare([make_wave(run)], KnownRates({}, None, 0.0), "temperature", [25.0], 1, (1, 1))
     >>> len(found.forced), len(found.refusals) > 0
     (1, True)
     """
@@ -126,7 +126,7 @@ def prepare(
         ]
     forced, free, remarks = _split_by_drive(paths)
     table_nodes, low, high, words = choose_nodes(forced, axis, nodes)
-    findings = examine(forced, table_nodes, axis, needed)
+    findings = examine(forced, table_nodes, axis, *needed)
     return PreparedRuns(
         usable,
         forced,

@@ -18,6 +18,8 @@ ANGLE_BINS = 36
 SINGLE_NODE_MARGIN_DEGC = 3.0
 """A table from one temperature holds within this distance of it."""
 SINGLE_NODE_MARGIN_HZ = 1.0
+TWO_RATES = 0.2
+"""Part of the range of all rates by which those at one angle must differ to tell K from D there."""
 NODE_SPACING_DEGC = 15.0
 """Spacing of nodes laid over a temperature sweep."""
 
@@ -152,9 +154,15 @@ class Finding:
     refuses: bool
 
 
-def examine(paths: Sequence[AnglePath], nodes: Array, axis: str, harmonics: int) -> list[Finding]:
+def examine(
+    paths: Sequence[AnglePath],
+    nodes: Array,
+    axis: str,
+    harmonics: int,
+    scale_harmonics: int = 1,
+) -> list[Finding]:
     """What runs cannot give at each node: two rates (K against D), both signs, the whole period of
-    the angle.
+    the angle, and this at two rates.
 
     Parameters
     ----------
@@ -166,6 +174,8 @@ def examine(paths: Sequence[AnglePath], nodes: Array, axis: str, harmonics: int)
         Quantity of the nodes.
     harmonics
         Of 2mθ that the drift shall have.
+    scale_harmonics
+        Of 2mθ that the scale factor shall have; of none, one angle tells it from the drift.
 
     Returns
     -------
@@ -216,8 +226,11 @@ def examine(paths: Sequence[AnglePath], nodes: Array, axis: str, harmonics: int)
         rated, several = _examine_rates(rates[near], times[near], fastest, at, names)
         findings += rated
         if several and harmonics:
-            findings += _examine_angles(
-                angles[near], travels[near], rates[near], harmonics, m, at, names
+            here = angles[near], travels[near], rates[near]
+            # all that takes part in this node's value
+            about = weights[:, j] > 0
+            findings += _examine_angles(*here, harmonics, m, at, names) or _examine_rates_at_angles(
+                angles[about], travels[about], rates[about], scale_harmonics, m, at, names
             )
     return findings
 
@@ -277,16 +290,55 @@ def _examine_angles(
     return []
 
 
+def _examine_rates_at_angles(
+    angle: Array, travel: Array, rate: Array, scale_harmonics: int, m: int, at: str, names: str
+) -> list[Finding]:
+    """The arc that is passed at one rate only, where it is longer than so many harmonics of K allow:
+    D − KΩ is told there, and neither of the two."""
+    if not scale_harmonics:
+        return []
+    passed = _list_bins_passed(angle, travel, m)
+    least = np.full(ANGLE_BINS, np.inf)
+    most = np.full(ANGLE_BINS, -np.inf)
+    for bins in passed:
+        np.minimum.at(least, bins, rate)
+        np.maximum.at(most, bins, rate)
+    period, arc = np.pi / m, _find_longest_gap(most - least > TWO_RATES * np.ptp(rate), m)
+    if arc is None or arc[1] <= period / (2 * scale_harmonics + 1):
+        return []
+    start, length = arc
+    return [
+        Finding(
+            f"{at}the runs ({names}) pass {np.degrees(start):.0f}° to"
+            f" {np.degrees(start + length):.0f}° of the wave angle at one rate only, where K and D"
+            " cannot be told apart; turn the slow runs for longer, or give scale_factor_harmonics=0",
+            True,
+        )
+    ]
+
+
+def _list_bins_passed(angle: Array, travel: Array, m: int) -> list[Array]:
+    """Bins (n,) of the period π/m that increments pass: all of their travel, not only its middle."""
+    period = np.pi / m
+    return [
+        (np.mod(angle + part * travel, period) / period * ANGLE_BINS).astype(int) % ANGLE_BINS
+        for part in np.linspace(-0.5, 0.5, 5)
+    ]
+
+
 def _uncovered(angle: Array, travel: Array, m: int) -> tuple[float, float] | None:
     """(start, length) of the largest arc of the period π/m that no increment passes; None when all
     is passed."""
-    period = np.pi / m
     hit = np.zeros(ANGLE_BINS, bool)
-    # an increment passes all angles of its travel, not only its middle
-    for part in np.linspace(-0.5, 0.5, 5):
-        hit[
-            (np.mod(angle + part * travel, period) / period * ANGLE_BINS).astype(int) % ANGLE_BINS
-        ] = True
+    for bins in _list_bins_passed(angle, travel, m):
+        hit[bins] = True
+    return _find_longest_gap(hit, m)
+
+
+def _find_longest_gap(hit: Array, m: int) -> tuple[float, float] | None:
+    """(start, length) of the longest run of bins of the period π/m that are not hit; None where all
+    are."""
+    period = np.pi / m
     if hit.all():
         return None
     # twice round, so that an arc across the period's end is one

@@ -7,11 +7,12 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ...fitting.checks import Check, check_at_least, check_at_most, check_holds, list_failures
+from ...fitting.checks import Check, check_at_least, check_at_most, list_failures
 from ...fitting.envelopes import rows
 from ...fitting.envelopes.coordinates import DAMPING, SCALE_FACTOR
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...fitting.envelopes.likelihood import Fit
+from ..usual_scale_factor import check_scale_factor
 from .outcome import Verdict
 
 Array = np.ndarray
@@ -117,15 +118,7 @@ def check_bounds(verdict: Verdict) -> tuple[list[Check], list[Check]]:
                 )
             )
     if std.get("scale_factor", 0.0) > 0 and "scale_factor" in value:
-        factor, error = value["scale_factor"], std["scale_factor"]
-        doubting.append(
-            check_holds(
-                "scale_factor_is_plausible",
-                -SURE * error <= factor <= 1 + SURE * error,
-                f"scale_factor = {factor:.4g} ± {error:.1g} is none of a shell, ring or pendulum (0"
-                " to 1): check the sign and the unit of the rate log",
-            )
-        )
+        doubting.append(check_scale_factor(value["scale_factor"], std["scale_factor"]))
     return refusing, doubting
 
 
