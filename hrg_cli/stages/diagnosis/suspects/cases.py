@@ -79,7 +79,29 @@ class SuspectFound:
 
 
 def fit_or_none(waves: Sequence[Wave], fitted: Fitted, quick: bool = False) -> ExtendedFit | None:
-    """The base model's fit to waves; None where it finds none."""
+    """The base model's fit to waves; None where it finds none.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    fitted
+        The base model's fit to waves.
+    quick
+        Beside nothing that a drive's log may have missed.
+
+    Returns
+    -------
+    ExtendedFit or None
+        Of a finite χ².
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.cases import fit_or_none
+    >>> fit_or_none(draw_waves(), fit_waves).converged, fit_or_none([], fit_waves)
+    (True, None)
+    """
     with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
         fit = fitted(waves, quick=True) if quick else fitted(waves)
         if np.isfinite(fit.chi2):
@@ -88,5 +110,25 @@ def fit_or_none(waves: Sequence[Wave], fitted: Fitted, quick: bool = False) -> E
 
 
 def is_any_logged(waves: Sequence[Wave]) -> bool:
-    """Whether a drive is logged, so that a fit in full takes several to allow for its log."""
+    """Whether a drive is logged, so that a fit in full takes several to allow for its log.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    bool
+        Whether one holds the commands of its main force.
+
+    Examples
+    --------
+    Free runs are not driven:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.cases import is_any_logged
+    >>> is_any_logged(draw_waves())
+    False
+    """
     return any(wave.drive_main is not None for wave in waves)

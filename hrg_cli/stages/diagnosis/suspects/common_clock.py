@@ -47,7 +47,31 @@ def find_common_lateness(
     """One lateness of all rate logs that takes nearly all of the misfit; None where no rate changes
     within a run, or none does.
 
-    waves: as given, one a run; fitted: the base model's fit to waves; base: that of these.
+    Parameters
+    ----------
+    waves
+        As given, one a run.
+    fitted
+        The base model's fit to waves.
+    base
+        That of these waves.
+
+    Returns
+    -------
+    SuspectFound or None
+        The suspicion, told of all runs where more than one rate changes, and the fit with the logs set
+        right.
+
+    Examples
+    --------
+    A table swings, and its log comes 50 ms late:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_swing, draw_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.common_clock import find_common_lateness
+    >>> waves = draw_waves()[0], draw_swing(late_s=0.05)
+    >>> found = find_common_lateness(waves, fit_waves, fit_waves(waves))
+    >>> found.suspicions[0].what, found.suspicions[0].evidence[:37], found.chi2_per_dof < 1.5
+    ('rate log late', 'with the rate logs moved by -0.049441', True)
     """
     moving = [k for k, wave in enumerate(waves) if has_varying_rate(wave)]
     before = base.chi2 / base.dof

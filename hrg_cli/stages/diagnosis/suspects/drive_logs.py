@@ -16,7 +16,29 @@ LARGEST = 100.0
 
 
 def find_drive_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
-    """A drive log of another sign or size, or late."""
+    """A drive log of another sign or size, or late.
+
+    Parameters
+    ----------
+    wave
+        Of the run that is doubted.
+    others
+        The others' fit, whose coordinates are held.
+
+    Returns
+    -------
+    iterator of Reading
+        None of a run without a log of the drive.
+
+    Examples
+    --------
+    A free run logs no drive:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.drive_logs import find_drive_mistakes
+    >>> list(find_drive_mistakes(draw_waves()[1], draw_fit()))
+    []
+    """
     if wave.drive_main is None or wave.drive_quadrature is None:
         return
     yield Reading(

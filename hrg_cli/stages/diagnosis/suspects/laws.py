@@ -15,8 +15,30 @@ from ..thresholds import SIGNIFICANT
 def is_one_law(before: ExtendedFit, left: float, numbers: int, price: float) -> bool:
     """Whether one open term beside the runs as they are serves as well as mistakes of several runs.
 
-    before: the fit of the runs as they are; left: χ² per degree of freedom once the mistakes are
-    undone; numbers: free in them; price: Δ(χ² + k ln N), at the noise that is left, a number.
+    Parameters
+    ----------
+    before
+        The fit of the runs as they are.
+    left
+        χ² per degree of freedom once the mistakes are undone.
+    numbers
+        Free in the mistakes.
+    price
+        Δ(χ² + k ln N), at the noise that is left, of one number.
+
+    Returns
+    -------
+    bool
+        False where no open term stands out.
+
+    Examples
+    --------
+    Runs that agree follow no law:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.suspects.laws import is_one_law
+    >>> is_one_law(draw_fit(), left=1.0, numbers=1, price=20.0)
+    False
     """
     # what stands otherwise in every run is no law
     law = select_terms(before, STATED, 1, SIGNIFICANT, by_run=False)

@@ -22,8 +22,37 @@ SURE = 5.0
 
 
 def find_leaks(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> SuspectFound | None:
-    """Dampings that differ from run to run and nothing else: gas. The runs above the gap that one leak
-    leaves are named; of dampings that differ by and by all that stand off the least."""
+    """Dampings that differ from run to run and nothing else: gas.
+
+    The runs above the gap that one leak leaves are named; of dampings that differ by and by all that
+    stand off the least.
+
+    Parameters
+    ----------
+    waves
+        As given, one a run.
+    fitted
+        The base model's fit to waves.
+    base
+        That of these waves.
+
+    Returns
+    -------
+    SuspectFound or None
+        None of fewer than three runs, of driven ones, and where dampings leave a misfit.
+
+    Examples
+    --------
+    Gas adds 0.05 1/s to the first run's 0.5:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.leaks import find_leaks
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import undo_damping
+    >>> waves = undo_damping(draw_waves()[0], -0.05), *draw_waves()[1:]
+    >>> leak = find_leaks(waves, fit_waves, fit_waves(waves))
+    >>> [one.what for one in leak.suspicions], leak.suspicions[0].evidence[:27]
+    (['loss of pressure'], 'its damping is 0.54659 1/s,')
+    """
     if len(waves) < 3 or any(wave.mode != "free" for wave in waves):
         return None
     fit, undone = base, list(waves)

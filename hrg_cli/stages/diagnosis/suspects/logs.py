@@ -29,12 +29,57 @@ SETTLED = 1e-3
 
 
 def find_wrong_logs(waves: Sequence[Wave], fit: ExtendedFit) -> list[Suspicion]:
-    """Findings that need no misfit."""
+    """What the logs show on their own, without any misfit.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    fit
+        Of the model to them.
+
+    Returns
+    -------
+    list of Suspicion
+        Units and signs of the rate logs, and thermometers in K.
+
+    Examples
+    --------
+    Logs in °/s make the scale factor that of no resonator:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.logs import find_wrong_logs
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import scale_rate
+    >>> waves = [scale_rate(wave, 180 / np.pi) for wave in draw_waves()]
+    >>> [one.what for one in find_wrong_logs(waves, fit_waves(waves))]
+    ['rate log in °/s']
+    """
     return [*_rates(fit), *_temperatures(waves)]
 
 
 def has_usual_scale_factor(fit: ExtendedFit) -> bool:
-    """Whether K is what a resonator of that mode has, or unknown."""
+    """Whether K is what a resonator of that mode has, or unknown.
+
+    Parameters
+    ----------
+    fit
+        Of a model.
+
+    Returns
+    -------
+    bool
+        Within a factor of 2.5 of the usual one and 5 σ.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.logs import has_usual_scale_factor
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import scale_rate
+    >>> too_fast = fit_waves([scale_rate(wave, 57.3) for wave in draw_waves()])
+    >>> has_usual_scale_factor(draw_fit()), has_usual_scale_factor(too_fast)
+    (True, False)
+    """
     if fit.layout.coordinate(SCALE_FACTOR) is None:
         return True
     K, std, usual = (

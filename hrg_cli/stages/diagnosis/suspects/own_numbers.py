@@ -21,7 +21,28 @@ OWN = (COORDINATES.index(SCALE_FACTOR), COORDINATES.index(DAMPING))
 
 
 def find_largest_gain(fit: ExtendedFit) -> float:
-    """The largest fall of χ² that one such number of one run promises."""
+    """The largest fall of χ² that one such number of one run promises.
+
+    Parameters
+    ----------
+    fit
+        Of the runs as they are.
+
+    Returns
+    -------
+    float
+        Δχ²; 0 where no such number is seen.
+
+    Examples
+    --------
+    Beside a run that logs its rate with the wrong sign, and beside none:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_wrong_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.own_numbers import find_largest_gain
+    >>> fit = fit_waves(draw_wrong_waves())
+    >>> bool(find_largest_gain(fit) > 1e5), bool(find_largest_gain(draw_fit()) < 9)
+    (True, True)
+    """
     shared, _ = find_base_sensitivities(fit.flow)
     together = np.concatenate([shared[..., OWN], _predict_constant_rate(fit.flow)], axis=-1)
     columns = flatten_rows(fit.series, together)
@@ -35,7 +56,26 @@ def find_largest_gain(fit: ExtendedFit) -> float:
 
 
 def find_gain_of_lateness(fit: ExtendedFit) -> float:
-    """The fall of χ² that one lateness of all rate logs promises: Ω(t + τ) is Ω + τΩ̇."""
+    """The fall of χ² that one lateness of all rate logs promises: Ω(t + τ) is Ω + τΩ̇.
+
+    Parameters
+    ----------
+    fit
+        Of the runs as they are.
+
+    Returns
+    -------
+    float
+        Δχ²; 0 where no rate changes within a run.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_swing, draw_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.own_numbers import find_gain_of_lateness
+    >>> fit = fit_waves([draw_waves()[0], draw_swing(late_s=0.05), draw_waves()[2]])
+    >>> bool(find_gain_of_lateness(fit) > 0.9 * fit.chi2)
+    True
+    """
     series = fit.series
     slope = np.zeros(series.time_s.shape)
     for k, kept in enumerate(series.weight > 0):

@@ -65,9 +65,36 @@ def suspect_quiet_run(
     """The run that is not what it says: one mistake of it, undone, leaves the stated noise, in place of
     all causes, of one of them, or beside them.
 
-    base, final: the fits of these waves without and with the causes found; failed: whether the
-    closing checks have taken the word from these, so that every mistake is tried. Of causes that
-    pass, mistakes that promise as much are.
+    Parameters
+    ----------
+    waves
+        As given, one a run.
+    fitted
+        The base model's fit to waves.
+    base
+        That of these waves, without the causes found.
+    final
+        With them.
+    failed
+        Whether the closing checks have taken the word from these, so that every mistake is tried; of causes
+        that pass, mistakes that promise as much are.
+
+    Returns
+    -------
+    QuietMistake or None
+        None of runs that agree.
+
+    Examples
+    --------
+    A rate log 50 ms late, of which no cause tells:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_swing, draw_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.quiet import suspect_quiet_run
+    >>> waves = draw_waves()[0], draw_swing(late_s=0.05)
+    >>> fit = fit_waves(waves)
+    >>> mistake = suspect_quiet_run(waves, fit_waves, fit, fit, failed=True)
+    >>> mistake.suspicions[0].run_id, mistake.suspicions[0].what, mistake.surely
+    ('swing', 'rate log late', True)
     """
     if is_any_logged(waves) and not _worth_asking(base):
         return None

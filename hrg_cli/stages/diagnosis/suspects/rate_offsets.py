@@ -15,7 +15,32 @@ finer one χ² is a parabola."""
 
 
 def find_offset_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
-    """A constant beside the log; of a constant rate it is its scale that is wrong, which is the same."""
+    """A constant beside the log.
+
+    Of a constant rate it is its scale that is wrong, which is the same.
+
+    Parameters
+    ----------
+    wave
+        Of the run that is doubted.
+    others
+        The others' fit, whose coordinates are held.
+
+    Returns
+    -------
+    iterator of Reading
+        At most one; none of a constant rate.
+
+    Examples
+    --------
+    A sensor's bias of 0.1 rad/s:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_swing
+    >>> from hrg_cli.stages.diagnosis.suspects.rate_offsets import find_offset_mistakes
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import offset_rate
+    >>> [one.found[:24] for one in find_offset_mistakes(offset_rate(draw_swing(), 0.1), draw_fit())]
+    ['its rate log reads +0.09']
+    """
     if not has_varying_rate(wave):
         return
     # K ∫Ω dt is the turn of twice the pattern's angle in the envelopes' plane (physics, §1)

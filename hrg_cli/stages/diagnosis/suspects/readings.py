@@ -50,7 +50,33 @@ class Reading:
 
 def fit_held(waves: Sequence[Wave], others: ExtendedFit, free: Sequence[str] = ()) -> ExtendedFit:
     """Runs beside one another, their starts and frequencies fitted, the coordinates those of the
-    others but for the `free` ones."""
+    others but for the `free` ones.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+    others
+        The others' fit, whose coordinates are held.
+    free
+        Names of the coordinates that are fitted all the same.
+
+    Returns
+    -------
+    ExtendedFit
+        With the causes of the others.
+
+    Examples
+    --------
+    The third run beside the first two, which say of it all but its start and its frequency:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import fit_held
+    >>> others = fit_waves(draw_waves()[:2])
+    >>> held = fit_held(draw_waves()[2:], others)
+    >>> held.coordinate("damping") == others.coordinate("damping"), bool(held.chi2 / held.dof < 1.5)
+    (True, True)
+    """
     series, point, _ = prepare(waves, None, others.series.time_s.shape[1])
     std = np.zeros(COUNT)
     std[[COORDINATES.index(name) for name in free]] = np.inf
@@ -65,7 +91,32 @@ def fit_held(waves: Sequence[Wave], others: ExtendedFit, free: Sequence[str] = (
 
 def compute_misfits(waves: Sequence[Wave], others: ExtendedFit) -> Array:
     """χ² of every one of several ways a run may have been, each beside the others' coordinates;
-    infinite where no fit is found."""
+    infinite where no fit is found.
+
+    Parameters
+    ----------
+    waves
+        One for each of the ways.
+    others
+        The others' fit, whose coordinates are held.
+
+    Returns
+    -------
+    ndarray
+        χ² (k,) of each.
+
+    Examples
+    --------
+    The second run as it is, and as though its rate had been logged with the other sign:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import compute_misfits
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import scale_rate
+    >>> wave = draw_waves()[1]
+    >>> right, wrong = compute_misfits([wave, scale_rate(wave, -1.0)], draw_fit())
+    >>> bool(right < 300), bool(wrong > 1e6)
+    (True, True)
+    """
     with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
         fit = fit_held(waves, others)
         return np.bincount(fit.rows[:, 0], fit.residual**2, len(waves))
@@ -79,7 +130,30 @@ def _misfit_of_row(wave: Wave, others: ExtendedFit) -> float:
 
 def estimate_own(wave: Wave, others: ExtendedFit, coordinate: str) -> tuple[float, float] | None:
     """A coordinate as this run alone shows it beside the others' values, and its σ; None where the
-    fit finds no end."""
+    fit finds no end.
+
+    Parameters
+    ----------
+    wave
+        Of the run.
+    others
+        The others' fit, whose coordinates are held.
+    coordinate
+        Its name.
+
+    Returns
+    -------
+    tuple of float or None
+        In the unit of the coordinate.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import estimate_own
+    >>> value, std = estimate_own(draw_waves()[1], draw_fit(), "scale_factor")
+    >>> round(value, 3), round(std, 5)
+    (0.55, 0.00015)
+    """
     with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
         fit = fit_held([wave], others, [coordinate])
         return fit.coordinate(coordinate), fit.coordinate_std(coordinate)
@@ -87,7 +161,30 @@ def estimate_own(wave: Wave, others: ExtendedFit, coordinate: str) -> tuple[floa
 
 
 def find_channel_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
-    """Channels exchanged or inverted."""
+    """Channels exchanged or inverted.
+
+    Parameters
+    ----------
+    wave
+        Of the run that is doubted.
+    others
+        The others' fit, whose coordinates are held.
+
+    Returns
+    -------
+    iterator of Reading
+        Three, without a free number.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import compute_misfits, find_channel_mistakes
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import swap_channels
+    >>> swapped = swap_channels(draw_waves()[1])
+    >>> made = find_channel_mistakes(swapped, draw_fit())
+    >>> min(made, key=lambda one: compute_misfits(one.pieces, draw_fit())[0]).what
+    'channels swapped'
+    """
 
     def likelier(mirrored: Wave) -> Wave:
         # a recorder that exchanges channels leaves the loops' log as it was; cables that do so
@@ -121,7 +218,28 @@ def find_channel_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
 
 
 def find_amplifier_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
-    """One channel read with another gain, or later, than in the other runs."""
+    """One channel read with another gain, or later, than in the other runs.
+
+    Parameters
+    ----------
+    wave
+        Of the run that is doubted.
+    others
+        The others' fit, whose coordinates are held.
+
+    Returns
+    -------
+    iterator of Reading
+        At most two, of one number each.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import find_amplifier_mistakes
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import scale_channel
+    >>> next(find_amplifier_mistakes(scale_channel(draw_waves()[1], 2.0), draw_fit())).found[:43]
+    'its C is read 2 times as large beside S as '
+    """
 
     def scale(logarithm: float) -> Wave:
         return change.scale_channel(wave, np.exp(-logarithm))
@@ -154,7 +272,31 @@ def find_amplifier_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading
 
 
 def find_time_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
-    """A sampling rate that is not the recording's."""
+    """A sampling rate that is not the recording's.
+
+    Parameters
+    ----------
+    wave
+        Of the run that is doubted.
+    others
+        The others' fit, whose coordinates are held.
+
+    Returns
+    -------
+    iterator of Reading
+        At most one, where the run oscillates beside the others.
+
+    Examples
+    --------
+    A run imported with times too long by 1 %:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import find_time_mistakes
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import scale_times
+    >>> slow = scale_times(draw_waves()[1], 1.01)
+    >>> [one.found[:39] for one in find_time_mistakes(slow, draw_fit())]
+    ['with all its times multiplied by 0.9900']
+    """
     hz = float(np.median(others.frequency_hz))
     own = wave.reference_frequency_hz + float(np.median(_turning_hz(wave)))
     factor = own / hz
@@ -179,7 +321,30 @@ def _turning_hz(wave: Wave) -> Array:
 
 
 def find_rate_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
-    """A rate log of another sign, unit or size, late, or none."""
+    """A rate log of another sign, unit or size, late, or none.
+
+    Parameters
+    ----------
+    wave
+        Of the run that is doubted.
+    others
+        The others' fit, whose coordinates are held.
+
+    Returns
+    -------
+    iterator of Reading
+        None of a gyro that feels no rate.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_wrong_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import find_rate_mistakes
+    >>> for one in find_rate_mistakes(draw_wrong_waves()[2], draw_fit()):
+    ...     print(one.what)
+    rate log of wrong sign
+    rate log in °/s
+    rate log of wrong scale
+    """
     common = others.coordinate(SCALE_FACTOR)
     if not abs(common) > 0:  # a gyro that feels no rate says nothing of a log
         return
@@ -265,7 +430,30 @@ def _of_the_rates_clock(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
 
 
 def find_late_log_mistakes(log: str, undone: Wave, late_s: float) -> Reading:
-    """A log on a clock beside that of the samples; `undone`: the run with it in time."""
+    """A log on a clock beside that of the samples.
+
+    Parameters
+    ----------
+    log
+        What it is called.
+    undone
+        The run with its log in time.
+    late_s
+        By which the log comes too late [s]; negative: too early.
+
+    Returns
+    -------
+    Reading
+        Of one number.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_swing
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import find_late_log_mistakes
+    >>> one = find_late_log_mistakes("rate log", draw_swing(), -0.05)
+    >>> one.what, one.found
+    ('rate log early', 'with its rate log moved by +0.05 s')
+    """
     early = "late" if late_s > 0 else "early"
     return Reading(
         f"{log} {early}",
@@ -285,13 +473,51 @@ def _round_factor(factor: float) -> str:
 
 
 def average_rate(wave: Wave) -> float:
-    """Mean logged rate; 0 where none is logged."""
+    """Mean logged rate; 0 where none is logged.
+
+    Parameters
+    ----------
+    wave
+        Of the run.
+
+    Returns
+    -------
+    float
+        [rad/s].
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import average_rate
+    >>> [round(average_rate(wave), 6) for wave in draw_waves()]
+    [0.0, 1.0, -1.0]
+    """
     rates = None if wave.rate_rad_s is None else np.asarray(wave.rate_rad_s, float)
     return 0.0 if rates is None or not np.isfinite(rates).any() else float(np.nanmean(rates))
 
 
 def compute_shown_rate(wave: Wave, scale_factor: float) -> float:
-    """Mean rate that the wave angle shows, −m·θ̇/K, from which the fit starts."""
+    """Mean rate that the wave angle shows, −m·θ̇/K, from which the fit starts.
+
+    Parameters
+    ----------
+    wave
+        Of the run.
+    scale_factor
+        K.
+
+    Returns
+    -------
+    float
+        [rad/s].
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import compute_shown_rate
+    >>> [round(compute_shown_rate(wave, 0.55), 2) for wave in draw_waves()[1:]]
+    [1.0, -1.0]
+    """
     good = wave.good()
     t, angle = np.asarray(wave.time_s, float)[good], np.asarray(wave.wave_angle_rad, float)[good]
     slope = float(np.polyfit(t, angle, 1)[0])
@@ -299,14 +525,50 @@ def compute_shown_rate(wave: Wave, scale_factor: float) -> float:
 
 
 def is_turning(wave: Wave) -> bool:
-    """Whether any rate but zero is logged."""
+    """Whether any rate but zero is logged.
+
+    Parameters
+    ----------
+    wave
+        Of the run.
+
+    Returns
+    -------
+    bool
+        False of a run that logs none.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import is_turning
+    >>> [is_turning(wave) for wave in draw_waves()]
+    [False, True, True]
+    """
     return wave.rate_rad_s is not None and bool(
         np.nanmax(np.abs(np.where(np.isfinite(wave.rate_rad_s), wave.rate_rad_s, 0.0))) > 0
     )
 
 
 def has_varying_rate(wave: Wave) -> bool:
-    """Whether a rate is logged that is not one constant."""
+    """Whether a rate is logged that is not one constant.
+
+    Parameters
+    ----------
+    wave
+        Of the run.
+
+    Returns
+    -------
+    bool
+        By more than 2 % of the largest.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_swing, draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import has_varying_rate
+    >>> has_varying_rate(draw_waves()[1]), has_varying_rate(draw_swing())
+    (False, True)
+    """
     if not is_turning(wave):
         return False
     rate = np.asarray(wave.rate_rad_s, float)
@@ -325,7 +587,35 @@ def _lateness(wave: Wave, others: ExtendedFit) -> float | None:
 def find_least_misfit(
     made: Callable[[float], Wave], others: ExtendedFit, reach: float, finest: float
 ) -> float | None:
-    """The number within ± `reach` with which a wave made by it misfits least."""
+    """The number within ± `reach` with which a wave made by it misfits least.
+
+    Parameters
+    ----------
+    made
+        The wave of a number.
+    others
+        The others' fit, whose coordinates are held.
+    reach
+        Farthest number tried.
+    finest
+        Spacing of the trials at which the parabola is laid.
+
+    Returns
+    -------
+    float or None
+        None where no fit is found.
+
+    Examples
+    --------
+    A rate logged as half of what it was, and what is to be added to a factor of 1:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import find_least_misfit
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import scale_rate
+    >>> half = scale_rate(draw_waves()[1], 0.5)
+    >>> round(find_least_misfit(lambda x: scale_rate(half, 1 + x), draw_fit(), 2.0, 0.01), 2)
+    1.0
+    """
     return search_least(
         lambda trials: compute_misfits([made(float(x)) for x in trials], others), reach, finest
     )
@@ -334,8 +624,30 @@ def find_least_misfit(
 def search_least(
     compute_each: Callable[[Array], Array], reach: float, finest: float
 ) -> float | None:
-    """The number within ± `reach` of the least of a function of many numbers at once: trials side by
-    side, finer and finer, then a parabola; None where it is infinite."""
+    """The number within ± `reach` of the least of a function of many numbers at once.
+
+    Trials side by side, finer and finer, then a parabola.
+
+    Parameters
+    ----------
+    compute_each
+        Of numbers (k,), its values (k,).
+    reach
+        Farthest number tried.
+    finest
+        Spacing of the trials at which the parabola is laid.
+
+    Returns
+    -------
+    float or None
+        None where the least value found is infinite.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import search_least
+    >>> round(search_least(lambda x: (x - 0.3) ** 2, reach=1.0, finest=0.01), 6)
+    0.3
+    """
     best = 0.0
     while True:
         trials = best + reach * np.linspace(-1, 1, TRIALS)
@@ -355,12 +667,56 @@ def search_least(
 
 def fit_own_damping(wave: Wave, others: ExtendedFit) -> tuple[float, float] | None:
     """The damping rate that this run alone shows beside the others' splits and scale factor, and
-    its σ."""
+    its σ.
+
+    Parameters
+    ----------
+    wave
+        Of the run.
+    others
+        The others' fit, whose coordinates are held.
+
+    Returns
+    -------
+    tuple of float or None
+        ν and its σ [1/s].
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import fit_own_damping
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import undo_damping
+    >>> damping, std = fit_own_damping(undo_damping(draw_waves()[1], -0.1), draw_fit())
+    >>> round(damping, 2), bool(std < 1e-3)
+    (0.6, True)
+    """
     return estimate_own(wave, others, DAMPING)
 
 
 def find_damping_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
-    """Another damping and nothing else: the vacuum."""
+    """Another damping and nothing else: the vacuum.
+
+    Parameters
+    ----------
+    wave
+        Of the run that is doubted.
+    others
+        The others' fit, whose coordinates are held.
+
+    Returns
+    -------
+    iterator of Reading
+        At most one.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import find_damping_mistakes
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import undo_damping
+    >>> leaking = undo_damping(draw_waves()[1], -0.1)
+    >>> [(one.what, one.found[:20]) for one in find_damping_mistakes(leaking, draw_fit())]
+    [('loss of pressure', 'its damping is 0.599')]
+    """
     seen = fit_own_damping(wave, others)
     common = others.coordinate(DAMPING)
     if seen is None or not np.isfinite(seen[0]):
@@ -380,7 +736,30 @@ def find_damping_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
 
 
 def find_knock_mistakes(wave: Wave) -> Iterator[Reading]:
-    """Momentum at an instant, or several."""
+    """Momentum at an instant, or several.
+
+    Parameters
+    ----------
+    wave
+        Of the run that is doubted.
+
+    Returns
+    -------
+    iterator of Reading
+        At most one, its pieces the run between the knocks.
+
+    Examples
+    --------
+    A wave that a knock turns by 0.1 rad behind its 25th window:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import find_knock_mistakes
+    >>> wave = draw_waves()[1]
+    >>> knocked = wave.replace(wave_angle_rad=wave.wave_angle_rad + 0.1 * (np.arange(50) > 24))
+    >>> [(one.what, [len(piece) for piece in one.pieces]) for one in find_knock_mistakes(knocked)]
+    [('knock', [25, 25])]
+    """
     found = [jump for jump in find_jumps(wave) if jump.knock]
     if not found:
         return

@@ -35,13 +35,60 @@ TRIED = 3
 
 def fit_catalogue(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> float:
     """Least χ² per degree of freedom that a few causes reach with a scale factor that a resonator
-    has; it ends where that is `enough`."""
+    has.
+
+    Parameters
+    ----------
+    base
+        The fit without causes.
+    candidates
+        Causes of the catalogue beside `base`, as they may stand.
+    enough
+        χ² per degree of freedom at which it ends.
+
+    Returns
+    -------
+    float
+        That of the base model where no cause leaves less.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case, draw_fit
+    >>> from hrg_cli.stages.diagnosis.suspects.rivals import fit_catalogue
+    >>> candidates = draw_case().inquiry.candidates
+    >>> round(fit_catalogue(draw_fit(), candidates, enough=1.0), 2)
+    0.96
+    """
     return _find_misfit(fit_nearest(base, candidates, enough))
 
 
 def fit_nearest(base: ExtendedFit, candidates: Sequence[Variant], enough: float) -> ExtendedFit:
     """The fit that leaves least of those with a few causes, each chosen in few steps, with a scale
-    factor that a resonator has; it ends where χ² per degree of freedom is `enough`."""
+    factor that a resonator has.
+
+    Parameters
+    ----------
+    base
+        The fit without causes.
+    candidates
+        Causes of the catalogue beside `base`, as they may stand.
+    enough
+        χ² per degree of freedom at which it ends.
+
+    Returns
+    -------
+    ExtendedFit
+        The base model's where no cause leaves less.
+
+    Examples
+    --------
+    Of a sound gyro no cause promises enough to be tried:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case, draw_fit
+    >>> from hrg_cli.stages.diagnosis.suspects.rivals import fit_nearest
+    >>> fit_nearest(draw_fit(), draw_case().inquiry.candidates, enough=1.0).point.active
+    ()
+    """
     fit = best = base
     for taken in itertools.count():
         worthwhile = WORTHWHILE if taken < MOST else NEARLY_ALL
@@ -72,7 +119,31 @@ def fit_warming(
     base: ExtendedFit,
 ) -> Fitted | None:
     """The fit with frequency and damping that follow the temperature; None where that does not
-    lower χ² of the runs much."""
+    lower χ² of the runs much.
+
+    Parameters
+    ----------
+    fitted
+        The base model's fit to waves.
+    candidates
+        Causes of the catalogue beside `base`, as they may stand.
+    base
+        The fit of these runs.
+
+    Returns
+    -------
+    callable or None
+        As `fitted`, with these causes too.
+
+    Examples
+    --------
+    A gain mismatch follows no temperature:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case, draw_fit, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.rivals import fit_warming
+    >>> fit_warming(fit_waves, draw_case().inquiry.candidates, draw_fit()) is None
+    True
+    """
     thermal = [variant for variant in candidates if variant.effect.scales]
     if not thermal or not base.series.has_temperature:
         return None
@@ -85,7 +156,29 @@ def fit_warming(
 
 
 def add_causes_to_fit(fitted: Fitted, causes: Sequence[Cause]) -> Fitted:
-    """The base model's fit followed by that with these causes too."""
+    """The base model's fit followed by that with these causes too.
+
+    Parameters
+    ----------
+    fitted
+        The base model's fit to waves.
+    causes
+        With the values that they are fitted from.
+
+    Returns
+    -------
+    callable
+        As `fitted`.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case, draw_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.rivals import add_causes_to_fit
+    >>> (one,) = draw_case().inquiry.candidates
+    >>> fit = add_causes_to_fit(fit_waves, [(one.effect, one.values)])(draw_waves())
+    >>> bool(abs(fit.values("gain_mismatch")["gain"]) < 3 * fit.parameter_std("gain_mismatch", "gain"))
+    True
+    """
 
     def fit(waves: Sequence[Wave], *, quick: bool = False) -> ExtendedFit:
         return _with_causes(fitted(waves, quick=quick), causes)

@@ -48,8 +48,33 @@ def suspect_runs(
 ) -> list[Suspicion]:
     """The runs that are not what they say they are, none where physics explains the runs as well.
 
-    waves: as given, one a run; fitted: the base model's fit to waves; base: that of these;
-    candidates: the catalogue beside `base`.
+    Parameters
+    ----------
+    waves
+        As given, one a run.
+    fitted
+        The base model's fit to waves.
+    base
+        That of these waves.
+    candidates
+        Causes of the catalogue beside `base`, as they may stand.
+
+    Returns
+    -------
+    list of Suspicion
+        What the logs show on their own first.
+
+    Examples
+    --------
+    Every run's rate is logged in °/s:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.search import suspect_runs
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import scale_rate
+    >>> waves = [scale_rate(wave, 180 / np.pi) for wave in draw_waves()]
+    >>> [(one.run_id, one.what) for one in suspect_runs(waves, fit_waves, fit_waves(waves))]
+    [('all runs', 'rate log in °/s')]
     """
     if strange := _find_strange_frequencies(base):
         alone = _strange_runs(waves, fitted, base, strange)
@@ -159,8 +184,31 @@ def _wrong_runs(
 
 
 def choose_case(cases: Sequence[SuspectCase]) -> tuple[SuspectCase, tuple[SuspectCase, ...]]:
-    """The reading that explains most for what it costs, and those that explain as much: of as many
-    numbers first the one with the temperature nearest to the other runs'."""
+    """The reading that explains most for what it costs, and those that explain as much.
+
+    Of as many numbers first the one with the temperature nearest to the other runs'.
+
+    Parameters
+    ----------
+    cases
+        Mistakes of runs, each with its fit.
+
+    Returns
+    -------
+    tuple
+        The first, and those beside it.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves, draw_wrong_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import find_rate_mistakes
+    >>> from hrg_cli.stages.diagnosis.suspects.search import choose_case, find_cases, leave_out
+    >>> waves, others = draw_wrong_waves(), fit_waves(draw_waves()[:2])
+    >>> made = leave_out(waves, 2), waves[2], 2, others, fit_waves, find_rate_mistakes
+    >>> first, beside = choose_case(find_cases(*made))
+    >>> first.reading.what, [case.reading.what for case in beside]
+    ('rate log of wrong sign', ['rate log of wrong scale'])
+    """
     noise = max(1.0, min(case.chi2 / case.dof for case in cases))
     ranked = sorted(
         cases, key=lambda case: case.compute_price(noise) + PRICE * case.reading.parameters
@@ -214,7 +262,38 @@ def find_cases(
     fitted: Fitted,
     makers: Maker,
 ) -> list[SuspectCase]:
-    """Every mistake of one run beside the pieces of the others; last that it is none of theirs."""
+    """Every mistake of one run beside the pieces of the others; last that it is none of theirs.
+
+    Parameters
+    ----------
+    pieces
+        Of every run, none of the doubted one.
+    wave
+        Of the run that is doubted.
+    run
+        Its number.
+    others
+        The fit to the others' pieces.
+    fitted
+        The base model's fit to waves.
+    makers
+        The mistakes that are tried.
+
+    Returns
+    -------
+    list of SuspectCase
+        Each with the fit that it leaves.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves, draw_wrong_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import find_rate_mistakes
+    >>> from hrg_cli.stages.diagnosis.suspects.search import find_cases, leave_out
+    >>> waves, others = draw_wrong_waves(), fit_waves(draw_waves()[:2])
+    >>> made = leave_out(waves, 2), waves[2], 2, others, fit_waves, find_rate_mistakes
+    >>> [(case.reading.what, bool(case.chi2 / case.dof < 1.5)) for case in find_cases(*made)][::3]
+    [('rate log of wrong sign', True), ('another gyro', True)]
+    """
     alone = len(_flat(pieces)) == 0
     made = find_knock_mistakes(wave) if alone else makers(wave, others)
     out = _read(pieces, run, list(made), fitted)
@@ -263,7 +342,37 @@ def fit_without_each(
     waves: Sequence[Wave], left_out: Sequence[int], fitted: Fitted, level: ExtendedFit
 ) -> list[tuple[int, ExtendedFit]]:
     """The fits without each of the runs beside those left out already, that which leaves the others
-    agreeing best first; of driven runs those alone that come first when fitted quickly."""
+    agreeing best first.
+
+    Of driven runs those alone that come first when fitted quickly.
+
+    Parameters
+    ----------
+    waves
+        As given, one a run.
+    left_out
+        Numbers of the runs that are out already.
+    fitted
+        The base model's fit to waves.
+    level
+        The fit to those that are in.
+
+    Returns
+    -------
+    list of tuple
+        The number of the run left out, and the fit to the others.
+
+    Examples
+    --------
+    Without either of the runs that turn the others agree:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_wrong_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.search import fit_without_each
+    >>> waves = draw_wrong_waves()
+    >>> without = fit_without_each(waves, [], fit_waves, fit_waves(waves))
+    >>> [(run, bool(fit.chi2 / fit.dof < 1.5)) for run, fit in without]
+    [(1, True), (2, True), (0, False)]
+    """
     there = [k for k in range(len(waves)) if k not in left_out]
     missed = dict(zip(there, _misfits(level), strict=True))
 
@@ -279,7 +388,27 @@ def fit_without_each(
 
 
 def leave_out(waves: Sequence[Wave], run: int) -> list[tuple[Wave, ...]]:
-    """The pieces of all runs but one, which has none."""
+    """The pieces of all runs but one, which has none.
+
+    Parameters
+    ----------
+    waves
+        As given, one a run.
+    run
+        The number of the one.
+
+    Returns
+    -------
+    list of tuple of Wave
+        One of each run.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.search import leave_out
+    >>> [len(pieces) for pieces in leave_out(draw_waves(), 1)]
+    [1, 0, 1]
+    """
     return [() if k == run else (wave,) for k, wave in enumerate(waves)]
 
 
@@ -306,7 +435,35 @@ def _figures(fit: ExtendedFit) -> str:
 def describe_case(
     waves: Sequence[Wave], case: SuspectCase, beside: Sequence[SuspectCase], before: float
 ) -> Suspicion:
-    """The case in words; runs and mistakes that explain as much are named."""
+    """The case in words, with the runs and mistakes that explain as much.
+
+    Parameters
+    ----------
+    waves
+        As given, one a run.
+    case
+        The mistake chosen.
+    beside
+        Those that explain as much.
+    before
+        χ² per degree of freedom of the runs as they are.
+
+    Returns
+    -------
+    Suspicion
+        Of the run.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves, draw_wrong_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import find_rate_mistakes
+    >>> from hrg_cli.stages.diagnosis.suspects.search import describe_case, find_cases, leave_out
+    >>> waves, others = draw_wrong_waves(), fit_waves(draw_waves()[:2])
+    >>> made = leave_out(waves, 2), waves[2], 2, others, fit_waves, find_rate_mistakes
+    >>> described = describe_case(waves, find_cases(*made)[0], (), before=28288.0)
+    >>> described.run_id, described.evidence[-53:]
+    ('third', 'χ² per degree of freedom falls from 2.83e+04 to 0.955')
+    """
     evidence = (
         f"{case.reading.found} χ² per degree of freedom falls from {before:.3g} to"
         f" {case.chi2 / case.dof:.3g}"

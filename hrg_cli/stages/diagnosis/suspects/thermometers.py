@@ -26,7 +26,32 @@ LONGEST_LAG = 0.5
 
 def find_thermometer_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """A thermometer in another unit, stuck, missing or elsewhere; only where frequency or damping
-    follow the temperature."""
+    follow the temperature.
+
+    Parameters
+    ----------
+    wave
+        Of the run that is doubted.
+    others
+        The others' fit, whose coordinates are held.
+
+    Returns
+    -------
+    iterator of Reading
+        Each made when it is asked for.
+
+    Examples
+    --------
+    A temperature logged in K among those in °C, as warm once it is read so:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.thermometers import find_thermometer_mistakes
+    >>> wave = draw_waves()[1]
+    >>> kelvin = wave.replace(temperature_degc=wave.temperature_degc + 273.15)
+    >>> one = next(find_thermometer_mistakes(kelvin, draw_fit()))
+    >>> one.what, round(one.degc_apart, 6)
+    ('thermometer in K', 0.0)
+    """
     if _logs_temperature(wave):
         level = float(np.nanmean(np.asarray(wave.temperature_degc, float)))
         for name, turned in (("K", change.from_kelvin(wave)), ("°F", change.from_fahrenheit(wave))):

@@ -96,6 +96,29 @@ def scale_channel(wave: Wave, ratio: complex) -> Wave:
     """C over S multiplied by a ratio: its size the gains', its argument what C leads S by.
 
     Each channel takes half of it, since which of them is wrong nobody sees.
+
+    Parameters
+    ----------
+    wave
+        Of a run.
+    ratio
+        By which C over S is multiplied.
+
+    Returns
+    -------
+    Wave
+        With its envelopes and the noise of its channels scaled.
+
+    Examples
+    --------
+    A gain of C of 2 beside that of S turns a wave at 45° to arctan 1/2 of the envelopes' plane:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import scale_channel
+    >>> wave = draw_waves()[0].replace(wave_angle_rad=np.full(50, np.pi / 8))
+    >>> float(np.tan(2 * scale_channel(wave, 2.0).wave_angle_rad[0]).round(2))
+    0.5
     """
     half = np.sqrt(complex(ratio))
     scaled = replace_envelopes(wave, compute_envelopes(wave) * [half, 1 / half])

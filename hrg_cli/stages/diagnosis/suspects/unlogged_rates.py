@@ -26,6 +26,32 @@ def find_unlogged_rates(
     where a run logs one, or where they do not.
 
     Of K and of rates that nobody knows the runs show the products: K is that of the mode's shape.
+
+    Parameters
+    ----------
+    waves
+        As given, one a run.
+    fitted
+        The base model's fit to waves.
+    base
+        That of these waves.
+
+    Returns
+    -------
+    SuspectFound or None
+        The suspicion of all runs, and the fit with these rates.
+
+    Examples
+    --------
+    Runs at rest (0.0002 rad/s is noise) and at ±1 rad/s, of which no log tells:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.unlogged_rates import find_unlogged_rates
+    >>> from hrg_cli.stages.diagnosis.suspects.transformations import hold_rate
+    >>> waves = [hold_rate(wave, 0.0) for wave in draw_waves()]
+    >>> found = find_unlogged_rates(waves, fit_waves, fit_waves(waves))
+    >>> found.suspicions[0].evidence[36:68]
+    '0.0002291, 0.9999, -0.9995 rad/s'
     """
     if len(waves) < 2 or any(is_turning(wave) for wave in waves):
         return None
