@@ -89,7 +89,7 @@ HELD = (
     *modules_of("stages.diagnosis.extended"),
     *modules_of("stages.diagnosis.report"),
     *modules_of("stages.diagnosis.suspects"),
-    "stages.diagnosis.fits.whole_samples",
+    *modules_of("stages.diagnosis.fits"),
     "fitting.checks",
     "fitting.least_squares",
     "fitting.parabola",

@@ -26,8 +26,36 @@ FLAT = 0.5
 
 
 def settle_instants(fit: ExtendedFit, names: Collection[str]) -> ExtendedFit:
-    """The fit with every instant that is held moved within its row to where χ² is least; names: of the
-    effects asked."""
+    """The fit with every instant that is held moved within its row to where χ² is least.
+
+    Parameters
+    ----------
+    fit
+        With causes that strike at an instant that is held.
+    names
+        Of the effects asked.
+
+    Returns
+    -------
+    ExtendedFit
+        The same where no effect is asked, or none strikes.
+
+    Examples
+    --------
+    A knock at 0.5 s, moved from where its row begins:
+
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_knocked_fit
+    >>> from hrg_cli.stages.diagnosis.fits.instants import settle_instants
+    >>> from hrg_cli.stages.diagnosis.fits.refits import adopt
+    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
+    >>> from hrg_cli.stages.diagnosis.fits.variants import list_variants
+    >>> start = draw_knocked_fit()
+    >>> ((score, variant),) = score_effects(start, list_variants([find("momentum_kick")], start))
+    >>> knock = settle_instants(adopt(start, score, variant), ["momentum_kick"])
+    >>> round(knock.values("momentum_kick")["time_s"], 2)
+    0.5
+    """
     for effect, _ in fit.point.active:
         free = {p.name for p in effect.fitted()}
         if effect.strikes and INSTANT not in free and effect.name in names:

@@ -129,8 +129,31 @@ class OpenShape:
 def list_covariates(
     series: MeasuredRuns, u: Array, cycles: Sequence[float] = ()
 ) -> Iterator[Covariate]:
-    """The functions looked through; scales come from the motion u (R, n, 2) of the runs; `cycles`:
-    of tones in the longest run."""
+    """The functions looked through.
+
+    Parameters
+    ----------
+    series
+        Of the runs.
+    u
+        Their motion (R, n, 2), from which the scales come.
+    cycles
+        Of tones in the longest run.
+
+    Returns
+    -------
+    iterator of Covariate
+        The constant first.
+
+    Examples
+    --------
+    >>> from itertools import islice
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.fits.open_terms import list_covariates
+    >>> fit = draw_fit()
+    >>> [one.formula for one in islice(list_covariates(fit.series, fit.prediction.motion), 6)]
+    ['1', 'run by run', '√(t/T)', 't/T', '(t/T)²', 'a/a₀']
+    """
     good = series.weight > 0
     a0 = float(np.sqrt((_amplitude(u)[good] ** 2).mean()))
     yield Covariate("none", "1", lambda u, s: np.ones((1, *u.shape[:-1])))
@@ -163,7 +186,25 @@ def _of_runs(series: MeasuredRuns) -> Iterator[Covariate]:
 
 
 def goes_by_run(series: MeasuredRuns) -> bool:
-    """Whether what differs from run to run is asked of these runs."""
+    """Whether what differs from run to run is asked of these runs.
+
+    Parameters
+    ----------
+    series
+        Of the runs.
+
+    Returns
+    -------
+    bool
+        Of two to eight free runs.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.fits.open_terms import goes_by_run
+    >>> goes_by_run(draw_fit().series)
+    True
+    """
     return 2 <= len(series.names) <= MOST_RUNS and not np.any(series.forced > 0)
 
 
@@ -318,7 +359,29 @@ def _span(series: MeasuredRuns) -> float:
 
 
 def make_step(series: MeasuredRuns, share: float) -> Covariate:
-    """0 before and 1 after an instant, the same in every run; within a row its share of it."""
+    """0 before and 1 after an instant, the same in every run; within a row its share of it.
+
+    Parameters
+    ----------
+    series
+        Of the runs.
+    share
+        Instant over the longest run.
+
+    Returns
+    -------
+    Covariate
+        One part, and the instant free to be refined.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.fits.open_terms import make_step
+    >>> fit = draw_fit()
+    >>> step = make_step(fit.series, 0.5)
+    >>> step.formula, step.function(fit.prediction.motion, fit.series)[0, 0, ::16].tolist()
+    ('step at t = 0.49488 s', [0.0, 0.0, 1.0, 1.0])
+    """
     instant = share * _span(series)
     width = max(float(np.median(series.step_s[series.step_s > 0])), 1e-12)
     return Covariate(
@@ -330,7 +393,28 @@ def make_step(series: MeasuredRuns, share: float) -> Covariate:
 
 
 def make_decay(series: MeasuredRuns, log_share: float) -> Covariate:
-    """e^{−t/τ}, τ = e^log_share of the longest run: what settles after every run's start."""
+    """e^{−t/τ}, τ = e^log_share of the longest run: what settles after every run's start.
+
+    Parameters
+    ----------
+    series
+        Of the runs.
+    log_share
+        ln(τ/T), T the longest run.
+
+    Returns
+    -------
+    Covariate
+        One part, and ln(τ/T) free to be refined.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.fits.open_terms import make_decay
+    >>> make_decay(draw_fit().series, -np.log(2)).formula
+    'e^(−t/0.4949 s)'
+    """
     tau = float(np.exp(log_share)) * _span(series)
     return Covariate(
         "time",
@@ -341,7 +425,28 @@ def make_decay(series: MeasuredRuns, log_share: float) -> Covariate:
 
 
 def make_tone(series: MeasuredRuns, cycles: float) -> Covariate:
-    """Cosine and sine of so many cycles over the longest run."""
+    """Cosine and sine of so many cycles over the longest run.
+
+    Parameters
+    ----------
+    series
+        Of the runs.
+    cycles
+        Over the longest run.
+
+    Returns
+    -------
+    Covariate
+        Two parts, cosine and sine.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.fits.open_terms import make_tone
+    >>> tone = make_tone(draw_fit().series, 3.0)
+    >>> tone.formula, tone.parts
+    ('tone of 3.0311 Hz', 2)
+    """
     span = _span(series)
     omega = 2 * np.pi * cycles / span
     return Covariate(
@@ -354,7 +459,31 @@ def make_tone(series: MeasuredRuns, cycles: float) -> Covariate:
 
 
 def make_open_effect(place: Place, covariate: Covariate, name: str) -> Effect:
-    """An open term as an effect of its own, so that the model can be fitted with it."""
+    """An open term as an effect of its own, so that the model can be fitted with it.
+
+    Parameters
+    ----------
+    place
+        Where it acts.
+    covariate
+        What it follows.
+    name
+        Of the effect.
+
+    Returns
+    -------
+    Effect
+        Of the family "open", with a coefficient c0, c1, … of each part.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.fits.open_terms import PLACES, make_open_effect, make_tone
+    >>> damping = PLACES[0]
+    >>> effect = make_open_effect(damping, make_tone(draw_fit().series, 3.0), "open_1")
+    >>> [(one.name, one.units) for one in effect.parameters]
+    [('c0', 's-1'), ('c1', 's-1')]
+    """
     count = covariate.parts * len(place.columns(np.ones((1, 2), complex)))
     names = [f"c{k}" for k in range(count)]
 

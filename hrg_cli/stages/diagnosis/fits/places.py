@@ -46,7 +46,33 @@ class Place:
 
 def place_cause(variant: Variant, fit: ExtendedFit) -> list[Variant]:
     """A cause that may strike anywhere, at the place that stands out of a fit's residual, at some
-    phases of the oscillation; none where no place does."""
+    phases of the oscillation; none where no place does.
+
+    Parameters
+    ----------
+    variant
+        Of the cause that strikes, its instant still to be found.
+    fit
+        Beside which it is looked for.
+
+    Returns
+    -------
+    list of Variant
+        The cause at the place, one of each phase.
+
+    Examples
+    --------
+    The second run was knocked at 0.5 s:
+
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_knocked_fit
+    >>> from hrg_cli.stages.diagnosis.fits.places import place_cause
+    >>> from hrg_cli.stages.diagnosis.fits.variants import list_variants
+    >>> *_, anywhere = list_variants([find("momentum_kick")], draw_knocked_fit())
+    >>> placed = place_cause(anywhere, draw_knocked_fit())
+    >>> [(one.values["run"], round(one.values["time_s"], 4)) for one in placed[:2]]
+    [(1.0, 0.4998), (1.0, 0.5)]
+    """
     series, effect = fit.series, variant.effect
     place: Place | None = fit.recall(("place", effect.name), lambda: _place(variant, fit))
     if place is None:
@@ -70,7 +96,30 @@ def place_cause(variant: Variant, fit: ExtendedFit) -> list[Variant]:
 
 def find_another_start(fit: ExtendedFit, slow: float) -> Place | None:
     """Where a run moves on as from another start with the least chance; None where all have too few
-    rows. slow: variance of the noise over the stated one."""
+    rows.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    slow
+        Variance of the noise over the stated one.
+
+    Returns
+    -------
+    Place or None
+        Its chance is that for all rows of all runs.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_knocked_fit
+    >>> from hrg_cli.stages.diagnosis.fits.places import find_another_start
+    >>> knocked = find_another_start(draw_knocked_fit(), slow=1.0)
+    >>> knocked.run, knocked.row, bool(knocked.chance < 1e-9)
+    (1, 25, True)
+    >>> bool(find_another_start(draw_fit(), slow=1.0).chance > 0.05)
+    True
+    """
     found = [
         _clearest(own[:, START], fit, run, slow) for run, (_, _, own) in enumerate(fit.design.own)
     ]
@@ -79,7 +128,35 @@ def find_another_start(fit: ExtendedFit, slow: float) -> Place | None:
 
 def find_place_beside_strike(values: Values, fit: ExtendedFit, slow: float) -> Place | None:
     """The same at the row before which a cause of the fit strikes, which may not be all that struck
-    there: the chance is that row's alone. None where it is of every run."""
+    there.
+
+    The chance is that row's alone. None where the cause is of every run.
+
+    Parameters
+    ----------
+    values
+        Of the cause's parameters, its instant and its run.
+    fit
+        With that cause.
+    slow
+        Variance of the noise over the stated one.
+
+    Returns
+    -------
+    Place or None
+        Of that row.
+
+    Examples
+    --------
+    Beside a cause that strikes at 0.5 s and does nothing, the knock there is all left:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_knocked_fit
+    >>> from hrg_cli.stages.diagnosis.fits.places import find_place_beside_strike
+    >>> at = {"time_s": 0.5, "run": 1.0}
+    >>> found = find_place_beside_strike(at, draw_knocked_fit(), slow=1.0)
+    >>> found.row, bool(found.chance < 1e-9)
+    (25, True)
+    """
     if values[RUN] not in fit.series.numbers:
         return None
     run = int(np.flatnonzero(fit.series.numbers == values[RUN])[0])
@@ -125,7 +202,33 @@ def _clearest(
 
 def compute_place_gains(S: Array, fit: ExtendedFit, run: int) -> tuple[Array, Array]:
     """By how much χ² falls (n,), for how many parameters (n,), with the columns S (4n, m) of a run
-    from each of its rows on."""
+    from each of its rows on.
+
+    Parameters
+    ----------
+    S
+        Of the cause's columns in the run (4n, m), over σ.
+    fit
+        Beside which it is looked for.
+    run
+        Its number.
+
+    Returns
+    -------
+    tuple of ndarray
+        (n,) each.
+
+    Examples
+    --------
+    With another start from each row of the knocked run:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_knocked_fit
+    >>> from hrg_cli.stages.diagnosis.fits.places import START, compute_place_gains
+    >>> fit = draw_knocked_fit()
+    >>> gain, numbers = compute_place_gains(fit.design.own[1][2][:, START], fit, run=1)
+    >>> int(gain.argmax()), int(numbers[25]), bool(gain[25] > 200)
+    (25, 4, True)
+    """
     rows, own = fit.basis.own[run]
     Q = np.concatenate([own, fit.basis.shared[rows]], axis=1)
     left = fit.basis.project_out(fit.residual)[rows]

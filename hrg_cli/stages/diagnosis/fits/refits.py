@@ -35,7 +35,35 @@ def adopt(
     fit: ExtendedFit, score: Score, variant: Variant, most: int = extended_fit.MOST_STEPS
 ) -> ExtendedFit:
     """The fit again with one more effect, from the score's estimate, in `most` steps; parameters
-    these runs do not show stay neutral."""
+    these runs do not show stay neutral.
+
+    Parameters
+    ----------
+    fit
+        Without the effect.
+    score
+        Of the effect, its estimate.
+    variant
+        How it stands.
+    most
+        Steps of the fit.
+
+    Returns
+    -------
+    ExtendedFit
+        With the effect.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.refits import adopt
+    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
+    >>> fit, candidates = draw_mismatched_fit(), draw_found_case().inquiry.candidates
+    >>> ranked = score_effects(fit, candidates)
+    >>> made = adopt(fit, *ranked[0])
+    >>> round(made.values("gain_mismatch")["gain"], 3), bool(made.chi2 < fit.chi2 / 2)
+    (0.02, True)
+    """
     values, effect = dict(variant.values), variant.effect
     unseen = {
         name for name, std in zip(variant.steps, score.std, strict=True) if not np.isfinite(std)
@@ -80,7 +108,32 @@ def shortlist(
     ranked: Sequence[tuple[Score, Variant]], fit: ExtendedFit, slow: float
 ) -> list[tuple[Score, Variant]]:
     """The best candidates by their scores, and all that come within the odds of `WORTH` of the first:
-    whoever is not refitted is nobody's rival."""
+    whoever is not refitted is nobody's rival.
+
+    Parameters
+    ----------
+    ranked
+        Best first: the score of a cause and how it stands, one pair each.
+    fit
+        Beside which they were scored.
+    slow
+        Variance of the noise over the stated one.
+
+    Returns
+    -------
+    list of tuple
+        Of `ranked`, in their order.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.refits import shortlist
+    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
+    >>> fit, candidates = draw_mismatched_fit(), draw_found_case().inquiry.candidates
+    >>> ranked = score_effects(fit, candidates)
+    >>> [score.name for score, _ in shortlist(ranked, fit, slow=1.0)]
+    ['gain_mismatch']
+    """
     level = compute_worth(*ranked[0], fit, slow) - WORTH if ranked else 0.0
     return [
         pair
@@ -96,6 +149,30 @@ def adopt_hopeful(
     them has promised and reached, and those without a motion.
 
     Of a gross misfit a cause may leave much less than its score promises, and so may the next.
+
+    Parameters
+    ----------
+    fit
+        Without a candidate.
+    ranked
+        The score of a cause and how it stands, one pair each.
+    most
+        Steps of a fit.
+
+    Returns
+    -------
+    list of tuple
+        Fit, score and variant of each.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.refits import adopt_hopeful
+    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
+    >>> fit, candidates = draw_mismatched_fit(), draw_found_case().inquiry.candidates
+    >>> ranked = score_effects(fit, candidates)
+    >>> [(score.name, bool(made.chi2 < fit.chi2)) for made, score, _ in adopt_hopeful(fit, ranked, 6)]
+    [('gain_mismatch', True)]
     """
     out: list[tuple[ExtendedFit, Score, Variant]] = []
     least = np.inf
@@ -112,7 +189,32 @@ def adopt_hopeful(
 def adopt_each(
     fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]], most: int
 ) -> list[tuple[ExtendedFit, Score, Variant]]:
-    """The fits with each of the candidates but those without a motion."""
+    """The fits with each of the candidates but those without a motion.
+
+    Parameters
+    ----------
+    fit
+        Without a candidate.
+    ranked
+        The score of a cause and how it stands, one pair each.
+    most
+        Steps of a fit.
+
+    Returns
+    -------
+    list of tuple
+        Fit, score and variant of each.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.refits import adopt_each
+    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
+    >>> fit, candidates = draw_mismatched_fit(), draw_found_case().inquiry.candidates
+    >>> ranked = score_effects(fit, candidates)
+    >>> [score.name for _, score, _ in adopt_each(fit, ranked, most=6)]
+    ['gain_mismatch']
+    """
     out: list[tuple[ExtendedFit, Score, Variant]] = []
     for score, variant in ranked:
         with contextlib.suppress(extended_fit.DivergedError):
@@ -121,7 +223,29 @@ def adopt_each(
 
 
 def hold_unseen(variant: Variant, fit: ExtendedFit) -> Variant:
-    """The variant with its effect as it stands in the fit: unseen parameters held."""
+    """The variant with its effect as it stands in the fit: unseen parameters held.
+
+    Parameters
+    ----------
+    variant
+        Of an effect of the fit.
+    fit
+        With the effect.
+
+    Returns
+    -------
+    Variant
+        Of that effect.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.fits.refits import hold_unseen
+    >>> case = draw_found_case()
+    >>> held = hold_unseen(case.inquiry.candidates[0], case.search.final)
+    >>> held.effect is case.search.final.effect("gain_mismatch")
+    True
+    """
     return replace(
         variant,
         effect=fit.effect(variant.effect.name),
@@ -130,7 +254,25 @@ def hold_unseen(variant: Variant, fit: ExtendedFit) -> Variant:
 
 def compute_bic(fit: ExtendedFit) -> float:
     """χ² + rank·ln N, what the choice of their instants costs causes that happen at one, less what
-    causes save whose parameters are not all needed."""
+    causes save whose parameters are not all needed.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+
+    Returns
+    -------
+    float
+        Lower is better.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.refits import compute_bic
+    >>> compute_bic(draw_found_case().search.final) < compute_bic(draw_mismatched_fit()) - 500
+    True
+    """
     chosen = sum(price_place(effect, fit) - _saved(effect, fit) for effect, _ in fit.point.active)
     return fit.chi2 + fit.basis.shape[1] * float(np.log(len(fit.residual))) + chosen
 
@@ -170,6 +312,30 @@ def refit(
     Many are refitted in few steps first, and to the end only the best of these and what comes within
     `WORTH` of them. A selection at another noise asks for the same: what was refitted once is
     remembered.
+
+    Parameters
+    ----------
+    fit
+        Without a candidate.
+    close
+        The score and the variant of each that is refitted.
+    ranked
+        Of all, best first.
+
+    Returns
+    -------
+    list of tuple
+        Criterion, fit, score and variant of each.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.refits import refit
+    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
+    >>> fit, candidates = draw_mismatched_fit(), draw_found_case().inquiry.candidates
+    >>> ranked = score_effects(fit, candidates)
+    >>> [(score.name, made.converged) for _, made, score, _ in refit(fit, ranked, ranked)]
+    [('gain_mismatch', True)]
     """
     tried = tuple((variant.effect, tuple(variant.values.items())) for _, variant in close)
     trials: list[Trial] = fit.recall(("refitted", tried), lambda: _refitted(fit, close, ranked))
@@ -206,7 +372,25 @@ def _refitted(
 
 
 def settle(fit: ExtendedFit) -> ExtendedFit:
-    """A fit that was made in few steps, to its end."""
+    """A fit that was made in few steps, to its end.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+
+    Returns
+    -------
+    ExtendedFit
+        The same where it has converged.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.fits.refits import settle
+    >>> settle(draw_fit()) is draw_fit()
+    True
+    """
     if fit.converged:
         return fit
     return extended_fit.fit(fit.series, fit.point, fit.freedom, near=fit.flow.near)
@@ -239,6 +423,24 @@ def loosen(fit: ExtendedFit) -> ExtendedFit:
 
     The second order's scale is that of a real resonator; one that was freed is held again where
     that costs little.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+
+    Returns
+    -------
+    ExtendedFit
+        The same where the misfit is gross.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.fits.refits import loosen
+    >>> fit = draw_fit()
+    >>> round(loosen(fit).coordinate("scale_factor") - fit.coordinate("scale_factor"), 4)
+    0.0
     """
     loose = fit.freedom.loose
     if is_gross(fit) or loose is None:
@@ -257,7 +459,29 @@ def free_second_order(
     fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]]
 ) -> ExtendedFit | None:
     """The fit with the second order's scale free, where the data ask for that more than for any
-    cause: envelopes that come from plain averaging (0) and not from a resonator (1)."""
+    cause: envelopes that come from plain averaging (0) and not from a resonator (1).
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    ranked
+        Scores and variants of the causes, best first.
+
+    Returns
+    -------
+    ExtendedFit or None
+        None where the data do not ask for it.
+
+    Examples
+    --------
+    Envelopes of a resonator are asked for no other second order:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.fits.refits import free_second_order
+    >>> free_second_order(draw_fit(), []) is None
+    True
+    """
     loose = fit.freedom.loose
     if is_gross(fit) or loose is None or fit.layout.coordinate("second_order") is not None:
         return None
@@ -270,8 +494,28 @@ def leave_out(fit: ExtendedFit, *names: str, base: ExtendedFit | None = None) ->
     """The fit again without some effects; None where no motion is left: the model cannot do without
     them.
 
-    base: a fit without effects, from whose place the others are fitted too where the effects have
-    led so far that there is no way back.
+    Parameters
+    ----------
+    fit
+        With the effects.
+    *names
+        Of the effects.
+    base
+        A fit without effects, from whose place the others are fitted too where the effects have led so
+        far that there is no way back.
+
+    Returns
+    -------
+    ExtendedFit or None
+        Without these effects.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.refits import leave_out
+    >>> without = leave_out(draw_found_case().search.final, "gain_mismatch")
+    >>> bool(abs(without.chi2 - draw_mismatched_fit().chi2) < 0.01)
+    True
     """
     reduced: ExtendedFit | None = None
     point = reduce(fit_point.remove_effect, names, fit.point)

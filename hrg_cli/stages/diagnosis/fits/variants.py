@@ -37,7 +37,31 @@ class Variant:
 
 
 def list_variants(effects: Sequence[Effect], fit: ExtendedFit) -> list[Variant]:
-    """All ways the candidates may stand beside this fit."""
+    """All ways the candidates may stand beside this fit.
+
+    Parameters
+    ----------
+    effects
+        Of the catalogue.
+    fit
+        Beside which they may stand.
+
+    Returns
+    -------
+    list of Variant
+        None of effects whose needs the runs do not hold.
+
+    Examples
+    --------
+    A knock strikes at an instant that is still to be found:
+
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.fits.variants import list_variants
+    >>> effects = [find(name) for name in ("gain_mismatch", "momentum_kick")]
+    >>> [(one.effect.name, one.anywhere) for one in list_variants(effects, draw_fit())]
+    [('gain_mismatch', False), ('momentum_kick', True)]
+    """
     series = fit.series
     warm = series.temperature_degc[series.weight > 0]
     middle = float(np.round(warm.mean(), 3)) if series.has_temperature else 25.0
