@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...effects import find
+from ...fitting.causes import extended_fit, fit_point
 from ...fitting.causes.extended_fit import ExtendedFit
 from ...records import Wave
 from ..rehearsing.drawn_input import draw_input
@@ -20,6 +21,7 @@ from .search.selection import select
 from .suspects.transformations import scale_channel, scale_rate
 
 SWING_RAD_S, SCALE_FACTOR = 0.5, 0.55
+DAMPING_1_S, CUBIC_1_S = 0.5, 0.05
 RATES_RAD_S = (0.0, 1.0, -1.0)
 
 
@@ -221,3 +223,53 @@ def draw_knocked_fit() -> ExtendedFit:
     first, second, third = draw_waves()
     turn = 1e-3 * (second.time_s > 0.5)
     return fit_waves([first, second.replace(wave_angle_rad=second.wave_angle_rad + turn), third])
+
+
+@functools.cache
+def draw_case_of_four() -> Case:
+    """The case of that mismatch in four runs, of which whole ones can be held out.
+
+    Returns
+    -------
+    Case
+        The three runs, and another at rest.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case_of_four
+    >>> len(draw_case_of_four().search.final.series.names)
+    4
+    """
+    waves = *draw_waves(), draw_input(0.0, seed=3).wave
+    return _explain_by_gains(fit_waves([scale_channel(wave, 1.02) for wave in waves]))
+
+
+@functools.cache
+def draw_nonlinear_fit() -> ExtendedFit:
+    """The fit with a nonlinear damping to the same runs, damped by ν + ν₂a² with ν₂ = 0.05 1/s.
+
+    A wave without quadrature falls as e^{−νt}(1 + ν₂(1 − e^{−2νt})/ν)^{−1/2} from 1.
+
+    Returns
+    -------
+    ExtendedFit
+        With that cause alone.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_nonlinear_fit
+    >>> fit = draw_nonlinear_fit()
+    >>> round(fit.values("nonlinear_damping")["damping_1_s"], 2), bool(fit.chi2 / fit.dof < 1.5)
+    (0.05, True)
+    """
+    ratio = CUBIC_1_S / DAMPING_1_S
+    waves = [
+        wave.replace(
+            main_amplitude=wave.main_amplitude
+            / np.sqrt(1 - ratio * np.expm1(-2 * DAMPING_1_S * wave.time_s))
+        )
+        for wave in draw_waves()
+    ]
+    base, effect = fit_waves(waves), find("nonlinear_damping")
+    point = fit_point.add_effect(base.point, effect, effect.values())
+    return extended_fit.fit(base.series, point, base.freedom)

@@ -51,6 +51,25 @@ def drop_indistinct(case: Case) -> Case:
 
     The weakest goes first, and the rest is looked at again. Where nothing is left over the case
     stays as it is, and so do causes whose sizes stand out of the misfit already.
+
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+
+    Returns
+    -------
+    Case
+        The same where nothing is given up.
+
+    Examples
+    --------
+    Of a gain mismatch alone nothing is left over:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.beside_misfit import drop_indistinct
+    >>> [one.score.name for one in drop_indistinct(draw_found_case()).search.found]
+    ['gain_mismatch']
     """
     stands = False
     while (
@@ -251,6 +270,25 @@ class Spectrum:
 
 
 def count_independent_numbers(squares: Array) -> float:
-    """How many independent numbers of equal size squared coefficients amount to."""
+    """How many independent numbers of equal size squared coefficients amount to.
+
+    Parameters
+    ----------
+    squares
+        Of coefficients, (k,).
+
+    Returns
+    -------
+    float
+        Their number, where they are as noise is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.search.beside_misfit import count_independent_numbers
+    >>> squares = np.random.default_rng(0).standard_normal(10_000) ** 2
+    >>> round(count_independent_numbers(squares) / 10_000, 1)
+    1.0
+    """
     whole = float(squares.sum())
     return 3 * whole**2 / float(np.sum(squares**2)) if whole > 0 else np.inf

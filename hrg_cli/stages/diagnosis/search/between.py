@@ -38,7 +38,25 @@ RIVAL = 10.0
 
 def take_from_frequencies(case: Case) -> Case:
     """The case with the causes that the runs' frequencies show, and what is to be said of these
-    frequencies."""
+    frequencies.
+
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+
+    Returns
+    -------
+    Case
+        With the causes, and the frequencies as they are told.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.between import take_from_frequencies
+    >>> take_from_frequencies(draw_found_case()).frequencies["sentence"]
+    "the runs' frequencies agree within their errors"
+    """
     search, noise = case.search, case.inquiry.noise
     fit, found = search.final, list(search.found)
     follows: list[str] = []

@@ -44,6 +44,30 @@ def explain(
 
     Where the white noise between windows is not what they state, all is done again at the noise
     that is there; the case's `inquiry.noise` says so, and the closing checks judge it.
+
+    Parameters
+    ----------
+    base
+        The fit without causes.
+    candidates
+        Ways in which causes may stand beside it.
+    most
+        Causes that are taken in at most.
+    sampling_step_s
+        Of the runs' even sampling [s]; None where it is not known or not one.
+
+    Returns
+    -------
+    Case
+        The causes and what they leave over.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.explain import explain
+    >>> case = explain(draw_mismatched_fit(), draw_found_case().inquiry.candidates, most=1)
+    >>> [one.score.name for one in case.search.found], case.remainder
+    (['gain_mismatch'], None)
     """
     asked = Inquiry(tuple(candidates), most, sampling_step_s=sampling_step_s)
     case = _searched(base, asked)
@@ -86,7 +110,29 @@ def _searched(base: ExtendedFit, inquiry: Inquiry) -> Case:
 
 
 def reweight_fit(fit: ExtendedFit, level: float) -> ExtendedFit:
-    """The fit again with every σ times `level`."""
+    """The fit again with every σ times `level`.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    level
+        By which every σ is multiplied.
+
+    Returns
+    -------
+    ExtendedFit
+        Of the same causes.
+
+    Examples
+    --------
+    Of twice the noise χ² is a quarter:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.search.explain import reweight_fit
+    >>> round(reweight_fit(draw_fit(), 2.0).chi2 / draw_fit().chi2, 3)
+    0.25
+    """
     series = fit.series
     scatter = None if series.scatter is None else series.scatter.scale_noise(level)
     unsettled = None if series.unsettled is None else series.unsettled.scale_noise(level)
@@ -100,6 +146,29 @@ def estimate_noise_level(fit: ExtendedFit, remainder: Remainder | None) -> float
 
     Neighbours that scatter by less than they state may be correlated (a lock-in's filter), and state
     what is slow: only as far as means of several rows scatter by less too is the noise less.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    remainder
+        What the open search says of it, or None.
+
+    Returns
+    -------
+    float or None
+        σ over the stated one.
+
+    Examples
+    --------
+    Noise as stated, and stated twice as large:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.search.explain import estimate_noise_level, reweight_fit
+    >>> estimate_noise_level(draw_fit(), None) is None
+    True
+    >>> round(estimate_noise_level(reweight_fit(draw_fit(), 2.0), None), 1)
+    0.5
     """
     values = extended_fit.place_on_rows(fit, (remainder.fit if remainder else fit).residual)
     found = _roughness(values, fit.series.weight, 1)

@@ -54,7 +54,26 @@ steps."""
 
 
 def find_least_damping(fit: ExtendedFit) -> tuple[float, float]:
-    """(ν − |νδμ|, σ): the linear damping along the weaker axis."""
+    """(ν − |νδμ|, σ): the linear damping along the weaker axis.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+
+    Returns
+    -------
+    tuple of float
+        [1/s].
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.search.form import find_least_damping
+    >>> least, std = find_least_damping(draw_fit())
+    >>> round(least, 1), std < 0.01
+    (0.5, True)
+    """
     p = fit.point.p
     size = float(np.hypot(*p[DAMPING_SPLIT]))
     slope = np.array([1.0, *(-p[DAMPING_SPLIT] / size if size > 0 else (0.0, 0.0))])
@@ -71,6 +90,25 @@ def take_better_form(case: Case) -> Case:
 
     Causes that the search added to a form that fits only roughly are sought again beside the better
     one.
+
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+
+    Returns
+    -------
+    Case
+        The same where nothing is given up.
+
+    Examples
+    --------
+    No damping that changes was found:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.form import take_better_form
+    >>> take_better_form(draw_found_case()) is draw_found_case()
+    True
     """
     search, noise = case.search, case.inquiry.noise
     place = next((f for f in search.found if f.variant.effect.name == NAME), None)

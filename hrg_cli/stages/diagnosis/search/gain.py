@@ -44,6 +44,28 @@ def choose_left_out_folds(
     runs): indices into the residual.
 
     `origin`: which recorded run each of the fit's runs is a piece of.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    origin
+        Recorded run that each of the fit's runs is a piece of; None: each is one.
+    fewest_runs
+        From which whole runs are left out.
+
+    Returns
+    -------
+    tuple
+        The kind, and of each fold its places in the residual (k,).
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.search.gain import choose_left_out_folds
+    >>> kind, folds = choose_left_out_folds(draw_fit())
+    >>> kind, [len(fold) for fold in folds]
+    ('time', [120, 120, 120, 120, 120])
     """
     run, row = fit.rows[:, 0], fit.rows[:, 1]
     whole = np.asarray(origin if origin is not None else range(len(fit.series.names)))[run]
@@ -65,7 +87,34 @@ def predict_folds(
     fit: ExtendedFit, kind: str, folds: list[Array], least_information: float = 0.0
 ) -> Array:
     """Whitened residual (N,) of every fold, predicted from the others (linearised at the optimum);
-    what these hold less information on than a part of all stays where it is."""
+    what these hold less information on than a part of all stays where it is.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    kind
+        "runs" or "time".
+    folds
+        Places of each in the residual.
+    least_information
+        Part of that of all, below which nothing moves.
+
+    Returns
+    -------
+    ndarray
+        (N,), over σ.
+
+    Examples
+    --------
+    Rows that taught nothing are missed by little more than the noise:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.search.gain import choose_left_out_folds, predict_folds
+    >>> left = predict_folds(draw_fit(), *choose_left_out_folds(draw_fit()))
+    >>> round(float((left**2).mean()), 1)
+    1.0
+    """
     shared, own, prior = _columns(fit, kind, folds)
     return left_out_folds.predict_folds(fit.residual, shared, own, folds, prior, least_information)
 
@@ -104,8 +153,32 @@ def predict_held_out(
     origin_before: Sequence[int] | None = None,
     origin_after: Sequence[int] | None = None,
 ) -> Gain:
-    """Held-out errors of two fits of the same runs; `origin_…`: the recorded run of each of their
-    pieces."""
+    """Held-out errors of two fits of the same runs.
+
+    Parameters
+    ----------
+    before
+        The fit without the causes.
+    after
+        With them.
+    origin_before
+        Recorded run of each of its pieces; None: each is one.
+    origin_after
+        The other's.
+
+    Returns
+    -------
+    Gain
+        What the causes gain.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.gain import predict_held_out
+    >>> gain = predict_held_out(draw_mismatched_fit(), draw_found_case().search.final)
+    >>> gain.kind, round(gain.errors.ratio, 1)
+    ('time', 2.4)
+    """
     there = [
         set(origin) if origin is not None else set(range(len(fit.series.names)))
         for fit, origin in ((before, origin_before), (after, origin_after))
@@ -150,6 +223,26 @@ def predicts_better(before: ExtendedFit, after: ExtendedFit) -> bool:
 
     While the misfit is gross the errors are not those of the noise and of what is not known, and
     their plain squares count.
+
+    Parameters
+    ----------
+    before
+        A fit.
+    after
+        One with more.
+
+    Returns
+    -------
+    bool
+        More does not only follow the noise.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.gain import predicts_better
+    >>> fits = draw_mismatched_fit(), draw_found_case().search.final
+    >>> predicts_better(*fits), predicts_better(*fits[::-1])
+    (True, False)
     """
     score = _square if is_gross(before) else _score
     # few runs are held out by time both ways: once is enough
@@ -210,7 +303,27 @@ def _root(squares: Array) -> tuple[float, float]:
 
 
 def list_gain_figures(gain: Gain) -> dict[str, Any]:
-    """The JSON of a gain."""
+    """The JSON of a gain.
+
+    Parameters
+    ----------
+    gain
+        Of a cause.
+
+    Returns
+    -------
+    dict
+        By name.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.gain import list_gain_figures, predict_held_out
+    >>> gain = predict_held_out(draw_mismatched_fit(), draw_found_case().search.final)
+    >>> figures = list_gain_figures(gain)
+    >>> round(figures["before"], 1), round(figures["after"], 1)
+    (2.4, 1.0)
+    """
     errors = gain.errors
     return {
         "held_out": gain.kind,

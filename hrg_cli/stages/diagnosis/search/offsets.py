@@ -73,7 +73,29 @@ class Offsets:
 
 
 def read_offsets(fit: ExtendedFit, noise: NoiseLevel) -> tuple[Offsets, list[int]]:
-    """The offsets of a fit and their places among its parameters."""
+    """The offsets of a fit and their places among its parameters.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    noise
+        That gains are judged by.
+
+    Returns
+    -------
+    tuple
+        The offsets, and their places (R,).
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.search.inquiry import STATED
+    >>> from hrg_cli.stages.diagnosis.search.offsets import read_offsets
+    >>> offsets, places = read_offsets(draw_fit(), STATED)
+    >>> offsets.value.shape, offsets.covariance.shape, len(places)
+    ((3,), (3, 3), 3)
+    """
     runs = len(fit.series.names)
     index = [fit.layout.frequency(k) for k in range(runs)]
     forced = fit.series.forced[:, 0] > 0
@@ -85,7 +107,27 @@ def read_offsets(fit: ExtendedFit, noise: NoiseLevel) -> tuple[Offsets, list[int
 
 
 def judge_scatter(offsets: Offsets) -> tuple[float, float]:
-    """(equivalent z, p) of the offsets' scatter about their means against their own noise."""
+    """(equivalent z, p) of the offsets' scatter about their means against their own noise.
+
+    Parameters
+    ----------
+    offsets
+        Of the runs.
+
+    Returns
+    -------
+    tuple of float
+        Both small and large where the runs agree.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.search.inquiry import STATED
+    >>> from hrg_cli.stages.diagnosis.search.offsets import judge_scatter, read_offsets
+    >>> z, p = judge_scatter(read_offsets(draw_fit(), STATED)[0])
+    >>> z < 2, p > 0.05
+    (True, True)
+    """
     chi2, basis = offsets.compute_misfit(0.0)
     dof = len(offsets.value) - basis.shape[1]
     return evidence.find_significance(chi2, dof) if dof > 0 else (0.0, 1.0)

@@ -53,6 +53,23 @@ def give_way_to_open_terms(case: Case) -> Case:
     Every beginning of the list of causes is held, with open terms beside it, against the whole
     list; where the list leaves nothing over, one open term alone is, which is all that could be a
     smaller claim than a list that explains everything.
+
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+
+    Returns
+    -------
+    Case
+        The same where nothing is given up.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.open_rivals import give_way_to_open_terms
+    >>> [one.score.name for one in give_way_to_open_terms(draw_found_case()).search.found]
+    ['gain_mismatch']
     """
     clearly = CLEARLY * case.inquiry.noise.slow
     full = case.criterion

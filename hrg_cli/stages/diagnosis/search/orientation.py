@@ -29,8 +29,31 @@ CLEARLY = 30.0
 def orient_runs(
     base: ExtendedFit, candidates: Sequence[Variant], margin: float = 0.0
 ) -> ExtendedFit:
-    """The fit with the phase of some runs turned by π, or as it was; margin: by how much the turned
-    vector may promise less than another cause."""
+    """The fit with the phase of some runs turned by π, or as it was.
+
+    Parameters
+    ----------
+    base
+        The fit without causes.
+    candidates
+        Ways in which causes may stand.
+    margin
+        By how much the turned vector may promise less than another cause.
+
+    Returns
+    -------
+    ExtendedFit
+        Without causes.
+
+    Examples
+    --------
+    No coherent vector is asked for:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case, draw_fit
+    >>> from hrg_cli.stages.diagnosis.search.orientation import orient_runs
+    >>> orient_runs(draw_fit(), draw_case().inquiry.candidates) is draw_fit()
+    True
+    """
     runs = len(base.series.names)
     coherent = [variant for variant in candidates if variant.effect.coherent]
     if runs < 2 or not coherent:
@@ -60,8 +83,32 @@ def settle_signs(
     """The case, and the start of its search, with the signs that are best beside the causes found,
     which may have hidden a coherent vector or be one with the wrong signs.
 
-    explained: the search from a start. Where neither choice of signs is better by `WORTH`, the
-    coherent causes of each stand in for those of the other.
+    Where neither choice of signs is better by `WORTH`, the coherent causes of each stand in for those
+    of the other.
+
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+    start
+        The base fit that the search began from.
+    explained
+        The search from a start.
+
+    Returns
+    -------
+    tuple
+        The case and its start.
+
+    Examples
+    --------
+    Without a coherent cause no sign is free:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.orientation import settle_signs
+    >>> case, start = draw_found_case(), draw_mismatched_fit()
+    >>> settle_signs(case, start, lambda base: case)[0] is case
+    True
     """
     turned = _orient_beside(case.search.final, start, case.inquiry.candidates)
     if turned is None:

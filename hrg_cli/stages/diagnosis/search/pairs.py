@@ -50,6 +50,32 @@ def list_promising_pairs(
     With Q_a, Q_b orthonormal beside the fit, a = Q_aᵀ r, b = Q_bᵀ r and W = Q_aᵀ Q_b, both take
     |a|² + |R⁻ᵀ (b − Wᵀ a)|² of χ², RᵀR = 1 − WᵀW. What happens at an instant is left out: its place
     is chosen beside what is known.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    ranked
+        Scores and variants of causes beside it.
+    slow
+        Variance of the noise over the stated one.
+
+    Returns
+    -------
+    list of Pair
+        Of each two visible causes.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
+    >>> from hrg_cli.stages.diagnosis.fits.variants import list_variants
+    >>> from hrg_cli.stages.diagnosis.search.pairs import list_promising_pairs
+    >>> fit, effects = draw_mismatched_fit(), map(find, ("gain_mismatch", "electrode_nonorthogonality"))
+    >>> ranked = score_effects(fit, list_variants([*effects], fit))
+    >>> [[score.name for score, _ in pair.both] for pair in list_promising_pairs(fit, ranked)]
+    [['gain_mismatch', 'electrode_nonorthogonality']]
     """
     seen = [(score, one) for score, one in ranked if score.visible and not one.effect.of_one_run]
     if len(seen) < 2:
@@ -78,7 +104,33 @@ def _find_fall(power: Array, along: Array) -> tuple[float, int]:
 
 def fit_pair(fit: ExtendedFit, pair: Pair) -> tuple[ExtendedFit, tuple[Scored, Scored]] | None:
     """The fit with both causes, and the score of each beside the other; None where they do not come
-    out as such causes can be."""
+    out as such causes can be.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    pair
+        Two causes.
+
+    Returns
+    -------
+    tuple or None
+        The fit, and the two scores with their variants.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
+    >>> from hrg_cli.stages.diagnosis.fits.variants import list_variants
+    >>> from hrg_cli.stages.diagnosis.search.pairs import fit_pair, list_promising_pairs
+    >>> fit, effects = draw_mismatched_fit(), map(find, ("gain_mismatch", "electrode_nonorthogonality"))
+    >>> ranked = score_effects(fit, list_variants([*effects], fit))
+    >>> both, _ = fit_pair(fit, list_promising_pairs(fit, ranked)[0])
+    >>> round(both.values("gain_mismatch")["gain"], 2)
+    0.02
+    """
     (_, first), (_, second) = pair.both
     trial: ExtendedFit | None = fit
     for one in (first, second):
@@ -105,7 +157,34 @@ def find_better_pair(
     fit: ExtendedFit, names: set[str], candidates: Sequence[Variant], slow: float
 ) -> tuple[ExtendedFit, tuple[Scored, Scored]] | None:
     """What is clearly better than two of a fit's causes, beside the others; None where nothing is,
-    or where without them the misfit is so gross that scores say little."""
+    or where without them the misfit is so gross that scores say little.
+
+    Parameters
+    ----------
+    fit
+        With the causes.
+    names
+        Of the two.
+    candidates
+        Ways in which causes may stand.
+    slow
+        Variance of the noise over the stated one.
+
+    Returns
+    -------
+    tuple or None
+        The fit, and the two scores with their variants.
+
+    Examples
+    --------
+    One candidate makes no pair:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.pairs import find_better_pair
+    >>> case = draw_found_case()
+    >>> find_better_pair(case.search.final, {"gain_mismatch"}, case.inquiry.candidates, 1.0) is None
+    True
+    """
     without = leave_out(fit, *names)
     if without is None or is_gross(without):
         return None

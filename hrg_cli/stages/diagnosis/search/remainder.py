@@ -85,8 +85,29 @@ class Term:
 
 def score_terms(fit: ExtendedFit, by_run: bool) -> list[Term]:
     """Every term with its score beside the fit, best first; what coincides with the model is left
-    out, what is equal but for rounding stays in the order of the places. `by_run`: those with a
-    number of every run's own too.
+    out, what is equal but for rounding stays in the order of the places.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    by_run
+        Terms with a number of every run's own are looked through too.
+
+    Returns
+    -------
+    list of Term
+        Best first.
+
+    Examples
+    --------
+    What turns with Ω as a gain mismatch does:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.remainder import score_terms
+    >>> best = score_terms(draw_mismatched_fit(), by_run=False)[0]
+    >>> best.place.name, round(best.score.gain)
+    ('gain split', 852)
     """
     rows = len(fit.residual)
     out = [
@@ -112,7 +133,25 @@ def _pairs(fit: ExtendedFit, by_run: bool) -> Iterator[tuple[Place, Covariate]]:
 
 def find_peaks(fit: ExtendedFit) -> list[float]:
     """Cycles of the tones looked for: the highest peaks of the spectrum of all runs' and the wave's
-    components' residuals together."""
+    components' residuals together.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+
+    Returns
+    -------
+    list of float
+        Over the longest run.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.search.remainder import find_peaks
+    >>> find_peaks(draw_fit())[:2]
+    [0.5, 1.0]
+    """
     series = fit.series
     values = extended_fit.resolve_along_wave(fit, fit.residual)
     good = series.weight > 0
@@ -131,7 +170,38 @@ def find_peaks(fit: ExtendedFit) -> list[float]:
 def judge_terms(
     fit: ExtendedFit, pairs: Sequence[tuple[Place, Covariate]], residual: Array, Q: Basis
 ) -> list[Term]:
-    """Terms with their scores: (place, covariate)."""
+    """Terms with their scores beside a model.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    pairs
+        Place and covariate of each term.
+    residual
+        That they are judged by (N,).
+    Q
+        Of the model, orthonormal.
+
+    Returns
+    -------
+    list of Term
+        In the order of the pairs.
+
+    Examples
+    --------
+    A gain is the base model's own, a gain split is not:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.open_terms import PLACES, list_covariates
+    >>> from hrg_cli.stages.diagnosis.search.remainder import judge_terms
+    >>> fit = draw_mismatched_fit()
+    >>> constant, *_ = list_covariates(fit.series, fit.prediction.motion)
+    >>> pairs = [(place, constant) for place in PLACES if place.name in ("gain", "gain split")]
+    >>> terms = judge_terms(fit, pairs, fit.residual, fit.basis)
+    >>> [(term.place.name, round(term.score.gain)) for term in terms]
+    [('gain', 0), ('gain split', 852)]
+    """
     ledger, order = evidence.Ledger(residual, Q), list[int]()
     for numbers, columns, widths in compute_term_columns(fit, pairs):
         ledger.enter(columns, widths)
@@ -152,7 +222,31 @@ def compute_term_columns(
     fit: ExtendedFit, pairs: Sequence[tuple[Place, Covariate]]
 ) -> Iterator[tuple[list[int], Array, list[int]]]:
     """Numbers, sensitivities over σ side by side (N, Σ widths) and widths of some terms at a time;
-    those of a place share its vectors."""
+    those of a place share its vectors.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    pairs
+        Place and covariate of each term.
+
+    Returns
+    -------
+    iterator of tuple
+        Some terms at a time.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.open_terms import PLACES, list_covariates
+    >>> from hrg_cli.stages.diagnosis.search.remainder import compute_term_columns
+    >>> fit = draw_mismatched_fit()
+    >>> constant, *_ = list_covariates(fit.series, fit.prediction.motion)
+    >>> pairs = [(place, constant) for place in PLACES if place.name in ("gain", "gain split")]
+    >>> [(columns.shape, widths) for _, columns, widths in compute_term_columns(fit, pairs)]
+    [((600, 1), [1]), ((600, 1), [1])]
+    """
     flow, series = fit.flow, fit.series
     motion, seen = flow.prediction.motion, flow.prediction.seen
     by_place: dict[str, list[int]] = {}
@@ -201,7 +295,29 @@ def _batch_terms(numbers: list[int], columns: int) -> Iterator[list[int]]:
 
 def refine_term(fit: ExtendedFit, term: Term) -> Term:
     """The term with what is free in its covariate's form (an instant, a decay, a frequency) to a
-    fiftieth of the first grid."""
+    fiftieth of the first grid.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    term
+        Beside it.
+
+    Returns
+    -------
+    Term
+        The same where its form has nothing free.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.remainder import find_best_term, refine_term, score_terms
+    >>> fit = draw_mismatched_fit()
+    >>> best = find_best_term(fit, score_terms(fit, by_run=False))
+    >>> refine_term(fit, best) is best
+    True
+    """
     shape = term.covariate.shape
     if shape is None:
         return term
@@ -228,6 +344,29 @@ def find_best_term(fit: ExtendedFit, ranked: Sequence[Term]) -> Term:
     serves as well as one of the read-out.
 
     A fast error of the motion looks like one of the read-out.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    ranked
+        Terms beside it, best first.
+
+    Returns
+    -------
+    Term
+        The best, its shape refined.
+
+    Examples
+    --------
+    A gain mismatch looks like a damping split that follows the rate:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.remainder import find_best_term, score_terms
+    >>> fit = draw_mismatched_fit()
+    >>> best = find_best_term(fit, score_terms(fit, by_run=False))
+    >>> best.place.name, best.covariate.formula
+    ('damping split', 'Ω/Ω₀')
     """
     rows = len(fit.residual)
     near = [t for t in ranked if t.score.gain >= NEAR * ranked[0].score.gain]
@@ -271,6 +410,29 @@ def search_rest(fit: ExtendedFit, noise: NoiseLevel) -> Remainder | None:
 
     Not adequate: the residual's smooth part is too large, or one open term of all those tried finds
     what is too quick for that part.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    noise
+        That gains are judged by.
+
+    Returns
+    -------
+    Remainder or None
+        The terms and the fit with them.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.inquiry import STATED
+    >>> from hrg_cli.stages.diagnosis.search.remainder import search_rest
+    >>> search_rest(draw_fit(), STATED) is None
+    True
+    >>> rest = search_rest(draw_mismatched_fit(), STATED)
+    >>> [term.place.name for term in rest.terms], bool(rest.chi2 / rest.fit.dof < 1.5)
+    (['damping split'], True)
     """
     level, p = judge_adequacy(fit)
     if level < NEVER_LESS * noise.slow and noise.slow > 1:
@@ -287,6 +449,31 @@ def describe(fit: ExtendedFit, noise: NoiseLevel, most: int, significant: float)
     Those with a number of every run's own are held against the others as a whole: so many numbers
     take more of a large misfit than the one that, with the next, would leave nothing. Where one of
     the others leaves nothing, they are not asked.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    noise
+        That gains are judged by.
+    most
+        Terms at most.
+    significant
+        Chance from which a term is none.
+
+    Returns
+    -------
+    Remainder
+        Without terms where none stands out.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.inquiry import STATED
+    >>> from hrg_cli.stages.diagnosis.search.remainder import describe
+    >>> rest = describe(draw_mismatched_fit(), STATED, most=1, significant=1e-3)
+    >>> [(term.place.name, term.covariate.formula) for term in rest.terms]
+    [('damping split', 'Ω/Ω₀')]
     """
     few = select_terms(fit, noise, most, significant, by_run=False)
     level, p = judge_adequacy(few.fit)
@@ -301,7 +488,35 @@ def select_terms(
     fit: ExtendedFit, noise: NoiseLevel, most: int, significant: float, by_run: bool
 ) -> Remainder:
     """Forward selection of open terms with refit, stopped by corrected p and BIC; then each against
-    all others beside the rest."""
+    all others beside the rest.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    noise
+        That gains are judged by.
+    most
+        Terms at most.
+    significant
+        Chance from which a term is none.
+    by_run
+        Terms with a number of every run's own are looked through too.
+
+    Returns
+    -------
+    Remainder
+        Without terms where none stands out.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.inquiry import STATED
+    >>> from hrg_cli.stages.diagnosis.search.remainder import select_terms
+    >>> fits = draw_fit(), draw_mismatched_fit()
+    >>> [len(select_terms(fit, STATED, 2, 1e-3, by_run=False).terms) for fit in fits]
+    [0, 1]
+    """
     rows = len(fit.residual)
     chosen: list[tuple[str, Term]] = []
     start, tried = fit.basis.shape[1], 0
@@ -334,7 +549,32 @@ def select_terms(
 
 def add_term(fit: ExtendedFit, term: Term, name: str) -> ExtendedFit | None:
     """The fit with the term, in the place of one of that name; None where the model finds no fit:
-    its linear gain is none."""
+    its linear gain is none.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    term
+        With the estimate that the fit begins with.
+    name
+        That the fit gives it.
+
+    Returns
+    -------
+    ExtendedFit or None
+        With the term.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.remainder import add_term, find_best_term, score_terms
+    >>> fit = draw_mismatched_fit()
+    >>> best = find_best_term(fit, score_terms(fit, by_run=False))
+    >>> made = add_term(fit, best, "open term 0")
+    >>> bool(made.chi2 < fit.chi2 - 800)
+    True
+    """
     effect = make_open_effect(term.place, term.covariate, name)
     values = {
         q.name: float(v) if np.isfinite(v) else 0.0
@@ -352,7 +592,35 @@ def add_term(fit: ExtendedFit, term: Term, name: str) -> ExtendedFit | None:
 
 
 def fit_of_term(fit: ExtendedFit, name: str, term: Term) -> Term:
-    """The term with its coefficients and their σ as they stand in the fit."""
+    """The term with its coefficients and their σ as they stand in the fit.
+
+    Parameters
+    ----------
+    fit
+        With the term.
+    name
+        That the fit gives it.
+    term
+        As it was chosen.
+
+    Returns
+    -------
+    Term
+        With the estimate and σ of the fit.
+
+    Examples
+    --------
+    The split ν·δμ that a mismatch g of 2 % makes, −gKΩ, at 22.5°:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.remainder import add_term, find_best_term
+    >>> from hrg_cli.stages.diagnosis.search.remainder import fit_of_term, score_terms
+    >>> fit = draw_mismatched_fit()
+    >>> best = find_best_term(fit, score_terms(fit, by_run=False))
+    >>> made = add_term(fit, best, "open term 0")
+    >>> fit_of_term(made, "open term 0", best).score.estimate.round(3).tolist()
+    [0.0, -0.011]
+    """
     values = next(values for effect, values in fit.point.active if effect.name == name)
     estimate = np.array(list(values.values()))
     std = np.array([fit.parameter_std(name, c) for c in values])
@@ -363,7 +631,38 @@ def exchange_terms(
     fit: ExtendedFit, chosen: list[tuple[str, Term]], noise: NoiseLevel, by_run: bool
 ) -> tuple[ExtendedFit, list[tuple[str, Term]]]:
     """Every term against all others beside the rest, and against none: the first was chosen before
-    the others were there."""
+    the others were there.
+
+    Parameters
+    ----------
+    fit
+        With the terms.
+    chosen
+        Name and term of each.
+    noise
+        That gains are judged by.
+    by_run
+        Terms with a number of every run's own are looked through too.
+
+    Returns
+    -------
+    tuple
+        The fit and the terms.
+
+    Examples
+    --------
+    One term alone has nothing to be exchanged beside:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.inquiry import STATED
+    >>> from hrg_cli.stages.diagnosis.search.remainder import add_term, exchange_terms
+    >>> from hrg_cli.stages.diagnosis.search.remainder import find_best_term, score_terms
+    >>> fit = draw_mismatched_fit()
+    >>> best = find_best_term(fit, score_terms(fit, by_run=False))
+    >>> made = add_term(fit, best, "open term 0")
+    >>> exchange_terms(made, [("open term 0", best)], STATED, by_run=False)[0] is made
+    True
+    """
     if len(chosen) < 2:
         return fit, chosen
     rows = len(fit.residual)
@@ -387,7 +686,27 @@ def exchange_terms(
 
 def smooth_columns(fit: ExtendedFit) -> list[tuple[slice, Array]]:
     """Slow cosines in time of all four components of the wave, run by run: what a deterministic
-    misfit would look like, (N_r, m) each."""
+    misfit would look like, (N_r, m) each.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+
+    Returns
+    -------
+    list of tuple
+        Rows of each run in the residual, and the columns.
+
+    Examples
+    --------
+    Six cosines of four components:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.search.remainder import smooth_columns
+    >>> [columns.shape for _, columns in smooth_columns(draw_fit())]
+    [(200, 24), (200, 24), (200, 24)]
+    """
     series = fit.series
     frame = np.swapaxes(to_reals(find_directions(fit.flow.prediction.seen)), -1, -2)
     good = series.weight > 0
@@ -403,7 +722,25 @@ def smooth_columns(fit: ExtendedFit) -> list[tuple[slice, Array]]:
 
 def judge_adequacy(fit: ExtendedFit) -> tuple[float, float]:
     """(χ² per degree of freedom of the residual's smooth part, its p): 1 and not small when nothing
-    is left but white noise."""
+    is left but white noise.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+
+    Returns
+    -------
+    tuple of float
+        About 1 and not small of noise.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.remainder import judge_adequacy
+    >>> [bool(judge_adequacy(fit)[1] > 0.01) for fit in (draw_fit(), draw_mismatched_fit())]
+    [True, False]
+    """
     from scipy.special import chdtrc
 
     power, rank = evidence.measure_smooth_power(fit.residual, fit.basis, smooth_columns(fit))

@@ -64,7 +64,36 @@ def find_patterns(
     fit: ExtendedFit, offsets: Offsets, index: Sequence[int], inquiry: Inquiry
 ) -> list[Pattern]:
     """Every cause that could have made the runs' frequencies differ, the least likely by chance
-    first; before all, one that stands already and leaves no more than noise."""
+    first; before all, one that stands already and leaves no more than noise.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    offsets
+        Of the runs' frequencies.
+    index
+        Their places among the parameters of the fit.
+    inquiry
+        The causes asked.
+
+    Returns
+    -------
+    list of Pattern
+        The least likely by chance first.
+
+    Examples
+    --------
+    A gain mismatch makes no frequencies differ:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case, draw_fit
+    >>> from hrg_cli.stages.diagnosis.search.inquiry import STATED
+    >>> from hrg_cli.stages.diagnosis.search.offsets import read_offsets
+    >>> from hrg_cli.stages.diagnosis.search.run_patterns import find_patterns
+    >>> offsets, index = read_offsets(draw_fit(), STATED)
+    >>> find_patterns(draw_fit(), offsets, index, draw_case().inquiry)
+    []
+    """
     active = {effect.name for effect, _ in fit.point.active}
     out: dict[str, Pattern] = {}
     open_ones = [

@@ -40,7 +40,28 @@ class Case:
 
 
 def compute_criterion(fit: ExtendedFit, beside: Remainder | None) -> float:
-    """χ² + rank·ln N of a fit with open terms beside it."""
+    """χ² + rank·ln N of a fit with open terms beside it.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    beside
+        The open terms; None: there are none.
+
+    Returns
+    -------
+    float
+        Lower is better.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.search_case import compute_criterion
+    >>> final = draw_found_case().search.final
+    >>> compute_criterion(final, None) < compute_criterion(draw_mismatched_fit(), None) - 500
+    True
+    """
     if beside is None:
         return compute_bic(fit)
     rank = fit.basis.shape[1] + beside.rank

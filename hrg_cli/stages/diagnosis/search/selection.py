@@ -75,7 +75,28 @@ class Search:
 
 
 def select(base: ExtendedFit, inquiry: Inquiry) -> Search:
-    """Forward selection with refit, swaps of one cause and of two, and a backward check."""
+    """Forward selection with refit, swaps of one cause and of two, and a backward check.
+
+    Parameters
+    ----------
+    base
+        The fit without causes.
+    inquiry
+        What is asked for, and how many at most.
+
+    Returns
+    -------
+    Search
+        The fits and the causes found.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.selection import select
+    >>> search = select(draw_mismatched_fit(), draw_found_case().inquiry)
+    >>> [one.score.name for one in search.found], bool(search.final.chi2 / search.final.dof < 1.5)
+    (['gain_mismatch'], True)
+    """
     candidates, noise = inquiry.candidates, inquiry.noise
     ranked = score_effects(base, candidates)
     first = tuple(s for s, _ in ranked)
@@ -170,6 +191,33 @@ def find_best_step(
 
     Far from a linear residual the best score may belong to an effect whose refit fails; then the
     next ones are tried.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    ranked
+        Scores and variants beside it, best first.
+    noise
+        That gains are judged by.
+    rounds
+        Shortlists that are tried.
+
+    Returns
+    -------
+    tuple or None
+        The fit with it, and the cause.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
+    >>> from hrg_cli.stages.diagnosis.search.inquiry import STATED
+    >>> from hrg_cli.stages.diagnosis.search.selection import find_best_step
+    >>> ranked = score_effects(draw_mismatched_fit(), draw_found_case().inquiry.candidates)
+    >>> fit, cause = find_best_step(draw_mismatched_fit(), ranked, STATED)
+    >>> cause.score.name, round(fit.values("gain_mismatch")["gain"], 2)
+    ('gain_mismatch', 0.02)
     """
     tried = sum(score.visible for score, _ in ranked)
     if tried == 0 or not _is_significant(fit, *ranked[0], noise, tried):
@@ -252,6 +300,37 @@ def exchange_causes(
 
     An effect may become visible only beside the later ones (a lag beside a temperature dependence),
     so its turn comes here. `without` is left with the fits without each effect that still stand.
+
+    Parameters
+    ----------
+    fit
+        With the causes found.
+    found
+        The causes.
+    candidates
+        Ways in which causes may stand.
+    noise
+        That gains are judged by.
+    without
+        Fits without each effect, filled.
+
+    Returns
+    -------
+    tuple
+        The fit and the causes.
+
+    Examples
+    --------
+    One cause alone is left as it is:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.inquiry import STATED
+    >>> from hrg_cli.stages.diagnosis.search.selection import exchange_causes
+    >>> case = draw_found_case()
+    >>> search, candidates = case.search, case.inquiry.candidates
+    >>> fit, found = exchange_causes(search.final, list(search.found), candidates, STATED, {})
+    >>> fit is search.final, len(found)
+    (True, 1)
     """
     if len(found) < 2 or fit.chi2 > GROSS * noise.slow * fit.dof:
         return fit, found
@@ -351,6 +430,32 @@ def prune_causes(
 
     `without`: fits without an effect that are known already; what is beyond question is not fitted
     without.
+
+    Parameters
+    ----------
+    fit
+        With the causes found.
+    found
+        The causes.
+    noise
+        That gains are judged by.
+    without
+        Fits without an effect that are known already.
+
+    Returns
+    -------
+    tuple
+        The fit and the causes that stand.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.inquiry import STATED
+    >>> from hrg_cli.stages.diagnosis.search.selection import prune_causes
+    >>> search = draw_found_case().search
+    >>> _, found = prune_causes(search.final, list(search.found), STATED, {})
+    >>> [(one.score.name, round(one.delta_bic)) for one in found]
+    [('gain_mismatch', 845)]
     """
     while found:
         losses = [_loss_without(one, fit, noise, without) for one in found]

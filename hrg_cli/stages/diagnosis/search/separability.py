@@ -44,7 +44,27 @@ BASE = {
 
 def list_not_separable(case: Case) -> list[dict[str, Any]]:
     """What the runs cannot tell apart beside what was found: causes from the model, causes from one
-    another; the run that would."""
+    another; the run that would.
+
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+
+    Returns
+    -------
+    list of dict
+        Effects, what of the base does the same, the next experiment.
+
+    Examples
+    --------
+    Beside runs at rest and both ways a gain mismatch is told from everything asked:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.separability import list_not_separable
+    >>> list_not_separable(draw_found_case())
+    []
+    """
     variants = {v.effect.name: v for v in case.inquiry.candidates}
     found = {one.variant.effect.name for one in case.search.found}
     scores = [score for score in case.search.last if score.name not in found]

@@ -52,7 +52,31 @@ SUPPLIED = (
 
 def fit_shape(fit: ExtendedFit, shape: DampingShape) -> ExtendedFit | None:
     """A fit with the catalogue's damping, fitted again with that damping in another shape; None
-    where it finds no such fit."""
+    where it finds no such fit.
+
+    Parameters
+    ----------
+    fit
+        With the catalogue's damping.
+    shape
+        That it is to have.
+
+    Returns
+    -------
+    ExtendedFit or None
+        With the damping of that shape.
+
+    Examples
+    --------
+    A damping of ν₂a² shows its power:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_nonlinear_fit
+    >>> from hrg_cli.stages.diagnosis.search.shapes import FREE, fit_shape
+    >>> again = fit_shape(draw_nonlinear_fit(), FREE)
+    >>> off = again.values("nonlinear_damping")["power"] - 2
+    >>> bool(abs(off) < 2 * again.parameter_std("nonlinear_damping", "power"))
+    True
+    """
     amplitude = scales.measure_amplitude(fit.series)
     level, power = _stands(fit, amplitude)
     p, std = fit.point.p.copy(), fit.freedom.std.copy()
@@ -85,7 +109,32 @@ def fit_shape(fit: ExtendedFit, shape: DampingShape) -> ExtendedFit | None:
 
 
 def to_catalogue(fit: ExtendedFit, shape: DampingShape, amplitude: float) -> ExtendedFit:
-    """The same fit with the damping in the catalogue's own parameters."""
+    """The same fit with the damping in the catalogue's own parameters.
+
+    Parameters
+    ----------
+    fit
+        With a damping of the shape.
+    shape
+        Of the damping.
+    amplitude
+        Of the data, in their unit.
+
+    Returns
+    -------
+    ExtendedFit
+        The same motion.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.causes.scales import measure_amplitude
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_nonlinear_fit
+    >>> from hrg_cli.stages.diagnosis.search.shapes import FREE, fit_shape, to_catalogue
+    >>> amplitude = measure_amplitude(draw_nonlinear_fit().series)
+    >>> again = to_catalogue(fit_shape(draw_nonlinear_fit(), FREE), FREE, amplitude)
+    >>> round(again.values("nonlinear_damping")["damping_1_s"], 2)
+    0.05
+    """
     now = read_damping_values(fit)
     own = {"damping_1_s": now["level_1_s"] * amplitude ** -now["power"], "power": now["power"]}
     # the same optimum, looked at in coordinates in which steps would be poor
@@ -99,7 +148,24 @@ def to_catalogue(fit: ExtendedFit, shape: DampingShape, amplitude: float) -> Ext
 
 
 def make_damping_effect(shape: DampingShape) -> Effect:
-    """The catalogue's effect, with the power fitted where the shape leaves it open."""
+    """The catalogue's effect, with the power fitted where the shape leaves it open.
+
+    Parameters
+    ----------
+    shape
+        Of the damping.
+
+    Returns
+    -------
+    Effect
+        Of the catalogue.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.search.shapes import FREE, SUPPLIED, make_damping_effect
+    >>> [make_damping_effect(shape).parameters[1].fitted for shape in (FREE, SUPPLIED[0])]
+    [True, False]
+    """
     effect = nonlinear_damping.EFFECT
     return (
         effect
@@ -109,17 +175,73 @@ def make_damping_effect(shape: DampingShape) -> Effect:
 
 
 def read_damping_values(fit: ExtendedFit) -> dict[str, float]:
-    """The damping's parameters."""
+    """The damping's parameters.
+
+    Parameters
+    ----------
+    fit
+        With that cause.
+
+    Returns
+    -------
+    dict
+        By name.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_nonlinear_fit
+    >>> from hrg_cli.stages.diagnosis.search.shapes import read_damping_values
+    >>> read_damping_values(draw_nonlinear_fit())["power"]
+    2.0
+    """
     return fit.values(NAME)
 
 
 def read_power(fit: ExtendedFit) -> tuple[float, float]:
-    """The power and its σ, 0 where it is given."""
+    """The power and its σ, 0 where it is given.
+
+    Parameters
+    ----------
+    fit
+        With that cause.
+
+    Returns
+    -------
+    tuple of float
+        n and its σ.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_nonlinear_fit
+    >>> from hrg_cli.stages.diagnosis.search.shapes import read_power
+    >>> read_power(draw_nonlinear_fit())
+    (2.0, 0.0)
+    """
     return read_damping_values(fit)["power"], fit.parameter_std(NAME, "power")
 
 
 def compute_level(fit: ExtendedFit, amplitude: float) -> tuple[float, float]:
-    """ν_n at an amplitude and its σ, from the catalogue's parameters."""
+    """ν_n at an amplitude and its σ, from the catalogue's parameters.
+
+    Parameters
+    ----------
+    fit
+        With the catalogue's parameters.
+    amplitude
+        In the unit of the envelopes.
+
+    Returns
+    -------
+    tuple of float
+        [1/s].
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_nonlinear_fit
+    >>> from hrg_cli.stages.diagnosis.search.shapes import compute_level
+    >>> [round(one, 3) for one in compute_level(draw_nonlinear_fit(), 1.0)]
+    [0.05, 0.001]
+    """
     now = read_damping_values(fit)
     level = now["damping_1_s"] * amplitude ** now["power"]
     slopes = {"damping_1_s": amplitude ** now["power"], "power": level * np.log(amplitude)}

@@ -19,13 +19,53 @@ from ..thresholds import GROSS, NEARLY_ALL
 
 def is_beyond_question(fit: ExtendedFit, name: str) -> bool:
     """Whether an active effect takes a gross misfit away from driven runs; free ones are fitted
-    without it soon enough."""
+    without it soon enough.
+
+    Parameters
+    ----------
+    fit
+        With the effect.
+    name
+        Of the effect.
+
+    Returns
+    -------
+    bool
+        Of driven runs alone.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.stand_in import is_beyond_question
+    >>> is_beyond_question(draw_found_case().search.final, "gain_mismatch")
+    False
+    """
     return _driven(fit) and fit.measure_distance(fit.effect(name))[1] > GROSS * fit.dof
 
 
 def takes_nearly_all(before: ExtendedFit, after: ExtendedFit) -> bool:
     """Whether one cause more takes nearly all of a gross misfit: it is then not given up for open
-    terms, which follow whatever it leaves over and could take as much only one for each run."""
+    terms, which follow whatever it leaves over and could take as much only one for each run.
+
+    Parameters
+    ----------
+    before
+        The fit without the cause.
+    after
+        With it.
+
+    Returns
+    -------
+    bool
+        False where the misfit was not gross.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.stand_in import takes_nearly_all
+    >>> takes_nearly_all(draw_mismatched_fit(), draw_found_case().search.final)
+    False
+    """
     return is_gross(before) and after.chi2 < before.chi2 / NEARLY_ALL
 
 
@@ -35,7 +75,30 @@ def _driven(fit: ExtendedFit) -> bool:
 
 def has_none(fit: ExtendedFit, name: str, candidates: Sequence[Variant]) -> bool:
     """Whether an active effect is beyond question and nothing of the catalogue comes near what it
-    takes away."""
+    takes away.
+
+    Parameters
+    ----------
+    fit
+        With the effect.
+    name
+        Of the effect.
+    candidates
+        Ways in which causes may stand.
+
+    Returns
+    -------
+    bool
+        It stays unasked.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.stand_in import has_none
+    >>> case = draw_found_case()
+    >>> has_none(case.search.final, "gain_mismatch", case.inquiry.candidates)
+    False
+    """
     if not is_beyond_question(fit, name):
         return False
     size, _ = fit.measure_distance(fit.effect(name))

@@ -46,8 +46,8 @@ def find_unlogged_rates(
     Runs at rest (0.0002 rad/s is noise) and at ±1 rad/s, of which no log tells:
 
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves, fit_waves
-    >>> from hrg_cli.stages.diagnosis.suspects.unlogged_rates import find_unlogged_rates
     >>> from hrg_cli.stages.diagnosis.suspects.transformations import hold_rate
+    >>> from hrg_cli.stages.diagnosis.suspects.unlogged_rates import find_unlogged_rates
     >>> waves = [hold_rate(wave, 0.0) for wave in draw_waves()]
     >>> found = find_unlogged_rates(waves, fit_waves, fit_waves(waves))
     >>> found.suspicions[0].evidence[36:68]
