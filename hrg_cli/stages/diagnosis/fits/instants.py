@@ -46,13 +46,11 @@ def settle_instants(fit: ExtendedFit, names: Collection[str]) -> ExtendedFit:
 
     >>> from hrg_cli.effects import find
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_knocked_fit
-    >>> from hrg_cli.stages.diagnosis.fits.instants import settle_instants
-    >>> from hrg_cli.stages.diagnosis.fits.refits import adopt
-    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
-    >>> from hrg_cli.stages.diagnosis.fits.variants import list_variants
+    >>> from hrg_cli.stages.diagnosis.fits import instants, refits, scoring, variants
     >>> start = draw_knocked_fit()
-    >>> ((score, variant),) = score_effects(start, list_variants([find("momentum_kick")], start))
-    >>> knock = settle_instants(adopt(start, score, variant), ["momentum_kick"])
+    >>> kicks = variants.list_variants([find("momentum_kick")], start)
+    >>> ((score, variant),) = scoring.score_effects(start, kicks)
+    >>> knock = instants.settle_instants(refits.adopt(start, score, variant), ["momentum_kick"])
     >>> round(knock.values("momentum_kick")["time_s"], 2)
     0.5
     """

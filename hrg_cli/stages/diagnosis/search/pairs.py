@@ -69,11 +69,10 @@ def list_promising_pairs(
     --------
     >>> from hrg_cli.effects import find
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
-    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
-    >>> from hrg_cli.stages.diagnosis.fits.variants import list_variants
+    >>> from hrg_cli.stages.diagnosis.fits import scoring, variants
     >>> from hrg_cli.stages.diagnosis.search.pairs import list_promising_pairs
     >>> fit, effects = draw_mismatched_fit(), map(find, ("gain_mismatch", "electrode_nonorthogonality"))
-    >>> ranked = score_effects(fit, list_variants([*effects], fit))
+    >>> ranked = scoring.score_effects(fit, variants.list_variants([*effects], fit))
     >>> [[score.name for score, _ in pair.both] for pair in list_promising_pairs(fit, ranked)]
     [['gain_mismatch', 'electrode_nonorthogonality']]
     """
@@ -122,11 +121,10 @@ def fit_pair(fit: ExtendedFit, pair: Pair) -> tuple[ExtendedFit, tuple[Scored, S
     --------
     >>> from hrg_cli.effects import find
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
-    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
-    >>> from hrg_cli.stages.diagnosis.fits.variants import list_variants
+    >>> from hrg_cli.stages.diagnosis.fits import scoring, variants
     >>> from hrg_cli.stages.diagnosis.search.pairs import fit_pair, list_promising_pairs
     >>> fit, effects = draw_mismatched_fit(), map(find, ("gain_mismatch", "electrode_nonorthogonality"))
-    >>> ranked = score_effects(fit, list_variants([*effects], fit))
+    >>> ranked = scoring.score_effects(fit, variants.list_variants([*effects], fit))
     >>> both, _ = fit_pair(fit, list_promising_pairs(fit, ranked)[0])
     >>> round(both.values("gain_mismatch")["gain"], 2)
     0.02
