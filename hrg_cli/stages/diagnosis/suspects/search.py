@@ -18,12 +18,12 @@ from .common_clock import find_common_lateness
 from .leaks import find_leaks
 from .logs import find_wrong_logs
 from .mistakes import Maker, find_every_mistake, find_mistakes
-from .readings import DAMPING, KNOCK, Reading, find_knock_mistakes, fit_held
+from .readings import DAMPING, KNOCK, Reading, find_knock_mistakes, find_time_mistakes, fit_held
 from .rivals import fit_catalogue, fit_warming
 from .unlogged_rates import find_unlogged_rates
 
 STEP = 1.4
-"""Times by which χ² must fall for one more run to be doubted."""
+"""Times by which χ² must fall for one more run to be doubted, or for runs that warm up."""
 RIVAL = 3.0
 """χ² per degree of freedom that causes of the catalogue may leave over that of the best mistake: then
 no run is blamed."""
@@ -97,12 +97,16 @@ def _find_mistakes_of_runs(
 ) -> SuspectFound | None:
     """The runs without which the others agree, at one temperature or as they warm, or whose dampings
     do not."""
+    cold = _wrong_runs(waves, fitted, base, find_mistakes) or find_leaks(waves, fitted, base)
+    if cold is not None and cold.chi2_per_dof < RIVAL:
+        return cold
     warm = fit_warming(fitted, candidates, base)
-    return (
-        _wrong_runs(waves, fitted, base, find_mistakes)
-        or find_leaks(waves, fitted, base)
-        or (_wrong_runs(waves, warm, warm(waves), find_every_mistake) if warm is not None else None)
-    )
+    if warm is None:
+        return cold
+    warmed = _wrong_runs(waves, warm, warm(waves), find_every_mistake)
+    if cold is None or (warmed is not None and warmed.chi2_per_dof * STEP < cold.chi2_per_dof):
+        return warmed
+    return cold
 
 
 def _find_strange_frequencies(fit: ExtendedFit) -> list[int]:
@@ -130,7 +134,7 @@ def _strange_runs(
         return None
     told, fit, numbers = [], others, 0
     for run in strange:
-        cases = find_cases(pieces, waves[run], run, others, fitted, find_mistakes)
+        cases = find_cases(pieces, waves[run], run, others, fitted, find_time_mistakes)
         if not cases:
             return None
         case, beside = choose_case(cases)

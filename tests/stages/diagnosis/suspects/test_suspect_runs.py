@@ -195,6 +195,15 @@ def test_a_channel_whose_samples_stand_still_is_refused():
     assert told_of == [("run0", "channel C stuck")] and diagnosis.status == "refused"
 
 
+def test_a_gain_switched_among_runs_that_warm_up():
+    """Beside what the temperature does: fitted without it, no run was the wrong one."""
+    records = recordings(table_of(2, THERMAL), 2)
+    records[3] = records[3].replace(s=1.01 * np.asarray(records[3].s))
+    found = suspicions(estimated(records))
+    assert [(one.run_id, one.what) for one in found] == [("run3", "one channel's gain changed")]
+    assert "0.99" in found[0].evidence
+
+
 def test_two_wrong_runs_of_six_are_both_named():
     records = recordings(table_of(1), 1)
     records[1] = records[1].replace(s=-np.asarray(records[1].s))
