@@ -31,6 +31,30 @@ HOPELESS = 10.0
 promise to leave for it not to be tried: what cannot fit takes by far the longest to say so."""
 
 
+def hold_effect(effect: Effect) -> Effect:
+    """The effect with none of its parameters fitted.
+
+    Parameters
+    ----------
+    effect
+        A cause.
+
+    Returns
+    -------
+    Effect
+        The same in all else.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.fits.refits import hold_effect
+    >>> [p.fitted for p in hold_effect(find("gain_mismatch")).parameters]
+    [False]
+    """
+    held = (replace(p, fitted=False, fitted_then=False) for p in effect.parameters)
+    return replace(effect, parameters=tuple(held))
+
+
 def adopt(
     fit: ExtendedFit, score: Score, variant: Variant, most: int = extended_fit.MOST_STEPS
 ) -> ExtendedFit:

@@ -25,7 +25,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.least_squares import invert_information
 from ..fits.instants import settle_instants
-from ..fits.refits import leave_out
+from ..fits.refits import hold_effect, leave_out
 from ..fits.scoring import count_places, is_gross, is_possible, score_effects
 from ..fits.variants import Variant, list_variants
 from ..fits.whole_samples import count_whole
@@ -184,11 +184,7 @@ def list_variants_around(tried: Sequence[Variant], series: MeasuredRuns) -> list
 
 def fit_beside_held(fit: ExtendedFit, effect: Effect, values: Mapping[str, float]) -> ExtendedFit:
     """The fit again beside an effect that stays as it is."""
-    held = replace(
-        effect,
-        parameters=tuple(replace(p, fitted=False, fitted_then=False) for p in effect.parameters),
-    )
-    point = fit_point.add_effect(fit.point, held, values)
+    point = fit_point.add_effect(fit.point, hold_effect(effect), values)
     return extended_fit.fit(fit.series, point, fit.freedom)
 
 

@@ -17,6 +17,7 @@ from ....fitting.envelopes.coordinates import COORDINATES, COUNT
 from ....fitting.parabola import fit_parabola
 from ....records import Array, Wave
 from ..base.data import prepare
+from ..fits.refits import hold_effect
 from ..samples.jumps import find_jumps
 from . import transformations as change
 
@@ -48,9 +49,17 @@ class Reading:
     """Its mean temperature's distance from the other runs'; infinite where no thermometer is doubted."""
 
 
-def fit_held(waves: Sequence[Wave], others: ExtendedFit, free: Sequence[str] = ()) -> ExtendedFit:
-    """Runs beside one another, their starts and frequencies fitted, the coordinates those of the
-    others but for the `free` ones.
+def fit_held(
+    waves: Sequence[Wave],
+    others: ExtendedFit,
+    free: Sequence[str] = (),
+    *,
+    causes_free: bool = False,
+) -> ExtendedFit:
+    """Runs beside one another, their starts and frequencies fitted, all else as in the others.
+
+    Ways that one run may have been stand beside one another, so that a cause fitted to all of them
+    would be bent by the wrong ones.
 
     Parameters
     ----------
@@ -60,6 +69,8 @@ def fit_held(waves: Sequence[Wave], others: ExtendedFit, free: Sequence[str] = (
         The others' fit, whose coordinates are held.
     free
         Names of the coordinates that are fitted all the same.
+    causes_free
+        The causes of the others are fitted too.
 
     Returns
     -------
@@ -82,9 +93,11 @@ def fit_held(waves: Sequence[Wave], others: ExtendedFit, free: Sequence[str] = (
     std[[COORDINATES.index(name) for name in free]] = np.inf
     p = others.point.p.copy()
     series = replace(series, free_phase=others.series.free_phase)
+    causes = others.point.active
+    active = causes if causes_free else tuple((hold_effect(e), values) for e, values in causes)
     return extended_fit.fit(
         series,
-        replace(point, p=p, active=others.point.active),
+        replace(point, p=p, active=active),
         CoordinatePriors(p, std, passive=False),
     )
 

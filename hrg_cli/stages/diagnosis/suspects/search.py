@@ -302,7 +302,11 @@ def find_cases(
     made = find_knock_mistakes(wave) if alone else makers(wave, others)
     out = _read(pieces, run, list(made), fitted)
     apart = (
-        None if alone else fit_or_none([wave], lambda own: fit_held(own, others, COORDINATES[:-1]))
+        None
+        if alone
+        else fit_or_none(
+            [wave], lambda own: fit_held(own, others, COORDINATES[:-1], causes_free=True)
+        )
     )
     if apart is not None:
         own = apart.chi2 / apart.dof < CLEAR * max(1.0, others.chi2 / others.dof)
