@@ -123,7 +123,7 @@ def find_another_start(fit: ExtendedFit, slow: float) -> Place | None:
     found = [
         _clearest(own[:, START], fit, run, slow) for run, (_, _, own) in enumerate(fit.design.own)
     ]
-    return min((one for one in found if one), key=lambda one: one.chance, default=None)
+    return min((one for one in found if one), key=lambda one: (one.chance, -one.gain), default=None)
 
 
 def find_place_beside_strike(values: Values, fit: ExtendedFit, slow: float) -> Place | None:
@@ -195,7 +195,8 @@ def _clearest(
         rows, tried = rows[rows == only], 1.0
     if len(rows) == 0:
         return None
-    row = int(rows[np.argmin(p[rows])])
+    # a strong one's chance is too small for a number, at many rows: of these the one that gains most
+    row = int(rows[np.lexsort((-gain[rows], p[rows]))[0]])
     chance = evidence.correct_for_tries(float(p[row]), tried)
     return Place(run, row, float(_times(fit, run)[row]), float(gain[row]), chance)
 
