@@ -1,6 +1,8 @@
 """A wrong run, or a wrong log, is named by run and mistake before any physics is blamed; clean runs
 and runs with real causes name none."""
 
+import re
+
 import numpy as np
 import pytest
 from diagnosis_programme import programme, waves
@@ -202,6 +204,16 @@ def test_a_gain_switched_among_runs_that_warm_up():
     found = suspicions(estimated(records))
     assert [(one.run_id, one.what) for one in found] == [("run3", "one channel's gain changed")]
     assert "0.99" in found[0].evidence
+
+
+def test_the_channel_that_comes_late_is_told_with_its_time():
+    """One sample at 20011 Hz."""
+    waves, _ = wrong("late channel", 1)
+    (found,) = suspicions(waves)
+    late_s = float(
+        re.search(r"its S comes .* rad of the oscillation \((.*) s\) late", found.evidence)[1]
+    )
+    assert abs(late_s * 20011 - 1) < 5e-3
 
 
 def test_two_wrong_runs_of_six_are_both_named():
