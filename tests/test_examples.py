@@ -90,7 +90,7 @@ HELD = (
     *modules_of("stages.diagnosis.report"),
     *modules_of("stages.diagnosis.suspects"),
     *modules_of("stages.diagnosis.fits"),
-    *(name for name in modules_of("stages.diagnosis.search") if not name.endswith(".instants")),
+    *modules_of("stages.diagnosis.search"),
     "fitting.checks",
     "fitting.least_squares",
     "fitting.parabola",

@@ -63,7 +63,27 @@ class Strike:
 
 
 def place_strikes(case: Case) -> Case:
-    """The case with the instants of its causes where they leave least within their rows."""
+    """The case with the instants of its causes where they leave least within their rows.
+
+    Parameters
+    ----------
+    case
+        Causes and what they leave over.
+
+    Returns
+    -------
+    Case
+        The same where no instant gains what a cause must be worth.
+
+    Examples
+    --------
+    A mismatch has no instant:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.instants import place_strikes
+    >>> place_strikes(draw_found_case()) is draw_found_case()
+    True
+    """
     names = {one.variant.effect.name for one in case.search.found if one.sizes is None}
     settled = settle_instants(case.search.final, names)
     if settled.chi2 > case.search.final.chi2 - WORTH * case.inquiry.noise.slow:
@@ -76,7 +96,27 @@ def place_strikes(case: Case) -> Case:
 
 def take_strikes(case: Case) -> Case:
     """The case with what stands out of a gross misfit at an instant, one after another; as it is
-    where the misfit is none, and without them where open terms describe all of it alone."""
+    where the misfit is none, and without them where open terms describe all of it alone.
+
+    Parameters
+    ----------
+    case
+        Causes and what they leave over.
+
+    Returns
+    -------
+    Case
+        With at most so many strikes as causes are asked for.
+
+    Examples
+    --------
+    Beside a mismatch that describes all, nothing is looked for:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.instants import take_strikes
+    >>> take_strikes(draw_found_case()) is draw_found_case()
+    True
+    """
     if case.remainder is None or not is_gross(case.search.final):
         return case
     sharp = [effect for effect in EFFECTS if effect.of_one_run]
@@ -164,7 +204,34 @@ def _clearest(
 
 def list_variants_around(tried: Sequence[Variant], series: MeasuredRuns) -> list[Variant]:
     """The variants at instants half rows apart about theirs, whole periods away, with rows enough on
-    either side: the rows know the instant to a part of their length."""
+    either side: the rows know the instant to a part of their length.
+
+    Parameters
+    ----------
+    tried
+        Causes where they may strike.
+    series
+        Of the runs.
+
+    Returns
+    -------
+    list of Variant
+        Nine of each that has an instant, fewer near a run's ends.
+
+    Examples
+    --------
+    Rows of 20 ms, and a wave that was turned at 0.5 s:
+
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_knocked_fit
+    >>> from hrg_cli.stages.diagnosis.fits.places import place_cause
+    >>> from hrg_cli.stages.diagnosis.fits.variants import list_variants
+    >>> from hrg_cli.stages.diagnosis.search.instants import list_variants_around
+    >>> fit = draw_knocked_fit()
+    >>> first = place_cause(*list_variants([find("momentum_kick")], fit), fit)[:1]
+    >>> [round(one.values["time_s"], 2) for one in list_variants_around(first, fit.series)]
+    [0.46, 0.47, 0.48, 0.49, 0.5, 0.51, 0.52, 0.53, 0.54]
+    """
     period = 1 / series.reference_frequency_hz
     out = []
     for one in tried:
@@ -183,13 +250,67 @@ def list_variants_around(tried: Sequence[Variant], series: MeasuredRuns) -> list
 
 
 def fit_beside_held(fit: ExtendedFit, effect: Effect, values: Mapping[str, float]) -> ExtendedFit:
-    """The fit again beside an effect that stays as it is."""
+    """The fit again beside an effect that stays as it is.
+
+    Parameters
+    ----------
+    fit
+        Without the effect.
+    effect
+        A cause.
+    values
+        Of all its parameters.
+
+    Returns
+    -------
+    ExtendedFit
+        With the effect active and none of its parameters free.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.instants import fit_beside_held
+    >>> fit = draw_mismatched_fit()
+    >>> beside = fit_beside_held(fit, find("gain_mismatch"), {"gain": 0.02})
+    >>> beside.values("gain_mismatch"), bool(beside.chi2 < fit.chi2 / 2)
+    ({'gain': 0.02}, True)
+    """
     point = fit_point.add_effect(fit.point, hold_effect(effect), values)
     return extended_fit.fit(fit.series, point, fit.freedom)
 
 
 def list_strikes(fit: ExtendedFit, tried: Sequence[Variant]) -> list[Strike]:
-    """Of every variant that these runs show beside the model."""
+    """Of every variant that these runs show beside the model.
+
+    Parameters
+    ----------
+    fit
+        Without the causes that are tried.
+    tried
+        Where and how they may strike.
+
+    Returns
+    -------
+    list of Strike
+        In the order of what is tried; without those that the model follows.
+
+    Examples
+    --------
+    A wave of size 1 that was turned by 1 mrad of θ, 2 mrad of 2θ, at 0.5 s, taken for a knock:
+
+    >>> import numpy as np
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_knocked_fit
+    >>> from hrg_cli.stages.diagnosis.fits.places import place_cause
+    >>> from hrg_cli.stages.diagnosis.fits.variants import list_variants
+    >>> from hrg_cli.stages.diagnosis.search.instants import list_strikes
+    >>> fit = draw_knocked_fit()
+    >>> tried = place_cause(*list_variants([find("momentum_kick")], fit), fit)
+    >>> best = max(list_strikes(fit, tried), key=lambda one: one.criterion)
+    >>> best.rank, bool(1e-3 < np.hypot(*best.size) < 2e-3)
+    (3, True)
+    """
     columns = fit.find_sensitivities([variant.wanted for variant in tried])
     model = _model(fit)
     residual = Spectrum.from_values(fit.residual, fit)
@@ -235,8 +356,35 @@ def _strike(variant: Variant, S: Array, model: Array, residual: Spectrum) -> Str
 
 def measure_misfit_power(left: Array, before: Array, cell: Array, rank: int) -> tuple[Array, Array]:
     """Mean power (B,) of coefficients (N,) in every cell, at least the stated noise's 1, and of how
-    many independent numbers it consists, inf where it is that noise; before: with a cause of so
-    many parameters in them."""
+    many independent numbers it consists, inf where it is that noise.
+
+    Parameters
+    ----------
+    left
+        Coefficients (N,) of what is left, over the stated σ.
+    before
+        The same with a cause in them.
+    cell
+        Cell (N,) of each, 0 to B − 1.
+    rank
+        Parameters of that cause.
+
+    Returns
+    -------
+    power, numbers : ndarray
+        Each (B,).
+
+    Examples
+    --------
+    A misfit of thirty times the noise in the first cell, noise in the second:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.search.instants import measure_misfit_power
+    >>> left, cell = np.array([30.0, -30.0, 0.1, 0.2]), np.array([0, 0, 1, 1])
+    >>> power, numbers = measure_misfit_power(left, left, cell, rank=1)
+    >>> power.tolist(), bool(np.isinf(numbers[1]))
+    ([900.0, 1.0], True)
+    """
     from scipy.special import chdtrc
 
     power, numbers = np.ones(cell.max() + 1), np.full(cell.max() + 1, np.inf)
