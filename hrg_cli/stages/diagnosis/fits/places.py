@@ -33,7 +33,7 @@ the oscillation, which is fitted from the nearest."""
 
 
 @dataclass(frozen=True)
-class Place:
+class StrikePlace:
     """Before which row of which run, that row's time, by how much χ² falls with what happens there, and
     the chance, for all rows of all runs, of as much."""
 
@@ -74,7 +74,7 @@ def place_cause(variant: Variant, fit: ExtendedFit) -> list[Variant]:
     [(1.0, 0.4998), (1.0, 0.5)]
     """
     series, effect = fit.series, variant.effect
-    place: Place | None = fit.recall(("place", effect.name), lambda: _place(variant, fit))
+    place: StrikePlace | None = fit.recall(("place", effect.name), lambda: _place(variant, fit))
     if place is None:
         return []
     t = _times(fit, place.run)
@@ -94,7 +94,7 @@ def place_cause(variant: Variant, fit: ExtendedFit) -> list[Variant]:
     ]
 
 
-def find_another_start(fit: ExtendedFit, slow: float) -> Place | None:
+def find_another_start(fit: ExtendedFit, slow: float) -> StrikePlace | None:
     """Where a run moves on as from another start with the least chance; None where all have too few
     rows.
 
@@ -107,7 +107,7 @@ def find_another_start(fit: ExtendedFit, slow: float) -> Place | None:
 
     Returns
     -------
-    Place or None
+    StrikePlace or None
         Its chance is that for all rows of all runs.
 
     Examples
@@ -126,7 +126,7 @@ def find_another_start(fit: ExtendedFit, slow: float) -> Place | None:
     return min((one for one in found if one), key=lambda one: (one.chance, -one.gain), default=None)
 
 
-def find_place_beside_strike(values: Values, fit: ExtendedFit, slow: float) -> Place | None:
+def find_place_beside_strike(values: Values, fit: ExtendedFit, slow: float) -> StrikePlace | None:
     """The same at the row before which a cause of the fit strikes, which may not be all that struck
     there.
 
@@ -143,7 +143,7 @@ def find_place_beside_strike(values: Values, fit: ExtendedFit, slow: float) -> P
 
     Returns
     -------
-    Place or None
+    StrikePlace or None
         Of that row.
 
     Examples
@@ -169,7 +169,7 @@ def _times(fit: ExtendedFit, run: int) -> Array:
     return np.asarray(fit.series.time_s[run][fit.series.weight[run] > 0])
 
 
-def _place(variant: Variant, fit: ExtendedFit) -> Place | None:
+def _place(variant: Variant, fit: ExtendedFit) -> StrikePlace | None:
     """The clearest place of all runs, where chance makes none; None where the other runs together
     show as much: what strikes does so in one of them, what all of them show is no strike."""
     runs = range(len(fit.series.names))
@@ -183,7 +183,7 @@ def _place(variant: Variant, fit: ExtendedFit) -> Place | None:
 
 def _clearest(
     S: Array, fit: ExtendedFit, run: int, slow: float = 1.0, only: int | None = None
-) -> Place | None:
+) -> StrikePlace | None:
     """The place of a run from which on the columns (4n, m) lower χ² least by chance; `only`: that row
     alone."""
     gain, rank = compute_place_gains(S, fit, run)
@@ -198,7 +198,7 @@ def _clearest(
     # a strong one's chance is too small for a number, at many rows: of these the one that gains most
     row = int(rows[np.lexsort((-gain[rows], p[rows]))[0]])
     chance = evidence.correct_for_tries(float(p[row]), tried)
-    return Place(run, row, float(_times(fit, run)[row]), float(gain[row]), chance)
+    return StrikePlace(run, row, float(_times(fit, run)[row]), float(gain[row]), chance)
 
 
 def compute_place_gains(S: Array, fit: ExtendedFit, run: int) -> tuple[Array, Array]:
