@@ -143,7 +143,7 @@ def wrong(kind, seed, **settings):
     elif kind == "offset":
         one = one.replace(rate_rad_s=np.asarray(one.rate_rad_s) + 0.1)
     elif kind in ("gain", "range"):
-        one = one.replace(c=np.asarray(one.c) * (1.01 if kind == "gain" else 10.0))
+        one = one.replace(c=np.asarray(one.c) * (1.05 if kind == "gain" else 10.0))
     elif kind == "late channel":
         one = one.replace(c=np.asarray(one.c)[1:], s=np.asarray(one.s)[:-1])
     records[k] = one

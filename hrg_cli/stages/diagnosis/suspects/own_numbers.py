@@ -1,4 +1,5 @@
-"""What a number of one run's own would take of χ²: its rate log's scale or offset, its damping.
+"""What a number of one run's own would take of χ²: its rate log's scale or offset, its damping, one
+channel's gain or lateness.
 
 To first order, from the sensitivities of the fit itself, so that asking costs next to nothing.
 """
@@ -44,7 +45,8 @@ def find_largest_gain(fit: ExtendedFit) -> float:
     (True, True)
     """
     shared, _ = find_base_sensitivities(fit.flow)
-    together = np.concatenate([shared[..., OWN], _predict_constant_rate(fit.flow)], axis=-1)
+    own = shared[..., OWN], _predict_constant_rate(fit.flow), _predict_amplifiers(fit.flow)
+    together = np.concatenate(own, axis=-1)
     columns = flatten_rows(fit.series, together)
     runs = fit.rows[:, 0]
     alone = [
@@ -86,6 +88,13 @@ def find_gain_of_lateness(fit: ExtendedFit) -> float:
     column = flatten_rows(series, _predict_rate(fit.flow, slope))
     (found,) = evidence.score_candidates(["late"], fit.residual, [column], fit.basis)
     return float(found.gain) if found.visible else 0.0
+
+
+def _predict_amplifiers(flow: Propagation) -> Array:
+    """What C read with one part more of S's gain, or a radian before S, does, over σ, (R, n, 4, 2)."""
+    apart = flow.prediction.seen * [0.5, -0.5]
+    changes = np.stack([to_reals(apart), to_reals(1j * apart)], axis=-1)
+    return np.asarray(flow.prediction.whiten_judged(changes))
 
 
 def _predict_constant_rate(flow: Propagation) -> Array:

@@ -1,9 +1,10 @@
 """A mistake of one run too small for a gross misfit, which a cause of the catalogue takes up whole or
 in part."""
 
+import numpy as np
 import pytest
 from diagnosis_programme import programme, waves
-from wrong_runs import COURSES
+from wrong_runs import COURSES, estimated, recordings, table_of
 
 from hrg_cli.stages.diagnose import diagnose, summarise
 
@@ -25,6 +26,18 @@ def test_a_small_offset_of_one_log_is_no_knock():
     assert suspected(report) == [("run3", "rate log offset")]
     assert report["effects"] == []
     assert "+0.00032" in report["suspect_runs"][0]["evidence"]
+
+
+@pytest.mark.parametrize("seed, culprit", [(4, 0), pytest.param(2, 5, marks=pytest.mark.slow)])
+def test_a_channel_of_one_run_with_a_hundredth_more_gain(seed, culprit):
+    """A step of the gain within the first rows and a knock took it up, "explained"."""
+    records = recordings(table_of(seed), seed)
+    records[culprit] = records[culprit].replace(c=1.01 * np.asarray(records[culprit].c))
+    report = summarise(diagnose(estimated(records)))
+    assert report["baseline"]["chi2_per_dof"] < 10
+    assert suspected(report) == [(f"run{culprit}", "one channel's gain changed")]
+    evidence = report["suspect_runs"][0]["evidence"]
+    assert float(evidence.split("read ")[1].split()[0]) == pytest.approx(1.01, abs=5e-4)
 
 
 def test_a_wrong_scale_beside_a_real_cause():
