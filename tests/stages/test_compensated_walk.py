@@ -38,7 +38,7 @@ def waves():
 def test_a_fit_that_begins_with_its_own_noise_finds_it_again(waves):
     """With every suspected cause free, as `calibrate` judges its variants. What weights without a
     walk left was taken for the walk: half as much again as there is."""
-    runs = prepare(waves, KnownRates({}, None, 0.0), "temperature", None, 4, 1)
+    runs = prepare(waves, KnownRates({}, None, 0.0), "temperature", None, 4, (1, 1))
     factors, widths = build_factors(runs.forced, runs.nodes, "temperature", "cubic", FACTORS)
     layout = TableLayout(runs.nodes, "temperature", 2, 4, 4, "cubic", factors, widths)
     first = fit(runs.forced, layout)

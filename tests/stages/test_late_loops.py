@@ -146,7 +146,7 @@ def test_the_working_mode_takes_the_logged_force_off_the_quadrature(waves):
     too_large = 1 / (1 - 10.0 * LATE_S)
     seen = unlogged.values["frequency_split_rad_s"] / DEVICE["frequency_split_rad_s"]
     assert seen == pytest.approx(too_large, abs=4 * std / split)
-    said = "too large a millisecond"
+    said = "too large per millisecond"
     assert any(said in s for s in unlogged.flat) and not any(said in s for s in logged.flat)
     mistaken = [w.replace(drive_quadrature=3 * np.asarray(w.drive_quadrature)) for w in forced]
     assert any(
