@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class Parabola:
@@ -40,3 +42,29 @@ def fit_parabola(before: float, here: float, after: float) -> Parabola | None:
     """
     bend = before - 2 * here + after
     return Parabola(float((before - after) / (2 * bend)), float(bend)) if bend > 0 else None
+
+
+def find_peak_offset(power: np.ndarray) -> float:
+    """How far the peak of a line lies from its highest bin, by the parabola through the logarithms.
+
+    Parameters
+    ----------
+    power
+        Of that bin and its neighbours, (3,).
+
+    Returns
+    -------
+    float
+        In bins; 0 where a power is 0, or where they have no peak.
+
+    Examples
+    --------
+    A line of Gaussian shape, a fifth of a bin above the middle one:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.parabola import find_peak_offset
+    >>> round(find_peak_offset(np.exp(-((np.array([-1.0, 0.0, 1.0]) - 0.2) ** 2))), 9)
+    0.2
+    """
+    parabola = fit_parabola(*-np.log(power)) if power.min() > 0 else None
+    return parabola.lowest if parabola else 0.0

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..parabola import fit_parabola
+from ..parabola import find_peak_offset
 from .basis import build_columns, build_rotations
 from .spectrum import compute_chi_square_excess
 
@@ -280,11 +280,7 @@ def find_peak(
     ]
     below = float(np.median(near))
     ratio = float(power[top]) / below if below > 0 else (np.inf if power[top] > 0 else 0.0)
-    offset = 0.0
-    if power[top - 1 : top + 2].min() > 0:
-        parabola = fit_parabola(*-np.log(power[top - 1 : top + 2]))
-        if parabola:
-            offset = float(np.clip(parabola.lowest, -0.5, 0.5))
+    offset = float(np.clip(find_peak_offset(power[top - 1 : top + 2]), -0.5, 0.5))
     return float(frequency_hz[top] + offset * (frequency_hz[1] - frequency_hz[0])), ratio
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fitting.least_squares import fit_columns
-from ...fitting.parabola import fit_parabola
+from ...fitting.parabola import find_peak_offset
 from ...records import Array, Recording
 from ..text import format_number
 from .drawing import (
@@ -124,10 +124,7 @@ def _strongest(signal: Array, rate_hz: float) -> float:
         np.abs(np.fft.rfft((signal - signal.mean(1, keepdims=True)) * window, 4 * n)) ** 2
     ).sum(0)
     top = int(np.argmax(power[4:])) + 4
-    offset = 0.0
-    if top + 1 < len(power) and power[top - 1 : top + 2].min() > 0:
-        parabola = fit_parabola(*-np.log(power[top - 1 : top + 2]))
-        offset = parabola.lowest if parabola else 0.0
+    offset = find_peak_offset(power[top - 1 : top + 2]) if top + 1 < len(power) else 0.0
     return float((top + offset) * rate_hz / (4 * n))
 
 

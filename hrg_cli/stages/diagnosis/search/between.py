@@ -18,6 +18,7 @@ import numpy as np
 
 from ....fitting.causes import evidence, extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
+from ..fits.refits import hold_effect
 from .inquiry import NoiseLevel
 from .offsets import Offsets, judge_scatter, read_offsets
 from .run_patterns import QUIET, SPARE, Pattern, find_patterns
@@ -134,9 +135,7 @@ def _free_offsets(fit: ExtendedFit, follows: Sequence[str]) -> ExtendedFit:
     active = []
     for effect, values in fit.point.active:
         if effect.name in follows:
-            effect = replace(
-                effect, parameters=tuple(replace(p, fitted=False) for p in effect.parameters)
-            )
+            effect = hold_effect(effect)
         active.append((effect, values))
     return extended_fit.fit(
         fit.series,

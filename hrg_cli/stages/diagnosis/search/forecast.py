@@ -30,7 +30,7 @@ from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.causes.whitened_rows import build_layout, compute_design
 from ....fitting.envelopes import channel_noise
 from ....physics import ellipse
-from ..fits.refits import leave_out
+from ..fits.refits import hold_effect, leave_out
 from ..thresholds import WORTH
 from .search_case import Case
 from .selection import select
@@ -296,10 +296,7 @@ def find_forecast_errors(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Err
         # a run's start and frequency are its own: they are fitted on it, everything shared is held
         kept = np.flatnonzero(fold.test.any(axis=1))
         series = base.series.select_runs(kept.tolist())
-        still = tuple(
-            (replace(e, parameters=tuple(replace(p, fitted=False) for p in e.parameters)), v)
-            for e, v in fit.point.active
-        )
+        still = tuple((hold_effect(effect), values) for effect, values in fit.point.active)
         point = replace(
             fit.point,
             start=base.point.start[kept],
