@@ -72,6 +72,8 @@ def choose_folds(fitted: Fitted, harmonics: int) -> tuple[Array, str]:
     'time'
     """
     nodes, axis = fitted.layout.nodes, fitted.layout.axis
+    # the first, where K may have any
+    of_scale = min(1, fitted.layout.scale_harmonics)
     nearest = [
         int(np.argmin(np.abs(nodes - np.mean(fitted.layout.find_abscissa(p)))))
         for p in fitted.paths
@@ -92,7 +94,7 @@ def choose_folds(fitted: Fitted, harmonics: int) -> tuple[Array, str]:
             ):
                 return False
         rest = [p for p, f in zip(fitted.paths, fold) if f != left]
-        return not any(f.refuses for f in examine(rest, nodes, axis, harmonics))
+        return not any(f.refuses for f in examine(rest, nodes, axis, harmonics, of_scale))
 
     count = int(fold.max()) + 1
     # With two folds each half would be judged by tables of the other half alone.

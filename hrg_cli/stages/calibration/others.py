@@ -158,8 +158,10 @@ def _lay_out(paths: Sequence[AnglePath], layout: TableLayout, nodes: Array) -> T
 
 def _give_tables(kept: Sequence[AnglePath], layout: TableLayout, harmonics: int) -> bool:
     """Whether runs tell the tables of their nodes."""
+    # of K the first harmonic, where it may have any
+    of_scale = min(1, layout.scale_harmonics)
     return bool(kept and len(layout.nodes)) and not any(
-        lack.refuses for lack in examine(kept, layout.nodes, layout.axis, harmonics)
+        lack.refuses for lack in examine(kept, layout.nodes, layout.axis, harmonics, of_scale)
     )
 
 

@@ -159,7 +159,7 @@ def examine(
     nodes: Array,
     axis: str,
     harmonics: int,
-    scale_harmonics: int = 1,
+    scale_harmonics: int,
 ) -> list[Finding]:
     """What runs cannot give at each node: two rates (K against D), both signs, the whole period of
     the angle, and this at two rates.
@@ -191,7 +191,7 @@ def examine(
     >>> from hrg_cli.stages.calibration.programme import examine
     >>> t = np.arange(99.0)
     >>> path = draw_path(blocks=99, angle_rad=-0.1 * t, rate_integral_rad=0.4 * t)
-    >>> [finding.refuses for finding in examine([path], np.array([20.0]), "temperature", 1)]
+    >>> [finding.refuses for finding in examine([path], np.array([20.0]), "temperature", 1, 1)]
     [True]
     """
     findings: list[Finding] = []
