@@ -155,11 +155,43 @@ def build_generator(
     turning = mechanics.scale_factor * np.asarray(rate_rad_s, float)[..., None, None] * J
     damping = mechanics.build_damping_matrix() - turning
     if second_order == 0:
-        split = mechanics.frequency_split_rad_s * make_reflection(
-            2 * mechanics.mode_number * mechanics.stiffness_axis_rad
-        )
-        return -damping + 1j * (split + (mechanics.omega_rad_s - omega_r) * IDENTITY)
+        return average_generator(damping, mechanics.build_stiffness_matrix(), omega_r)
     return find_solvent(damping, mechanics.build_stiffness_matrix(), omega_r, second_order)
+
+
+def average_generator(damping: Array, stiffness: Array, omega_r: float) -> Array:
+    """L₀ = −Γ + j(√W − ω_r), the motion averaged over a period (PHYSICS §0; Lynch 1995).
+
+    √W = (W + √det W)/√(tr W + 2√det W), exact for two by two: its eigenvalues are ω ± δω.
+
+    Parameters
+    ----------
+    damping
+        Γ = N − KΩJ, (..., 2, 2), 1/s.
+    stiffness
+        W, (..., 2, 2), rad²/s².
+    omega_r
+        ω_r [rad/s] of the envelopes.
+
+    Returns
+    -------
+    ndarray
+        L₀ (..., 2, 2) complex, 1/s.
+
+    Examples
+    --------
+    Damping does not change the frequency of the average:
+
+    >>> import numpy as np
+    >>> from hrg_cli.physics.resonator import average_generator
+    >>> average_generator(0.2 * np.eye(2), 100.0**2 * np.eye(2), 100.0)[0, 0].round(9).tolist()
+    (-0.2+0j)
+    """
+    W = np.asarray(stiffness, float)
+    product = np.sqrt(W[..., 0, 0] * W[..., 1, 1] - W[..., 0, 1] * W[..., 1, 0])
+    sum_ = np.sqrt(W[..., 0, 0] + W[..., 1, 1] + 2 * product)
+    root = (W + product[..., None, None] * IDENTITY) / sum_[..., None, None]
+    return np.asarray(-damping + 1j * (root - omega_r * IDENTITY))
 
 
 def find_solvent(

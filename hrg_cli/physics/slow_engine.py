@@ -37,6 +37,7 @@ def run(
     step_s: float,
     count: int,
     start_angle_rad: float = 0.0,
+    averaged: bool = False,
 ) -> Iterator[Block]:
     """The samples of a run from the envelopes' equation, as `fast_engine.run` makes them sample by sample.
 
@@ -58,6 +59,8 @@ def run(
         Samples.
     start_angle_rad
         mθ at the start, which tells the sign of e_A.
+    averaged
+        The equation averaged over a period, without what is of second order in the slow rates over ω.
 
     Returns
     -------
@@ -80,7 +83,7 @@ def run(
     >>> bool(abs(block.envelopes(np.array([999]))[0, 0] - np.exp(-0.5 * 0.999)) < 1e-3)
     True
     """
-    motion = EnvelopeMotion(environment, plant_at, control, terms)
+    motion = EnvelopeMotion(environment, plant_at, control, terms, averaged)
     stride = count_step_samples(environment, motion.plant, control, step_s)
     memory = Memory(np.zeros(2), np.array([np.cos(start_angle_rad), np.sin(start_angle_rad)]))
     u = np.asarray(start, complex)

@@ -15,7 +15,7 @@ import numpy as np
 
 from .control import Drive, compute_drive, find_axes, is_on
 from .plant import Control, Environment, Plant, SlowState
-from .resonator import J, exponentiate, find_solvent
+from .resonator import J, average_generator, exponentiate, find_solvent
 
 Array = np.ndarray
 SlowTerm = Callable[[Array, SlowState], Array]
@@ -83,9 +83,15 @@ class EnvelopeMotion:
     it."""
 
     def __init__(
-        self, environment: Environment, plant_at: PlantAt, control: Control, terms: SlowTerms
+        self,
+        environment: Environment,
+        plant_at: PlantAt,
+        control: Control,
+        terms: SlowTerms,
+        averaged: bool = False,
     ) -> None:
         self._plant_at, self._control, self._terms = plant_at, control, terms
+        self._averaged = averaged
         self.plant = plant_at(environment)
         self._clock = _Clock(environment, self.plant)
         self._feed = self.plant.mechanics.damping_rate_1_s
@@ -132,6 +138,8 @@ class EnvelopeMotion:
                 )
             )
         (N, W, turning), before, after = matrices
+        if self._averaged:
+            return average_generator(N - turning, W, omega_r), np.zeros_like(W, complex)
         L = find_solvent(N - turning, W, omega_r)
         omega = np.sqrt((W[:, 0, 0] + W[:, 1, 1]) / 2)[:, None, None]
         moved = (1j * (after[1] - before[1]) / (2 * omega) - (after[0] - before[0])) / (

@@ -214,7 +214,8 @@ def simulate_run(
     extra_effects
         Effects beside the catalogue's that its tables may name.
     model
-        "fast": sample by sample; "slow": by the envelopes' equations.
+        "fast": sample by sample; "slow": by the envelopes' equations, as a device whose `equation` is
+        averaged always is.
     seed
         Of the noise; each run of a file has noise of its own.
     block_samples
@@ -246,7 +247,7 @@ def simulate_run(
     active = _active(settings, extra_effects)
     run_number = zlib.crc32(settings.run_id.encode())
     # A generator would report a wrong environment or effect only when its first block is asked for.
-    if model == "fast":
+    if model == "fast" and not settings.device.averaged:
         made, pickoff, logged = _fast(
             settings, active, np.random.default_rng([seed, run_number, 1])
         )
@@ -311,16 +312,8 @@ def _slow_terms(active: Active) -> slow_motion.SlowTerms:
     )
 
 
-def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
-    mechanics, courses, pickoff = (
-        make_mechanics(settings),
-        make_courses(settings),
-        make_readout(settings),
-    )
-    if settings.electronics is not None or not make_noise(settings, pickoff).silent:
-        raise HrgError(
-            "simulation: [electronics] and [noise] act on samples; simulate with --model fast"
-        )
+def _slow_worlds(settings: SimulationFile, active: Active) -> tuple[Environment, Environment]:
+    """The world that the slow terms start from, and the one that is logged."""
     world, logged = (
         make_environment(settings, bool(active)),
         make_environment(settings, bool(active)),
@@ -337,6 +330,21 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
         world.temperature_degc + logged.logged_temperature_degc - world.logged_temperature_degc
     )
     world.rate_rad_s = world.rate_rad_s + logged.logged_rate_rad_s - world.logged_rate_rad_s
+    return world, logged
+
+
+def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
+    mechanics, courses, pickoff = (
+        make_mechanics(settings),
+        make_courses(settings),
+        make_readout(settings),
+    )
+    if settings.electronics is not None or not make_noise(settings, pickoff).silent:
+        raise HrgError(
+            "simulation: [electronics] and [noise] act on samples; simulate with --model fast, and"
+            ' a device whose equation is "resonator"'
+        )
+    world, logged = _slow_worlds(settings, active)
     terms = _slow_terms(active)
     step = (1 + pickoff.clock_error) / settings.recording.sample_rate_hz
 
@@ -346,7 +354,15 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
     start, angle = make_start(settings)
     return (
         slow_engine.run(
-            world, plant_at, make_control(settings), terms, start, step, _count(settings), angle
+            world,
+            plant_at,
+            make_control(settings),
+            terms,
+            start,
+            step,
+            _count(settings),
+            angle,
+            averaged=settings.device.averaged,
         ),
         pickoff,
         logged,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -57,6 +57,8 @@ class Device(Table):
     """K of m·dθ/dt = −K·Ω."""
     mode_number: Annotated[int, Field(ge=1, le=64)] = 2
     """m: 2 for a shell, 1 for a pendulum."""
+    equation: Literal["resonator", "averaged"] = "resonator"
+    """averaged: over a period, of first order in the slow rates over ω, as other simulators have it."""
     temperature: DeviceTemperature = DeviceTemperature()
 
     @model_validator(mode="after")
@@ -70,6 +72,11 @@ class Device(Table):
                 f" {self.rate_1_s:g} 1/s; one axis would gain energy"
             )
         return self
+
+    @property
+    def averaged(self) -> bool:
+        """Whether the equation is averaged over a period."""
+        return self.equation == "averaged"
 
     @property
     def rate_1_s(self) -> float:

@@ -92,7 +92,7 @@ def compose_simulation_file(
     common |= _tone_of_all(tone, effects_named, known) | _curves(effects_named, known)
 
     table: dict[str, Any] = {
-        "device": _device(fit, frequency),
+        "device": _device(fit, frequency, way),
         "recording": {"sample_rate_hz": sampling_hz, "duration_s": 1.0},
     }
     if waves[0].gyro_id:
@@ -130,7 +130,7 @@ def compose_simulation_file(
     return to_toml(table)
 
 
-def _device(fit: ExtendedFit, frequency_hz: Array) -> dict[str, Any]:
+def _device(fit: ExtendedFit, frequency_hz: Array, way: Way) -> dict[str, Any]:
     """[device]: the generator's parameters, at the runs' median frequency."""
     values, _ = to_parameters(fit.point.p, fit.series.mode_number)
     device: dict[str, Any] = {
@@ -138,6 +138,8 @@ def _device(fit: ExtendedFit, frequency_hz: Array) -> dict[str, Any]:
         **{name: float(v) for name, v in zip(OF_GENERATOR, values, strict=True)},
         "mode_number": fit.series.mode_number,
     }
+    if way.averaged:
+        device["equation"] = "averaged"
     if any(effect.follows_temperature for effect, _ in fit.point.active):
         warm = fit.series.temperature_degc[fit.series.weight > 0]
         device["temperature"] = {"reference_degc": float(np.round(np.mean(warm), 3))}

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.slow_equation import find_jump_times
 from ....fitting.causes.wave_frame import to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
-from ....fitting.envelopes.coordinates import SCALE_FACTOR
+from ....fitting.envelopes.coordinates import SCALE_FACTOR, SECOND_ORDER
 from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....fitting.samples.demodulator import MOVING_PERIODS
 from ....records import Wave, collect
@@ -51,6 +52,9 @@ QUICK_RAD = 0.1
 DEGREE = 5
 """Of the spline through the simulated windows: a split that turns its modes by x a window against each
 other leaves x⁴/400 of a cubic one."""
+NO_SECOND_ORDER = 0.5
+"""Scale of the second order, 1 of a resonator, below which the equation averaged over a period is nearer:
+another simulator's."""
 MOVES = 3
 """Rounds in which a file's starts and frequencies are moved nearer to the fit."""
 NEXT_ROWS = 2.0
@@ -102,8 +106,9 @@ def write_faithfully(
 
     Loops are the better model of an instrument, since they serve other runs too, but those that are
     fitted to a log may not be the recorded ones: then the log stands, with starts and frequencies moved
-    to where the simulation misses the fit least. Last, rates go straight: one that swings beside its
-    log may be nearer to that than to the log's course.
+    to where the simulation misses the fit least. Then rates go straight: one that swings beside its
+    log may be nearer to that than to the log's course. Last, where the fit has no second order, the
+    equation is averaged: what another simulator made is told by a file of the same kind.
 
     Parameters
     ----------
@@ -139,9 +144,14 @@ def write_faithfully(
     driven = bool(np.any(fit.series.forced))
     along = Way(replayed=driven)
     ways = [*([Way()] if driven else []), along, Way(replayed=driven, straight=True)]
+    if fit.point.p[SECOND_ORDER] < NO_SECOND_ORDER:
+        ways.append(replace(along, averaged=True))
 
     def tried(text: str) -> Candidate:
         return text, hold_written(text, fit, origin, extra_effects, tone)
+
+    def moved(way: Way, change: Array) -> Candidate:
+        return tried(written(change, way))
 
     best: Candidate = "", None
     told: set[str] = set()
@@ -151,8 +161,8 @@ def write_faithfully(
             continue
         told.add(text)
         one = tried(text)
-        if way == along:
-            one = _moved_nearer(one, lambda change: tried(written(change, along)))
+        if way.replayed == driven and not way.straight:
+            one = _moved_nearer(one, partial(moved, way))
         best = _choose_nearer(best, one)
         if best[1] is not None and best[1].ratio < NEAR:
             break

@@ -47,10 +47,12 @@ HELD = (
 class Way:
     """How a file is written where there is more than one. replayed: a logged drive stands as its
     log, not as the loops that the log shows; straight: a rate goes straight between its log's rows,
-    not along the course that the fits integrate."""
+    not along the course that the fits integrate; averaged: the device's equation is, as no resonator's
+    and many a simulator's."""
 
     replayed: bool = False
     straight: bool = False
+    averaged: bool = False
 
 
 def run_table(
