@@ -8,6 +8,7 @@ FAILURES ?= 200
 KILLS ?= 500
 GIGABYTES ?= 2
 GYROS ?= 2000
+PROGRAMMES := PYTHONPATH="$(CURDIR)/tests:$(CURDIR)/tests/helpers:$(CURDIR)/benchmarks" $(BIN)/python -m
 READY := $(VENV)/.ready
 INSTALLED := $(VENV)/.installed
 
@@ -42,14 +43,14 @@ study: $(READY)  ## Run the long statistical studies
 	$(BIN)/python -m pytest -n $(JOBS) -m slow tests
 
 faults: $(READY)  ## Damaged inputs, failing calls, kills and large inputs over all commands (TRIALS, FAILURES, KILLS, GIGABYTES, GYROS, HRG_TEST_SEED; PAGE=docs/FAULTS.md keeps the figures)
-	$(BIN)/python tests/robustness/faults.py --trials $(TRIALS) --failures $(FAILURES) --kills $(KILLS)
-	$(BIN)/python tests/robustness/sizes.py --gigabytes $(GIGABYTES) --gyros $(GYROS)
+	$(PROGRAMMES) robustness.faults --trials $(TRIALS) --failures $(FAILURES) --kills $(KILLS)
+	$(PROGRAMMES) robustness.sizes --gigabytes $(GIGABYTES) --gyros $(GYROS)
 	HRG_TEST_SEED=$${HRG_TEST_SEED:-$$(date +%s)} $(BIN)/python -m pytest -n $(JOBS) -m hypothesis tests
-	$(BIN)/python tests/robustness/page.py $(PAGE)
+	$(PROGRAMMES) robustness.page $(PAGE)
 
 mutants: $(READY)  ## Change the code on purpose and count the changes that no test sees (ONLY=part of a file's name, RESUME=1, PAGE)
-	$(BIN)/python tests/mutants/run.py $(if $(ONLY),--only $(ONLY)) $(if $(RESUME),--resume)
-	$(BIN)/python tests/robustness/page.py $(PAGE)
+	$(PROGRAMMES) mutants.run $(if $(ONLY),--only $(ONLY)) $(if $(RESUME),--resume)
+	$(PROGRAMMES) robustness.page $(PAGE)
 
 bench: $(READY)  ## Measure speed and accuracy now, as one page (PAGE=docs/BENCHMARKS.md keeps it)
 	$(BIN)/python benchmarks/page.py $(PAGE)

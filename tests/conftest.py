@@ -20,6 +20,12 @@ from hrg_cli.records import Recording
 PACKAGE = Path(hrg_cli.__file__).parents[1]
 """Where the package under test lies: a process that a test starts must import the same one."""
 
+
+def importing_the_same() -> dict[str, str]:
+    """Environment of a process that imports what this one can: the package, the tests' helpers."""
+    return os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+
+
 SEED = os.environ.get("HRG_TEST_SEED", "")
 """Empty: every drawn example is the same each time; a number: another set of examples (`make
 faults` gives another each time)."""

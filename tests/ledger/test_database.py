@@ -1,7 +1,6 @@
 """The ledger's file: whole or nothing, two writers at once, damage told in one sentence."""
 
 import contextlib
-import os
 import resource
 import signal
 import sqlite3
@@ -12,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from conftest import importing_the_same
 from production import entry
 
 from hrg_cli.errors import HrgError
@@ -122,10 +122,13 @@ for one in entries(40, sys.argv[2]):
 def test_two_writers_at_once_lose_nothing(tmp_path):
     path = tmp_path / "l.sqlite"
     arguments = [sys.executable, "-c", WRITER, str(path)]
-    same_path = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     writers = [
         subprocess.Popen(
-            [*arguments, name], cwd=PACKAGE, env=same_path, stderr=subprocess.PIPE, text=True
+            [*arguments, name],
+            cwd=PACKAGE,
+            env=importing_the_same(),
+            stderr=subprocess.PIPE,
+            text=True,
         )
         for name in ("A", "B")
     ]

@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
+from conftest import importing_the_same
 from lot_recordings import run_down, split_of
 
 from hrg_cli import store
@@ -311,7 +312,7 @@ def test_a_damaged_dataset_is_its_gyros_and_named_unreadable(whose, told_by, tmp
 
 
 def started(*arguments: str) -> subprocess.Popen[bytes]:
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "OMP_NUM_THREADS": "1"}
+    environment = importing_the_same() | {"OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-m", f"distributed.cli.{arguments[0]}", *arguments[1:]]
     return subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
 
@@ -375,9 +376,7 @@ def test_a_cluster_that_loses_a_worker_makes_the_same_bytes(reference, lot, tmp_
 
 def interrupted(program: str, out: Path) -> None:
     """Run a program and kill it when the first wave is written."""
-    child = subprocess.Popen(
-        [sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    )
+    child = subprocess.Popen([sys.executable, "-c", program], env=importing_the_same())
     while not list(out.rglob("*.wave.h5")) and child.poll() is None:
         time.sleep(0.01)
     child.kill()

@@ -17,6 +17,7 @@ import json
 import os
 import random
 import re
+import shlex
 import shutil
 import signal
 import sys
@@ -28,8 +29,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-sys.path[:0] = [str(Path(__file__).parent)]
-from mutations import MUTATIONS  # noqa: E402
+from mutants.mutations import MUTATIONS
 
 ROOT = Path(__file__).parents[2]
 KEPT = Path("build/faults/mutants.json")
@@ -182,9 +182,10 @@ def _in_child(folder: Path, tests: tuple[str, ...], plugin: FailedFirst) -> None
         "OPENBLAS_NUM_THREADS": "1",
     }
     os.chdir(folder)
-    sys.path[:0] = [str(folder)]
     sys.dont_write_bytecode = True
+    imported_from = (folder, *(ROOT / place for place in ("tests", "tests/helpers", "benchmarks")))
     words = ["-x", "-q", "-m", "not slow and not browser", "-c", str(ROOT / "pyproject.toml")]
+    words += ["-o", f"pythonpath={shlex.join(map(str, imported_from))}"]
     paths = [str(ROOT / test) for test in tests]
     status = int(pytest.main([*words, "--rootdir", str(ROOT), *paths], plugins=[plugin]))
     loaded = getattr(sys.modules.get("hrg_cli"), "__file__", None)

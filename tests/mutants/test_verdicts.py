@@ -1,7 +1,8 @@
 """A verdict on a change of the code holds while the code and the test that saw it stay."""
 
 import pytest
-import run
+
+from mutants import run
 
 CODE = "def half(x):\n    return x / 2\n"
 TESTS = """import pytest

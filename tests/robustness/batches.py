@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from typing import TypeVar
 
-import judge
+from robustness import judge
 
 BATCH = 60
 Trial = TypeVar("Trial")

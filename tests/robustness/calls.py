@@ -14,12 +14,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import batches
 import h5py
-import judge
-import kills
 import numpy as np
-import programme
+
+from robustness import batches, judge, kills, programme
 
 SHIM = Path(__file__).with_name("fail_nth.c")
 CALLS = (
@@ -147,4 +145,4 @@ def preloaded() -> None:
         ["cc", "-shared", "-fPIC", "-O1", "-o", str(made), str(SHIM), "-ldl"], check=True
     )
     os.environ |= {"LD_PRELOAD": str(made), "HRG_FAULT_SHIM": str(made)}
-    os.execv(sys.executable, [sys.executable, *sys.argv])
+    os.execv(sys.executable, sys.orig_argv)

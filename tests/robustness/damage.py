@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import h5py
-import mutation
 import numpy as np
 
 from hrg_cli.errors import HrgError
 from hrg_cli.store.heaps import check_heaps
+from robustness import mutation
 
 Damage = list[Any]
 LARGEST = 1 << 20

@@ -22,13 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
-import batches  # noqa: E402
-import calls  # noqa: E402
-import damage  # noqa: E402
-import judge  # noqa: E402
-import kills  # noqa: E402
-import programme  # noqa: E402
+from robustness import batches, calls, damage, judge, kills, programme
 
 KEPT = Path("build/faults")
 """What every run came to, for `page.py`."""

@@ -16,11 +16,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import judge
-import programme
 import psutil
 
 from hrg_cli import store
+from robustness import judge, programme
 
 COSTLY_EVERY = 12
 """One kill in so many is of a command that takes seconds: a lot of several processes."""

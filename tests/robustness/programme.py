@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import shutil
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import forced_runs
 import h5py
 import numpy as np
+import records_by_hand
 import scipy.io
 import soundfile
+import synthetic_waves
 
-sys.path[:0] = [
-    str(Path(__file__).parent),
-    str(Path(__file__).parents[1] / "helpers"),
-]
-import forced_runs  # noqa: E402
-import judge  # noqa: E402
-import records_by_hand  # noqa: E402
-import synthetic_waves  # noqa: E402
-
-from hrg_cli import pipeline, settings, store  # noqa: E402
-from hrg_cli.ledger import database, entering  # noqa: E402
+from hrg_cli import pipeline, settings, store
+from hrg_cli.ledger import database, entering
+from robustness import judge
 
 ROOT = Path(__file__).parents[2]
 GYRO = """# a gyro

@@ -11,12 +11,9 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+import bench_lot
 import h5py
-
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
-import bench_lot  # noqa: E402
-import recordings  # noqa: E402
+import recordings
 
 KEPT = Path("build/faults/sizes.jsonl")
 BYTES_PER_SAMPLE = 4

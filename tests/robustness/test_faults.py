@@ -8,16 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import calls
-import faults
-import judge
-import kills
-import page
-import programme
 import pytest
-import sizes
+from conftest import importing_the_same
 
 from hrg_cli.cli import COMMANDS
+from robustness import calls, faults, judge, kills, page, programme, sizes
 
 SEED = int(os.environ.get("HRG_TEST_SEED", "1"))
 SAMPLE = 60
@@ -104,8 +99,7 @@ def test_calls_that_fail_break_no_promise(shim):
     script = f"""
 import sys, tempfile
 from pathlib import Path
-sys.path[:0] = [{str(Path(__file__).parent)!r}, {str(Path(__file__).parents[2])!r}]
-import calls, judge, programme
+from robustness import calls, judge, programme
 judge.warm()
 folder = Path(tempfile.mkdtemp())
 good = programme.build(judge.clean(folder / "good"))
@@ -115,7 +109,7 @@ for kind in {KINDS!r}:
     counts, failures = calls.put_failures(good, folder / "trial", cases, 8, failing)
     print(kind, sum(n for (_, _, status), n in counts.items() if status == 1), *failures)
 """
-    environment = os.environ | {"LD_PRELOAD": str(shim), "HRG_FAULT_SHIM": str(shim)}
+    environment = importing_the_same() | {"LD_PRELOAD": str(shim), "HRG_FAULT_SHIM": str(shim)}
     done = subprocess.run(
         [sys.executable, "-c", script],
         capture_output=True,

@@ -7,13 +7,13 @@ import os
 from collections import Counter
 
 import h5py
-import mutation
 import numpy as np
 import pytest
 import records_by_hand
 import soundfile
 
 from hrg_cli import store
+from robustness import mutation
 
 PEAK_MB = 1200.0
 """Memory a small damaged file may cost at most, over that of the imports."""

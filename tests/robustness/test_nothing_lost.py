@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 import pytest
 import records_by_hand
+from conftest import importing_the_same
 
 from hrg_cli import pipeline, settings, store
 from hrg_cli.errors import HrgError
@@ -148,9 +149,7 @@ def write_with_little_room(
 ) -> subprocess.CompletedProcess:
     """A process that writes a few megabytes, where a file may not grow beyond `limit`."""
     script = f"""
-import sys
-sys.path[:0] = {[str(Path(__file__).parent), str(Path(__file__).parents[1] / "helpers"), str(Path(__file__).parents[2])]!r}
-import test_nothing_lost as t
+from robustness import test_nothing_lost as t
 from hrg_cli import store
 from hrg_cli.errors import HrgError
 try:
@@ -167,6 +166,7 @@ except HrgError as error:
 
     return subprocess.run(
         [sys.executable, "-c", script],
+        env=importing_the_same(),
         capture_output=True,
         text=True,
         preexec_fn=limited,
