@@ -1,7 +1,7 @@
 """The measured part of a drift model, seed A (11) or (12), for the exports: columns of the CSV,
 formula of the JSON, a C function.
 
-The formulas are those of `stages.calibration.table.compute_measured_drift`, with the 1/(1 − r²)
+The formulas are those of `stages.calibration.interpolation.compute_measured_drift`, with the 1/(1 − r²)
 they were fitted with.
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from .records import Calibration
 from .stages.calibration.factors import LEAST_FLATNESS
-from .stages.calibration.table import MeasuredDrift, interpolate_measured
+from .stages.calibration.interpolation import MeasuredDrift, interpolate_measured
 
 Array = np.ndarray
 FINE_NODES = 129

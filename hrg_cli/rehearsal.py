@@ -14,8 +14,8 @@ from .executors import run_tasks, start_processes
 from .extras import warn_of_plain_python
 from .records import Calibration, Diagnosis, Periods, Record, Recording, Resonator, Source, Wave
 from .stages.rehearse import rehearse
-from .stages.rehearsing.figures import Rehearsed
 from .stages.rehearsing.rehearsals import Rehearsal, judge_by_rehearsal
+from .stages.rehearsing.rehearsed_figures import Rehearsed
 from .stages.rehearsing.repeat import Work, rehearse_once
 from .stages.rehearsing.twin_physical import Identified, is_physical
 from .stages.rehearsing.twin_run import Measured

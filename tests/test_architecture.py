@@ -250,6 +250,28 @@ def test_a_class_has_a_name_of_its_own() -> None:
     assert set(twice) <= TWICE, twice
 
 
+FACES = ("commands/", "studies/", "reporting/", "records/")
+"""Rooms of one thing's command, study, page and record: these share its name with its stage."""
+SAME_PART = {
+    "report": "the JSON of a result: of the diagnosis, of the ledger",
+    "record": "what makes the record of a stage: of the diagnosis, of the calibration",
+    "continuity": "angles and phases made continuous: through a stream, along a run",
+}
+"""Names that two modules share because they do the same in two places."""
+
+
+def test_a_module_has_a_name_of_its_own() -> None:
+    """`table` was a tabulated calibration, a foreign log and a part of a simulation file."""
+    found: dict[str, list[str]] = {}
+    for path in MODULES.values():
+        inside = path.relative_to(PACKAGE).as_posix()
+        stage = inside.startswith("stages/") and inside.count("/") == 1
+        if not stage and not inside.startswith(FACES) and not path.stem.startswith("__"):
+            found.setdefault(path.stem, []).append(inside)
+    twice = {name: where for name, where in found.items() if len(where) > 1}
+    assert set(twice) == set(SAME_PART), twice
+
+
 LONGEST_BODY = 45
 """Lines of a function without its signature and docstring: what a reader sees at once."""
 MAY_BE_LONGER = {

@@ -34,22 +34,7 @@ def modules_of(package, deep=True):
 
 
 HELD = (
-    *(
-        f"physics.{name}"
-        for name in (
-            *("board_reading", "coefficients", "compilation", "control", "drift", "electrodes"),
-            *(
-                "electronics",
-                "ellipse",
-                "environment",
-                "fast_engine",
-                "fast_loop",
-                "loop_forces",
-                "noise",
-            ),
-            *("plant", "readout", "resonator", "signals", "slow_engine", "slow_motion"),
-        )
-    ),
+    *modules_of("physics"),
     *modules_of("store"),
     *modules_of("records"),
     *modules_of("formats"),
@@ -91,61 +76,7 @@ HELD = (
     *modules_of("stages.diagnosis.suspects"),
     *modules_of("stages.diagnosis.fits"),
     *modules_of("stages.diagnosis.search"),
-    "fitting.checks",
-    "fitting.least_squares",
-    "fitting.parabola",
-    *(
-        f"fitting.envelopes.{name}"
-        for name in (
-            *("axis_crossings", "base_fit", "base_freedom", "channel_noise", "condensed"),
-            *(
-                "coordinates",
-                "decay_stretch",
-                "drawn_run",
-                "envelope_runs",
-                "equations",
-                "free_windows",
-            ),
-            *("frozen", "inference", "likelihood", "matrices", "method_ranges"),
-            *("noise_propagation", "normal_equations", "one_mode", "phase_course", "propagator"),
-            *("rate_driven", "rate_estimate", "rate_fit", "rate_from_model", "rate_offset"),
-            *("rate_start", "regressions", "resampling", "resonator_spread", "response"),
-            *("rotation_integrals", "rows", "seed_a_methods", "trapezium", "two_modes"),
-            *("wild_rows", "working_mode"),
-        )
-    ),
-    *(
-        f"fitting.causes.{name}"
-        for name in (
-            *("colour", "coordinate_priors", "damping_bound", "descent", "designs", "evidence"),
-            *("extended_fit", "fast_march", "fit_point", "layout", "left_out_folds"),
-            *("measured_runs", "motion_budget", "scales", "sensitivities", "slow_equation"),
-            *("slow_prediction", "turned_motion", "walks", "wave_frame", "whitened_rows"),
-        )
-    ),
-    *(
-        f"fitting.ellipse.{name}"
-        for name in (
-            *("closed_form", "continuity", "gauss_newton", "levenberg_marquardt", "uncertainty"),
-        )
-    ),
-    *(
-        f"fitting.samples.{name}"
-        for name in (
-            *("basis", "course", "demodulator", "envelope_motion", "even", "frequency", "gaps"),
-            *("harmonic_leaks", "least_count", "looks", "neighbours", "oscillation_search"),
-            *("rate_log", "run_down", "scatter", "signal_rows", "spectrum", "still_envelopes"),
-            *("stretches", "survey", "uneven", "wild", "windows"),
-        )
-    ),
-    *(
-        f"fitting.tables.{name}"
-        for name in (
-            *("allan", "allan_terms", "bends", "common_walk", "drawn_path", "dwells"),
-            "increment_noise",
-            *("increments", "joint", "normal_pieces", "shrinkage", "table_design", "table_layout"),
-        )
-    ),
+    *modules_of("fitting"),
 )
 """Modules that are told whole: every public function has its sections and an example."""
 

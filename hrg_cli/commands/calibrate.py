@@ -13,7 +13,7 @@ import typer
 from .. import pipeline, store
 from ..errors import UsageError
 from ..formats import read_table
-from ..formats.quantities import find_rate_factor, find_temperature_scale, split_name
+from ..formats.unit_spellings import find_rate_factor, find_temperature_scale, split_name
 from ..pipeline import Outcome
 from ..records import Calibration
 from ..reporting import tables

@@ -20,7 +20,7 @@ from ..records import Diagnosis, Resonator, Wave
 from ..reporting import console, tables
 from ..reporting.answer import answer
 from ..stages.diagnose import diagnose
-from ..stages.simulation.gyro import make_courses, make_mechanics
+from ..stages.simulation.simulated_gyro import make_courses, make_mechanics
 from ..stages.simulation_file import list_runs
 from .common import Common
 from .frame import (

@@ -1,6 +1,6 @@
 """Calibration tables for other programs."""
 
 from .c_header import Exported
-from .tables import export
+from .table_files import export
 
 __all__ = ["Exported", "export"]

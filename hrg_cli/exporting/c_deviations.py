@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..records import Calibration
-from ..stages.calibration.table import compute_standard_deviations
+from ..stages.calibration.interpolation import compute_standard_deviations
 
 Array = np.ndarray
 PIECES = 16

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..errors import HrgError
 from .log import Channel
-from .quantities import OF_ROLE, is_of, list_units
+from .unit_spellings import OF_ROLE, is_of, list_units
 
 
 def find_column_unit(

@@ -14,7 +14,7 @@ from ..errors import HrgError
 from .clock import find_clock_kind
 from .decimal_commas import need_one_meaning
 from .left_out import FEWEST_OTHERWISE, LeftOut, find_unread_rows, group_lines
-from .quantities import is_unit, split_name
+from .unit_spellings import is_unit, split_name
 
 HEAD_BYTES = 1 << 18
 CANDIDATES = (

@@ -14,7 +14,7 @@ from ..records import Array, Status
 from ..records.recording import ONE_CHANNEL
 from .log import Log
 from .log_columns import find_column_number, list_columns
-from .quantities import find_phase_factor, is_level, spell_channel_unit
+from .unit_spellings import find_phase_factor, is_level, spell_channel_unit
 
 ALIASES = {
     "c_in_phase": (

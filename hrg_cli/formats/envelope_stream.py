@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods
-from ..records.clock import shift_time
+from ..records.time_origin import shift_time
 from .envelope_rows import EnvelopeRows
 from .envelope_windows import WindowPlan, average_windows
 from .magnitudes import find_amplitudes

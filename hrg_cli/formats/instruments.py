@@ -16,7 +16,7 @@ from pathlib import Path
 from ..errors import HrgError
 from .dialect import Dialect, split_line
 from .log import ONE_DEMODULATOR, Channel
-from .quantities import find_time_factor
+from .unit_spellings import find_time_factor
 
 HEADER_BYTES = 1 << 16
 _NUMBER = r"([+-]?\d[\d.]*(?:[eE][+-]?\d+)?)"

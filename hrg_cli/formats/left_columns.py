@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .log import Channel, Log
-from .quantities import is_rate, is_temperature, is_time
+from .unit_spellings import is_rate, is_temperature, is_time
 
 
 def list_left_columns(log: Log, taken: Mapping[str, int]) -> list[dict[str, Any]]:

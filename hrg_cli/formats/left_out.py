@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from .quantities import is_unit
+from .unit_spellings import is_unit
 
 Class = Literal["otherwise", "broken", "shape", "words", ""]
 Line = tuple[int, str]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..errors import HrgError, name_some
 from .log import Channel, Log
-from .quantities import is_rate, is_temperature, is_time
+from .unit_spellings import is_rate, is_temperature, is_time
 
 TICKS = ("ticks", "tick", "clock ticks", "timer", "counter")
 """Titles of a column that counts a clock whose rate was given."""

@@ -15,8 +15,8 @@ import numpy as np
 from ..errors import HrgError
 from .log import Array, Log, Reader, make_log
 from .matlab_child import split_columns
-from .quantities import split_name
 from .scalars import find_rate
+from .unit_spellings import split_name
 
 MAGIC = b"\x93NUMPY"
 MEMBER = ".npy"

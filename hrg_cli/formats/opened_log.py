@@ -15,9 +15,9 @@ from ..records.recording import ONE_CHANNEL
 from .log import Log
 from .log_columns import Roles, TimingTold, find_roles
 from .pairing import find_second_file, pair_logs
-from .quantities import is_level, spell_channel_unit
 from .readers import open_log
 from .timing import Timing
+from .unit_spellings import is_level, spell_channel_unit
 
 States = tuple[tuple[int, int], ...] | None
 

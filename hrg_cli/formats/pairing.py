@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import HrgError
 from .log import ONE_DEMODULATOR, Array, Blocks, Log
 from .log_columns import Roles, find_roles
-from .quantities import find_time_factor, is_time
+from .unit_spellings import find_time_factor, is_time
 
 Asked = dict[str, str | int | None]
 STEPS = 1e-3

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import HrgError
 from .log import BLOCK_ROWS, Blocks, Channel, Log, Reader, is_rising, need_library
-from .quantities import split_name
+from .unit_spellings import split_name
 
 
 def _recognises(path: Path, head: bytes) -> bool:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..errors import HrgError
 from ..store.handles import explain_reading
-from . import audio, hdf5, matlab, numpy_arrays, parquet, tdms, text
+from . import audio, hdf5, matlab, numpy_arrays, parquet, tdms, text_logs
 from .log import Log, Reader
 from .unpacked import is_packed, open_unpacked
 
@@ -21,7 +21,7 @@ READERS: tuple[Reader, ...] = (
     tdms.READER,
     parquet.READER,
     numpy_arrays.READER,
-    text.READER,
+    text_logs.READER,
 )
 """To add a format: one file with a READER, one line here. The text reader stays last: it recognises
 anything readable."""
@@ -72,7 +72,7 @@ def open_log(
     known = {reader.name: reader for reader in READERS}
     if format and format not in known:
         raise HrgError(f"format is {format!r}, expected one of {', '.join(known)}")
-    readers = (text.READER,) if is_packed(path) else READERS
+    readers = (text_logs.READER,) if is_packed(path) else READERS
     reader = known.get(format) or next((r for r in readers if r.recognises(path, head)), None)
     if reader is None and is_packed(path):
         raise HrgError(
@@ -84,7 +84,11 @@ def open_log(
             f"{path}: is of no format known here (it begins with {head[:8]!r}); {EXPECTED}"
         )
     with guard_reading(path, reader.name):
-        return reader.open(path, separator, decimal) if reader is text.READER else reader.open(path)
+        return (
+            reader.open(path, separator, decimal)
+            if reader is text_logs.READER
+            else reader.open(path)
+        )
 
 
 def _head(path: Path) -> bytes:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import HrgError
 from ..records import Recording
-from ..records.clock import shift_time
+from ..records.time_origin import shift_time
 from .log import Array, Log
 from .log_columns import Roles
 from .opened_log import OpenedLog, read_states

@@ -10,10 +10,10 @@ from ..errors import HrgError
 from .column_units import find_column_unit
 from .log import Array, Log
 from .log_columns import Roles
-from .quantities import find_rate_factor, find_temperature_scale
 from .readers import guard_reading
 from .run_heading import UnitsTold
 from .timing import Timing
+from .unit_spellings import find_rate_factor, find_temperature_scale
 
 MOST_OWN_ROWS = 1 << 26
 FIELD = {

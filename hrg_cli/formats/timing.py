@@ -12,8 +12,8 @@ from .column_units import find_column_unit
 from .even_times import TimeJudge
 from .log import Log
 from .log_columns import Roles, list_columns
-from .quantities import find_time_factor
 from .readers import guard_reading
+from .unit_spellings import find_time_factor
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from ..errors import HrgError
 from ..limits import Judged, Row, find_table, list_rows
 from ..reporting.answer import describe_requirement
 from .entry import Entry
-from .guard import compute_guard_limits, compute_probability_outside
+from .guard_bands import compute_guard_limits, compute_probability_outside
 
 NO_FIGURE = ("status", "verdict")
 Bounds = tuple[float | None, float | None]

@@ -19,7 +19,7 @@ from .charts import BEYOND, FALSE_ALARMS, Chart, make_chart
 from .entry import KINDS, Entry
 from .gauge import GaugeStudy, study_gauge
 from .golden import Golden, describe_golden_unit
-from .guard import Risks, compute_risks
+from .guard_bands import Risks, compute_risks
 from .judging import Bounds, GaugeOf, Held, find_bounds, find_tables, hold_limits
 from .series import (
     AXIS,

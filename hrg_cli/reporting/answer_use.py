@@ -14,7 +14,7 @@ from ..effects import EFFECTS
 from ..effects.effect import no_term, same_signal
 from ..errors import HrgError
 from ..records import Calibration, Diagnosis
-from ..stages.calibration.table import read_measured_part
+from ..stages.calibration.interpolation import read_measured_part
 from ..stages.planning.like_measured import make_menu_like
 from ..stages.rate_table import is_rate_table
 from .json_text import list_entries, read_float, take_child

@@ -17,7 +17,7 @@ from .figures import calibration
 from .figures.answer import plot_before_and_after
 from .figures.drawing import Plot, use_style
 from .living import gather_living_data
-from .methods import Methods, write_methods
+from .methods_paragraph import Methods, write_methods
 from .page_figures import make_picture
 from .page_files import PageEntry, Picture
 from .surface import gather_surface_data

@@ -16,16 +16,16 @@ from ..fitting.checks import list_failures
 from ..fitting.tables.joint import Fitted
 from ..records import Calibration, Resonator, Wave, list_doubts, name_record
 from .calibration.accuracy_stages import LadderSettings
-from .calibration.checks import find_noisy_angles, find_stray_harmonics
 from .calibration.chosen import LEAST_REPEATED, Chosen
 from .calibration.folds import choose_folds, choose_limits
+from .calibration.interpolation import check_between
 from .calibration.ladder import climb
 from .calibration.odd_run import OddRuns, find_odd_runs
 from .calibration.preparation import KnownRates, PreparedRuns, need_one_gyro, prepare
 from .calibration.prices import forecast_hour_more
 from .calibration.repeatability import say_unstable
+from .calibration.residual_checks import find_noisy_angles, find_stray_harmonics
 from .calibration.summary import summarise as summarise
-from .calibration.table import check_between
 from .calibration.thermal_memory import find_shown_memory, tell_one_way
 from .calibration.trials import (
     FullFit,

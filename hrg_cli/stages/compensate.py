@@ -14,7 +14,7 @@ from ..errors import HrgError
 from ..fitting.checks import list_failures
 from ..fitting.tables.increments import AnglePath, build_path
 from ..records import Calibration, Compensated, Wave
-from .calibration.table import (
+from .calibration.interpolation import (
     compute_corrections,
     compute_standard_deviations,
     need_range,

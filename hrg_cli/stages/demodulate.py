@@ -26,7 +26,7 @@ from ..fitting.samples.survey import survey, survey_quiet
 from ..fitting.samples.uneven import make_uneven_rows
 from ..fitting.samples.wild import mask_wild
 from ..records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Periods, Recording
-from ..records.clock import measure_from_first_sample
+from ..records.time_origin import measure_from_first_sample
 from .demodulation.judge import StreamJudge
 from .demodulation.part import check_recording, cut_part, survey_run_down
 

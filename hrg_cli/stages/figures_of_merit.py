@@ -17,7 +17,7 @@ from ..errors import HrgError
 from ..fitting.least_squares import fit_columns, solve
 from ..fitting.tables.increments import AnglePath, build_path
 from ..records import Calibration, Wave
-from .calibration.table import compute_corrections
+from .calibration.interpolation import compute_corrections
 
 Array = np.ndarray
 

@@ -26,15 +26,15 @@ from ..fitting.envelopes.resonator_spread import (
 from ..physics import drift as law
 from ..physics.resonator import Mechanics
 from ..records import Resonator
-from .forecasting.course import (
+from .forecasting.drift_map import map_drift, name_figures
+from .forecasting.trim import Trim, compute_trim
+from .forecasting.wave_path import (
     LARGEST_RATIO,
     Conditions,
     follow_wave,
     list_times,
     say_short,
 )
-from .forecasting.drift_map import map_drift, name_figures
-from .forecasting.trim import Trim, compute_trim
 
 Array = np.ndarray
 SMALL_SPLIT = 0.3

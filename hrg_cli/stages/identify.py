@@ -24,7 +24,7 @@ from .identification.by_regression import compare_methods, identify_by_regressio
 from .identification.methods import RegressionMethod
 from .identification.monitored import monitor_working_mode
 from .identification.outcome import Verdict
-from .identification.rate_steps import cut_at_rate_steps
+from .identification.rate_cuts import cut_at_rate_steps
 from .identification.resampled_errors import profile_intervals, resample_errors
 from .identification.unknown_rate import identify_with_unknown_rate
 from .one_gyro import need_each_once, need_same_gyro

@@ -17,12 +17,12 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..records import Diagnosis, Record
-from .rehearsing.figures import Rehearsed
-from .rehearsing.noise import match_noise
 from .rehearsing.rehearsals import FEWEST, Rehearsal, summarise
+from .rehearsing.rehearsed_figures import Rehearsed
 from .rehearsing.repeat import STREAMS, Work, rehearse_once
 from .rehearsing.twin import Twin, make_twin
 from .rehearsing.twin_diagnosis import make_twin_of_diagnosis
+from .rehearsing.twin_noise import match_noise
 from .rehearsing.twin_physical import Identified
 from .rehearsing.twin_run import Measured
 

@@ -19,7 +19,7 @@ from ..physics import fast_engine, slow_engine, slow_motion
 from ..physics.plant import Block, Environment, Plant, Readout, make_linear_plant
 from ..records import Recording
 from .simulation.blocks import record_blocks
-from .simulation.gyro import (
+from .simulation.simulated_gyro import (
     add_spring,
     make_control,
     make_courses,

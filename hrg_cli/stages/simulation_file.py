@@ -20,7 +20,7 @@ from ..settings import list_leaves, validate
 from .simulation.bench_tables import EnvironmentTable, RecordingTable
 from .simulation.device_tables import Device, SpringTable, Start
 from .simulation.electronics_tables import ControlTable, ElectronicsTable, NoiseTable, ReadoutTable
-from .simulation.table import Table
+from .simulation.strict_table import Table
 
 
 class SimulationFile(Table):

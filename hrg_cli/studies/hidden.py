@@ -26,7 +26,7 @@ from ..records import Wave, collect
 from ..stages.demodulate import demodulate
 from ..stages.diagnosis.base.base_priors import choose_freedom
 from ..stages.diagnosis.base.data import prepare
-from ..stages.diagnosis.base.rate_steps import fit_rate_steps
+from ..stages.diagnosis.base.rate_step_fit import fit_rate_steps
 from ..stages.estimate import estimate
 from ..stages.simulate import list_run_ids, simulate
 

@@ -20,7 +20,7 @@ from ..fitting.causes.extended_fit import ExtendedFit
 from ..records import Recording, Wave
 from ..stages.diagnosis.base.base_priors import choose_freedom
 from ..stages.diagnosis.base.data import prepare
-from ..stages.diagnosis.base.rate_steps import fit_rate_steps
+from ..stages.diagnosis.base.rate_step_fit import fit_rate_steps
 from .hidden import ALL_ROWS, MIDDLE, find_direction, find_onset
 
 Array = np.ndarray

@@ -16,7 +16,7 @@ from hrg_cli.exporting import export
 from hrg_cli.fitting.tables.increments import build_path
 from hrg_cli.records import collect
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.calibration.table import compute_measured_drift, interpolate_measured
+from hrg_cli.stages.calibration.interpolation import compute_measured_drift, interpolate_measured
 from hrg_cli.stages.compensate import compensate
 
 VARIANTS = ("table", "parametric", "quadrature", "phase", "combined", "physical")

@@ -8,7 +8,7 @@ import pytest
 
 from hrg_cli.errors import HrgError
 from hrg_cli.formats import import_envelope, import_log
-from hrg_cli.formats.quantities import split_name
+from hrg_cli.formats.unit_spellings import split_name
 from hrg_cli.records import collect
 
 N, RATE = 400, 8000.0

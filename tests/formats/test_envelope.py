@@ -365,7 +365,7 @@ def test_flags_of_the_other_kind_are_usage_errors(tmp_path, hrg):
 def test_a_stream_of_blocks_is_the_whole(tmp_path, monkeypatch):
     """Ten blocks, none a whole number of windows long, with a cut and a slow column, give the
     windows of one."""
-    from hrg_cli.formats import text
+    from hrg_cli.formats import text_logs
 
     time, u = lock_in(poles=1, constant_s=0.04)
     path = written(
@@ -375,7 +375,7 @@ def test_a_stream_of_blocks_is_the_whole(tmp_path, monkeypatch):
         "time (s),i1,q1,i2,q2,temp (degC)",
     )
     whole = taken(path, from_s=3.0, to_s=50.0)
-    monkeypatch.setattr(text, "BLOCK_BYTES", path.stat().st_size // 10)
+    monkeypatch.setattr(text_logs, "BLOCK_BYTES", path.stat().st_size // 10)
     blocks = list(
         import_envelope(
             path, reference_frequency_hz=REFERENCE, constant_rate_rad_s=0.0, from_s=3.0, to_s=50.0

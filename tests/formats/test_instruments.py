@@ -220,7 +220,7 @@ def test_a_file_a_channel(tmp_path, name, monkeypatch):
     first, second, rule, one, two, settings = PAIRS[name]
     (tmp_path / first).write_text(one)
     (tmp_path / second).write_text(two)
-    monkeypatch.setattr("hrg_cli.formats.text.BLOCK_BYTES", 5000)
+    monkeypatch.setattr("hrg_cli.formats.text_logs.BLOCK_BYTES", 5000)
     r = whole(tmp_path / first, s_file=rule, **settings)
     assert (r.sample_rate_hz, r.status, len(r)) == (RATE, "valid", N)
     assert r.c_units == ("1" if name in ("lecroy", "labone") else "V")

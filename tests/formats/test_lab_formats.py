@@ -403,7 +403,7 @@ def test_a_log_that_changes_while_it_is_read_is_refused(tmp_path, monkeypatch):
         "time,c,s\n"
         + "".join(f"{t!r},{c!r},{s!r}\n" for t, c, s in zip(T.tolist(), C.tolist(), S.tolist()))
     )
-    monkeypatch.setattr("hrg_cli.formats.text.BLOCK_BYTES", 5000)
+    monkeypatch.setattr("hrg_cli.formats.text_logs.BLOCK_BYTES", 5000)
     stream = import_log(path)
     with open(path, "a") as f:
         f.write("9.0,0,0\n")

@@ -230,7 +230,7 @@ def test_words_that_close_a_log_are_told_and_every_row_is_taken(
 @pytest.mark.parametrize("block", [64, 100, 333, 4096])
 def test_closing_words_on_either_side_of_a_block_are_left_out(tmp_path, block, monkeypatch):
     """Whatever line of them a block ends in; a byte that some encodings take for a line end is none."""
-    monkeypatch.setattr("hrg_cli.formats.text.BLOCK_BYTES", block)
+    monkeypatch.setattr("hrg_cli.formats.text_logs.BLOCK_BYTES", block)
     path = log(tmp_path)
     words = "the end\n\noperator: M\x85ller\ntable stopped\n" + "note: none\n" * 8
     path.write_bytes(path.read_bytes() + words.encode("latin-1"))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from hrg_cli.errors import HrgError
 from hrg_cli.formats import import_log, read_table
-from hrg_cli.formats import text as text_module
+from hrg_cli.formats import text_logs as text_module
 from hrg_cli.records import Recording, collect
 
 RATE = 2000.0

@@ -325,7 +325,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("rows[\"flags\"][:stop][far[:stop]] |= FLAG_SETTLING", "pass"),
         ),
     ),
-    "stages/demodulation/log.py": (
+    "stages/demodulation/auxiliary_log.py": (
         "tests/stages/test_demodulate.py tests/stages/test_demodulate_uneven.py tests/test_bad_inputs.py",
         (("series[outside] = np.nan", "pass"),),
     ),
@@ -349,7 +349,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("self.angle_rad += float(turned.sum())", "self.angle_rad += 0.0"),
         ),
     ),
-    "stages/calibration/table.py": (
+    "stages/calibration/interpolation.py": (
         "tests/stages/test_calibrate.py tests/stages/test_compensate.py tests/stages/test_calibrate_variants.py",
         (
             ("slack = 0.02 * (calibration.node_max", "slack = 2.0 * (calibration.node_max"),
@@ -580,7 +580,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("return escape_for_spreadsheet(value)[:LONGEST_CELL]", "return value[:LONGEST_CELL]"),
         ),
     ),
-    "exporting/tables.py": (
+    "exporting/table_files.py": (
         "tests/exporting/test_exporting.py tests/exporting/test_exporting_variants.py tests/test_outputs.py",
         (
             ("if calibration.status == \"refused\":", "if False:"),

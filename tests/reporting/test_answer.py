@@ -18,7 +18,7 @@ from hrg_cli.reporting.answer_text import list_untold
 from hrg_cli.reporting.answer_use import build_matrix, write_snippet
 from hrg_cli.reporting.answer_words import order_causes, say_size
 from hrg_cli.reporting.figures.answer import plot_before_and_after
-from hrg_cli.reporting.methods import CITATIONS, write_methods
+from hrg_cli.reporting.methods_paragraph import CITATIONS, write_methods
 from hrg_cli.reporting.quantities import (
     format_parameter,
     format_quantity,

@@ -149,6 +149,7 @@ def write_with_little_room(
 ) -> subprocess.CompletedProcess:
     """A process that writes a few megabytes, where a file may not grow beyond `limit`."""
     script = f"""
+import sys
 from robustness import test_nothing_lost as t
 from hrg_cli import store
 from hrg_cli.errors import HrgError

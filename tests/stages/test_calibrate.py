@@ -11,7 +11,7 @@ from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables import table_design
 from hrg_cli.stages.calibrate import calibrate, summarise
 from hrg_cli.stages.calibration import chosen
-from hrg_cli.stages.calibration.table import compute_standard_deviations
+from hrg_cli.stages.calibration.interpolation import compute_standard_deviations
 
 FIXED = {"harmonics": 2, "scale_factor_harmonics": 2, "bootstrap": 0}
 

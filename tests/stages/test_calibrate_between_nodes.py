@@ -9,7 +9,7 @@ import pytest
 from forced_runs import Truth, forced_run, programme
 
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.calibration.table import _say_between, compute_standard_deviations
+from hrg_cli.stages.calibration.interpolation import _say_between, compute_standard_deviations
 
 FIXED = {"harmonics": 2, "scale_factor_harmonics": 2, "model": "table", "bootstrap": 0}
 LOW, HIGH, ORDERS = -20.0, 60.0, 5

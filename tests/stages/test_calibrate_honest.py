@@ -13,7 +13,10 @@ from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables.increments import build_path
 from hrg_cli.physics.drift import compute_drift
 from hrg_cli.stages.calibrate import calibrate, summarise
-from hrg_cli.stages.calibration.table import compute_measured_drift, compute_standard_deviations
+from hrg_cli.stages.calibration.interpolation import (
+    compute_measured_drift,
+    compute_standard_deviations,
+)
 
 PLAN = ((0.4, 0.1, 0.05), (-0.4, 0.9, -0.05), (0.4, 0.7, -0.04), (-0.4, 0.3, 0.06))
 

@@ -9,7 +9,7 @@ from drawn_gyros import Drawn
 
 from hrg_cli.errors import HrgError
 from hrg_cli.stages.calibrate import calibrate
-from hrg_cli.stages.calibration.table import compute_standard_deviations
+from hrg_cli.stages.calibration.interpolation import compute_standard_deviations
 
 VARIANTS = ("auto", "table", "parametric", "quadrature", "phase", "combined")
 

@@ -12,7 +12,7 @@ from hrg_cli.fitting.tables.increments import build_path
 from hrg_cli.records import Resonator, collect
 from hrg_cli.reporting.calibration import show_bought
 from hrg_cli.stages.calibrate import calibrate, summarise
-from hrg_cli.stages.calibration.table import compute_measured_drift
+from hrg_cli.stages.calibration.interpolation import compute_measured_drift
 from hrg_cli.stages.compensate import compensate
 from hrg_cli.stages.compensate import summarise as compensated_figures
 

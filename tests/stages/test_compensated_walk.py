@@ -12,9 +12,9 @@ from hrg_cli import calibrate, collect, compensate, demodulate, estimate, simula
 from hrg_cli.fitting.tables.joint import TableLayout, fit
 from hrg_cli.physics.noise import BOLTZMANN_J_K
 from hrg_cli.stages.calibrate import summarise
+from hrg_cli.stages.calibration.drift_models import FACTORS
 from hrg_cli.stages.calibration.factors import build_factors
 from hrg_cli.stages.calibration.preparation import KnownRates, prepare
-from hrg_cli.stages.calibration.variants import FACTORS
 
 CONFIG = Path(__file__).parents[2] / "configs" / "brownian.toml"
 

@@ -23,12 +23,12 @@ from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
 from hrg_cli.stages.rehearse import rehearse
 from hrg_cli.stages.rehearsing import twin_colour
-from hrg_cli.stages.rehearsing.noise import match_noise
 from hrg_cli.stages.rehearsing.rehearsals import judge_by_rehearsal
 from hrg_cli.stages.rehearsing.repeat import make_wave
 from hrg_cli.stages.rehearsing.statistics import Named, judge_figure
 from hrg_cli.stages.rehearsing.twin import make_twin
 from hrg_cli.stages.rehearsing.twin_colour import draw_course
+from hrg_cli.stages.rehearsing.twin_noise import match_noise
 from hrg_cli.stages.rehearsing.twin_run import Measured
 from hrg_cli.stages.simulate import simulate
 

@@ -11,8 +11,11 @@ from hrg_cli.errors import HrgError
 from hrg_cli.fitting.tables.increments import build_path
 from hrg_cli.physics.drift import compute_drift
 from hrg_cli.stages.calibrate import calibrate
+from hrg_cli.stages.calibration.interpolation import (
+    compute_measured_drift,
+    compute_standard_deviations,
+)
 from hrg_cli.stages.calibration.resonators import compute_coefficients
-from hrg_cli.stages.calibration.table import compute_measured_drift, compute_standard_deviations
 from hrg_cli.stages.update import _chi2, summarise, update
 
 PLAN = ((0.4, 0.1, 0.05), (-0.4, 0.9, -0.05), (0.4, 0.7, -0.04), (-0.4, 0.3, 0.06))

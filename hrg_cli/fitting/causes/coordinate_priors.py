@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..envelopes.coordinates import COORDINATES
+from .design_columns import FitColumns
 from .fit_point import Point
-from .layout import FitColumns
 from .measured_runs import MeasuredRuns
 
 Array = np.ndarray
@@ -90,7 +90,7 @@ def build_coordinate_rows(freedom: CoordinatePriors, layout: FitColumns) -> Arra
     --------
     >>> import numpy as np
     >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors, build_coordinate_rows
-    >>> from hrg_cli.fitting.causes.layout import FitColumns
+    >>> from hrg_cli.fitting.causes.design_columns import FitColumns
     >>> free = CoordinatePriors(np.zeros(7), np.array([np.inf, 0.1, 0.5, 0, 0, 0, 0]))
     >>> build_coordinate_rows(free, FitColumns((0, 1, 2), 0)).tolist()
     [[0.0, 10.0, 0.0], [0.0, 0.0, 2.0]]
@@ -126,7 +126,7 @@ def build_prior_rows(freedom: CoordinatePriors, layout: FitColumns, series: Meas
     >>> from types import SimpleNamespace
     >>> import numpy as np
     >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors, build_prior_rows
-    >>> from hrg_cli.fitting.causes.layout import FitColumns
+    >>> from hrg_cli.fitting.causes.design_columns import FitColumns
     >>> free = CoordinatePriors(np.zeros(7), np.full(7, np.inf), offset_std=0.5)
     >>> series, layout = SimpleNamespace(forced=np.zeros((2, 3)), names="ab"), FitColumns((), 2)
     >>> build_prior_rows(free, layout, series)[:, [4, 9]].tolist()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..envelopes.coordinates import DAMPING, DAMPING_SPLIT
+from .design_columns import FitColumns
 from .fit_point import Point
-from .layout import FitColumns
 
 Array = np.ndarray
 CONE = ("damping", "damping_cos", "damping_sin")

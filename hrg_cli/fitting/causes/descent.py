@@ -10,9 +10,9 @@ import numpy as np
 from ...errors import HrgError, name_some
 from .coordinate_priors import CoordinatePriors, build_prior_rows, compute_prior_residual
 from .damping_bound import find_wall, restrict_damping
+from .design_columns import FREQUENCY, FitColumns
 from .designs import Design, Factored, factor_design
 from .fit_point import Point
-from .layout import FREQUENCY, FitColumns
 from .measured_runs import MeasuredRuns
 from .motion_budget import spend_motion
 from .sensitivities import Propagation, linearise_flow
@@ -317,7 +317,7 @@ def move_point(point: Point, layout: FitColumns, step: Array, passive: bool = Tr
     >>> import numpy as np
     >>> from hrg_cli.fitting.causes.descent import move_point
     >>> from hrg_cli.fitting.causes.fit_point import Point
-    >>> from hrg_cli.fitting.causes.layout import FitColumns
+    >>> from hrg_cli.fitting.causes.design_columns import FitColumns
     >>> point = Point(np.array([0.1, 0, 0, 0, 0, 0.5, 1]), np.array([[1, 0j]]), np.zeros(1))
     >>> found = move_point(point, FitColumns((0, 5), 1), np.array([-0.2, 0.1, 0, 0, 0, 0.5, 3.0]))
     >>> found.p[[0, 5]].round(9).tolist(), found.start.tolist(), found.offset_rad_s.tolist()

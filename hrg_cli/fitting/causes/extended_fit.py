@@ -17,9 +17,9 @@ from ..least_squares import square_over_covariance
 from .coordinate_priors import CoordinatePriors
 from .damping_bound import restrict_damping
 from .descent import DivergedError, compute_cost, descend, linearise, tell_no_motion
+from .design_columns import FitColumns
 from .designs import Basis, Design, Factored
 from .fit_point import Point
-from .layout import FitColumns
 from .measured_runs import MeasuredRuns
 from .motion_budget import spend_motion
 from .sensitivities import Propagation, Wanted, linearise_flow

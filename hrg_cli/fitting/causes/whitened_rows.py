@@ -10,9 +10,9 @@ import numpy as np
 from ...effects.effect import Effect
 from ..envelopes.coordinates import COUNT
 from .coordinate_priors import CoordinatePriors
+from .design_columns import FREQUENCY, FitColumns
 from .designs import Design
 from .fit_point import Point
-from .layout import FREQUENCY, FitColumns
 from .measured_runs import MeasuredRuns
 from .scales import list_steps
 from .sensitivities import Propagation, Wanted, find_base_sensitivities, find_effect_sensitivities
@@ -274,7 +274,7 @@ def compute_design(flow: Propagation, layout: FitColumns) -> Design:
     >>> from dataclasses import MISSING, fields
     >>> import numpy as np
     >>> from hrg_cli.fitting.causes.fit_point import Point
-    >>> from hrg_cli.fitting.causes.layout import FitColumns
+    >>> from hrg_cli.fitting.causes.design_columns import FitColumns
     >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
     >>> from hrg_cli.fitting.causes.sensitivities import linearise_flow
     >>> from hrg_cli.fitting.causes.slow_prediction import predict

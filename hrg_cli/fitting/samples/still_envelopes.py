@@ -23,7 +23,7 @@ from .envelope_motion import (
     take_off_pull,
 )
 from .neighbours import estimate_from_neighbours
-from .scatter import estimate_scattered_variance
+from .window_scatter import estimate_scattered_variance
 from .windows import Fits
 
 Array = np.ndarray

@@ -12,6 +12,7 @@ import numpy as np
 from ...fitting.checks import Check
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.table_layout import Model, TableLayout
+from .drift_models import NEEDS, VARIANTS, WHOLE_DRIFT, build_variant, explain_missing
 from .folds import choose_limits
 from .guards import VariantSolution, judge_variants
 from .resonators import ResonatorCoefficients
@@ -24,7 +25,6 @@ from .variant_solutions import (
     solve_foreign,
     solve_linear,
 )
-from .variants import NEEDS, VARIANTS, WHOLE_DRIFT, build_variant, explain_missing
 
 Array = np.ndarray
 AS_WELL = 4.0

@@ -17,15 +17,15 @@ from ...records import Calibration, Wave
 from .accuracy_stages import list_first_stages
 from .between_nodes import estimate_interpolation_doubt
 from .choice import TriedVariant, solve_again
-from .figures import gather_cells, predict_models, tabulate_model_figures
+from .drift_models import build_variant, list_measured_details
 from .folds import choose_smoothness
 from .noise_guards import say_noise
 from .record import make_calibration_record
 from .repeatability import compare_programmes, drop_unstable
+from .residual_errors import gather_cells, predict_models, tabulate_model_figures
 from .scale_factor_course import ScaleFactors
 from .thermal_memory import compare_thermal_memory
 from .variant_solutions import Wanted
-from .variants import build_variant, list_measured_details
 
 Array = np.ndarray
 LEAST_REPEATED = 2

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...fitting.tables.joint import Fitted
 from .choice import TriedVariant
-from .figures import gather_cells, tabulate_model_figures
+from .residual_errors import gather_cells, tabulate_model_figures
 
 Array = np.ndarray
 

@@ -14,10 +14,10 @@ from ...fitting.tables.normal_pieces import compute_held_out_chi_square, solve
 from ...fitting.tables.table_layout import Model
 from .accuracy_stages import LadderSettings, list_first_stages
 from .column_spaces import find_correlated, leave_out, measure_independence, take_along_nodes
-from .figures import gather_cells, predict_models, tabulate_model_figures
 from .joint_runs import BESIDE
 from .named_elements import name_loop_elements, name_readout_elements
 from .prices import describe_need
+from .residual_errors import gather_cells, predict_models, tabulate_model_figures
 
 Array = np.ndarray
 MEANING = {

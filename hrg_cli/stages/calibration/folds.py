@@ -8,8 +8,8 @@ import numpy as np
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import PIECES, compute_held_out_chi_square
 from ...fitting.tables.table_layout import Model, TableLayout, compute_roughness
+from .drift_models import build_variant
 from .programme import examine
-from .variants import build_variant
 
 Array = np.ndarray
 SMOOTHNESS = (1e-6, 1e-4, 1e-2, 1.0, 1e2, 1e4)

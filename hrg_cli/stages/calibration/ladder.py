@@ -14,9 +14,9 @@ from ...fitting.tables.table_layout import Model
 from .accuracy_stages import LadderSettings, list_first_stages
 from .column_spaces import measure_independence
 from .factor_use import analyse_factors
-from .figures import gather_cells, predict_models, tabulate_model_figures
 from .folds import choose_folds, split_by_time
 from .joint_runs import LEAST_INDEPENDENCE, LOOP_FACTORS, fit_jointly
+from .residual_errors import gather_cells, predict_models, tabulate_model_figures
 
 Array = np.ndarray
 INSEPARABLE_QUADRATURE = (

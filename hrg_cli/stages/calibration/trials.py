@@ -18,13 +18,13 @@ from ...records import Resonator
 from .choice import TriedVariant, choose_best, explain_choice, list_possible, solve_variants
 from .chosen import Chosen
 from .comparison import compare_variants
+from .drift_models import FACTORS
 from .factors import build_factors
 from .folds import choose_folds
 from .late_log import Lateness, follow
 from .preparation import PreparedRuns
 from .resonators import ResonatorCoefficients, pool_resonators
 from .variant_solutions import Wanted
-from .variants import FACTORS
 
 Array = np.ndarray
 

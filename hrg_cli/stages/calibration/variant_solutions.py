@@ -18,9 +18,9 @@ from ...fitting.tables.shrinkage import (
     find_doubtful_harmonics,
 )
 from ...fitting.tables.table_layout import Model, TableLayout
+from .drift_models import WHOLE_DRIFT, build_variant, tie_course
 from .guards import VariantSolution
 from .resonators import ResonatorCoefficients
-from .variants import WHOLE_DRIFT, build_variant, tie_course
 
 Array = np.ndarray
 

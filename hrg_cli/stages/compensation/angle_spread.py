@@ -13,7 +13,11 @@ import numpy as np
 
 from ...fitting.tables.increments import AnglePath
 from ...records import Calibration
-from ..calibration.table import build_coefficient_rows, interpolate_doubt, read_angle_random_walk
+from ..calibration.interpolation import (
+    build_coefficient_rows,
+    interpolate_doubt,
+    read_angle_random_walk,
+)
 
 Array = np.ndarray
 ROWS = 2048

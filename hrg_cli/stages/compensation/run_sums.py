@@ -10,10 +10,10 @@ import numpy as np
 
 from ...fitting.tables.increments import AnglePath
 from ...records import Calibration
-from ..calibration.figures import CELLS_A_PERIOD
+from ..calibration.residual_errors import CELLS_A_PERIOD
 from .against_log import AngleAgainstLog
 from .angle_spread import AngleSpread
-from .figures import MOST_RATES, RateSpread, Totals
+from .run_errors import MOST_RATES, RateSpread, Totals
 
 Array = np.ndarray
 

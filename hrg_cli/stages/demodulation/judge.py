@@ -13,7 +13,7 @@ from ...fitting.samples.run_down import RunDown
 from ...fitting.samples.signal_rows import Rows
 from ...fitting.samples.wild import tell_wild
 from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE, FLAG_SETTLING, Array, Periods
-from .log import WindowLog
+from .auxiliary_log import WindowLog
 
 SETTLING_FACTOR, SETTLING_SHARE = 5.0, 0.1
 """A settling start has a residual so many times the run's, absolutely and relative to the wave, and

@@ -17,8 +17,8 @@ import numpy as np
 from ...effects.effect import Effect
 from ...fitting.causes import designs, extended_fit, scales, whitened_rows
 from ...fitting.causes.coordinate_priors import CoordinatePriors
+from ...fitting.causes.design_columns import OWN
 from ...fitting.causes.fit_point import Point
-from ...fitting.causes.layout import OWN
 from ...fitting.causes.sensitivities import find_base_sensitivities, linearise_flow
 from ...fitting.causes.slow_prediction import predict
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics

@@ -15,7 +15,7 @@ from ...errors import HrgError
 from ...records import REHEARSAL as PREFIX
 from ...records import Calibration, Diagnosis, Record, Resonator
 from . import twin_colour
-from .figures import Rehearsed
+from .rehearsed_figures import Rehearsed
 from .statistics import FigureStatistics, Named, judge_figure
 from .twin import Twin
 from .twin_diagnosis import list_causes, list_held_causes
@@ -105,7 +105,7 @@ def summarise(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
     >>> from hrg_cli import Resonator
-    >>> from hrg_cli.stages.rehearsing.figures import Rehearsed, RehearsedFigure
+    >>> from hrg_cli.stages.rehearsing.rehearsed_figures import Rehearsed, RehearsedFigure
     >>> from hrg_cli.stages.rehearsing.rehearsals import summarise
     >>> one = np.ones(1)
     >>> truth = Resonator(

@@ -17,7 +17,7 @@ from ..diagnose import diagnose
 from ..estimate import estimate
 from ..identify import identify
 from ..simulate import simulate
-from .figures import Rehearsed, compare_figures
+from .rehearsed_figures import Rehearsed, compare_figures
 from .twin import Twin
 from .twin_diagnosis import list_causes
 from .twin_effects import make_effects

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from .table import NotNegative, Positive, Table, need_at_most_one, need_rising
+from .strict_table import NotNegative, Positive, Table, need_at_most_one, need_rising
 
 
 class Ramp(Table):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from .table import NotNegative, Positive, Table, need_at_most_one, need_exactly_one
+from .strict_table import NotNegative, Positive, Table, need_at_most_one, need_exactly_one
 
 Course = float | list[float]
 """Relative change a °C, then a °C², …: value(T) = value·(1 + c₁ΔT + c₂ΔT² + …)."""

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from .table import NotNegative, Positive, Table, need_rising
+from .strict_table import NotNegative, Positive, Table, need_rising
 
 
 class ReadoutTable(Table):

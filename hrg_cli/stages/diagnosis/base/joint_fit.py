@@ -36,7 +36,7 @@ from ..samples.waveform import find_phase_steps, split_at
 from ..thresholds import GROSS, WORTH
 from .base_priors import choose_freedom
 from .data import is_averaged_well, prepare
-from .rate_steps import fit_rate_steps
+from .rate_step_fit import fit_rate_steps
 
 Array = np.ndarray
 AVERAGED_AGAIN = 2

@@ -10,8 +10,8 @@ import numpy as np
 
 from ....effects import EFFECTS, dropped_samples, find, mains_tone
 from ....effects.effect import OF_EVERY_RUN, RUN, Effect
+from ....fitting.causes.design_columns import FREQUENCY, OWN
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.layout import FREQUENCY, OWN
 from ....fitting.envelopes.coordinates import to_parameters
 from ....physics.resonator import OF_GENERATOR
 from ....records import Wave

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....fitting import least_squares
+from ....fitting.causes.design_columns import FREQUENCY, OWN
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.layout import FREQUENCY, OWN
 from ....fitting.causes.sensitivities import find_base_sensitivities
 from ....fitting.causes.slow_equation import build_generators
 from ....fitting.causes.wave_frame import make_real_matrix, to_complex, to_reals

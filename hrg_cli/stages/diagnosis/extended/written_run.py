@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ....fitting.causes.design_columns import FREQUENCY
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import Point, build_state
-from ....fitting.causes.layout import FREQUENCY
 from ....fitting.causes.slow_equation import RungeKuttaStage
 from ....fitting.causes.slow_prediction import march_motion
 from ....fitting.causes.wave_frame import to_complex

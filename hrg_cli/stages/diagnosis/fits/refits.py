@@ -18,8 +18,8 @@ from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.least_squares import square_over_covariance
 from ..thresholds import CLEARLY, OUTDONE, WORTH
-from .instants import settle_instants
 from .scoring import compute_worth, is_gross, is_possible, price_place
+from .strike_instants import settle_instants
 from .variants import Variant
 
 SHORTLIST = 3

@@ -24,9 +24,9 @@ from ....fitting.causes import designs, evidence, extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.least_squares import invert_information
-from ..fits.instants import settle_instants
 from ..fits.refits import hold_effect, leave_out
 from ..fits.scoring import count_places, is_gross, is_possible, score_effects
+from ..fits.strike_instants import settle_instants
 from ..fits.variants import Variant, list_variants
 from ..fits.whole_samples import count_whole
 from ..thresholds import INADEQUATE, MOST_RIVALS, NEVER_LESS, SIGNIFICANT, WORTH

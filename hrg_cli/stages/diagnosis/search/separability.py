@@ -11,9 +11,9 @@ import numpy as np
 
 from ....effects import EFFECTS
 from ....fitting.causes import designs, evidence
+from ....fitting.causes.design_columns import FREQUENCY
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.layout import FREQUENCY
 from ....physics import ellipse
 from ..fits.variants import Variant
 from .search_case import Case

@@ -11,9 +11,9 @@ from ....effects.effect import Effect
 from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
-from ..fits.instants import settle_instants
 from ..fits.refits import QUICK_STEPS, adopt_hopeful, settle
 from ..fits.scoring import score_effects
+from ..fits.strike_instants import settle_instants
 from ..fits.variants import Variant
 from .cases import Fitted
 from .logs import has_usual_scale_factor

@@ -13,7 +13,7 @@ from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.diagnosis.base.base_priors import choose_freedom
 from hrg_cli.stages.diagnosis.base.data import prepare
-from hrg_cli.stages.diagnosis.base.rate_steps import fit_rate_steps
+from hrg_cli.stages.diagnosis.base.rate_step_fit import fit_rate_steps
 from hrg_cli.stages.diagnosis.fits.variants import list_variants
 from hrg_cli.stages.diagnosis.suspects import suspect_runs
 from hrg_cli.stages.diagnosis.suspects.search import choose_case, find_cases, leave_out

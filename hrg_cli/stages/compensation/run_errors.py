@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...fitting.tables.increments import AnglePath
-from ..calibration.figures import CELLS_A_PERIOD
+from ..calibration.residual_errors import CELLS_A_PERIOD
 from ..figures_of_merit import compute_allan_figures
 
 Array = np.ndarray

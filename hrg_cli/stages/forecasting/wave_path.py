@@ -76,7 +76,7 @@ def follow_wave(
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.resonator_spread import from_vector, make_vector, spread_points
     >>> from hrg_cli.physics.resonator import Mechanics
-    >>> from hrg_cli.stages.forecasting.course import Conditions, follow_wave
+    >>> from hrg_cli.stages.forecasting.wave_path import Conditions, follow_wave
     >>> gyro = Mechanics(1000.0, 0.2, 1e-3)
     >>> gyros = from_vector(spread_points(make_vector(gyro), 1e-12 * np.eye(6)), gyro)
     >>> table, error = follow_wave(gyros, gyro, Conditions("force", 0.0, 0.1, 0.0, 20.0))
@@ -150,7 +150,7 @@ def list_times(duration_s: float) -> Array:
 
     Examples
     --------
-    >>> from hrg_cli.stages.forecasting.course import list_times
+    >>> from hrg_cli.stages.forecasting.wave_path import list_times
     >>> list_times(60.0).tolist()
     [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 60.0]
     """
@@ -238,7 +238,7 @@ def say_short(table: dict[str, Array], duration: float, drive: str) -> str:
 
     Examples
     --------
-    >>> from hrg_cli.stages.forecasting.course import say_short
+    >>> from hrg_cli.stages.forecasting.wave_path import say_short
     >>> say_short({"time_s": [1.0, 20.0]}, 60.0, "force")
     'the forecast ends after 20 s of 60 s: the wave is nearly a circle then'
     """

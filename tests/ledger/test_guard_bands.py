@@ -5,7 +5,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hrg_cli.ledger.guard import compute_guard_limits, compute_probability_outside, compute_risks
+from hrg_cli.ledger.guard_bands import (
+    compute_guard_limits,
+    compute_probability_outside,
+    compute_risks,
+)
 
 DRAWS = 1_000_000
 

@@ -45,7 +45,7 @@ def find_stray_harmonics(fitted: Fitted, solution: TableSolution) -> list[dict[s
     >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
-    >>> from hrg_cli.stages.calibration.checks import find_stray_harmonics
+    >>> from hrg_cli.stages.calibration.residual_checks import find_stray_harmonics
     >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> [stray["significant"] for stray in find_stray_harmonics(fitted, fitted.solution)]
@@ -139,7 +139,7 @@ def find_noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
-    >>> from hrg_cli.stages.calibration.checks import find_noisy_angles
+    >>> from hrg_cli.stages.calibration.residual_checks import find_noisy_angles
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 2, 0)
     >>> paths, noises = [Told(mode_number=2, run_id="a")], [AngleNoise(1e-4, 0.0)]
     >>> find_noisy_angles(Told(layout=layout, paths=paths, noises=noises), 2)

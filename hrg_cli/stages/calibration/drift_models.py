@@ -63,7 +63,7 @@ def explain_missing(
     --------
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
-    >>> from hrg_cli.stages.calibration.variants import explain_missing
+    >>> from hrg_cli.stages.calibration.drift_models import explain_missing
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
     >>> explain_missing("quadrature", layout, None), explain_missing("table", layout, None)
     ('the runs hold no quadrature (a_B is 0 everywhere)', None)
@@ -111,7 +111,7 @@ def build_variant(
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
-    >>> from hrg_cli.stages.calibration.variants import build_variant
+    >>> from hrg_cli.stages.calibration.drift_models import build_variant
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 2, 0)
     >>> [build_variant(name, layout, 2, 0).free for name in ("table", "parametric")]
     [6, 3]
@@ -165,7 +165,7 @@ def tie_course(layout: TableLayout, course: str) -> Array:
     --------
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
-    >>> from hrg_cli.stages.calibration.variants import tie_course
+    >>> from hrg_cli.stages.calibration.drift_models import tie_course
     >>> names = dict(factors={"ellipticity_course": None}, factor_columns={"ellipticity_course": 2})
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 1, 0, **names)
     >>> (tie_course(layout, "ellipticity_course") @ [9.0, 1.0, 2.0, 0.55, 0.0, 0.0]).tolist()
@@ -208,7 +208,7 @@ def list_measured_details(
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
-    >>> from hrg_cli.stages.calibration.variants import list_measured_details
+    >>> from hrg_cli.stages.calibration.drift_models import list_measured_details
     >>> names = dict(factors={"mean_frequency": None}, factor_columns={"mean_frequency": 1})
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 0, 0, **names)
     >>> paths, value = [Told(frequency_hz=[5000.0])], np.array([0.0, 0.55, 0.25])

@@ -43,7 +43,7 @@ def fit_rate_steps(fit: ExtendedFit) -> ExtendedFit:
 
     Examples
     --------
-    >>> from hrg_cli.stages.diagnosis.base.rate_steps import fit_rate_steps
+    >>> from hrg_cli.stages.diagnosis.base.rate_step_fit import fit_rate_steps
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
     >>> fit_rate_steps(draw_fit()) is draw_fit()
     True
@@ -75,7 +75,7 @@ def find_rate_steps(series: MeasuredRuns, scale_factor: float) -> list[tuple[int
 
     Examples
     --------
-    >>> from hrg_cli.stages.diagnosis.base.rate_steps import find_rate_steps
+    >>> from hrg_cli.stages.diagnosis.base.rate_step_fit import find_rate_steps
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
     >>> find_rate_steps(draw_fit().series, 0.55)
     []

@@ -38,7 +38,7 @@ class FitColumns:
     --------
     Damping and K, two runs and one effect:
 
-    >>> from hrg_cli.fitting.causes.layout import FitColumns
+    >>> from hrg_cli.fitting.causes.design_columns import FitColumns
     >>> layout = FitColumns((0, 5), 2, (("gain_mismatch", ("gain",)),))
     >>> layout.count, layout.coordinate("scale_factor"), layout.run(1), layout.frequency(1)
     (13, 1, slice(7, 12, None), 11)

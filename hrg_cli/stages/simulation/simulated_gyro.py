@@ -31,7 +31,7 @@ def make_start(settings: SimulationFile) -> tuple[Array, float]:
     Examples
     --------
     >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
-    >>> from hrg_cli.stages.simulation.gyro import make_start
+    >>> from hrg_cli.stages.simulation.simulated_gyro import make_start
     >>> u, angle = make_start(draw_settings(start={"amplitude": 2.0, "wave_angle_rad": 0.25}))
     >>> abs(u).round(4).tolist(), angle
     ([1.7552, 0.9589], 0.5)
@@ -64,7 +64,7 @@ def make_mechanics(settings: SimulationFile) -> Mechanics:
     --------
     >>> import math
     >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
-    >>> from hrg_cli.stages.simulation.gyro import make_mechanics
+    >>> from hrg_cli.stages.simulation.simulated_gyro import make_mechanics
     >>> round(make_mechanics(draw_settings()).damping_rate_1_s / math.pi, 9)  # f/Q
     0.01
     """
@@ -90,7 +90,7 @@ def make_courses(settings: SimulationFile) -> ThermalCourses:
     Examples
     --------
     >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
-    >>> from hrg_cli.stages.simulation.gyro import make_courses
+    >>> from hrg_cli.stages.simulation.simulated_gyro import make_courses
     >>> make_courses(draw_settings()).reference_degc
     20.0
     """
@@ -126,7 +126,7 @@ def make_control(settings: SimulationFile) -> Control:
     Examples
     --------
     >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
-    >>> from hrg_cli.stages.simulation.gyro import make_control
+    >>> from hrg_cli.stages.simulation.simulated_gyro import make_control
     >>> forced = make_control(draw_settings(control={"mode": "forced", "amplitude_gain_1_s": 4.0}))
     >>> forced.forced, forced.amplitude_integral_1_s2, make_control(draw_settings()).forced
     (True, 4.0, False)
@@ -183,7 +183,7 @@ def add_spring(settings: SimulationFile, plant: Plant) -> Plant:
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
     >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
-    >>> from hrg_cli.stages.simulation.gyro import add_spring
+    >>> from hrg_cli.stages.simulation.simulated_gyro import add_spring
     >>> plant = Told(stiffness=1e8 * np.eye(2), mechanics=Told(omega_rad_s=1e4))
     >>> soft = add_spring(draw_settings(spring={"size_rad_s": 0.5, "axis_rad": 0.0}), plant)
     >>> (1e8 * np.eye(2) - soft.stiffness).tolist()
@@ -214,7 +214,7 @@ def make_electronics(settings: SimulationFile, pickoff: Readout) -> Electronics 
     Examples
     --------
     >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
-    >>> from hrg_cli.stages.simulation.gyro import make_electronics, make_readout
+    >>> from hrg_cli.stages.simulation.simulated_gyro import make_electronics, make_readout
     >>> settings = draw_settings()
     >>> make_electronics(settings, make_readout(settings)) is None
     True
@@ -256,7 +256,7 @@ def make_noise(settings: SimulationFile, pickoff: Readout) -> noises.Noise:
     Examples
     --------
     >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
-    >>> from hrg_cli.stages.simulation.gyro import make_noise, make_readout
+    >>> from hrg_cli.stages.simulation.simulated_gyro import make_noise, make_readout
     >>> settings = draw_settings(readout={"noise": 1e-4})
     >>> make_noise(settings, make_readout(settings)).readout
     0.0001
@@ -296,7 +296,7 @@ def make_readout(settings: SimulationFile) -> Readout:
     Examples
     --------
     >>> from hrg_cli.stages.simulation.drawn_settings import draw_settings
-    >>> from hrg_cli.stages.simulation.gyro import make_readout
+    >>> from hrg_cli.stages.simulation.simulated_gyro import make_readout
     >>> make_readout(draw_settings(start={"amplitude": 2.0})).full_scale
     3.0
     """

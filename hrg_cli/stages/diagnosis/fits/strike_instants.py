@@ -46,11 +46,13 @@ def settle_instants(fit: ExtendedFit, names: Collection[str]) -> ExtendedFit:
 
     >>> from hrg_cli.effects import find
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_knocked_fit
-    >>> from hrg_cli.stages.diagnosis.fits import instants, refits, scoring, variants
+    >>> from hrg_cli.stages.diagnosis.fits import refits, scoring, strike_instants, variants
     >>> start = draw_knocked_fit()
     >>> kicks = variants.list_variants([find("momentum_kick")], start)
     >>> ((score, variant),) = scoring.score_effects(start, kicks)
-    >>> knock = instants.settle_instants(refits.adopt(start, score, variant), ["momentum_kick"])
+    >>> knock = strike_instants.settle_instants(
+    ...     refits.adopt(start, score, variant), ["momentum_kick"]
+    ... )
     >>> round(knock.values("momentum_kick")["time_s"], 2)
     0.5
     """

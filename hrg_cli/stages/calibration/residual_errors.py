@@ -69,7 +69,7 @@ def predict_models(
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.normal_pieces import Pieces
     >>> from hrg_cli.fitting.tables.table_layout import Model
-    >>> from hrg_cli.stages.calibration.figures import predict_models
+    >>> from hrg_cli.stages.calibration.residual_errors import predict_models
     >>> y, ones = np.array([[1.0, 3.0]]), np.ones((1, 2), int)
     >>> pieces = Pieces(np.zeros(1), np.ones((1, 2, 1, 1)), y[..., None], y**2, ones)
     >>> fitted = Told(pieces=pieces, layout=Told(size=1))
@@ -209,7 +209,7 @@ def gather_cells(
     >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
-    >>> from hrg_cli.stages.calibration.figures import gather_cells
+    >>> from hrg_cli.stages.calibration.residual_errors import gather_cells
     >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
@@ -312,12 +312,12 @@ def tabulate_model_figures(
     --------
     K too large by 0.01 of 0.55 is an error of 18182 ppm:
 
-    >>> from hrg_cli.stages.calibration.figures import gather_cells
+    >>> from hrg_cli.stages.calibration.residual_errors import gather_cells
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
-    >>> from hrg_cli.stages.calibration.figures import tabulate_model_figures
+    >>> from hrg_cli.stages.calibration.residual_errors import tabulate_model_figures
     >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))

@@ -46,7 +46,7 @@ def need_exactly_one(table: BaseModel, names: tuple[str, ...]) -> None:
     Examples
     --------
     >>> from types import SimpleNamespace as Told
-    >>> from hrg_cli.stages.simulation.table import need_exactly_one
+    >>> from hrg_cli.stages.simulation.strict_table import need_exactly_one
     >>> need_exactly_one(Told(time_constant_s=None, q=1e6), ("time_constant_s", "q"))
     >>> need_exactly_one(Told(time_constant_s=10.0, q=1e6), ("time_constant_s", "q"))
     Traceback (most recent call last):
@@ -78,7 +78,7 @@ def need_at_most_one(table: BaseModel, names: tuple[str, ...]) -> None:
     Examples
     --------
     >>> from types import SimpleNamespace as Told
-    >>> from hrg_cli.stages.simulation.table import need_at_most_one
+    >>> from hrg_cli.stages.simulation.strict_table import need_at_most_one
     >>> need_at_most_one(Told(split_hz=1.0, split_rad_s=None), ("split_hz", "split_rad_s"))
     >>> need_at_most_one(Told(split_hz=1.0, split_rad_s=6.28), ("split_hz", "split_rad_s"))
     Traceback (most recent call last):
@@ -109,7 +109,7 @@ def need_rising(time_s: list[float], values: list[float], name: str) -> None:
 
     Examples
     --------
-    >>> from hrg_cli.stages.simulation.table import need_rising
+    >>> from hrg_cli.stages.simulation.strict_table import need_rising
     >>> need_rising([0.0, 1.0], [20.0, 30.0], "temperature_degc")
     >>> need_rising([0.0, 0.0], [20.0, 30.0], "temperature_degc")
     Traceback (most recent call last):

@@ -71,7 +71,7 @@ def compare_figures(record: Record, twin: Twin) -> dict[str, RehearsedFigure]:
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
     >>> from hrg_cli import Resonator
-    >>> from hrg_cli.stages.rehearsing.figures import compare_figures
+    >>> from hrg_cli.stages.rehearsing.rehearsed_figures import compare_figures
     >>> known = dict(name=np.array(["scale_factor"]), units=np.array(["1"]), std=np.array([1e-3]))
     >>> known |= dict(covariance=np.array([[1e-6]]), details="{}")
     >>> truth, found = (Resonator(value=np.array([K]), **known) for K in (0.55, 0.552))

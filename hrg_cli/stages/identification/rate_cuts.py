@@ -38,7 +38,7 @@ def cut_at_rate_steps(usable: Usable) -> Usable:
     A rate that turns round half-way:
 
     >>> import numpy as np
-    >>> from hrg_cli.stages.identification.rate_steps import cut_at_rate_steps
+    >>> from hrg_cli.stages.identification.rate_cuts import cut_at_rate_steps
     >>> from hrg_cli.stages.planning.information import make_wave
     >>> from hrg_cli.stages.simulation_file import list_runs
     >>> from hrg_cli.stages.usable import Usable

@@ -134,7 +134,7 @@ def is_unit(text: str) -> bool:
 
     Examples
     --------
-    >>> from hrg_cli.formats.quantities import is_unit
+    >>> from hrg_cli.formats.unit_spellings import is_unit
     >>> is_unit("[mV]"), is_unit("deg per s"), is_unit("CH1")
     (True, True, False)
     """
@@ -156,7 +156,7 @@ def is_level(unit: str) -> bool:
 
     Examples
     --------
-    >>> from hrg_cli.formats.quantities import is_level
+    >>> from hrg_cli.formats.unit_spellings import is_level
     >>> is_level("dBm"), is_level("mV")
     (True, False)
     """
@@ -178,7 +178,7 @@ def is_time(unit: str) -> bool:
 
     Examples
     --------
-    >>> from hrg_cli.formats.quantities import is_time
+    >>> from hrg_cli.formats.unit_spellings import is_time
     >>> is_time("ms"), is_time("mV")
     (True, False)
     """
@@ -200,7 +200,7 @@ def is_temperature(unit: str) -> bool:
 
     Examples
     --------
-    >>> from hrg_cli.formats.quantities import is_temperature
+    >>> from hrg_cli.formats.unit_spellings import is_temperature
     >>> is_temperature("℃"), is_temperature("mV")
     (True, False)
     """
@@ -222,7 +222,7 @@ def is_rate(unit: str) -> bool:
 
     Examples
     --------
-    >>> from hrg_cli.formats.quantities import is_rate
+    >>> from hrg_cli.formats.unit_spellings import is_rate
     >>> is_rate("deg per s"), is_rate("Hz")
     (True, False)
     """
@@ -246,7 +246,7 @@ def is_of(table: Mapping[Any, tuple[str, ...]], unit: str) -> bool:
 
     Examples
     --------
-    >>> from hrg_cli.formats.quantities import PHASE, is_of
+    >>> from hrg_cli.formats.unit_spellings import PHASE, is_of
     >>> is_of(PHASE, "turns"), is_of(PHASE, "turns/s")
     (True, False)
     """
@@ -270,7 +270,7 @@ def split_name(name: str) -> tuple[str, str]:
     --------
     The bracket of the last names a channel, not a unit:
 
-    >>> from hrg_cli.formats.quantities import split_name
+    >>> from hrg_cli.formats.unit_spellings import split_name
     >>> split_name("time (ms)"), split_name("rate_deg_s"), split_name("X(CH1)")
     (('time', 'ms'), ('rate', 'deg/s'), ('CH1', ''))
     """
@@ -317,7 +317,7 @@ def spell_channel_unit(unit: str) -> str:
 
     Examples
     --------
-    >>> from hrg_cli.formats.quantities import spell_channel_unit
+    >>> from hrg_cli.formats.unit_spellings import spell_channel_unit
     >>> spell_channel_unit("Volts"), spell_channel_unit("LSB"), spell_channel_unit("mV")
     ('V', '1', 'mV')
     """
@@ -346,7 +346,7 @@ def find_time_factor(unit: str) -> float:
 
     Examples
     --------
-    >>> from hrg_cli.formats.quantities import find_time_factor
+    >>> from hrg_cli.formats.unit_spellings import find_time_factor
     >>> find_time_factor("ms"), find_time_factor("hours")
     (0.001, 3600.0)
     """
@@ -373,7 +373,7 @@ def find_phase_factor(unit: str) -> float:
 
     Examples
     --------
-    >>> from hrg_cli.formats.quantities import find_phase_factor
+    >>> from hrg_cli.formats.unit_spellings import find_phase_factor
     >>> round(find_phase_factor("deg"), 6), round(find_phase_factor("turns"), 6)
     (0.017453, 6.283185)
     """
@@ -400,7 +400,7 @@ def find_rate_factor(unit: str) -> float:
 
     Examples
     --------
-    >>> from hrg_cli.formats.quantities import find_rate_factor
+    >>> from hrg_cli.formats.unit_spellings import find_rate_factor
     >>> round(find_rate_factor("rpm"), 6), round(find_rate_factor("°/h") * 3600, 6)
     (0.10472, 0.017453)
     """
@@ -427,7 +427,7 @@ def find_temperature_scale(unit: str) -> tuple[float, float]:
 
     Examples
     --------
-    >>> from hrg_cli.formats.quantities import find_temperature_scale
+    >>> from hrg_cli.formats.unit_spellings import find_temperature_scale
     >>> find_temperature_scale("K")
     (1.0, -273.15)
     """
@@ -457,7 +457,7 @@ def list_units(table: Mapping[Any, tuple[str, ...]]) -> str:
 
     Examples
     --------
-    >>> from hrg_cli.formats.quantities import TEMPERATURE, list_units
+    >>> from hrg_cli.formats.unit_spellings import TEMPERATURE, list_units
     >>> list_units(TEMPERATURE)
     'degC, K, degF'
     """

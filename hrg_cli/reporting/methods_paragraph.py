@@ -52,7 +52,7 @@ def write_methods(records: Sequence[Record], counts: Mapping[str, int]) -> Metho
 
     Examples
     --------
-    >>> from hrg_cli.reporting.methods import write_methods
+    >>> from hrg_cli.reporting.methods_paragraph import write_methods
     >>> found = write_methods([], {"wave": 2})
     >>> found.text[:29], len(found.citations) > 0
     ('2 recordings were demodulated', True)

@@ -54,7 +54,7 @@ def compute_guard_limits(
 
     Examples
     --------
-    >>> from hrg_cli.ledger.guard import compute_guard_limits
+    >>> from hrg_cli.ledger.guard_bands import compute_guard_limits
     >>> compute_guard_limits(-1.0, 1.0, 0.1, 2.0), compute_guard_limits(None, 1.0, 0.1, 2.0)
     ((-0.8, 0.8), (None, 0.8))
     """
@@ -97,7 +97,7 @@ def compute_probability_outside(
     --------
     A value at the limit is outside as likely as not, unless gyros are seldom that far out:
 
-    >>> from hrg_cli.ledger.guard import compute_probability_outside
+    >>> from hrg_cli.ledger.guard_bands import compute_probability_outside
     >>> compute_probability_outside(1.0, 0.1, None, 1.0)
     0.5
     >>> round(compute_probability_outside(1.0, 0.1, None, 1.0, (0.0, 0.1)), 6)
@@ -148,7 +148,7 @@ def compute_risks(
     --------
     A guard band buys less false acceptance with more false rejection:
 
-    >>> from hrg_cli.ledger.guard import compute_risks
+    >>> from hrg_cli.ledger.guard_bands import compute_risks
     >>> bare, guarded = (compute_risks((0.0, 0.5), 0.1, -1.0, 1.0, k) for k in (0.0, 2.0))
     >>> guarded.false_acceptance < bare.false_acceptance
     True

@@ -14,7 +14,11 @@ from pydantic import Field
 from ..errors import HrgError, UsageError
 from ..measured_export import MEASURED_FORMULA, make_csv_measured
 from ..records import Calibration
-from ..stages.calibration.table import TABLES, compute_standard_deviations, read_interpolation_std
+from ..stages.calibration.interpolation import (
+    TABLES,
+    compute_standard_deviations,
+    read_interpolation_std,
+)
 from ..stages.rate_table import is_rate_table
 from .c_header import Exported, make_header
 

@@ -43,7 +43,7 @@ def match_noise(twin: Twin, inputs: Sequence[Measured], seed: int) -> Twin:
     --------
     >>> from hrg_cli import identify
     >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
-    >>> from hrg_cli.stages.rehearsing.noise import match_noise
+    >>> from hrg_cli.stages.rehearsing.twin_noise import match_noise
     >>> from hrg_cli.stages.rehearsing.twin import make_twin
     >>> run = draw_input()
     >>> twin = match_noise(make_twin(identify([run.wave]), [run], {}), [run], 0)

@@ -50,7 +50,7 @@ def need_range(calibration: Calibration, x: Array, where: str) -> None:
     Examples
     --------
     >>> from types import SimpleNamespace as Told
-    >>> from hrg_cli.stages.calibration.table import need_range
+    >>> from hrg_cli.stages.calibration.interpolation import need_range
     >>> tables = Told(axis="temperature", node_min=0.0, node_max=50.0)
     >>> need_range(tables, [0.5, 50.5], "run 1")
     >>> need_range(tables, [0.5, 70.0], "run 1")
@@ -100,7 +100,7 @@ def compute_standard_deviations(
 
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
-    >>> from hrg_cli.stages.calibration.table import compute_standard_deviations
+    >>> from hrg_cli.stages.calibration.interpolation import compute_standard_deviations
     >>> one = np.ones((2, 1))
     >>> tables = Told(
     ...     node=np.array([0.0, 40.0]), drift_harmonics=0 * one, scale_factor_harmonics=one,
@@ -147,7 +147,7 @@ def build_coefficient_rows(
     --------
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
-    >>> from hrg_cli.stages.calibration.table import build_coefficient_rows
+    >>> from hrg_cli.stages.calibration.interpolation import build_coefficient_rows
     >>> one = np.ones((2, 1))
     >>> tables = Told(
     ...     node=np.array([0.0, 40.0]), drift_harmonics=0 * one, scale_factor_harmonics=one,
@@ -182,7 +182,7 @@ def interpolate_doubt(calibration: Calibration, x: Array) -> Array:
     --------
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
-    >>> from hrg_cli.stages.calibration.table import interpolate_doubt
+    >>> from hrg_cli.stages.calibration.interpolation import interpolate_doubt
     >>> details = '{"interpolation_std": {"drift_rad_s": 1e-6, "scale_factor": 2e-6}}'
     >>> tables = Told(details=details, node=[0.0, 40.0])
     >>> interpolate_doubt(tables, np.array([0.0, 20.0])).tolist()
@@ -239,7 +239,7 @@ def read_interpolation_std(calibration: Calibration) -> dict[str, float]:
     Examples
     --------
     >>> from types import SimpleNamespace as Told
-    >>> from hrg_cli.stages.calibration.table import read_interpolation_std
+    >>> from hrg_cli.stages.calibration.interpolation import read_interpolation_std
     >>> read_interpolation_std(Told(details='{"interpolation_std": {"scale_factor": 2e-6}}'))
     {'scale_factor': 2e-06}
     >>> read_interpolation_std(Told(details="{}"))
@@ -275,7 +275,7 @@ def check_between(calibration: Calibration) -> list[Check]:
 
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
-    >>> from hrg_cli.stages.calibration.table import check_between
+    >>> from hrg_cli.stages.calibration.interpolation import check_between
     >>> one = np.ones((2, 1))
     >>> tables = Told(
     ...     node=np.array([0.0, 40.0]), drift_harmonics=0 * one, scale_factor_harmonics=one,
@@ -378,7 +378,7 @@ def interpolate_measured(calibration: Calibration, x: Array) -> MeasuredDrift | 
     >>> import json
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
-    >>> from hrg_cli.stages.calibration.table import interpolate_measured
+    >>> from hrg_cli.stages.calibration.interpolation import interpolate_measured
     >>> measured = {"kind": "quadrature", "exact": True, "coefficients": [[0.0, 0.0], [1.0, 0.0]]}
     >>> tables = Told(
     ...     details=json.dumps({"measured": measured}), node=np.array([0.0, 40.0]),
@@ -429,7 +429,7 @@ def read_angle_random_walk(calibration: Calibration) -> float:
     Examples
     --------
     >>> from types import SimpleNamespace as Told
-    >>> from hrg_cli.stages.calibration.table import read_angle_random_walk
+    >>> from hrg_cli.stages.calibration.interpolation import read_angle_random_walk
     >>> read_angle_random_walk(Told(details='{"noise": {"angle_random_walk_rad_sqrt_s": 1e-6}}'))
     1e-06
     >>> read_angle_random_walk(Told(details='{"noise": "loud"}'))
@@ -474,7 +474,7 @@ def read_measured_part(calibration: Calibration) -> dict[str, Any] | None:
     A mean frequency for each node is needed:
 
     >>> from types import SimpleNamespace as Told
-    >>> from hrg_cli.stages.calibration.table import read_measured_part
+    >>> from hrg_cli.stages.calibration.interpolation import read_measured_part
     >>> details = '{"measured": {"kind": "phase", "mean_frequency_hz": [5000.0]}}'
     >>> read_measured_part(Told(details=details, node=[20.0]))["kind"]
     'phase'
@@ -522,7 +522,7 @@ def compute_corrections(calibration: Calibration, path: AnglePath) -> tuple[Arra
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.drawn_path import draw_path
-    >>> from hrg_cli.stages.calibration.table import compute_corrections
+    >>> from hrg_cli.stages.calibration.interpolation import compute_corrections
     >>> path = draw_path(blocks=3)
     >>> tables = Told(
     ...     axis="temperature", details="{}",
@@ -563,7 +563,7 @@ def compute_measured_drift(calibration: Calibration, path: AnglePath) -> Array:
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.drawn_path import draw_path
-    >>> from hrg_cli.stages.calibration.table import compute_measured_drift
+    >>> from hrg_cli.stages.calibration.interpolation import compute_measured_drift
     >>> path = draw_path(blocks=3, ratio=0.6)
     >>> measured = {"kind": "quadrature", "exact": True, "coefficients": [[1.0, 0.0]]}
     >>> tables = Told(

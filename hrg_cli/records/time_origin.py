@@ -40,7 +40,7 @@ def measure_from_first_sample(recording: Recording) -> tuple[Recording, float]:
     --------
     >>> import numpy as np
     >>> from hrg_cli import Recording
-    >>> from hrg_cli.records.clock import measure_from_first_sample
+    >>> from hrg_cli.records.time_origin import measure_from_first_sample
     >>> stamps = 1.7e9 + np.arange(4) / 1024
     >>> own = dict(c=np.zeros(4), s=np.zeros(4), sample_rate_hz=1024.0, time_s=stamps, mode="free")
     >>> counted, first = measure_from_first_sample(Recording(**own))
@@ -84,7 +84,7 @@ def shift_time(start_time: str, by_s: float) -> str:
 
     Examples
     --------
-    >>> from hrg_cli.records.clock import shift_time
+    >>> from hrg_cli.records.time_origin import shift_time
     >>> shift_time("2026-05-04T14:03:22Z", 1.5), shift_time("yesterday", 1.5)
     ('2026-05-04T14:03:23.500000Z', 'yesterday')
     """
