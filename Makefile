@@ -64,7 +64,7 @@ sample-data: $(READY)  ## Make sample_data/ again from configs/
 
 docs: $(READY)  ## Build the documentation as a site into build/site; warnings are errors
 	$(BIN)/python -m pip install --quiet -e '.[docs]'
-	$(BIN)/python -m hrg_cli.handbook README.md docs
+	$(BIN)/python -m docs.handbook README.md docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 build: $(READY)  ## Build wheel and sdist into dist/

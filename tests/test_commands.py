@@ -18,12 +18,12 @@ from conftest import PACKAGE, ringing
 from file_digests import rows
 from forced_runs import Truth, programme
 
+from docs.handbook.man_page import list_commands
 from hrg_cli import store
 from hrg_cli.chain import Step
 from hrg_cli.cli import app
 from hrg_cli.commands.run import _list_shown
 from hrg_cli.gyro import Input, run_gyro
-from hrg_cli.handbook.man_page import list_commands
 from hrg_cli.records import Recording
 from hrg_cli.stages.calibrate import calibrate
 

@@ -15,9 +15,9 @@ import pytest
 import typer.main
 from conftest import ringing
 
+from docs.handbook.man_page import list_commands
 from hrg_cli import store
 from hrg_cli.cli import app
-from hrg_cli.handbook.man_page import list_commands
 from hrg_cli.ledger import database
 
 ROOT = Path(__file__).parent.parent

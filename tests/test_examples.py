@@ -13,6 +13,7 @@ from typing import get_type_hints
 
 import pytest
 
+import docs.handbook
 import hrg_cli
 from hrg_cli.effects import EFFECTS, Effect, Parameter
 
@@ -53,7 +54,6 @@ HELD = (
     *("fourier", "gyro", "holding", "limit_values", "limits", "measured_export", "memory"),
     *("notebook", "origins", "pipeline", "rehearsal", "settings", "signatures", "streams"),
     *("threads", "units", "verification"),
-    *modules_of("handbook"),
     *modules_of("lots"),
     *modules_of("stages.planning"),
     *modules_of("stages.calibration"),
@@ -79,6 +79,15 @@ HELD = (
     *modules_of("fitting"),
 )
 """Modules that are told whole: every public function has its sections and an example."""
+HANDBOOK = tuple(
+    module.name for module in pkgutil.iter_modules(docs.handbook.__path__, "docs.handbook.")
+)
+"""What makes the documentation's generated parts, beside the package."""
+TOLD_WHOLE = [
+    import_module(name)
+    for name in (*(f"hrg_cli.{held}" for held in HELD), *HANDBOOK)
+    if not name.endswith("__main__")
+]
 
 
 def functions_of(module):
@@ -98,18 +107,18 @@ EXAMPLES = FUNCTIONS | {
     for module, names in FURTHER.items()
     for name in names
 }
-for held in HELD:
+for told in TOLD_WHOLE:
     EXAMPLES |= {
         place: function
-        for place, function in functions_of(import_module(f"hrg_cli.{held}"))
+        for place, function in functions_of(told)
         if function not in EXAMPLES.values()
     }
 SHOWN_CLASSES = {
-    f"{held}.{name}": found
-    for held in HELD
-    for name, found in vars(import_module(f"hrg_cli.{held}")).items()
+    f"{told.__name__.removeprefix('hrg_cli.')}.{name}": found
+    for told in TOLD_WHOLE
+    for name, found in vars(told).items()
     if inspect.isclass(found)
-    and found.__module__ == f"hrg_cli.{held}"
+    and found.__module__ == told.__name__
     and ">>>" in (found.__doc__ or "")
 }
 """Classes of those modules that have an example."""

@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 from warm_hrg import warm_hrg
 
+from docs.handbook import pages
 from hrg_cli import Calibration, Recording, store
 from hrg_cli.formats import readers
-from hrg_cli.handbook import pages
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
@@ -142,7 +142,7 @@ def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_generated_parts_are_fresh(page):
     text = page.read_text(encoding="utf-8")
-    assert pages.renew_text(text) == text, "run `python -m hrg_cli.handbook README.md docs`"
+    assert pages.renew_text(text) == text, "run `python -m docs.handbook README.md docs`"
 
 
 def test_every_generated_part_stands_somewhere():

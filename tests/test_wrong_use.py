@@ -4,9 +4,9 @@ import pytest
 import records_by_hand
 import typer.main
 
+from docs.handbook.man_page import list_commands
 from hrg_cli import store
 from hrg_cli.cli import app
-from hrg_cli.handbook.man_page import list_commands
 
 COMMANDS = sorted(list_commands(typer.main.get_command(app)))
 LONGEST = 160

@@ -9,15 +9,15 @@ from importlib import resources
 import pytest
 import typer.main
 
+from docs.handbook.man_page import list_commands, write_manual
 from hrg_cli.cli import app
-from hrg_cli.handbook.man_page import list_commands, write_manual
 
 COMMANDS = list_commands(typer.main.get_command(app))
 
 
 def test_manual_is_fresh():
     packed = (resources.files("hrg_cli") / "hrg.1").read_text(encoding="utf-8")
-    assert packed == write_manual(), "run `python -m hrg_cli.handbook.man_page hrg_cli/hrg.1`"
+    assert packed == write_manual(), "run `python -m docs.handbook.man_page hrg_cli/hrg.1`"
 
 
 @pytest.mark.skipif(shutil.which("groff") is None, reason="groff is not installed")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hrg_cli.handbook.notebook_page import make_page, run_notebook
+from docs.handbook.notebook_page import make_page, run_notebook
 
 DOCS = Path(__file__).parent.parent.parent / "docs"
 NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
@@ -46,7 +46,7 @@ def test_a_notebook_shows_what_it_prints(path):
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.name)
 def test_its_page_is_made_of_it(path):
     page, figures = make_page(read(path), path.stem)
-    renew = f"run `python -m hrg_cli.handbook.notebook_page {path.relative_to(DOCS.parent)}`"
+    renew = f"run `python -m docs.handbook.notebook_page {path.relative_to(DOCS.parent)}`"
     assert path.with_suffix(".md").read_text(encoding="utf-8") == page, renew
     assert figures
     for name, content in figures.items():

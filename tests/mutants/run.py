@@ -183,7 +183,10 @@ def _in_child(folder: Path, tests: tuple[str, ...], plugin: FailedFirst) -> None
     }
     os.chdir(folder)
     sys.dont_write_bytecode = True
-    imported_from = (folder, *(ROOT / place for place in ("tests", "tests/helpers", "benchmarks")))
+    imported_from = (
+        folder,
+        *(ROOT / place for place in ("", "tests", "tests/helpers", "benchmarks")),
+    )
     words = ["-x", "-q", "-m", "not slow and not browser", "-c", str(ROOT / "pyproject.toml")]
     words += ["-o", f"pythonpath={shlex.join(map(str, imported_from))}"]
     paths = [str(ROOT / test) for test in tests]

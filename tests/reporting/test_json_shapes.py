@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from docs.handbook import json_keys, pages
 from hrg_cli import collect, demodulate, diagnose, estimate, simulate
 from hrg_cli.cli import COMMANDS
-from hrg_cli.handbook import json_keys, pages
 from hrg_cli.reporting.json_shapes import SHAPES, Common
 from hrg_cli.reporting.json_shapes.diagnosis import Effect
 
@@ -86,7 +86,7 @@ def test_a_key_too_many_or_of_another_type_is_seen():
 def test_the_schema_file_is_fresh():
     for name, make in pages.WHOLE.items():
         text = (ROOT / "docs" / "reference" / name).read_text(encoding="utf-8")
-        assert text == make(), "run `python -m hrg_cli.handbook README.md docs`"
+        assert text == make(), "run `python -m docs.handbook README.md docs`"
     for command in SHAPES:
         assert json_keys.make_schema(command)
 

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import typer.main
 
-from ..cli import app
-from ..effects import EFFECTS
-from ..fitting import checks
-from ..records import KINDS
-from ..reporting.text import take_first_paragraph
-from ..stages.diagnosis import thresholds as diagnosis
+from hrg_cli.cli import app
+from hrg_cli.effects import EFFECTS
+from hrg_cli.fitting import checks
+from hrg_cli.records import KINDS
+from hrg_cli.reporting.text import take_first_paragraph
+from hrg_cli.stages.diagnosis import thresholds as diagnosis
+
 from . import json_keys, settings_keys
 from .man_page import list_commands
 
@@ -30,7 +31,7 @@ def tabulate_commands() -> str:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.pages import tabulate_commands
+    >>> from docs.handbook.pages import tabulate_commands
     >>> any(row.startswith("| `demodulate` |") for row in tabulate_commands().splitlines())
     True
     """
@@ -52,7 +53,7 @@ def describe_file_format() -> str:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.pages import describe_file_format
+    >>> from docs.handbook.pages import describe_file_format
     >>> print(describe_file_format().splitlines()[0])
     **recording**, made by `hrg import` or `hrg simulate`
     """
@@ -82,7 +83,7 @@ def tabulate_effects() -> str:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.pages import tabulate_effects
+    >>> from docs.handbook.pages import tabulate_effects
     >>> print(tabulate_effects().splitlines()[2])
     | `gain_mismatch` | `gain` | relative gain of C over S | 1 | 0.002 |
     """
@@ -115,7 +116,7 @@ def list_constants(path: Path) -> Iterator[tuple[str, str, str]]:
     Examples
     --------
     >>> from pathlib import Path
-    >>> from hrg_cli.handbook.pages import list_constants
+    >>> from docs.handbook.pages import list_constants
     >>> from hrg_cli.stages.identification import closing
     >>> next(list_constants(Path(closing.__file__)))[:2]
     ('SURE', '3.0')
@@ -150,7 +151,7 @@ def tabulate_thresholds() -> str:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.pages import tabulate_thresholds
+    >>> from docs.handbook.pages import tabulate_thresholds
     >>> print(tabulate_thresholds().splitlines()[0])
     | name | value | meaning |
     """
@@ -193,7 +194,7 @@ def renew_text(text: str) -> str:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.pages import renew_text
+    >>> from docs.handbook.pages import renew_text
     >>> old = "<!-- generated: effects -->\nnone\n<!-- end of generated part -->"
     >>> "`gain_mismatch`" in renew_text(old), renew_text("none")
     (True, 'none')
@@ -222,7 +223,7 @@ def list_pages(places: Iterable[Path]) -> list[Path]:
     Examples
     --------
     >>> from pathlib import Path
-    >>> from hrg_cli.handbook.pages import list_pages
+    >>> from docs.handbook.pages import list_pages
     >>> list_pages([Path("README.md")]) == [Path("README.md")]
     True
     """
@@ -249,7 +250,7 @@ def renew(places: Iterable[Path]) -> None:
     --------
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
-    >>> from hrg_cli.handbook.pages import renew
+    >>> from docs.handbook.pages import renew
     >>> with TemporaryDirectory() as name:
     ...     page = Path(name) / "page.md"
     ...     _ = page.write_text("<!-- generated: effects -->\n<!-- end of generated part -->")

@@ -5,29 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from ..cli import COMMANDS
-from ..commands.report import report
-from ..exporting import export
-from ..formats import import_envelope, import_log
-from ..limit_values import QUANTITIES, SUFFIXES, UNITS
-from ..lots.lot_settings import LotSettings
-from ..pipeline import STAGES
-from ..reporting.text import take_first_paragraph
-from ..settings import make_model
-from ..stages.calibrate import calibrate
-from ..stages.forecast import forecast
-from ..stages.mismatch import mismatch
-from ..stages.plan import plan
-from ..stages.rate_table import rate_table
-from ..stages.rehearse import rehearse
-from ..stages.simulate import simulate
-from ..stages.simulation_file import SimulationFile
-from ..studies.diagnosis import diagnosis_study
-from ..studies.gauss_newton import gauss_newton_study
-from ..studies.identification import identification_study
-from ..studies.programmes import programmes_study
-from ..studies.recovery import recovery_study
-from ..studies.redundancy import redundancy_study
+from hrg_cli.cli import COMMANDS
+from hrg_cli.commands.report import report
+from hrg_cli.exporting import export
+from hrg_cli.formats import import_envelope, import_log
+from hrg_cli.limit_values import QUANTITIES, SUFFIXES, UNITS
+from hrg_cli.lots.lot_settings import LotSettings
+from hrg_cli.pipeline import STAGES
+from hrg_cli.reporting.text import take_first_paragraph
+from hrg_cli.settings import make_model
+from hrg_cli.stages.calibrate import calibrate
+from hrg_cli.stages.forecast import forecast
+from hrg_cli.stages.mismatch import mismatch
+from hrg_cli.stages.plan import plan
+from hrg_cli.stages.rate_table import rate_table
+from hrg_cli.stages.rehearse import rehearse
+from hrg_cli.stages.simulate import simulate
+from hrg_cli.stages.simulation_file import SimulationFile
+from hrg_cli.studies.diagnosis import diagnosis_study
+from hrg_cli.studies.gauss_newton import gauss_newton_study
+from hrg_cli.studies.identification import identification_study
+from hrg_cli.studies.programmes import programmes_study
+from hrg_cli.studies.recovery import recovery_study
+from hrg_cli.studies.redundancy import redundancy_study
 
 FUNCTIONS: dict[str, list[tuple[str, Callable[..., Any]]]] = {
     "import": [("import", import_log), ("envelope", import_envelope)],
@@ -74,7 +74,7 @@ def tabulate_command_settings() -> str:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.settings_keys import tabulate_command_settings
+    >>> from docs.handbook.settings_keys import tabulate_command_settings
     >>> "### `hrg demodulate`: `[demodulate]`" in tabulate_command_settings().splitlines()
     True
     """
@@ -102,7 +102,7 @@ def tabulate_simulation_file() -> str:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.settings_keys import tabulate_simulation_file
+    >>> from docs.handbook.settings_keys import tabulate_simulation_file
     >>> "### `[device]`" in tabulate_simulation_file().splitlines()
     True
     """
@@ -119,7 +119,7 @@ def tabulate_lot_file() -> str:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.settings_keys import tabulate_lot_file
+    >>> from docs.handbook.settings_keys import tabulate_lot_file
     >>> "### `[[gyro]]`" in tabulate_lot_file().splitlines()
     True
     """
@@ -254,7 +254,7 @@ def tabulate_limits_file() -> str:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.settings_keys import tabulate_limits_file
+    >>> from docs.handbook.settings_keys import tabulate_limits_file
     >>> print(tabulate_limits_file().splitlines()[0])
     | a figure's name ends in | it is | in | and may be written in |
     """

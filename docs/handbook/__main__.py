@@ -1,4 +1,4 @@
-"""`python -m hrg_cli.handbook README.md docs` renews the generated parts in the files named and in
+"""`python -m docs.handbook README.md docs` renews the generated parts in the files named and in
 every page of a folder named."""
 
 import sys

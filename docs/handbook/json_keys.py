@@ -10,8 +10,8 @@ from typing import Any, Union
 
 from pydantic import TypeAdapter
 
-from ..reporting.json_shapes import SHAPES, Common
-from ..reporting.text import take_first_paragraph
+from hrg_cli.reporting.json_shapes import SHAPES, Common
+from hrg_cli.reporting.text import take_first_paragraph
 
 WORDS = {
     "number": "number",
@@ -37,7 +37,7 @@ def make_schema(command: str) -> dict[str, Any]:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.json_keys import make_schema
+    >>> from docs.handbook.json_keys import make_schema
     >>> "status" in make_schema("demodulate")["properties"]
     True
     """
@@ -57,7 +57,7 @@ def write_schemas() -> str:
     Examples
     --------
     >>> import json
-    >>> from hrg_cli.handbook.json_keys import write_schemas
+    >>> from docs.handbook.json_keys import write_schemas
     >>> "demodulate" in json.loads(write_schemas())
     True
     """
@@ -75,7 +75,7 @@ def tabulate_common_keys() -> str:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.json_keys import tabulate_common_keys
+    >>> from docs.handbook.json_keys import tabulate_common_keys
     >>> print(tabulate_common_keys().splitlines()[0])
     | key | value | meaning |
     """
@@ -92,7 +92,7 @@ def tabulate_commands() -> str:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.json_keys import tabulate_commands
+    >>> from docs.handbook.json_keys import tabulate_commands
     >>> "### hrg demodulate" in tabulate_commands().splitlines()
     True
     """
@@ -120,7 +120,7 @@ def tabulate_tables() -> str:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.json_keys import tabulate_tables
+    >>> from docs.handbook.json_keys import tabulate_tables
     >>> tabulate_tables().startswith("### ")
     True
     """

@@ -1,4 +1,4 @@
-"""The documentation's notebooks: `python -m hrg_cli.handbook.notebook_page docs/tutorials/python.ipynb`
+"""The documentation's notebooks: `python -m docs.handbook.notebook_page docs/tutorials/python.ipynb`
 runs one from its first cell to its last, keeps what the cells show, and writes the page of the site
 beside it.
 
@@ -36,7 +36,7 @@ def run_notebook(notebook: Notebook) -> dict[str, Any]:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.notebook_page import run_notebook
+    >>> from docs.handbook.notebook_page import run_notebook
     >>> cells = [{"cell_type": "code", "source": text} for text in ("a = 2", "a + 1")]
     >>> run_notebook({"cells": cells})["cells"][1]["outputs"][0]["data"]
     {'text/plain': '3'}
@@ -101,7 +101,7 @@ def make_page(notebook: Notebook, name: str) -> tuple[str, dict[str, bytes]]:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.notebook_page import make_page
+    >>> from docs.handbook.notebook_page import make_page
     >>> cell = {"cell_type": "markdown", "source": "# A gyro"}
     >>> make_page({"cells": [cell]}, "gyro")
     ('# A gyro\n', {})
@@ -140,7 +140,7 @@ def renew(path: Path) -> None:
     >>> import json
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
-    >>> from hrg_cli.handbook.notebook_page import renew
+    >>> from docs.handbook.notebook_page import renew
     >>> cell = {"cell_type": "markdown", "source": "# A gyro"}
     >>> with TemporaryDirectory() as name:
     ...     file = Path(name) / "gyro.ipynb"

@@ -1,4 +1,4 @@
-"""The man page, made from the commands themselves: `python -m hrg_cli.handbook.man_page
+"""The man page, made from the commands themselves: `python -m docs.handbook.man_page
 hrg_cli/hrg.1` renews it."""
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from typing import Any
 
 import typer.main
 
-from ..cli import app
-from ..commands import frame
-from ..version import __version__
+from hrg_cli.cli import app
+from hrg_cli.commands import frame
+from hrg_cli.version import __version__
 
 EXIT_STATUSES = (
     ("0", "Done, and the result is valid (or suspect, without --strict)."),
@@ -59,7 +59,7 @@ def write_manual() -> str:
 
     Examples
     --------
-    >>> from hrg_cli.handbook.man_page import write_manual
+    >>> from docs.handbook.man_page import write_manual
     >>> print(write_manual().splitlines()[1])
     .SH NAME
     """
@@ -123,7 +123,7 @@ def list_commands(group: Any) -> dict[str, Any]:
     --------
     >>> import typer.main
     >>> from hrg_cli.cli import app
-    >>> from hrg_cli.handbook.man_page import list_commands
+    >>> from docs.handbook.man_page import list_commands
     >>> {"demodulate", "ledger add"} <= set(list_commands(typer.main.get_command(app)))
     True
     """
