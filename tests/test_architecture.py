@@ -271,6 +271,19 @@ def test_a_module_has_a_name_of_its_own() -> None:
     assert set(twice) == set(SAME_PART), twice
 
 
+NO_ROOMS = {"helpers", "oracles", "robustness", "mutants", "handbook"}
+"""Folders of the tests that are of no room: what tests share, programmes, the documentation."""
+
+
+def test_tests_mirror_the_package() -> None:
+    """The tests of a folder stand in a folder of its name, each under a name of its own."""
+    tests = Path(__file__).parent
+    found = [path.relative_to(tests) for path in sorted(tests.rglob("test_*.py"))]
+    folders = {path.parent for path in found if path.parts[0] not in NO_ROOMS}
+    assert not [str(folder) for folder in folders if not (PACKAGE / folder).is_dir()]
+    assert len({path.name for path in found}) == len(found)
+
+
 LONGEST_BODY = 45
 """Lines of a function without its signature and docstring: what a reader sees at once."""
 MAY_BE_LONGER = {

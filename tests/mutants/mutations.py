@@ -27,7 +27,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "physics/ellipse.py": (
-        "tests/physics/test_ellipse.py tests/fitting/test_closed_form.py tests/fitting/test_continuity.py",
+        "tests/physics/test_ellipse.py tests/fitting/ellipse/test_closed_form.py tests/fitting/ellipse/test_continuity.py",
         (
             ("(main_amplitude * sin - 1j * quadrature_amplitude * cos)", "(main_amplitude * sin + 1j * quadrature_amplitude * cos)"),
             ("2 * cross.real, 2 * cross.imag", "2 * cross.real, -2 * cross.imag"),
@@ -40,7 +40,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "physics/resonator.py": (
-        "tests/physics/test_resonator.py tests/physics/test_axes.py tests/fitting/test_likelihood.py",
+        "tests/physics/test_resonator.py tests/physics/test_axes.py tests/fitting/envelopes/test_likelihood.py",
         (
             ("J = np.array([[0.0, 1.0], [-1.0, 0.0]])", "J = np.array([[0.0, -1.0], [1.0, 0.0]])"),
             ("make_reflection(2 * self.mode_number * self.damping_axis_rad)", "make_reflection(self.mode_number * self.damping_axis_rad)"),
@@ -55,7 +55,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "physics/signals.py": (
-        "tests/physics/test_signals.py tests/fitting/test_closed_form.py",
+        "tests/physics/test_signals.py tests/fitting/ellipse/test_closed_form.py",
         (
             ("lower = -z[..., 2::4] + 1j * z[..., 0::4]", "lower = -z[..., 2::4] - 1j * z[..., 0::4]"),
             ("upper = -z[..., 3::4] - 1j * z[..., 1::4]", "upper = z[..., 3::4] - 1j * z[..., 1::4]"),
@@ -73,7 +73,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "physics/electrodes.py": (
-        "tests/physics/test_electrodes.py tests/stages/test_simulate_electronics.py tests/stages/test_simulate.py",
+        "tests/physics/test_electrodes.py tests/stages/simulation/test_simulate_electronics.py tests/stages/test_simulate.py",
         (
             ("gap * moved * (1 + c**2) / (1 - c**2) ** 2", "gap * moved * (1 + c**2) / (1 - c**2)"),
             ("if reach >= 1:", "if False:"),
@@ -124,7 +124,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/ellipse/closed_form.py": (
-        "tests/fitting/test_closed_form.py",
+        "tests/fitting/ellipse/test_closed_form.py",
         (
             ("np.angle(cross[..., 0] + cross[..., 1]) / 2", "np.angle(cross[..., 0] + cross[..., 1])"),
             ("half_difference = (from_upper - from_lower) / 2", "half_difference = from_upper - from_lower"),
@@ -133,7 +133,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/ellipse/gauss_newton.py": (
-        "tests/fitting/test_gauss_newton.py",
+        "tests/fitting/ellipse/test_gauss_newton.py",
         (
             ("z5 * ssm - z6 * ssp - z7 * scm", "z5 * ssm + z6 * ssp - z7 * scm"),
             ("(A * P - B * Q) / determinant, (A * Q - B * P) / determinant", "(A * P + B * Q) / determinant, (A * Q + B * P) / determinant"),
@@ -142,7 +142,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/ellipse/uncertainty.py": (
-        "tests/fitting/test_uncertainty.py",
+        "tests/fitting/ellipse/test_uncertainty.py",
         (
             ("np.pi / np.sqrt(12), np.pi / np.sqrt(3), np.pi / np.sqrt(12)", "np.pi / np.sqrt(12), np.pi / np.sqrt(12), np.pi / np.sqrt(12)"),
             ("np.pi / np.sqrt(12), np.pi / np.sqrt(3)", "np.pi / np.sqrt(3), np.pi / np.sqrt(3)"),
@@ -154,7 +154,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/ellipse/continuity.py": (
-        "tests/fitting/test_continuity.py",
+        "tests/fitting/ellipse/test_continuity.py",
         (
             ("phase = phase + np.pi * np.round((carrier - carrier_phase) / np.pi)", "phase = phase + 0.0"),
             ("phase = phase + np.pi * np.round((electrical - angle) / np.pi)", "phase = phase + 0.0"),
@@ -166,7 +166,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/tables/allan.py": (
-        "tests/fitting/test_allan.py",
+        "tests/fitting/tables/test_allan.py",
         (
             ("** 2) / 2) / (n * interval_s)", "** 2)) / (n * interval_s)"),
             ("angle[2 * n :] - 2 * angle[n:-n]", "angle[2 * n :] - angle[n:-n]"),
@@ -184,7 +184,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/tables/increments.py": (
-        "tests/fitting/test_increments.py",
+        "tests/fitting/tables/test_increments.py",
         (
             ("self.mode_number * np.diff(self.angle_rad)", "np.diff(self.angle_rad)"),
             ("(values[1:] + values[:-1]) / 2", "values[1:] + values[:-1]"),
@@ -195,7 +195,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/tables/increment_noise.py": (
-        "tests/fitting/test_increments.py",
+        "tests/fitting/tables/test_increments.py",
         (
             ("(width[1:] + width[:-1]) / 6, 0)", "(width[1:] + width[:-1]) / 2, 0)"),
             ("-white[1:-1] + noise.walk", "white[1:-1] + noise.walk"),
@@ -204,7 +204,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/samples/basis.py": (
-        "tests/fitting/test_basis.py tests/stages/test_demodulate.py",
+        "tests/fitting/samples/test_basis.py tests/stages/test_demodulate.py",
         (
             ("(np.arange(samples) - (samples - 1) / 2)", "(np.arange(samples) - samples / 2)"),
             ("phase = 2 * np.pi * np.multiply.outer", "phase = np.pi * np.multiply.outer"),
@@ -213,7 +213,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/samples/course.py": (
-        "tests/fitting/test_course.py",
+        "tests/fitting/samples/test_course.py",
         (
             ("(x - h) * (self.alpha[k] + self.beta[k] * x)", "(x - h) * self.alpha[k]"),
             ("self.alpha / 6 + self.beta * h / 12", "self.alpha / 12 + self.beta * h / 12"),
@@ -241,21 +241,21 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/causes/evidence.py": (
-        "tests/fitting/test_evidence.py tests/stages/diagnosis/search/test_gain.py",
+        "tests/fitting/causes/test_evidence.py tests/stages/diagnosis/search/test_gain.py",
         (
             ("return gain - rank * float(np.log(rows))", "return gain - float(np.log(rows))"),
             ("return gain - rank * float(np.log(rows))", "return gain - 2 * rank"),
         ),
     ),
     "fitting/causes/left_out_folds.py": (
-        "tests/fitting/test_evidence.py tests/stages/diagnosis/search/test_gain.py",
+        "tests/fitting/causes/test_evidence.py tests/stages/diagnosis/search/test_gain.py",
         (
             ("logs.std(ddof=1) / np.sqrt(len(logs))", "logs.std(ddof=1)"),
             ("0.5 * np.log(np.maximum(self.before", "np.log(np.maximum(self.before"),
         ),
     ),
     "fitting/tables/allan_terms.py": (
-        "tests/fitting/test_allan_terms.py",
+        "tests/fitting/tables/test_allan_terms.py",
         (
             ("2 * np.log(2) / np.pi), time / 3]", "np.log(2) / np.pi), time / 3]"),
             ("b / (2 * np.pi * f)", "b / (np.pi * f)"),
@@ -316,7 +316,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "stages/demodulation/judge.py": (
-        "tests/stages/test_demodulate.py tests/stages/test_demodulate_uneven.py tests/test_bad_inputs.py",
+        "tests/stages/test_demodulate.py tests/stages/demodulation/test_demodulate_uneven.py tests/test_bad_inputs.py",
         (
             ("(suspect if clipped > CLIPPED_SHARE * self.rows", "(suspect if clipped > 20 * CLIPPED_SHARE * self.rows"),
             ("(suspect if bad > NOT_FINITE_SHARE * self.rows", "(suspect if bad > 20 * NOT_FINITE_SHARE * self.rows"),
@@ -326,7 +326,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "stages/demodulation/auxiliary_log.py": (
-        "tests/stages/test_demodulate.py tests/stages/test_demodulate_uneven.py tests/test_bad_inputs.py",
+        "tests/stages/test_demodulate.py tests/stages/demodulation/test_demodulate_uneven.py tests/test_bad_inputs.py",
         (("series[outside] = np.nan", "pass"),),
     ),
     "stages/compensate.py": (
@@ -350,7 +350,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "stages/calibration/interpolation.py": (
-        "tests/stages/test_calibrate.py tests/stages/test_compensate.py tests/stages/test_calibrate_variants.py",
+        "tests/stages/test_calibrate.py tests/stages/test_compensate.py tests/stages/calibration/test_calibrate_variants.py",
         (
             ("slack = 0.02 * (calibration.node_max", "slack = 2.0 * (calibration.node_max"),
             ("np.asarray(-2 * path.average_neighbours(path.ratio)", "np.asarray(2 * path.average_neighbours(path.ratio)"),
@@ -472,7 +472,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "store/atomic.py": (
-        "tests/store/test_store.py tests/test_commands.py tests/test_outputs.py tests/test_places.py",
+        "tests/store/test_store.py tests/commands/test_commands.py tests/test_outputs.py tests/commands/test_places.py",
         (
             ("if os.path.lexists(path) and not force:", "if False:"),
             ("_keep_rights(path, temporary)\n", "pass\n"),
@@ -660,7 +660,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/envelopes/condensed.py": (
-        "tests/stages/test_identify_valid.py",
+        "tests/stages/identification/test_identify_valid.py",
         (("p.select_rows(np.arange(-start % every, len(p), every))", "p.select_rows(slice(-start % every, None, every))"),),
     ),
     "lots/lot_course.py": (
@@ -678,7 +678,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/samples/stretches.py": (
-        "tests/fitting/test_stretches.py",
+        "tests/fitting/samples/test_stretches.py",
         (
             ("int(np.count_nonzero(starts))", "len(starts)"),
             ("int(starts[-1]) if piece[-1] else None", "None"),
@@ -686,7 +686,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/envelopes/frozen.py": (
-        "tests/fitting/test_frozen.py",
+        "tests/fitting/envelopes/test_frozen.py",
         (
             ("[last.get(name, v[:0]), v]", "[v]"),
             ("begun = found.begun - (found.longest[0] > 0)", "begun = found.begun"),
@@ -701,7 +701,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/samples/wild.py": (
-        "tests/stages/test_demodulate_wild.py",
+        "tests/stages/demodulation/test_demodulate_wild.py",
         (
             ("about <= MOST_TOGETHER", "about <= 10**9"),
             ("out[places - first] = np.nan", "pass"),
@@ -710,7 +710,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/envelopes/wild_rows.py": (
-        "tests/fitting/test_wild_rows.py",
+        "tests/fitting/envelopes/test_wild_rows.py",
         (
             ("flags[one.rows] |= FLAG_NOT_FINITE", "pass"),
             ("abs(middle))", "0.0)"),
@@ -730,7 +730,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "limit_values.py": (
-        "tests/test_checking.py",
+        "tests/commands/test_checking.py",
         (
             ("and known[unit] != 1.0 and not is_relative(name)", "and False"),
             ("return known[unit] / size", "return known[unit]"),
@@ -738,7 +738,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "comparing.py": (
-        "tests/test_checking.py",
+        "tests/commands/test_checking.py",
         (
             ("if gyro and other:", "if False:"),
             ("change = (change + period / 2) % period - period / 2", "pass"),

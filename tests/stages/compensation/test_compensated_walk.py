@@ -16,7 +16,7 @@ from hrg_cli.stages.calibration.drift_models import FACTORS
 from hrg_cli.stages.calibration.factors import build_factors
 from hrg_cli.stages.calibration.preparation import KnownRates, prepare
 
-CONFIG = Path(__file__).parents[2] / "configs" / "brownian.toml"
+CONFIG = Path(__file__).parents[3] / "configs" / "brownian.toml"
 
 
 def formula(config):

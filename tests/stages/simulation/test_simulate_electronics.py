@@ -116,7 +116,7 @@ def test_the_slow_model_has_no_samples_for_a_board():
 
 
 def test_the_example_file_runs():
-    config = tomllib.loads((Path(__file__).parents[2] / "configs" / "electronics.toml").read_text())
+    config = tomllib.loads((Path(__file__).parents[3] / "configs" / "electronics.toml").read_text())
     config["recording"]["duration_s"] = 4.0
     record = collect(simulate(config))
     assert record.status == "valid"

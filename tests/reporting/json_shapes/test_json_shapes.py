@@ -14,7 +14,7 @@ from hrg_cli.cli import COMMANDS
 from hrg_cli.reporting.json_shapes import SHAPES, Common
 from hrg_cli.reporting.json_shapes.diagnosis import Effect
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parent.parent.parent.parent
 SAMPLE = ROOT / "sample_data"
 CONFIGS = ROOT / "configs"
 FORCED = """

@@ -19,7 +19,7 @@ from hrg_cli.stages.calibrate import calibrate
 from hrg_cli.stages.forecast import forecast
 from hrg_cli.stages.identify import identify
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parent.parent.parent
 COMMANDS = typer.main.get_command(cli.app).commands
 
 

@@ -27,7 +27,7 @@ from hrg_cli.gyro import Input, run_gyro
 from hrg_cli.records import Recording
 from hrg_cli.stages.calibrate import calibrate
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parent.parent.parent
 SAMPLE = sorted((ROOT / "sample_data").glob("free-*.h5"))[:2]
 FEW_WINDOWS = ("--set", "demodulate.periods_per_window=20", "--set", "diagnose.most_effects=1")
 COMMANDS = list_commands(typer.main.get_command(app))

@@ -19,7 +19,7 @@ from conftest import PACKAGE, ringing
 from hrg_cli import store
 from hrg_cli.records import Recording, Resonator, Wave
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parent.parent.parent
 SAMPLE = sorted((ROOT / "sample_data").glob("free-*.h5"))[:2]
 
 

@@ -8,7 +8,7 @@ import typer.main
 
 from hrg_cli import cli
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parent.parent.parent
 COMMANDS = typer.main.get_command(cli.app).commands
 
 
