@@ -194,7 +194,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("if standing.any():", "if False:"),
         ),
     ),
-    "fitting/tables/increment_noise.py": (
+    "fitting/noise/increment_noise.py": (
         "tests/fitting/tables/test_increments.py",
         (
             ("(width[1:] + width[:-1]) / 6, 0)", "(width[1:] + width[:-1]) / 2, 0)"),

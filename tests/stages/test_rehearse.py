@@ -9,10 +9,10 @@ import pytest
 
 from hrg_cli import settings, store
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting.causes.colour import ColouredNoise
 from hrg_cli.fitting.envelopes import rows
 from hrg_cli.fitting.envelopes.coordinates import SPLIT_COMPONENTS
 from hrg_cli.fitting.envelopes.envelope_runs import average_rows
+from hrg_cli.fitting.noise.colour import ColouredNoise
 from hrg_cli.physics.resonator import PARAMETERS
 from hrg_cli.records import REHEARSAL as PREFIX
 from hrg_cli.records import Resonator, collect

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from ...effects.effect import Effect
-from ..envelopes import channel_noise
 from ..envelopes.coordinates import COORDINATES, COUNT
 from ..least_squares import square_over_covariance
+from ..noise import channel_noise
 from .coordinate_priors import CoordinatePriors
 from .damping_bound import restrict_damping
 from .descent import DivergedError, compute_cost, descend, linearise, tell_no_motion

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..envelopes import channel_noise
 from ..envelopes.base_freedom import choose_scale_factor
+from ..noise import channel_noise
 from .designs import Basis, Softened
 from .walks import Walk
 

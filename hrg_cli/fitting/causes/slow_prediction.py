@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...physics.resonator import exponentiate
-from ..envelopes import channel_noise
+from ..noise import channel_noise
 from . import fast_march
 from .fast_march import RuleSteps
 from .fit_point import Point

@@ -12,9 +12,9 @@ import numpy as np
 from ...errors import HrgError
 from ...physics import ellipse
 from ...records import Wave
+from ..noise import channel_noise
 from ..samples.course import build_course
 from ..samples.rate_log import restrict_to_log
-from . import channel_noise
 from .matrices import Matrix, apply
 
 Array = np.ndarray

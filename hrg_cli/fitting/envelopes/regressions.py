@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from . import noise_propagation
+from ..noise import noise_propagation
 from .coordinates import COUNT
 from .envelope_runs import EnvelopeRun
 from .equations import WIDE_STEP, Equations

@@ -15,7 +15,8 @@ from functools import cached_property
 
 import numpy as np
 
-from . import channel_noise, coordinates, matrices
+from ..noise import channel_noise
+from . import coordinates, matrices
 from .coordinates import COUNT, SCALE_FACTOR, SECOND_ORDER
 from .envelope_runs import EnvelopeRun
 from .matrices import Matrix, Vector, apply, multiply

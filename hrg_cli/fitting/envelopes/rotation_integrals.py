@@ -16,7 +16,7 @@ from functools import partial
 
 import numpy as np
 
-from . import noise_propagation
+from ..noise import noise_propagation
 from .coordinates import COUNT, SCALE_FACTOR
 from .envelope_runs import EnvelopeRun
 from .equations import Ellipse, build_ellipse

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import HrgError
 from ...records import FLAG_CLIPPED, Recording
+from ..noise.window_scatter import estimate_scattered_variance, settle_by_scatter
 from .basis import WindowBasis, build_columns, build_window_basis
 from .frequency import list_bands, list_nuisances
 from .gaps import Gaps
@@ -17,7 +18,6 @@ from .signal_rows import Rows, Variances, make_rows, write_signals
 from .spectrum import Colour, estimate_colour
 from .still_envelopes import MotionWithin, Still
 from .survey import Survey
-from .window_scatter import estimate_scattered_variance, settle_by_scatter
 from .windows import Fits, pool_variance, sum_energy
 
 Array = np.ndarray

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..noise.window_scatter import estimate_scattered_variance
 from .envelope_motion import (
     compute_motion_residual,
     compute_pull_noise,
@@ -23,7 +24,6 @@ from .envelope_motion import (
     take_off_pull,
 )
 from .neighbours import estimate_from_neighbours
-from .window_scatter import estimate_scattered_variance
 from .windows import Fits
 
 Array = np.ndarray

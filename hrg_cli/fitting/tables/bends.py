@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..least_squares import StepTaken, descend
-from .increment_noise import AngleNoise
+from ..noise.increment_noise import AngleNoise
 from .increments import AnglePath
 from .normal_pieces import accumulate, solve
 from .table_design import predict_turn
@@ -87,7 +87,7 @@ def settle_bends(
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.bends import settle_bends
-    >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise
+    >>> from hrg_cli.fitting.noise.increment_noise import AngleNoise
     >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.table_design import predict_turn
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .increment_noise import AngleNoise, whiten
+from ..noise.increment_noise import AngleNoise, whiten
 from .increments import AnglePath
 from .normal_pieces import LEAST_SEEN
 from .table_design import build_design, split_stretches
@@ -79,7 +79,7 @@ def coarsen(
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.common_walk import coarsen
-    >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise
+    >>> from hrg_cli.fitting.noise.increment_noise import AngleNoise
     >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> path = draw_path(blocks=200, angle_variance=1.0)

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..noise.increment_noise import AngleNoise, estimate_noise
 from .bends import has_bends, settle_bends
 from .common_walk import coarsen, estimate_common_walk
-from .increment_noise import AngleNoise, estimate_noise
 from .increments import AnglePath
 from .normal_pieces import Pieces, TableSolution, accumulate, solve
 from .table_design import predict_turn

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .increment_noise import AngleNoise, Whitener, build_covariance_bands
+from ..noise.increment_noise import AngleNoise, Whitener, build_covariance_bands
 from .increments import AnglePath
 from .table_design import build_design, split_stretches
 from .table_layout import Model, TableLayout
@@ -120,7 +120,7 @@ def accumulate(
     Four seconds with a walk of 4 rad²/s tell a drift to σ² = q/T = 1 (rad/s)²:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise
+    >>> from hrg_cli.fitting.noise.increment_noise import AngleNoise
     >>> from hrg_cli.fitting.tables.drawn_path import draw_path
     >>> from hrg_cli.fitting.tables.normal_pieces import accumulate
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout

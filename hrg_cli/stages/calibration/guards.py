@@ -19,7 +19,7 @@ from functools import partial
 import numpy as np
 
 from ...fitting.checks import Check, check_goodness, check_holds, check_whiteness, list_failures
-from ...fitting.tables.increment_noise import build_covariance_bands, whiten
+from ...fitting.noise.increment_noise import build_covariance_bands, whiten
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import TableSolution, solve

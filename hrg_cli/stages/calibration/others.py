@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...fitting.tables.increment_noise import AngleNoise
+from ...fitting.noise.increment_noise import AngleNoise
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import fit
 from ...fitting.tables.normal_pieces import TableSolution, accumulate

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.increment_noise import build_covariance_bands, whiten
+from ...fitting.noise.increment_noise import build_covariance_bands, whiten
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import TableSolution
 from ...fitting.tables.table_design import predict_turn
@@ -137,7 +137,7 @@ def find_noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:
 
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise
+    >>> from hrg_cli.fitting.noise.increment_noise import AngleNoise
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
     >>> from hrg_cli.stages.calibration.residual_checks import find_noisy_angles
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 2, 0)

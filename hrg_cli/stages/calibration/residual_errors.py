@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...fitting.tables.increment_noise import build_covariance_bands
+from ...fitting.noise.increment_noise import build_covariance_bands
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import number_pieces, solve

@@ -1,7 +1,7 @@
 """The colour of a measured programme's noise, and the same noise in the samples of its twin.
 
 What a resonator's runs leave, or a calibration's increments, is white noise as the windows state it
-beside a wander of the wave (`fitting.causes.colour`): of its amplitude, phase, angle and
+beside a wander of the wave (`fitting.noise.colour`): of its amplitude, phase, angle and
 ellipticity. A twin with white noise alone would say of errors that hold it what it does not know.
 """
 
@@ -15,12 +15,12 @@ import numpy as np
 
 from ...effects.effect import Effect, Values
 from ...errors import HrgError
-from ...fitting.causes import colour
-from ...fitting.causes.colour import ColouredNoise
 from ...fitting.causes.wave_frame import to_reals
-from ...fitting.envelopes import channel_noise, condensed, free_windows
+from ...fitting.envelopes import condensed, free_windows
 from ...fitting.envelopes.base_fit import fit_base_model
 from ...fitting.envelopes.base_freedom import Known
+from ...fitting.noise import channel_noise, colour
+from ...fitting.noise.colour import ColouredNoise
 from ...physics.plant import Readout, Samples
 from ...records import Calibration, Diagnosis, Wave
 
@@ -256,7 +256,7 @@ def draw_course(
     A walk of q = 0.01 1/s over 100 s has the standard deviation 1 at its end:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.colour import ColouredNoise
+    >>> from hrg_cli.fitting.noise.colour import ColouredNoise
     >>> from hrg_cli.stages.rehearsing.twin_colour import draw_course
     >>> walk, random = ColouredNoise(1.0, 0.01, 0.0, 0.0), np.random.default_rng(1)
     >>> ends = [np.interp(100.0, *draw_course(walk, 1.0, 100.0, random)) for _ in range(1000)]
@@ -295,7 +295,7 @@ def describe_colour(noises: Sequence[Colour]) -> list[dict[str, Any]]:
 
     Examples
     --------
-    >>> from hrg_cli.fitting.causes.colour import ColouredNoise
+    >>> from hrg_cli.fitting.noise.colour import ColouredNoise
     >>> from hrg_cli.stages.rehearsing.twin_colour import WHITE, describe_colour
     >>> walks = (WHITE, WHITE, ColouredNoise(1.0, 1e-9, 0.0, 0.0), WHITE)
     >>> [(row["component"], row["wander_1_s"]) for row in describe_colour([walks, ()])]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from forced_runs import Truth, forced_run
 
+from hrg_cli.fitting.noise.increment_noise import AngleNoise, build_covariance_bands, whiten
 from hrg_cli.fitting.tables import bends
-from hrg_cli.fitting.tables.increment_noise import AngleNoise, build_covariance_bands, whiten
 from hrg_cli.fitting.tables.increments import build_path
 from hrg_cli.fitting.tables.joint import fit
 from hrg_cli.fitting.tables.table_design import predict_turn

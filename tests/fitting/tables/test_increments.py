@@ -7,13 +7,13 @@ import pytest
 from forced_runs import Truth, forced_run, wave_of
 
 from hrg_cli.errors import HrgError
-from hrg_cli.fitting.tables import increments
-from hrg_cli.fitting.tables.increment_noise import (
+from hrg_cli.fitting.noise.increment_noise import (
     AngleNoise,
     build_covariance_bands,
     estimate_noise,
     whiten,
 )
+from hrg_cli.fitting.tables import increments
 from hrg_cli.fitting.tables.increments import build_path
 
 

@@ -13,11 +13,12 @@ from ....effects.effect import find_frame
 from ....errors import HrgError
 from ....fitting.causes.fit_point import Point
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.envelopes import channel_noise, envelope_runs, propagator
+from ....fitting.envelopes import envelope_runs, propagator
 from ....fitting.envelopes.coordinates import DAMPING, DAMPING_SPLIT, FREQUENCY_SPLIT, SCALE_FACTOR
 from ....fitting.envelopes.envelope_runs import EnvelopeRun
 from ....fitting.envelopes.matrices import Matrix
 from ....fitting.envelopes.phase_course import follow_phase, straighten_phases
+from ....fitting.noise import channel_noise
 from ....fitting.samples.course import Impulse, average_over_windows, build_course, integrate_means
 from ....physics import ellipse
 from ....records import Wave

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ....fitting.causes import colour
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.envelopes import channel_noise
+from ....fitting.noise import channel_noise, colour
 from ..search.remainder import judge_adequacy
 from ..thresholds import INADEQUATE
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit, compute_unsettled_part
-from ....fitting.envelopes import channel_noise
 from ....fitting.envelopes.envelope_runs import compute_envelopes
+from ....fitting.noise import channel_noise
 from ....records import Wave
 from ..drive.scatter import find_corner_hz
 from ..fits.scoring import is_gross

@@ -28,7 +28,7 @@ from ....fitting.causes.sensitivities import linearise_flow
 from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.causes.whitened_rows import build_layout, compute_design
-from ....fitting.envelopes import channel_noise
+from ....fitting.noise import channel_noise
 from ....physics import ellipse
 from ..fits.refits import hold_effect, leave_out
 from ..thresholds import WORTH

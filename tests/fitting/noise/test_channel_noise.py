@@ -4,7 +4,7 @@ their noise as the spectra show it."""
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.envelopes import channel_noise
+from hrg_cli.fitting.noise import channel_noise
 from hrg_cli.fitting.samples.spectrum import AveragedSpectrum, estimate_correlation
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate

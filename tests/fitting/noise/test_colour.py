@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hrg_cli.fitting.causes import colour
+from hrg_cli.fitting.noise import colour
 
 ROWS, STEP_S, STD, WALK = 120, 83.0, 1e-4, 2e-8
 T = STEP_S * np.arange(ROWS)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import HrgError
-from .increments import AnglePath
+from ..tables.increments import AnglePath
 
 Array = np.ndarray
 
@@ -43,7 +43,7 @@ def find_noise_shape(path: AnglePath) -> Array:
     --------
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increment_noise import find_noise_shape
+    >>> from hrg_cli.fitting.noise.increment_noise import find_noise_shape
     >>> find_noise_shape(SimpleNamespace(angle_variance=np.array([1e-12, 3e-12]))).round(9).tolist()
     [0.5, 1.5]
     """
@@ -80,7 +80,7 @@ def build_covariance_bands(path: AnglePath, noise: AngleNoise) -> Array:
 
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increment_noise import AngleNoise, build_covariance_bands
+    >>> from hrg_cli.fitting.noise.increment_noise import AngleNoise, build_covariance_bands
     >>> class Path(SimpleNamespace):
     ...     def __len__(self):
     ...         return 3
@@ -133,7 +133,7 @@ def whiten(bands: Array, columns: Array) -> tuple[Array, float]:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increment_noise import whiten
+    >>> from hrg_cli.fitting.noise.increment_noise import whiten
     >>> white, log_determinant = whiten(np.array([[4.0, 4.0], [0.0, 0.0]]), np.array([2.0, 6.0]))
     >>> white.tolist(), round(float(log_determinant / np.log(2)), 9)
     ([1.0, 3.0], 4.0)
@@ -203,7 +203,7 @@ def estimate_noise(path: AnglePath, residual: Array, lost_degrees: float = 0.0) 
 
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increment_noise import estimate_noise
+    >>> from hrg_cli.fitting.noise.increment_noise import estimate_noise
     >>> rng, n = np.random.default_rng(0), 1000
     >>> class Path(SimpleNamespace):
     ...     def __len__(self):

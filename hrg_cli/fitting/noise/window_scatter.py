@@ -50,7 +50,7 @@ def estimate_scattered_variance(envelope: Array, own: Array, every: int = 1) -> 
     Envelopes that turn and decay, whose parts have a tenth of a sample's variance of 4:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.samples.window_scatter import estimate_scattered_variance
+    >>> from hrg_cli.fitting.noise.window_scatter import estimate_scattered_variance
     >>> noise = np.random.default_rng(0).standard_normal((2, 20_000, 1)) * np.sqrt(0.1 * 4)
     >>> motion = 1000 * np.exp((0.02j - 1e-4) * np.arange(20_000))[:, None]
     >>> round(estimate_scattered_variance(motion + noise[0] + 1j * noise[1], np.array([0.1])), 1)
@@ -90,7 +90,7 @@ def settle_by_scatter(pooled: Array, share: Array, freedom: Array, seen: float) 
     A motion's share of 1 and of 1e6 times the noise:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.samples.window_scatter import settle_by_scatter
+    >>> from hrg_cli.fitting.noise.window_scatter import settle_by_scatter
     >>> for share in (1.0, 1e6):
     ...     print(settle_by_scatter(np.full(2, 1.2), np.full(2, share), np.array(200), 1.0).tolist())
     [1.2, 1.2]

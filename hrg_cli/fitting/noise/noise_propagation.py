@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from .envelope_runs import EnvelopeRun
+from ..envelopes.envelope_runs import EnvelopeRun
 
 Array = np.ndarray
 STEP = 0.1
@@ -50,7 +50,7 @@ def move_rows(
 
     >>> from dataclasses import dataclass
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.noise_propagation import move_rows
+    >>> from hrg_cli.fitting.noise.noise_propagation import move_rows
     >>> @dataclass
     ... class Run:
     ...     envelope: np.ndarray
@@ -113,7 +113,7 @@ def propagate_noise(
 
     >>> from dataclasses import dataclass
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.noise_propagation import propagate_noise
+    >>> from hrg_cli.fitting.noise.noise_propagation import propagate_noise
     >>> @dataclass
     ... class Run:
     ...     envelope: np.ndarray

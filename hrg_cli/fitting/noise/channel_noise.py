@@ -49,7 +49,7 @@ def compute_whitening(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.channel_noise import compute_whitening
+    >>> from hrg_cli.fitting.noise.channel_noise import compute_whitening
     >>> W = compute_whitening(np.array([[3.0, 1.0]]), None)  # variances 9 and 1, 5 in the mean
     >>> np.round(np.diag(W) ** -2, 6).tolist()
     [1.8, 0.2]
@@ -89,7 +89,7 @@ def find_shares(channel_std: Array | None) -> tuple[float, float]:
     A channel that was set to zero leaves twice the mean to the other:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.channel_noise import find_shares
+    >>> from hrg_cli.fitting.noise.channel_noise import find_shares
     >>> find_shares(np.array([[3.0, 0.0], [3.0, 0.0]]))
     (2.0, 0.0)
     """
@@ -139,7 +139,7 @@ def stack_matrices(matrices: Sequence[Array | None]) -> Array | None:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.channel_noise import stack_matrices
+    >>> from hrg_cli.fitting.noise.channel_noise import stack_matrices
     >>> stack_matrices([None, np.diag([2.0, 1.0])])[:, 0, 0].tolist()
     [1.0, 2.0]
     """
@@ -166,7 +166,7 @@ def whiten(matrices: Array | None, u: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.channel_noise import whiten
+    >>> from hrg_cli.fitting.noise.channel_noise import whiten
     >>> whiten(np.diag([2.0, 1.0])[None], np.array([[[1.0, 1j]]])).tolist()
     [[[(2+0j), 1j]]]
     """
@@ -194,7 +194,7 @@ def whiten_reals(matrices: Array | None, x: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.channel_noise import whiten_reals
+    >>> from hrg_cli.fitting.noise.channel_noise import whiten_reals
     >>> whiten_reals(np.diag([2.0, 1.0])[None], np.ones((1, 1, 4, 1))).ravel().tolist()
     [2.0, 1.0, 2.0, 1.0]
     """
@@ -221,7 +221,7 @@ def invert(matrices: Array | None) -> Array | None:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.channel_noise import invert
+    >>> from hrg_cli.fitting.noise.channel_noise import invert
     >>> invert(np.diag([2.0, 1.0])[None]).tolist()
     [[[0.5, 0.0], [0.0, 1.0]]]
     """
@@ -244,7 +244,7 @@ def compute_spread(matrices: Array | None) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.channel_noise import compute_spread
+    >>> from hrg_cli.fitting.noise.channel_noise import compute_spread
     >>> compute_spread(np.diag([2.0, 1.0])[None]).tolist(), compute_spread(None).tolist()
     ([[0.5, 1.0]], [[1.0, 1.0]])
     """

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..causes.wave_frame import find_directions, to_reals
 from ..least_squares import fit_columns
-from .wave_frame import find_directions, to_reals
 
 Array = np.ndarray
 COMPONENTS = ("amplitude", "phase", "angle", "ellipticity")
@@ -81,7 +81,7 @@ def resolve_components(x: Array, along: Array) -> Array:
     A change of the phase by 0.01 rad, of a wave at any angle and phase:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.colour import resolve_components
+    >>> from hrg_cli.fitting.noise.colour import resolve_components
     >>> from hrg_cli.fitting.causes.wave_frame import to_reals
     >>> u = np.exp(0.7j) * np.array([[[np.cos(0.3), np.sin(0.3)]]])
     >>> resolve_components(to_reals(0.01j * u)[..., None], u)[0, 0, :, 0].round(9) + 0
@@ -115,7 +115,7 @@ def compute_wander(t: Array, q: float, tau: float) -> Array:
     of variance q/2τ:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.colour import compute_wander
+    >>> from hrg_cli.fitting.noise.colour import compute_wander
     >>> t = np.array([0.001, 100.0])
     >>> np.diag(compute_wander(t, 2.0, 0.0)).round(6).tolist()
     [0.002, 200.0]
@@ -151,7 +151,7 @@ def estimate(time_s: Array, values: Array, std: Array) -> ColouredNoise:
     White noise twice as large as stated, and the same beside a random walk of 1 per second:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.colour import estimate
+    >>> from hrg_cli.fitting.noise.colour import estimate
     >>> t, random = np.arange(120.0), np.random.default_rng(2)
     >>> white = 0.2 * random.standard_normal(120)
     >>> found = estimate(t, white, np.full(120, 0.1))
@@ -280,7 +280,7 @@ def estimate_noises(
     A phase that walks, beside white noise in all components:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.colour import estimate_noises
+    >>> from hrg_cli.fitting.noise.colour import estimate_noises
     >>> from hrg_cli.fitting.causes.wave_frame import to_reals
     >>> random, u = np.random.default_rng(2), np.ones((1, 120, 2)) / np.sqrt(2)
     >>> walk = np.cumsum(random.standard_normal(120))[None, :, None]
