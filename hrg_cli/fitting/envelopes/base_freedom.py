@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .coordinates import COORDINATES, COUNT, DAMPING, FREQUENCY_SPLIT
+from .coordinates import COORDINATES, COUNT, DAMPING
 from .likelihood import Freedom, free_coordinates
+from .weak_priors import IDENTIFIED, find_natural_sizes
 
 Array = np.ndarray
-WIDTH = {"damping": 2.0, "split": 30.0, "scale_factor": 3.0}
-"""Standard deviations of the priors that keep a direction without information finite, in natural
-scales."""
 
 
 def choose_scale_factor(mode_number: int) -> float:
@@ -100,16 +98,8 @@ def make_freedom(known: Known, p: Array, mode_number: int, span_s: float) -> Fre
     """
     base = free_coordinates(COORDINATES, np.zeros(COUNT))
     directions, origin = base.directions.copy(), np.zeros(COUNT)
-    damping = max(abs(float(p[DAMPING])), 0.01 / span_s)
-    split = max(float(np.hypot(*p[FREQUENCY_SPLIT])), damping, 1 / span_s)
     mean = np.array([p[DAMPING], 0, 0, 0, 0, choose_scale_factor(mode_number), 0.5])
-    # the last is 0 or 1: mean and spread of the two
-    std = np.array(
-        [np.inf]
-        + [WIDTH["damping"] * damping] * 2
-        + [WIDTH["split"] * split] * 2
-        + [WIDTH["scale_factor"], 0.5]
-    )
+    std = IDENTIFIED.scale_by(*find_natural_sizes(p, span_s))
     keep = np.ones(COUNT, bool)
     for first, axis in ((1, known.damping_axis_rad), (3, known.stiffness_axis_rad)):
         if axis is not None:

@@ -13,6 +13,7 @@ from ...errors import HrgError
 from ...fitting.envelopes.base_freedom import choose_scale_factor
 from ...fitting.envelopes.coordinates import COUNT, from_mechanics, to_parameters
 from ...fitting.envelopes.resonator_spread import compute_slope_covariance
+from ...fitting.envelopes.weak_priors import PLANNED
 from ...fitting.least_squares import invert_information
 from ...physics.resonator import PARAMETERS, Mechanics
 from ...records import Diagnosis, Resonator, Wave
@@ -153,7 +154,7 @@ def make_weak_prior(m: Mechanics, layout: InformationColumns) -> Array:
     Parameters
     ----------
     m
-        Of whose sizes it is made: ten times the damping, thirty times the split, K within 3.
+        Of whose sizes it is made, by the widths of `PLANNED`.
     layout
         Which columns there are.
 
@@ -174,9 +175,8 @@ def make_weak_prior(m: Mechanics, layout: InformationColumns) -> Array:
     """
     damping = max(abs(m.damping_rate_1_s), 1e-9)
     split = max(abs(m.frequency_split_rad_s), damping)
-    std = np.array([10 * damping, 10 * damping, 10 * damping, 30 * split, 30 * split, 3.0, 1.0])
     M = np.zeros((layout.size, layout.size))
-    M[:COUNT, :COUNT] = np.diag(1 / std**2)
+    M[:COUNT, :COUNT] = np.diag(1 / PLANNED.scale_by(damping, split) ** 2)
     return M
 
 

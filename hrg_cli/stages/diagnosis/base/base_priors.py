@@ -11,13 +11,12 @@ from ....fitting.causes.coordinate_priors import CoordinatePriors
 from ....fitting.causes.fit_point import Point
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.envelopes.base_freedom import choose_scale_factor
-from ....fitting.envelopes.coordinates import DAMPING, FREQUENCY_SPLIT, SCALE_FACTOR, SECOND_ORDER
+from ....fitting.envelopes.coordinates import SCALE_FACTOR, SECOND_ORDER
 from ....fitting.envelopes.envelope_runs import EnvelopeRun
+from ....fitting.envelopes.weak_priors import DIAGNOSED, SHAPES, find_natural_sizes
 from ....records import Wave
 
 Array = np.ndarray
-SHAPES = 0.1
-"""Part of the nominal scale factor by which the mode shapes of shells differ."""
 DIFFERENT_RATES = 0.1
 """Part of the greatest rate by which rates must differ to count as different."""
 
@@ -57,19 +56,16 @@ def choose_freedom(
     >>> float(priors.std[0]), float(priors.std[5])
     (inf, 0.0)
     """
-    span = float(series.time_s.max())
-    damping = max(abs(float(point.p[DAMPING])), 0.01 / span)
-    split = max(float(np.hypot(*point.p[FREQUENCY_SPLIT])), damping, 1 / span)
     nominal = choose_scale_factor(series.mode_number) if scale_factor is None else scale_factor
-    # wide enough to bend nothing that a passive resonator can be: |νδμ| ≤ ν costs 0.01 of χ² at
-    # most, the first guess's frequency split a thousandth
-    std = np.array([np.inf, 10 * damping, 10 * damping, 30 * split, 30 * split, 0.0, 0.0])
-    loose = std.copy()
-    loose[SECOND_ORDER] = 1.0
-    if scale_factor is None and shows_scale_factor(series, nominal):
-        std[SCALE_FACTOR] = loose[SCALE_FACTOR] = 3.0
-    elif scale_factor is None and series.mode_number > 1:
-        loose[SCALE_FACTOR] = SHAPES * nominal
+    loose = DIAGNOSED.scale_by(*find_natural_sizes(point.p, float(series.time_s.max())))
+    shown = scale_factor is None and shows_scale_factor(series, nominal)
+    if not shown:
+        free = scale_factor is None and series.mode_number > 1
+        loose[SCALE_FACTOR] = SHAPES * nominal if free else 0.0
+    std = loose.copy()
+    std[SECOND_ORDER] = 0.0
+    if not shown:
+        std[SCALE_FACTOR] = 0.0
     mean = np.array([0, 0, 0, 0, 0, nominal, 1.0])
     return CoordinatePriors(mean, std, loose=CoordinatePriors(np.append(mean[:6], 0.5), loose))
 
