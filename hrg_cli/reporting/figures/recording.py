@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fitting.least_squares import fit_columns
-from ...fitting.parabola import find_peak_offset
+from ...fitting.samples.frequency import compute_even_power, find_peak
 from ...records import Array, Recording
 from ..text import format_number
 from .drawing import (
@@ -116,16 +116,11 @@ def _frequency(looks: list[RecordingLook]) -> float:
 
 
 def _strongest(signal: Array, rate_hz: float) -> float:
-    """Frequency [Hz] of the highest point of the spectrum of both channels, by a parabola through
-    its logarithm."""
-    n = signal.shape[1]
-    window = np.hanning(n + 2)[1:-1]
-    power = (
-        np.abs(np.fft.rfft((signal - signal.mean(1, keepdims=True)) * window, 4 * n)) ** 2
-    ).sum(0)
-    top = int(np.argmax(power[4:])) + 4
-    offset = find_peak_offset(power[top - 1 : top + 2]) if top + 1 < len(power) else 0.0
-    return float((top + offset) * rate_hz / (4 * n))
+    """Frequency [Hz] of the highest line of both channels' spectrum; of less than a period none is
+    told, and where there is no line, the lowest."""
+    low_hz = rate_hz / signal.shape[1]
+    found, _ = find_peak(*compute_even_power(signal, rate_hz), low_hz, rate_hz / 2)
+    return found if np.isfinite(found) else low_hz
 
 
 def _overview(record: Recording, looks: list[RecordingLook]) -> Plot:
