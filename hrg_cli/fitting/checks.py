@@ -220,8 +220,8 @@ def check_whiteness(
 ) -> Check:
     """Whether the residuals' slow part may be chance under white noise.
 
-    The sums over blocks of 2, 4, 8 … rows of white noise of variance σ² have variance mσ²; the largest
-    excess of all lengths counts, for all of them tried. Held against `CHANCE` in −log₁₀.
+    The sums over blocks of 2, 4, 8 … rows of white noise of variance σ² have variance mσ²; the
+    largest excess of all lengths counts, for all of them tried. Held against `CHANCE` in −log₁₀.
 
     Parameters
     ----------
@@ -234,9 +234,9 @@ def check_whiteness(
     allowed
         Excess of the slow part that does no harm, as a part of the white level.
     stated
-        Variance that every error already allows for; the level is that of the residuals where that is
-        larger. Behind a lock-in's filter rows scatter by less than a long average of them needs, which
-        is what they state, and their slow part is no more than that.
+        Variance that every error already allows for; the level is that of the residuals where that
+        is larger. Behind a lock-in's filter rows scatter by less than a long average of them needs,
+        which is what they state, and their slow part is no more than that.
 
     Returns
     -------

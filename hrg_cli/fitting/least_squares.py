@@ -92,9 +92,9 @@ def invert_information(
     rcond
         Part of the largest eigenvalue below which a direction is dropped.
     units
-        Roots (k,) of what counts as one of the matrix's diagonal; None: those of the diagonal itself.
-        Numbers of one unit that turn into each other, as an anisotropy's components do, need a
-        common one: a direction of them that is not known would turn with units of their own.
+        Roots (k,) of what counts as one of the matrix's diagonal; None: those of the diagonal
+        itself. Numbers of one unit that turn into each other, as an anisotropy's components do,
+        need a common one: a direction of them that is not known would turn with units of their own.
 
     Returns
     -------
@@ -156,8 +156,8 @@ def invert_definite(matrix: Array) -> Array:
 
 
 def whiten_covariance(covariance: Array, rcond: float = 1e-12) -> tuple[Array, Array]:
-    """What makes numbers of a covariance C independent of unit variance, the symmetric root of C⁺ on a
-    diagonal of ones: of all such matrices that which mixes them least.
+    """What makes numbers of a covariance C independent of unit variance, the symmetric root of C⁺
+    on a diagonal of ones: of all such matrices that which mixes them least.
 
     Parameters
     ----------
@@ -193,7 +193,8 @@ def whiten_covariance(covariance: Array, rcond: float = 1e-12) -> tuple[Array, A
 
 
 def square_over_covariance(offset: Array, covariance: Array, rcond: float = 1e-12) -> float:
-    """An offset's square in standard deviations, aᵀ C⁺ a (Wald 1943; Mahalanobis's distance squared).
+    """An offset's square in standard deviations, aᵀ C⁺ a (Wald 1943; Mahalanobis's distance
+    squared).
 
     Parameters
     ----------
@@ -447,8 +448,8 @@ def descend(
 def _shorten(
     problem: Problem[PointT, StepT], here: PointT, step: StepT, rounding: float
 ) -> tuple[PointT, float]:
-    """The first point along the step, its half, its quarter … whose cost is not higher, and the part
-    taken; where there is none, (here, 0)."""
+    """The first point along the step, its half, its quarter … whose cost is not higher, and the
+    part taken; where there is none, (here, 0)."""
     size, limit = 1.0, here.cost * (1 + rounding) + NEAR_ZERO
     while size >= SHORTEST:
         trial = problem.move(here, step, size)

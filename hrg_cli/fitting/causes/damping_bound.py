@@ -16,8 +16,8 @@ CONE = ("damping", "damping_cos", "damping_sin")
 def restrict_damping(p: Array) -> Array:
     """Coordinates whose damping is the nearest one that is nowhere negative: ν ≥ |νδμ|.
 
-    A resonator without a supply loses energy in whatever direction it vibrates. Its damping along the
-    direction of least loss is ν − |νδμ|.
+    A resonator without a supply loses energy in whatever direction it vibrates. Its damping along
+    the direction of least loss is ν − |νδμ|.
 
     Parameters
     ----------
@@ -51,8 +51,8 @@ def restrict_damping(p: Array) -> Array:
 def find_wall(point: Point, layout: FitColumns, step: Array) -> tuple[Array, float] | None:
     """The damping's bound that a step would cross.
 
-    The cone ν = |νδμ| is replaced by its tangent at the direction of the split behind the step: a linear
-    condition, as one step of a linear fit can hold it.
+    The cone ν = |νδμ| is replaced by its tangent at the direction of the split behind the step: a
+    linear condition, as one step of a linear fit can hold it.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ def find_wall(point: Point, layout: FitColumns, step: Array) -> tuple[Array, flo
     Returns
     -------
     tuple or None
-        Wall (columns,) and distance, the bound being wall·step = distance; None where the step stays
-        inside.
+        Wall (columns,) and distance, the bound being wall·step = distance; None where the step
+        stays inside.
 
     Examples
     --------

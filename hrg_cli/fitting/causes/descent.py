@@ -1,5 +1,5 @@
-"""One step of Gauss–Newton: the model linearised about a point, the step with its bound, and how far
-down it leads."""
+"""One step of Gauss–Newton: the model linearised about a point, the step with its bound, and how
+far down it leads."""
 
 from __future__ import annotations
 
@@ -273,7 +273,8 @@ def descend(
             return trial, now, size == 1.0
         size /= 2
     rows, right = here.priors
-    # Marquardt's scaling: rows as long as the columns, so that units of the parameters do not matter
+    # Marquardt's scaling: rows as long as the columns, so that units of the parameters do not
+    # matter
     sizes = np.diag(np.sqrt(np.sum(here.factored.triangle**2, axis=0) + np.sum(rows**2, axis=0)))
     for damping in DAMPED:
         step, _ = here.factored.solve(

@@ -295,8 +295,8 @@ def compute_chances(gain: Array, rank: Array) -> Array:
 
 
 def _shown_directions(P: Array) -> tuple[Array, Array, Array]:
-    """Of s⊥ᵀ s⊥ (n, m, m) of unit columns: independence (n, m) along the eigenvectors (n, m, m), and
-    these over it, 0 where it is none."""
+    """Of s⊥ᵀ s⊥ (n, m, m) of unit columns: independence (n, m) along the eigenvectors (n, m, m),
+    and these over it, 0 where it is none."""
     power, V = np.linalg.eigh(P)
     s = np.sqrt(np.maximum(power, 0.0))
     keep = s > BLIND

@@ -376,7 +376,8 @@ def fit(
 
 
 def _measured_motion(series: MeasuredRuns, point: Point) -> Near | None:
-    """Near which driven runs move: as they were measured. None for free ones, which need no guess."""
+    """Near which driven runs move: as they were measured. None for free ones, which need no
+    guess."""
     if not series.forced.any():
         return None
     return linearise_flow(Prediction(series, point, series.envelope, series.envelope)).near

@@ -105,8 +105,8 @@ def score_folds(
     """−2 ln of the density that the other folds give to each fold, summed, less a constant.
 
     A fold's error e is weighed by all that is not known of it, C = 1 + X P Xᵀ with P the covariance
-    of the others' numbers: eᵀC⁻¹e + ln|C| = χ² − χ²₋f + ln|A| − ln|A₋f|, with the smallest χ² and the
-    information A of all folds and of all but one (Gelman et al. 2013, Bayesian Data Analysis,
+    of the others' numbers: eᵀC⁻¹e + ln|C| = χ² − χ²₋f + ln|A| − ln|A₋f|, with the smallest χ² and
+    the information A of all folds and of all but one (Gelman et al. 2013, Bayesian Data Analysis,
     §7.2). A plain sum of e² is ruled by what the others hardly tell: a start, a number of one fold.
 
     Parameters
@@ -148,8 +148,8 @@ def score_folds(
 
 
 def _least(equations: Array, size: Array, least_information: float) -> tuple[float, float]:
-    """(Smallest χ², ln of the determinant of the information) of equations (n, k + 1); size (k,): of
-    the columns in all folds."""
+    """(Smallest χ², ln of the determinant of the information) of equations (n, k + 1); size (k,):
+    of the columns in all folds."""
     along, power, _ = _seen(equations, size, least_information)
     least = np.full(len(size) - len(power), least_information)
     chi2 = float(equations[:, -1] @ equations[:, -1] - along @ along)

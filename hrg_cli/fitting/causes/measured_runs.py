@@ -86,14 +86,14 @@ class MeasuredRuns:
     """The likely part of what may scatter. The motion has it, so that what follows the motion
     follows the wave as it was; the residual has not, whose likelihood knows the scatter whole."""
     frame_turn: Array | None = None
-    """By how much the frame of the commands stands beside the wave's angle and phase, rad (R, n, 2);
-    None: not at all."""
+    """By how much the frame of the commands stands beside the wave's angle and phase, rad (R, n,
+    2); None: not at all."""
     scatter_part: float = 1.0
-    """Part of the log's scatter from row to row that may be none of the drive's: all, before the waves
-    were asked."""
+    """Part of the log's scatter from row to row that may be none of the drive's: all, before the
+    waves were asked."""
     held_beat_rad_s: float | None = None
-    """Beat with the oscillation of a board's steps from command to command; None where none is allowed
-    for."""
+    """Beat with the oscillation of a board's steps from command to command; None where none is
+    allowed for."""
     averaged_along: Array | None = None
     """Coordinates (7,) of the motion along which windows were averaged to rows; None: they were
     not."""
@@ -162,8 +162,8 @@ class MeasuredRuns:
         return channel_noise.whiten_reals(self.whitening, change) * weight
 
     def to_units(self, over_noise: Array) -> Array:
-        """Envelopes (R, n, 2) in the signals' unit from the same over their noise; 0 where a row has
-        no weight."""
+        """Envelopes (R, n, 2) in the signals' unit from the same over their noise; 0 where a row
+        has no weight."""
         weight = np.where(self.weight > 0, self.weight, np.inf)[..., None]
         return channel_noise.whiten(channel_noise.invert(self.whitening), over_noise / weight)
 

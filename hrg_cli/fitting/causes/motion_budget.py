@@ -20,8 +20,8 @@ _left: ContextVar[list[int] | None] = ContextVar("motions left", default=None)
 def limit_motions(motions: int) -> Iterator[None]:
     """Fits within may compute so many motions together.
 
-    The work of a search that leads nowhere ends, at the same place on every machine: a limit in seconds
-    would end it elsewhere on a slower one.
+    The work of a search that leads nowhere ends, at the same place on every machine: a limit in
+    seconds would end it elsewhere on a slower one.
 
     Parameters
     ----------

@@ -54,8 +54,8 @@ def count_seconds(units: str) -> int:
 def find_typical_size(parameter: Parameter, amplitude: float, frequency_hz: float) -> float:
     """Typical size of a parameter for data of this amplitude and frequency.
 
-    The catalogue states it for a shell of 5 kHz at unit amplitude. A parameter in s⁻ᵏ scales with the
-    oscillation's frequency to the k-th power, one in amplitudeᵏ with the data's amplitude.
+    The catalogue states it for a shell of 5 kHz at unit amplitude. A parameter in s⁻ᵏ scales with
+    the oscillation's frequency to the k-th power, one in amplitudeᵏ with the data's amplitude.
 
     Parameters
     ----------
@@ -150,9 +150,9 @@ def measure_strength(
 ) -> tuple[float, float]:
     """How strongly an effect acts on the motion, and on what is seen of it.
 
-    Pure numbers, so that "small beside the oscillation" means the same in every unit. What an effect
-    does to the environment counts by the turn it makes of the motion (rate) and by the part of the
-    logged range it moves the temperature.
+    Pure numbers, so that "small beside the oscillation" means the same in every unit. What an
+    effect does to the environment counts by the turn it makes of the motion (rate) and by the part
+    of the logged range it moves the temperature.
 
     Parameters
     ----------

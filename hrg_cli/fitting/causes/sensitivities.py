@@ -190,7 +190,8 @@ def linearise_flow(prediction: Prediction) -> Propagation:
 
     def flow(first: Array, mid: Array, last: Array, h: Array) -> Array:
         E = make_real_matrix(exponentiate(steady, h[..., 0, 0] / 2))
-        # the classical Runge–Kutta step of fourth order, the steady part E taken exactly (Lawson 1967)
+        # the classical Runge–Kutta step of fourth order, the steady part E taken exactly (Lawson
+        # 1967)
         k1 = first
         k2 = mid @ E @ (eye + h / 2 * k1)
         k3 = mid @ (E + h / 2 * k2)
@@ -206,8 +207,8 @@ def linearise_flow(prediction: Prediction) -> Propagation:
 def _base_sources(
     flow: Propagation, series: MeasuredRuns, u: Array, stage: RungeKuttaStage
 ) -> Array:
-    """What the shared coordinates and the run's frequency add to u' at the motion u, reals (R, n, 4,
-    8): u' is linear in all but the scale of the second order, which is differenced."""
+    """What the shared coordinates and the run's frequency add to u' at the motion u, reals (R, n,
+    4, 8): u' is linear in all but the scale of the second order, which is differenced."""
     point, hz = flow.prediction.point, series.reference_frequency_hz
     omega = 2 * np.pi * hz + point.offset_rad_s[:, None]
     plain = coordinates.build_generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)

@@ -1,14 +1,14 @@
 """The slow model with effects beside L: the drive along the wave, what demodulation shows of the
 motion, the effects' terms, jumps.
 
-What moves under a force f is v, which demodulation shows as u = v + jf/2ω (`compute_displacement`): f makes the
-displacement lead at once, and v alone follows it in time. From z̈ + 2Γż + Wz = Re[2jωf e^{jωt}] and
-u̇ = Lu + g, (2jω + 2Γ + L)g + ġ = 2jωf, so that v̇ = Lv + f + j(Γ + L)f/ω = Lv + f − δωR f/ω: to
-second order in the rates over ω, and without ḟ, however quickly the loops change it.
+What moves under a force f is v, which demodulation shows as u = v + jf/2ω (`compute_displacement`):
+f makes the displacement lead at once, and v alone follows it in time. From z̈ + 2Γż + Wz = Re[2jωf
+e^{jωt}] and u̇ = Lu + g, (2jω + 2Γ + L)g + ġ = 2jωf, so that v̇ = Lv + f + j(Γ + L)f/ω = Lv + f −
+δωR f/ω: to second order in the rates over ω, and without ḟ, however quickly the loops change it.
 
 Where the rate changes, L = L₁ + L₂ changes with it, and u̇ = L u leaves L̇ of the displacement's
-equation, L̇ + L² + 2ΓL + 2jωL = …: L̇₁ = KΩ̇J is the Euler term's own, −L̇₂/2jω a derivative, so that
-it stands beside what moves at once: u = (1 + A)v, A = jL₂/2ω. Without splits that is u = (1 −
+equation, L̇ + L² + 2ΓL + 2jωL = …: L̇₁ = KΩ̇J is the Euler term's own, −L̇₂/2jω a derivative, so
+that it stands beside what moves at once: u = (1 + A)v, A = jL₂/2ω. Without splits that is u = (1 −
 K²Ω²/4ω²) v, the amplitude of constant action at the frequency √(ω² + K²Ω²). At a constant rate u̇ =
 Lu is v̇ = (L + [L, A])v.
 """
@@ -32,8 +32,8 @@ from .measured_runs import MeasuredRuns
 
 Array = np.ndarray
 SMALL_MOVE = 1e-4
-"""Of the motion, by which its change is taken to differentiate a force: halfway between rounding and the
-third order."""
+"""Of the motion, by which its change is taken to differentiate a force: halfway between rounding
+and the third order."""
 CLEAR_PART = 1e-8
 """Of the largest energy of a run, from which a row has a phase."""
 FOLLOWING = 10.0
@@ -124,7 +124,8 @@ class RungeKuttaStage:
     def compute_drive(self, v: Array) -> Array:
         """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B) along the wave as the
         loops see it; without a log, what holds the measured amplitude."""
-        # one iteration: the loops see u, which the force itself moves; the next would be (1/ωτ)² of it
+        # one iteration: the loops see u, which the force itself moves; the next would be (1/ωτ)² of
+        # it
         force = self._along(v, v)
         return force if self.lead == 0 else self._along(v + self.lead * force, v)
 
@@ -133,7 +134,8 @@ class RungeKuttaStage:
         turn, e_A, e_B, a_A = find_frame(u, self.state.phase_rad)
         main = self.main
         if self.holds:
-            # the amplitude's own equation solved for the force, and a slow pull to where it was measured
+            # the amplitude's own equation solved for the force, and a slow pull to where it was
+            # measured
             loss = np.real(np.sum(apply_generators(self.L, v) * e_A, axis=-1) * np.conj(turn))
             main = np.where(
                 np.isfinite(self.held),
@@ -198,10 +200,10 @@ class RungeKuttaStage:
     ) -> Array:
         """What an effect adds to dv/dt, f, with what the second order makes of it.
 
-        With u̇ = Lu + g, (2jω + 2Γ + L)g + ġ = 2jωf: g = f + (j/2ω)[(2Γ + L)f + ḟ], 2Γ + L = −L₀*. A
-        spring that moves has ḟ = ∂f/∂t, which is −ω̇/2ω of the amplitude; a force that is not linear
-        changes with the motion that L₀ and the drive make, ḟ = Df[L₀u + F]. What a linear one that
-        stands makes of both is part of how its parameters are defined.
+        With u̇ = Lu + g, (2jω + 2Γ + L)g + ġ = 2jωf: g = f + (j/2ω)[(2Γ + L)f + ḟ], 2Γ + L = −L₀*.
+        A spring that moves has ḟ = ∂f/∂t, which is −ω̇/2ω of the amplitude; a force that is not
+        linear changes with the motion that L₀ and the drive make, ḟ = Df[L₀u + F]. What a linear
+        one that stands makes of both is part of how its parameters are defined.
         """
         force = effect.slow(values, *self.choose_envelopes(effect, v, state))
         if self.lead == 0:

@@ -57,7 +57,8 @@ class Prediction:
 
     @property
     def by_log(self) -> Array:
-        """What is seen under the logged commands alone, without what may have walked beside them."""
+        """What is seen under the logged commands alone, without what may have walked beside
+        them."""
         walk = self.series.walk
         return self.seen if walk is None else self.seen - walk.moved
 
@@ -94,8 +95,8 @@ class Prediction:
         return left * (np.sum(left**2, axis=(0, 1, 2)) > 1e-12 * np.sum(change**2, axis=(0, 1, 2)))
 
     def compute_phase_error(self) -> Array:
-        """Phase of measured against foretold, unwrapped along each run where the signal stands out of
-        the noise, (R, n)."""
+        """Phase of measured against foretold, unwrapped along each run where the signal stands out
+        of the noise, (R, n)."""
         overlap = np.sum(self.series.envelope * np.conj(self.by_log), axis=-1)
         size = np.sqrt(np.sum(np.abs(self.by_log) ** 2, axis=-1))
         clear = size * self.series.weight > CLEAR
@@ -226,7 +227,8 @@ class Rule:
 
 
 def _count_sweeps(last: float, size: float) -> float:
-    """Sweeps that are left at the rate of the last one; none is known to be left after the first."""
+    """Sweeps that are left at the rate of the last one; none is known to be left after the
+    first."""
     return float(np.log(SETTLED / size) / np.log(size / last)) if size < last < np.inf else 0.0
 
 

@@ -1,5 +1,5 @@
-"""A motion taken to another one near it: by its phase, angle and size where the change is large, and
-by the slopes of its steps."""
+"""A motion taken to another one near it: by its phase, angle and size where the change is large,
+and by the slopes of its steps."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ def find_slope(function: Callable[[Array], Array], u: Array) -> Array:
     >>> np.diag(find_slope(lambda u: 3 * u, np.array([1.0 + 0j, 2.0]))).round(6).tolist()
     [3.0, 3.0, 3.0, 3.0]
     """
-    # at 1e-4 of the wave central differences leave 1e-8 of the slope by curvature, 1e-12 by rounding
+    # at 1e-4 of the wave central differences leave 1e-8 of the slope by curvature, 1e-12 by
+    # rounding
     size = 1e-4 * np.maximum(np.sqrt(np.sum(np.abs(u) ** 2, -1, keepdims=True)), 1e-300)
     columns = []
     for unit in np.eye(4):

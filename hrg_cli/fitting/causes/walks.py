@@ -1,5 +1,5 @@
-"""What most likely moved the waves of driven runs beside their log, in jumps of the motion from step
-to step.
+"""What most likely moved the waves of driven runs beside their log, in jumps of the motion from
+step to step.
 
 Knows which pieces of the log may have been off, by what forces, and how their scatter stands in the
 rows (`designs.Softened`); from a residual it takes the likeliest walk.
@@ -55,8 +55,8 @@ class LogPieces:
         return 1 / np.sqrt(np.bincount(self.piece))[self.piece]
 
     def build_jumps(self) -> Array:
-        """Jumps in the steps by one σ of every piece, (R, n − 1, 4, c · pieces): of a row's mean half
-        in the step before its middle, half in that behind."""
+        """Jumps in the steps by one σ of every piece, (R, n − 1, 4, c · pieces): of a row's mean
+        half in the step before its middle, half in that behind."""
         runs, steps, _, commands = self.jumps.shape
         out = np.zeros((runs, steps, 4, commands, self.count))
         k = np.arange(steps)

@@ -84,9 +84,10 @@ def make_real_matrix(L: Array) -> Array:
 def find_directions(u: Array) -> Array:
     """Unit changes of envelopes along which two waves can differ.
 
-    For a line u = a e^{jφ}(cos mθ, sin mθ) they are u/a, ju/a, w and jw with w = e^{jφ}(−sin mθ, cos mθ):
-    relative amplitude, phase, wave angle and ellipticity. Of an ellipse the last two are across it,
-    w = J ū e^{2jφ}, with φ from uᵀu = (a_A² − a_B²) e^{2jφ}; a circle has no φ, and e^{2jφ} is 1.
+    For a line u = a e^{jφ}(cos mθ, sin mθ) they are u/a, ju/a, w and jw with w = e^{jφ}(−sin mθ,
+    cos mθ): relative amplitude, phase, wave angle and ellipticity. Of an ellipse the last two are
+    across it, w = J ū e^{2jφ}, with φ from uᵀu = (a_A² − a_B²) e^{2jφ}; a circle has no φ, and
+    e^{2jφ} is 1.
 
     Parameters
     ----------

@@ -1,4 +1,5 @@
-"""Residuals, sensitivities and the design on the rows that count: whitened, off what nobody knows."""
+"""Residuals, sensitivities and the design on the rows that count: whitened, off what nobody
+knows."""
 
 from __future__ import annotations
 
@@ -294,8 +295,8 @@ def compute_design(flow: Propagation, layout: FitColumns) -> Design:
     of_all, of_each = find_base_sensitivities(flow)
     shared, own = flatten_own(series, of_all), flatten_own(series, of_each)
     if series.free_phase:
-        # phases that are not judged tell no frequency; what the rule's steps leave of one is rounding,
-        # along which a fit would run off without end
+        # phases that are not judged tell no frequency; what the rule's steps leave of one is
+        # rounding, along which a fit would run off without end
         own[:, FREQUENCY] = 0.0
     wanted = [
         (e, v, _fitted_steps(e, v, series)) for e, v in point.active if layout.parameters(e.name)

@@ -208,8 +208,8 @@ def _fill_unused(values: Array, used: Array) -> Array:
 
 
 def _sum_running(terms: Array, length: int) -> Array:
-    """Sums of `length` neighbours along each row of terms (segments, columns), by those of 1, 2, 4, …
-    neighbours: each is the sum of two of half its length."""
+    """Sums of `length` neighbours along each row of terms (segments, columns), by those of 1, 2, 4,
+    … neighbours: each is the sum of two of half its length."""
     columns = terms.shape[1] - length + 1
     out, summed, size = np.zeros((len(terms), columns)), 0, 1
     while True:

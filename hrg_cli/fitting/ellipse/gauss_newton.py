@@ -227,8 +227,8 @@ def compute_angle_steps(
     [0.01, 0.0, 0.0]
     """
     P, Q, psi_A, psi_B = sums
-    # the block of JᵀJ for (θ, φ) has the determinant 4(A² − B²)²; one factor cancels, because Jᵀz is
-    # made of the same A and B. At |A| = |B| the orbit is a circle, which has no wave angle.
+    # the block of JᵀJ for (θ, φ) has the determinant 4(A² − B²)²; one factor cancels, because Jᵀz
+    # is made of the same A and B. At |A| = |B| the orbit is a circle, which has no wave angle.
     determinant, power = A**2 - B**2, A**2 + B**2
     psi_step = np.zeros_like(A) if carrier_known else (A * psi_A + B * psi_B) / power
     return (A * P - B * Q) / determinant, (A * Q - B * P) / determinant, psi_step
@@ -384,8 +384,8 @@ def _iterate(
 ) -> None:
     """One chunk; vectors that are done leave the working arrays.
 
-    A loop of its own, not `least_squares.descend`: thousands of windows step at once by formulas (2),
-    for which no Jacobian is ever made, and each ends when it is done.
+    A loop of its own, not `least_squares.descend`: thousands of windows step at once by formulas
+    (2), for which no Jacobian is ever made, and each ends when it is done.
     """
     left = np.arange(rows.start, min(rows.stop, len(signals)))
     z = np.ascontiguousarray(signals[rows].T)

@@ -1,5 +1,5 @@
-"""Levenberg–Marquardt for {A, B, θ, φ, ψ}: the steps of `solve_gauss_newton` damped, so that the residual
-never rises.
+"""Levenberg–Marquardt for {A, B, θ, φ, ψ}: the steps of `solve_gauss_newton` damped, so that the
+residual never rises.
 
 The angles are stepped, A and B are the exact linear solution at each trial's angles (variable
 projection). With the power scale p = |z|²/2 (the greatest A² + B² can be) the damped normal matrix

@@ -266,8 +266,8 @@ def _rough_scale_factor(runs: Sequence[EnvelopeRun], known: Known) -> float:
 
 
 def _first_fit(runs: Sequence[EnvelopeRun], known: Known, blocks: int) -> Fit | None:
-    """From the propagator's start, or, where that leads nowhere, from other ones: the best of them, by
-    χ² per degree of freedom, for their rows differ."""
+    """From the propagator's start, or, where that leads nowhere, from other ones: the best of them,
+    by χ² per degree of freedom, for their rows differ."""
     best: Fit | None = None
     for p, offsets in _starts(runs, known):
         for held_first in (False, True):
@@ -293,8 +293,8 @@ def _is_noise(result: Fit) -> bool:
 
 
 def _starts(runs: Sequence[EnvelopeRun], known: Known) -> Iterator[tuple[Array, Array]]:
-    """Coordinates (7,) and frequency offsets (R,): by the propagator over what a rough guess follows,
-    over all lags (a weak normal mode that beats is not seen to be missed), and roughly."""
+    """Coordinates (7,) and frequency offsets (R,): by the propagator over what a rough guess
+    follows, over all lags (a weak normal mode that beats is not seen to be missed), and roughly."""
     first, of_runs, _, _ = start_from_propagator(runs, known)
     yield first, of_runs
     p, offsets, _, _ = start_from_propagator(runs, known, from_shortest=True)
@@ -575,8 +575,8 @@ def solve(data: Batch, space: Freedom, z: Array, first: Array, phase: Array) -> 
 
 
 def _grown(data: Batch, space: Freedom, z: Array, first: Array, phase: Array, orders: int) -> Fit:
-    """Gauss–Newton over growing parts of the runs, each from where the last one ended; the whole with
-    so many orders of phase."""
+    """Gauss–Newton over growing parts of the runs, each from where the last one ended; the whole
+    with so many orders of phase."""
     for share in SHARES:
         kept = np.arange(data.time_s.shape[1]) < max(12, share * data.time_s.shape[1])
         part = replace(data, weight=data.weight * kept)

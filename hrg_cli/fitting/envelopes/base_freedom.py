@@ -15,7 +15,8 @@ Array = np.ndarray
 
 
 def choose_scale_factor(mode_number: int) -> float:
-    """K where it is neither known nor measurable: 1 for a Foucault pendulum (m = 1), 0.55 for a shell.
+    """K where it is neither known nor measurable: 1 for a Foucault pendulum (m = 1), 0.55 for a
+    shell.
 
     Parameters
     ----------
@@ -37,8 +38,8 @@ def choose_scale_factor(mode_number: int) -> float:
 
 
 def choose_scale_factor_spread(mode_number: int) -> float:
-    """Standard deviation to which the nominal K is known: shells and rings have 0.25 to 0.85, a pendulum
-    1 but for its pivot.
+    """Standard deviation to which the nominal K is known: shells and rings have 0.25 to 0.85, a
+    pendulum 1 but for its pivot.
 
     Parameters
     ----------

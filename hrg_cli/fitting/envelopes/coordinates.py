@@ -212,8 +212,8 @@ def to_parameters(p: Array, mode_number: int) -> tuple[Array, Array]:
     Returns
     -------
     tuple of ndarray
-        Values (6,), axes in [0, π/m), and slopes (6, 7). A split of 0 has no axis: its slopes are those
-        of its size along the first component.
+        Values (6,), axes in [0, π/m), and slopes (6, 7). A split of 0 has no axis: its slopes are
+        those of its size along the first component.
 
     Examples
     --------
@@ -296,9 +296,9 @@ def is_shown(components: Array, covariance: Array) -> bool:
 def compute_axis_spread(components: Array, covariance: Array, mode_number: int) -> float:
     """Standard deviation of the axis of normal components.
 
-    A uniform one's where they show no split (`is_shown`), else that of the components about their own,
-    at most the uniform one's. By Gauss–Hermite quadrature: the better known of two components may make
-    the tangent look sharp, and then the slope says too little.
+    A uniform one's where they show no split (`is_shown`), else that of the components about their
+    own, at most the uniform one's. By Gauss–Hermite quadrature: the better known of two components
+    may make the tangent look sharp, and then the slope says too little.
 
     Parameters
     ----------

@@ -187,8 +187,8 @@ def make_equations(
 ) -> Equations:
     """The equations Σ columns·p + δ·offset = target of the rows to keep, with their weights.
 
-    A central difference of noise σ has the standard deviation σ/(√2·step). The weight is step/σ: the
-    factor that all rows share is left out.
+    A central difference of noise σ has the standard deviation σ/(√2·step). The weight is step/σ:
+    the factor that all rows share is left out.
 
     Parameters
     ----------
@@ -268,16 +268,16 @@ def integrate_equations(
 ) -> Equations:
     """Increments of quantities from row to row against ∫columns dt.
 
-    The trapezium rule with its end correction, h/2·(f₀ + f₁) − h²/12·(f₁' − f₀'), which is right to h⁴
-    (Euler and Maclaurin).
+    The trapezium rule with its end correction, h/2·(f₀ + f₁) − h²/12·(f₁' − f₀'), which is right to
+    h⁴ (Euler and Maclaurin).
 
     Parameters
     ----------
     run
         Its times.
     equations
-        (columns, quantity (n,), standard deviation a row) of each kind; the columns are those of the
-        quantity's derivative.
+        (columns, quantity (n,), standard deviation a row) of each kind; the columns are those of
+        the quantity's derivative.
 
     Returns
     -------

@@ -190,8 +190,8 @@ class _Seen:
         noise that they state, by third differences."""
         part = next(self._from(*stretch))
         rough = np.sum(np.abs(np.diff(compute_envelopes(part), n=3, axis=0)) ** 2, axis=1)
-        # third differences of white noise have 1² + 3² + 3² + 1² = 20 times its variance; two complex
-        # envelopes are four components
+        # third differences of white noise have 1² + 3² + 3² + 1² = 20 times its variance; two
+        # complex envelopes are four components
         level = np.sqrt(np.median(rough) / (20 * 4)) if len(rough) else 0.0
         return bool(level > QUIET * np.median(part.signal_std))
 

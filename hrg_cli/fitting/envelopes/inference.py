@@ -249,8 +249,8 @@ def compute_covariance_z(fit: Fit, factor: float) -> Array:
 
 
 def widen_axes(covariance: Array, cov_p: Array, p: Array, mode_number: int) -> None:
-    """Give axes whose split is not clear of its noise the spread of their components, and sizes what an
-    error across the split adds to them.
+    """Give axes whose split is not clear of its noise the spread of their components, and sizes
+    what an error across the split adds to them.
 
     The slope's would be too narrow or too wide there. One that is held stays so.
 
@@ -323,10 +323,11 @@ def measure_along(split: Array, part: Array) -> float:
 
 
 def _compute_bent_variance(split: Array, part: Array, along: float) -> float:
-    """What the second order adds to the variance of a split's size, beside that of its slope (`along`).
+    """What the second order adds to the variance of a split's size, beside that of its slope
+    (`along`).
 
-    An error t across a split of size r makes it longer by t²/2r: (σ_t²/2r)² of bias and twice that of
-    scatter, no more than an error along it would be were it as large.
+    An error t across a split of size r makes it longer by t²/2r: (σ_t²/2r)² of bias and twice that
+    of scatter, no more than an error along it would be were it as large.
     """
     size = float(np.hypot(*split))
     if not size > 0 or not np.all(np.isfinite(part)):
@@ -474,8 +475,8 @@ def measure_run_shifts(fit: Fit, factor: float) -> tuple[Array, Array]:
         share, direction = np.linalg.eigh(whiten.T @ information @ whiten)
         pull = direction.T @ whiten.T @ gradient
         # The gradients add up to zero at the optimum. So the run alone says pull/share and the rest
-        # −pull/(1 − share); they differ by pull/share(1 − share), whose variance is 1/share + 1/(1 −
-        # share) = 1/share(1 − share).
+        # −pull/(1 − share); they differ by pull/share(1 − share), whose variance is 1/share + 1/(1
+        # − share) = 1/share(1 − share).
         both = (share > LEAST_SHARE) & (share < 1 - LEAST_SHARE)
         directions[i] = int(both.sum())
         out[i] = float(np.sum(pull[both] ** 2 / (share * (1 - share))[both])) / factor
@@ -673,8 +674,8 @@ def estimate_run_frequencies(fit: Fit, factor: float) -> Frequencies:
     for run, record in enumerate(response.batch.runs):
         n = len(record)
         Q, R = np.linalg.qr(stack_reals(own[:, run, :n]))
-        # own: the start envelope's four reals, then the phase's orders, each in radians at the run's
-        # end: their sum over 2π·span is what the mean frequency lies above the reference
+        # own: the start envelope's four reals, then the phase's orders, each in radians at the
+        # run's end: their sum over 2π·span is what the mean frequency lies above the reference
         pick = np.concatenate([np.zeros(4), np.ones(len(own) - 4)]) / (2 * np.pi * span[run])
         # the run's own unknowns at a given z: R⁻¹Qᵀ(residual − design·z)
         back = pick @ invert_scaled(R)

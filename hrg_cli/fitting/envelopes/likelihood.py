@@ -189,8 +189,8 @@ class _Point:
 
 @dataclass(frozen=True)
 class _Step:
-    """The rows linearised, the step of z and of the runs' own states and phases, and by how much the
-    quadratic form says that χ² falls over it."""
+    """The rows linearised, the step of z and of the runs' own states and phases, and by how much
+    the quadratic form says that χ² falls over it."""
 
     rows: SharedRows
     z: Array

@@ -164,7 +164,8 @@ def split_trace(m: Matrix) -> tuple[Array, Matrix]:
 
 
 def exponentiate(m: Matrix, time_s: Array) -> Matrix:
-    """exp(m·t) = cosh(dt) I + t·sinhc(dt) m of traceless m, d² = −det m, through equal eigenvalues too.
+    """exp(m·t) = cosh(dt) I + t·sinhc(dt) m of traceless m, d² = −det m, through equal eigenvalues
+    too.
 
     Parameters
     ----------
@@ -203,8 +204,8 @@ def compute_exponential_slopes(m: Matrix, time_s: Array) -> tuple[Matrix, Array,
     """exp(m·t) of traceless m, and what its exact derivative along any traceless E is made of.
 
     The derivative is (f I + g m)·tr(mE) + s E. exp(mt) = c I + s m with d² = tr(m²)/2, so ∂d²/∂E =
-    tr(mE), ∂c/∂d² = ts/2 = f, ∂s/∂d² = (tc − s)/2d² = g: no integral is needed, however far the motion
-    turns in t.
+    tr(mE), ∂c/∂d² = ts/2 = f, ∂s/∂d² = (tc − s)/2d² = g: no integral is needed, however far the
+    motion turns in t.
 
     Parameters
     ----------

@@ -24,15 +24,16 @@ Array = np.ndarray
 START_BLOCKS = 1000
 RESOLVED = 3.8
 """Fall of the energy that averaging loses for half as long rows, from which rows are short beside
-every beat. A mean over a turn by ±x loses 1 − sin²x/x², a fourth for half of x where x is small; 3.8
-stands at x = 0.7. The share itself would not do: a weak normal mode may be lost whole unseen."""
+every beat. A mean over a turn by ±x loses 1 − sin²x/x², a fourth for half of x where x is small;
+3.8 stands at x = 0.7. The share itself would not do: a weak normal mode may be lost whole
+unseen."""
 LOST_STD = 5.0
 """Standard deviations of noise up to which no energy counts as lost."""
 LONGEST_LAG = 0.5
 """Of the shortest run: half of it is where a rate of turn is best known from pairs of its rows."""
 LAG_GROWTH = 4.0
-"""From one lag to the next. What a lag leaves unknown, a small part of a radian, has grown by as much
-at the next and is still far from half a turn."""
+"""From one lag to the next. What a lag leaves unknown, a small part of a radian, has grown by as
+much at the next and is still far from half a turn."""
 STEPS_A_LAG = 2
 FIRST_STEPS = 6
 """Steps at the first lag, which begins where no split is known."""
@@ -497,7 +498,8 @@ def identify(
         misfit, data = np.inf, pair_rows(runs, lag, all_rows=lag == lags[-1])
         kept = (p, offsets, covariance)
         # No `least_squares.descend`: this is a first guess, whose steps at one lag need no end of
-        # their own; one that makes the fit worse, or is too long to be true, is left to the next lag.
+        # their own; one that makes the fit worse, or is too long to be true, is left to the next
+        # lag.
         for _ in range(1 + (FIRST_STEPS if lag == lags[first] else STEPS_A_LAG)):
             next_p, next_offsets, next_covariance, here = regress(data, freedom, p, offsets)
             if not here < misfit * (1 + 1e-9):

@@ -6,9 +6,9 @@ Seed A (7), exact in r = a_B/a_A (PHYSICS §4): the last two give
 The control's forces a_ΦA, a_ΦB are those logged, else the first two: a_ΦA = ȧ_A + ν_A a_A + δω_s
 a_B, a_ΦB = ȧ_B + ν_B a_B − δω_s a_A; in phase (Δφ = 0), by force or by one ring electrode, they
 turn nothing. A main force that stands τ behind the wave turns it back by τ(a_ΦA/a_A)·m·dθ/dt: then
-KΩ = D − (1 + τ a_ΦA/a_A)·m·dθ/dt. Ω(t) is a cubic spline through its values at even nodes, fitted to mθ(t) − ∫D dt,
-which is linear in them; the noise of D's measured r and the resonator's own covariance are in the
-deviations.
+KΩ = D − (1 + τ a_ΦA/a_A)·m·dθ/dt. Ω(t) is a cubic spline through its values at even nodes, fitted
+to mθ(t) − ∫D dt, which is linear in them; the noise of D's measured r and the resonator's own
+covariance are in the deviations.
 """
 
 from __future__ import annotations

@@ -100,8 +100,8 @@ class RateEstimate:
 
     @cached_property
     def _whitened(self) -> tuple[Array, Array]:
-        """What makes the nodes independent, and the directions of which their rows tell at all: a gap
-        leaves rates that none does."""
+        """What makes the nodes independent, and the directions of which their rows tell at all: a
+        gap leaves rates that none does."""
         return whiten_covariance(self.covariance)
 
     def integrate(self) -> tuple[Array, Array]:

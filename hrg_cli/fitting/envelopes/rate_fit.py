@@ -1,9 +1,9 @@
 """Ω(t) at given nodes: Gauss–Newton on a run's envelopes, the resonator known to its covariance.
 
-The run itself shows some of the resonator (its decay is ν), so the resonator's coordinates are fitted
-beside the rate and held by what is known of them: p = p₀ + Sz, SSᵀ their covariance, with the rows
-z = 0 ± 1 (Bayes with a normal prior). With S = 0 this is the resonator held. What the run does not
-show, K above all, stays where it was and is in the rate's deviations with all of its own.
+The run itself shows some of the resonator (its decay is ν), so the resonator's coordinates are
+fitted beside the rate and held by what is known of them: p = p₀ + Sz, SSᵀ their covariance, with
+the rows z = 0 ± 1 (Bayes with a normal prior). With S = 0 this is the resonator held. What the run
+does not show, K above all, stays where it was and is in the rate's deviations with all of its own.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from .trapezium import integrate
 Array = np.ndarray
 ITERATIONS = 20
 ROUNDING = 1e-9
-"""Part of χ² by which a step may raise it: rates turn the phase, whose rounding adds up over a run."""
+"""Part of χ² by which a step may raise it: rates turn the phase, whose rounding adds up over a
+run."""
 ROWS, ROWS_OF_A_NODE = 2000, 12
 """Averaged rows of the run that are fitted, at least, and for each node: a row must not span what
 the nodes follow."""
@@ -296,7 +297,7 @@ def _solve_with_covariance(design: Array, target: Array) -> tuple[Array, Array]:
 
 
 def _turning(time_s: Array, begin: Array, middle: Array, end: Array) -> Array:
-    """∫ of each node's weight (nodes, n) from the run's first row, by Simpson's rule, which is exact
-    for the cubic between two rows."""
+    """∫ of each node's weight (nodes, n) from the run's first row, by Simpson's rule, which is
+    exact for the cubic between two rows."""
     steps = np.cumsum((begin + 4 * middle + end) * np.diff(time_s) / 6, axis=1)
     return np.concatenate([np.zeros((len(begin), 1)), steps], axis=1)

@@ -20,8 +20,8 @@ PAIRS = {
     3: coordinates.FREQUENCY_SPLIT,
     4: coordinates.FREQUENCY_SPLIT,
 }
-"""Places, in `OF_GENERATOR`, of the splits' sizes and axes, and the pair of coordinates of each; the
-others are coordinates themselves, at the same place."""
+"""Places, in `OF_GENERATOR`, of the splits' sizes and axes, and the pair of coordinates of each;
+the others are coordinates themselves, at the same place."""
 SIZES = (1, 3)
 TANGENTS = 3
 """Tangents after which a fit with a split's size held is on the circle."""
@@ -188,9 +188,9 @@ def _moves(freedom: Freedom, row: int) -> bool:
 def _chi2_held(best: Fit, row: int, value: float, mode_number: int) -> float:
     """χ² (with priors) of the best fit with one physical parameter held.
 
-    ν and K are coordinates themselves: held, they leave the space. A split and its axis are the size
-    and direction of a pair of coordinates: an axis held leaves the ray along it, which is linear
-    too; a size held leaves a circle, of which each turn takes the tangent and moves on.
+    ν and K are coordinates themselves: held, they leave the space. A split and its axis are the
+    size and direction of a pair of coordinates: an axis held leaves the ray along it, which is
+    linear too; a size held leaves a circle, of which each turn takes the tangent and moves on.
     """
     is_size = row in SIZES
     state, p = best.response.state, best.p.copy()

@@ -36,8 +36,8 @@ def make_mechanics(resonator: Resonator, scale_factor: float | None = None) -> M
     resonator
         With frequency and damping at least; splits that it lacks are 0.
     scale_factor
-        K that is taken whatever the resonator holds; None: its own, 0 where it has none (then there is
-        no input rate).
+        K that is taken whatever the resonator holds; None: its own, 0 where it has none (then there
+        is no input rate).
 
     Returns
     -------
@@ -147,13 +147,13 @@ def from_vector(x: Array, mechanics: Mechanics) -> Mechanics:
 
 
 def compute_slope_covariance(resonator: Resonator) -> Array:
-    """Covariance of a resonator's parameters with its axes as the slopes of their splits make them: what
-    anything computed from it moves with.
+    """Covariance of a resonator's parameters with its axes as the slopes of their splits make them:
+    what anything computed from it moves with.
 
     The stated deviation of an axis whose split is lost in noise tells how far the axis may lie off
-    (`inference.widen_axes`) and would move the split as a vector by more than its noise, and so would
-    what an error across a split adds to its size. The stated components give the slopes' back: their
-    variances add up to the size's and the tangent's.
+    (`inference.widen_axes`) and would move the split as a vector by more than its noise, and so
+    would what an error across a split adds to its size. The stated components give the slopes'
+    back: their variances add up to the size's and the tangent's.
 
     Parameters
     ----------

@@ -111,8 +111,8 @@ class OneRun:
 
 
 def _integrals(weight: Array, angle: Array) -> Array:
-    """What growth, quadrature and turning of n rows (3n) count in each of the six integrals over full
-    turns: ν, (νδμ cos, sin), (δω cos, sin), K; angle: mθ."""
+    """What growth, quadrature and turning of n rows (3n) count in each of the six integrals over
+    full turns: ν, (νδμ cos, sin), (δω cos, sin), K; angle: mθ."""
     c, s, n = np.cos(2 * angle), np.sin(2 * angle), len(weight)
     influence = np.zeros((6, 3 * n))
     influence[:3, :n] = weight * np.stack([np.ones(n), 2 * c, 2 * s])
@@ -122,8 +122,8 @@ def _integrals(weight: Array, angle: Array) -> Array:
 
 
 def _rates_less(w: Ellipse, rows: slice, p: Array) -> tuple[Array, Array, Array]:
-    """(d ln a_A/dt, ȧ_B/a_A) less what p says of them, and the drift of mθ that p makes: seed A (15)
-    with r = a_B/a_A kept."""
+    """(d ln a_A/dt, ȧ_B/a_A) less what p says of them, and the drift of mθ that p makes: seed A
+    (15) with r = a_B/a_A kept."""
     c, s, r = np.cos(2 * w.angle[rows]), np.sin(2 * w.angle[rows]), w.b[rows] / w.a[rows]
     nu, nu_cos, nu_sin, split_cos, split_sin, _ = p
     split, damping = split_cos * s - split_sin * c, nu_cos * c + nu_sin * s

@@ -323,8 +323,8 @@ def build_fixed_axes_groups(run: EnvelopeRun, eliminate_rate: bool = False) -> E
 
 @dataclass(frozen=True)
 class _Products:
-    """The channels' products on the rows of a run, (n,) each: a_C², a_S² and x + jy = a_C a_S e^{jΔφ},
-    Δφ = φ_C − φ_S, with the rate."""
+    """The channels' products on the rows of a run, (n,) each: a_C², a_S² and x + jy = a_C a_S
+    e^{jΔφ}, Δφ = φ_C − φ_S, with the rate."""
 
     run: EnvelopeRun
     x: Array

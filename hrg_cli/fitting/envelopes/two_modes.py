@@ -234,8 +234,8 @@ class _Step:
 
 @dataclass(frozen=True)
 class _Exponentials:
-    """Damped exponentials common to all channels of u (n, channels), each channel with amplitudes of
-    its own (variable projection: these are solved at every λ)."""
+    """Damped exponentials common to all channels of u (n, channels), each channel with amplitudes
+    of its own (variable projection: these are solved at every λ)."""
 
     u: Array
     time_s: Array

@@ -1,5 +1,5 @@
-"""Weak priors on the linear gyro's coordinates, for all that fit it or plan for it: they keep finite
-what no run tells, and bend nothing that a run tells.
+"""Weak priors on the linear gyro's coordinates, for all that fit it or plan for it: they keep
+finite what no run tells, and bend nothing that a run tells.
 
 A standard deviation is a width, which has no unit, times the natural size of the coordinate: ν for
 the damping and its split, the larger of δω and ν for the frequency split [rad/s]; K and the second
@@ -41,8 +41,8 @@ class PriorWidths:
 
 
 FREQUENCY_SPLITS, SCALE_FACTORS = 30.0, 3.0
-"""The same for all. A first guess of the split may be wrong by its size and costs a thousandth of χ²;
-K of no resonator is above 1, so that its prior only keeps it finite."""
+"""The same for all. A first guess of the split may be wrong by its size and costs a thousandth of
+χ²; K of no resonator is above 1, so that its prior only keeps it finite."""
 
 IDENTIFIED = PriorWidths(np.inf, 2.0, FREQUENCY_SPLITS, SCALE_FACTORS, 0.5)
 """`identify`: every run-down tells ν. No passive resonator has |νδμ| > ν, half of this σ, and where
@@ -50,17 +50,17 @@ one run tells ν and the split only together, the prior bounds what either may b
 scale is 0 or 1: mean and spread of the two."""
 
 DIAGNOSED = PriorWidths(np.inf, 10.0, FREQUENCY_SPLITS, SCALE_FACTORS, 1.0)
-"""`diagnose`: the residual is searched for causes, of which a bent split would be one. |νδμ| ≤ ν costs
-0.01 of χ² at most, a twenty-fifth of what it would above. K and the scale are held while the misfit is
-gross, whatever these widths."""
+"""`diagnose`: the residual is searched for causes, of which a bent split would be one. |νδμ| ≤ ν
+costs 0.01 of χ² at most, a twenty-fifth of what it would above. K and the scale are held while the
+misfit is gross, whatever these widths."""
 
 PLANNED = PriorWidths(10.0, 10.0, FREQUENCY_SPLITS, SCALE_FACTORS, 1.0)
-"""`plan`: as the diagnosis that will judge the runs; ν as well, for a menu may hold forced runs alone,
-which do not tell it."""
+"""`plan`: as the diagnosis that will judge the runs; ν as well, for a menu may hold forced runs
+alone, which do not tell it."""
 
 SHAPES = 0.1
-"""Part of the nominal K by which the mode shapes of shells differ: its prior in a diagnosis whose runs
-do not tell K."""
+"""Part of the nominal K by which the mode shapes of shells differ: its prior in a diagnosis whose
+runs do not tell K."""
 
 
 def find_natural_sizes(p: Array, span_s: float) -> tuple[float, float]:

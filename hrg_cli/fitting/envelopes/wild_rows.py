@@ -1,5 +1,5 @@
-"""Windows of a wave that hold what no wave can: a few alone, thousands of times what all others do. No
-fit survives one, and none says which it was."""
+"""Windows of a wave that hold what no wave can: a few alone, thousands of times what all others do.
+No fit survives one, and none says which it was."""
 
 from __future__ import annotations
 

@@ -102,8 +102,8 @@ def _ratio(run: EnvelopeRun) -> Array:
 
 
 def _quadrature_rows(run: EnvelopeRun, pushed: Array) -> tuple[Array, Array]:
-    """Increments of a_B over 8 rows, less what was pushed, against the integrals of −a_B, a_A sin 2mθ, −a_A cos 2mθ and,
-    for the damping split, a_B cos, a_B sin.
+    """Increments of a_B over 8 rows, less what was pushed, against the integrals of −a_B, a_A sin
+    2mθ, −a_A cos 2mθ and, for the damping split, a_B cos, a_B sin.
     """
     a, b, angle, phase = ellipse.find_wave(run.envelope, 1)
     angle, _ = ellipse.unwrap(angle, phase, 1)

@@ -1,10 +1,11 @@
 """Unequal and common noise of the two channels: the matrix of a run that makes its noise white.
 
-The channels' noise n_C, n_S has the covariance σ²Σ with σ² the mean of both variances, which is what
-a row's σ states, and so tr Σ = 2. A residual over σ times W = Σ^{−1/2} (symmetric, so that either
-channel stays as near itself as can be) has noise of 1 in both channels and none in common, and the
-sum of its squares is the likelihood's. Demodulation treats cosine and sine alike: W is real and acts
-on envelopes as on samples. Channels turned by an angle afterwards turn Σ, and with it the answer.
+The channels' noise n_C, n_S has the covariance σ²Σ with σ² the mean of both variances, which is
+what a row's σ states, and so tr Σ = 2. A residual over σ times W = Σ^{−1/2} (symmetric, so that
+either channel stays as near itself as can be) has noise of 1 in both channels and none in common,
+and the sum of its squares is the likelihood's. Demodulation treats cosine and sine alike: W is real
+and acts on envelopes as on samples. Channels turned by an angle afterwards turn Σ, and with it the
+answer.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ def compute_whitening(
     Parameters
     ----------
     channel_std
-        Standard deviations (n, 2) of either channel in the run's rows, in the envelopes' unit; their
-        ratio counts, the median over the rows.
+        Standard deviations (n, 2) of either channel in the run's rows, in the envelopes' unit;
+        their ratio counts, the median over the rows.
     correlation
         Of both channels' noise; None: not known, taken for 0.
     envelope
@@ -105,14 +106,14 @@ def find_shares(channel_std: Array | None) -> tuple[float, float]:
 
 
 def _unless_spoilt(ratio: float, stated: Array, u: Array) -> float:
-    """The ratio of the channels' variances as it is `stated` (2,), or as rows scatter that contradict
-    it.
+    """The ratio of the channels' variances as it is `stated` (2,), or as rows scatter that
+    contradict it.
 
     What jumps in one window (lost samples, a knock) leaks into the spectrum by which all windows'
     noise is stated, of either channel as its signal is. Third differences of rows have 20 times the
     variance of one and, their median taken, know of no single window; where they are larger than
-    stated in a channel it is the motion that they show. The logarithm of two medians' ratio scatters
-    by 3.1/√n, neighbours sharing rows.
+    stated in a channel it is the motion that they show. The logarithm of two medians' ratio
+    scatters by 3.1/√n, neighbours sharing rows.
     """
     if len(u) < FEWEST:
         return ratio

@@ -3,10 +3,10 @@
 Of each component x (relative amplitude, phase, angle, ellipticity) the noise is white n beside a
 wander whose rate is correlated over τ,
     Cov(x_s, x_t) = (q/2)[2 min(s, t) − τ(1 − e^{−s/τ} − e^{−t/τ} + e^{−|t−s|/τ})] + w² σ² δ_st,
-the integrated Ornstein–Uhlenbeck process: a random walk of q per second for τ → 0. q, τ and the white
-level w are those of the largest restricted likelihood (Patterson and Thompson 1971): the residual's
-polynomial in time is a fixed effect, so that a misfit of the model is not taken for noise, and the
-wander at long times is what the quick wander makes it.
+the integrated Ornstein–Uhlenbeck process: a random walk of q per second for τ → 0. q, τ and the
+white level w are those of the largest restricted likelihood (Patterson and Thompson 1971): the
+residual's polynomial in time is a fixed effect, so that a misfit of the model is not taken for
+noise, and the wander at long times is what the quick wander makes it.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ of the model."""
 FEWEST, MOST_ROWS = 40, 120
 """Rows from which a colour is estimated, and rows to which the residual is averaged for that."""
 LEAST_WHITE = float(np.log(1e-6))
-"""ln of the least white variance over the stated one: without any, C is no covariance where two rows
-stand close."""
+"""ln of the least white variance over the stated one: without any, C is no covariance where two
+rows stand close."""
 CLEAR, BESIDE = 30.0, 10.0
 """2 ln of the likelihood ratio from which noise counts as coloured, and a component does beside
 another that clearly is.
@@ -224,7 +224,8 @@ class WanderLikelihood:
         )
 
     def descend(self, tau: float) -> tuple[float, Array]:
-        """(cost, (w², q, τ)) of the optimum that is reached from a τ, in logarithms of all three."""
+        """(cost, (w², q, τ)) of the optimum that is reached from a τ, in logarithms of all
+        three."""
         from scipy.optimize import minimize
 
         scale = float(np.median(self.std))

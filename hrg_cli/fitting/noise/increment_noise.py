@@ -1,5 +1,5 @@
-"""The noise of a run's increments: white angle noise and angle random walk, their covariance in bands, and
-what whitens by it."""
+"""The noise of a run's increments: white angle noise and angle random walk, their covariance in
+bands, and what whitens by it."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class AngleNoise:
 def find_noise_shape(path: AnglePath) -> Array:
     """Relative white variance of the blocks, mean one.
 
-    The level is always estimated from the residuals; the windows' stated variances tell only how it is
-    spread over the run.
+    The level is always estimated from the residuals; the windows' stated variances tell only how it
+    is spread over the run.
 
     Parameters
     ----------
@@ -58,8 +58,9 @@ def find_noise_shape(path: AnglePath) -> Array:
 def build_covariance_bands(path: AnglePath, noise: AngleNoise) -> Array:
     """Covariance of the increments between the angles of neighbouring blocks.
 
-    It is tridiagonal. Neighbouring increments share a block, whose angle noise enters them with opposite
-    signs; a walk averaged over a block of width w moves q·w/6 from each increment into their covariance.
+    It is tridiagonal. Neighbouring increments share a block, whose angle noise enters them with
+    opposite signs; a walk averaged over a block of width w moves q·w/6 from each increment into
+    their covariance.
 
     Parameters
     ----------
@@ -177,11 +178,12 @@ NEEDED_GAIN = 6.0
 
 
 def estimate_noise(path: AnglePath, residual: Array, lost_degrees: float = 0.0) -> AngleNoise:
-    """White angle noise and angle random walk of a run by maximum likelihood from residual increments.
+    """White angle noise and angle random walk of a run by maximum likelihood from residual
+    increments.
 
-    One parameter (their ratio) is searched; the level follows from the whitened residual. White noise
-    that a walk hides is what the windows state, unless the residual denies it. A walk that gains less
-    than `NEEDED_GAIN` of −2 ln L is none.
+    One parameter (their ratio) is searched; the level follows from the whitened residual. White
+    noise that a walk hides is what the windows state, unless the residual denies it. A walk that
+    gains less than `NEEDED_GAIN` of −2 ln L is none.
 
     Parameters
     ----------

@@ -33,7 +33,8 @@ def move_rows(
     run
         Its envelopes (n, 2) and their standard deviations.
     misfit
-        The equations' misfits (N,), the i-th a function of the rows first[i] … first[i] + reach − 1.
+        The equations' misfits (N,), the i-th a function of the rows first[i] … first[i] + reach −
+        1.
     first
         (N,): the first row that each sees.
     reach
@@ -94,7 +95,8 @@ def propagate_noise(
     run
         Its envelopes (n, 2) and their standard deviations.
     misfit
-        The equations' misfits (N,), the i-th a function of the rows first[i] … first[i] + reach − 1.
+        The equations' misfits (N,), the i-th a function of the rows first[i] … first[i] + reach −
+        1.
     first
         (N,): the first row that each sees.
     reach
@@ -109,7 +111,8 @@ def propagate_noise(
 
     Examples
     --------
-    The sum of three differences is the last row less the first: 2σ², not the 6σ² of independent ones.
+    The sum of three differences is the last row less the first: 2σ², not the 6σ² of independent
+    ones.
 
     >>> from dataclasses import dataclass
     >>> import numpy as np

@@ -2,9 +2,9 @@
 scatter from window to window.
 
 A window of five samples has two degrees of freedom beside the oscillation, and the envelope's slope
-within it fills both. What is left of the sum of squares once that share is taken out is a difference
-of nearly equal numbers: Σ(m + n)² − Σm² = 2 Σ m·n + Σn², of which the first part has no mean but, of m
-some ten times n, ten times the scatter.
+within it fills both. What is left of the sum of squares once that share is taken out is a
+difference of nearly equal numbers: Σ(m + n)² − Σm² = 2 Σ m·n + Σn², of which the first part has no
+mean but, of m some ten times n, ten times the scatter.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ Array = np.ndarray
 FEWEST = 16
 """Differences from which a scatter is a scatter."""
 BENT = 0.05
-"""Part of itself by which the motion's share is wrong where the envelope bends within the window."""
+"""Part of itself by which the motion's share is wrong where the envelope bends within the
+window."""
 UNSURE = 0.5
 """Doubt about the variance, over the variance, from which the residual does not tell it."""
 ORDER, GAIN = 4, 70.0
-"""Order of the differences: three leave some of a motion that turns and decays by hundredths a window,
-five none of what the windows' own bends do from row to row. Their variance over that of a value,
-1 + 16 + 36 + 16 + 1."""
+"""Order of the differences: three leave some of a motion that turns and decays by hundredths a
+window, five none of what the windows' own bends do from row to row. Their variance over that of a
+value, 1 + 16 + 36 + 16 + 1."""
 
 
 def estimate_scattered_variance(envelope: Array, own: Array, every: int = 1) -> float:

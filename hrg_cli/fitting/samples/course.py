@@ -3,10 +3,10 @@ log shows the bend.
 
 In the interval from t_k, x = t − t_k, of length h: p = line + x (x − h)(α + β x), α and β from
 divided differences (Newton). The bend is taken where it exceeds twice the cubic's own error, |Π(t −
-t_i)|·|f[five rows]|, in the middle, and where the second differences at both ends of the interval are of
-one bend: both are so along a smooth course, not in noise, at jumps, at corners of a ramp or between the
-steps of a converter. On even rows the cubic's mean over the interval is brought to that of the
-quintic through six rows.
+t_i)|·|f[five rows]|, in the middle, and where the second differences at both ends of the interval
+are of one bend: both are so along a smooth course, not in noise, at jumps, at corners of a ramp or
+between the steps of a converter. On even rows the cubic's mean over the interval is brought to that
+of the quintic through six rows.
 """
 
 from __future__ import annotations
@@ -321,8 +321,8 @@ def build_from_means(time_s: Array, mean: Array, width_s: float) -> Course:
 
 
 def _is_smooth(second: Array, k: Array) -> Array:
-    """Whether the second divided differences (n − 1,) at both ends of the intervals k (n,) are of one
-    bend: they differ by less than the greatest of them and their neighbours.
+    """Whether the second divided differences (n − 1,) at both ends of the intervals k (n,) are of
+    one bend: they differ by less than the greatest of them and their neighbours.
 
     At a corner of straight lines one of them is the corner and the other 0, at a step they are
     opposite, however unevenly the rows lie; along a sinusoid of eight rows a period and more they
@@ -385,12 +385,12 @@ def build_course(time_s: Array, value: Array) -> Course:
 
 
 def _bend_through_six(cubics: Course) -> Course:
-    """The same, bent further so that its means are those of quintics through six rows where these are
-    even and the course bends over them: of a swing that turns by x a row the cubics' integral misses
-    11x⁴/720 of itself, the quintics' 191x⁶/60480.
+    """The same, bent further so that its means are those of quintics through six rows where these
+    are even and the course bends over them: of a swing that turns by x a row the cubics' integral
+    misses 11x⁴/720 of itself, the quintics' 191x⁶/60480.
 
-    The quintic's integral over the middle of its five intervals is h (11, −93, 802, 802, −93, 11)/1440
-    of its rows; a change of α adds −h³/6 of it to the cubic's.
+    The quintic's integral over the middle of its five intervals is h (11, −93, 802, 802, −93,
+    11)/1440 of its rows; a change of α adds −h³/6 of it to the cubic's.
     """
     around = np.lib.stride_tricks.sliding_window_view
     h = np.diff(cubics.time_s)

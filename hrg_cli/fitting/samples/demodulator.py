@@ -489,8 +489,8 @@ class Demodulator:
     def _compute_own_variance(
         self, fits: Fits, still: Still, k: int, keep: slice, sample2: Array, clipped: Array
     ) -> Array:
-        """Variance (windows, 2 tones) of a channel's coefficients in that of one sample: by the fit,
-        by what was taken off, by the noise's colour."""
+        """Variance (windows, 2 tones) of a channel's coefficients in that of one sample: by the
+        fit, by what was taken off, by the noise's colour."""
         variance = fits.variance if len(fits.variance) == 1 else fits.variance[keep]
         own = variance * still.noisier**2
         if self._colour is None:
@@ -501,5 +501,6 @@ class Demodulator:
             self.find_least_variance(k) / np.nanmean(sample2) if np.isfinite(sample2).any() else 0.0
         )
         coloured = np.maximum(self._colour.take_windows(k, sample2), white)
-        # a clipped top bends the signal itself, not its harmonics alone: the colour takes nothing off
+        # a clipped top bends the signal itself, not its harmonics alone: the colour takes nothing
+        # off
         return np.asarray(own * np.where(clipped[:, None], np.maximum(coloured, 1.0), coloured))

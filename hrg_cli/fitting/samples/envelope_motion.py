@@ -1,5 +1,5 @@
-"""The envelope's motion within a window, from its neighbours: slopes and bends, what they pull the fitted
-coefficients by, what they put into the residual."""
+"""The envelope's motion within a window, from its neighbours: slopes and bends, what they pull the
+fitted coefficients by, what they put into the residual."""
 
 from __future__ import annotations
 

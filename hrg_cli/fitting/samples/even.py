@@ -134,8 +134,8 @@ def _make_fits(
 
 
 def _fit_channels(run: Demodulator, pieces: list[Array], basis: WindowBasis) -> tuple[Array, Array]:
-    """Envelopes (2, windows, tones) and sums of squared residuals (2, windows) of raw windows, in the
-    channels' unit; NaN where a sample is not finite."""
+    """Envelopes (2, windows, tones) and sums of squared residuals (2, windows) of raw windows, in
+    the channels' unit; NaN where a sample is not finite."""
     envelope = np.empty((2, len(pieces[0]), len(run.reference)), complex)
     residual2 = np.empty((2, len(pieces[0])))
     for k, piece in enumerate(pieces):
@@ -208,8 +208,8 @@ def _learn(run: Demodulator, samples: int, rate: float) -> None:
 def _does_motion_count(
     run: Demodulator, looks: Sequence[Look], bases: Sequence[WindowBasis], samples: int
 ) -> bool:
-    """Whether the envelopes' slopes from window to window, or their curvatures where the windows fit
-    the slopes, put more than a part of it into the residuals of the looks, and the windows hold
+    """Whether the envelopes' slopes from window to window, or their curvatures where the windows
+    fit the slopes, put more than a part of it into the residuals of the looks, and the windows hold
     samples enough to take it out."""
     still = np.zeros(len(run.reference))
     for look, basis in zip(looks, bases, strict=True):

@@ -1,8 +1,8 @@
 """Find an oscillation's frequency in both channels at once: the spectrum's peak, refined by the
 phase slope of short fits.
 
-With a carrier ω_c the oscillation is the pair of side bands ω_c ∓ ω: `list_bands` gives the frequencies
-to fit for an oscillation at f.
+With a carrier ω_c the oscillation is the pair of side bands ω_c ∓ ω: `list_bands` gives the
+frequencies to fit for an oscillation at f.
 """
 
 from __future__ import annotations
@@ -387,8 +387,9 @@ def refine_frequency(
 def _fit_sub_envelopes(
     t: Array, centre: Array, y: Array, f: tuple[float, ...], beside: tuple[float, ...], alike: bool
 ) -> Array:
-    """Envelopes (channels, windows, tones) of y (channels, windows, n) against e^{jωt}, fitted at the
-    times t (windows, n) about their centres (windows,); one basis for all where they are alike."""
+    """Envelopes (channels, windows, tones) of y (channels, windows, n) against e^{jωt}, fitted at
+    the times t (windows, n) about their centres (windows,); one basis for all where they are
+    alike."""
     some = slice(0, 1) if alike else slice(None)
     basis = [
         build_columns(row - mid, f, beside) for row, mid in zip(t[some], centre[some], strict=True)

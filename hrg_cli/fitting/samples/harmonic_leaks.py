@@ -20,8 +20,8 @@ from .survey import Survey
 Array = np.ndarray
 
 HIGHEST, FIRST = 16, 4
-"""Harmonics that are looked for, those above are weak, and their leak with them; harmonics taken out
-of samples whose spectrum is not asked."""
+"""Harmonics that are looked for, those above are weak, and their leak with them; harmonics taken
+out of samples whose spectrum is not asked."""
 LINE_BINS = 3.0
 """Bins of the spectrum within which a line is the harmonic."""
 HARMLESS = 0.1
@@ -190,7 +190,8 @@ def _find_harmonics(survey: Survey) -> list[tuple[float, Array]]:
 
 
 def _respond(basis: WindowBasis, samples: int, hz: float, rate: float) -> Array:
-    """Root mean square over its phase of what a tone of amplitude 1 makes of the coefficients (2F,)."""
+    """Root mean square over its phase of what a tone of amplitude 1 makes of the coefficients
+    (2F,)."""
     tau = (np.arange(samples) - (samples - 1) / 2) / rate
     rows = basis.orthonormal @ basis.triangle
     return np.asarray(np.abs(np.exp(-2j * np.pi * hz * tau) @ rows) / np.sqrt(2))

@@ -1,5 +1,5 @@
-"""Looks along a recording before it is demodulated: a few stretches of its samples, and what they show
-without any transform: dead channels, rails, the step of the values."""
+"""Looks along a recording before it is demodulated: a few stretches of its samples, and what they
+show without any transform: dead channels, rails, the step of the values."""
 
 from __future__ import annotations
 
@@ -123,8 +123,8 @@ def _cut_look(look: Look, part: slice) -> Look:
 
 
 def _patch_look(look: Look, bad: Array) -> Look:
-    """The look with each channel's bad samples (2, n) at the mean of its good ones: they add no line
-    of their own to a spectrum."""
+    """The look with each channel's bad samples (2, n) at the mean of its good ones: they add no
+    line of their own to a spectrum."""
     y = look.y.copy()
     for k in range(2):
         y[k, bad[k]] = y[k, ~bad[k]].mean()

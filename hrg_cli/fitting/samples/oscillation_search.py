@@ -1,5 +1,5 @@
-"""The oscillation in a recording's looks: its frequency by the power of all, and the course of it from
-look to look."""
+"""The oscillation in a recording's looks: its frequency by the power of all, and the course of it
+from look to look."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ Spectra = list[tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class SpectralPeak:
-    """The highest peak: its frequency, its power over that around it, and the ratio from which it is
-    an oscillation by more than chance; sentences of doubt."""
+    """The highest peak: its frequency, its power over that around it, and the ratio from which it
+    is an oscillation by more than chance; sentences of doubt."""
 
     frequency_hz: float
     ratio: float
@@ -103,8 +103,8 @@ def search_oscillation(
             f" the highest peak lies at {hint:.6g} Hz"
         )
         return SpectralPeak(found if np.isfinite(found) else nominal_hz, ratio, limit, (doubt,))
-    # below 1.5 lines the leakage of a constant offset is higher than a weak oscillation; only a record
-    # of hardly a period leaves nothing else
+    # below 1.5 lines the leakage of a constant offset is higher than a weak oscillation; only a
+    # record of hardly a period leaves nothing else
     found, ratio = finding.find_peak(grid, power, 1.5 * resolution, top)
     if not np.isfinite(found):
         found, ratio = finding.find_peak(grid, power, 0.5 * resolution, top)

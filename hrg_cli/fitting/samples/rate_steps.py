@@ -1,5 +1,5 @@
-"""Steps of a logged rate: a log knows the table's rate at its instants, not the angle turned while the
-rate steps, which is uncertain by half of the step times the time between two rows."""
+"""Steps of a logged rate: a log knows the table's rate at its instants, not the angle turned while
+the rate steps, which is uncertain by half of the step times the time between two rows."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ def find_steps(rate_rad_s: Array, good: Array, sigmas_per_rad_s: Array) -> list[
     Returns
     -------
     list of tuple
-        First row before and last row before each step: between `first` and `last + 1` the rate moves.
+        First row before and last row before each step: between `first` and `last + 1` the rate
+        moves.
 
     Examples
     --------

@@ -132,8 +132,8 @@ def _subtract_oscillation(
 @dataclass
 class AveragedSpectrum:
     """Welch's average on one frequency grid: `density` (frequencies, channels) one-sided, unit²/Hz,
-    of `segments` Hann segments; `parts`: their transforms (channels, frequencies), whose squares are
-    densities."""
+    of `segments` Hann segments; `parts`: their transforms (channels, frequencies), whose squares
+    are densities."""
 
     frequency_hz: Array
     density: Array = field(init=False)
@@ -368,8 +368,8 @@ def find_lines(
     below = np.maximum(find_floor(density), 1e-300)
     ratio = (density / below).max(1)
     step = frequency_hz[1] - frequency_hz[0]
-    # a segment's power in a bin is χ² of two degrees; the floor is a median, which lies up to 1/ln 2
-    # = 1.44 times below the mean (one segment): 1.5 covers that
+    # a segment's power in a bin is χ² of two degrees; the floor is a median, which lies up to 1/ln
+    # 2 = 1.44 times below the mean (one segment): 1.5 covers that
     limit = 1.5 * compute_chi_square_excess(2 * max(1, segments), 6.0)
     inner = np.arange(2, len(ratio) - 2)
     top = inner[

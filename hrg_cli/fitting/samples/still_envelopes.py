@@ -1,8 +1,8 @@
 """Envelopes without what their own motion within a window pulls them by.
 
-A window's fit takes the envelope for constant (or for a straight line); a slope or a bend that it does
-not hold moves the coefficients by a known factor times itself (`basis.compute_pull`), and slope and bend are
-known from the neighbouring windows.
+A window's fit takes the envelope for constant (or for a straight line); a slope or a bend that it
+does not hold moves the coefficients by a known factor times itself (`basis.compute_pull`), and
+slope and bend are known from the neighbouring windows.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ TAKEN_OFF = 3
 """Times the slopes are found anew beside their own pull: of short windows at the ends it is a
 tenth of the wave's motion, and goes down to a fifth each time."""
 PROBE, PROBED = 16, 256
-"""One row of so many tells whether the curvature within short windows is worth its correction; of the
-scatter too where so many rows tell it."""
+"""One row of so many tells whether the curvature within short windows is worth its correction; of
+the scatter too where so many rows tell it."""
 
 
 @dataclass(frozen=True)
 class Still:
-    """Envelopes (channels, windows, tones) without the pull of their motion within a window; the part
-    of the squared residual that the motion explains, by what taking it off raises the standard
+    """Envelopes (channels, windows, tones) without the pull of their motion within a window; the
+    part of the squared residual that the motion explains, by what taking it off raises the standard
     deviation, and the variance that the doubt of the bend leaves; None where there is none."""
 
     envelope: Array
@@ -152,7 +152,8 @@ class MotionWithin:
             noise2 = noise2[np.isfinite(noise2)]
             if not len(noise2):
                 continue
-            # the residual of few samples is their motion's: the scatter from window to window is not
+            # the residual of few samples is their motion's: the scatter from window to window is
+            # not
             seen = estimate_scattered_variance(u[k], own, every) * variance
             if pull2[k] > 0.01 * np.fmin(np.median(noise2), seen):
                 return True

@@ -52,11 +52,11 @@ class Survey:
 
     `step_s`: median sampling step; `track_s`, `track_hz`: course of the frequency; `rails` ((low,
     high) raw, a channel): where samples are stuck; `least_count` (a channel, its unit, 0: none):
-    the values' step; `strength2`: the stronger channel's variance; `look_noise2` (looks, channels): variance
-    of what a look holds beside the oscillation, however that moves; `spectrum_*`, `line_*`: as in
-    Periods, from so many segments; `blind_hz`: where the oscillation itself was taken out of the
-    spectrum; reasons to suspect or refuse; `noise_correlation`: of both channels about the
-    oscillation, None where it is not known.
+    the values' step; `strength2`: the stronger channel's variance; `look_noise2` (looks, channels):
+    variance of what a look holds beside the oscillation, however that moves; `spectrum_*`,
+    `line_*`: as in Periods, from so many segments; `blind_hz`: where the oscillation itself was
+    taken out of the spectrum; reasons to suspect or refuse; `noise_correlation`: of both channels
+    about the oscillation, None where it is not known.
     """
 
     reference_hz: float
@@ -303,7 +303,8 @@ def _refuse_noise(found: SpectralPeak) -> tuple[str, ...]:
 def _need_rising_times(
     recording: Recording, looks: Sequence[Look], step_s: float, name: str
 ) -> None:
-    """HrgError: times that are not finite, do not increase, or span far more than the samples fill."""
+    """HrgError: times that are not finite, do not increase, or span far more than the samples
+    fill."""
     if not all(np.isfinite(look.time_s).all() for look in looks):
         raise HrgError(
             f"{name}: time_s holds values that are not finite; strictly increasing times were"
@@ -326,9 +327,9 @@ def _need_rising_times(
 
 @dataclass(frozen=True)
 class Residual:
-    """What the looks hold beside the oscillation: its averaged spectrum, how far from the oscillation
-    that is blind, the stronger channel's variance without it, and every look's own (looks,
-    channels)."""
+    """What the looks hold beside the oscillation: its averaged spectrum, how far from the
+    oscillation that is blind, the stronger channel's variance without it, and every look's own
+    (looks, channels)."""
 
     spectrum: AveragedSpectrum
     blind_hz: float

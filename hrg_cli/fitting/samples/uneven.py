@@ -100,8 +100,8 @@ def make_uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
 
 
 def _sum_normal_equations(basis: Array, right: Array, starts: Array) -> tuple[Array, Array]:
-    """AᵀA (windows, k, k) and AᵀB (windows, k, ·) of windows that begin at the samples `starts`; column
-    by column: the products of all pairs at once would be n·k² numbers."""
+    """AᵀA (windows, k, k) and AᵀB (windows, k, ·) of windows that begin at the samples `starts`;
+    column by column: the products of all pairs at once would be n·k² numbers."""
     k = basis.shape[1]
     gram = np.zeros((len(starts), k, k))
     cross = np.zeros((len(starts), k, right.shape[1]))

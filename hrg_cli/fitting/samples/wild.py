@@ -20,8 +20,8 @@ WILD = 1e3
 wild."""
 
 MOST_TOGETHER, ABOUT = 3, 8
-"""Wild samples at most that stand within so many samples of one another: an oscillation so far above
-what the looks hold (a strike between them) has more."""
+"""Wild samples at most that stand within so many samples of one another: an oscillation so far
+above what the looks hold (a strike between them) has more."""
 
 MOST_KEPT = 1000
 """Wild samples whose places are kept."""

@@ -20,8 +20,8 @@ POOL_KNOWN = 64
 """How many times more rows are pooled where a known motion is taken out of the residual."""
 
 BESIDE, MOVED = 8, 4.0
-"""Rows on either side that tell the motion's share of one, and how many times that a row's residual may
-be: uneven samples hold it unequally."""
+"""Rows on either side that tell the motion's share of one, and how many times that a row's residual
+may be: uneven samples hold it unequally."""
 
 CACHE_SAMPLES = 1 << 16
 """Samples turned to floats at once, so that they stay in the processor's cache."""
@@ -228,8 +228,8 @@ def pool_variance(residual2: Array, freedom: Array, known: Array | None = None) 
 
 
 def _find_lower_medians(values: Array, starts: Array, counts: Array) -> Array:
-    """The lower median (groups,) of the finite values of each group, which a burst in one half of it
-    does not reach; not finite where none is."""
+    """The lower median (groups,) of the finite values of each group, which a burst in one half of
+    it does not reach; not finite where none is."""
     widest = int(counts.max())
     # a table (group, row in it), short groups filled with NaN: all medians are taken at once
     table = np.full(len(starts) * widest, np.nan)

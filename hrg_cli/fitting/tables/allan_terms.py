@@ -6,14 +6,14 @@ averaging times come from one record and are strongly correlated: with the two-s
 the terms found and the filter of n samples
 |H|² = 2 sin⁴(πfnτ₀)/(n sin πfτ₀)², cov(σ²_i, σ²_j) = (1/T)∫(2S)²|H_i|²|H_j|² df. The squares of the coefficients, not negative, are
 fitted by generalised least squares with it, iterated; the interval of a coefficient is that of its
-square. A term that is not told from zero is left out; its upper limit is that of a record which holds
-as much, and the others' intervals hold what they would be beside it at that limit. So of a flicker and
-a random walk neither is told where either would do.
+square. A term that is not told from zero is left out; its upper limit is that of a record which
+holds as much, and the others' intervals hold what they would be beside it at that limit. So of a
+flicker and a random walk neither is told where either would do.
 
-Rates that are differences of angles averaged over windows of width w hold the noise of the rate through a further box, sinc²(πfw) in S:
-white rate noise leaves N²/τ·(1 − w/2τ), half of N²/τ where a window fills the interval. Windows that
-stand for their middle (`curvatures` of the demodulation) pass more of what is quick: their gain comes beside
-the box; left out, N would come out 3 % high.
+Rates that are differences of angles averaged over windows of width w hold the noise of the rate
+through a further box, sinc²(πfw) in S: white rate noise leaves N²/τ·(1 − w/2τ), half of N²/τ where
+a window fills the interval. Windows that stand for their middle (`curvatures` of the demodulation)
+pass more of what is quick: their gain comes beside the box; left out, N would come out 3 % high.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ differences is far from normal."""
 ROUNDS = 5
 FREQUENCIES = 20_000
 SLOWEST, QUICKEST = 1e-4, 1e2
-"""Frequencies times τ between which a spectrum through a box is integrated; beyond them the filter leaves less than 1e-4."""
+"""Frequencies times τ between which a spectrum through a box is integrated; beyond them the filter
+leaves less than 1e-4."""
 SEEN = 2.0
 """Standard deviations of a squared coefficient from which it is told from zero."""
 NORMAL_95 = 1.96

@@ -1,5 +1,5 @@
-"""Tables whose interpolation follows their own values (monotone): descent to where the weights at the
-coefficients are the weights that they were fitted with."""
+"""Tables whose interpolation follows their own values (monotone): descent to where the weights at
+the coefficients are the weights that they were fitted with."""
 
 from __future__ import annotations
 

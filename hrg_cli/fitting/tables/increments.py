@@ -252,8 +252,8 @@ def _restrict_to_rate_log(wave: Wave) -> Wave:
 def _read_blocks(
     wave: Wave, rows: int, per_block: int, constant_rate: float | None, earth_rate: float
 ) -> Iterator[dict[str, Array]]:
-    """Means of the run's blocks, piece by piece, with the rate's integral from its first row. HrgError:
-    times that do not increase."""
+    """Means of the run's blocks, piece by piece, with the rate's integral from its first row.
+    HrgError: times that do not increase."""
     turned = 0.0
     step = max(per_block, ROWS_AT_ONCE // per_block * per_block)
     whole = wave.only(BLOCK_COLUMNS)

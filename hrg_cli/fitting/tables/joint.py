@@ -1,5 +1,5 @@
-"""Joint least squares of many runs: coefficients of D(T, θ), K(T, θ) and further factors, alternating
-with each run's noise.
+"""Joint least squares of many runs: coefficients of D(T, θ), K(T, θ) and further factors,
+alternating with each run's noise.
 
 Every run is whitened once (`increments`); its independent rows are summed to normal matrices of a
 few contiguous pieces of time (`normal_pieces`).
@@ -39,8 +39,8 @@ class Fitted:
 
 MOST_SWEEPS = 6
 SETTLED = 0.05
-"""Change of a random walk's density between two sweeps, over itself, at which it stands: a quarter of what
-some thousand rows tell."""
+"""Change of a random walk's density between two sweeps, over itself, at which it stands: a quarter
+of what some thousand rows tell."""
 
 
 def _walks_settled(before: Sequence[AngleNoise], now: Sequence[AngleNoise]) -> bool:

@@ -27,8 +27,9 @@ LEAST_SEEN = 1e-10
 
 @dataclass
 class Pieces:
-    """Normal equations of R runs × S pieces about coefficients β₀ (P,): information XᵀX (R, S, P, P),
-    and of what they leave, r = y − X β₀, the vector Xᵀr (R, S, P) and square rᵀr (R, S); rows (R, S).
+    """Normal equations of R runs × S pieces about coefficients β₀ (P,): information XᵀX (R, S, P,
+    P), and of what they leave, r = y − X β₀, the vector Xᵀr (R, S, P) and square rᵀr (R, S); rows
+    (R, S).
 
     Turns are whole radians and their noise nanoradians: Σ y² holds no digit of Σ r².
     """

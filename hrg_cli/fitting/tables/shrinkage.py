@@ -236,8 +236,8 @@ def _combine(passes: Sequence[Sequence[_Moments]], groups: Sequence[Array]) -> _
 
 
 def _prior_variances(A: Array, flat: Array, own: Array, harmonic: Doubtful) -> Array:
-    """Variances that a harmonic's prior may have, the first for one that is absent; the last holds what
-    a fit without a prior (`flat`) found, so that nothing seen is shrunk away."""
+    """Variances that a harmonic's prior may have, the first for one that is absent; the last holds
+    what a fit without a prior (`flat`) found, so that nothing seen is shrunk away."""
     # σ of a cosine, or sine, common to all nodes: what the data tell of the harmonic as a whole
     told = float(np.mean([A[np.ix_(own[:, a], own[:, a])].sum() for a in (0, 1)]))
     one_std = 1 / np.sqrt(told)

@@ -1,5 +1,5 @@
-"""Where each coefficient of the tables and their factors stands among all that are fitted, and what of it a
-variant leaves free."""
+"""Where each coefficient of the tables and their factors stands among all that are fitted, and what
+of it a variant leaves free."""
 
 from __future__ import annotations
 
