@@ -1,6 +1,6 @@
-"""What the board of `electronics` does at a step: it reads, demodulates at a window's end, and sends a
-command on its way. Every function is compiled into the fast engine's loop and acts on the board's
-state, by the places that `electronics` names."""
+"""What the board of `electronics` does at a step: it reads, demodulates at a window's end, and
+sends a command on its way. Every function is compiled into the fast engine's loop and acts on the
+board's state, by the places that `electronics` names."""
 
 from __future__ import annotations
 
@@ -108,8 +108,8 @@ def round_to_step(value: float, step: float, limit: float) -> float:
 def find_passed_part(amplitude: float, limit: float) -> float:
     """Part of a sine's fundamental that clipping at ± limit lets through.
 
-    (2/π)(arcsin x + x√(1 − x²)), x = limit/amplitude: the describing function of a saturation, the first
-    Fourier coefficient of the clipped sine.
+    (2/π)(arcsin x + x√(1 − x²)), x = limit/amplitude: the describing function of a saturation, the
+    first Fourier coefficient of the clipped sine.
 
     Parameters
     ----------
@@ -438,8 +438,8 @@ def regulate_on_board(
 
     Examples
     --------
-    A spring by the product of the channels acts on r·(a_A/set amplitude)². A wave of half the amplitude
-    is corrected by a quarter:
+    A spring by the product of the channels acts on r·(a_A/set amplitude)². A wave of half the
+    amplitude is corrected by a quarter:
 
     >>> import numpy as np
     >>> from hrg_cli.physics.board_reading import regulate_on_board

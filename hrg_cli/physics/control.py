@@ -72,8 +72,8 @@ def find_axes(u: Array, near: Array) -> tuple[float, float, Array, Array, comple
     u
         Envelopes (2,), complex, not 0.
     near
-        The last e_A (2,): (mθ, φ) and (mθ + π, φ + π) are the same wave, and the one nearer to it is
-        taken.
+        The last e_A (2,): (mθ, φ) and (mθ + π, φ + π) are the same wave, and the one nearer to it
+        is taken.
 
     Returns
     -------
@@ -132,7 +132,8 @@ def compute_drive(
     Returns
     -------
     Drive
-        du/dt with the drive's defects, the commanded force, (a_ΦA, a_ΦB), and how the integrals move.
+        du/dt with the drive's defects, the commanded force, (a_ΦA, a_ΦB), and how the integrals
+        move.
 
     Examples
     --------

@@ -200,11 +200,11 @@ def bound_drift(
 def compute_quadrature_decay(
     mechanics: Mechanics, drive: str = "force", quadrature_gain_1_s: float = 0.0
 ) -> float:
-    """λ that holds the quadrature back: ν of a force drive, 2ν of a parametric one, whose pump damps B
-    (PHYSICS M3p), plus the loop's gain.
+    """λ that holds the quadrature back: ν of a force drive, 2ν of a parametric one, whose pump
+    damps B (PHYSICS M3p), plus the loop's gain.
 
-    In a free run-down r grows as δω sin ζ·t unchecked (PHYSICS M2); ν then stands for the growth until
-    one time constant.
+    In a free run-down r grows as δω sin ζ·t unchecked (PHYSICS M2); ν then stands for the growth
+    until one time constant.
 
     Parameters
     ----------
@@ -245,8 +245,8 @@ def find_settled_quadrature(
 ) -> Array:
     """r at which `compute_quadrature_rate` vanishes at a fixed angle, for any split.
 
-    Force: δω sin ζ/(ν − νδμ cos χ + k_q); a value beyond 1 says that there is none. Parametric: δω_s(1
-    − r²) = 2νr, so r = δω_s/(ν + √(ν² + δω_s²)), δω_s = δω sin ζ (PHYSICS §4).
+    Force: δω sin ζ/(ν − νδμ cos χ + k_q); a value beyond 1 says that there is none. Parametric:
+    δω_s(1 − r²) = 2νr, so r = δω_s/(ν + √(ν² + δω_s²)), δω_s = δω sin ζ (PHYSICS §4).
 
     Parameters
     ----------
@@ -292,8 +292,8 @@ def compute_quadrature_rate(
 ) -> Array:
     """dr/dt: the first two of seed A (7) divided, exact in r.
 
-    a_A falls freely: δω_s(1 + r²) + 2νδμ cos χ·r; is held by a force along it: δω_s − (ν_B + k_q) r; or
-    is pumped, p = ν_A + δω_s r: δω_s(1 − r²) − 2νr (PHYSICS M3p).
+    a_A falls freely: δω_s(1 + r²) + 2νδμ cos χ·r; is held by a force along it: δω_s − (ν_B + k_q)
+    r; or is pumped, p = ν_A + δω_s r: δω_s(1 − r²) − 2νr (PHYSICS M3p).
 
     Parameters
     ----------
@@ -491,8 +491,8 @@ def step_by_adams(
 ) -> Iterator[Array]:
     """y after each step by the explicit four-point Adams method, error O(step⁴).
 
-    y₄ = y₃ + Δt(55f₃ − 59f₂ + 37f₁ − 9f₀)/24 (seed A, after (10)); the first three steps by Runge–Kutta,
-    which needs no slopes before the start.
+    y₄ = y₃ + Δt(55f₃ − 59f₂ + 37f₁ − 9f₀)/24 (seed A, after (10)); the first three steps by
+    Runge–Kutta, which needs no slopes before the start.
 
     Parameters
     ----------

@@ -45,7 +45,8 @@ class Electronics:
 
 
 SILENT, NOISY, LOOPS_ON_BOARD = 0, 1, 2
-"""Kinds of `Board`: neither board nor noise, noise alone, loops that act on what the board knows."""
+"""Kinds of `Board`: neither board nor noise, noise alone, loops that act on what the board
+knows."""
 
 
 class BoardSettings(NamedTuple):

@@ -54,8 +54,8 @@ def compute_envelopes(
 def compute_stokes(u: Array) -> Array:
     """Stokes vector of envelopes (PHYSICS §0).
 
-    S₀ = |C|² + |S|², then (a_A² − a_B²)·(cos 2mθ, sin 2mθ), then 2·Im(C0 S0*) = 2 a_A a_B: quadratic,
-    so without a special place at a circle, where θ and φ alone are undetermined.
+    S₀ = |C|² + |S|², then (a_A² − a_B²)·(cos 2mθ, sin 2mθ), then 2·Im(C0 S0*) = 2 a_A a_B:
+    quadratic, so without a special place at a circle, where θ and φ alone are undetermined.
 
     Parameters
     ----------

@@ -83,8 +83,8 @@ def run(
     count
         Samples, at n·step_s, n < count.
     start_angle_rad
-        Electrical angle mθ near which the loops take the wave's at first: (mθ, φ) and (mθ + π, φ + π)
-        are one wave, but a parasitic force is coherent with φ.
+        Electrical angle mθ near which the loops take the wave's at first: (mθ, φ) and (mθ + π, φ +
+        π) are one wave, but a parasitic force is coherent with φ.
     electronics
         With it the loops act on what the board knows, else on the true wave.
     noise
@@ -138,8 +138,8 @@ def _knocks(plant: Plant, step_s: float) -> list[_Knock]:
 
 
 class _Engine:
-    """One run: its plant in its environment, its control, and what goes on from one block of samples
-    to the next (state, board, noise)."""
+    """One run: its plant in its environment, its control, and what goes on from one block of
+    samples to the next (state, board, noise)."""
 
     def __init__(
         self, environment: Environment, plant: Plant, control: Control, start: Array, step_s: float,

@@ -112,8 +112,8 @@ def _acceleration(
 def _accelerate(
     t: float, x: float, y: float, px: float, py: float, turning: float, h: float, polynomial: Array
 ) -> tuple[float, float]:
-    """Acceleration by what is not linear in the middle of a kick of length h: at the velocity p + KΩJz
-    half a kick later."""
+    """Acceleration by what is not linear in the middle of a kick of length h: at the velocity p +
+    KΩJz half a kick later."""
     vx, vy = px + turning * y, py - turning * x
     ax, ay = _acceleration(t, x, y, vx, vy, polynomial)
     return _acceleration(t, x, y, vx + 0.5 * h * ax, vy + 0.5 * h * ay, polynomial)
@@ -153,7 +153,8 @@ def advance(
     disturbance: Disturbance,
     rows: Rows,
 ) -> None:
-    """The samples of `motion` into `rows`, step by step (kick–drift–kick, seed A (3) with the forces).
+    """The samples of `motion` into `rows`, step by step (kick–drift–kick, seed A (3) with the
+    forces).
 
     Parameters
     ----------
@@ -353,8 +354,8 @@ def compile_loop(extra: Acceleration | None) -> Callable[..., None]:
     Returns
     -------
     callable
-        `advance`, compiled (and kept on disk where nothing of the caller's is inside), or plain Python
-        where numba is not installed.
+        `advance`, compiled (and kept on disk where nothing of the caller's is inside), or plain
+        Python where numba is not installed.
 
     Examples
     --------

@@ -1,5 +1,5 @@
-"""What the control does in one kick of the fast engine: the wave it sees, what it commands, the force
-that reaches the mode.
+"""What the control does in one kick of the fast engine: the wave it sees, what it commands, the
+force that reaches the mode.
 
 Force drive, resonant with the main wave (seed A (7), PHYSICS §1(c)), and parametric drive (M3p), as
 `control` has them for the envelopes; here at the phase of the sample. Every function is compiled
@@ -41,8 +41,8 @@ Array = np.ndarray
 
 
 class Command(NamedTuple):
-    """What the loops ask for: a_ΦA, a_ΦB, the spring's rate σ, and the wave as they see it: e_A, the
-    direction twice as far, e^{jφ} of the oscillator, amplitude."""
+    """What the loops ask for: a_ΦA, a_ΦB, the spring's rate σ, and the wave as they see it: e_A,
+    the direction twice as far, e^{jφ} of the oscillator, amplitude."""
 
     main: float
     quadrature: float
@@ -257,7 +257,8 @@ def regulate(
 
     Examples
     --------
-    A quadrature of 0.01 under a gain of 5 s⁻¹; the integral that it leaves is felt in the next step:
+    A quadrature of 0.01 under a gain of 5 s⁻¹; the integral that it leaves is felt in the next
+    step:
 
     >>> import numpy as np
     >>> from hrg_cli.physics.loop_forces import regulate
@@ -330,8 +331,9 @@ def make_force(
 ) -> tuple[complex, complex]:
     """Force at the electrodes before `drive_matrix`.
 
-    The main one acts along e_A, or is parametric (the stiffness pumped at twice the frequency, which
-    pushes whatever wave there is); that against quadrature acts along e_B, a quarter period later.
+    The main one acts along e_A, or is parametric (the stiffness pumped at twice the frequency,
+    which pushes whatever wave there is); that against quadrature acts along e_B, a quarter period
+    later.
 
     Parameters
     ----------

@@ -79,8 +79,9 @@ def compute_thermal_velocity2(
 def compute_thermal_kicks(mechanics: Mechanics, noise: Noise, h: float) -> Array:
     """R with R·(two standard normals) the change of the velocity in one step.
 
-    R Rᵀ = 2(k_B T/M)(e^{2Nh} − 1) ≈ 4(k_B T/M) N h. The exponential keeps the energy exact at any step:
-    what a kick adds before the samples' next look decays by e^{−2Nh} between two (PHYSICS M18).
+    R Rᵀ = 2(k_B T/M)(e^{2Nh} − 1) ≈ 4(k_B T/M) N h. The exponential keeps the energy exact at any
+    step: what a kick adds before the samples' next look decays by e^{−2Nh} between two (PHYSICS
+    M18).
 
     Parameters
     ----------
@@ -114,8 +115,8 @@ def compute_thermal_kicks(mechanics: Mechanics, noise: Noise, h: float) -> Array
 def compute_angle_random_walk(mechanics: Mechanics, noise: Noise, amplitude: float) -> float:
     """Angle random walk of the input angle by Brownian force and white drive noise.
 
-    d⟨(mθ)²⟩/dt = 2ν(k_B T/M)/(ωa)² + S_d/2a², S_d the one-sided density of the drive's force along the
-    quadrature wave; over K it is that of the input angle (PHYSICS M18).
+    d⟨(mθ)²⟩/dt = 2ν(k_B T/M)/(ωa)² + S_d/2a², S_d the one-sided density of the drive's force along
+    the quadrature wave; over K it is that of the input angle (PHYSICS M18).
 
     Parameters
     ----------

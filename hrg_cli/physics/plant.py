@@ -357,5 +357,5 @@ class SlowState:
     run: Array | None = None
     """Number of every run from 0, where several stand side by side."""
     displacement: Array | None = None
-    """Envelopes (..., 2) of the displacement, where an effect that acts on the velocity is given that
-    one's; None: both are the same."""
+    """Envelopes (..., 2) of the displacement, where an effect that acts on the velocity is given
+    that one's; None: both are the same."""

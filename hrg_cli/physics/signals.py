@@ -21,8 +21,8 @@ def make_signals(x: Array) -> Array:
     Parameters
     ----------
     x
-        (A, B, θ, φ, ψ), (..., 5): amplitudes in the signals' unit, angles in rad; θ is the electrical
-        angle.
+        (A, B, θ, φ, ψ), (..., 5): amplitudes in the signals' unit, angles in rad; θ is the
+        electrical angle.
 
     Returns
     -------

@@ -39,7 +39,8 @@ def run(
     start_angle_rad: float = 0.0,
     averaged: bool = False,
 ) -> Iterator[Block]:
-    """The samples of a run from the envelopes' equation, as `fast_engine.run` makes them sample by sample.
+    """The samples of a run from the envelopes' equation, as `fast_engine.run` makes them sample by
+    sample.
 
     Parameters
     ----------
@@ -284,8 +285,8 @@ def _velocity(u: Array, slope: Array, turn: Array, omega: float) -> Array:
 
 
 def _interpolate(path: EnvelopePath, times: Array, cell: Array, x: Array) -> Array:
-    """The envelopes (n, 2) at times: cubics, broken at the jumps; cell (n,) and part of it (n, 1) of
-    each time."""
+    """The envelopes (n, 2) at times: cubics, broken at the jumps; cell (n,) and part of it (n, 1)
+    of each time."""
     u, L, h = path.envelopes, path.generators, path.h
     values = _hermite(u, path.slope * h, cell, x)
     for k, instant, jump in path.jumps:

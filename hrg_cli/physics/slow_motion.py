@@ -1,5 +1,5 @@
-"""The right-hand side of the envelopes' equation u' = L(t) u + control + slow terms of the effects, and
-one step of it.
+"""The right-hand side of the envelopes' equation u' = L(t) u + control + slow terms of the effects,
+and one step of it.
 
 L is the solvent of the second-order equation (`resonator.find_solvent`). The linear part is stepped
 by its exact exponential, the rest by the Runge–Kutta rule of fourth order around it (Lawson).
