@@ -2,8 +2,8 @@
 
 Physics: coating, mount and stress relax; frequency and damping split change in proportion to time.
 Equation: φ̇ = ω α_t t, νδμ R(2mθ_μ) → … + t (m_c R(0) + m_s R(π/2)), t from the run's start   (PHYSICS M12).
-Size: 0.1 … 10 % per year; the parameters are per second. Mistaken for: temperature on one ramp, cubic
-stiffness in a ring-down. What separates it: the same calibration repeated; a thermal cycle.
+Size: 0.1 … 10 % per year; the parameters are per second. Mistaken for: temperature on one ramp,
+cubic stiffness in a ring-down. What separates it: the same calibration repeated; a thermal cycle.
 """
 
 from ..physics.plant import Environment, Plant, SlowState

@@ -1,7 +1,8 @@
 """Damping split that follows temperature.
 
 Physics: coating and mount lose unevenly around the rim, and each with its own temperature.
-Equation: νδμ R(2mθ_μ) → … + (T − T₀)(d_c R(0) + d_s R(π/2)); mθ̇ and d ln a/dt as those of a damping
+Equation: νδμ R(2mθ_μ) → … + (T − T₀)(d_c R(0) + d_s R(π/2)); mθ̇ and d ln a/dt as those of a
+damping
 split   (PHYSICS M1, M9).
 Size: 1e-7 … 1e-4 1/s per K. Mistaken for: a constant damping split in runs of one temperature, a
 gain mismatch that follows temperature; a constant quadrature offset r₀ of the read-out is the same

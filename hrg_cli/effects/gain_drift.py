@@ -1,8 +1,8 @@
 """Gain of the pick-off that drifts in time, both channels alike.
 
-Physics: amplifiers, references or the polarising voltage warm up or settle; both channels read
-(1 + ½ g̈ t²) times the motion. A gain that grows evenly, 1 + ġ t, is exactly another ν in a free run
-and needs no page of its own.
+Physics: amplifiers, references or the polarising voltage warm up or settle; both channels read (1 +
+½ g̈ t²) times the motion. A gain that grows evenly, 1 + ġ t, is exactly another ν in a free run and
+needs no page of its own.
 Equation: u_m = (1 + ½ g̈ t²) u, t from the run's start: an apparent damping −g̈ t and no other
 trace   (PHYSICS §8).
 Size: 1e-3 … 1e-1 over a run. Mistaken for: in free runs it is exactly a drift of the damping. What
