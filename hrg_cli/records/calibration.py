@@ -140,8 +140,8 @@ class Calibration(Record):
     def values_at(
         self, x: Array, wave_angle_rad: Array, travel_rad: Array | float = 0.0
     ) -> tuple[Array, Array]:
-        """Drift and scale factor for rows of a run; no node is too far: beyond the first and the last one
-        the curve goes straight on.
+        """Drift and scale factor for rows of a run; no node is too far: beyond the first and the
+        last one the curve goes straight on.
 
         Parameters
         ----------

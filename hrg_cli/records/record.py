@@ -68,7 +68,8 @@ class Record(NotebookView):
         Returns
         -------
         dict
-            Field name -> its declaration (unit, meaning, dimensions, what values are valid), in order.
+            Field name -> its declaration (unit, meaning, dimensions, what values are valid), in
+            order.
         """
         return {
             f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata

@@ -259,7 +259,8 @@ class Recording(Record):
         Returns
         -------
         Recording
-            Times go on from the whole recording's first sample; logs and truth are those of the whole.
+            Times go on from the whole recording's first sample; logs and truth are those of the
+            whole.
         """
         return dataclasses.replace(
             self,

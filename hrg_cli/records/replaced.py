@@ -1,5 +1,5 @@
-"""Resonators in whose place that of a diagnosis stands: what the linear one leaves is explained, and its
-own values are those of a model without the causes found."""
+"""Resonators in whose place that of a diagnosis stands: what the linear one leaves is explained,
+and its own values are those of a model without the causes found."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ EXTENDED = "extended model"
 
 
 def find_replaced(records: Sequence[Record]) -> list[int]:
-    """Linear resonators that a diagnosis of the same waves explains, with its own resonator at hand.
+    """Linear resonators that a diagnosis of the same waves explains, with its own resonator at
+    hand.
 
     Parameters
     ----------

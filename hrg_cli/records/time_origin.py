@@ -17,13 +17,13 @@ SAME_DAY_S = 86_400.0
 
 
 def measure_from_first_sample(recording: Recording) -> tuple[Recording, float]:
-    """The recording with its times counted from the first sample, where doubles on its own clock are too
-    coarse for sums with them.
+    """The recording with its times counted from the first sample, where doubles on its own clock
+    are too coarse for sums with them.
 
-    Seconds since 1970 have a spacing of 2.4e-7 s, 1.5e-3 rad at 1 kHz. The stamps themselves are given;
-    what is lost lies in window centres and phases formed from them. Their differences from the first are
-    exact (Sterbenz 1974, Floating-Point Computation). The logs beside the samples run on the same
-    clock. Nothing is read but the ends.
+    Seconds since 1970 have a spacing of 2.4e-7 s, 1.5e-3 rad at 1 kHz. The stamps themselves are
+    given; what is lost lies in window centres and phases formed from them. Their differences from
+    the first are exact (Sterbenz 1974, Floating-Point Computation). The logs beside the samples run
+    on the same clock. Nothing is read but the ends.
 
     Parameters
     ----------
@@ -33,8 +33,8 @@ def measure_from_first_sample(recording: Recording) -> tuple[Recording, float]:
     Returns
     -------
     tuple
-        The recording, and the first sample's time on its own clock [s]; as it is, and 0, where that clock
-        is fine enough.
+        The recording, and the first sample's time on its own clock [s]; as it is, and 0, where that
+        clock is fine enough.
 
     Examples
     --------

@@ -343,8 +343,8 @@ def shorten_name(path: Path) -> str:
 
 @functools.cache
 def name_host() -> str:
-    """The host, and the space of process numbers on it (of a container): within it a number names one
-    process.
+    """The host, and the space of process numbers on it (of a container): within it a number names
+    one process.
 
     Returns
     -------

@@ -98,7 +98,8 @@ def digest_dataset(dataset: h5py.Dataset) -> str:
 
 
 def digest_attributes(holder: h5py.Group | h5py.Dataset) -> str:
-    """The digest of all attributes of a group or dataset but netCDF's own and the checksums themselves.
+    """The digest of all attributes of a group or dataset but netCDF's own and the checksums
+    themselves.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
-"""Whether a dataset is what it claims: dimensions, type and unit as declared, lengths that agree, and
-no more values than its file has bytes for."""
+"""Whether a dataset is what it claims: dimensions, type and unit as declared, lengths that agree,
+and no more values than its file has bytes for."""
 
 from __future__ import annotations
 

@@ -28,7 +28,8 @@ USER_BLOCK = 512
 """Bytes of the smallest user block; larger ones are twice the one before."""
 _in_use: OrderedDict[Handle, None] = OrderedDict()
 _looked_through: set[tuple[int, ...]] = set()
-"""Files whose heaps are sound: a command opens its input several times, and looking is most of each."""
+"""Files whose heaps are sound: a command opens its input several times, and looking is most of
+each."""
 
 
 class Handle:
@@ -68,8 +69,8 @@ class Handle:
 
 
 def has_signature(path: Path) -> bool:
-    """Whether HDF5's signature stands at the file's start or behind a user block (HDF5 file format 3.0,
-    II.A).
+    """Whether HDF5's signature stands at the file's start or behind a user block (HDF5 file format
+    3.0, II.A).
 
     Parameters
     ----------
@@ -216,8 +217,8 @@ def _open_error(error: Exception, path: Path) -> HrgError:
 
 
 def explain_read_error(error: Exception, path: Path, what: str = "") -> HrgError:
-    """The sentence for a failure while an input was read: the input is to blame, or this machine; never
-    the output.
+    """The sentence for a failure while an input was read: the input is to blame, or this machine;
+    never the output.
 
     Parameters
     ----------

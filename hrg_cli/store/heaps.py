@@ -23,7 +23,8 @@ STEP = 16
 
 
 def check_heaps(path: Path) -> None:
-    """Refuse a file of which a global heap, in its head or tail, would stop the HDF5 library for ever.
+    """Refuse a file of which a global heap, in its head or tail, would stop the HDF5 library for
+    ever.
 
     Parameters
     ----------
