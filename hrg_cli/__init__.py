@@ -24,7 +24,9 @@ from typing import TYPE_CHECKING, Any
 
 from .version import __version__ as __version__
 
-if TYPE_CHECKING:  # what a type checker and an editor see; the names load on first use (PEP 562), a test holds both lists together
+# what a type checker and an editor see; the names load on first use (PEP 562), a test holds both
+# lists together
+if TYPE_CHECKING:
     from . import store as store
     from .errors import HrgError as HrgError
     from .records import Calibration as Calibration

@@ -76,7 +76,8 @@ class Work:
 def _step_of_recording(
     work: Work, stage: str, read: Sequence[Path], output: Path, note: Path
 ) -> Step:
-    """Import or a stage, and what it says; the last one tells whether the wave was free or driven."""
+    """Import or a stage, and what it says; the last one tells whether the wave was free or
+    driven."""
     record = (
         _import_logs(work, read, output, note)
         if stage == "import"
@@ -162,8 +163,8 @@ def recording_to_wave(
 def waves_to_results(
     work: Work, free: Sequence[Path], forced: Sequence[Path], stages: Sequence[str] = RESULTS
 ) -> Iterator[Step]:
-    """Identify free runs, diagnose free ones (forced where there are none) with the identified resonator
-    beside them, calibrate and compensate forced ones.
+    """Identify free runs, diagnose free ones (forced where there are none) with the identified
+    resonator beside them, calibrate and compensate forced ones.
 
     Parameters
     ----------

@@ -19,8 +19,8 @@ def is_no_memory(error: BaseException) -> bool:
     Parameters
     ----------
     error
-        Python's own, the system's, that of a compiler that could not even say so, or that of a library
-        that could not be loaded.
+        Python's own, the system's, that of a compiler that could not even say so, or that of a
+        library that could not be loaded.
 
     Returns
     -------

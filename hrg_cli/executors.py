@@ -240,8 +240,8 @@ def connect_dask(address: str | None, jobs: int) -> Iterator[Executor]:
 
 @contextlib.contextmanager
 def _interrupts_held_back() -> Iterator[None]:
-    """Ctrl-C reaches every process of a terminal: workers started in here, and by threads started in
-    here, leave it to this one, which ends them."""
+    """Ctrl-C reaches every process of a terminal: workers started in here, and by threads started
+    in here, leave it to this one, which ends them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -317,8 +317,8 @@ def run_tasks(
     done
         Called with how many are done.
     then
-        Called with a task that ended and its result: tasks that follow from it. They go before those
-        that wait, and are told to `then` in their turn.
+        Called with a task that ended and its result: tasks that follow from it. They go before
+        those that wait, and are told to `then` in their turn.
 
     Returns
     -------
@@ -368,8 +368,8 @@ def _together(
     queue: deque[int],
     ended: Callable[[int, Any], None],
 ) -> list[int]:
-    """Work off the queue, which may grow meanwhile, until it is empty or the executor is broken; the
-    tasks whose process was killed."""
+    """Work off the queue, which may grow meanwhile, until it is empty or the executor is broken;
+    the tasks whose process was killed."""
     running: dict[Future[Any], int] = {}
     lost: list[int] = []
     broken = False

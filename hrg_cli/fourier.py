@@ -22,9 +22,9 @@ def build_harmonic_basis(
 ) -> Array:
     """Columns 1, cos 2mθ, sin 2mθ, …, sin 2mKθ, averaged along what the wave travels.
 
-    A harmonic nθ averaged along a stretch Δθ that is crossed evenly loses the factor sin(nΔθ/2)/(nΔθ/2).
-    Between two averages over blocks of windows it loses a second one, of the travel within a block:
-    the weight is the convolution of both boxes.
+    A harmonic nθ averaged along a stretch Δθ that is crossed evenly loses the factor
+    sin(nΔθ/2)/(nΔθ/2). Between two averages over blocks of windows it loses a second one, of the
+    travel within a block: the weight is the convolution of both boxes.
 
     Parameters
     ----------

@@ -89,16 +89,16 @@ def check(record: Record, limits: Mapping[str, Any]) -> list[Row]:
     record
         A result of any kind.
     limits
-        Tables of limits, name = { minimum = …, maximum = … } or a bare limit, which is a maximum; in a
-        table of the record's kind ([calibration], [resonator], …) or at the top. Names are those of
-        the kind's figures (`list_figures`), nested keys joined by points; numbers are in SI, text has a
-        unit ("5 deg/h", "200 ppm").
+        Tables of limits, name = { minimum = …, maximum = … } or a bare limit, which is a maximum;
+        in a table of the record's kind ([calibration], [resonator], …) or at the top. Names are
+        those of the kind's figures (`list_figures`), nested keys joined by points; numbers are in
+        SI, text has a unit ("5 deg/h", "200 ppm").
 
     Returns
     -------
     list[Row]
-        Each figure in SI with its limits, its standard deviation where the file knows it, and whether
-        it passed; a figure that the file does not hold does not.
+        Each figure in SI with its limits, its standard deviation where the file knows it, and
+        whether it passed; a figure that the file does not hold does not.
 
     Raises
     ------
@@ -360,8 +360,8 @@ def list_figures(record: Record) -> dict[str, float]:
     Returns
     -------
     dict[str, float]
-        Figures in SI by name, nested keys joined by points; beside a figure whose standard deviation
-        is known, NAME_std.
+        Figures in SI by name, nested keys joined by points; beside a figure whose standard
+        deviation is known, NAME_std.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """The measured part of a drift model, seed A (11) or (12), for the exports: columns of the CSV,
 formula of the JSON, a C function.
 
-The formulas are those of `stages.calibration.interpolation.compute_measured_drift`, with the 1/(1 − r²)
-they were fitted with.
+The formulas are those of `stages.calibration.interpolation.compute_measured_drift`, with the 1/(1 −
+r²) they were fitted with.
 """
 
 from __future__ import annotations

@@ -284,7 +284,8 @@ def write_first(
     force: bool,
     command_line: str,
 ) -> AnyRecord:
-    """Write the record of a command that starts a chain (import, simulate, calibrate on a foreign table).
+    """Write the record of a command that starts a chain (import, simulate, calibrate on a foreign
+    table).
 
     Parameters
     ----------

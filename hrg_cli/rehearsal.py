@@ -58,8 +58,8 @@ def rehearse_file(
     Raises
     ------
     HrgError
-        Another kind of file, an input that is not found or was changed, no twin can be made, too much
-        work.
+        Another kind of file, an input that is not found or was changed, no twin can be made, too
+        much work.
 
     Examples
     --------
@@ -309,8 +309,8 @@ def _must(found: Path | None, source: Source, path: Path) -> Path:
 
 
 def find_source(source: Source, folder: Path, beside: Sequence[Path]) -> Path | None:
-    """The file with a source's SHA-256: named by the user, under its own name in the folder, or under
-    another one there.
+    """The file with a source's SHA-256: named by the user, under its own name in the folder, or
+    under another one there.
 
     Parameters
     ----------

@@ -21,7 +21,8 @@ from .errors import HrgError, UsageError, name_some
 
 @functools.cache
 def make_model(stage: Callable[..., Any]) -> Any:
-    """The pydantic model of a stage's keyword-only settings: strict, frozen, no unknown key, no NaN.
+    """The pydantic model of a stage's keyword-only settings: strict, frozen, no unknown key, no
+    NaN.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
-"""The inputs of a command: what they are, that they hold no samples twice, and that they stay as they are
-while they are read."""
+"""The inputs of a command: what they are, that they hold no samples twice, and that they stay as
+they are while they are read."""
 
 from __future__ import annotations
 

@@ -70,8 +70,8 @@ def to_trade(name: str, value: float) -> tuple[str, float, str]:
     Returns
     -------
     tuple
-        The name in words, the value, the trade's unit; the unit is empty where the trade has none of
-        its own.
+        The name in words, the value, the trade's unit; the unit is empty where the trade has none
+        of its own.
 
     Examples
     --------

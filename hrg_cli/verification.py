@@ -43,8 +43,8 @@ class FileState:
 
 
 def verify(paths: Sequence[Path]) -> list[FileState]:
-    """Hold files, the hrg files of folders and every source of theirs in the same folders against what
-    was written.
+    """Hold files, the hrg files of folders and every source of theirs in the same folders against
+    what was written.
 
     Parameters
     ----------

@@ -187,7 +187,8 @@ def _needed_of(path: Path) -> AbstractContextManager[Record]:
 
 
 def _answer_one_gyro(done: Sequence[Checked]) -> Answer | None:
-    """The answer of the files; None where they are of several gyros, for an answer is one gyro's."""
+    """The answer of the files; None where they are of several gyros, for an answer is one
+    gyro's."""
     records = [one.record for one in done]
     if len({getattr(record, "gyro_id", "") for record in records}) != 1:
         return None

@@ -1,4 +1,5 @@
-"""What every command is given by the options that all have, and how it ends: settings, output, report."""
+"""What every command is given by the options that all have, and how it ends: settings, output,
+report."""
 
 from __future__ import annotations
 

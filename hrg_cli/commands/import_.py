@@ -64,8 +64,8 @@ def main(
     ] = False,
     **flags: Any,
 ) -> None:
-    """A laboratory's log (CSV, .csv.gz, WAV, FLAC, MATLAB, NumPy, TDMS, Parquet, LabOne; - for standard
-    input) to a recording.
+    """A laboratory's log (CSV, .csv.gz, WAV, FLAC, MATLAB, NumPy, TDMS, Parquet, LabOne; - for
+    standard input) to a recording.
 
     With --envelope, a log of demodulated signals (I and Q of one or two channels, amplitude and
     phase, or amplitude alone) to periods.

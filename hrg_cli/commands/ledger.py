@@ -185,7 +185,8 @@ def history(
     by: Compared = By.station,
     since: Since = None,
 ) -> None:
-    """Every result of one gyro, and how each figure moved: in σ, in shares of its limit, per day."""
+    """Every result of one gyro, and how each figure moved: in σ, in shares of its limit, per
+    day."""
     chosen = (kind.value if kind else None, figure or [], since)
     run.finish(*_show_history(run, gyro, ledger, limits, chosen, guard_sigma, by.value))
 

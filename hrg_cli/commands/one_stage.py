@@ -70,7 +70,8 @@ def run_stage_on_files(
     if rehearse is None:
         run.finish(outcome.json, lambda: _show(outcome))
         return
-    # A rehearsal needs the whole chain, the simulation and the diagnosis too, which take a second to load.
+    # A rehearsal needs the whole chain, the simulation and the diagnosis too, which take a second
+    # to load.
     from .rehearse import rehearse_outcome
     from .rehearse import show as show_rehearsal
 

@@ -44,8 +44,8 @@ def main(
     """Whether a result's errors hold: its programme again and again on a simulated twin, through
     raw samples and the same stages.
 
-    FILE: a resonator, calibration or diagnosis file, whose waves are found in its folder by their SHA-256 or
-    named beside it. The verdict is written into the file's status.
+    FILE: a resonator, calibration or diagnosis file, whose waves are found in its folder by their
+    SHA-256 or named beside it. The verdict is written into the file's status.
     """
     with console.show_progress("rehearse", run.quiet or run.json) as progress:
         report, show = _rehearse_files(files or [], run, flags, keep_file, progress)

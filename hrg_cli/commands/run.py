@@ -235,8 +235,9 @@ def _need_result(steps: Sequence[Step], made_folder: Path | None) -> None:
 
 
 def _judge(steps: Sequence[Step], rows: Sequence[Row]) -> dict[str, Any]:
-    """Kind, status and reasons of the whole: the worst of its steps, where a diagnosis explains what
-    the linear resonator leaves without that one; refused where a step failed or a limit is missed."""
+    """Kind, status and reasons of the whole: the worst of its steps, where a diagnosis explains
+    what the linear resonator leaves without that one; refused where a step failed or a limit is
+    missed."""
     deciding = (
         [step for step in steps if step.name != "identify"] if _is_explained(steps) else steps
     )
@@ -355,8 +356,8 @@ def read_rehearsals(tables: Mapping[str, Any]) -> dict[str, Any] | None:
 def list_reasons(steps: Sequence[Step]) -> list[str]:
     """Every reason of a chain once.
 
-    What a result inherits from its inputs is told at the input, and the same reason of many files once
-    for all.
+    What a result inherits from its inputs is told at the input, and the same reason of many files
+    once for all.
 
     Parameters
     ----------

@@ -101,7 +101,8 @@ def main(
 OF_RECORDINGS, RESUMED = ("recovery",), ("programmes", "recovery")
 """Studies of the user's own recordings, and those that take up what an interrupted one has done."""
 OF_NO_ROW = ("jobs", "programmes")
-"""Settings that no row of a study depends on: how the work is shared, and how much of it there is."""
+"""Settings that no row of a study depends on: how the work is shared, and how much of it there
+is."""
 
 
 def _run_study(
@@ -161,8 +162,8 @@ def _settings_of_study(
 def _write_study(
     place: Path, figure: Any, shown: Sequence[Any], report: Mapping[str, Any], force: bool
 ) -> None:
-    """Figure, table and report beside one another, each whole or not at all; the report last, so that
-    it says that the others are there."""
+    """Figure, table and report beside one another, each whole or not at all; the report last, so
+    that it says that the others are there."""
     with write_whole(place.with_suffix(".png"), force) as temporary:
         figure.savefig(temporary, format="png", dpi=120)
     with (

@@ -1,4 +1,5 @@
-"""The grid of a C header: as fine as the tables' own errors ask for, its interpolation, its integers."""
+"""The grid of a C header: as fine as the tables' own errors ask for, its interpolation, its
+integers."""
 
 from __future__ import annotations
 

@@ -133,8 +133,8 @@ def _csv(calibration: Calibration) -> str:
 
 
 def _midway(calibration: Calibration) -> dict[str, np.ndarray]:
-    """Standard deviations (node, angle) of D and K midway to the next node (the last one's: to the node before), by
-    column; none where interpolation adds nothing that was estimated."""
+    """Standard deviations (node, angle) of D and K midway to the next node (the last one's: to the
+    node before), by column; none where interpolation adds nothing that was estimated."""
     nodes, angles = np.asarray(calibration.node, float), np.asarray(calibration.wave_angle_rad)
     if len(nodes) < 2 or not read_interpolation_std(calibration):
         return {}

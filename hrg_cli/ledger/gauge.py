@@ -73,8 +73,8 @@ class GaugeStudy:
 
     @property
     def categories(self) -> float:
-        """Groups of gyros that the gauge tells apart, 1.41 σ_gyro/σ_gauge (AIAG, Measurement Systems
-        Analysis, ndc)."""
+        """Groups of gyros that the gauge tells apart, 1.41 σ_gyro/σ_gauge (AIAG, Measurement
+        Systems Analysis, ndc)."""
         return math.sqrt(2) * self.gyro_std / self.gauge_std if self.gauge_std > 0 else math.inf
 
 

@@ -44,8 +44,9 @@ MOST_MOVED_SIGMA = 5.0
 
 @dataclass(frozen=True)
 class History:
-    """Everything `tell_history` tells: the results in the order of processing, which of them count (not
-    refused, not processed again later), the figures, and the newest ones' rows against limits."""
+    """Everything `tell_history` tells: the results in the order of processing, which of them count
+    (not refused, not processed again later), the figures, and the newest ones' rows against
+    limits."""
 
     gyro_id: str
     entries: tuple[Entry, ...]

@@ -1,5 +1,5 @@
-"""A lot's results into the ledger: every gyro's files, with the station and so on that the lot tells
-of it."""
+"""A lot's results into the ledger: every gyro's files, with the station and so on that the lot
+tells of it."""
 
 from __future__ import annotations
 

@@ -22,7 +22,8 @@ of them over many gyros."""
 
 @dataclass(frozen=True)
 class FigureSeries:
-    """A figure of n results: values, their σ (NaN where unknown), times in s, and whose they are."""
+    """A figure of n results: values, their σ (NaN where unknown), times in s, and whose they
+    are."""
 
     name: str
     units: str

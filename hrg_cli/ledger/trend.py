@@ -25,8 +25,8 @@ class Move:
 
 @dataclass(frozen=True)
 class Trend:
-    """Slope per day with its σ, and how far the values lie from the line over their own σ, √(χ²/dof)
-    (None without σ or degrees of freedom); a value above 1 has widened the slope's σ."""
+    """Slope per day with its σ, and how far the values lie from the line over their own σ,
+    √(χ²/dof) (None without σ or degrees of freedom); a value above 1 has widened the slope's σ."""
 
     slope_per_day: float
     slope_std: float

@@ -23,8 +23,8 @@ Array = np.ndarray
 
 
 LARGER = 2.0**40
-"""Times the unit signal at which a linear read-out does the same: what leaves small signals alone or
-takes them away (a dead zone of some counts) is none, in any unit."""
+"""Times the unit signal at which a linear read-out does the same: what leaves small signals alone
+or takes them away (a dead zone of some counts) is none, in any unit."""
 SINGULAR = 1e6
 """Condition of the channels' matrix from which it is not undone."""
 MEASURED = {

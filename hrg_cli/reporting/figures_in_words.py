@@ -1,5 +1,5 @@
-"""The figures of a file or a command for people: words, not keys; the unit behind the number; nothing
-about what is not there."""
+"""The figures of a file or a command for people: words, not keys; the unit behind the number;
+nothing about what is not there."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ SPREADS = {
     *("std", "rms", "chi2", "error", "residual", "noise", "walk", "instability"),
     *("condition", "ratio", "share", "count"),
 }
-"""Words of figures that say how large a scatter, a misfit or a share is: known to a part in a hundred
-or worse."""
+"""Words of figures that say how large a scatter, a misfit or a share is: known to a part in a
+hundred or worse."""
 COUNTED = ("rows", "windows", "usable", "runs")
 """Counts that are told also where they are zero."""
 NONE_AT_ZERO = ("residual_rms", "c_add_offset", "s_add_offset")

@@ -1,5 +1,5 @@
-"""The pages of the ledger: of all gyros (standing, charts, capability, gauge study, golden unit) and
-of one gyro over time; each one HTML file that needs no network.
+"""The pages of the ledger: of all gyros (standing, charts, capability, gauge study, golden unit)
+and of one gyro over time; each one HTML file that needs no network.
 
 The same ledger gives the same bytes.
 """

@@ -1,5 +1,5 @@
-"""The tables of a diagnosis: supplied values, causes, gains on data not used, what is left, what cannot
-be told apart, what was tested.
+"""The tables of a diagnosis: supplied values, causes, gains on data not used, what is left, what
+cannot be told apart, what was tested.
 """
 
 from __future__ import annotations
@@ -118,8 +118,8 @@ def _list_inseparable(groups: Sequence[dict[str, Any]]) -> list[PageTable]:
 
 
 def _list_tested(tested: Sequence[dict[str, Any]]) -> list[PageTable]:
-    """Every cause that was looked for and can be seen: its score beside what was found, and how large
-    it can be at most."""
+    """Every cause that was looked for and can be seen: its score beside what was found, and how
+    large it can be at most."""
     rows = [
         (
             say_in_words(clean_text(e.get("name"))),

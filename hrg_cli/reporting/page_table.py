@@ -1,5 +1,5 @@
-"""A table of the page, and any JSON object as such tables: words, not keys; the unit behind the number;
-a value and its σ as one."""
+"""A table of the page, and any JSON object as such tables: words, not keys; the unit behind the
+number; a value and its σ as one."""
 
 from __future__ import annotations
 
@@ -150,8 +150,8 @@ def _named_by(key: str) -> str:
 
 
 def _tell(key: str, beside: Mapping[str, Any], within: str = "") -> str:
-    """The value of a key, with the σ that stands beside it; a key without a unit has that of the one
-    that holds it (`within`)."""
+    """The value of a key, with the σ that stands beside it; a key without a unit has that of the
+    one that holds it (`within`)."""
     value = beside.get(key)
     if isinstance(value, Mapping):
         return _tell_mapping(key, value)

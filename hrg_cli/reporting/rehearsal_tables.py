@@ -1,5 +1,5 @@
-"""The tables of a rehearsal on the screen and on its page: every figure in words, and how often each cause
-was named."""
+"""The tables of a rehearsal on the screen and on its page: every figure in words, and how often
+each cause was named."""
 
 from __future__ import annotations
 

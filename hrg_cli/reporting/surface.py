@@ -1,5 +1,5 @@
-"""The surface D(T, θ) that is turned by hand on the page: its data, computed beforehand and drawn by
-the page's script."""
+"""The surface D(T, θ) that is turned by hand on the page: its data, computed beforehand and drawn
+by the page's script."""
 
 from __future__ import annotations
 

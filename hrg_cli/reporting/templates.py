@@ -1,4 +1,5 @@
-"""How every page is made of its template: style sheet and scripts inside, whatever a file says as text.
+"""How every page is made of its template: style sheet and scripts inside, whatever a file says as
+text.
 
 A page runs the scripts that it was made with and no others: their SHA-256 stands in its content
 security policy.

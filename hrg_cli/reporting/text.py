@@ -59,7 +59,8 @@ def shorten(text: str, most: int) -> str:
     Returns
     -------
     str
-        Two parts of three from its beginning: a file's suffix, and what is to be done, stand at the end.
+        Two parts of three from its beginning: a file's suffix, and what is to be done, stand at the
+        end.
 
     Examples
     --------
@@ -82,8 +83,8 @@ def fold_line(text: str) -> str:
     Returns
     -------
     str
-        A foreign word (a key of a damaged file) that would fill it is shown by its ends, and so is what is
-        too long for a message; paths stay whole.
+        A foreign word (a key of a damaged file) that would fill it is shown by its ends, and so is
+        what is too long for a message; paths stay whole.
 
     Examples
     --------
@@ -155,8 +156,8 @@ def escape_c_comment(value: Any) -> str:
     Returns
     -------
     str
-        One line of ASCII, `LONGEST_COMMENT` characters at most, that neither ends the comment nor opens
-        another.
+        One line of ASCII, `LONGEST_COMMENT` characters at most, that neither ends the comment nor
+        opens another.
 
     Examples
     --------

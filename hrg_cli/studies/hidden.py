@@ -350,7 +350,8 @@ def fit_base(
 
 
 def _temperature_of(run: int, cycles: bool) -> dict[str, Any]:
-    """The temperature of a run: ramps up and down of several sizes, or cycles of several periods."""
+    """The temperature of a run: ramps up and down of several sizes, or cycles of several
+    periods."""
     if cycles:
         return {
             "kind": "cycle",

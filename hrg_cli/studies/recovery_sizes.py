@@ -1,5 +1,5 @@
-"""How large an effect is hidden in a user's recordings: in σ of an ideal detector that knows it, with
-the base model and the background's causes as free as these runs and weak priors leave them.
+"""How large an effect is hidden in a user's recordings: in σ of an ideal detector that knows it,
+with the base model and the background's causes as free as these runs and weak priors leave them.
 
 Fisher's information of columns S over σ beside a model J with its covariance: SᵀS − SᵀJ Cov JᵀS.
 """

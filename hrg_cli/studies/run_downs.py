@@ -264,8 +264,8 @@ def _mean_generator(gyro: Mechanics, mean: Array, slope: Array, step: Array) -> 
     """L̄ with exp(L̄ h) the motion over steps h (n,) along which the rate changes evenly, to h⁴.
 
     L̄ = L(Ω̄) + h² Ω̇² L''/24 + h² Ω̇ [L', L]/12: the mean of a quadratic in Ω, whose variance
-    within a step is h² Ω̇²/12, and the second term of Magnus' series (' is ∂/∂Ω). With L(Ω̄) alone a
-    scale factor that is known to 1e-6 was off by 3 of its σ.
+    within a step is h² Ω̇²/12, and the second term of Magnus' series (' is ∂/∂Ω). With L(Ω̄) alone
+    a scale factor that is known to 1e-6 was off by 3 of its σ.
     """
     still = resonator.build_generator(gyro, mean)
     faster, slower = (resonator.build_generator(gyro, mean + change) for change in (1.0, -1.0))

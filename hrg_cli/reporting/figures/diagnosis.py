@@ -78,8 +78,8 @@ Score = tuple[str, float, int]
 
 
 def _scores(report: dict[str, Any]) -> tuple[list[Score], list[Score]]:
-    """The causes found, in the order found, and what scores of the others that these runs can show are
-    left beside them, the strongest first."""
+    """The causes found, in the order found, and what scores of the others that these runs can show
+    are left beside them, the strongest first."""
     found: list[Score] = [
         (say_in_words(str(e.get("name"))), abs(read_float(e.get("z"))), 0)
         for e in list_entries(report, "effects")

@@ -1,5 +1,5 @@
-"""How to read a figure: what good and bad look like, by the figure's key; the answer's, the lot's and the
-ledger's figures say it with their numbers."""
+"""How to read a figure: what good and bad look like, by the figure's key; the answer's, the lot's
+and the ledger's figures say it with their numbers."""
 
 from __future__ import annotations
 

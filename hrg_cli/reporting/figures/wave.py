@@ -112,7 +112,8 @@ def _rows_of_course(record: Wave) -> list[tuple[str, str, float, str]]:
 def _draw_truth(
     ax: Any, record: Wave, truth: Recording, name: str, values: Array, scale: float
 ) -> bool:
-    """The simulated value beside the estimates, on the branch of theirs; False where none is known."""
+    """The simulated value beside the estimates, on the branch of theirs; False where none is
+    known."""
     expected = getattr(truth, f"truth_{name}", None)
     if expected is None or truth.truth_time_s is None:
         return False

@@ -24,8 +24,8 @@ class BaseValue(Estimated):
     assumed: bool = False
     """Whether the runs do not show it: the value is what is usual, σ as large as that."""
     sum_with: list[str] = Field(default=[])
-    """Causes of the drive, and loops that act late (`loop_delay`), that these runs cannot tell from it:
-    the value is the sum, and σ holds what they may add."""
+    """Causes of the drive, and loops that act late (`loop_delay`), that these runs cannot tell from
+    it: the value is the sum, and σ holds what they may add."""
 
 
 class Held(Shape):
@@ -128,8 +128,8 @@ class NotSeparable(Shape):
     effects: list[str]
     """Effects that are one to these runs."""
     base: str | None
-    """What of the base model hides them, or the mistake of one run that leaves as little; null: they hide
-    one another."""
+    """What of the base model hides them, or the mistake of one run that leaves as little; null:
+    they hide one another."""
     next_experiment: str | None
     """The run that would tell."""
 
