@@ -113,10 +113,10 @@ def calibrate(
     """Drift and scale-factor tables from forced whole-angle runs, by generalised least squares on
     increments of the wave angle.
 
-    m(θ̄_{i+1} − θ̄_i) = ∫w[−K(T,θ)Ω + D(T,θ)]dt (seed A after (7), PHYSICS §0), D and K Fourier series
-    in 2mθ with coefficients at nodes. All runs are fitted jointly; each run's white angle noise and
-    angle random walk are estimated from its own residuals. A programme that cannot give the tables
-    yields a record of status "refused" whose reasons name the missing run.
+    m(θ̄_{i+1} − θ̄_i) = ∫w[−K(T,θ)Ω + D(T,θ)]dt (seed A after (7), PHYSICS §0), D and K Fourier
+    series in 2mθ with coefficients at nodes. All runs are fitted jointly; each run's white angle
+    noise and angle random walk are estimated from its own residuals. A programme that cannot give
+    the tables yields a record of status "refused" whose reasons name the missing run.
 
     Parameters
     ----------
@@ -255,9 +255,9 @@ def _with_use(record: Calibration, details: dict[str, Any], fitted: Fitted) -> C
 
 
 def _with_notes(record: Calibration, chosen: Chosen) -> Calibration:
-    """The record with the checks of what its tables do not know between nodes, and what they take for
-    granted of the thermometer; it stays valid, since its standard deviations hold the one, and the
-    other is said."""
+    """The record with the checks of what its tables do not know between nodes, and what they take
+    for granted of the thermometer; it stays valid, since its standard deviations hold the one, and
+    the other is said."""
     between, details = check_between(record), json.loads(record.details)
     details["checks"] += [check.to_json() for check in between]
     told = list(dict.fromkeys(list_failures(between)))

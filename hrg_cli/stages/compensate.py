@@ -72,8 +72,8 @@ def compensate(
     Raises
     ------
     HrgError
-        Another gyro or mode number, refused tables, a temperature outside the tables, a run that was
-        compensated before, a rate log of the wrong sign.
+        Another gyro or mode number, refused tables, a temperature outside the tables, a run that
+        was compensated before, a rate log of the wrong sign.
 
     Examples
     --------
@@ -238,9 +238,9 @@ def _compute_rate_std(
 
     Noise is that of the wave angle and the gyro's own walk N [rad/√s], as its calibration has found
     it: σ² = m²(σ²_i + σ²_{i+1})/(KΔt)² + N²(Δt − (w_i + w_{i+1})/6)/Δt² with blocks of width w.
-    Neighbouring increments share a block's angle, so of the noise the first is anticorrelated, −½ in
-    even windows, and sums up to the noise of the first and the last angle; the walk grows as N√t,
-    whatever is summed up. The tables' part is common to all
+    Neighbouring increments share a block's angle, so of the noise the first is anticorrelated, −½
+    in even windows, and sums up to the noise of the first and the last angle; the walk grows as
+    N√t, whatever is summed up. The tables' part is common to all
     increments at a temperature and an angle. What σ of a block moves the tables' place is
     D'Δt/2m ≪ 1 of the first part and left out.
 

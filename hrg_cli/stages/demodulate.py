@@ -72,11 +72,11 @@ def demodulate(
     frequency.
 
     C = c_cos·cos ω_r t + c_sin·sin ω_r t and the same of S, fitted about each window's centre; with
-    a carrier the coefficients at both side bands |ω_c ∓ ω| (seed B (1), PHYSICS §3). Memory does not
-    grow with the recording. With `from_s`, `to_s` the rest is as if it had not been recorded, but
-    rows keep the times of the whole recording, to which the reference phase, the auxiliary log and
-    `start_time` belong. Times whose clock began so long before that doubles are too coarse (seconds
-    since 1970) count from the first sample; details keep its time as `clock_origin_s`.
+    a carrier the coefficients at both side bands |ω_c ∓ ω| (seed B (1), PHYSICS §3). Memory does
+    not grow with the recording. With `from_s`, `to_s` the rest is as if it had not been recorded,
+    but rows keep the times of the whole recording, to which the reference phase, the auxiliary log
+    and `start_time` belong. Times whose clock began so long before that doubles are too coarse
+    (seconds since 1970) count from the first sample; details keep its time as `clock_origin_s`.
 
     Parameters
     ----------

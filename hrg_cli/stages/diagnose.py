@@ -2,8 +2,8 @@
 remains, and what is gained.
 
 Steps: runs that are not what they say, tones and lost samples taken out, causes searched and held
-against all that could stand in their place, the model written and simulated, the closing checks that
-give the word, and a forecast of data that taught nothing.
+against all that could stand in their place, the model written and simulated, the closing checks
+that give the word, and a forecast of data that taught nothing.
 """
 
 from __future__ import annotations
@@ -114,8 +114,8 @@ def diagnose(
     Parameters
     ----------
     waves
-        Runs of one gyro, free and forced together, each (n,) rows with angles in rad and logged rate
-        [rad/s] and temperature [°C] where they were logged.
+        Runs of one gyro, free and forced together, each (n,) rows with angles in rad and logged
+        rate [rad/s] and temperature [°C] where they were logged.
     resonator
         The values that are believed; the report says which of them the runs contradict.
     extra_effects
@@ -205,8 +205,8 @@ class Asked:
 
 @dataclass(frozen=True)
 class InSamples:
-    """What the samples show before any dynamics: the causes' entries, these and the dynamics' causes
-    as effects, lines of the spectrum, the tone nearest to the oscillation, and what nothing
+    """What the samples show before any dynamics: the causes' entries, these and the dynamics'
+    causes as effects, lines of the spectrum, the tone nearest to the oscillation, and what nothing
     explains: frequencies of lines, a sentence on odd windows."""
 
     shown: list[dict[str, Any]]

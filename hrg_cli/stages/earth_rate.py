@@ -34,8 +34,8 @@ def find_earth_rate(
 ) -> float:
     """Component of the Earth's rotation along a gyro's sensitive axis.
 
-    Ω_E (sin φ cos τ + cos φ sin τ cos α): latitude φ, the axis tilted by τ from the vertical towards the
-    azimuth α from north.
+    Ω_E (sin φ cos τ + cos φ sin τ cos α): latitude φ, the axis tilted by τ from the vertical
+    towards the azimuth α from north.
 
     Parameters
     ----------

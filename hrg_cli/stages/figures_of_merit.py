@@ -329,7 +329,8 @@ def compute_allan_figures(
     Returns
     -------
     AllanFigures
-        Deviation, coefficients and their 95 % intervals; a coefficient that is not told from zero is 0.
+        Deviation, coefficients and their 95 % intervals; a coefficient that is not told from zero
+        is 0.
 
     Raises
     ------

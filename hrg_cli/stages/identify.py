@@ -114,7 +114,8 @@ def identify(
     Raises
     ------
     HrgError
-        No usable run, mixed mode numbers or gyros, a run driven throughout (but for `working-mode`).
+        No usable run, mixed mode numbers or gyros, a run driven throughout (but for
+        `working-mode`).
 
     Examples
     --------

@@ -51,8 +51,8 @@ def inject(
     samples.
 
     A read-out effect acts on the samples by its own fast term; one of the motion multiplies their
-    analytic signal by T(t), u₁ = T u₀: the slow model u' = L u (PHYSICS §0) integrated along the run
-    with and without it, from one start.
+    analytic signal by T(t), u₁ = T u₀: the slow model u' = L u (PHYSICS §0) integrated along the
+    run with and without it, from one start.
 
     Parameters
     ----------

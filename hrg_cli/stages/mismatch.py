@@ -48,8 +48,8 @@ def mismatch(
 ) -> Mismatch:
     """Mismatch signals of the good windows: what control loops act on.
 
-    A₀ − a_A, a_B, φ and θ of each window (seed B's computing component), known half a window and the
-    computing time late.
+    A₀ − a_A, a_B, φ and θ of each window (seed B's computing component), known half a window and
+    the computing time late.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
-"""The checks that come before any fit of several runs: they are of one gyro, by what their files say
-and by their frequencies, and each was recorded once."""
+"""The checks that come before any fit of several runs: they are of one gyro, by what their files
+say and by their frequencies, and each was recorded once."""
 
 from __future__ import annotations
 

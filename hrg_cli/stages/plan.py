@@ -75,8 +75,8 @@ def plan(
 ) -> Plan:
     """Choose runs of a menu by their Fisher information.
 
-    Each run of the menu adds JᵀJ/σ² to the information of the open causes and the resonator; the runs
-    that separate the closest pair, or shrink the worst variance, are taken one after another.
+    Each run of the menu adds JᵀJ/σ² to the information of the open causes and the resonator; the
+    runs that separate the closest pair, or shrink the worst variance, are taken one after another.
 
     Parameters
     ----------
@@ -144,7 +144,8 @@ def plan(
 
 
 def _worth_of(prospects: Prospects, asked: Sequence[Question]) -> Callable[[Array], float]:
-    """What an information is worth: separations where causes are to be told apart, else variance."""
+    """What an information is worth: separations where causes are to be told apart, else
+    variance."""
     if asked:
         return partial(sum_separations, questions=asked, layout=prospects.layout)
     return partial(compute_log_information, m=prospects.mechanics)

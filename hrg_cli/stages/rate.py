@@ -88,8 +88,8 @@ def rate(
     -------
     Compensated
         At each node: time [s], Ω [rad/s] and its integral from the first node [rad], each with its
-        standard deviation; where a rate was logged, what the plain and the fitted estimate leave of it [rad/s];
-        with a calibration the mean rate by its tables about each node [rad/s].
+        standard deviation; where a rate was logged, what the plain and the fitted estimate leave of
+        it [rad/s]; with a calibration the mean rate by its tables about each node [rad/s].
 
     Raises
     ------
@@ -201,8 +201,8 @@ def _record_of(
 def _check_tables(
     found: RateEstimate, beside: TableRate, wave: Wave, resonator: Resonator
 ) -> list[Check]:
-    """Whether the tables' mean rate is the model's within the errors of both; which delay of the loops
-    would part them."""
+    """Whether the tables' mean rate is the model's within the errors of both; which delay of the
+    loops would part them."""
     apart = beside.mean_difference_rad_s
     own = np.hypot(np.sqrt(found.covariance.sum()) / len(found.time_s), beside.own_std_rad_s)
     if apart is None or not own > 0:
@@ -406,8 +406,8 @@ def _subtract_log(estimate: Array, wave: Wave, stretch: Array, time_s: Array) ->
 
 
 def _figures(found: RateEstimate, before: Array | None, after: Array | None) -> dict[str, Any]:
-    """Mean rate and angle turned with their errors, the plain estimate's, their difference (the drift), and what either
-    leaves of the logged rate (`before`, `after`)."""
+    """Mean rate and angle turned with their errors, the plain estimate's, their difference (the
+    drift), and what either leaves of the logged rate (`before`, `after`)."""
     covariance, count = found.covariance, len(found.time_s)
     distance = float(found.time_s[1] - found.time_s[0])
     angle, angle_std = found.integrate()

@@ -19,8 +19,8 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class TableRate:
-    """What the tables say about each node (n,): their mean rate over its share of the run, NaN where
-    they have no row there, and how far that is from the model's mean over the same time."""
+    """What the tables say about each node (n,): their mean rate over its share of the run, NaN
+    where they have no row there, and how far that is from the model's mean over the same time."""
 
     rate_rad_s: Array
     difference_rad_s: Array

@@ -1,9 +1,9 @@
-"""As many nodes as a rate asks for: what its bends between them leave in the answer, known before it
-shows in the nodes' own misfit.
+"""As many nodes as a rate asks for: what its bends between them leave in the answer, known before
+it shows in the nodes' own misfit.
 
 Facts of cubic splines through a rate, found on sinusoids of 1 to 15 periods, on random walks and on
-steps over 21, 41 and 81 nodes. E is the variance of a node's error by interpolation over that by noise,
-g(k) the rise of χ² beyond chance a node that k nodes leave to twice as many.
+steps over 21, 41 and 81 nodes. E is the variance of a node's error by interpolation over that by
+noise, g(k) the rise of χ² beyond chance a node that k nodes leave to twice as many.
 - E = 10.5 g(k), within a factor of two, whatever the rate.
 - g falls by 2¹² each time the nodes double where the rate is smooth, by 2⁴ where it walks at random or
   steps.
@@ -12,7 +12,8 @@ g(k) the rise of χ² beyond chance a node that k nodes leave to twice as many.
 - A slow swing with a little walk on it takes the swing's fall for the walk's: then the gain of twice as
   many nodes is the judge, as far as it sees.
 
-All this holds piece by piece: a run-down's first tenth may ask for nodes that its quiet end cannot use.
+All this holds piece by piece: a run-down's first tenth may ask for nodes that its quiet end cannot
+use.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ WHOLE = (0.0, 1.0)
 
 
 def _predict_by_neighbours(found: RateEstimate) -> tuple[float, float]:
-    """E, the variance of the nodes' error by interpolation over that of noise: of the whole run, and
-    of its worst piece."""
+    """E, the variance of the nodes' error by interpolation over that of noise: of the whole run,
+    and of its worst piece."""
     count = len(found.time_s)
     half, quarter = (count + 1) // 2, (count + 3) // 4
     if not found.converged or not 2 <= quarter < half < count:
@@ -56,7 +57,8 @@ def _predict_by_neighbours(found: RateEstimate) -> tuple[float, float]:
 
 
 def _measure_fall(by_half: Loss, by_quarter: Loss) -> float:
-    """Powers of two by which g falls from a quarter of the nodes to half of them, and so falls on."""
+    """Powers of two by which g falls from a quarter of the nodes to half of them, and so falls
+    on."""
     lost, spread = by_half.measure(slice(None))
     lost_more, _ = by_quarter.measure(slice(None))
     # a quarter of the nodes leave twice as much a node of theirs
@@ -89,8 +91,8 @@ def _measure_variance(loss: Loss, begin: float, end: float) -> float:
 
 
 def _judge(foretold: float, finer: Loss | None, begin: float, end: float) -> float:
-    """E of a piece as foretold, held between what twice as many nodes are seen to gain and what they
-    gain at most."""
+    """E of a piece as foretold, held between what twice as many nodes are seen to gain and what
+    they gain at most."""
     if finer is None:
         return foretold
     where = _find_nodes(finer, begin, end)

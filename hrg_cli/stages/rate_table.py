@@ -82,7 +82,8 @@ def rate_table(
     Parameters
     ----------
     table
-        Columns (n,) by name (a DataFrame serves): output in any unit, rate [rad/s], temperature [°C].
+        Columns (n,) by name (a DataFrame serves): output in any unit, rate [rad/s], temperature
+        [°C].
 
     Returns
     -------
@@ -326,7 +327,8 @@ def _is_turning(omega: Array, rate: str | None) -> bool:
 
 
 def _tables(coefficients: Array, covariance: Array, nodes: Array, turning: bool) -> dict[str, Any]:
-    """The columns of a table without a wave angle: D and K at the nodes, each its own constant term.
+    """The columns of a table without a wave angle: D and K at the nodes, each its own constant
+    term.
 
     The fit's output/nominal = KΩ − D has D with the sign of the calibration's m·dθ/dt = −KΩ + D.
     """

@@ -57,8 +57,8 @@ def rehearse(
     """Rehearse a result: its programme measured again and again on a simulated twin, and what comes
     out held against what was put in.
 
-    Of every figure t = (estimate − truth)/σ; a right σ leaves t with mean 0 and standard deviation 1,
-    and 68 % and 95 % of the truths within 1 and 1.96 σ.
+    Of every figure t = (estimate − truth)/σ; a right σ leaves t with mean 0 and standard deviation
+    1, and 68 % and 95 % of the truths within 1 and 1.96 σ.
 
     Parameters
     ----------

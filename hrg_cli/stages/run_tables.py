@@ -34,8 +34,8 @@ FEWEST, ROUNDS = 20, 8
 def compute_sample_noise(wave: Wave, sample_rate_hz: float) -> float:
     """Noise of one sample that gives a wave's windows the noise they state.
 
-    A window of N samples shows an amplitude to σ_w = σ √(2/N), N = f_s T, the least variance that a fit
-    of cosine and sine can have (Rife and Boorstyn 1974).
+    A window of N samples shows an amplitude to σ_w = σ √(2/N), N = f_s T, the least variance that a
+    fit of cosine and sine can have (Rife and Boorstyn 1974).
 
     Parameters
     ----------
@@ -70,8 +70,8 @@ def make_rate_course(
 ) -> dict[str, Any]:
     """The logged rate as a part of [environment] of a simulation file.
 
-    A wave turns by the rate's integral: between its rows the log is the course that fits integrate, and
-    the lines keep its area.
+    A wave turns by the rate's integral: between its rows the log is the course that fits integrate,
+    and the lines keep its area.
 
     Parameters
     ----------
@@ -125,8 +125,8 @@ def make_drive_log(wave: Wave, length_s: float) -> dict[str, Any] | None:
     Returns
     -------
     dict or None
-        Corners [s] of straight lines with the commands' integrals, and the commands there [unit/s]; None
-        where the main one was not logged.
+        Corners [s] of straight lines with the commands' integrals, and the commands there [unit/s];
+        None where the main one was not logged.
 
     Examples
     --------
@@ -189,10 +189,11 @@ def make_temperature_course(time_s: Array, temperature_degc: Array | None) -> di
 
 
 def fit_chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], list[list[float]]]:
-    """Corners of straight lines that have the integrals of logs, to fourth order of the lines' lengths.
+    """Corners of straight lines that have the integrals of logs, to fourth order of the lines'
+    lengths.
 
-    A chord of the bend f'' over h has h³f''/12 too much below it. Half of it is taken from either end:
-    the values at the corners, which two lines share, give up (e₋ + e₊)/(h₋ + h₊).
+    A chord of the bend f'' over h has h³f''/12 too much below it. Half of it is taken from either
+    end: the values at the corners, which two lines share, give up (e₋ + e₊)/(h₋ + h₊).
 
     Parameters
     ----------
@@ -303,8 +304,8 @@ def describe_loops(wave: Wave, damping_rate_1_s: float) -> dict[str, Any]:
     Returns
     -------
     dict
-        Keys of [control]: `amplitude` [signals' unit] always, the median where no loop is seen; gains
-        [1/s] and integral gains [1/s²] where a loop explains half of its command.
+        Keys of [control]: `amplitude` [signals' unit] always, the median where no loop is seen;
+        gains [1/s] and integral gains [1/s²] where a loop explains half of its command.
 
     Examples
     --------

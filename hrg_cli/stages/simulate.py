@@ -58,14 +58,14 @@ def simulate(
     """One run of a simulation file as a stream of recording blocks.
 
     The fast model integrates z'' + 2(N − KΩJ)z' + Wz = drive (PHYSICS §0) with exact propagators
-    between the samples; the slow model integrates the envelopes. Memory does not grow with the run's
-    length.
+    between the samples; the slow model integrates the envelopes. Memory does not grow with the
+    run's length.
 
     Parameters
     ----------
     config
-        The file's tables, e.g. from `settings.load_toml`; all frequencies in Hz, times in s, angles in
-        rad.
+        The file's tables, e.g. from `settings.load_toml`; all frequencies in Hz, times in s, angles
+        in rad.
     extra_effects
         `Effect` objects beside the catalogue's.
 
@@ -295,7 +295,8 @@ def _fast(
 
 
 def _slow_terms(active: Active) -> slow_motion.SlowTerms:
-    """The terms that the active effects have in the slow model; most have one or two of the four."""
+    """The terms that the active effects have in the slow model; most have one or two of the
+    four."""
 
     def of(name: str, none: Any) -> list[Any]:
         return [

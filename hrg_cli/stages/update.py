@@ -5,11 +5,11 @@ The tables hold the resonator's anisotropy, K_DC, K_DS (their first harmonic), i
 constant) and, beside them, the measured quadrature's −2δω(cos, sin) 2mθ_ω. A resonator identified
 later, at one temperature x, gives the same five anew. What moved is
     δ = c(new) − c(then),   c(then): the resonator of the calibration's time, else the tables' own coefficients at x
-with the covariance of both. What moved (damping split, K, frequency split, each by its own χ²) is put
-into every node, for nothing is known of how a change depends on temperature; what did not is
-combined with what the tables know, by minimum variance, or stays where a reference says so. Everything
-else of the tables (drive, higher harmonics, K over angle) stays, but for what its covariance with
-these says.
+with the covariance of both. What moved (damping split, K, frequency split, each by its own χ²) is
+put into every node, for nothing is known of how a change depends on temperature; what did not is
+combined with what the tables know, by minimum variance, or stays where a reference says so.
+Everything else of the tables (drive, higher harmonics, K over angle) stays, but for what its
+covariance with these says.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from .calibration.resonators import NAMES, compute_coefficients, read_place
 
 Array = np.ndarray
 STOOD_STILL = 0.01
-"""Chance with which a coefficient that stood still is taken for one that moved: what it costs is the
-tables' knowledge of it, what a movement taken for none costs is a part of that movement."""
+"""Chance with which a coefficient that stood still is taken for one that moved: what it costs is
+the tables' knowledge of it, what a movement taken for none costs is a part of that movement."""
 LEAST_TOLD = 1.0
 """Part of a coefficient's own size that the new resonator's standard deviation may have: beyond it,
 it cannot tell a complete loss."""
@@ -42,10 +42,10 @@ def update(
     """The calibration with its anisotropy, K and measured quadrature moved to where the resonator
     has them now.
 
-    D = K_DC cos 2mθ + K_DS sin 2mθ − 2rδω cos 2m(θ − θ_ω), K_DC = −νδμ sin 2mθ_μ, K_DS = νδμ cos 2mθ_μ
-    (seed A (8), (10)): these coefficients and K move by δ = c(new) − c(then) at every node. What the
-    resonator does not hold (the working mode has no scale factor) stays as it was; the tables are
-    refused where the windows cannot tell whether it moved.
+    D = K_DC cos 2mθ + K_DS sin 2mθ − 2rδω cos 2m(θ − θ_ω), K_DC = −νδμ sin 2mθ_μ, K_DS = νδμ cos
+    2mθ_μ (seed A (8), (10)): these coefficients and K move by δ = c(new) − c(then) at every node.
+    What the resonator does not hold (the working mode has no scale factor) stays as it was; the
+    tables are refused where the windows cannot tell whether it moved.
 
     Parameters
     ----------
@@ -54,8 +54,8 @@ def update(
     resonator
         The resonator as it is now, identified at one temperature within the tables' range.
     reference
-        The resonator identified when the tables were made: with it only the *change* of the resonator
-        is applied, so that what the drive adds to the tables stays in them.
+        The resonator identified when the tables were made: with it only the *change* of the
+        resonator is applied, so that what the drive adds to the tables stays in them.
 
     Returns
     -------

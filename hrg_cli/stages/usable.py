@@ -58,7 +58,8 @@ class Usable:
 
 
 def _flag_wild(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str, ...]]:
-    """The runs with windows that hold what no wave can flagged, and a note on each of these runs."""
+    """The runs with windows that hold what no wave can flagged, and a note on each of these
+    runs."""
     flagged = [flag_wild_rows(wave) for wave in waves]
     return [wave for wave, _ in flagged], tuple(said for _, said in flagged if said)
 

@@ -1,5 +1,5 @@
-"""Which scale factors K a resonator has: what a rate log in another unit, or of the other sign, shows by
-itself, without any misfit.
+"""Which scale factors K a resonator has: what a rate log in another unit, or of the other sign,
+shows by itself, without any misfit.
 
 |K| ≤ 1 for any two modes of one body: K = 2∫ρ(u_C × u_S)dV over ∫ρ(u_C² + u_S²)dV. Shells and rings
 have 0.25 to 0.85, a Foucault pendulum 1.
@@ -14,7 +14,8 @@ from ..units import DEGREE, RATE_UNITS
 
 Array = np.ndarray
 LEAST, MOST = 0.1, 1.0
-"""Least and largest K of a shell, ring or pendulum; a log in revolutions a minute shows 0.09 at most."""
+"""Least and largest K of a shell, ring or pendulum; a log in revolutions a minute shows 0.09 at
+most."""
 SURE = 3.0
 """Standard deviations by which K must be beyond them."""
 USUAL = (0.22, 1.0)

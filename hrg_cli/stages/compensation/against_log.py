@@ -1,5 +1,5 @@
-"""The compensated angle against a run's own rate log: errors of a slow drift, or of tables that have
-aged, are lost in the noise of every single rate and add up in the angle."""
+"""The compensated angle against a run's own rate log: errors of a slow drift, or of tables that
+have aged, are lost in the noise of every single rate and add up in the angle."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class AngleAgainstLog:
         self.furthest, self.off_rad, self.at_s = 0.0, 0.0, 0.0
 
     def add(self, time_s: Array, step_s: Array, error: Array, std: Array, of_angle: Array) -> None:
-        """Take in increments (n,): their middles and lengths, the rates' errors against the log (NaN
-        where there is none) with σ, and σ of the angle there."""
+        """Take in increments (n,): their middles and lengths, the rates' errors against the log
+        (NaN where there is none) with σ, and σ of the angle there."""
         known = np.isfinite(error) & np.isfinite(std) & (std > 0)
         turned = np.where(np.isfinite(error), error * step_s, 0.0)
         course = self.error_rad + np.cumsum(turned) - turned / 2
@@ -42,8 +42,8 @@ class AngleAgainstLog:
             self.at_s = float(time_s[k])
 
     def _of_log(self) -> float:
-        """Variance of the angle by the log's own noise: what the rates scatter beyond their σ, where
-        they clearly do, white from one to the next."""
+        """Variance of the angle by the log's own noise: what the rates scatter beyond their σ,
+        where they clearly do, white from one to the next."""
         if not self.rows:
             return 0.0
         beyond = self.ratios2 / self.rows - 1 - CLEARLY * np.sqrt(2 / self.rows)

@@ -49,9 +49,9 @@ class AngleSpread:
         return np.sqrt(self._of_noise(path, scale) + np.concatenate(parts))
 
     def _of_noise(self, path: AnglePath, scale: Array) -> Array:
-        """Variance (n,) by the noise of the angle, m²(σ_0² + (σ_i² + σ_{i+1}²)/4)/K², and by the walk,
-        N²(t_i − t_0 + (Δt − w)/4) with t_i the start of the increment; of the run's first increment
-        it is half of its own change that counts."""
+        """Variance (n,) by the noise of the angle, m²(σ_0² + (σ_i² + σ_{i+1}²)/4)/K², and by the
+        walk, N²(t_i − t_0 + (Δt − w)/4) with t_i the start of the increment; of the run's first
+        increment it is half of its own change that counts."""
         variance = np.where(path.angle_variance > 0, path.angle_variance, np.nan)
         first = self.begin is None
         if self.begin is None:

@@ -62,8 +62,8 @@ class LoggedRun:
             begin += int(kept[-1]) * windows
 
     def find_known_rates(self, of_log: Array) -> Array:
-        """Increments (n,) whose rate is known: both blocks, of stretch `of_log` (n + 1,), are in the
-        same one."""
+        """Increments (n,) whose rate is known: both blocks, of stretch `of_log` (n + 1,), are in
+        the same one."""
         return (of_log[1:] == of_log[:-1]) & (of_log[1:] > 0) & self.logged
 
 

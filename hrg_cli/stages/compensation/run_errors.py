@@ -113,7 +113,8 @@ class RateSpread:
             self.held += len(ratio)
 
     def compute_figures(self) -> dict[str, Any]:
-        """Rms of the deviations by part, and of the errors over them; empty where none is stated."""
+        """Rms of the deviations by part, and of the errors over them; empty where none is
+        stated."""
         if not self.rows:
             return {}
         noise, own = np.sqrt(self.squares / self.rows)

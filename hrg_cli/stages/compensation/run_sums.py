@@ -1,5 +1,5 @@
-"""What is summed up over one compensated run, piece by piece: the angle, the range of the rates, and
-their errors and deviations."""
+"""What is summed up over one compensated run, piece by piece: the angle, the range of the rates,
+and their errors and deviations."""
 
 from __future__ import annotations
 
@@ -55,7 +55,8 @@ class RunSums:
         self.slowest_rad_s, self.fastest_rad_s = np.inf, -np.inf
 
     def turn_on(self, rate_rad_s: Array, interval_s: Array) -> Array:
-        """The angle (n,) in the middles of a piece's increments, turned on from that of the last."""
+        """The angle (n,) in the middles of a piece's increments, turned on from that of the
+        last."""
         turned = rate_rad_s * interval_s
         middle = self.angle_rad + np.cumsum(turned) - turned / 2
         self.angle_rad += float(turned.sum())

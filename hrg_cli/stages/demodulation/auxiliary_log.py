@@ -1,6 +1,7 @@
 """The auxiliary log beside a stream of windows: temperature and rate at a window's centre, commands
 as their means over the window, which move the wave. A rate that is logged more often than there are
-windows turns the wave by its integral: the centres get what has the log's means over the windows."""
+windows turns the wave by its integral: the centres get what has the log's means over the
+windows."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The samples that are demodulated: a recording that can be, the part of it that was asked for, and the
-survey of the run-down in it.
+"""The samples that are demodulated: a recording that can be, the part of it that was asked for, and
+the survey of the run-down in it.
 """
 
 from __future__ import annotations
@@ -186,8 +186,8 @@ def _find_row(recording: Recording, time_s: float) -> int:
         assert recording.sample_rate_hz is not None
         return min(
             len(recording.c),
-            # A millionth of a step: a time written in decimals may come out a little above a whole number of
-            # steps, as 0.1·3·10 does.
+            # A millionth of a step: a time written in decimals may come out a little above a whole
+            # number of steps, as 0.1·3·10 does.
             max(0, int(np.ceil(time_s * recording.sample_rate_hz - 1e-6)) - recording.first_sample),
         )
     low, high = 0, len(recording.c)

@@ -86,8 +86,10 @@ def make_continuous(x: Array, block: Periods, context: Array | None) -> Array | 
 
 
 def _find_faint(amplitude: Array, std: Array) -> Array:
-    """Rows (n,) whose amplitude is no wave beside the largest of their signals' deviations (n, k)."""
-    # where the block's largest is far below every amplitude, which is the rule, one fast pass shows it
+    """Rows (n,) whose amplitude is no wave beside the largest of their signals' deviations (n,
+    k)."""
+    # where the block's largest is far below every amplitude, which is the rule, one fast pass shows
+    # it
     if (amplitude >= DETECTED * std.max()).all():
         return np.zeros(len(amplitude), bool)
     return np.asarray(amplitude < DETECTED * functools.reduce(np.maximum, std.T))

@@ -59,8 +59,8 @@ def solve_block(
     Returns
     -------
     tuple
-        x (n, 5) canonical: a_A, a_B, mθ, φ, ψ; rms of the misfit (n,); iterations (n,); what the next
-        block needs. Rows that are not finite stay NaN with −1 iterations.
+        x (n, 5) canonical: a_A, a_B, mθ, φ, ψ; rms of the misfit (n,); iterations (n,); what the
+        next block needs. Rows that are not finite stay NaN with −1 iterations.
 
     Examples
     --------

@@ -1,5 +1,5 @@
-"""A block's record: the solutions with their standard deviations, the signals' pooled noise, and the
-frequency as the reference's and the slope of φ, f = f_r + φ̇/2π.
+"""A block's record: the solutions with their standard deviations, the signals' pooled noise, and
+the frequency as the reference's and the slope of φ, f = f_r + φ̇/2π.
 """
 
 from __future__ import annotations
@@ -96,8 +96,8 @@ def write_block(
 
 
 def _pool_noise(variances: Array) -> tuple[Array, Array]:
-    """Mean variance of all signals (n,), and of either channel's (n, 2), of which the first half are
-    C's; without those of which nothing is known (the phase of a bare amplitude)."""
+    """Mean variance of all signals (n,), and of either channel's (n, 2), of which the first half
+    are C's; without those of which nothing is known (the phase of a bare amplitude)."""
     count = variances.shape[1] // 2
     channels = (variances[:, :count], variances[:, count:])
     each = np.stack([one @ np.full(count, 1 / count) for one in channels], axis=-1)
@@ -129,8 +129,8 @@ def _mean_of(variances: Array, known: Array, otherwise: Array) -> Array:
 def add_frequency(before: Wave | None, wave: Wave, after: Wave | None, half_width: int) -> Wave:
     """The wave with its frequency: f = f_r + φ̇/2π, φ̇ over the neighbouring windows.
 
-    The slope goes across the blocks' borders. Clipped rows and rows beside gaps weigh next to nothing,
-    but where there are no others they still tell the frequency.
+    The slope goes across the blocks' borders. Clipped rows and rows beside gaps weigh next to
+    nothing, but where there are no others they still tell the frequency.
 
     Parameters
     ----------

@@ -31,8 +31,8 @@ def map_drift(gyros: Mechanics, drive: str, gain: float) -> dict[str, Array]:
     Returns
     -------
     dict
-        Columns over the period π/m of the wave angle: D with its σ, what damping and frequency split
-        make of it [rad/s], and the quadrature over the main amplitude.
+        Columns over the period π/m of the wave angle: D with its σ, what damping and frequency
+        split make of it [rad/s], and the quadrature over the main amplitude.
 
     Examples
     --------

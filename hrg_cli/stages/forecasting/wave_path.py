@@ -59,10 +59,11 @@ def follow_wave(
     tuple
         The table over time, and the Adams rule's error against the largest error forecast (the same
         with twice the step, over 15). Columns (t,): time after an external fix; wave angle from the
-        start angle, its σ, and by the tangent law (damping split alone, at rest); error of the input
-        angle uncompensated, from this start, rms and worst over all start angles; what compensation
-        with this resonator leaves of it, rms over all start angles. The table ends with the wave that
-        was asked for; the columns over all start angles are NaN once one of their waves has ended.
+        start angle, its σ, and by the tangent law (damping split alone, at rest); error of the
+        input angle uncompensated, from this start, rms and worst over all start angles; what
+        compensation with this resonator leaves of it, rms over all start angles. The table ends
+        with the wave that was asked for; the columns over all start angles are NaN once one of
+        their waves has ended.
 
     Raises
     ------

@@ -122,8 +122,8 @@ def _judge_method(
 def _measure_misfit(
     answer: Regression, likelihood: Verdict, rows: Array
 ) -> tuple[float, int, Array]:
-    """χ², degrees of freedom and χ² per degree of freedom of each run: the method's own where it has
-    any, else the likelihood's on the same rows (runs,)."""
+    """χ², degrees of freedom and χ² per degree of freedom of each run: the method's own where it
+    has any, else the likelihood's on the same rows (runs,)."""
     if len(answer.run_chi2) > 0:
         run_chi2 = answer.run_chi2 / np.maximum(1, answer.run_rows)
         return float(np.nansum(answer.run_chi2)), int(answer.run_rows.sum()), run_chi2

@@ -123,8 +123,9 @@ def check_bounds(verdict: Verdict) -> tuple[list[Check], list[Check]]:
 
 
 def _find_alike_scale_factors(fit: Fit, runs: Sequence[EnvelopeRun]) -> list[float]:
-    """The fitted K and every other of a shell, ring or pendulum (0 to 1) that windows so long cannot
-    tell from it: each turns the wave by half turns more within a window, the same ellipse again."""
+    """The fitted K and every other of a shell, ring or pendulum (0 to 1) that windows so long
+    cannot tell from it: each turns the wave by half turns more within a window, the same ellipse
+    again."""
     here = float(fit.p[SCALE_FACTOR])
     if "scale_factor" not in fit.freedom.names:
         return [here]

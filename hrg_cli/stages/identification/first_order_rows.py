@@ -1,5 +1,5 @@
-"""The rows that a regression starts from: those the likelihood was fitted to, as a resonator of first
-order in |L|/ω would show them.
+"""The rows that a regression starts from: those the likelihood was fitted to, as a resonator of
+first order in |L|/ω would show them.
 
 Seed A's equations hold u' = L₁u, the first term of L = L₁ − (L² + 2ΓL)/(2jω) (PHYSICS §5). What the
 second does to the envelopes is taken off them by the likelihood's own model of phase φ(t),

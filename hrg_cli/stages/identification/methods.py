@@ -1,7 +1,7 @@
 """Seed A's methods: each one's answer on rows of the first order, and the parameters it tells.
 
-Each solves u' = L u for the generator's coordinates (PHYSICS §4), by differences, integrals or moving
-axes; `fitting/envelopes/regressions.py` and its neighbours hold the equations.
+Each solves u' = L u for the generator's coordinates (PHYSICS §4), by differences, integrals or
+moving axes; `fitting/envelopes/regressions.py` and its neighbours hold the equations.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The verdict of runs that show modes without axes: their weighted means, errors by their own σ or
 their scatter, and in words what was seen.
 
-Two modes of exponents −ν ± (Δν + jδω): f, ν, δω and half the difference of the decays; one mode: f, ν and
-the laws by which decay and frequency follow the amplitude.
+Two modes of exponents −ν ± (Δν + jδω): f, ν, δω and half the difference of the decays; one mode: f,
+ν and the laws by which decay and frequency follow the amplitude.
 """
 
 from __future__ import annotations
@@ -94,7 +94,8 @@ def judge_modes(found: Sequence[Seen], reason: str) -> Verdict:
 
 
 def _open_verdict(found: Sequence[Seen], mean: Array, std: Array, reason: str) -> Verdict:
-    """The figures as a verdict, suspect for one reason: what is not given has no axes to stand on."""
+    """The figures as a verdict, suspect for one reason: what is not given has no axes to stand
+    on."""
     names = ("frequency_hz", "damping_rate_1_s", "frequency_split_rad_s")[: len(mean)]
     covariance = np.zeros((7, 7))
     for name, error in zip(names, std, strict=False):

@@ -21,8 +21,8 @@ from .verdict import ORDER
 
 Array = np.ndarray
 MISREAD = 5.0
-"""Standard deviations below zero of the quadrature's own damping that a log of its drive leaves, from
-which the log is not what it should be."""
+"""Standard deviations below zero of the quadrature's own damping that a log of its drive leaves,
+from which the log is not what it should be."""
 
 
 def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Verdict:
@@ -110,7 +110,8 @@ def monitor_working_mode(waves: Sequence[Wave], rate_rad_s: float | None) -> Ver
 def _pushed(
     waves: Sequence[Wave], runs: Sequence[EnvelopeRun], of_wave: Array
 ) -> list[Array] | None:
-    """∫a_ΦB dt (n,) of every run from its wave's log; None where a wave has none, or holes in it."""
+    """∫a_ΦB dt (n,) of every run from its wave's log; None where a wave has none, or holes in
+    it."""
     logs = [w.drive_quadrature for w in waves]
     if any(log is None or not np.isfinite(log[:]).all() for log in logs):
         return None

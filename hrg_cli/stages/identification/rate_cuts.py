@@ -1,5 +1,5 @@
-"""Runs cut where their logged rate steps: how far the table turned meanwhile the log does not tell to the
-waves' noise, so that both sides are as good as two runs, each with a start of its own."""
+"""Runs cut where their logged rate steps: how far the table turned meanwhile the log does not tell
+to the waves' noise, so that both sides are as good as two runs, each with a start of its own."""
 
 from __future__ import annotations
 
@@ -68,7 +68,8 @@ def cut_at_rate_steps(usable: Usable) -> Usable:
 
 
 def _list_parts(wave: Wave) -> list[Array]:
-    """Windows (n,) of each part between two steps that is long enough; none where there is no step."""
+    """Windows (n,) of each part between two steps that is long enough; none where there is no
+    step."""
     if wave.rate_rad_s is None or len(wave) < 2 * LEAST_STRETCH:
         return []
     # a log may be coarser than the rows, so that its step takes many of them
@@ -89,8 +90,8 @@ def _list_parts(wave: Wave) -> list[Array]:
 
 
 def _average_blocks(wave: Wave, each: int) -> tuple[Array, Array, float, Array]:
-    """Of every `each` rows the mean time (b,), the mean rate (b,) that is logged, and how many are good
-    (b,); beside them the rows' σ of the angle. Of a file a stretch of rows is held at once."""
+    """Of every `each` rows the mean time (b,), the mean rate (b,) that is logged, and how many are
+    good (b,); beside them the rows' σ of the angle. Of a file a stretch of rows is held at once."""
     made = []
     for piece in wave.only(COLUMNS).blocks(max(each, ROWS_AT_ONCE // each * each)):
         starts = np.arange(0, len(piece), each)

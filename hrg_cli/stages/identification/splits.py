@@ -64,8 +64,8 @@ def state_splits(
     Returns
     -------
     dict
-        `split_components`, `split_slope_std` (of a size along the split alone, without what an error
-        across it adds) and `weak_splits`.
+        `split_components`, `split_slope_std` (of a size along the split alone, without what an
+        error across it adds) and `weak_splits`.
 
     Examples
     --------

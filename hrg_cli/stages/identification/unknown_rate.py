@@ -1,8 +1,8 @@
 """One unknown constant rate beside the resonator: fitted with it, and refused where a damping split
 imitates it.
 
-mθ' = −KΩ + νδμ·sin 2m(θ − θ_μ) (PHYSICS §4): over a part of a turn of 2mθ a steady rate and a damping
-split turn the wave alike.
+mθ' = −KΩ + νδμ·sin 2m(θ − θ_μ) (PHYSICS §4): over a part of a turn of 2mθ a steady rate and a
+damping split turn the wave alike.
 """
 
 from __future__ import annotations

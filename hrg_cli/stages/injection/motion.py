@@ -1,9 +1,9 @@
-"""What effects of the motion do to a run: the slow model of its resonator integrated with and without
-them from the same start, u₁ = T u₀, T (2, 2) complex as a function of time.
+"""What effects of the motion do to a run: the slow model of its resonator integrated with and
+without them from the same start, u₁ = T u₀, T (2, 2) complex as a function of time.
 
-e_A, e_B of the plain wave with their companion, [u, ū] = e^{jφ}[e_A, e_B][[a, −jb], [−jb, a]], make T
-of two envelopes one division, which no ellipse makes singular. What jumps, jumps from the wave as it
-was measured.
+e_A, e_B of the plain wave with their companion, [u, ū] = e^{jφ}[e_A, e_B][[a, −jb], [−jb, a]], make
+T of two envelopes one division, which no ellipse makes singular. What jumps, jumps from the wave as
+it was measured.
 """
 
 from __future__ import annotations
@@ -144,7 +144,8 @@ def _change_after(
         np.concatenate([[u], _predict_motion(rest, replace(point, start=(carry @ u)[None]))])
         for u in (changed, plain)
     ]
-    # both motions go on from the instant by the same model, so T holds the jump and what it grows to
+    # both motions go on from the instant by the same model, so T holds the jump and what it grows
+    # to
     late = _divide_motions(np.concatenate([[instant], rest.time_s[0]]), *ends)
 
     def at(times: Array) -> Array:

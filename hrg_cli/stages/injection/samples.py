@@ -1,5 +1,5 @@
-"""Effects in the samples themselves, block by block: the motion's change, the read-out's steps in the
-order of the chain, lost samples, the clock, and the recording's own integers again.
+"""Effects in the samples themselves, block by block: the motion's change, the read-out's steps in
+the order of the chain, lost samples, the clock, and the recording's own integers again.
 """
 
 from __future__ import annotations

@@ -228,7 +228,8 @@ def compute_information(
                     flow, cause, values, scales.list_steps(cause, series)
                 )
             )
-        # A cause may have no slope at some rows (no log of what it follows): these tell nothing of it.
+        # A cause may have no slope at some rows (no log of what it follows): these tell nothing of
+        # it.
         A = np.nan_to_num(np.concatenate(columns, axis=1))
         # Start and frequency are every run's own: what they can imitate is no information.
         basis = designs.orthonormalise(own_columns[:, :OWN])

@@ -19,7 +19,8 @@ from ..simulation_file import SimulationFile, list_runs
 ANGLES = 4
 """Wave angles to begin from, spread over the period π/m after which a wave is the same again."""
 USUAL_RATE_RAD_S = 1.0
-"""Rate that is offered where no run was turned: without one K and the read-out's faults stay hidden."""
+"""Rate that is offered where no run was turned: without one K and the read-out's faults stay
+hidden."""
 MOST_AGAIN = 40
 """Measured runs that are offered once more."""
 OF_A_RUN = {"start", "environment", "readout", "recording"}

@@ -1,9 +1,10 @@
 """Plan, the menu: feasible runs in the tables of a simulation file, without the device, which the
 resonator gives.
 
-[[run]] tables as in a simulation file; [grid] maps dotted keys to lists, of which every combination is a run, e.g.
-`"start.wave_angle_rad" = [0.0, 0.4]`. All other tables hold for every run. `readout.noise` and
-`recording.sample_rate_hz` set how well a run is measured, `recording.duration_s` how long it lasts.
+[[run]] tables as in a simulation file; [grid] maps dotted keys to lists, of which every combination
+is a run, e.g. `"start.wave_angle_rad" = [0.0, 0.4]`. All other tables hold for every run.
+`readout.noise` and `recording.sample_rate_hz` set how well a run is measured,
+`recording.duration_s` how long it lasts.
 """
 
 from __future__ import annotations

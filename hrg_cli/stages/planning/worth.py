@@ -28,9 +28,10 @@ NOTHING = 1e-3
 def compute_separation(M: Array, question: Question, layout: InformationColumns) -> float:
     """σ by which a cause stands out with the base model free.
 
-    Of two causes it is σ of the one that the other, free too, follows less: a lag does nothing that a
-    gradient could not do, but not the other way round, and either is named where a gradient would stand
-    out. With S the cause's information after all that is free is marginalised and its size s, σ² = sᵀ S s.
+    Of two causes it is σ of the one that the other, free too, follows less: a lag does nothing that
+    a gradient could not do, but not the other way round, and either is named where a gradient would
+    stand out. With S the cause's information after all that is free is marginalised and its size s,
+    σ² = sᵀ S s.
 
     Parameters
     ----------
@@ -111,13 +112,14 @@ def sum_separations(M: Array, questions: Sequence[Question], layout: Information
 
 
 def compute_log_information(M: Array, m: Mechanics) -> float:
-    """−log det of the covariance of the six parameters, each in a unit of the resonator's own (D-optimality,
-    Kiefer and Wolfowitz 1959).
+    """−log det of the covariance of the six parameters, each in a unit of the resonator's own
+    (D-optimality, Kiefer and Wolfowitz 1959).
 
     Parameters
     ----------
     M
-        Information, its first seven columns those of the coordinates; the second order is marginalised.
+        Information, its first seven columns those of the coordinates; the second order is
+        marginalised.
     m
         The resonator, for its units: damping and split.
 
@@ -156,16 +158,16 @@ def compute_std(M: Array, m: Mechanics) -> dict[str, float | None]:
     Parameters
     ----------
     M
-        Information, its first seven columns those of the coordinates; the second order is a nuisance, and
-        no parameter shows it.
+        Information, its first seven columns those of the coordinates; the second order is a
+        nuisance, and no parameter shows it.
     m
         The resonator at which it holds.
 
     Returns
     -------
     dict
-        Parameter -> standard deviation in its unit; an axis whose split is not clear of its noise is as
-        uncertain as any.
+        Parameter -> standard deviation in its unit; an axis whose split is not clear of its noise
+        is as uncertain as any.
 
     Examples
     --------

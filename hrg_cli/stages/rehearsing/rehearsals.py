@@ -1,5 +1,5 @@
-"""All rehearsals of a result together: their statistics, the sentences that make the result suspect,
-and its record with both.
+"""All rehearsals of a result together: their statistics, the sentences that make the result
+suspect, and its record with both.
 """
 
 from __future__ import annotations

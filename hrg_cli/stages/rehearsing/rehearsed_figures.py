@@ -17,8 +17,8 @@ from .twin import Twin
 from .twin_diagnosis import find_sign, list_base_values, list_causes, list_held_causes
 
 CLEAR = 4.0
-"""Standard deviations from which a split's size is Gaussian, and its axis; below, its components are
-judged instead, for a size lost in noise is Rice's and never comes out as small as it is."""
+"""Standard deviations from which a split's size is Gaussian, and its axis; below, its components
+are judged instead, for a size lost in noise is Rice's and never comes out as small as it is."""
 
 
 @dataclass(frozen=True)

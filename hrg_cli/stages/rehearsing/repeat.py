@@ -1,5 +1,5 @@
-"""A twin's programme run again with other noise: raw samples, demodulate, estimate and the result's own
-stage.
+"""A twin's programme run again with other noise: raw samples, demodulate, estimate and the result's
+own stage.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""How the errors of one figure, and the naming of one cause, compare over all rehearsals with what a
-right result's would: limits that chance exceeds at a known small rate.
+"""How the errors of one figure, and the naming of one cause, compare over all rehearsals with what
+a right result's would: limits that chance exceeds at a known small rate.
 
-Σt² of n Gaussian errors is χ² of n, their mean has the standard deviation 1/√n; k times named of n is
-binomial.
+Σt² of n Gaussian errors is χ² of n, their mean has the standard deviation 1/√n; k times named of n
+is binomial.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The device of a twin: a result's own values, and for what the result leaves out the values that the
-fit held it at, or that the runs tell.
+"""The device of a twin: a result's own values, and for what the result leaves out the values that
+the fit held it at, or that the runs tell.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The twin of a resonator of which one mode is seen: its decay and frequency follow its amplitude as
-the file says, and a channel that carried nothing carries nothing."""
+"""The twin of a resonator of which one mode is seen: its decay and frequency follow its amplitude
+as the file says, and a channel that carried nothing carries nothing."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""One run of a twin: the measured run's start, length, sampling, logs, loops and noise as a table of the
-simulation file.
+"""One run of a twin: the measured run's start, length, sampling, logs, loops and noise as a table
+of the simulation file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""The tables of the bench: [environment] with its programmes of temperature and rate, [recording]."""
+"""The tables of the bench: [environment] with its programmes of temperature and rate,
+[recording]."""
 
 from __future__ import annotations
 
@@ -117,7 +118,8 @@ class Sweep(Table):
 
 
 class EnvironmentTable(Table):
-    """[environment]: a constant, or a programme that takes its place (temperature) or is added to it (rate)."""
+    """[environment]: a constant, or a programme that takes its place (temperature) or is added to
+    it (rate)."""
 
     temperature_degc: float = 20.0
     """Constant temperature."""

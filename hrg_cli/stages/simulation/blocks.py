@@ -1,4 +1,5 @@
-"""An engine's blocks as a stream of recordings: converted samples, the log's and the truth's rows."""
+"""An engine's blocks as a stream of recordings: converted samples, the log's and the truth's
+rows."""
 
 from __future__ import annotations
 

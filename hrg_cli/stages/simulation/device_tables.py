@@ -31,7 +31,8 @@ class DeviceTemperature(Table):
 
 
 class Device(Table):
-    """[device]: the resonator. One of quality_factor, time_constant_s, damping_rate_1_s; a split's size in either of its units."""
+    """[device]: the resonator. One of quality_factor, time_constant_s, damping_rate_1_s; a split's
+    size in either of its units."""
 
     frequency_hz: Positive
     """Oscillation frequency."""
@@ -131,7 +132,8 @@ class Start(Table):
 
 
 class SpringTable(Table):
-    """[spring]: a constant electric spring that softens along an axis: δω·e^{2jmθ_ω} less size·e^{2jm·axis}, f less size/2π."""
+    """[spring]: a constant electric spring that softens along an axis: δω·e^{2jmθ_ω} less
+    size·e^{2jm·axis}, f less size/2π."""
 
     size_rad_s: float
     """Size of the spring."""

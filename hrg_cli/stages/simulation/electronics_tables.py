@@ -1,4 +1,5 @@
-"""The tables of what reads and drives the resonator: [readout], [control], [electronics], [noise]."""
+"""The tables of what reads and drives the resonator: [readout], [control], [electronics],
+[noise]."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ class ReadoutTable(Table):
     adc_bits: Annotated[int, Field(ge=0, le=31)] = 0
     """Bits of the converter; 0: none."""
     full_scale: Positive | None = None
-    """Value at which the converter saturates; 1.5 times the largest amplitude where not given, 3 times with a carrier."""
+    """Value at which the converter saturates; 1.5 times the largest amplitude where not given, 3
+    times with a carrier."""
     clock_error: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
     """Relative error of the sampling clock."""
     units: str = "1"
@@ -161,7 +163,8 @@ class ControlTable(Table):
 
 
 class ElectronicsTable(Table):
-    """[electronics]: the loops act on what a board demodulates (windows of whole periods), filtered, delayed and through converters.
+    """[electronics]: the loops act on what a board demodulates (windows of whole periods),
+    filtered, delayed and through converters.
 
     Its converter is that of [readout] (adc_bits, full_scale). drive_full_scale is the force,
     amplitude per second, at which it saturates.
@@ -182,7 +185,8 @@ class ElectronicsTable(Table):
     drive_periods: Annotated[int, Field(ge=0, le=100_000)] = 0
     """Periods of driving after each window of reading; 0: both at once."""
     spring_signal: Literal["quadrature", "phase_product"] = "quadrature"
-    """What the electric spring's loop acts on: a_B/a_A, or a_A a_B over the set amplitude's square."""
+    """What the electric spring's loop acts on: a_B/a_A, or a_A a_B over the set amplitude's
+    square."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -194,7 +198,8 @@ class ElectronicsTable(Table):
 
 
 class NoiseTable(Table):
-    """[noise]: Brownian force of the resonator, and electronic noise with a 1/f corner about the resonance.
+    """[noise]: Brownian force of the resonator, and electronic noise with a 1/f corner about the
+    resonance.
 
     readout_corner_hz belongs to the noise of [readout]; drive_density is the drive's envelope
     force, amplitude/s/√Hz, one-sided.

@@ -1,4 +1,5 @@
-"""The gyro of a simulated run in the engines' terms: start, resonator, loops, board, noise, read-out."""
+"""The gyro of a simulated run in the engines' terms: start, resonator, loops, board, noise,
+read-out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What all tables of a simulation file share: strict types, and sentences where keys do not go together."""
+"""What all tables of a simulation file share: strict types, and sentences where keys do not go
+together."""
 
 from __future__ import annotations
 
