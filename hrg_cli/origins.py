@@ -93,7 +93,10 @@ def fingerprint(recording: Recording) -> str:
     >>> from hrg_cli.origins import fingerprint
     >>> run = dict(s=np.zeros(9), sample_rate_hz=8e3, mode="free")
     >>> one, other = (Recording(c=np.full(9, c), **run) for c in (0.1, 0.2))
-    >>> fingerprint(one) == fingerprint(one.replace(run_id="b")), fingerprint(one) == fingerprint(other)
+    >>> (
+    ...     fingerprint(one) == fingerprint(one.replace(run_id="b")),
+    ...     fingerprint(one) == fingerprint(other),
+    ... )
     (True, False)
     """
     length = len(recording.c)

@@ -58,7 +58,10 @@ def find_jumps(runs: Runs) -> list[Jump]:
     >>> t, random = np.arange(200) * 0.1, np.random.default_rng(1)
     >>> u = 1 + 0.1 * (t > 10)[:, None] * [1.0, 0.0] + 1e-3 * random.standard_normal((200, 2))
     >>> runs = Told(
-    ...     time_s=t[None], envelope=u[None] + 0j, weight=np.full((1, 200), 1e3), table_turn_rad=0 * t[None]
+    ...     time_s=t[None],
+    ...     envelope=u[None] + 0j,
+    ...     weight=np.full((1, 200), 1e3),
+    ...     table_turn_rad=0 * t[None],
     ... )
     >>> (jump,) = find_jumps(runs)
     >>> round(jump.time_s, 1), jump.change.real.round(2).tolist()
@@ -168,7 +171,10 @@ def list_instants(runs: Runs) -> list[Values]:
     >>> t, random = np.arange(200) * 0.1, np.random.default_rng(1)
     >>> u = 1 + 0.1 * (t > 10)[:, None] * [1.0, 0.0] + 1e-3 * random.standard_normal((200, 2))
     >>> runs = Told(
-    ...     time_s=t[None], envelope=u[None] + 0j, weight=np.full((1, 200), 1e3), table_turn_rad=0 * t[None]
+    ...     time_s=t[None],
+    ...     envelope=u[None] + 0j,
+    ...     weight=np.full((1, 200), 1e3),
+    ...     table_turn_rad=0 * t[None],
     ... )
     >>> [{name: round(value, 1) for name, value in start.items()} for start in list_instants(runs)]
     [{'time_s': 10.0, 'run': 0.0}]

@@ -63,7 +63,9 @@ def make_header(calibration: Calibration, bits: int, precision: float) -> Export
     >>> from hrg_cli.stages.rate_table import rate_table
     >>> rate = np.tile(np.linspace(-1.0, 1.0, 11), 20)
     >>> output = 2.0 * rate + 1e-4 * np.random.default_rng(0).standard_normal(220)
-    >>> tables = rate_table({"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0)
+    >>> tables = rate_table(
+    ...     {"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0
+    ... )
     >>> made = make_header(tables, 0, 0.1)
     >>> "hrg_rate_rad_s" in made.text
     True

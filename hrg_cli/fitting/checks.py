@@ -68,7 +68,10 @@ def check_at_most(name: str, value: float, limit: float, sentence: str = "") -> 
     Examples
     --------
     >>> from hrg_cli.fitting.checks import check_at_most
-    >>> check_at_most("residual", 1.2, 1.0).passed, check_at_most("residual", float("nan"), 1.0).passed
+    >>> (
+    ...     check_at_most("residual", 1.2, 1.0).passed,
+    ...     check_at_most("residual", float("nan"), 1.0).passed,
+    ... )
     (False, False)
     """
     return Check(name, float(value), float(limit), bool(value <= limit), sentence)

@@ -63,8 +63,14 @@ def describe_golden_unit(entries: Sequence[Entry], names: Sequence[str], by: str
     >>> def tell(station, value, day):
     ...     figures = {"scale_factor": Figure(value, 1e-3, "1")}
     ...     return Entry(
-    ...         f"{station}{day}", "r.h5", "resonator", "SN-1", f"2026-01-0{day}T00:00:00Z", "valid",
-    ...         station=station, figures=figures,
+    ...         f"{station}{day}",
+    ...         "r.h5",
+    ...         "resonator",
+    ...         "SN-1",
+    ...         f"2026-01-0{day}T00:00:00Z",
+    ...         "valid",
+    ...         station=station,
+    ...         figures=figures,
     ...     )
     >>> entries = [tell("north", 0.55, 1), tell("south", 0.56, 2)]
     >>> rows = describe_golden_unit(entries, ["scale_factor"], "station")

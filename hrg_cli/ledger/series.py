@@ -153,7 +153,10 @@ def make_series(entries: Sequence[Entry], name: str) -> FigureSeries:
     >>> from hrg_cli.ledger.entry import Entry, Figure
     >>> from hrg_cli.ledger.series import make_series
     >>> def tell(value, day):
-    ...     processed, figures = f"2026-01-0{day}T00:00:00Z", {"scale_factor": Figure(value, None, "1")}
+    ...     processed, figures = (
+    ...         f"2026-01-0{day}T00:00:00Z",
+    ...         {"scale_factor": Figure(value, None, "1")},
+    ...     )
     ...     return Entry(str(day), "", "resonator", "SN-1", processed, "valid", figures=figures)
     >>> found = make_series([tell(0.55, 1), tell(0.56, 4)], "scale_factor")
     >>> found.values.tolist(), found.days.tolist(), found.stds.tolist()

@@ -191,7 +191,9 @@ def take_reading(
     >>> gains = Gains(1.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0)
     >>> for i in range(8):
     ...     x = 0.9 * np.cos(2 * np.pi * i / 8)
-    ...     take_reading(i, x, 0.0, h, True, LOOP_OFF, gains, made.settings, made.state, made.waiting)
+    ...     take_reading(
+    ...         i, x, 0.0, h, True, LOOP_OFF, gains, made.settings, made.state, made.waiting
+    ...     )
     ...     turn_oscillator(made.state)
     >>> step, main = made.waiting[0, :2]
     >>> int(made.state[RING_LENGTH]), int(step), round(float(main), 9)
@@ -448,7 +450,9 @@ def regulate_on_board(
     >>> gains = Gains(1.0, 0.0, 0.0, 0.0, 4.0, 0.0, 1.0, 0.0, 1.0, 0.0)
     >>> for product in (False, True):
     ...     settings = BoardSettings(phase_product=product)
-    ...     found = regulate_on_board(0.5, 0.05, True, LOOP_SPRING, gains, settings, np.zeros(STATE))
+    ...     found = regulate_on_board(
+    ...         0.5, 0.05, True, LOOP_SPRING, gains, settings, np.zeros(STATE)
+    ...     )
     ...     print(round(float(found[2]), 9))
     0.4
     0.1

@@ -460,7 +460,9 @@ def reach_mode(
     >>> settings, state = BoardSettings(driving_steps=10, drive_share=3.0), np.zeros(STATE)
     >>> arrived = []
     >>> for state[DRIVING] in (0, 1):
-    ...     fx, _ = reach_mode(0.2 + 0j, 0j, 1 + 0j, 0j, 0j, np.eye(2), np.zeros(2), settings, state)
+    ...     fx, _ = reach_mode(
+    ...         0.2 + 0j, 0j, 1 + 0j, 0j, 0j, np.eye(2), np.zeros(2), settings, state
+    ...     )
     ...     arrived.append(round(float(fx.real), 9))
     >>> arrived
     [0.0, 0.6]

@@ -30,7 +30,9 @@ def name_record(record: Record) -> str:
     >>> import numpy as np
     >>> from hrg_cli import Recording
     >>> from hrg_cli.records.doubts import name_record
-    >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free", run_id="left")
+    >>> run = Recording(
+    ...     c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free", run_id="left"
+    ... )
     >>> name_record(run)
     'the recording of run left'
     """

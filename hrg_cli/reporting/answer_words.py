@@ -160,7 +160,9 @@ def order_causes(report: Mapping[str, Any], departure: Departure | None) -> tupl
     Examples
     --------
     >>> from hrg_cli.reporting.answer_words import order_causes
-    >>> effects = [{"name": n, "z": 9.0, "share": {"drift_deg_h": d}} for n, d in (("a", 1.0), ("b", 5.0))]
+    >>> effects = [
+    ...     {"name": n, "z": 9.0, "share": {"drift_deg_h": d}} for n, d in (("a", 1.0), ("b", 5.0))
+    ... ]
     >>> [cause.name for cause in order_causes({"effects": effects}, None)]
     ['b', 'a']
     """
@@ -533,7 +535,9 @@ def list_next_runs(report: Mapping[str, Any]) -> tuple[str, ...]:
     Examples
     --------
     >>> from hrg_cli.reporting.answer_words import list_next_runs
-    >>> cause = dict(name="a_b", indistinguishable_from=["c"], next_experiment="turn faster; then wait")
+    >>> cause = dict(
+    ...     name="a_b", indistinguishable_from=["c"], next_experiment="turn faster; then wait"
+    ... )
     >>> list_next_runs({"effects": [cause]})
     ('to tell a b or c: turn faster',)
     """

@@ -96,7 +96,9 @@ def show_bought(report: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[
     Examples
     --------
     >>> from hrg_cli.reporting.calibration import show_bought
-    >>> row = dict(name="drive", drift_bought_rad_s=None, scale_bought_ppm=12.0, z=9.0, needs="its log")
+    >>> row = dict(
+    ...     name="drive", drift_bought_rad_s=None, scale_bought_ppm=12.0, z=9.0, needs="its log"
+    ... )
     >>> show_bought({"factors": [row]})[1]
     [('drive', None, '12', '9', 'its log')]
     """

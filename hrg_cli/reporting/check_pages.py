@@ -199,7 +199,9 @@ def write_markdown(files: Sequence[JudgedFile], found: Answer | None) -> str:
     >>> from hrg_cli.limits import Row
     >>> from hrg_cli.reporting.check_pages import write_markdown
     >>> rows = [Row("scale_factor", 0.55, 0.5, None, True)]
-    >>> print(write_markdown([Told(rows=rows, moved=None, name="resonator.h5")], None).splitlines()[0])
+    >>> print(
+    ...     write_markdown([Told(rows=rows, moved=None, name="resonator.h5")], None).splitlines()[0]
+    ... )
     ### hrg check: passed
     """
     passed = not any(explain_missed(one) for one in files)

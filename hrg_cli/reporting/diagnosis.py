@@ -37,7 +37,13 @@ def show(record: Diagnosis, report: Mapping[str, Any]) -> None:
     >>> from hrg_cli.records import Diagnosis
     >>> from hrg_cli.reporting.diagnosis import show
     >>> rows = dict.fromkeys(("run", "time_s", "wave_angle_rad", "main_amplitude"), np.zeros(0))
-    >>> series = ("measured", "simulated_before", "simulated_after", "residual_before", "residual_after")
+    >>> series = (
+    ...     "measured",
+    ...     "simulated_before",
+    ...     "simulated_after",
+    ...     "residual_before",
+    ...     "residual_after",
+    ... )
     >>> rows |= dict.fromkeys(series, np.zeros((0, 4))) | {"series": np.zeros(0)}
     >>> show(Diagnosis(verdict="adequate", report="{}", run_ids='["a"]', **rows), {})
     The model describes the run.

@@ -103,7 +103,11 @@ def say_value(key: str, value: Any, digits: int = DIGITS) -> str:
     Examples
     --------
     >>> from hrg_cli.reporting.figures_in_words import say_value
-    >>> say_value("duration_s", 12.5), say_value("residual_rms", 0.123456), say_value("rate_hz", float("nan"))
+    >>> (
+    ...     say_value("duration_s", 12.5),
+    ...     say_value("residual_rms", 0.123456),
+    ...     say_value("rate_hz", float("nan")),
+    ... )
     ('12.5 s', '0.123', '–')
     """
     if isinstance(value, list | tuple):

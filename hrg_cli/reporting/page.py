@@ -70,7 +70,9 @@ def build_report(
     >>> import numpy as np
     >>> from hrg_cli import Recording, store
     >>> from hrg_cli.reporting.page import build_report
-    >>> made = Recording(c=np.zeros(99), s=np.zeros(99), sample_rate_hz=1e4, mode="free", gyro_id="A")
+    >>> made = Recording(
+    ...     c=np.zeros(99), s=np.zeros(99), sample_rate_hz=1e4, mode="free", gyro_id="A"
+    ... )
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = store.write(Path(folder) / "run.h5", made)
     ...     page = build_report([Path(folder) / "run.h5"])
@@ -117,7 +119,9 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
     >>> from hrg_cli.reporting.page import write_figures
     >>> c = np.cos(0.3 * np.arange(999))
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = store.write(Path(folder) / "run.h5", Recording(c=c, s=c, sample_rate_hz=1e4, mode="free"))
+    ...     _ = store.write(
+    ...         Path(folder) / "run.h5", Recording(c=c, s=c, sample_rate_hz=1e4, mode="free")
+    ...     )
     ...     written = write_figures([Path(folder) / "run.h5"], Path(folder))
     >>> written[0].name.startswith("run-"), written[0].suffix
     (True, '.png')

@@ -39,7 +39,11 @@ def round_with_std(value: Any, std: Any) -> str:
     Examples
     --------
     >>> from hrg_cli.reporting.quantities import round_with_std
-    >>> round_with_std(1003.70000031, 1.04e-6), round_with_std(2.5e-9, 4e-10), round_with_std(0.5, None)
+    >>> (
+    ...     round_with_std(1003.70000031, 1.04e-6),
+    ...     round_with_std(2.5e-9, 4e-10),
+    ...     round_with_std(0.5, None),
+    ... )
     ('1003.7000003(10)', '2.5(4)×10⁻⁹', '0.5')
     """
     if not isinstance(value, int | float) or not math.isfinite(value):

@@ -34,7 +34,10 @@ def make_rehearsal_page(report: Mapping[str, Any]) -> str:
     >>> from hrg_cli.reporting.rehearsal_page import make_rehearsal_page
     >>> figure = {"name": "scale_factor", "bias_over_std": -0.1, "error_over_std_rms": 1.0}
     >>> told = {"file": "r.h5", "status": "valid", "status_reasons": [], "times": 9, "causes": []}
-    >>> told |= {"truth": "the file", "figures": [figure | {"coverage_68": 0.67, "coverage_95": 1.0}]}
+    >>> told |= {
+    ...     "truth": "the file",
+    ...     "figures": [figure | {"coverage_68": 0.67, "coverage_95": 1.0}],
+    ... }
     >>> "Rehearsal of r.h5" in make_rehearsal_page(told)
     True
     """

@@ -136,7 +136,11 @@ def escape_for_spreadsheet(value: Any) -> Any:
     Examples
     --------
     >>> from hrg_cli.reporting.text import escape_for_spreadsheet
-    >>> escape_for_spreadsheet("=HYPERLINK(A1)"), escape_for_spreadsheet("SN-1"), escape_for_spreadsheet(-2)
+    >>> (
+    ...     escape_for_spreadsheet("=HYPERLINK(A1)"),
+    ...     escape_for_spreadsheet("SN-1"),
+    ...     escape_for_spreadsheet(-2),
+    ... )
     ("'=HYPERLINK(A1)", 'SN-1', -2)
     """
     if not isinstance(value, str):

@@ -146,14 +146,29 @@ def calibrate(
     ...     noise = 1e-5 * np.random.default_rng(k).standard_normal(1200)
     ...     waves.append(
     ...         Wave(
-    ...             time_s=t, flags=np.zeros(1200, "u1"), main_amplitude=ones,
-    ...             quadrature_amplitude=0 * t, wave_angle_rad=0.1 - 0.55 * rate * t / 2 + noise,
-    ...             phase_rad=0 * t, carrier_phase_rad=0 * t, main_amplitude_std=1e-5 * ones,
-    ...             quadrature_amplitude_std=1e-5 * ones, wave_angle_rad_std=1e-5 * ones,
-    ...             phase_rad_std=1e-5 * ones, carrier_phase_rad_std=0 * t, residual_rms=0 * t,
-    ...             signal_std=1e-5 * ones, iterations=np.zeros(1200, "i4"), frequency_hz=1e3 * ones,
-    ...             reference_frequency_hz=1e3, window_s=0.05, mode="forced", rate_rad_s=rate * ones,
-    ...             temperature_degc=20.0 * ones, gyro_id="A", run_id=str(k),
+    ...             time_s=t,
+    ...             flags=np.zeros(1200, "u1"),
+    ...             main_amplitude=ones,
+    ...             quadrature_amplitude=0 * t,
+    ...             wave_angle_rad=0.1 - 0.55 * rate * t / 2 + noise,
+    ...             phase_rad=0 * t,
+    ...             carrier_phase_rad=0 * t,
+    ...             main_amplitude_std=1e-5 * ones,
+    ...             quadrature_amplitude_std=1e-5 * ones,
+    ...             wave_angle_rad_std=1e-5 * ones,
+    ...             phase_rad_std=1e-5 * ones,
+    ...             carrier_phase_rad_std=0 * t,
+    ...             residual_rms=0 * t,
+    ...             signal_std=1e-5 * ones,
+    ...             iterations=np.zeros(1200, "i4"),
+    ...             frequency_hz=1e3 * ones,
+    ...             reference_frequency_hz=1e3,
+    ...             window_s=0.05,
+    ...             mode="forced",
+    ...             rate_rad_s=rate * ones,
+    ...             temperature_degc=20.0 * ones,
+    ...             gyro_id="A",
+    ...             run_id=str(k),
     ...         )
     ...     )
     >>> tables = calibrate(waves, harmonics=1, scale_factor_harmonics=0, model="table")

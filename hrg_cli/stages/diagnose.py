@@ -146,7 +146,9 @@ def diagnose(
     ...         for name, rate in (("left", 1.0), ("right", -1.0), ("slow", 0.5))
     ...     ],
     ... }
-    >>> samples = [collect(simulate(config, model="slow", run=run["run_id"])) for run in config["run"]]
+    >>> samples = [
+    ...     collect(simulate(config, model="slow", run=run["run_id"])) for run in config["run"]
+    ... ]
     >>> waves = [collect(estimate(collect(demodulate(r, periods_per_window=20)))) for r in samples]
     >>> found = diagnose(waves, most_effects=1)
     >>> found.verdict, [cause["name"] for cause in found.told("effects")]

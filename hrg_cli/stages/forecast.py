@@ -218,7 +218,9 @@ def summarise(made: Forecast) -> dict[str, Any]:
     >>> from hrg_cli.stages.forecast import forecast, summarise
     >>> names, units = zip(*PARAMETERS)
     >>> value, std = np.array([5e3, 2e-3, 1e-4, 0.0, 0.02, 0.1, 0.55]), np.full(7, 1e-6)
-    >>> known = dict(name=np.array(names), units=np.array(units), std=std, covariance=np.diag(std**2))
+    >>> known = dict(
+    ...     name=np.array(names), units=np.array(units), std=std, covariance=np.diag(std**2)
+    ... )
     >>> told = summarise(forecast(Resonator(value=value, **known), drive="free", duration_s=60.0))
     >>> told["drive"], told["scale_factor"], told["trimmed"]
     ('free', 0.55, False)

@@ -263,8 +263,12 @@ def summarise(resonator: Resonator) -> dict[str, Any]:
     >>> from hrg_cli import Resonator
     >>> from hrg_cli.stages.identify import summarise
     >>> found = Resonator(
-    ...     name=np.array(["scale_factor"]), units=np.array(["1"]), value=np.array([0.55]),
-    ...     std=np.array([1e-3]), covariance=np.array([[1e-6]]), details='{"assumed": ["scale_factor"]}',
+    ...     name=np.array(["scale_factor"]),
+    ...     units=np.array(["1"]),
+    ...     value=np.array([0.55]),
+    ...     std=np.array([1e-3]),
+    ...     covariance=np.array([[1e-6]]),
+    ...     details='{"assumed": ["scale_factor"]}',
     ... )
     >>> summarise(found)["parameters"]["scale_factor"]
     {'value': 0.55, 'std': 0.001, 'units': '1', 'assumed': True}

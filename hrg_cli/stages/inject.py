@@ -83,7 +83,9 @@ def inject(
     >>> c = np.cos(2 * np.pi * 1000 * t)
     >>> recording = Recording(c=c, s=0.1 * c, sample_rate_hz=8000.0, mode="free")
     >>> hidden = collect(inject(recording, effects={"gain_mismatch": {"gain": 0.01}}))
-    >>> print((hidden.c[::2000] / c[::2000]).round(4), (hidden.s[::2000] / 0.1 / c[::2000]).round(4))
+    >>> print(
+    ...     (hidden.c[::2000] / c[::2000]).round(4), (hidden.s[::2000] / 0.1 / c[::2000]).round(4)
+    ... )
     [1.005 1.005 1.005 1.005] [0.995 0.995 0.995 0.995]
     """
     name = f"run {recording.run_id}" if recording.run_id else "the recording"

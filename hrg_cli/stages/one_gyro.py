@@ -87,7 +87,9 @@ def need_each_once(waves: Sequence[Wave]) -> None:
     >>> from hrg_cli.stages.one_gyro import need_each_once
     >>> names = ("main_amplitude", "quadrature_amplitude", "wave_angle_rad", "phase_rad")
     >>> rows = dict(zip(names, np.random.default_rng(1).normal(size=(4, 9))))
-    >>> told = dict(mode_number=2, reference_frequency_hz=5e3, provenance=SimpleNamespace(sources=()))
+    >>> told = dict(
+    ...     mode_number=2, reference_frequency_hz=5e3, provenance=SimpleNamespace(sources=())
+    ... )
     >>> one, other = (SimpleNamespace(run_id=run, **told, **rows) for run in "ab")
     >>> need_each_once([one])
     >>> try:

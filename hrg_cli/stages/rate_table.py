@@ -101,8 +101,13 @@ def rate_table(
     >>> from hrg_cli.stages.rate_table import rate_table
     >>> rate = np.tile([-1.0, 0.0, 1.0], 40)
     >>> output = 2.0 * rate + 0.01 + 1e-4 * np.random.default_rng(0).standard_normal(120)
-    >>> tables = rate_table({"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0)
-    >>> bool(abs(tables.scale_factor[0, 0] - 1) < 1e-3), bool(abs(tables.drift_rad_s[0, 0] + 0.005) < 1e-3)
+    >>> tables = rate_table(
+    ...     {"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0
+    ... )
+    >>> (
+    ...     bool(abs(tables.scale_factor[0, 0] - 1) < 1e-3),
+    ...     bool(abs(tables.drift_rad_s[0, 0] + 0.005) < 1e-3),
+    ... )
     (True, True)
     """
     y, omega, degc = read_dwell_rows(
@@ -217,7 +222,9 @@ def find_rate(record: Calibration, output: Array, temperature_degc: Array | floa
     >>> from hrg_cli.stages.rate_table import find_rate, rate_table
     >>> rate = np.tile(np.linspace(-1.0, 1.0, 11), 20)
     >>> output = 2.0 * rate + 0.01 + 1e-6 * np.random.default_rng(0).standard_normal(220)
-    >>> tables = rate_table({"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0)
+    >>> tables = rate_table(
+    ...     {"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0
+    ... )
     >>> find_rate(tables, np.array([-0.99, 2.01])).round(4).tolist()
     [-0.5, 1.0]
     """
@@ -269,7 +276,9 @@ def summarise(record: Calibration) -> dict[str, Any]:
     >>> from hrg_cli.stages.rate_table import rate_table, summarise
     >>> rate = np.tile([-1.0, 0.0, 1.0], 40)
     >>> output = 2.0 * rate + 1e-4 * np.random.default_rng(0).standard_normal(120)
-    >>> tables = rate_table({"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0)
+    >>> tables = rate_table(
+    ...     {"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0
+    ... )
     >>> ppm = summarise(tables)["scale_factor_rms_ppm"]["after"]
     >>> bool(np.isclose(ppm, 1e6 * summarise(tables)["drift_rms_rad_s"]["after"]))
     True

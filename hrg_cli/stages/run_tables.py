@@ -321,7 +321,10 @@ def describe_loops(wave: Wave, damping_rate_1_s: float) -> dict[str, Any]:
     ...     drive_main=0.1 + 5 * (1 - a), drive_quadrature=-40 * q,
     ... )
     >>> found = describe_loops(wave, 0.1)
-    >>> [round(found[name], 6) for name in ("amplitude", "amplitude_gain_1_s", "quadrature_gain_1_s")]
+    >>> [
+    ...     round(found[name], 6)
+    ...     for name in ("amplitude", "amplitude_gain_1_s", "quadrature_gain_1_s")
+    ... ]
     [1.0, 5.0, 40.0]
     """
     level = float(np.median(wave.main_amplitude[wave.good()]))

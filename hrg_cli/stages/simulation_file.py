@@ -132,7 +132,10 @@ def list_runs(config: Mapping[str, Any], where: str = "simulation") -> list[Simu
     ...     "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0},
     ...     "run": [{"run_id": "still"}, {"run_id": "turning", "environment": {"rate_rad_s": 1.0}}],
     ... }
-    >>> [(run.run_id, run.environment.rate_rad_s, run.device.frequency_hz) for run in list_runs(config)]
+    >>> [
+    ...     (run.run_id, run.environment.rate_rad_s, run.device.frequency_hz)
+    ...     for run in list_runs(config)
+    ... ]
     [('still', 0.0, 5000.0), ('turning', 1.0, 5000.0)]
     >>> list_runs(config | {"recording": {"sample_rate_hz": 20_000.0, "duration": 3.0}})
     Traceback (most recent call last):

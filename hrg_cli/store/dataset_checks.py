@@ -298,7 +298,9 @@ def need_stored(dataset: h5py.Dataset, path: Path, place: str) -> None:
     >>> import h5py
     >>> from hrg_cli.store.dataset_checks import need_stored
     >>> with tempfile.TemporaryDirectory() as folder, h5py.File(Path(folder) / "a.h5", "w") as file:
-    ...     need_stored(file.create_dataset("c", (99,), "f8", chunks=(9,)), Path(folder) / "a.h5", "c")
+    ...     need_stored(
+    ...         file.create_dataset("c", (99,), "f8", chunks=(9,)), Path(folder) / "a.h5", "c"
+    ...     )
     Traceback (most recent call last):
     ...
     hrg_cli.errors.HrgError: ...: dataset c claims 99 values but stores none; copy or record it again

@@ -185,7 +185,9 @@ def read_heading(path: Path | str, kind: type[Record], names: Sequence[str]) -> 
     >>> import numpy as np
     >>> from hrg_cli import Recording, store
     >>> path = tempfile.mkdtemp() + "/run.h5"
-    >>> run = Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free", gyro_id="SN-1")
+    >>> run = Recording(
+    ...     c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free", gyro_id="SN-1"
+    ... )
     >>> _ = store.write(path, run)
     >>> store.read_heading(path, Recording, ["gyro_id"])
     {'gyro_id': 'SN-1'}
@@ -470,7 +472,10 @@ def read_json_list(file: h5py.File, name: str, path: Path) -> list[Any]:
     >>> from hrg_cli.store.headings import read_json_list
     >>> with h5py.File("x", "w", driver="core", backing_store=False) as file:
     ...     file.attrs["status_reasons"] = '["too short"]'
-    ...     read_json_list(file, "status_reasons", Path("x")), read_json_list(file, "sources", Path("x"))
+    ...     (
+    ...         read_json_list(file, "status_reasons", Path("x")),
+    ...         read_json_list(file, "sources", Path("x")),
+    ...     )
     (['too short'], [])
     """
     text = decode_text(file.attrs.get(name, "[]"))

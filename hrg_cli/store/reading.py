@@ -109,7 +109,9 @@ def read(path: Path | str, kind: type[AnyRecord]) -> AnyRecord:
     >>> import numpy as np
     >>> from hrg_cli import Recording, store
     >>> path = tempfile.mkdtemp() + "/run.h5"
-    >>> _ = store.write(path, Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free"))
+    >>> _ = store.write(
+    ...     path, Recording(c=np.zeros(3), s=np.ones(3), sample_rate_hz=10.0, mode="free")
+    ... )
     >>> store.read(path, Recording).s.tolist()
     [1.0, 1.0, 1.0]
     """

@@ -284,7 +284,9 @@ def list_bound_together(record: Record) -> str | None:
     >>> import numpy as np
     >>> from hrg_cli import Recording
     >>> from hrg_cli.store.validity import list_bound_together
-    >>> list_bound_together(Recording(c=np.zeros(0), s=np.zeros(0), sample_rate_hz=10.0, mode="free"))
+    >>> list_bound_together(
+    ...     Recording(c=np.zeros(0), s=np.zeros(0), sample_rate_hz=10.0, mode="free")
+    ... )
     'holds no samples; record again'
     """
     if isinstance(record, Recording):

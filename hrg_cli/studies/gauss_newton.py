@@ -57,7 +57,10 @@ def gauss_newton_study(
 
     >>> from hrg_cli.studies.gauss_newton import gauss_newton_study
     >>> found = gauss_newton_study(vectors=200, seed=1)
-    >>> found["random_start_zero"]["closed_form"]["failures"], sum(found["near_start"]["histogram"].values())
+    >>> (
+    ...     found["random_start_zero"]["closed_form"]["failures"],
+    ...     sum(found["near_start"]["histogram"].values()),
+    ... )
     (0, 200)
     """
     generator = np.random.default_rng(seed)

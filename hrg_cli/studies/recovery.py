@@ -253,7 +253,11 @@ def judge_report(report: Row, background: Row, effect: Effect, true: dict[str, f
     >>> found = dict(name="gain_mismatch", indistinguishable_from=[], parameters={"gain": gain})
     >>> report = {"verdict": "explained", "effects": [found]}
     >>> row = judge_report(report, {"effects": []}, find("gain_mismatch"), {"gain": 0.01})
-    >>> row["first"], round(row["found_over_true"]["gain"], 9), round(row["error_over_std"]["gain"], 9)
+    >>> (
+    ...     row["first"],
+    ...     round(row["found_over_true"]["gain"], 9),
+    ...     round(row["error_over_std"]["gain"], 9),
+    ... )
     (True, 1.1, 1.0)
     """
     before = {e["name"]: e for e in background["effects"]}

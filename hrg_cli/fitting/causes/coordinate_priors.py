@@ -158,7 +158,10 @@ def compute_prior_residual(freedom: CoordinatePriors, point: Point, series: Meas
     --------
     >>> from types import SimpleNamespace
     >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors, compute_prior_residual
+    >>> from hrg_cli.fitting.causes.coordinate_priors import (
+    ...     CoordinatePriors,
+    ...     compute_prior_residual,
+    ... )
     >>> from hrg_cli.fitting.causes.fit_point import Point
     >>> free = CoordinatePriors(np.full(7, 0.2), np.array([0.1, *[np.inf] * 6]), offset_std=0.5)
     >>> series = SimpleNamespace(forced=np.zeros((2, 3)), names="ab")

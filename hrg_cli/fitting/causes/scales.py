@@ -135,7 +135,10 @@ def list_steps(effect: Effect, series: MeasuredRuns) -> dict[str, float]:
     >>> data = SimpleNamespace(
     ...     envelope=np.ones((1, 1, 2)), weight=np.ones((1, 1)), reference_frequency_hz=5000.0
     ... )
-    >>> {n: round(s, 9) for n, s in list_steps(SimpleNamespace(fitted=lambda: [rate]), data).items()}
+    >>> {
+    ...     n: round(s, 9)
+    ...     for n, s in list_steps(SimpleNamespace(fitted=lambda: [rate]), data).items()
+    ... }
     {'rate': 1e-05}
     """
     amplitude = measure_amplitude(series)

@@ -166,7 +166,10 @@ def compute_model_signals(A: Array, B: Array, products: tuple[Array, ...]) -> Ar
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.ellipse.gauss_newton import compute_half_products, compute_model_signals
+    >>> from hrg_cli.fitting.ellipse.gauss_newton import (
+    ...     compute_half_products,
+    ...     compute_model_signals,
+    ... )
     >>> from hrg_cli.physics.signals import make_signals
     >>> x = np.array([[1.0, 0.1, 0.3, 0.2, 0.4]])
     >>> made = compute_model_signals(x[:, 0], x[:, 1], compute_half_products(*x.T[2:]))

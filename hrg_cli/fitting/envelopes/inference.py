@@ -239,7 +239,9 @@ def compute_covariance_z(fit: Fit, factor: float) -> Array:
     >>> run = EnvelopeRun("", t, u, 0 * t + 0.01, 0 * t, None, 5e3, 2, 0.1)
     >>> space = free_coordinates(["damping"], np.zeros(7))
     >>> best = fit(make_batch([run]), space, np.array([0.2]), u[:1], np.zeros((1, 1)))
-    >>> bool(np.isclose(compute_covariance_z(best, 4.0)[0, 0], 4 * best.compute_covariance_z()[0, 0]))
+    >>> bool(
+    ...     np.isclose(compute_covariance_z(best, 4.0)[0, 0], 4 * best.compute_covariance_z()[0, 0])
+    ... )
     True
     """
     prior = np.where(np.isfinite(fit.freedom.prior_std), fit.freedom.prior_std, np.inf) ** -2.0

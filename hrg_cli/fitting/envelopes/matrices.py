@@ -183,7 +183,9 @@ def exponentiate(m: Matrix, time_s: Array) -> Matrix:
     --------
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.matrices import exponentiate
-    >>> turned = exponentiate((np.zeros(1), np.ones(1), -np.ones(1), np.zeros(1)), np.array([np.pi]))
+    >>> turned = exponentiate(
+    ...     (np.zeros(1), np.ones(1), -np.ones(1), np.zeros(1)), np.array([np.pi])
+    ... )
     >>> [float(part[0].real.round(9)) for part in turned]
     [-1.0, 0.0, -0.0, -1.0]
     """
@@ -223,7 +225,10 @@ def compute_exponential_slopes(m: Matrix, time_s: Array) -> tuple[Matrix, Array,
     --------
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.matrices import exponentiate, compute_exponential_slopes
-    >>> m, t = (np.array([0.3]), np.array([1.0]), np.array([0.5]), np.array([-0.3])), np.array([1.0])
+    >>> m, t = (
+    ...     (np.array([0.3]), np.array([1.0]), np.array([0.5]), np.array([-0.3])),
+    ...     np.array([1.0]),
+    ... )
     >>> whole, f, g, s = compute_exponential_slopes(m, t)
     >>> bool(np.allclose(whole, exponentiate(m, t)))
     True

@@ -49,8 +49,12 @@ def make_mechanics(resonator: Resonator, scale_factor: float | None = None) -> M
     >>> import numpy as np
     >>> from hrg_cli import Resonator
     >>> from hrg_cli.fitting.envelopes.resonator_spread import make_mechanics
-    >>> held = dict(name=np.array(["frequency_hz", "damping_rate_1_s"]), units=np.array(["Hz", "s-1"]))
-    >>> found = Resonator(value=np.array([1000.0, 0.2]), std=np.zeros(2), covariance=np.eye(2), **held)
+    >>> held = dict(
+    ...     name=np.array(["frequency_hz", "damping_rate_1_s"]), units=np.array(["Hz", "s-1"])
+    ... )
+    >>> found = Resonator(
+    ...     value=np.array([1000.0, 0.2]), std=np.zeros(2), covariance=np.eye(2), **held
+    ... )
     >>> make_mechanics(found).scale_factor, make_mechanics(found, 0.55).scale_factor
     (0.0, 0.55)
     """

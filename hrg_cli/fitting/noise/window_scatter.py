@@ -93,7 +93,9 @@ def settle_by_scatter(pooled: Array, share: Array, freedom: Array, seen: float) 
     >>> import numpy as np
     >>> from hrg_cli.fitting.noise.window_scatter import settle_by_scatter
     >>> for share in (1.0, 1e6):
-    ...     print(settle_by_scatter(np.full(2, 1.2), np.full(2, share), np.array(200), 1.0).tolist())
+    ...     print(
+    ...         settle_by_scatter(np.full(2, 1.2), np.full(2, share), np.array(200), 1.0).tolist()
+    ...     )
     [1.2, 1.2]
     [1.0, 1.0]
     """

@@ -193,7 +193,9 @@ def integrate_means(time_s: Array, mean: Array) -> Impulse:
     >>> from hrg_cli.fitting.samples.course import integrate_means
     >>> t = np.arange(10.0)
     >>> turned = integrate_means(t, np.where(t >= 3, 1.0, 0.0))
-    >>> (turned.integrate_to(np.array([2.5, 7.0])) - turned.integrate_to(np.array([0.0]))).round(12).tolist()
+    >>> (turned.integrate_to(np.array([2.5, 7.0])) - turned.integrate_to(np.array([0.0]))).round(
+    ...     12
+    ... ).tolist()
     [0.0, 4.5]
     """
     t, y = np.asarray(time_s, float), np.asarray(mean, float)
@@ -356,7 +358,10 @@ def build_course(time_s: Array, value: Array) -> Course:
     >>> t = np.arange(20.0)
     >>> swing, steps = build_course(t, np.sin(0.3 * t)), build_course(t, np.where(t < 9, 0.0, 1.0))
     >>> x = np.array([8.5])
-    >>> float(abs(swing.interpolate(x) - np.sin(0.3 * x))[0].round(4)), float(steps.interpolate(x)[0])
+    >>> (
+    ...     float(abs(swing.interpolate(x) - np.sin(0.3 * x))[0].round(4)),
+    ...     float(steps.interpolate(x)[0]),
+    ... )
     (0.0, 0.5)
     """
     t, y = np.asarray(time_s, float), np.asarray(value, float)

@@ -34,7 +34,9 @@ def compute_allan_deviation(
     --------
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.allan import compute_allan_deviation
-    >>> time_s, deviation, _ = compute_allan_deviation(np.random.default_rng(0).standard_normal(10_000), 1.0)
+    >>> time_s, deviation, _ = compute_allan_deviation(
+    ...     np.random.default_rng(0).standard_normal(10_000), 1.0
+    ... )
     >>> float(time_s[0]), bool(abs(deviation[0] - 1) < 0.05)
     (1.0, True)
     """

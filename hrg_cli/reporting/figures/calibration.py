@@ -47,7 +47,9 @@ def plot_calibration(record: Calibration, first_only: bool = False) -> list[Plot
     >>> from hrg_cli.reporting.figures.calibration import plot_calibration
     >>> rate = np.tile(np.linspace(-1.0, 1.0, 11), 20)
     >>> output = 2.0 * rate + 1e-4 * np.random.default_rng(0).standard_normal(220)
-    >>> tables = rate_table({"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0)
+    >>> tables = rate_table(
+    ...     {"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0
+    ... )
     >>> len(plot_calibration(tables, first_only=True))
     1
     """

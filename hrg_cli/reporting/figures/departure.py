@@ -61,7 +61,9 @@ def plot_departure(record: Diagnosis, mode_number: int) -> list[Plot]:
     >>> u = np.exp(-1e-3 * t)[:, None] * [1.0, 0.0, 0.1, 0.0]
     >>> series = dict(measured=u, simulated_before=1.01 * u, simulated_after=u)
     >>> rows = dict(run=0 * t, time_s=t, wave_angle_rad=0 * t, main_amplitude=u[:, 0])
-    >>> rows |= series | dict(residual_before=u - 1.01 * u, residual_after=0 * u, series=np.arange(4))
+    >>> rows |= series | dict(
+    ...     residual_before=u - 1.01 * u, residual_after=0 * u, series=np.arange(4)
+    ... )
     >>> plots = plot_departure(Diagnosis(verdict="explained", report="{}", **rows), 2)
     >>> len(plots)
     5

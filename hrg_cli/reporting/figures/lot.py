@@ -81,7 +81,10 @@ def choose_figure_unit(name: str, value: float) -> tuple[float, str]:
     Examples
     --------
     >>> from hrg_cli.reporting.figures.lot import choose_figure_unit
-    >>> choose_figure_unit("scale_factor_rms_ppm_after", 12.0), choose_figure_unit("scale_factor", 0.5)
+    >>> (
+    ...     choose_figure_unit("scale_factor_rms_ppm_after", 12.0),
+    ...     choose_figure_unit("scale_factor", 0.5),
+    ... )
     ((1.0, 'ppm'), (1.0, ''))
     """
     if name.startswith("scale_factor_rms"):
@@ -162,7 +165,9 @@ def plot_distribution(rows: Sequence[Row], name: str, limits: Limits = (None, No
     >>> from hrg_cli.reporting.figures.lot import plot_distribution
     >>> plot_distribution([{"gyro_id": "SN-1", "scale_factor": None}], "scale_factor") is None
     True
-    >>> rows = [{"gyro_id": str(k), "scale_factor": 0.55 + 1e-3 * k, "outliers": ""} for k in range(9)]
+    >>> rows = [
+    ...     {"gyro_id": str(k), "scale_factor": 0.55 + 1e-3 * k, "outliers": ""} for k in range(9)
+    ... ]
     >>> "no outlier" in plot_distribution(rows, "scale_factor").words
     True
     """

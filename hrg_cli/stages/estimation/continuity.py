@@ -47,7 +47,10 @@ def make_continuous(x: Array, block: Periods, context: Array | None) -> Array | 
     >>> folded = np.remainder(angle + np.pi / 2, np.pi) - np.pi / 2
     >>> x = np.stack([angle * 0 + 1, angle * 0, folded, folded - angle, 0 * angle], axis=1)
     >>> block = Block(
-    ...     time_s=np.arange(9.0), signals_std=np.full((9, 4), 1e-3), flags=np.zeros(9, int), window_s=1.0
+    ...     time_s=np.arange(9.0),
+    ...     signals_std=np.full((9, 4), 1e-3),
+    ...     flags=np.zeros(9, int),
+    ...     window_s=1.0,
     ... )
     >>> context = make_continuous(x, block, None)
     >>> bool(np.allclose(np.diff(x[:, 2]), 0.75))

@@ -37,7 +37,11 @@ def map_drift(gyros: Mechanics, drive: str, gain: float) -> dict[str, Array]:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.resonator_spread import from_vector, make_vector, spread_points
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import (
+    ...     from_vector,
+    ...     make_vector,
+    ...     spread_points,
+    ... )
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> from hrg_cli.stages.forecasting.drift_map import map_drift
     >>> gyro = Mechanics(1000.0, 0.2, 1e-3)
@@ -110,7 +114,11 @@ def name_figures(
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.resonator_spread import from_vector, make_vector, spread_points
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import (
+    ...     from_vector,
+    ...     make_vector,
+    ...     spread_points,
+    ... )
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> from hrg_cli.stages.forecasting.drift_map import map_drift, name_figures
     >>> gyro = Mechanics(1000.0, 0.2, 1e-3)

@@ -75,7 +75,11 @@ def follow_wave(
     A damping split of 10⁻³ 1/s turns the wave towards its axis, m dθ/dt = −νδμ sin 2mθ:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.envelopes.resonator_spread import from_vector, make_vector, spread_points
+    >>> from hrg_cli.fitting.envelopes.resonator_spread import (
+    ...     from_vector,
+    ...     make_vector,
+    ...     spread_points,
+    ... )
     >>> from hrg_cli.physics.resonator import Mechanics
     >>> from hrg_cli.stages.forecasting.wave_path import Conditions, follow_wave
     >>> gyro = Mechanics(1000.0, 0.2, 1e-3)

@@ -35,7 +35,9 @@ def split_components(p: Array, covariance: Array) -> dict[str, dict[str, float]]
     --------
     >>> import numpy as np
     >>> from hrg_cli.stages.identification.splits import split_components
-    >>> found = split_components(np.array([0.1, 0.0, 0.01, 0.0, np.nan, 0.5, 1.0]), 1e-8 * np.eye(7))
+    >>> found = split_components(
+    ...     np.array([0.1, 0.0, 0.01, 0.0, np.nan, 0.5, 1.0]), 1e-8 * np.eye(7)
+    ... )
     >>> found["damping_split_sin_1_s"], len(found)
     ({'value': 0.01, 'std': 0.0001}, 3)
     """

@@ -130,7 +130,10 @@ def find_reference_temperatures(
     >>> import numpy as np
     >>> from hrg_cli.effects import EFFECTS
     >>> from hrg_cli.stages.planning.known import find_reference_temperatures
-    >>> waves = [Told(temperature_degc=np.array([20.0, 30.0])), Told(temperature_degc=np.array([41.0]))]
+    >>> waves = [
+    ...     Told(temperature_degc=np.array([20.0, 30.0])),
+    ...     Told(temperature_degc=np.array([41.0])),
+    ... ]
     >>> found = find_reference_temperatures(waves, EFFECTS)
     >>> {one["reference_temperature_degc"] for one in found.values()}
     {33.0}

@@ -47,7 +47,8 @@ def make_candidates(
     --------
     >>> from hrg_cli.stages.planning.menu import make_candidates
     >>> menu = {
-    ...     "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0}, "readout": {"noise": 1e-4},
+    ...     "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0},
+    ...     "readout": {"noise": 1e-4},
     ...     "grid": {"start.wave_angle_rad": [0.0, 0.4]},
     ... }
     >>> device = {"frequency_hz": 5000.0, "quality_factor": 1e6}

@@ -85,8 +85,10 @@ def weigh_menu(
     ... )
     >>> runs = [{"run_id": "still"}, {"run_id": "turning", "environment": {"rate_rad_s": 1.0}}]
     >>> menu = {
-    ...     "device": {"frequency_hz": 5000.0, "damping_rate_1_s": 0.1}, "run": runs,
-    ...     "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0}, "readout": {"noise": 1e-3},
+    ...     "device": {"frequency_hz": 5000.0, "damping_rate_1_s": 0.1},
+    ...     "run": runs,
+    ...     "recording": {"sample_rate_hz": 20_000.0, "duration_s": 3.0},
+    ...     "readout": {"noise": 1e-3},
     ... }
     >>> feasible = {run.run_id: run for run in list_runs(menu)}
     >>> offered = weigh_menu(known, [], feasible, []).offered
