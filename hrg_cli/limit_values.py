@@ -227,8 +227,8 @@ def _factor(name: str, unit: str) -> float:
     known, unit = QUANTITIES[within], _OF_FILES.get(unit, unit)
     if quantity == "a ratio" and unit in known and known[unit] != 1.0 and not is_relative(name):
         raise UsageError(
-            f"limit {name}: {unit} is a part of something, {name} is a number by itself; write that number,"
-            " or limit a figure whose name ends in _ppm"
+            f"limit {name}: {unit} is a part of something, {name} is a number by itself; write"
+            " that number, or limit a figure whose name ends in _ppm"
         )
     if unit in known:
         return known[unit] / size

@@ -133,13 +133,14 @@ def _need_few_keys(text: str, where: str) -> None:
     count = sum(map(text.count, "=[{"))
     if count > MOST_KEYS:
         raise HrgError(
-            f"{where}: has {count} keys, tables and lists (signs =, [ and {{), a settings file of at"
-            f" most {MOST_KEYS} was expected; divide it"
+            f"{where}: has {count} keys, tables and lists (signs =, [ and {{), a settings file"
+            f" of at most {MOST_KEYS} was expected; divide it"
         )
     long_lines = (line for line in text.splitlines() if line.count(".") >= MOST_NAMES)
     if long := next(filter(None, map(_LONG_KEY.search, long_lines)), None):
         raise HrgError(
-            f"{where}: the key {long[0][:40]}… joins more than {MOST_NAMES} names by dots; shorten it"
+            f"{where}: the key {long[0][:40]}… joins more than {MOST_NAMES} names by dots;"
+            " shorten it"
         )
 
 
@@ -246,8 +247,8 @@ def _need_usual_numbers(tree: Any, where: str, key: str = "") -> None:
     for place, value in list_leaves(tree, key):
         if isinstance(value, int) and not -LARGEST_INTEGER <= value < LARGEST_INTEGER:
             raise HrgError(
-                f"{where}: {place[:80]} is a whole number of more than 64 bits; write a smaller one,"
-                " or one with a decimal point"
+                f"{where}: {place[:80]} is a whole number of more than 64 bits; write a smaller"
+                " one, or one with a decimal point"
             )
         if isinstance(value, str) and "\0" in value:
             raise HrgError(f"{where}: {place[:80]} holds a zero byte; correct it")

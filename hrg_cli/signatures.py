@@ -227,8 +227,8 @@ def _loaded(path: Path, load: Any, kind: str) -> Any:
 def _of_kind(path: Path, key: Any, does: str, kind: str) -> Any:
     if "Ed25519" not in type(key).__name__ or not hasattr(key, does):
         raise HrgError(
-            f"{path}: holds a {kind} key of another algorithm; Ed25519 was expected: openssl genpkey"
-            " -algorithm ed25519"
+            f"{path}: holds a {kind} key of another algorithm; Ed25519 was expected: openssl"
+            " genpkey -algorithm ed25519"
         )
     return key
 

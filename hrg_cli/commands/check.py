@@ -239,8 +239,8 @@ def _show(done: Sequence[Checked]) -> None:
         console.print_table("", head, [line[1:] for line in lines])
     for place in find_replaced([one.record for one in done]):
         console.say(
-            f"{done[place].name}: {done[place].record.status} by itself, and not held; the diagnosis'"
-            " own resonator, with the causes found, stands in its place"
+            f"{done[place].name}: {done[place].record.status} by itself, and not held; the"
+            " diagnosis' own resonator, with the causes found, stands in its place"
         )
     for one in done:
         if one.moved == []:

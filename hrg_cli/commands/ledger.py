@@ -85,8 +85,8 @@ Since = Annotated[
     ),
 ]
 ASKING = {
-    "output": "File for the page (.html), the report (.json) or the results themselves (.jsonl, .csv,"
-    " .parquet).",
+    "output": "File for the page (.html), the report (.json) or the results themselves (.jsonl,"
+    " .csv, .parquet).",
     "config": "TOML file with more limits, over those of --limits.",
     "assignments": "Change one limit, e.g. resonator.scale_factor.minimum=0.5; may be repeated.",
     "show_config": "Print the limits as TOML and leave.",

@@ -38,8 +38,8 @@ def main(
     menu: Annotated[
         Path | None,
         typer.Option(
-            help="TOML file with the runs that are feasible (default: runs like the free ones of the"
-            " diagnosis).",
+            help="TOML file with the runs that are feasible (default: runs like the free ones of"
+            " the diagnosis).",
             show_default=False,
         ),
     ] = None,

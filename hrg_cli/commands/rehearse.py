@@ -79,8 +79,8 @@ def _rehearse_files(
     if len(results) != 1:
         found = "none" if not results else " and ".join(str(path) for path in results)
         raise UsageError(
-            f"one resonator, calibration or diagnosis file is rehearsed at a time, {found} was given; the rest"
-            " of FILE are its inputs"
+            f"one resonator, calibration or diagnosis file is rehearsed at a time, {found} was"
+            " given; the rest of FILE are its inputs"
         )
     told = rehearse_file(
         results[0], given, values, run.jobs, progress, None if keep_file else read_command_line()

@@ -411,8 +411,9 @@ def _tell_replaced(steps: Sequence[Step]) -> list[str]:
     """That a resonator in doubt is not the one to go on with, where a diagnosis explains it."""
     diagnoses = [step.output for step in steps if step.name == "diagnose"]
     return [
-        f"{step.output}: {step.status} by itself; {find_extended_paths(Path(diagnoses[0]))[1].name},"
-        " with the causes found, stands in its place"
+        f"{step.output}: {step.status} by itself;"
+        f" {find_extended_paths(Path(diagnoses[0]))[1].name}, with the causes found, stands in"
+        " its place"
         for step in steps
         if step.name == "identify" and step.status != "valid" and _is_explained(steps)
     ]

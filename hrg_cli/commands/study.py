@@ -48,8 +48,8 @@ def _study_names(incomplete: str) -> list[str]:
     idle={"strict": "a study has no validity of its own"},
     says={
         "jobs": (
-            "Processes that share the draws of the programmes, diagnosis and recovery studies; the others"
-            " use one."
+            "Processes that share the draws of the programmes, diagnosis and recovery studies;"
+            " the others use one."
         )
     },
 )

@@ -367,7 +367,10 @@ def _say_farthest(moved: tuple[MovedFigure, ...]) -> str:
     if not moved:
         return ""
     far = max(moved, key=lambda m: abs(m.sigma))
-    return f" The supplied model's {far.label} is wrong by {answer_words.format_short(abs(far.sigma))} σ."
+    return (
+        f" The supplied model's {far.label} is wrong by"
+        f" {answer_words.format_short(abs(far.sigma))} σ."
+    )
 
 
 def _moved(report: Mapping[str, Any]) -> tuple[MovedFigure, ...]:
@@ -411,7 +414,8 @@ def _gains(drift: Mapping[str, Any], scale: Mapping[str, Any]) -> list[str]:
         )
         if before == before and after == after:
             found.append(
-                f"{words} from {answer_words.format_short(before)} to {answer_words.format_short(after)} {unit}"
+                f"{words} from {answer_words.format_short(before)} to"
+                f" {answer_words.format_short(after)} {unit}"
             )
     return found
 
@@ -420,7 +424,10 @@ def _of_resonator(record: Record) -> str:
     if isinstance(record, Resonator):
         known = record.parameters()
         said = [
-            f"{label_of(name, *known[name][:2]).rsplit(' ', 1)[1]} = {format_parameter(name, *known[name])}"
+            (
+                f"{label_of(name, *known[name][:2]).rsplit(' ', 1)[1]} ="
+                f" {format_parameter(name, *known[name])}"
+            )
             for name in ("frequency_hz", "damping_rate_1_s", "frequency_split_rad_s")
             if name in known
         ]

@@ -293,7 +293,8 @@ def make_sentence(
     them = f"all {runs} runs" if runs > 1 else "the run"
     if verdict == "adequate":
         left = (
-            f" the {departure.words} error left is {format_short(departure.after)} {departure.unit}."
+            f" the {departure.words} error left is {format_short(departure.after)}"
+            f" {departure.unit}."
             if departure
             else ""
         )
@@ -401,8 +402,8 @@ def say_forecast(report: Mapping[str, Any]) -> str:
             else ""
         )
         return (
-            f"forecast of data left out: error {format_short(before * factor)} → {format_short(after * factor)}"
-            f"{f' {unit}' if unit else ''}{by}"
+            f"forecast of data left out: error {format_short(before * factor)} →"
+            f" {format_short(after * factor)}{f' {unit}' if unit else ''}{by}"
         )
     if isinstance(told.get("sentence"), str):
         return clean_text(told["sentence"])

@@ -385,7 +385,10 @@ def _component(row: FigureReport, found: Component | None) -> str:
 def _interval(value: float | None, interval: tuple[float, float] | None) -> str:
     if value is None or interval is None:
         return "–"
-    return f"{format_number(value, 3)} [{format_number(interval[0], 3)}, {format_number(interval[1], 3)}]"
+    return (
+        f"{format_number(value, 3)} [{format_number(interval[0], 3)},"
+        f" {format_number(interval[1], 3)}]"
+    )
 
 
 def _chart(chart: Chart | None) -> str:

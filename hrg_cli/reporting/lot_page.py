@@ -264,7 +264,8 @@ def _populations(found: Mapping[str, Any]) -> list[tuple[str, list[str], bool]]:
         spread = (
             f"{round_with_std(one['spread'] * size, one['spread_std'] * size)} {unit}"
             if one["spread"] > one["spread_std"]
-            else f"less than {format_number((one['spread'] + 2 * one['spread_std']) * size, 2)} {unit}"
+            else f"less than {format_number((one['spread'] + 2 * one['spread_std']) * size, 2)}"
+            f" {unit}"
         )
         words = (
             clean_text(say_in_words(name))

@@ -115,7 +115,10 @@ def translate_parameter(name: str, value: float, std: float, frequency_hz: float
         quality = (
             f", Q = {format_number(math.pi * frequency_hz / value, 4)}" if frequency_hz else ""
         )
-        return f"τ = {format_number(1 / value, 5)} ± {format_number(std / value / value, 2)} s{quality}"
+        return (
+            f"τ = {format_number(1 / value, 5)} ± {format_number(std / value / value, 2)}"
+            f" s{quality}"
+        )
     if name == "damping_split_1_s":
         return f"{pair(1 / DEGREE_PER_HOUR, '°/h')} of drift D"
     if name == "frequency_split_rad_s":

@@ -417,8 +417,8 @@ def _need_both_channels(waves: Sequence[Wave]) -> None:
     """HrgError: in every run one channel holds noise alone, so that there is no wave to model."""
     if waves and all(has_dead_channel(thin_run(envelope_runs.from_wave(wave))) for wave in waves):
         raise HrgError(
-            f"{name_some(wave.run_id or 'a run' for wave in waves)}: one channel alone was recorded,"
-            " diagnose needs both; hrg identify gives the modes that it shows"
+            f"{name_some(wave.run_id or 'a run' for wave in waves)}: one channel alone was"
+            " recorded, diagnose needs both; hrg identify gives the modes that it shows"
         )
 
 

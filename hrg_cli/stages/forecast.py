@@ -165,9 +165,9 @@ def forecast(
     checks = (
         check_at_most(
             "small_split", ratio, SMALL_SPLIT,
-            f"δω/λ = {ratio:.3g}: seed A's (9) and D_max ask for δω ≪ λ; map and table are exact, bound and sin 8θ term are not",
+            (f"δω/λ = {ratio:.3g}: seed A's (9) and D_max ask for δω ≪ λ; map and table are" " exact, bound and sin 8θ term are not"),
         ),
-        check_at_most("integration", error, INTEGRATION, f"halving the Adams step still moves the forecast by {error:.2g} of itself"),
+        check_at_most("integration", error, INTEGRATION, ("halving the Adams step still moves" f" the forecast by {error:.2g} of itself")),
         check_covariance(covariance, "the resonator's covariance is none; identify it again"),
     )  # fmt: skip
     reasons = [

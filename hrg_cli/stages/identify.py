@@ -69,7 +69,8 @@ def identify(
     eliminate_rate: Annotated[
         bool,
         Field(
-            description="fixed-axes with the published elimination of the rate, which halves the damping split"
+            description="fixed-axes with the published elimination of the rate, which halves the"
+            " damping split"
         ),
     ] = False,
     window: Annotated[

@@ -65,8 +65,8 @@ class LoopWatch:
         if np.abs(amplitude / wanted - 1).max() > HELD:
             found.append(
                 "the loops do not hold the wave: its amplitude is at last"
-                f" {amplitude.min():.3g} to {amplitude.max():.3g} of a set {wanted:.3g} (gain × delay:"
-                f" amplitude loop {c.amplitude_gain_1_s * late_s:.2g}, phase loop"
+                f" {amplitude.min():.3g} to {amplitude.max():.3g} of a set {wanted:.3g} (gain ×"
+                f" delay: amplitude loop {c.amplitude_gain_1_s * late_s:.2g}, phase loop"
                 f" {math.sqrt(2) * 2 * math.pi * e.phase_loop_hz * late_s:.2g}; unstable from π/2)"
             )
         ratio = np.concatenate(self._ratio)

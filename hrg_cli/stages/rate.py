@@ -312,8 +312,9 @@ def _check_nodes(found: RateEstimate, foretold: float) -> list[Check]:
     count, more = len(found.time_s), _more_nodes(found)
     gained = found.finer.z if found.finer is not None else 0.0
     unsettled = (
-        f"the rate on {count} nodes still moves by a hundredth of its standard deviation, as where the"
-        " wave is gone in the noise or windows are missing: cut there (--to-s), or give other nodes"
+        f"the rate on {count} nodes still moves by a hundredth of its standard deviation, as"
+        " where the wave is gone in the noise or windows are missing: cut there (--to-s), or"
+        " give other nodes"
     )
     return [
         checks.check_holds("rate_settles", found.converged or not found.adequate, unsettled),

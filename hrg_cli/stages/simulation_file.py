@@ -174,7 +174,8 @@ def _each_in_its_run(runs: list[SimulationFile], where: str) -> list[SimulationF
         if wanted != OF_EVERY_RUN and wanted not in range(len(runs)):
             raise HrgError(
                 f"{where}: effects.{name}.{RUN} = {str(wanted).removesuffix('.0')} is no run of the"
-                f" file; give one of 0 to {len(runs) - 1}, in the file's order, or {OF_EVERY_RUN:g} for every run"
+                f" file; give one of 0 to {len(runs) - 1}, in the file's order, or"
+                f" {OF_EVERY_RUN:g} for every run"
             )
         return wanted in (OF_EVERY_RUN, number)
 

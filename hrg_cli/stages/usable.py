@@ -151,8 +151,8 @@ def restrict_to_known_rates(usable: Usable, given: Collection[str] = ()) -> Usab
         (notes if own else doubts).append(sentence)
     if usable.waves and not waves:
         raise HrgError(
-            f"{_tell_first(doubts)}; no run is left: log the rate over the whole run, or give the rate"
-            " with rate_rad_s"
+            f"{_tell_first(doubts)}; no run is left: log the rate over the whole run, or give"
+            " the rate with rate_rad_s"
         )
     return replace(usable, waves=waves, notes=tuple(notes), doubts=tuple(doubts))
 

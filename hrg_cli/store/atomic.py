@@ -463,5 +463,6 @@ def explain_write_error(error: OSError, path: Path) -> HrgError:
     if error.errno == errno.ENAMETOOLONG:
         return HrgError(f"{str(path)[:80]}…: the name is too long; choose a shorter --output")
     return HrgError(
-        f"{path}: cannot be written ({error.strerror or take_first_line(error)}); choose another --output"
+        f"{path}: cannot be written ({error.strerror or take_first_line(error)}); choose another"
+        " --output"
     )

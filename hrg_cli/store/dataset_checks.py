@@ -178,8 +178,8 @@ def need_declared(dataset: Any, path: Path, place: str, spec: Column) -> None:
         and to_file_unit(decode_text(units)) != spec.units
     ):
         raise HrgError(
-            f"{path}: dataset {place} has units {decode_text(units)!r}, {spec.units!r} was expected;"
-            " convert it and write the file again"
+            f"{path}: dataset {place} has units {decode_text(units)!r}, {spec.units!r} was"
+            " expected; convert it and write the file again"
         )
 
 

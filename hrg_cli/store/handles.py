@@ -264,8 +264,8 @@ def explain_read_error(error: Exception, path: Path, what: str = "") -> HrgError
     if number in (errno.EACCES, errno.EPERM):
         return HrgError(f"{path}: no right to read it; ask for read access")
     return HrgError(
-        f"{path}: {f'dataset {what} ' if what else ''}is damaged ({take_first_line(error)}); copy or"
-        " record it again"
+        f"{path}: {f'dataset {what} ' if what else ''}is damaged ({take_first_line(error)});"
+        " copy or record it again"
     )
 
 

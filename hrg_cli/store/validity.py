@@ -146,8 +146,8 @@ def find_values_problem(
         if place is not None:
             after = (place[0] + 1, *place[1:])
             return (
-                f"holds {_tell_value(values, after, first_row)} after {values[place]:.9g}; the values must"
-                " increase from row to row"
+                f"holds {_tell_value(values, after, first_row)} after {values[place]:.9g}; the"
+                " values must increase from row to row"
             )
     return None
 
@@ -301,7 +301,10 @@ def list_bound_together(record: Record) -> str | None:
     if hasattr(record, "signals") and len(record):
         count, wanted = np.shape(record.signals)[1], 8 if record.readout == "carrier" else 4  # type: ignore[attr-defined]
         if count != wanted:
-            return f'/periods/signals has {count} signals, {wanted} were expected with readout "{record.readout}"'  # type: ignore[attr-defined]
+            return (
+                f"/periods/signals has {count} signals, {wanted} were expected with readout"
+                f' "{record.readout}"'
+            )  # type: ignore[attr-defined]
     if (
         hasattr(record, "readout")
         and record.readout == "carrier"
@@ -358,8 +361,8 @@ def _calibration_problem(record: Calibration) -> str | None:
     for name, count in (("drift_harmonics", drift), ("scale_factor_harmonics", scale)):
         if count % 2 == 0:
             return (
-                f"/calibration/{name} has {count} coefficients per node; a constant and pairs of cos"
-                " and sin were expected"
+                f"/calibration/{name} has {count} coefficients per node; a constant and pairs of"
+                " cos and sin were expected"
             )
     if not np.all(np.abs(record.scale_factor) >= np.finfo(float).tiny):
         return "/calibration/scale_factor holds 0, a finite number other than 0 was expected"
@@ -391,7 +394,8 @@ class WrittenBlocks:
         problem = self._problem(record)
         if problem is not None:
             raise HrgError(
-                f"{self.path}: was not written: {problem}; look for values out of all proportion in the input, or report it"
+                f"{self.path}: was not written: {problem}; look for values out of all proportion"
+                " in the input, or report it"
             )
         self.rows += len(record)
 

@@ -74,7 +74,8 @@ def solve(
         nan = np.full(COUNT, np.nan)
         refusal = (
             refusal
-            or f"{METHOD} needs a run that turns through a full period of 2mθ; rotate the gyro uniformly for longer"
+            or f"{METHOD} needs a run that turns through a full period of 2mθ; rotate the gyro"
+            " uniformly for longer"
         )
         return Regression(nan, np.full((COUNT, COUNT), np.nan), refused=refusal)
     weights = [one.turns for one in turning]

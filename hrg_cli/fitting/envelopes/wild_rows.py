@@ -65,8 +65,9 @@ def flag_wild_rows(wave: Wave) -> tuple[Wave, str]:
     first = found[0]
     row = int(first.rows[0])
     return wave.replace(flags=flags), (
-        f"run {wave.run_id or '?'}: {first.name} is {float(getattr(wave, first.name)[row]):.4g} in row"
-        f" {row + 1} of its wave, where the others stay within {first.tame:.4g}; such rows are left out"
+        f"run {wave.run_id or '?'}: {first.name} is {float(getattr(wave, first.name)[row]):.4g}"
+        f" in row {row + 1} of its wave, where the others stay within {first.tame:.4g}; such"
+        " rows are left out"
     )
 
 

@@ -216,7 +216,8 @@ def tell_wild(recording: Recording) -> str:
     unit = f" {units[k]}" if units[k] not in ("", "1") else ""
     more = f", and {len(found) - 1} more such" if len(found) > 1 else ""
     return (
-        f"sample {place + 1} of channel {'CS'[k]}, at {float(recording.times(place, place + 1)[0]):.6g} s,"
-        f" is {raw * rate[k] + offset[k]:.4g}{unit} where the others stay within"
+        f"sample {place + 1} of channel {'CS'[k]}, at"
+        f" {float(recording.times(place, place + 1)[0]):.6g} s, is"
+        f" {raw * rate[k] + offset[k]:.4g}{unit} where the others stay within"
         f" {channel.tame * abs(rate[k]):.4g}{unit}{more}"
     )

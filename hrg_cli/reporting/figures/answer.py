@@ -134,8 +134,9 @@ def _shares(ax: object, departure: Departure | None, causes: tuple[Cause, ...]) 
     note(ax, "first, last: data left out" if departure.held_out else "")
     left = f"{format_number(departure.after, 3)} {departure.unit}"
     return (
-        f"{words.capitalize()} error {format_number(departure.before, 3)} {departure.unit} without the"
-        f" causes, {left} with them{' on data that was not fitted' if departure.held_out else ''}."
-        " A cause's bar: how far the runs go off where that cause is left out and all else is fitted"
-        " anew; these bars do not add up."
+        f"{words.capitalize()} error {format_number(departure.before, 3)} {departure.unit}"
+        f" without the causes, {left} with"
+        f" them{' on data that was not fitted' if departure.held_out else ''}. A cause's bar:"
+        " how far the runs go off where that cause is left out and all else is fitted anew;"
+        " these bars do not add up."
     )

@@ -164,7 +164,10 @@ def _draw_map(
             angle,
             values[i],
             color=colour,
-            label=f"{format_number(float(node[i]), 6)} {'°C' if record.axis == 'temperature' else 'Hz'}",
+            label=(
+                f"{format_number(float(node[i]), 6)}"
+                f" {'°C' if record.axis == 'temperature' else 'Hz'}"
+            ),
         )
         ax.fill_between(
             angle, values[i] - deviation[i], values[i] + deviation[i], color=colour, alpha=0.2, lw=0
@@ -184,7 +187,8 @@ def _draw_map(
     words = (
         f"{_at_nodes(record, label)} and {len(angle)} angles: lowest"
         f" {format_number(float(values[low]))} at {format_number(float(angle[low[1]]), 3)}°,"
-        f" highest {format_number(float(values[high]))} at {format_number(float(angle[high[1]]), 3)}°; median σ"
+        f" highest {format_number(float(values[high]))} at"
+        f" {format_number(float(angle[high[1]]), 3)}°; median σ"
         f" {format_number(float(np.nanmedian(deviation)), 2)}."
     )
     return Plot(

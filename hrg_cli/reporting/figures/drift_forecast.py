@@ -56,9 +56,10 @@ def plot_drift_forecast(made: Forecast) -> Plot:
     )
     largest = float(np.abs(made.map["drift_rad_s"] / DEGREE_PER_HOUR).max())
     words = (
-        f"Drift up to {format_number(largest, 3)} °/h; {format_number(float(table['time_s'][last]), 3)}"
-        f" s after a fix the angle is wrong by {format_number(worst, 3)} ° at worst, {format_number(left, 2)} °"
-        " rms after compensation with this resonator."
+        f"Drift up to {format_number(largest, 3)} °/h;"
+        f" {format_number(float(table['time_s'][last]), 3)} s after a fix the angle is wrong by"
+        f" {format_number(worst, 3)} ° at worst, {format_number(left, 2)} ° rms after"
+        " compensation with this resonator."
     )
     return Plot("drift-forecast", "Drift expected of this resonator", words, figure)
 

@@ -209,8 +209,8 @@ def plot_distribution(rows: Sequence[Row], name: str, limits: Limits = (None, No
     note(ax, f"median {centre}{said}, 1.4826·MAD {width}{said}")
     draw_legend(ax, loc="center right" if far.any() and value[far].max() < middle else "best")
     words = (
-        f"{len(value)} gyros from {format_number(value[0], digits)} to {format_number(value[-1], digits)}{said},"
-        f" median {centre}, robust spread {width}; "
+        f"{len(value)} gyros from {format_number(value[0], digits)} to"
+        f" {format_number(value[-1], digits)}{said}, median {centre}, robust spread {width}; "
         + _say_outliers([row for row, out in zip(known, far) if out])
         + _say_limits(said_limits, value, low, high)
         + " Good: dots along the dashed line. Bad: dots far to one side, or a step."
@@ -305,8 +305,9 @@ def plot_pareto(counts: Sequence[tuple[str, int]], gyros: int) -> Plot | None:
         )
     set_labels(ax, "gyros", title="Causes by the gyros that have them")
     words = (
-        f"{clean_text(shown[0][0])} is the most frequent, in {shown[0][1]} of {gyros} gyros; a gyro with two"
-        " causes counts for both. In brackets: the share of all causes down to this one."
+        f"{clean_text(shown[0][0])} is the most frequent, in {shown[0][1]} of {gyros} gyros; a"
+        " gyro with two causes counts for both. In brackets: the share of all causes down to"
+        " this one."
     )
     return Plot("pareto", "Pareto of causes", words, figure)
 

@@ -96,10 +96,11 @@ def _signals(record: Periods) -> Plot:
     )
     axes[2, 0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.2)
     words = (
-        f"{len(time)} windows of {format_number(record.window_s)} s over {format_number(time[-1] * factor)}"
-        f" {unit} against {format_number(record.reference_frequency_hz, 8)} Hz; signals {say_spread(signals)},"
-        f" residual rms {say_spread(residual)} {name_channel_unit(record.units)}; {int(flags.sum())} windows are"
-        " flagged."
+        f"{len(time)} windows of {format_number(record.window_s)} s over"
+        f" {format_number(time[-1] * factor)} {unit} against"
+        f" {format_number(record.reference_frequency_hz, 8)} Hz; signals {say_spread(signals)},"
+        f" residual rms {say_spread(residual)} {name_channel_unit(record.units)};"
+        f" {int(flags.sum())} windows are flagged."
     )
     return Plot("signals", "Demodulated signals", words, figure)
 

@@ -143,14 +143,18 @@ def _overview(record: Recording, looks: list[RecordingLook]) -> Plot:
         ax.plot(centre, low, color=SERIES[i], lw=0.8)
         ax.plot(centre, high, color=SERIES[i], lw=0.8)
         said.append(
-            f"channel {channel} runs from {say_spread(np.concatenate([low, high]))} {name_channel_unit(units)}"
+            f"channel {channel} runs from {say_spread(np.concatenate([low, high]))}"
+            f" {name_channel_unit(units)}"
         )
         set_labels(ax, y=f"{channel}, {name_channel_unit(units)}", title=f"Channel {channel}")
     axes[1, 0].set_xlabel(f"time, {unit}")
     note(
         axes[0, 0], f"lowest and highest, from {len(looks)} looks of {len(looks[0].time_s)} samples"
     )
-    words = f"Both channels over {format_number(looks[-1].time_s[-1] * factor)} {unit}: {'; '.join(said)}."
+    words = (
+        f"Both channels over {format_number(looks[-1].time_s[-1] * factor)} {unit}:"
+        f" {'; '.join(said)}."
+    )
     return Plot("channels", "Channels against time", words, figure)
 
 
@@ -199,13 +203,13 @@ def _orbit(record: Recording, looks: list[RecordingLook], frequency: float) -> P
             ax,
             x=f"C, {name_channel_unit(record.c_units)}",
             title=(
-                f"at {format_number(look.time_s[middle] * factor, 3)} {unit}\nθ {angle:.1f}°, axes 1 :"
-                f" {format_number(ratio, 2)}"
+                f"at {format_number(look.time_s[middle] * factor, 3)} {unit}\nθ {angle:.1f}°,"
+                f" axes 1 : {format_number(ratio, 2)}"
             ),
         )
         said.append(
-            f"at {format_number(look.time_s[middle] * factor, 3)} {unit} the main axis lies at a wave"
-            f" angle of {angle:.1f}° and the minor axis is {ratio:.2g} of it"
+            f"at {format_number(look.time_s[middle] * factor, 3)} {unit} the main axis lies at a"
+            f" wave angle of {angle:.1f}° and the minor axis is {ratio:.2g} of it"
         )
         reach = max(reach, 1.08 * float(np.abs(part).max()))
     axes[0, 0].set_xlim(-reach, reach)
@@ -250,9 +254,10 @@ def _spectrum(record: Recording, looks: list[RecordingLook], frequency: float) -
     axes[1, 0].set_xlabel("frequency, Hz")
     axes[1, 0].set_xlim(0, rate / 2)
     words = (
-        f"Amplitude spectral density from 0 to {format_number(rate / 2)} Hz: the strongest line is at"
-        f" {format_number(frequency, 7)} Hz; the median of the residual is {format_number(floor[0], 3)} (C) and"
-        f" {format_number(floor[1], 3)} (S) {name_channel_unit(record.c_units)}/√Hz."
+        f"Amplitude spectral density from 0 to {format_number(rate / 2)} Hz: the strongest line"
+        f" is at {format_number(frequency, 7)} Hz; the median of the residual is"
+        f" {format_number(floor[0], 3)} (C) and {format_number(floor[1], 3)} (S)"
+        f" {name_channel_unit(record.c_units)}/√Hz."
     )
     return Plot("spectrum", "Raw spectrum with its residual", words, figure)
 

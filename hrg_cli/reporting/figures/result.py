@@ -223,8 +223,10 @@ def _allan(series: list[tuple[Array, str, int]], interval_s: float) -> Plot:
         )
         best = int(np.argmin(deviation))
         said.append(
-            f"{name}: {format_number(float(deviation[0]), 3)} °/h at {format_number(float(tau[0]), 3)} s, "
-            f"lowest {format_number(float(deviation[best]), 3)} °/h at {format_number(float(tau[best]), 3)} s"
+            f"{name}: {format_number(float(deviation[0]), 3)} °/h at"
+            f" {format_number(float(tau[0]), 3)} s, lowest"
+            f" {format_number(float(deviation[best]), 3)} °/h at"
+            f" {format_number(float(tau[best]), 3)} s"
         )
     set_labels(ax, x="averaging time τ, s", y="Allan deviation, °/h")
     ax.grid(True, which="both")

@@ -157,8 +157,8 @@ def _course(record: Wave, truth: Recording | None) -> Plot:
     axes[-1, 0].set_xlabel(f"time, {unit}")
     bad = int(len(time) - good.sum())
     words = (
-        f"Run over {format_number((time[-1] - time[0]) * factor)} {unit}, {len(time)} windows of which"
-        f" {bad} are flagged or failed: " + "; ".join(said) + "."
+        f"Run over {format_number((time[-1] - time[0]) * factor)} {unit}, {len(time)} windows of"
+        f" which {bad} are flagged or failed: " + "; ".join(said) + "."
     )
     return Plot("wave", "Wave against time: θ, a_A, a_B, φ", words, figure)
 
@@ -289,8 +289,9 @@ def _rates(record: Wave, rates: Rates) -> Plot:
     scatter = float(np.std(left)) / DEGREE_PER_HOUR
     words = (
         f"Rates over {len(left)} increments. Precession m·dθ/dt less {constants} scatters by"
-        f" {format_number(scatter)} °/h rms; the decay rate is {format_number(rates.decay_1_s.mean())} 1/s and"
-        f" scatters by {format_number(float(np.std(decay)))} 1/s; the quadrature ratio moves by"
+        f" {format_number(scatter)} °/h rms; the decay rate is"
+        f" {format_number(rates.decay_1_s.mean())} 1/s and scatters by"
+        f" {format_number(float(np.std(decay)))} 1/s; the quadrature ratio moves by"
         f" {format_number(float(np.mean(rates.quadrature_1_s)))} 1/s on average."
     )
     return Plot(

@@ -69,7 +69,7 @@ class AngleAgainstLog:
             "angle_follows_the_log",
             self.furthest,
             limit,
-            f"at {self.at_s:.6g} s the compensated angle is {abs(self.off_rad):.2g} rad off the run's"
-            f" rate log, {self.furthest:.3g} of its standard deviations: tables that have aged (hrg"
-            " update), or a log that is off",
+            f"at {self.at_s:.6g} s the compensated angle is {abs(self.off_rad):.2g} rad off the"
+            f" run's rate log, {self.furthest:.3g} of its standard deviations: tables that have"
+            " aged (hrg update), or a log that is off",
         )

@@ -105,7 +105,8 @@ class StreamJudge:
             )
         if gaps:
             (suspect if gaps > GAPS_SHARE * self.rows else notes).append(
-                f"{gaps} {of} {'lies' if gaps == 1 else 'lie'} in or beside gaps of the sampling{self._advise_shorter(gaps)}"
+                f"{gaps} {of} {'lies' if gaps == 1 else 'lie'} in or beside gaps of the"
+                f" sampling{self._advise_shorter(gaps)}"
             )
         if bad:
             wild = tell_wild(self.run.recording)

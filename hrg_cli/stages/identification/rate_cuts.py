@@ -61,8 +61,8 @@ def cut_at_rate_steps(usable: Usable) -> Usable:
             continue
         waves += [restrict_to_log(wave, part) for part in parts]
         notes.append(
-            f"run {wave.run_id or '?'}: its logged rate steps, and how far it turned meanwhile is not"
-            f" known; its {len(parts)} parts are taken as runs of their own"
+            f"run {wave.run_id or '?'}: its logged rate steps, and how far it turned meanwhile"
+            f" is not known; its {len(parts)} parts are taken as runs of their own"
         )
     return replace(usable, waves=waves, notes=tuple(notes))
 

@@ -129,9 +129,9 @@ def _add_closing_checks(verdict: Verdict, found: rate_offset.RateOffset, unclear
             checks.check_holds(
                 "rate_is_distinct",
                 not unclear,
-                f"an unknown rate is ill-conditioned (condition number {verdict.condition:.3g}), like a"
-                f" damping split where the wave passes {np.degrees(span):.0f}° of the 360° of 2mθ;"
-                " give the rate, or runs at several angles",
+                f"an unknown rate is ill-conditioned (condition number {verdict.condition:.3g}),"
+                f" like a damping split where the wave passes {np.degrees(span):.0f}° of the"
+                " 360° of 2mθ; give the rate, or runs at several angles",
             ),
         ],
     )

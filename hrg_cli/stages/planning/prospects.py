@@ -182,8 +182,8 @@ def explain_run(
             compute_separation(total, q, layout),
         )
         return (
-            f"tells {say_in_words(q.cause)} from {say_in_words(q.rival)}: {before_sigma:.3g} σ without it,"
-            f" {after_sigma:.3g} σ with it"
+            f"tells {say_in_words(q.cause)} from {say_in_words(q.rival)}: {before_sigma:.3g} σ"
+            f" without it, {after_sigma:.3g} σ with it"
         )
     before, after = (compute_std(M, prospects.mechanics) for M in (without, total))
     best = max(before, key=lambda key: (before[key] or 0.0) / max(after[key] or 0.0, 1e-300))

@@ -284,7 +284,7 @@ def find_impossible(
         elif compute_separation(everything, q, layout) < TOLD:
             sigma = compute_separation(everything, q, layout)
             out.append(
-                f"all runs of the menu together tell {say_in_words(q.cause)} from {say_in_words(q.rival)}"
-                f" by {sigma:.1f} σ only; add other runs"
+                f"all runs of the menu together tell {say_in_words(q.cause)} from"
+                f" {say_in_words(q.rival)} by {sigma:.1f} σ only; add other runs"
             )
     return out

@@ -133,8 +133,8 @@ def build_carrier_of_tables(
         raise HrgError("was made of a foreign table of dwells; there are no runs to rehearse")
     if is_physical(truth) and not identified:
         raise HrgError(
-            "has the coefficients of resonator files (model physical), which every rehearsal identifies"
-            " again; name the resonator files it was made of beside it"
+            "has the coefficients of resonator files (model physical), which every rehearsal"
+            " identifies again; name the resonator files it was made of beside it"
         )
     frequency = float(np.median([np.nanmedian(m.wave.frequency_hz) for m in inputs]))
     return Mechanics(

@@ -113,8 +113,9 @@ def _need_finite(block: Block, settings: SimulationFile, watch: LoopWatch | None
     if watch is not None and settings.control.mode == "forced":
         raise watch.make_error(at)
     raise HrgError(
-        f"simulation: the motion of run {settings.run_id} is no finite number from {at:.6g} s on; it"
-        " grows without bound, or its settings are beyond what can be simulated: correct them"
+        f"simulation: the motion of run {settings.run_id} is no finite number from {at:.6g} s"
+        " on; it grows without bound, or its settings are beyond what can be simulated: correct"
+        " them"
     )
 
 
