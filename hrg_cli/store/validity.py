@@ -299,12 +299,13 @@ def list_bound_together(record: Record) -> str | None:
         problem = find_report_problem(record.report)
         return None if problem is None else f"attribute report of /diagnosis {problem}"
     if hasattr(record, "signals") and len(record):
-        count, wanted = np.shape(record.signals)[1], 8 if record.readout == "carrier" else 4  # type: ignore[attr-defined]
+        readout = record.readout  # type: ignore[attr-defined]
+        count, wanted = np.shape(record.signals)[1], 8 if readout == "carrier" else 4
         if count != wanted:
             return (
                 f"/periods/signals has {count} signals, {wanted} were expected with readout"
-                f' "{record.readout}"'
-            )  # type: ignore[attr-defined]
+                f' "{readout}"'
+            )
     if (
         hasattr(record, "readout")
         and record.readout == "carrier"

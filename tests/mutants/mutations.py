@@ -48,7 +48,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("+ 2 * omega * split * make_reflection", "- 2 * omega * split * make_reflection"),
             ("np.stack([sin, -cos], -1)", "np.stack([sin, cos], -1)"),
             ("damping = mechanics.build_damping_matrix() - turning", "damping = mechanics.build_damping_matrix() + turning"),
-            ("(mechanics.omega_rad_s - omega_r) * IDENTITY", "(omega_r - mechanics.omega_rad_s) * IDENTITY"),
+            ("1j * (root - omega_r * IDENTITY)", "1j * (omega_r * IDENTITY - root)"),
             ("(L @ L + 2 * damping @ L)", "(L @ L + damping @ L)"),
             ("1 + x**2 / 6", "1 - x**2 / 6"),
             ("half = (L[..., 0, 0] + L[..., 1, 1])[..., None, None] / 2", "half = (L[..., 0, 0] + L[..., 1, 1])[..., None, None]"),

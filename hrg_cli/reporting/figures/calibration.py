@@ -154,21 +154,14 @@ def _draw_map(
     if len(record.wave_angle_rad) == 1:
         return _draw_over_nodes(record, values[:, 0], deviation[:, 0], symbol, label, key)
     node, angle = np.asarray(record.node), np.degrees(np.asarray(record.wave_angle_rad))
-    several = len(node) > 1
+    unit, several = "°C" if record.axis == "temperature" else "Hz", len(node) > 1
     figure, axes = make_panels(1, 2 if several else 1, height=2.9, width=8.2 if several else 7.2)
     ax = axes[0, 0]
     picked = np.unique(np.linspace(0, len(node) - 1, min(5, len(node))).round().astype(int))
     for k, i in enumerate(picked):
         colour = SERIES[k % len(SERIES)]
-        ax.plot(
-            angle,
-            values[i],
-            color=colour,
-            label=(
-                f"{format_number(float(node[i]), 6)}"
-                f" {'°C' if record.axis == 'temperature' else 'Hz'}"
-            ),
-        )
+        named = f"{format_number(float(node[i]), 6)} {unit}"
+        ax.plot(angle, values[i], color=colour, label=named)
         ax.fill_between(
             angle, values[i] - deviation[i], values[i] + deviation[i], color=colour, alpha=0.2, lw=0
         )
