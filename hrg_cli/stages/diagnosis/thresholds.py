@@ -15,9 +15,9 @@ CLEARLY = 16.0
 """ΔBIC by which an open description must beat catalogued causes: odds of e⁸ = 3000, since the
 catalogue is the smaller claim."""
 FURTHER = 7.0
-"""ΔBIC that every cause after the first owes more against one open term in the place of all: a given one
-of some thirty is there with odds of 1 : 30, and one simple form is a smaller claim than three that make
-it up."""
+"""ΔBIC that every cause after the first owes more against one open term in the place of all: a
+given one of some thirty is there with odds of 1 : 30, and one simple form is a smaller claim than
+three that make it up."""
 INADEQUATE = 1e-4
 """Chance at which a clean model would be called inadequate by the residual's smooth part, and again
 by the open terms."""
@@ -26,21 +26,22 @@ GROSS = 10.0
 causes are refitted before one is chosen, and what the misfit could bend (the second order's scale)
 is held where physics has it."""
 NEARLY_ALL = 100.0
-"""Times that one cause brings a gross misfit's χ² down from which no open term outdoes it: nine tenths
-of the misfit's size, which another cause shows of it only where the two correlate by 0.995."""
+"""Times that one cause brings a gross misfit's χ² down from which no open term outdoes it: nine
+tenths of the misfit's size, which another cause shows of it only where the two correlate by
+0.995."""
 OUTDONE = 4.0
-"""Times the χ² of a part of a cause that the cause itself must leave for the part to stand first beside a
-gross misfit, and of two causes at once what one by one must leave: the misfit's size is halved once
-more, where scores err by as much as they promise."""
+"""Times the χ² of a part of a cause that the cause itself must leave for the part to stand first
+beside a gross misfit, and of two causes at once what one by one must leave: the misfit's size is
+halved once more, where scores err by as much as they promise."""
 FREQUENCIES_APART = 0.02
-"""Relative difference of two runs' frequencies that no temperature makes (85 ppm/K: 235 K): a run so
-far from the others is doubted whatever χ² is."""
+"""Relative difference of two runs' frequencies that no temperature makes (85 ppm/K: 235 K): a run
+so far from the others is doubted whatever χ² is."""
 NEVER_LESS = 1.2
 """Variance over that of white noise from which a slow residual counts as wandering noise rather
 than as the noise itself."""
 BESIDE_MISFIT = 1e-2
-"""Chance, for all causes tried, that a misfit which nothing explains would lend a cause what it takes
-of it away."""
+"""Chance, for all causes tried, that a misfit which nothing explains would lend a cause what it
+takes of it away."""
 MOST_RIVALS = 2
 """Other causes that explain the runs as well, beyond which none of them is an explanation, and
 beside a misfit none is named: a group of three."""
@@ -69,8 +70,8 @@ LEAST_INFORMATION = 1e-4
 """Part of all information on a combination of numbers that the other folds, runs or stretches of
 time, must hold to predict it at all."""
 UNSETTLED_BASE = 0.02
-"""Part of what the causes take of χ² that the base fit, which they replace, may promise to fall yet:
-a model far from its data may turn about its optimum for long."""
+"""Part of what the causes take of χ² that the base fit, which they replace, may promise to fall
+yet: a model far from its data may turn about its optimum for long."""
 RUN_PREDICTED = 1.5
 """rms of a run's errors over σ when it is predicted by the others, beyond which the run is not of
 the same device."""
@@ -80,5 +81,5 @@ SCALE_FACTORS = (0.05, 3.0)
 """Range of K, in parts of the nominal one, that the mode shape of a shell, a ring or a pendulum
 allows."""
 WHOLE = 2e-3
-"""Distance from a whole number of samples that a loss may have where sampling is even, beside four of its
-σ."""
+"""Distance from a whole number of samples that a loss may have where sampling is even, beside four
+of its σ."""

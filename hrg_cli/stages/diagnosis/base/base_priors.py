@@ -1,5 +1,5 @@
-"""Diagnosis, what is known of the base model's coordinates before a fit: weak priors, and whether the
-runs tell the scale factor at all."""
+"""Diagnosis, what is known of the base model's coordinates before a fit: weak priors, and whether
+the runs tell the scale factor at all."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ DIFFERENT_RATES = 0.1
 def choose_freedom(
     series: MeasuredRuns, point: Point, scale_factor: float | None
 ) -> CoordinatePriors:
-    """Weak priors on the splits; while the misfit is gross, K is held where these runs cannot tell it, the
-    second order's scale at 1.
+    """Weak priors on the splits; while the misfit is gross, K is held where these runs cannot tell
+    it, the second order's scale at 1.
 
     With one rate and less than a turn of the wave, K Ω does what a damping split does: a scale
     factor fitted there takes up any misfit. Once it is not gross, K may be any that a mode shape
@@ -71,8 +71,8 @@ def choose_freedom(
 
 
 def shows_scale_factor(series: MeasuredRuns, nominal: float) -> bool:
-    """Whether the runs tell K: at rates that differ, or at one that turns the wave through a whole period
-    of its splits.
+    """Whether the runs tell K: at rates that differ, or at one that turns the wave through a whole
+    period of its splits.
 
     Parameters
     ----------

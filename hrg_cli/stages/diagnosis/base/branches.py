@@ -1,5 +1,5 @@
-"""Diagnosis, on which branch of a temperature cycle a run stands, step by step: the temperature turns
-between its rows, and where it does is told by the rows on either side.
+"""Diagnosis, on which branch of a temperature cycle a run stands, step by step: the temperature
+turns between its rows, and where it does is told by the rows on either side.
 
 A course that turns at a corner does so where the lines through the two rows before and the two rows
 behind meet; one that turns smoothly, where its slope passes through zero.
@@ -13,13 +13,13 @@ from ....effects.effect import find_branch
 
 Array = np.ndarray
 SMOOTH = 0.5
-"""Part of a turn's bend that the rows on either side of it must have for the turn to be a smooth one:
-beside a corner they have none."""
+"""Part of a turn's bend that the rows on either side of it must have for the turn to be a smooth
+one: beside a corner they have none."""
 
 
 def average_branch(time_s: Array, temperature: Array) -> Array:
-    """Mean of a temperature's branch over the step that follows each row: +1 rising, −1 falling, 0 before
-    any change.
+    """Mean of a temperature's branch over the step that follows each row: +1 rising, −1 falling, 0
+    before any change.
 
     Parameters
     ----------
@@ -57,7 +57,8 @@ def average_branch(time_s: Array, temperature: Array) -> Array:
 
 
 def find_turning_time_s(time_s: Array, temperature: Array, step: int) -> float:
-    """When a temperature turned that moves another way from a step on: within that step or the one before.
+    """When a temperature turned that moves another way from a step on: within that step or the one
+    before.
 
     Parameters
     ----------
@@ -71,7 +72,8 @@ def find_turning_time_s(time_s: Array, temperature: Array, step: int) -> float:
     Returns
     -------
     float
-        [s], where the straight lines from either side meet, or by a parabola where it turns smoothly.
+        [s], where the straight lines from either side meet, or by a parabola where it turns
+        smoothly.
 
     Examples
     --------

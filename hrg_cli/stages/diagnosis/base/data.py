@@ -122,13 +122,15 @@ def _average_rows(
     run: EnvelopeRun, rows: int, carry: Callable[[Array, Array], Matrix], beside: Array | None
 ) -> EnvelopeRun:
     """A run's rows averaged along a motion and along its own phase's course beside it: a frequency
-    that moves turns the windows of a row against each other, whatever cause will be found for it."""
+    that moves turns the windows of a row against each other, whatever cause will be found for
+    it."""
     if len(run) <= rows:
         return run
     course = follow_phase(run, carry)
     (straight,) = straighten_phases([run], [course])
     thin = envelope_runs.average_rows(straight, rows, carry, beside=beside)
-    # the row is a mean along that course as well, as every effect's turn is (`integrate_temperature`)
+    # the row is a mean along that course as well, as every effect's turn is
+    # (`integrate_temperature`)
     turn = _average_over_rows(lambda t: course(t - run.time_s[0]), thin.time_s, run.window_s)
     return replace(thin, envelope=thin.envelope * np.exp(1j * turn)[:, None])
 
@@ -150,8 +152,8 @@ def _count_rows(runs: Sequence[EnvelopeRun], p: Array, blocks: int, coarser: int
 
 
 def is_averaged_well(series: MeasuredRuns, fitted: Point) -> bool:
-    """Whether rows miss their middles by less than a tenth of σ, all together, had they followed another
-    motion than that which they were averaged along.
+    """Whether rows miss their middles by less than a tenth of σ, all together, had they followed
+    another motion than that which they were averaged along.
 
     In the frame that L carries, what Δ more does changes as both turn it, ẅ = (Δ² + [Δ, L])w, and
     the mean of a row of length h misses its middle by h²ẅ/24: a split of which the average knew

@@ -1,12 +1,12 @@
 """Diagnosis, where the fit of the base model starts: the propagator of the free runs, or, of driven
 runs alone, a linear regression on what the loops commanded.
 
-u̇ = (L + jδ)u + F with the logged force F = e^{jφ}(f_A e_A − j f_B e_B) is linear in the coordinates of
-L and in every run's δ: with c_k = ∫ B_k u dt from the run's first row,
+u̇ = (L + jδ)u + F with the logged force F = e^{jφ}(f_A e_A − j f_B e_B) is linear in the
+coordinates of L and in every run's δ: with c_k = ∫ B_k u dt from the run's first row,
     u(t) − ∫ F dt = u₀ + Σ p_k c_k(t) + jδ ∫ u dt.
-A loop that nulls the quadrature hides the splits from the wave and shows them in its command. A start
-without them lets that command build up a quadrature that nothing cancels, and a fit finds no way back
-from a wave that has become a circle.
+A loop that nulls the quadrature hides the splits from the wave and shows them in its command. A
+start without them lets that command build up a quadrature that nothing cancels, and a fit finds no
+way back from a wave that has become a circle.
 """
 
 from __future__ import annotations
@@ -120,8 +120,8 @@ def _mean_turn(wave: Wave) -> float:
 
 
 def _is_of_noise(p: Array, free: Sequence[EnvelopeRun]) -> bool:
-    """Whether coordinates p move free waves by more than a window could show, or let them grow beyond
-    all measure, as what was made of noise alone does."""
+    """Whether coordinates p move free waves by more than a window could show, or let them grow
+    beyond all measure, as what was made of noise alone does."""
     splitting = float(np.hypot(*p[DAMPING + 1 : DAMPING + 3]))
     growth_1_s = splitting - float(p[DAMPING])
     return any(
@@ -137,8 +137,8 @@ def regress_driven(
     offsets: Array,
     scale_factor: float | None,
 ) -> tuple[Array, Array] | None:
-    """Coordinates and frequency offsets of the driven runs with a log, by a regression of their integrated
-    equation.
+    """Coordinates and frequency offsets of the driven runs with a log, by a regression of their
+    integrated equation.
 
     Parameters
     ----------

@@ -75,7 +75,8 @@ def fit_base(
     quick
         The first fit alone, of driven runs beside nothing that a log may have missed.
     along
-        The motion that the runs are known to have beside their causes, to be averaged along instead.
+        The motion that the runs are known to have beside their causes, to be averaged along
+        instead.
 
     Returns
     -------
@@ -128,8 +129,8 @@ def fit_base(
 
 
 def settle_log(fit: ExtendedFit) -> ExtendedFit:
-    """The fit again beside what the drive's log leaves unknown, and along the motion that this makes
-    likely.
+    """The fit again beside what the drive's log leaves unknown, and along the motion that this
+    makes likely.
 
     Parameters
     ----------
@@ -174,8 +175,8 @@ def _fit_along_walk(fit: ExtendedFit) -> ExtendedFit:
 def _fit_beside_steps(
     fit: ExtendedFit, settled: Callable[[ExtendedFit], ExtendedFit]
 ) -> ExtendedFit:
-    """The settled fit; where that leaves more than noise, the same beside the steps of commands that
-    are held in time with the oscillation, if these leave nothing but noise."""
+    """The settled fit; where that leaves more than noise, the same beside the steps of commands
+    that are held in time with the oscillation, if these leave nothing but noise."""
     beside = settled(fit)
     if fit.series.held_beat_rad_s is not None or _is_noise(beside):
         return beside
@@ -191,8 +192,8 @@ def _is_noise(fit: ExtendedFit) -> bool:
 
 
 def _fit_beside_frames(fit: ExtendedFit) -> ExtendedFit:
-    """The fit beside what is the same in all runs of one instrument, in the frame that the waves make
-    likely beside the causes there are: what these have done would be laid on it."""
+    """The fit beside what is the same in all runs of one instrument, in the frame that the waves
+    make likely beside the causes there are: what these have done would be laid on it."""
     for _ in range(FRAMES_AGAIN):
         frames = FrameAnswers.from_fit(fit)
         beside = _allow_answers(fit, frames.compute_spread(fit))
@@ -203,7 +204,8 @@ def _fit_beside_frames(fit: ExtendedFit) -> ExtendedFit:
 
 
 def fit_beside_delay(fit: ExtendedFit) -> ExtendedFit | None:
-    """The fit of driven runs again where a lateness of their loops may have moved the scale factor too.
+    """The fit of driven runs again where a lateness of their loops may have moved the scale factor
+    too.
 
     Parameters
     ----------
@@ -228,7 +230,8 @@ def fit_beside_delay(fit: ExtendedFit) -> ExtendedFit | None:
 
 
 def _allow_answers(fit: ExtendedFit, of_frames: Array) -> ExtendedFit:
-    """The fit beside what loops may have answered, these columns (N, k) of their frame's among it."""
+    """The fit beside what loops may have answered, these columns (N, k) of their frame's among
+    it."""
     answers = [
         Ripple.from_fit(fit).spread,
         of_frames,
@@ -246,11 +249,11 @@ def _is_lost_in_phases(fit: ExtendedFit) -> bool:
 def _fit_phases(
     by_shape: ExtendedFit, series: MeasuredRuns, point: Point, freedom: CoordinatePriors
 ) -> ExtendedFit:
-    """Runs whose phases the base model misses by far, at the motion that their shape and angle have:
-    the runs' frequencies are fitted, the motion stands, and it is settled as far as that is.
+    """Runs whose phases the base model misses by far, at the motion that their shape and angle
+    have: the runs' frequencies are fitted, the motion stands, and it is settled as far as that is.
 
-    Among phases that a moving frequency has turned by radians a fit of all coordinates loses its way,
-    and no cause is found from where it ends."""
+    Among phases that a moving frequency has turned by radians a fit of all coordinates loses its
+    way, and no cause is found from where it ends."""
     held = replace(freedom, mean=point.p, std=np.zeros(len(point.p)), loose=None)
     at_mean = replace(point, offset_rad_s=series.turn_rad_s)
     at_best = extended_fit.fit(series, at_mean, held)
@@ -303,8 +306,8 @@ class Cut:
 
     def follow(self, nearest: ExtendedFit) -> Cut:
         """The base fit again, of rows averaged along the motion that it has beside the causes that
-        leave least; the same where its rows are as good, or where these leave a gross misfit too and
-        know no better."""
+        leave least; the same where its rows are as good, or where these leave a gross misfit too
+        and know no better."""
         if is_gross(nearest) or is_averaged_well(self.base.series, nearest.point):
             return self
         fit = partial(self.fit, along=nearest.point)
@@ -318,8 +321,8 @@ def cut_at_losses(
 ) -> Cut:
     """The runs as they are to be diagnosed: cut where samples seem lost.
 
-    They stay whole where cuts are not worth it, and where a gross misfit is left of the pieces by the
-    few causes that leave least: a loss is then held against that (`instants`).
+    They stay whole where cuts are not worth it, and where a gross misfit is left of the pieces by
+    the few causes that leave least: a loss is then held against that (`instants`).
 
     Parameters
     ----------
@@ -391,9 +394,9 @@ def fit_together(pieces: Sequence[Wave], fitted: Callable[..., ExtendedFit]) -> 
         return fitted(pieces)
     except extended_fit.DivergedError as error:
         raise HrgError(
-            f"{name_some(dict.fromkeys(w.run_id for w in pieces))}: the base model finds no fit to these runs"
-            " together; diagnose free and forced runs apart, or leave out the run that differs"
-            " most"
+            f"{name_some(dict.fromkeys(w.run_id for w in pieces))}: the base model finds no fit"
+            " to these runs together; diagnose free and forced runs apart, or leave out the run"
+            " that differs most"
         ) from error
 
 

@@ -28,8 +28,8 @@ INDEPENDENT = 1e-6
 
 
 def fit_rate_steps(fit: ExtendedFit) -> ExtendedFit:
-    """The fit again with the table angle of every step of the rate as the waves show it, blind to what
-    else a step can do.
+    """The fit again with the table angle of every step of the rate as the waves show it, blind to
+    what else a step can do.
 
     Parameters
     ----------

@@ -205,8 +205,8 @@ def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
 
 
 def _strikes(fit: ExtendedFit, slow: float) -> Iterator[Check]:
-    """No run moves on, from one of its rows, as from another start, and what strikes in the model is
-    all that struck there."""
+    """No run moves on, from one of its rows, as from another start, and what strikes in the model
+    is all that struck there."""
     moved = "from {:.4g} s on run {} moves as from another start: what struck it there is not {}"
     found = [("nothing_strikes", find_another_start(fit, slow), INADEQUATE, "in the model")]
     found += [
@@ -263,8 +263,8 @@ def _expected(fit: ExtendedFit, fold: Array) -> float:
 
 
 def estimate_unknown_walk(fit: ExtendedFit) -> float:
-    """Walk of the wave that the scatter of the drive's log may have left out of a run and that the fit's
-    own σ do not hold.
+    """Walk of the wave that the scatter of the drive's log may have left out of a run and that the
+    fit's own σ do not hold.
 
     Parameters
     ----------
@@ -289,8 +289,8 @@ def estimate_unknown_walk(fit: ExtendedFit) -> float:
 
 
 def check_beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Check]:
-    """The check of a cause beside a walk of the wave that the scatter of the drive's log may have left
-    out.
+    """The check of a cause beside a walk of the wave that the scatter of the drive's log may have
+    left out.
 
     Parameters
     ----------

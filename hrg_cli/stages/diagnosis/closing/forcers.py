@@ -1,12 +1,12 @@
 """Diagnosis, what the forcers may add to the base parameters unnamed.
 
 A force is known by its command alone. In driven runs a mismatch g of the forcers is a damping split
-−gν/2, a common excess of both a damping −gν, a phase error of the quadrature's force a damping split
-δωΔφ (PHYSICS C1, C3, C4, §2 (iii)): what such runs show is the sum, to a σ that says nothing of the
-parts. Free runs beside them, and quadrature that moves under its own loop, tell the parts.
+−gν/2, a common excess of both a damping −gν, a phase error of the quadrature's force a damping
+split δωΔφ (PHYSICS C1, C3, C4, §2 (iii)): what such runs show is the sum, to a σ that says nothing
+of the parts. Free runs beside them, and quadrature that moves under its own loop, tell the parts.
 
-A cause p that a typical size t of it would not make worth its price, t²|S⊥|² < WORTH + ln N with S⊥ its
-sensitivity off the model's, may therefore be there. With its typical size as prior,
+A cause p that a typical size t of it would not make worth its price, t²|S⊥|² < WORTH + ln N with S⊥
+its sensitivity off the model's, may therefore be there. With its typical size as prior,
     Σ = (S⊥ᵀS⊥ + T⁻²)⁻¹, T = diag t,    p̂ = Σ S⊥ᵀr,
 r the residual, in units of what the model leaves. Its mean square is Σ + p̂p̂ᵀ, and it moves the
 coordinates by C Jᵀ S p.
@@ -27,8 +27,8 @@ Array = np.ndarray
 
 
 def estimate_moves_of_forcers(case: Case) -> dict[str, Array]:
-    """By how much the base model's coordinates may be moved by each cause of the drive that is not named
-    and not excluded.
+    """By how much the base model's coordinates may be moved by each cause of the drive that is not
+    named and not excluded.
 
     Parameters
     ----------

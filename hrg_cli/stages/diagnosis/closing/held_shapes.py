@@ -1,6 +1,7 @@
 """Diagnosis, what a cause's held shape leaves unknown: a power that the catalogue fixes is one of
-several that the data may allow, and every number beside it goes with it. The cause's own size is that at
-the power named beside it: at another it is another number, in another unit of the amplitude.
+several that the data may allow, and every number beside it goes with it. The cause's own size is
+that at the power named beside it: at another it is another number, in another unit of the
+amplitude.
 
 With χ²(p) about the held power p₀ taken as a parabola through p₀ − 1, p₀ and p₀ + 1, and a prior of
 one, the power is p₀ + d ± σ, σ = (χ²″/2 + 1)^−½. The model refitted at √(d² + σ²) from p₀, on the

@@ -1,10 +1,10 @@
 """Diagnosis, what loops that act late may add to the scale factor unseen.
 
 The force of loops that act τ late stands behind the wave and turns it by ντ of its own turn: driven
-runs show K/(1 + ντ), which is what `drive_frame` leaves to K. Beside that scale factor a lateness is seen
-only in what follows the damping along the wave, ντδμ in 4θ, fifty times less. So the fit is made again
-where a lateness may move K too: by how much each number moves then, and by how much less it is
-known, is what a delay that nobody logged may have done to it.
+runs show K/(1 + ντ), which is what `drive_frame` leaves to K. Beside that scale factor a lateness
+is seen only in what follows the damping along the wave, ντδμ in 4θ, fifty times less. So the fit is
+made again where a lateness may move K too: by how much each number moves then, and by how much less
+it is known, is what a delay that nobody logged may have done to it.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def estimate_moves_of_delay(fit: ExtendedFit) -> dict[str, Array]:
     Returns
     -------
     dict
-        Columns (7, k), whose squares add up to the mean square; empty where free runs tell, or where no
-        frame of loops was allowed for.
+        Columns (7, k), whose squares add up to the mean square; empty where free runs tell, or
+        where no frame of loops was allowed for.
 
     Examples
     --------

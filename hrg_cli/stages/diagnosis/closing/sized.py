@@ -56,8 +56,9 @@ class Sized:
         return float(np.sqrt(self.factor * std**2 + sum((value - v) ** 2 for v in others)))
 
     def measure_sigma_off(self, effect: Effect) -> float:
-        """How many of the standard deviations that are told an effect of the fit stands off neutral:
-        aᵀ C⁻¹ a with what is left over and the other fits in C (Wald), as a square root."""
+        """How many of the standard deviations that are told an effect of the fit stands off
+        neutral: aᵀ C⁻¹ a with what is left over and the other fits in C (Wald), as a square
+        root."""
         columns = self.fit.layout.effect(effect.name)
         covariance = self.factor * self.fit.covariance[columns, columns]
         off, _ = self.fit.measure_distance(effect)
@@ -82,8 +83,8 @@ def give_up_unsized(case: Case) -> tuple[Case, Sized]:
     """The case without the causes that, beside a rest, are not off zero by their own σ.
 
     Open terms that describe the rest take such a cause's place, or the rest moves it by as much as
-    itself: it is a part of what is not understood. The weakest goes first; a cause that takes nearly
-    all of a gross misfit stays, whatever its size.
+    itself: it is a part of what is not understood. The weakest goes first; a cause that takes
+    nearly all of a gross misfit stays, whatever its size.
 
     Parameters
     ----------
@@ -111,8 +112,8 @@ def give_up_unsized(case: Case) -> tuple[Case, Sized]:
 
 
 def _find_weakest(case: Case, sized: Sized) -> tuple[Found, ExtendedFit] | None:
-    """The cause that stands off zero least, by less than `OWN_SIGMA`, and the fit without it; None where
-    there is none."""
+    """The cause that stands off zero least, by less than `OWN_SIGMA`, and the fit without it; None
+    where there is none."""
     judged = [
         (sized.measure_sigma_off(one.variant.effect), number, one)
         for number, one in enumerate(case.search.found)

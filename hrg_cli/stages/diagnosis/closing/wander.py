@@ -29,8 +29,8 @@ def describe_wander(fit: ExtendedFit) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        Standard deviation after an hour, correlation time of its rate, white level over the stated σ;
-        empty where the residual is white as far as its smooth part can tell.
+        Standard deviation after an hour, correlation time of its rate, white level over the stated
+        σ; empty where the residual is white as far as its smooth part can tell.
 
     Examples
     --------

@@ -1,8 +1,9 @@
-"""Diagnosis, the frame that loops command in: where their electronics see the wave, later than it is.
+"""Diagnosis, the frame that loops command in: where their electronics see the wave, later than it
+is.
 
-The model turns a logged command to the wave's own angle and phase. Electronics read a window, filter it,
-hold what they command, and follow the phase by a loop of some bandwidth, so that their frame stands
-beside the wave by ε in angle and η in phase:
+The model turns a logged command to the wave's own angle and phase. Electronics read a window,
+filter it, hold what they command, and follow the phase by a loop of some bandwidth, so that their
+frame stands beside the wave by ε in angle and η in phase:
 
     F + ε e^{jφ}(f_A e_B + j f_B e_A) + jη F.
 
@@ -14,8 +15,8 @@ beside the wave by ε in angle and η in phase:
   split moves the phase in 4θ, and a loop of 1 Hz leaves a quarter of it where mθ turns by 1.65 rad/s.
 
 No log holds τ or ω_n. Any lateness that still lets loops hold the wave, and loops of any bandwidth
-between a run's length and a row, are therefore allowed for, the same in all runs together: one board
-has one lateness, so that a force turned alike at every rate stays a rotation of the drive.
+between a run's length and a row, are therefore allowed for, the same in all runs together: one
+board has one lateness, so that a force turned alike at every rate stays a rotation of the drive.
 """
 
 from __future__ import annotations
@@ -37,12 +38,13 @@ from .scatter import find_row_length_s, turn_forces
 
 Array = np.ndarray
 MOST_LATE_RAD = 0.3
-"""Turn of the wave within a frame's lateness: a third as much force across the wave as along it is more
-than a loop bears that is meant to hold it."""
+"""Turn of the wave within a frame's lateness: a third as much force across the wave as along it is
+more than a loop bears that is meant to hold it."""
 APART = 1.25
-"""Ratio of neighbouring loops' natural frequencies: what one between two of them leaves is a combination
-of what all leave, to a thousandth. At a ratio of 2, to 4 %: of a phase that a split turns by 0.05 rad
-that was 20 σ over a run, and eight clean gyros of ten had an "angle that changes with wave angle"."""
+"""Ratio of neighbouring loops' natural frequencies: what one between two of them leaves is a
+combination of what all leave, to a thousandth. At a ratio of 2, to 4 %: of a phase that a split
+turns by 0.05 rad that was 20 σ over a run, and eight clean gyros of ten had an "angle that changes
+with wave angle"."""
 MOST_TURNED_RAD = 1.0
 """Turn of the commands' frame beyond which they would not hold the wave that they were made for."""
 SETTLED_RAD = 1e-4
@@ -50,8 +52,8 @@ SETTLED_RAD = 1e-4
 FINER = 4
 """Instants a row at which a loop's answer is followed."""
 DAMPING = 0.5**0.5
-"""Of the loops: what one with up to four times as much leaves is a combination of theirs to 2 %, with
-half of it to a sixth."""
+"""Of the loops: what one with up to four times as much leaves is a combination of theirs to 2 %,
+with half of it to a sixth."""
 
 
 @dataclass(frozen=True)
@@ -88,10 +90,10 @@ class FrameAnswers:
 def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     """The fit again with the commands in the frame that the waves make likely.
 
-    Of a frame late by 80 ms, in which the wave turns by 0.06 rad, the force along the wave lacks two
-    thousandths: more than columns of first order hold. So the frame is turned by the likely answers'
-    whole angle, c = Dᵀ C⁻¹ r, and columns stand about that. Driven runs alone do not know the late part
-    of it from their scale factor.
+    Of a frame late by 80 ms, in which the wave turns by 0.06 rad, the force along the wave lacks
+    two thousandths: more than columns of first order hold. So the frame is turned by the likely
+    answers' whole angle, c = Dᵀ C⁻¹ r, and columns stand about that. Driven runs alone do not know
+    the late part of it from their scale factor.
 
     Parameters
     ----------
@@ -103,8 +105,8 @@ def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
     Returns
     -------
     ExtendedFit
-        The same where the frame is settled, or where no frame of loops that hold a wave is likely: a
-        gross misfit would be laid on it.
+        The same where the frame is settled, or where no frame of loops that hold a wave is likely:
+        a gross misfit would be laid on it.
 
     Examples
     --------
@@ -269,8 +271,8 @@ def compute_slope(time_s: Array, course: Array) -> Array:
 
 
 def _answers(series: MeasuredRuns, course: Array, turning_rad_s: float) -> Array:
-    """By how much the commands' frame stands beside a course (R, n), for one standard deviation of its
-    lateness and for every loop that may follow it, (R, n, k)."""
+    """By how much the commands' frame stands beside a course (R, n), for one standard deviation of
+    its lateness and for every loop that may follow it, (R, n, k)."""
     late_s = MOST_LATE_RAD / turning_rad_s if turning_rad_s > 0 else 0.0
     late = -late_s * compute_slope(series.time_s, course)
     left = compute_unfollowed(series, course, choose_natural_frequencies(series))
@@ -315,8 +317,8 @@ def choose_natural_frequencies(
 def compute_unfollowed(
     series: MeasuredRuns, course: Array, natural_rad_s: Array, *, as_before: bool = False
 ) -> Array:
-    """What loops of second order leave of a course: −s²/(s² + √2 ω_n s + ω_n²), by the bilinear rule on a
-    fine grid.
+    """What loops of second order leave of a course: −s²/(s² + √2 ω_n s + ω_n²), by the bilinear
+    rule on a fine grid.
 
     Loops have followed the run's mean line when it begins.
 
@@ -329,8 +331,8 @@ def compute_unfollowed(
     natural_rad_s
         ω_n of the loops [rad/s].
     as_before
-        The course is one like the run's own, turned about its start, so that nothing begins and what is
-        left is what the course alone leaves.
+        The course is one like the run's own, turned about its start, so that nothing begins and
+        what is left is what the course alone leaves.
 
     Returns
     -------

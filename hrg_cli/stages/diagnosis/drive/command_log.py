@@ -90,8 +90,8 @@ def fit_lateness(fit: ExtendedFit) -> ExtendedFit:
 
 
 def is_thinkable(fit: ExtendedFit) -> bool:
-    """Whether the commands' lateness is one that a log may have, or all that is wrong with the runs: others
-    are a misfit laid on the log's time.
+    """Whether the commands' lateness is one that a log may have, or all that is wrong with the
+    runs: others are a misfit laid on the log's time.
 
     Parameters
     ----------
@@ -115,7 +115,8 @@ def is_thinkable(fit: ExtendedFit) -> bool:
 
 
 def _is_beside_the_point(fit: ExtendedFit, column: Array) -> bool:
-    """Whether the misfit is gross and would be with the commands at any time: no refit says more."""
+    """Whether the misfit is gross and would be with the commands at any time: no refit says
+    more."""
     size = max(float(column @ column), np.finfo(float).tiny)
     left = fit.chi2 - float(column @ fit.residual) ** 2 / size
     return left > HOPELESS * GROSS * fit.dof
@@ -124,8 +125,9 @@ def _is_beside_the_point(fit: ExtendedFit, column: Array) -> bool:
 def predict_lateness(fit: ExtendedFit) -> Array:
     """What one standard deviation of the log's lateness does to the waves.
 
-    Of what the commands do beyond their scatter: loops answer the windows' noise, which the residual
-    is, and to take the whole column off it would leave the rest of that column in its place.
+    Of what the commands do beyond their scatter: loops answer the windows' noise, which the
+    residual is, and to take the whole column off it would leave the rest of that column in its
+    place.
 
     Parameters
     ----------
@@ -152,8 +154,8 @@ def predict_lateness(fit: ExtendedFit) -> Array:
 
 
 def predict_command_scatter(fit: ExtendedFit) -> Array:
-    """What the commands' scatter from row to row does to the waves: how much of it was the drive's own
-    nobody knows.
+    """What the commands' scatter from row to row does to the waves: how much of it was the drive's
+    own nobody knows.
 
     Single values of a noisy command hold noise that the drive's mean did not, and what follows from
     it would be followed by the waves in part: as if every command were so much too large.
@@ -237,7 +239,8 @@ def _change(fit: ExtendedFit, other: MeasuredRuns) -> Array:
 
 
 def remove_command_scatter(series: MeasuredRuns) -> MeasuredRuns:
-    """The commands without their scatter: coefficients c over orthonormal cosines less (3s)²/c of them.
+    """The commands without their scatter: coefficients c over orthonormal cosines less (3s)²/c of
+    them.
 
     s is the white scatter from row to row. Loops on noisy envelopes answer the noise that the fit
     leaves, which would be taken for a lateness of what they command.

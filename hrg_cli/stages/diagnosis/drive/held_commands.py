@@ -1,21 +1,21 @@
 """Diagnosis, boards whose commands step in time with the oscillation.
 
 A board holds a command f until the next one, T later. Beside their course that is a saw tooth,
-f'(T/π)Σ sin(nω_u t)/n, and where a harmonic n of the steps ω_u comes near 2ω it has (f'/ω) sin(2ωt + Dt + β),
-D = nω_u − 2ω. Forces move the envelopes by u' = f − f* e^{−2jωt}, whose mean then holds
+f'(T/π)Σ sin(nω_u t)/n, and where a harmonic n of the steps ω_u comes near 2ω it has (f'/ω) sin(2ωt
++ Dt + β), D = nω_u − 2ω. Forces move the envelopes by u' = f − f* e^{−2jωt}, whose mean then holds
 
     (j/2ω) f'* e^{j(Dt + β)}.
 
-With commands F and Q of a wave that turns by ψ', f' = e^{jφ}[(F' + jQψ') e_A + (Fψ' − jQ') e_B]: some Fψ'/2ω a
-second across the wave or in quadrature. A board that reads the wave once a step, or over a window as
-short as the step, takes for its angle also the ripple −(j/2ω)u'* e^{−2jωt}, and turns its forces by
-(ψ'/2ω) sin(Dt + β). No log holds ω_u or β. So a beat D that is slow enough to be seen is looked for in
-what driven runs leave: one in all runs of a board, of any phase in each.
+With commands F and Q of a wave that turns by ψ', f' = e^{jφ}[(F' + jQψ') e_A + (Fψ' − jQ') e_B]:
+some Fψ'/2ω a second across the wave or in quadrature. A board that reads the wave once a step, or
+over a window as short as the step, takes for its angle also the ripple −(j/2ω)u'* e^{−2jωt}, and
+turns its forces by (ψ'/2ω) sin(Dt + β). No log holds ω_u or β. So a beat D that is slow enough to
+be seen is looked for in what driven runs leave: one in all runs of a board, of any phase in each.
 
-It is asked where more than noise is left, must be of the size of steps, stand out of all that another
-linear resonator, read-out or drive could leave of each run by itself (harmonics 0 and 4θ), and leave
-nothing. Steps in time with the oscillation itself, whose beat is none, must stand out of another base
-model of each run.
+It is asked where more than noise is left, must be of the size of steps, stand out of all that
+another linear resonator, read-out or drive could leave of each run by itself (harmonics 0 and 4θ),
+and leave nothing. Steps in time with the oscillation itself, whose beat is none, must stand out of
+another base model of each run.
 """
 
 from __future__ import annotations
@@ -41,13 +41,15 @@ Array = np.ndarray
 FINER = 4
 """Beats tried for one that a run resolves, 2π over its length."""
 SLOW = 3
-"""Resolved beats on either side of none that are all asked: of what they do, the fit took a part."""
+"""Resolved beats on either side of none that are all asked: of what they do, the fit took a
+part."""
 PEAKS = 3
 """Highest peaks of what is left that are asked beside these."""
 PARTS = 6
 """Columns of a beat: cosine and sine, each of three vectors."""
 REFINED = 3
-"""Times that the likeliest beat is sought between its neighbours, each time `FINER` times as finely."""
+"""Times that the likeliest beat is sought between its neighbours, each time `FINER` times as
+finely."""
 LARGEST = 5.0
 """Times the size of steps up to which what is left may be theirs; beyond, it is a misfit."""
 INDEPENDENT = 1e-8
@@ -65,8 +67,8 @@ class _Left:
     rest: Array
 
     def compute_log_odds(self, doings: Array) -> float:
-        """ln of the odds for these doings (N, k) of standard deviation 1 each against none; none where
-        they would be larger than steps are."""
+        """ln of the odds for these doings (N, k) of standard deviation 1 each against none; none
+        where they would be larger than steps are."""
         free = doings - self.beside @ (self.beside.T @ doings)
         power = np.eye(doings.shape[1]) + free.T @ free
         along = free.T @ self.rest
@@ -79,8 +81,8 @@ class _Left:
 
 
 def find_likely_beats(fit: ExtendedFit) -> list[float]:
-    """The beats D of the commands' steps with the oscillation that are likely in what is left of driven
-    runs.
+    """The beats D of the commands' steps with the oscillation that are likely in what is left of
+    driven runs.
 
     Parameters
     ----------
@@ -151,8 +153,8 @@ def allow_steps(fit: ExtendedFit, beat_rad_s: float) -> ExtendedFit:
 
 
 def _find_remainder(fit: ExtendedFit, besides: Array | None = None) -> list[_Left]:
-    """Of every driven run, beside what the base model of its own could leave, and changes of what is
-    seen (R, n, 4, k)."""
+    """Of every driven run, beside what the base model of its own could leave, and changes of what
+    is seen (R, n, 4, k)."""
     series, shared = fit.series, find_base_sensitivities(fit.flow)[0]
     if besides is not None:
         shared = np.concatenate([shared, besides], axis=-1)
@@ -216,8 +218,8 @@ def _moved(fit: ExtendedFit, beats: Array) -> Array:
 
 
 def _of_commands(series: MeasuredRuns, v: Array) -> tuple[Array, Array]:
-    """Along the wave and across it (R, n, 2): f' of the commands beyond their scatter, and what of it
-    the wave's own turn makes, (F' + jQψ', Fψ' − jQ') and (jQψ', Fψ')."""
+    """Along the wave and across it (R, n, 2): f' of the commands beyond their scatter, and what of
+    it the wave's own turn makes, (F' + jQψ', Fψ' − jQ') and (jQψ', Fψ')."""
     smooth = remove_command_scatter(series)
     _, e_A, _, _ = find_frame(v, series.phase_rad)
     turning = compute_slope(series.time_s, np.unwrap(np.arctan2(e_A[..., 1], e_A[..., 0]), axis=1))
@@ -228,8 +230,8 @@ def _of_commands(series: MeasuredRuns, v: Array) -> tuple[Array, Array]:
 
 
 def _means(series: MeasuredRuns, v: Array, change: Array, turned: Array) -> Array:
-    """(j/2ω) f'*, the same a quarter later, and what a wave read beside itself makes of its turn, for
-    one amplitude of the beat, as reals (R, n, 4, 3)."""
+    """(j/2ω) f'*, the same a quarter later, and what a wave read beside itself makes of its turn,
+    for one amplitude of the beat, as reals (R, n, 4, 3)."""
     turn, e_A, e_B, _ = find_frame(v, series.phase_rad)
 
     def vector(parts: Array) -> Array:

@@ -1,9 +1,10 @@
-"""Diagnosis, the most that a loop's gain can be: how its command follows the amplitude that it holds.
+"""Diagnosis, the most that a loop's gain can be: how its command follows the amplitude that it
+holds.
 
-A loop commands f = f₀ − k x − k_i ∫x of its amplitude x (a_A, or a_B). From row to row x is known to
-√2 σ and f to what its log holds, so that x is regressed on f and not f on x: cov(Δx, Δf)/var(Δf) is
-1/k with an error of σ/√ΣΔf² however small x is beside its noise. What moves f and not x (the loop's own
-noise, the integral's part) makes 1/k smaller, and the gain that is possible larger.
+A loop commands f = f₀ − k x − k_i ∫x of its amplitude x (a_A, or a_B). From row to row x is known
+to √2 σ and f to what its log holds, so that x is regressed on f and not f on x: cov(Δx, Δf)/var(Δf)
+is 1/k with an error of σ/√ΣΔf² however small x is beside its noise. What moves f and not x (the
+loop's own noise, the integral's part) makes 1/k smaller, and the gain that is possible larger.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ SIGMA = 2.0
 
 
 def bound_gains(series: MeasuredRuns) -> tuple[float, float]:
-    """Greatest gains of the amplitude loop and of the quadrature loop that their logs and the waves allow.
+    """Greatest gains of the amplitude loop and of the quadrature loop that their logs and the waves
+    allow.
 
     Parameters
     ----------
@@ -53,8 +55,8 @@ def _bound(series: MeasuredRuns, held: Array, command: Array) -> float:
         change, answer = np.diff(x[good]), np.diff(f[good])
         along += float(change @ answer)
         power += float(answer @ answer)
-        # differences of white noise have 2σ² and −σ² with their neighbours: along any course at most
-        # 2σ² + 2σ² a row
+        # differences of white noise have 2σ² and −σ² with their neighbours: along any course at
+        # most 2σ² + 2σ² a row
         variance += float(np.sum(4 / weight[good][1:] ** 2 * answer**2))
     if power == 0:
         return 0.0

@@ -1,10 +1,10 @@
-"""Diagnosis, loops that look at the oscillation itself: its ripple at 2ω in what they command makes a
-slow force that no log of their slow commands holds.
+"""Diagnosis, loops that look at the oscillation itself: its ripple at 2ω in what they command makes
+a slow force that no log of their slow commands holds.
 
-What oscillates under slow forces G (u̇ = G) ripples beside its mean v, u = v − (j/2ω)G* e^{−2jωt}, since
-u̇ = G − G* e^{−2jωt} for z = Re u e^{jωt}, ż = −ω Im u e^{jωt}. A force F(u) that turns with the
-instant state answers with its part A = ∂F/∂u, and the mean of the product is −(j/2ω) A*G (averaging to
-second order; direct integration agrees to a thousandth).
+What oscillates under slow forces G (u̇ = G) ripples beside its mean v, u = v − (j/2ω)G* e^{−2jωt},
+since u̇ = G − G* e^{−2jωt} for z = Re u e^{jωt}, ż = −ω Im u e^{jωt}. A force F(u) that turns with
+the instant state answers with its part A = ∂F/∂u, and the mean of the product is −(j/2ω) A*G
+(averaging to second order; direct integration agrees to a thousandth).
 
 - The direction: with F = e^{jφ}(f_A e_A − j f_B e_B), A = (P + jQJ)/2(a² − b²), P = a f_A − b f_B,
   Q = a f_B − b f_A: of a held amplitude that is ν/4ω of the wave's own motion. Loops that look at

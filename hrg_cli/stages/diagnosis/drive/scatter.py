@@ -6,10 +6,10 @@ A part q s of it, white in time, is the log's own: the wave then walks beside it
 covariance C = 1 + q² S Sᵀ over σ (S: what s in one row of the log's means does), and residual and
 sensitivities are whitened by C^{−1/2}. A row's mean acts half before its middle and half behind it.
 
-The frame that the commands are turned to is measured too, and its noise is in no log. Loops that look
-at windows of noise σ see angle and phase with σ/a: f_A σ/a across the wave, as white as the windows,
-and the wave walks by νT of the σ of its own mean in a time T. Loops that see the state itself have
-none of it, a filter takes a part off: it has a q of its own.
+The frame that the commands are turned to is measured too, and its noise is in no log. Loops that
+look at windows of noise σ see angle and phase with σ/a: f_A σ/a across the wave, as white as the
+windows, and the wave walks by νT of the σ of its own mean in a time T. Loops that see the state
+itself have none of it, a filter takes a part off: it has a q of its own.
 
 q is not known. Every q up to 1 is as likely beforehand; the residual judges them (REML), and the
 mean of q² is taken, so that a walk too weak to be seen is still part of every σ. Judged is the
@@ -43,7 +43,8 @@ PIECES = 120
 FEWEST = 20
 """Rows from which a scatter is looked for."""
 LEAST = 0.3
-"""Standard deviations of a run's mean by which the scatter must move the wave within it to count."""
+"""Standard deviations of a run's mean by which the scatter must move the wave within it to
+count."""
 TOLD = 1.0
 """The same from which it is told."""
 MOST = 1.2
@@ -85,8 +86,8 @@ class Scatter:
 
     @classmethod
     def from_frame(cls, series: MeasuredRuns) -> Scatter:
-        """White noise of the angle and of the phase to which the commands are turned, rad (R, 2), as
-        the windows' own noise makes it."""
+        """White noise of the angle and of the phase to which the commands are turned, rad (R, 2),
+        as the windows' own noise makes it."""
         size, walk = np.zeros((len(series.names), 2)), np.zeros(len(series.names))
         for k, weight in enumerate(series.weight):
             good = weight > 0
@@ -194,9 +195,9 @@ def allow_scatter(fit: ExtendedFit) -> ExtendedFit:
 def follow_walk(fit: ExtendedFit) -> ExtendedFit:
     """The fit again along the motion that the waves make likely.
 
-    Loops take back what they see of a walk, by commands that the log does hold: the motion predicted
-    from these alone has the walk with the other sign, and whatever follows it would be correlated
-    with the residual, which is the walk.
+    Loops take back what they see of a walk, by commands that the log does hold: the motion
+    predicted from these alone has the walk with the other sign, and whatever follows it would be
+    correlated with the residual, which is the walk.
 
     Parameters
     ----------
@@ -284,8 +285,8 @@ def find_row_length_s(series: MeasuredRuns) -> float:
 def _soften(
     fit: ExtendedFit, runs: Sequence[_Run], pieces: LogPieces | None, part: float, told: float
 ) -> ExtendedFit:
-    """The fit again where what `part` of the scatter does to these runs may stand beside it, and may
-    have walked by these pieces, if it walks; `told` is what that makes of the log's scatter."""
+    """The fit again where what `part` of the scatter does to these runs may stand beside it, and
+    may have walked by these pieces, if it walks; `told` is what that makes of the log's scatter."""
     own, turns = [], []
     for run in runs:
         Q, power, turn = _directions(part * run.doings)
@@ -308,16 +309,16 @@ def _soften(
 
 
 def allow(fit: ExtendedFit, columns: Array) -> ExtendedFit:
-    """The fit again where columns may stand beside all runs together, in place of what else was allowed
-    so.
+    """The fit again where columns may stand beside all runs together, in place of what else was
+    allowed so.
 
     Parameters
     ----------
     fit
         Of a model.
     columns
-        Over σ, of standard deviation 1 each, (N, k); those that move the waves by less than could be
-        seen are left.
+        Over σ, of standard deviation 1 each, (N, k); those that move the waves by less than could
+        be seen are left.
 
     Returns
     -------
@@ -376,7 +377,8 @@ def describe_scatter(fit: ExtendedFit) -> str:
 
 
 def find_corner_hz(fit: ExtendedFit) -> float:
-    """Distance from the resonance at which the walk that is allowed for is as strong as the noise, s/2πσ.
+    """Distance from the resonance at which the walk that is allowed for is as strong as the noise,
+    s/2πσ.
 
     The walk's density is s²h/(2πf)², that of the noise σ²h.
 
@@ -437,8 +439,8 @@ def _predict_frame_forces(fit: ExtendedFit) -> tuple[Array, Array]:
 
 
 def turn_forces(series: MeasuredRuns, v: Array) -> tuple[Array, Array]:
-    """Forces that a radian between the commands' frame and the wave's makes: e^{jφ}(f_A e_B + j f_B e_A)
-    in angle and jF in phase.
+    """Forces that a radian between the commands' frame and the wave's makes: e^{jφ}(f_A e_B + j f_B
+    e_A) in angle and jF in phase.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
-"""Diagnosis, where the loops' trackers stand when a recording begins: nobody logs it, and it dies within
-a tracker's own time.
+"""Diagnosis, where the loops' trackers stand when a recording begins: nobody logs it, and it dies
+within a tracker's own time.
 
 A tracker that follows the wave's angle or phase and has just begun, or that the recording finds
 within a manoeuvre, stands beside its steady answer by its free motion: of a second order e^{−at}
-cos at and e^{−at} sin at with a = ω_n/√2, of a first order e^{−ω_n t}. Each driven run has its own, no
-larger than what such a tracker leaves of the wave later on. Without it a board whose frequency
+cos at and e^{−at} sin at with a = ω_n/√2, of a first order e^{−ω_n t}. Each driven run has its own,
+no larger than what such a tracker leaves of the wave later on. Without it a board whose frequency
 estimate settles in 0.4 s left "a turning with the cube of the rate" at 8 σ, of a clean gyro.
 
 One that settles for most of a run cannot be told from a frame that stands beside the wave for good,
@@ -31,7 +31,8 @@ SETTLED_BY = 0.3
 """Part of a run by which its trackers have settled, to a thirtieth of what they began with."""
 SETTLED_TO = 1 / 30
 APART = 2.0
-"""Ratio of neighbouring trackers' natural frequencies: what begins is a small part of what they leave."""
+"""Ratio of neighbouring trackers' natural frequencies: what begins is a small part of what they
+leave."""
 
 
 def allow_starts(fit: ExtendedFit) -> ExtendedFit:

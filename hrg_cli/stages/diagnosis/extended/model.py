@@ -27,8 +27,8 @@ SAMPLES_A_PERIOD = 11 - 5**0.5
 harmonic below the 113th, which a read-out's defect makes, is folded onto the oscillation: with 8.5
 the 33rd and the 35th of a converter's were."""
 FOR_HARMONICS = 19 - 5**0.5
-"""The same where such a defect is in the file: what few samples a window catch of a converter's step
-scatters with the root of the sampling."""
+"""The same where such a defect is in the file: what few samples a window catch of a converter's
+step scatters with the root of the sampling."""
 
 
 def compose_simulation_file(
@@ -41,8 +41,8 @@ def compose_simulation_file(
     way: Way,
     tone: Tone | None = None,
 ) -> str:
-    """The simulation file of an extended model: [device], [effects.NAME], and a [[run]] a run with its
-    start, rate, temperature and length.
+    """The simulation file of an extended model: [device], [effects.NAME], and a [[run]] a run with
+    its start, rate, temperature and length.
 
     Parameters
     ----------
@@ -51,20 +51,20 @@ def compose_simulation_file(
     waves
         Of the runs.
     pieces
-        Of the waves, which the fit's runs are; samples lost between two of them become the run's own
-        effect.
+        Of the waves, which the fit's runs are; samples lost between two of them become the run's
+        own effect.
     origin
         The wave of each piece.
     effects_named
         Entries of the report.
     change
-        (R, 5): of the runs' start states and frequency offsets, by what a simulation of the file missed
-        the fit; None: nothing.
+        (R, 5): of the runs' start states and frequency offsets, by what a simulation of the file
+        missed the fit; None: nothing.
     way
         How the file is written where there is more than one.
     tone
-        One near the resonance, at its true size; each run its own where its phase is not the same in
-        all.
+        One near the resonance, at its true size; each run its own where its phase is not the same
+        in all.
 
     Returns
     -------

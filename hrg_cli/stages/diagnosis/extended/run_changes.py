@@ -27,8 +27,8 @@ Array = np.ndarray
 def find_change(
     fit: ExtendedFit, difference: Array, compared: Array, origin: Sequence[int]
 ) -> Array:
-    """What of the runs' starts and frequency offsets makes up most of a difference, judged as the fit
-    judges.
+    """What of the runs' starts and frequency offsets makes up most of a difference, judged as the
+    fit judges.
 
     Parameters
     ----------
@@ -94,8 +94,8 @@ def _carried(fit: ExtendedFit, first: int, pieces: Sequence[int]) -> dict[int, A
 
 
 def _turned_onto(carried: Array, before: Array, after: Array) -> Array:
-    """The carried changes (4, 4) turned by the phase that brings the carried motion onto the piece's:
-    the clock of the recording stood still where samples were lost."""
+    """The carried changes (4, 4) turned by the phase that brings the carried motion onto the
+    piece's: the clock of the recording stood still where samples were lost."""
     arrived = to_complex(carried @ to_reals(before))
     turn = np.vdot(arrived, after)
     phase = turn / abs(turn) if abs(turn) > 0 else 1.0

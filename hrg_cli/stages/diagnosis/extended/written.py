@@ -43,18 +43,18 @@ NEAR = 1.02
 """Misfit over that of the fit up to which a file is left as it is."""
 PERIODS, QUICK_PERIODS = MOVING_PERIODS, 1.0
 """Periods per window of the simulated samples: the fewest whose basis moves with the envelope; one
-where it bends within them. The file's own demodulation must miss nothing that the measurement's noise
-could show."""
+where it bends within them. The file's own demodulation must miss nothing that the measurement's
+noise could show."""
 QUICK_SAMPLES = 12.0
 """Samples a period that windows of one need, to hold apart its own motion."""
 QUICK_RAD = 0.1
 """Turn and decay of the envelope within `PERIODS` from which they are too many."""
 DEGREE = 5
-"""Of the spline through the simulated windows: a split that turns its modes by x a window against each
-other leaves x⁴/400 of a cubic one."""
+"""Of the spline through the simulated windows: a split that turns its modes by x a window against
+each other leaves x⁴/400 of a cubic one."""
 NO_SECOND_ORDER = 0.5
-"""Scale of the second order, 1 of a resonator, below which the equation averaged over a period is nearer:
-another simulator's."""
+"""Scale of the second order, 1 of a resonator, below which the equation averaged over a period is
+nearer: another simulator's."""
 MOVES = 3
 """Rounds in which a file's starts and frequencies are moved nearer to the fit."""
 NEXT_ROWS = 2.0
@@ -101,20 +101,20 @@ def write_faithfully(
     extra_effects: Sequence[Effect],
     tone: Tone | None = None,
 ) -> Candidate:
-    """The file of an extended model and how it holds: the first way that misses the measurement no more
-    than the fit, or the one that misses least.
+    """The file of an extended model and how it holds: the first way that misses the measurement no
+    more than the fit, or the one that misses least.
 
     Loops are the better model of an instrument, since they serve other runs too, but those that are
-    fitted to a log may not be the recorded ones: then the log stands, with starts and frequencies moved
-    to where the simulation misses the fit least. Then rates go straight: one that swings beside its
-    log may be nearer to that than to the log's course. Last, where the fit has no second order, the
-    equation is averaged: what another simulator made is told by a file of the same kind.
+    fitted to a log may not be the recorded ones: then the log stands, with starts and frequencies
+    moved to where the simulation misses the fit least. Then rates go straight: one that swings
+    beside its log may be nearer to that than to the log's course. Last, where the fit has no second
+    order, the equation is averaged: what another simulator made is told by a file of the same kind.
 
     Parameters
     ----------
     written
-        The file's text with a change of the runs' starts and frequencies, in one of the ways that it
-        may be written.
+        The file's text with a change of the runs' starts and frequencies, in one of the ways that
+        it may be written.
     fit
         The extended model's.
     origin
@@ -201,8 +201,8 @@ def hold_written(
 ) -> Written | None:
     """Simulate a written model and compare it at the fit's rows.
 
-    A tone far from the oscillation is left out: the file knows its size and not its phase, and with it
-    not what it leaks into these windows; the rows were freed of what it leaked into theirs.
+    A tone far from the oscillation is left out: the file knows its size and not its phase, and with
+    it not what it leaks into these windows; the rows were freed of what it leaked into theirs.
 
     Parameters
     ----------
@@ -215,8 +215,8 @@ def hold_written(
     extra_effects
         The user's, beside the catalogue.
     tone
-        The one that the rows were freed of; the simulation is freed of the same, so that one which the
-        file has wrong is left in it.
+        The one that the rows were freed of; the simulation is freed of the same, so that one which
+        the file has wrong is left in it.
 
     Returns
     -------

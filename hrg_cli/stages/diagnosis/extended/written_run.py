@@ -47,8 +47,8 @@ HELD = (
 class Way:
     """How a file is written where there is more than one. replayed: a logged drive stands as its
     log, not as the loops that the log shows; straight: a rate goes straight between its log's rows,
-    not along the course that the fits integrate; averaged: the device's equation is, as no resonator's
-    and many a simulator's."""
+    not along the course that the fits integrate; averaged: the device's equation is, as no
+    resonator's and many a simulator's."""
 
     replayed: bool = False
     straight: bool = False
@@ -146,8 +146,8 @@ def _moving(fit: ExtendedFit, own: Sequence[int], wave: Wave) -> Wave:
 
 
 def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -> Array:
-    """Envelopes (2,) of the displacement at t = `begin`: the whole equation integrated back from the first
-    row, drive and effects included."""
+    """Envelopes (2,) of the displacement at t = `begin`: the whole equation integrated back from
+    the first row, drive and effects included."""
     series, first = fit.series.select_runs([k]), float(fit.series.time_s[k, 0])
     if first <= begin:
         return fit.flow.rows.compute_displacement(fit.prediction.motion)[k, 0]

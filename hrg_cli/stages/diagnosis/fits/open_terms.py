@@ -26,11 +26,11 @@ HARMONICS = (1, 2, 3, 4, 6, 8)
 """Of mθ: the harmonic theorem's, those of two defects together, and 12θ, 16θ of an HRG's
 electrodes."""
 MOST_RUNS = 8
-"""Runs up to which what differs from run to run is a term of its own: of more it has so many numbers
-that it describes little."""
+"""Runs up to which what differs from run to run is a term of its own: of more it has so many
+numbers that it describes little."""
 OF_EVERY_RUN = ("frequency", "damping", "turning")
-"""Places at which what differs from run to run is asked otherwise: the first is free in every run, the
-others are a run's own mistake (a leak, a rate that no log tells of)."""
+"""Places at which what differs from run to run is asked otherwise: the first is free in every run,
+the others are a run's own mistake (a leak, a rate that no log tells of)."""
 STEPS, DECAYS = 15, 4
 """Instants of steps on the first grid, and decays from half the longest run downwards in factors of
 two; then their shape is refined."""
@@ -173,8 +173,8 @@ def list_covariates(
 
 def _of_runs(series: MeasuredRuns) -> Iterator[Covariate]:
     """What stands otherwise in every run: contrasts of the runs, since what all have in common is a
-    constant. A frequency, a damping and a turn of its own are asked of every run elsewhere; in driven
-    runs boards and loops do what differs with the rate."""
+    constant. A frequency, a damping and a turn of its own are asked of every run elsewhere; in
+    driven runs boards and loops do what differs with the rate."""
     if goes_by_run(series):
         count = len(series.names)
         contrasts = np.zeros((count - 1, int(series.numbers.max()) + 1))

@@ -1,10 +1,10 @@
 """Diagnosis, places: before which row of which run something may have struck, beside a fit.
 
 What strikes at an instant is seen in all that follows and not only in the rows next to it, which
-`effects.envelope_jumps` looks at: from there on the run moves as from another start, u(t) = Φ(t, 0) u₀ with
-another u₀. With a run's own columns S_i of row i (those of its start; of a read-out, what it does
-from the start on), what happens before row k has the columns S_i of i ≥ k and none before. Beside
-the model's basis Q and with the residual r perpendicular to it
+`effects.envelope_jumps` looks at: from there on the run moves as from another start, u(t) = Φ(t, 0)
+u₀ with another u₀. With a run's own columns S_i of row i (those of its start; of a read-out, what
+it does from the start on), what happens before row k has the columns S_i of i ≥ k and none before.
+Beside the model's basis Q and with the residual r perpendicular to it
     S⊥ᵀ S⊥ = Σ S_iᵀ S_i − Bᵀ B,   B = Σ Q_iᵀ S_i,   S⊥ᵀ r = Σ S_iᵀ r_i,   sums over i ≥ k,
 so that all rows of a run cost as much as one. Where the chance, for all rows, is small the cause is
 scored as any other. A final model beside which a run still moves on as from another start is none,
@@ -34,8 +34,8 @@ the oscillation, which is fitted from the nearest."""
 
 @dataclass(frozen=True)
 class StrikePlace:
-    """Before which row of which run, that row's time, by how much χ² falls with what happens there, and
-    the chance, for all rows of all runs, of as much."""
+    """Before which row of which run, that row's time, by how much χ² falls with what happens there,
+    and the chance, for all rows of all runs, of as much."""
 
     run: int
     row: int
@@ -184,8 +184,8 @@ def _place(variant: Variant, fit: ExtendedFit) -> StrikePlace | None:
 def _clearest(
     S: Array, fit: ExtendedFit, run: int, slow: float = 1.0, only: int | None = None
 ) -> StrikePlace | None:
-    """The place of a run from which on the columns (4n, m) lower χ² least by chance; `only`: that row
-    alone."""
+    """The place of a run from which on the columns (4n, m) lower χ² least by chance; `only`: that
+    row alone."""
     gain, rank = compute_place_gains(S, fit, run)
     p = evidence.compute_chances(gain / slow, rank)
     # nearer to an end another start of the few rows there does the same
@@ -195,7 +195,8 @@ def _clearest(
         rows, tried = rows[rows == only], 1.0
     if len(rows) == 0:
         return None
-    # a strong one's chance is too small for a number, at many rows: of these the one that gains most
+    # a strong one's chance is too small for a number, at many rows: of these the one that gains
+    # most
     row = int(rows[np.lexsort((-gain[rows], p[rows]))[0]])
     chance = evidence.correct_for_tries(float(p[row]), tried)
     return StrikePlace(run, row, float(_times(fit, run)[row]), float(gain[row]), chance)

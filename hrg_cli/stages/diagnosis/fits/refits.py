@@ -131,8 +131,8 @@ def adopt(
 def shortlist(
     ranked: Sequence[tuple[Score, Variant]], fit: ExtendedFit, slow: float
 ) -> list[tuple[Score, Variant]]:
-    """The best candidates by their scores, and all that come within the odds of `WORTH` of the first:
-    whoever is not refitted is nobody's rival.
+    """The best candidates by their scores, and all that come within the odds of `WORTH` of the
+    first: whoever is not refitted is nobody's rival.
 
     Parameters
     ----------
@@ -195,7 +195,10 @@ def adopt_hopeful(
     >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
     >>> fit, candidates = draw_mismatched_fit(), draw_found_case().inquiry.candidates
     >>> ranked = score_effects(fit, candidates)
-    >>> [(score.name, bool(made.chi2 < fit.chi2)) for made, score, _ in adopt_hopeful(fit, ranked, 6)]
+    >>> [
+    ...     (score.name, bool(made.chi2 < fit.chi2))
+    ...     for made, score, _ in adopt_hopeful(fit, ranked, 6)
+    ... ]
     [('gain_mismatch', True)]
     """
     out: list[tuple[ExtendedFit, Score, Variant]] = []
@@ -330,12 +333,12 @@ def refit(
     close: Sequence[tuple[Score, Variant]],
     ranked: Sequence[tuple[Score, Variant]],
 ) -> list[Trial]:
-    """The candidates refitted, best first; what did not settle or came out as no such cause can be is
-    none, and so is a part of others among all those ranked that may do for them.
+    """The candidates refitted, best first; what did not settle or came out as no such cause can be
+    is none, and so is a part of others among all those ranked that may do for them.
 
-    Many are refitted in few steps first, and to the end only the best of these and what comes within
-    `WORTH` of them. A selection at another noise asks for the same: what was refitted once is
-    remembered.
+    Many are refitted in few steps first, and to the end only the best of these and what comes
+    within `WORTH` of them. A selection at another noise asks for the same: what was refitted once
+    is remembered.
 
     Parameters
     ----------
@@ -427,8 +430,8 @@ def _may_stand(
     ranked: Sequence[tuple[Score, Variant]],
 ) -> bool:
     """Whether a cause may be taken in: while the misfit is gross and stays so, a part of what does
-    not stand there would do for the whole unless it outdoes it, and what happens at an instant would
-    have the misfit's own size (`instants`)."""
+    not stand there would do for the whole unless it outdoes it, and what happens at an instant
+    would have the misfit's own size (`instants`)."""
     if not is_gross(trial):
         return True
     active = {one.name for one, _ in fit.point.active}
@@ -525,8 +528,8 @@ def leave_out(fit: ExtendedFit, *names: str, base: ExtendedFit | None = None) ->
     *names
         Of the effects.
     base
-        A fit without effects, from whose place the others are fitted too where the effects have led so
-        far that there is no way back.
+        A fit without effects, from whose place the others are fitted too where the effects have led
+        so far that there is no way back.
 
     Returns
     -------

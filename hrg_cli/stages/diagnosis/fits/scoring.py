@@ -84,7 +84,10 @@ def price_place(effect: Effect, fit: ExtendedFit) -> float:
     >>> from hrg_cli.effects import find
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
     >>> from hrg_cli.stages.diagnosis.fits.scoring import price_place
-    >>> [round(price_place(find(name), draw_fit()), 2) for name in ("gain_mismatch", "momentum_kick")]
+    >>> [
+    ...     round(price_place(find(name), draw_fit()), 2)
+    ...     for name in ("gain_mismatch", "momentum_kick")
+    ... ]
     [0.0, 10.02]
     """
     return 2 * float(np.log(count_places(effect, fit)))
@@ -226,8 +229,8 @@ def is_small(effect: Effect, values: Mapping[str, float], fit: ExtendedFit) -> b
 
 
 def is_possible(effect: Effect, fit: ExtendedFit) -> bool:
-    """Whether an active effect came out as such a cause can be: of a thinkable size, and on the side
-    of neutral that physics allows.
+    """Whether an active effect came out as such a cause can be: of a thinkable size, and on the
+    side of neutral that physics allows.
 
     What lies beyond a parameter's bound by chance is within `OWN_SIGMA` of its standard deviations,
     misfit included: a friction that drives the wave is another cause's shadow.

@@ -67,8 +67,8 @@ def settle_instants(fit: ExtendedFit, names: Collection[str]) -> ExtendedFit:
 
 
 def _settle_instant(fit: ExtendedFit, effect: Effect, part: float) -> tuple[ExtendedFit, float]:
-    """The fit with one instant at the lowest place of the parabola through moves by a part of a row, or
-    as it is where that is no better; and the largest change of χ² by these moves."""
+    """The fit with one instant at the lowest place of the parabola through moves by a part of a
+    row, or as it is where that is no better; and the largest change of χ² by these moves."""
     series = fit.series
     values = next(values for one, values in fit.point.active if one.name == effect.name)
     runs = np.flatnonzero(series.numbers == values[RUN])

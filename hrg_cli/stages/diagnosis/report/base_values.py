@@ -27,8 +27,8 @@ WRONG = 4.0
 def list_base_values(
     sized: Sized, resonator: Resonator | None, of_forcers: Mapping[str, Array]
 ) -> list[dict[str, Any]]:
-    """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes them
-    wrong.
+    """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes
+    them wrong.
 
     Parameters
     ----------
@@ -38,8 +38,8 @@ def list_base_values(
         The user's; None: there is none.
     of_forcers
         By how much causes of the drive that nothing excludes may move the coordinates
-        (`estimate_moves_of_forcers`). That is a part of every σ, and a parameter that they may move by
-        more than these runs show it to says so: it is a sum.
+        (`estimate_moves_of_forcers`). That is a part of every σ, and a parameter that they may move
+        by more than these runs show it to says so: it is a sum.
 
     Returns
     -------

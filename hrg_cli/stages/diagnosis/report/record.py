@@ -22,8 +22,8 @@ from .shares import Shares
 def make_diagnosis_record(
     search: Search, waves: Sequence[Wave], verdict: str, report: dict[str, Any], model: str
 ) -> Diagnosis:
-    """The record of a diagnosis: measured and simulated rows of the fits before and after, the words and
-    the file.
+    """The record of a diagnosis: measured and simulated rows of the fits before and after, the
+    words and the file.
 
     Parameters
     ----------
@@ -135,8 +135,8 @@ def take_form(effect: dict[str, Any], form: Form | None) -> dict[str, Any]:
 def describe_left_over(
     remainder: dict[str, Any] | None, form: Form | None, failed: Sequence[str]
 ) -> dict[str, Any] | None:
-    """The report's remainder: open terms, what the catalogue's form leaves, else the sentences of the
-    checks that failed.
+    """The report's remainder: open terms, what the catalogue's form leaves, else the sentences of
+    the checks that failed.
 
     Parameters
     ----------
@@ -166,7 +166,8 @@ def describe_left_over(
 
 
 def list_diagnosis_doubts(verdict: str, failed: Sequence[str], final: ExtendedFit) -> list[str]:
-    """What makes a diagnosis suspect: a word that could not be given, and a drive's log that may be why.
+    """What makes a diagnosis suspect: a word that could not be given, and a drive's log that may be
+    why.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
-"""Diagnosis, the scores: what these runs say of the size of every cause, named or not, so that a lot
-can pool it.
+"""Diagnosis, the scores: what these runs say of the size of every cause, named or not, so that a
+lot can pool it.
 
 With s the whitened sensitivity of one parameter, r the residual of the final fit and Q a basis of
 that fit's design, s⊥ = s − Q Qᵀ s. The one-step estimate beside the fit is s⊥ᵀ r/|s⊥|² with
@@ -40,8 +40,8 @@ def tabulate_scores(case: Case, sized: Sized) -> dict[str, list[Any]]:
     Returns
     -------
     dict
-        `names` ("effect.parameter"), `units`, `value` (off neutral), `std`, and the lower triangle of
-        `correlation`, row by row without the diagonal.
+        `names` ("effect.parameter"), `units`, `value` (off neutral), `std`, and the lower triangle
+        of `correlation`, row by row without the diagonal.
 
     Examples
     --------

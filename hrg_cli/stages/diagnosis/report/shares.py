@@ -100,15 +100,18 @@ def compute_departure_figures(
     Returns
     -------
     dict
-        Drift m·dθ/dt in °/h, over quarters of each run; angle m·θ and amplitude in ppm; frequency in
-        Hz. None where nothing shows it.
+        Drift m·dθ/dt in °/h, over quarters of each run; angle m·θ and amplitude in ppm; frequency
+        in Hz. None where nothing shows it.
 
     Examples
     --------
     An angle that grows by 10⁻⁵ rad/s, two degrees an hour:
 
     >>> import numpy as np
-    >>> from hrg_cli.stages.diagnosis.report.shares import DriftDifference, compute_departure_figures
+    >>> from hrg_cli.stages.diagnosis.report.shares import (
+    ...     DriftDifference,
+    ...     compute_departure_figures,
+    ... )
     >>> t, zero = np.arange(40.0), np.zeros(40)
     >>> found = compute_departure_figures(DriftDifference(1e-5 * t, zero, zero, zero), zero, t)
     >>> round(found["drift_deg_h"], 3)
@@ -160,7 +163,8 @@ def list_sets_left_out(names: Sequence[str]) -> list[tuple[str, ...]]:
     Returns
     -------
     list of tuple
-        Every proper subset of a few causes; of many, each alone, and all but the first 1, 2, … found.
+        Every proper subset of a few causes; of many, each alone, and all but the first 1, 2, …
+        found.
 
     Examples
     --------
@@ -191,8 +195,8 @@ def compute_shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
     Returns
     -------
     Shares
-        Rows with weight, in the order of the diagnosis' rows. A set without which the fit diverges is
-        not told, and one without which it does not settle has no figures: they would be those of
+        Rows with weight, in the order of the diagnosis' rows. A set without which the fit diverges
+        is not told, and one without which it does not settle has no figures: they would be those of
         wherever it stopped.
 
     Examples
@@ -211,7 +215,8 @@ def compute_shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
     settled = {names[0]: rows[(names[0],)]} if len(names) == 1 else {}
     free, way_back = fit, None
     if np.isfinite(fit.freedom.offset_std):
-        # a cause may have been found by the runs' frequencies alone, which the base model leaves free
+        # a cause may have been found by the runs' frequencies alone, which the base model leaves
+        # free
         free, way_back = replace(fit, freedom=replace(fit.freedom, offset_std=np.inf)), base
     for left_out in list_sets_left_out(names):
         refitted = leave_out(free, *left_out, base=way_back)
@@ -232,7 +237,8 @@ def compute_shares(base: ExtendedFit, fit: ExtendedFit) -> Shares:
 
 
 def compute_base_covariance(fit: ExtendedFit, std: Array) -> Array:
-    """Covariance of the base parameters beside the causes: Σ = G C Gᵀ, at stated standard deviations.
+    """Covariance of the base parameters beside the causes: Σ = G C Gᵀ, at stated standard
+    deviations.
 
     G: slopes of the parameters against the fitted coordinates, C: the coordinates' covariance; the
     correlations are the fit's.

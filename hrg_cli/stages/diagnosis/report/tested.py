@@ -19,8 +19,8 @@ ONE_SIDED = 1.645
 
 
 def test_candidates(case: Case) -> list[dict[str, Any]]:
-    """Every candidate: score beside the base model and beside what was found, 95 % upper limit of its size
-    beside what was found.
+    """Every candidate: score beside the base model and beside what was found, 95 % upper limit of
+    its size beside what was found.
 
     Parameters
     ----------

@@ -19,7 +19,8 @@ from .odd_windows import are_at_top, find_channel_amplitudes, find_odd_windows
 from .offered import UNMEASURED, make_entry
 
 LARGER_THAN_MEAN = 4.0
-"""Times its mean over all runs that a harmonic of the motion may be in a single one: it follows a³."""
+"""Times its mean over all runs that a harmonic of the motion may be in a single one: it follows
+a³."""
 CUBIC_LARGEST = 0.3
 """γa² of a pick-off's cubic beyond which it is none."""
 DITHERED, EXACTLY = 0.5, 1e-3
@@ -85,8 +86,8 @@ def name_bent_channels(
     Returns
     -------
     list of dict
-        Entries of the report; none where the dynamics found a read-out that makes the harmonics, and no
-        cubic of the pick-off where the motion itself may make the third one.
+        Entries of the report; none where the dynamics found a read-out that makes the harmonics,
+        and no cubic of the pick-off where the motion itself may make the third one.
 
     Examples
     --------
@@ -209,7 +210,8 @@ def read_least_count(waves: Sequence[Wave]) -> float | None:
 
 
 def is_below_codes(line: Line, waves: Sequence[Wave]) -> bool:
-    """Whether a line is smaller than half a code in runs whose noise is too small to spread the codes.
+    """Whether a line is smaller than half a code in runs whose noise is too small to spread the
+    codes.
 
     Parameters
     ----------
@@ -230,7 +232,10 @@ def is_below_codes(line: Line, waves: Sequence[Wave]) -> bool:
     >>> from hrg_cli.stages.diagnosis.samples.harmonics import is_below_codes
     >>> from hrg_cli.stages.diagnosis.samples.lines import Line
     >>> line = Line(1500.0, np.full(2, 1e-3), 1e4, 3, np.ones((3, 2)))
-    >>> [is_below_codes(line, [w.replace(least_count=q) for w in draw_waves()]) for q in (1e-4, 1e-2)]
+    >>> [
+    ...     is_below_codes(line, [w.replace(least_count=q) for w in draw_waves()])
+    ...     for q in (1e-4, 1e-2)
+    ... ]
     [False, True]
     """
     step = read_least_count(waves)

@@ -23,8 +23,8 @@ from .lines import WANDER, WIDTH_CELLS, find_cell_hz, find_median_frequency
 ORDERS = (3, 5, 7)
 """Multiples that are looked for."""
 INSIDE = 0.9
-"""Part of the spectrum's width up to which a multiple is heard: beyond it the sampling folds it, and
-a filter may have taken it away."""
+"""Part of the spectrum's width up to which a multiple is heard: beyond it the sampling folds it,
+and a filter may have taken it away."""
 SURE = 3.0
 """σ by which a cause may be smaller than it came out."""
 EXCEEDS = 2.0
@@ -81,7 +81,8 @@ def _find_least_values(
 
 
 def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wave]) -> bool:
-    """Whether an effect would make a harmonic clearly stronger than all that a run's samples hold there.
+    """Whether an effect would make a harmonic clearly stronger than all that a run's samples hold
+    there.
 
     Parameters
     ----------
@@ -131,7 +132,8 @@ def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wav
 def compute_harmonic_power(
     effect: Effect, values: Mapping[str, float], amplitude: Array, noise: float = 0.0
 ) -> Array:
-    """Power of the odd multiples that an effect's curve makes of channels, its corners rounded by noise.
+    """Power of the odd multiples that an effect's curve makes of channels, its corners rounded by
+    noise.
 
     Parameters
     ----------
@@ -156,7 +158,9 @@ def compute_harmonic_power(
     >>> import numpy as np
     >>> from hrg_cli.effects import find
     >>> from hrg_cli.stages.diagnosis.samples.heard import compute_harmonic_power
-    >>> power = compute_harmonic_power(find("pickoff_nonlinearity"), {"cubic": 0.04}, np.ones((1, 1)))
+    >>> power = compute_harmonic_power(
+    ...     find("pickoff_nonlinearity"), {"cubic": 0.04}, np.ones((1, 1))
+    ... )
     >>> float(np.sqrt(2 * power[0, 0, 0]).round(6))
     0.01
     """
@@ -183,8 +187,9 @@ def bound_power_in_looks(power: Array, time_s: Array, length_s: float) -> Array:
     """The least that a spectrum may hold of a power that comes and goes.
 
     A spectrum is the mean of `LOOKS` stretches spread evenly along a run, each tapered by sin². A
-    wave that is clipped while it passes an axis may do so between them, or at the end of one: of all
-    places of the stretches, moved together by up to half their distance, those count that see least.
+    wave that is clipped while it passes an axis may do so between them, or at the end of one: of
+    all places of the stretches, moved together by up to half their distance, those count that see
+    least.
 
     Parameters
     ----------

@@ -216,8 +216,9 @@ def _find_jump_between(
 
 @dataclass(frozen=True)
 class Crossing:
-    """z± (2,) at an instant as the rows before it and as those behind it have them, ż before it, the
-    σ of their difference, what the two rows next to it differ by, and the length of all rows."""
+    """z± (2,) at an instant as the rows before it and as those behind it have them, ż before it,
+    the σ of their difference, what the two rows next to it differ by, and the length of all
+    rows."""
 
     before: Array
     after: Array
@@ -293,8 +294,8 @@ class OwnMotion:
 
     @classmethod
     def from_rows(cls, time: Array, z: Array, table: Array, left: Array, right: Array) -> OwnMotion:
-        """From steps of equal length on either side, R⁻½ z_{k+1} = M R½ z_k, R the step's turn by the
-        table with the K that leaves least.
+        """From steps of equal length on either side, R⁻½ z_{k+1} = M R½ z_k, R the step's turn by
+        the table with the K that leaves least.
 
         A resonator has two directions whose course is one exponential each whatever its splits;
         where the steps do not show them the circular ones stand, each with its median rate.

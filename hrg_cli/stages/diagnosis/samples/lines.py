@@ -210,8 +210,8 @@ def find_folding_hz(waves: Sequence[Wave]) -> float | None:
     Returns
     -------
     float or None
-        [Hz]; None where it is not known, or where a run's samples are not evenly apart: a line above
-        half the rate then has no image.
+        [Hz]; None where it is not known, or where a run's samples are not evenly apart: a line
+        above half the rate then has no image.
 
     Examples
     --------

@@ -217,7 +217,8 @@ def count_lost(
     Returns
     -------
     dict or None
-        An entry of the report; None where the sampling is even and no whole number of samples does it.
+        An entry of the report; None where the sampling is even and no whole number of samples does
+        it.
 
     Examples
     --------

@@ -24,8 +24,9 @@ from .lines import find_sampling_hz
 NEIGHBOURS = 12
 """Windows on either side whose noise is the usual one."""
 ODD = 1.9
-"""σ over the neighbours' from which a window is odd: pooled ones differ by a few hundredths, one of four
-samples beside those of five by half, and one that keeps its own noise has twice theirs or more."""
+"""σ over the neighbours' from which a window is odd: pooled ones differ by a few hundredths, one of
+four samples beside those of five by half, and one that keeps its own noise has twice theirs or
+more."""
 BENT = 4.0
 """Times the doubt of the bend up to which an end's σ is that: the demodulation took it before other
 corrections."""
@@ -109,8 +110,9 @@ def _kinked(wave: Wave, rows: Array, usual: Array) -> Array:
 
 
 def _bent(wave: Wave, rows: Array, std: Array, usual: Array) -> Array:
-    """Rows (n,) whose σ holds no more beside the neighbours' than what the motion's bend is not known by:
-    at the ends of a run it is continued, and a wave that turns fast within a window makes that rough."""
+    """Rows (n,) whose σ holds no more beside the neighbours' than what the motion's bend is not
+    known by: at the ends of a run it is continued, and a wave that turns fast within a window makes
+    that rough."""
     u = compute_envelopes(wave)[rows].T[..., None]
     turning = np.asarray(wave.frequency_hz, float)[rows] - wave.reference_frequency_hz
     found = estimate_curvatures(u, np.array([2 * np.pi * np.nanmedian(turning)]), wave.window_s)
@@ -123,8 +125,8 @@ def _bent(wave: Wave, rows: Array, std: Array, usual: Array) -> Array:
 def _find_harmonic_std(
     wave: Wave, row: int, bends: Sequence[tuple[Effect, Mapping[str, float]]]
 ) -> float:
-    """σ at most that harmonics of these read-outs add to a row's: of s rms in each of N samples it is
-    s√(2/N), and no window has fewer than four."""
+    """σ at most that harmonics of these read-outs add to a row's: of s rms in each of N samples it
+    is s√(2/N), and no window has fewer than four."""
     samples = max(FEWEST, wave.window_s * (find_sampling_hz([wave]) or 0.0))
     amplitude = np.abs(compute_envelopes(wave, slice(row, row + 1)))
     power = sum(
@@ -219,8 +221,8 @@ def say_odd_windows(
     causes
         That are named.
     bends
-        Read-outs with their values, whose harmonics stand in the windows of a single period by chance
-        of where the samples fall.
+        Read-outs with their values, whose harmonics stand in the windows of a single period by
+        chance of where the samples fall.
 
     Returns
     -------

@@ -1,5 +1,5 @@
-"""Diagnosis, a tone near the resonance: what beats in the envelopes at a fixed frequency, e e^{j(ω_m
-− ω_r)t}, and what windows show of it."""
+"""Diagnosis, a tone near the resonance: what beats in the envelopes at a fixed frequency, e
+e^{j(ω_m − ω_r)t}, and what windows show of it."""
 
 from __future__ import annotations
 

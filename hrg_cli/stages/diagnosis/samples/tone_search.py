@@ -32,15 +32,15 @@ DIES, SURE = 0.7, 4.0
 """Part of its power that a tone has in the second half of the runs at least, and σ by which less
 must be sure."""
 ISOLATED, LOBE, BESIDE = 10.0, 2.5, 8.0
-"""Power of a tone beside a gross misfit over all that stands from LOBE to BESIDE cells of the longest
-run away from it: a misfit of the motion is no line alone."""
+"""Power of a tone beside a gross misfit over all that stands from LOBE to BESIDE cells of the
+longest run away from it: a misfit of the motion is no line alone."""
 LEFT_OUT = 1.75
 """Usual distances of the rows beyond which some between two were left out; a row of two windows
 beside rows of one stands 1.5 away."""
 
 Residual = tuple[Array, Array, Array]
-"""Of a run: times (n,), envelopes measured less modelled (n, 2) of equal noise in both channels, its
-σ (n,)."""
+"""Of a run: times (n,), envelopes measured less modelled (n, 2) of equal noise in both channels,
+its σ (n,)."""
 
 
 def collect_residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]:

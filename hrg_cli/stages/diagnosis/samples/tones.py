@@ -82,7 +82,8 @@ def remove_tones(waves: Sequence[Wave], tones: Sequence[Tone]) -> list[Wave]:
 
 
 def _std_without(wave: Wave, vector: Array) -> dict[str, Array]:
-    """σ (n,) of a coefficient, and of either channel's (n, 2), less what the tone e has in it, √(σ² −
+    """σ (n,) of a coefficient, and of either channel's (n, 2), less what the tone e has in it, √(σ²
+    −
     |e_C|²/2) for C, not below what the spectrum's floor beside the oscillation promises, √(S/T).
 
     The demodulation weighs the residual's colour and takes a tone for noise that every window draws
@@ -166,8 +167,8 @@ def take_out_tones(
 def confirm_tones(
     tones: Sequence[Tone], waves: Sequence[Wave], fitted: Callable[[Sequence[Wave]], ExtendedFit]
 ) -> list[Tone]:
-    """The tones that stand out of the waves beside a complete model as well, each with the others taken
-    out.
+    """The tones that stand out of the waves beside a complete model as well, each with the others
+    taken out.
 
     Before its cause is known a misfit of the motion can look like a line.
 

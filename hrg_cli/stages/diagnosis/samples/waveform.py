@@ -36,8 +36,8 @@ from .tones import MOST_TONES
 ALIKE = 1.5
 """Ratio of the sizes of two sidebands up to which they are a pair."""
 LEAKS = 2.0
-"""Times 1/πx of a line that windows show at most of it x turns away, the curvature that demodulate puts
-back included."""
+"""Times 1/πx of a line that windows show at most of it x turns away, the curvature that demodulate
+puts back included."""
 SIDEBAND = "one of two as far above as below the oscillation: its modulation and no tone"
 """What is said of a line that has a mirror."""
 IMAGE = "what a line far from the oscillation, or an offset that drifts, leaks into the windows"
@@ -258,8 +258,8 @@ def _is_image(tone: Tone, far: Sequence[Line], waves: Sequence[Wave]) -> bool:
     oscillation leaks into the windows, or what an offset of the channels does that drifts.
 
     A line A cos ω_L t stands in the coefficients of windows of length T as A sin(πx)/(πx) with x =
-    (±f_L − f)T turns a window, and there as a tone at ±f_L + k/T: both signs are as strong far below
-    the oscillation. What drifts is the same in every window: a line at nought.
+    (±f_L − f)T turns a window, and there as a tone at ±f_L + k/T: both signs are as strong far
+    below the oscillation. What drifts is the same in every window: a line at nought.
     """
     step_s = float(np.median([np.median(np.diff(w.time_s)) for w in waves]))
     longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
@@ -279,7 +279,8 @@ def _is_image(tone: Tone, far: Sequence[Line], waves: Sequence[Wave]) -> bool:
 def list_near_tones(
     tones: Sequence[Tone], waves: Sequence[Wave], frequency_hz: float
 ) -> list[Tone]:
-    """Of the tones seen at the windows' rate those that stand on their own there, at their true size.
+    """Of the tones seen at the windows' rate those that stand on their own there, at their true
+    size.
 
     Parameters
     ----------

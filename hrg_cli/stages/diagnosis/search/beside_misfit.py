@@ -239,8 +239,8 @@ class Spectrum:
 
     @classmethod
     def from_values(cls, residual: Array, fit: ExtendedFit) -> Spectrum:
-        """Of values (N, ...) over σ that stand on the rows of a fit, along whose wave the components
-        lie."""
+        """Of values (N, ...) over σ that stand on the rows of a fit, along whose wave the
+        components lie."""
         from scipy.fft import dct
 
         good, own = fit.series.weight > 0, resolve_along_wave(fit, residual)

@@ -92,7 +92,8 @@ def take_from_frequencies(case: Case) -> Case:
 def _prune_others(
     fit: ExtendedFit, found: Sequence[Found], follows: Sequence[str], noise: NoiseLevel
 ) -> tuple[ExtendedFit, list[Found]]:
-    """Without the causes that stood in, within the runs, for those that their frequencies follow."""
+    """Without the causes that stood in, within the runs, for those that their frequencies
+    follow."""
     others = [one for one in found if one.variant.effect.name not in follows]
     fit, kept = prune_causes(fit, others, noise, {})
     return fit, kept + [one for one in found if one.variant.effect.name in follows]

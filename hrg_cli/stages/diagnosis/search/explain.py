@@ -26,8 +26,8 @@ from .selection import select
 LEAST_CHANGE = 0.03
 """Relative difference of the noise from the stated one that is let be."""
 SLOWER, FEWEST_ROUGH = (4, 8), 20
-"""Rows of the means that are asked where neighbours scatter by less than they state, and the rows of
-second differences from which they are."""
+"""Rows of the means that are asked where neighbours scatter by less than they state, and the rows
+of second differences from which they are."""
 CHANCE = 5.0
 """Excess of the slower level over the neighbours' that chance does not make, times the root of the
 second differences: their median scatters by 1.6."""
@@ -144,8 +144,8 @@ def estimate_noise_level(fit: ExtendedFit, remainder: Remainder | None) -> float
     """White noise over the stated one, from second differences of what is left in the end; None
     where they agree, and where a gross misfit is left, however large the noise.
 
-    Neighbours that scatter by less than they state may be correlated (a lock-in's filter), and state
-    what is slow: only as far as means of several rows scatter by less too is the noise less.
+    Neighbours that scatter by less than they state may be correlated (a lock-in's filter), and
+    state what is slow: only as far as means of several rows scatter by less too is the noise less.
 
     Parameters
     ----------

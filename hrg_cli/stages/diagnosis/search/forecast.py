@@ -46,8 +46,9 @@ UNTAUGHT = 3.0
 """Times its σ from all data beyond which a cause is not known from a part of them, so that what it
 predicts there says nothing of it."""
 WORSE_TAUGHT = 2.0
-"""Times χ² per degree of freedom of all data beyond which the training is not fitted: of driven runs
-what a log may have missed is said of all of them together, and a part of them is without it."""
+"""Times χ² per degree of freedom of all data beyond which the training is not fitted: of driven
+runs what a log may have missed is said of all of them together, and a part of them is without
+it."""
 
 
 @dataclass(frozen=True)
@@ -285,7 +286,11 @@ def find_forecast_errors(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Err
     --------
     >>> import numpy as np
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case_of_four
-    >>> from hrg_cli.stages.diagnosis.search.forecast import find_forecast_errors, split_for_forecast, train
+    >>> from hrg_cli.stages.diagnosis.search.forecast import (
+    ...     find_forecast_errors,
+    ...     split_for_forecast,
+    ...     train,
+    ... )
     >>> search = draw_case_of_four().search
     >>> folds = split_for_forecast(search.base.series)
     >>> errors = find_forecast_errors(train(search.base, folds[0]), search.base, folds[0])
@@ -343,8 +348,8 @@ def _to_units(series: MeasuredRuns, run: Array, row: Array, over_noise: Array) -
 
 
 def _propagate_learned(own: ExtendedFit, fit: ExtendedFit) -> Array:
-    """What one σ of what was learned moves, over σ, (N, m): of the runs' own starts and frequencies,
-    and of all that they share with the training, beside these."""
+    """What one σ of what was learned moves, over σ, (N, m): of the runs' own starts and
+    frequencies, and of all that they share with the training, beside these."""
     point = replace(own.point, active=fit.point.active)
     layout = build_layout(own.series, point, fit.freedom)
     with np.errstate(all="ignore"):

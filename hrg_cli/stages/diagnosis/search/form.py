@@ -158,7 +158,8 @@ def _choose_form(old: ExtendedFit, noise: NoiseLevel) -> BetterForm | None:
     """The shape to take in the place of the catalogue's in `old`; None where that stands.
 
     A free power comes first: it contains the catalogue's form and says by how much it errs. Only
-    where physics forbids the linear damping with any power do other shapes stand against each other.
+    where physics forbids the linear damping with any power do other shapes stand against each
+    other.
     """
     forbidden = _forbidden(old, noise)
     free = fit_shape(old, FREE)

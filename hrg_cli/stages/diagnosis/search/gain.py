@@ -218,8 +218,8 @@ def _errors(
 
 
 def predicts_better(before: ExtendedFit, after: ExtendedFit) -> bool:
-    """Whether what was left out is more likely by runs, or, where single runs alone show a cause, by
-    blocks of time.
+    """Whether what was left out is more likely by runs, or, where single runs alone show a cause,
+    by blocks of time.
 
     While the misfit is gross the errors are not those of the noise and of what is not known, and
     their plain squares count.

@@ -2,11 +2,11 @@
 
 A misfit that no cause explains is slow: whatever is as slow takes a part of it away, and says
 nothing. What changes from one row to the next is no slow course. It is judged by its generalised
-least-squares score, the residual itself being the noise: its power λ_b in bands of half cycles a run,
-of each of the wave's four components on its own, with the cause taken out,
+least-squares score, the residual itself being the noise: its power λ_b in bands of half cycles a
+run, of each of the wave's four components on its own, with the cause taken out,
     ΔX² = |P r_w|²,  r_w = (T r)/√λ off the model's own columns,  P onto the cause's (T S)/√λ,
-T the orthonormal cosines of `Spectrum`; F as there. The sizes are those of the same least squares and
-stay as they are in the fit, which the misfit would else bend to its own ends.
+T the orthonormal cosines of `Spectrum`; F as there. The sizes are those of the same least squares
+and stay as they are in the fit, which the misfit would else bend to its own ends.
 """
 
 from __future__ import annotations
@@ -142,8 +142,8 @@ def take_strikes(case: Case) -> Case:
 
 
 def _is_described(case: Case) -> bool:
-    """Whether open terms describe all that the causes leave, down to the noise: of less a strike may
-    still be a part."""
+    """Whether open terms describe all that the causes leave, down to the noise: of less a strike
+    may still be a part."""
     if case.remainder is None:
         return True
     fit = case.remainder.fit
@@ -166,9 +166,9 @@ def _drop_instants(case: Case, sharp: Sequence[Effect]) -> Case:
 def _clearest(
     fit: ExtendedFit, effects: Sequence[Effect], step_s: float | None
 ) -> tuple[ExtendedFit, Found] | None:
-    """The fit with the cause at an instant that chance makes least, and what it cannot be told from;
-    None where chance makes it, where too many would do, or where it has no fit; `step_s`: of the
-    sampling, where it is even."""
+    """The fit with the cause at an instant that chance makes least, and what it cannot be told
+    from; None where chance makes it, where too many would do, or where it has no fit; `step_s`: of
+    the sampling, where it is even."""
     active = {effect.name for effect, _ in fit.point.active}
     tried = list_variants_around(
         list_variants([effect for effect in effects if effect.name not in active], fit), fit.series
@@ -203,8 +203,8 @@ def _clearest(
 
 
 def list_variants_around(tried: Sequence[Variant], series: MeasuredRuns) -> list[Variant]:
-    """The variants at instants half rows apart about theirs, whole periods away, with rows enough on
-    either side: the rows know the instant to a part of their length.
+    """The variants at instants half rows apart about theirs, whole periods away, with rows enough
+    on either side: the rows know the instant to a part of their length.
 
     Parameters
     ----------

@@ -125,8 +125,8 @@ def _is_better(rival: Rival, case: Case, full: float, mimics: bool) -> bool:
     """Whether open terms are the better description.
 
     A damping at its bound says that the catalogue's form is not the right one; what the catalogue
-    explains in full is given up only for something clearly better, by less the more causes it takes;
-    what it explains in part must earn its place.
+    explains in full is given up only for something clearly better, by less the more causes it
+    takes; what it explains in part must earn its place.
     """
     slow = case.inquiry.noise.slow
     # of a list that leaves something over each cause must be better than open terms by half of what

@@ -83,8 +83,8 @@ def settle_signs(
     """The case, and the start of its search, with the signs that are best beside the causes found,
     which may have hidden a coherent vector or be one with the wrong signs.
 
-    Where neither choice of signs is better by `WORTH`, the coherent causes of each stand in for those
-    of the other.
+    Where neither choice of signs is better by `WORTH`, the coherent causes of each stand in for
+    those of the other.
 
     Parameters
     ----------
@@ -169,8 +169,8 @@ class SignedNormal:
     """Normal equations of a vector of K parameters that stands with a sign of its own in each of R
     runs: A (R, K, R, K) and b (R, K) of the vector free in every run, beside the base fit.
 
-    With signs s the vector's columns are Σ s_r X_r, so that sᵀAs and s·b are those of the K that all
-    runs share: every choice of signs is judged without a look at the rows.
+    With signs s the vector's columns are Σ s_r X_r, so that sᵀAs and s·b are those of the K that
+    all runs share: every choice of signs is judged without a look at the rows.
     """
 
     A: Array

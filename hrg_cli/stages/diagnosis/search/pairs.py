@@ -71,7 +71,10 @@ def list_promising_pairs(
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
     >>> from hrg_cli.stages.diagnosis.fits import scoring, variants
     >>> from hrg_cli.stages.diagnosis.search.pairs import list_promising_pairs
-    >>> fit, effects = draw_mismatched_fit(), map(find, ("gain_mismatch", "electrode_nonorthogonality"))
+    >>> fit, effects = (
+    ...     draw_mismatched_fit(),
+    ...     map(find, ("gain_mismatch", "electrode_nonorthogonality")),
+    ... )
     >>> ranked = scoring.score_effects(fit, variants.list_variants([*effects], fit))
     >>> [[score.name for score, _ in pair.both] for pair in list_promising_pairs(fit, ranked)]
     [['gain_mismatch', 'electrode_nonorthogonality']]
@@ -123,7 +126,10 @@ def fit_pair(fit: ExtendedFit, pair: Pair) -> tuple[ExtendedFit, tuple[Scored, S
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
     >>> from hrg_cli.stages.diagnosis.fits import scoring, variants
     >>> from hrg_cli.stages.diagnosis.search.pairs import fit_pair, list_promising_pairs
-    >>> fit, effects = draw_mismatched_fit(), map(find, ("gain_mismatch", "electrode_nonorthogonality"))
+    >>> fit, effects = (
+    ...     draw_mismatched_fit(),
+    ...     map(find, ("gain_mismatch", "electrode_nonorthogonality")),
+    ... )
     >>> ranked = scoring.score_effects(fit, variants.list_variants([*effects], fit))
     >>> both, _ = fit_pair(fit, list_promising_pairs(fit, ranked)[0])
     >>> round(both.values("gain_mismatch")["gain"], 2)

@@ -312,7 +312,11 @@ def refine_term(fit: ExtendedFit, term: Term) -> Term:
     Examples
     --------
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_mismatched_fit
-    >>> from hrg_cli.stages.diagnosis.search.remainder import find_best_term, refine_term, score_terms
+    >>> from hrg_cli.stages.diagnosis.search.remainder import (
+    ...     find_best_term,
+    ...     refine_term,
+    ...     score_terms,
+    ... )
     >>> fit = draw_mismatched_fit()
     >>> best = find_best_term(fit, score_terms(fit, by_run=False))
     >>> refine_term(fit, best) is best

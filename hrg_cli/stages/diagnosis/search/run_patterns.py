@@ -2,9 +2,10 @@
 themselves leave it the size that this asks for.
 
 A cause's parameters θ are told by two independent things: by the rows of the runs, every run's
-frequency free (information I = S⊥ᵀS⊥ of its sensitivities beside the base model), and by the offsets,
-ô = H f + G θ + w (information M). Along v_k with vᵀ(M + I)v = 1 and vᵀMv = μ both are diagonal. Where
-μ > ½ the offsets know more; only there may a cause follow them, elsewhere the runs have said all.
+frequency free (information I = S⊥ᵀS⊥ of its sensitivities beside the base model), and by the
+offsets, ô = H f + G θ + w (information M). Along v_k with vᵀ(M + I)v = 1 and vᵀMv = μ both are
+diagonal. Where μ > ½ the offsets know more; only there may a cause follow them, elsewhere the runs
+have said all.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ class Pattern:
     """A cause against the offsets.
 
     known: what it may do to them, and `offsets`: these less what the rows say that it does; chance
-    that this is none, by offsets and rows together; χ² it takes away, wander left, p of what is left
-    as noise; whether the rows of the runs allow it.
+    that this is none, by offsets and rows together; χ² it takes away, wander left, p of what is
+    left as noise; whether the rows of the runs allow it.
     """
 
     variant: Variant
@@ -122,8 +123,8 @@ def find_patterns(
 
 @dataclass(frozen=True)
 class Knowledge:
-    """A cause's parameters along the v_k where the offsets tell more than the rows: response (R, q),
-    directions (m, q), what the rows say of them (q,) with their information (q,).
+    """A cause's parameters along the v_k where the offsets tell more than the rows: response (R,
+    q), directions (m, q), what the rows say of them (q,) with their information (q,).
 
     aside (m,): the rest, as the rows have it, which shifts the offsets by `shift` (R,) with
     covariance `blur` (R, R); chance: that the rows show as much of the cause by noise.

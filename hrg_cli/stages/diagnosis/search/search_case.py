@@ -18,8 +18,8 @@ from .selection import Found, Search
 
 @dataclass(frozen=True)
 class Case:
-    """The causes found, what they leave over (None: nothing), what is said of the runs' frequencies,
-    and a damping's better form, if any."""
+    """The causes found, what they leave over (None: nothing), what is said of the runs'
+    frequencies, and a damping's better form, if any."""
 
     inquiry: Inquiry
     search: Search

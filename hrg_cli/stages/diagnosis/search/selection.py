@@ -154,8 +154,8 @@ def _take_forward(selected: Selected, inquiry: Inquiry) -> Selected:
 def _begin_with_two(
     base: ExtendedFit, ranked: list[tuple[Score, Variant]], taken: Selected, inquiry: Inquiry
 ) -> Selected:
-    """The selection that begins with two causes which together promise most, where it leaves far less
-    than what one by one came to; else that one.
+    """The selection that begins with two causes which together promise most, where it leaves far
+    less than what one by one came to; else that one.
 
     Of several gross causes the best first one may be another, of many parameters, that does some of
     what all do: nothing that follows makes up for it.

@@ -1,4 +1,5 @@
-"""Diagnosis, what the runs cannot tell apart: causes from the model, and causes from one another."""
+"""Diagnosis, what the runs cannot tell apart: causes from the model, and causes from one
+another."""
 
 from __future__ import annotations
 
@@ -28,8 +29,8 @@ NOTHING = 1e-5
 """σ of all rows together that a difference step, a hundredth of the typical size, makes where it is
 more than rounding."""
 WORTH_SAYING, SHARE_OF_LARGEST, MOST_NAMED = 0.1, 0.3, 3
-"""Part of a cause that a fitted number takes upon itself from which it is named behind it, also over
-the part of the one that takes most, and how many are."""
+"""Part of a cause that a fitted number takes upon itself from which it is named behind it, also
+over the part of the one that takes most, and how many are."""
 BASE = {
     "damping": "damping",
     "damping_cos": "damping split",

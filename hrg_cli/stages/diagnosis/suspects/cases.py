@@ -18,8 +18,8 @@ from .logs import has_usual_scale_factor
 from .readings import Reading
 
 Fitted = Callable[..., ExtendedFit]
-"""The base model fitted to waves, one a piece of a run; `quick=True`: beside nothing that a drive's log
-may have missed."""
+"""The base model fitted to waves, one a piece of a run; `quick=True`: beside nothing that a drive's
+log may have missed."""
 
 ODD = 1e3
 """Δχ² by which mistakes that leave a usual scale factor go before those that do not."""
@@ -51,7 +51,8 @@ class SuspectCase:
         return self.fit.dof + (self.apart.dof if self.apart else 0)
 
     def compute_price(self, noise: float) -> float:
-        """Excess of χ² at a noise, what its freedom costs, and a scale factor that no resonator has."""
+        """Excess of χ² at a noise, what its freedom costs, and a scale factor that no resonator
+        has."""
         rows = len(self.fit.residual) + (len(self.apart.residual) if self.apart else 0)
         odd = 0.0 if has_usual_scale_factor(self.fit) else ODD
         # less one a row: a reading that leaves rows out is not the better for it

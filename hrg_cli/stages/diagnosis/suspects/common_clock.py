@@ -59,8 +59,8 @@ def find_common_lateness(
     Returns
     -------
     SuspectFound or None
-        The suspicion, told of all runs where more than one rate changes, and the fit with the logs set
-        right.
+        The suspicion, told of all runs where more than one rate changes, and the fit with the logs
+        set right.
 
     Examples
     --------

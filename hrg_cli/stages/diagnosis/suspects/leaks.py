@@ -24,8 +24,8 @@ SURE = 5.0
 def find_leaks(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> SuspectFound | None:
     """Dampings that differ from run to run and nothing else: gas.
 
-    The runs above the gap that one leak leaves are named; of dampings that differ by and by all that
-    stand off the least.
+    The runs above the gap that one leak leaves are named; of dampings that differ by and by all
+    that stand off the least.
 
     Parameters
     ----------

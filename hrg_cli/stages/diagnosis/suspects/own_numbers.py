@@ -91,7 +91,8 @@ def find_gain_of_lateness(fit: ExtendedFit) -> float:
 
 
 def _predict_amplifiers(flow: Propagation) -> Array:
-    """What C read with one part more of S's gain, or a radian before S, does, over σ, (R, n, 4, 2)."""
+    """What C read with one part more of S's gain, or a radian before S, does, over σ, (R, n, 4,
+    2)."""
     apart = flow.prediction.seen * [0.5, -0.5]
     changes = np.stack([to_reals(apart), to_reals(1j * apart)], axis=-1)
     return np.asarray(flow.prediction.whiten_judged(changes))

@@ -1,4 +1,5 @@
-"""The mistake of one run that causes of the catalogue stood in for: asked last, of what they explain.
+"""The mistake of one run that causes of the catalogue stood in for: asked last, of what they
+explain.
 
 A misfit of a few σ is sooner physics than a mistake, so much is asked of a mistake here: the other
 runs agree without that run at the stated noise, all agree once it is undone, and it is a cheaper
@@ -37,7 +38,8 @@ from .search import (
 FEWEST_RUNS = 4
 """Runs from which one is doubted: three others must agree without it."""
 PROMISED = 0.9
-"""Part of what causes take of χ² that a number of one run's own must promise to be held against them."""
+"""Part of what causes take of χ² that a number of one run's own must promise to be held against
+them."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,8 @@ class QuietMistake:
 def suspect_quiet_run(
     waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, final: ExtendedFit, *, failed: bool
 ) -> QuietMistake | None:
-    """The run that is not what it says: one mistake of it, undone, leaves the stated noise, in place of
-    all causes, of one of them, or beside them.
+    """The run that is not what it says: one mistake of it, undone, leaves the stated noise, in
+    place of all causes, of one of them, or beside them.
 
     Parameters
     ----------
@@ -76,8 +78,8 @@ def suspect_quiet_run(
     final
         With them.
     failed
-        Whether the closing checks have taken the word from these, so that every mistake is tried; of causes
-        that pass, mistakes that promise as much are.
+        Whether the closing checks have taken the word from these, so that every mistake is tried;
+        of causes that pass, mistakes that promise as much are.
 
     Returns
     -------
@@ -134,8 +136,8 @@ def suspect_quiet_run(
 def _find_leak(
     waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, final: ExtendedFit
 ) -> QuietMistake | None:
-    """Dampings of the runs' own that leave the stated noise in place of the causes, for less, and are no
-    law of what the runs' logs hold."""
+    """Dampings of the runs' own that leave the stated noise in place of the causes, for less, and
+    are no law of what the runs' logs hold."""
     leak = find_leaks(waves, fitted, base)
     if leak is None or leak.follow_a_law:
         return None
@@ -162,8 +164,8 @@ def _find_late_logs(
 
 
 def _stand_in(found: SuspectFound, base: ExtendedFit, final: ExtendedFit) -> QuietMistake | None:
-    """The mistakes that leave the stated noise for less than the causes that they do without, and than
-    the base model; None where they do not."""
+    """The mistakes that leave the stated noise for less than the causes that they do without, and
+    than the base model; None where they do not."""
     if not _is_noise(found.fit):
         return None
     own = found.numbers * float(np.log(len(base.residual)))
@@ -183,8 +185,8 @@ def _worth_asking(driven: ExtendedFit) -> bool:
 
 @dataclass(frozen=True)
 class _Level:
-    """A model beside which a mistake is looked for: its fit of waves, and that of the runs as they are
-    (None: there is none)."""
+    """A model beside which a mistake is looked for: its fit of waves, and that of the runs as they
+    are (None: there is none)."""
 
     fitted: Fitted
     before: ExtendedFit | None

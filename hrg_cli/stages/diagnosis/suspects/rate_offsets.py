@@ -1,4 +1,5 @@
-"""A rate log with a constant too much in it: a rate sensor's bias, or a turn of the Earth left out."""
+"""A rate log with a constant too much in it: a rate sensor's bias, or a turn of the Earth left
+out."""
 
 from __future__ import annotations
 

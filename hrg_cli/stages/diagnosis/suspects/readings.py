@@ -46,7 +46,8 @@ class Reading:
     found: str
     correction: str
     degc_apart: float = np.inf
-    """Its mean temperature's distance from the other runs'; infinite where no thermometer is doubted."""
+    """Its mean temperature's distance from the other runs'; infinite where no thermometer is
+    doubted."""
 
 
 def fit_held(
@@ -191,7 +192,10 @@ def find_channel_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     Examples
     --------
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
-    >>> from hrg_cli.stages.diagnosis.suspects.readings import compute_misfits, find_channel_mistakes
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import (
+    ...     compute_misfits,
+    ...     find_channel_mistakes,
+    ... )
     >>> from hrg_cli.stages.diagnosis.suspects.transformations import swap_channels
     >>> swapped = swap_channels(draw_waves()[1])
     >>> made = find_channel_mistakes(swapped, draw_fit())
@@ -268,7 +272,10 @@ def find_amplifier_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading
             (scale(logarithm),),
             1,
             f"its C is read {times} times as large beside S as the others': with that taken back",
-            f"divide this run's C by {times}, or multiply its S by it (a range switched, a contact)",
+            (
+                f"divide this run's C by {times}, or multiply its S by it (a range switched, a"
+                " contact)"
+            ),
         )
     lead = find_least_misfit(delay, others, LARGEST_LEAD_RAD, FINEST)
     if lead:
@@ -278,8 +285,8 @@ def find_amplifier_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading
             "one channel late",
             (delay(lead),),
             1,
-            f"its {channel} comes {abs(lead):.4g} rad of the oscillation ({late_s:.4g} s) late beside"
-            " the others': with that taken back",
+            f"its {channel} comes {abs(lead):.4g} rad of the oscillation ({late_s:.4g} s) late"
+            " beside the others': with that taken back",
             f"shift this run's {channel} by {late_s:.4g} s, or sample both channels together",
         )
 

@@ -21,7 +21,8 @@ from .logs import has_usual_scale_factor
 Cause = tuple[Effect, Mapping[str, float]]
 """A cause with the values that it is fitted from."""
 MOST = 2
-"""Causes at once that may stand against one wrong run, beside those that take nearly all there is."""
+"""Causes at once that may stand against one wrong run, beside those that take nearly all there
+is."""
 NEARLY_ALL = 0.9
 """Part of χ² that a cause must promise to be tried beside `MOST` others: what a wrong run does, no
 third cause takes up so well."""
@@ -176,7 +177,10 @@ def add_causes_to_fit(fitted: Fitted, causes: Sequence[Cause]) -> Fitted:
     >>> from hrg_cli.stages.diagnosis.suspects.rivals import add_causes_to_fit
     >>> (one,) = draw_case().inquiry.candidates
     >>> fit = add_causes_to_fit(fit_waves, [(one.effect, one.values)])(draw_waves())
-    >>> bool(abs(fit.values("gain_mismatch")["gain"]) < 3 * fit.parameter_std("gain_mismatch", "gain"))
+    >>> bool(
+    ...     abs(fit.values("gain_mismatch")["gain"])
+    ...     < 3 * fit.parameter_std("gain_mismatch", "gain")
+    ... )
     True
     """
 

@@ -25,13 +25,14 @@ from .unlogged_rates import find_unlogged_rates
 STEP = 1.4
 """Times by which χ² must fall for one more run to be doubted, or for runs that warm up."""
 RIVAL = 3.0
-"""χ² per degree of freedom that causes of the catalogue may leave over that of the best mistake: then
-no run is blamed."""
+"""χ² per degree of freedom that causes of the catalogue may leave over that of the best mistake:
+then no run is blamed."""
 EVEN = 1.05
-"""Times by which causes of the catalogue must leave less than a run of strange frequency, undone."""
+"""Times by which causes of the catalogue must leave less than a run of strange frequency,
+undone."""
 CLEAR = 3.0
-"""Times χ² per degree of freedom of the best runs without one, up to which leaving out another is as
-good."""
+"""Times χ² per degree of freedom of the best runs without one, up to which leaving out another is
+as good."""
 DOUBTED = 2
 """Runs whose mistakes are tried, those without which the others agree best."""
 FINALISTS = 3
@@ -95,8 +96,8 @@ def suspect_runs(
 def _find_mistakes_of_runs(
     waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, candidates: Sequence[Variant]
 ) -> SuspectFound | None:
-    """The runs without which the others agree, at one temperature or as they warm, or whose dampings
-    do not."""
+    """The runs without which the others agree, at one temperature or as they warm, or whose
+    dampings do not."""
     cold = _wrong_runs(waves, fitted, base, find_mistakes) or find_leaks(waves, fitted, base)
     if cold is not None and cold.chi2_per_dof < RIVAL:
         return cold
@@ -327,7 +328,8 @@ def find_cases(
 def _read(
     pieces: Sequence[tuple[Wave, ...]], run: int, made: Sequence[Reading], fitted: Fitted
 ) -> list[SuspectCase]:
-    """A run's mistakes fitted in its place, of many those alone that come first when fitted quickly."""
+    """A run's mistakes fitted in its place, of many those alone that come first when fitted
+    quickly."""
 
     def fit_all(made: Sequence[Reading], quick: bool) -> list[SuspectCase]:
         out = []

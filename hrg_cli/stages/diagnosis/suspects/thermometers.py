@@ -17,7 +17,8 @@ from . import transformations as change
 from .readings import DAMPING, FINEST, Reading, find_least_misfit, fit_held
 
 COURSE_ROUNDS = 4
-"""Of the course and, but in the first, the level: beside a course that is far off a damping is anything."""
+"""Of the course and, but in the first, the level: beside a course that is far off a damping is
+anything."""
 PLAUSIBLE_DEGC = 200.0
 """Distance from the other runs' temperatures that a run may have had."""
 LONGEST_LAG = 0.5

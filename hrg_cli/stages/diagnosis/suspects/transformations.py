@@ -550,8 +550,8 @@ def _warmed(wave: Wave, change: object) -> Wave:
 
 
 def replace_temperature(wave: Wave, start_degc: float, slopes: Array) -> Wave:
-    """A polynomial of the time in place of the temperature log: start + c₁x + c₂x² …, x from 0 to 1 over
-    the run.
+    """A polynomial of the time in place of the temperature log: start + c₁x + c₂x² …, x from 0 to 1
+    over the run.
 
     Parameters
     ----------

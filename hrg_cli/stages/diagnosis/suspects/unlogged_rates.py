@@ -22,8 +22,8 @@ LEAST_FALL = 0.99
 def find_unlogged_rates(
     waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit
 ) -> SuspectFound | None:
-    """Constant rates of the runs' own that take nearly all of the misfit of runs that log none; None
-    where a run logs one, or where they do not.
+    """Constant rates of the runs' own that take nearly all of the misfit of runs that log none;
+    None where a run logs one, or where they do not.
 
     Of K and of rates that nobody knows the runs show the products: K is that of the mode's shape.
 
@@ -79,8 +79,8 @@ def find_unlogged_rates(
     found = Suspicion(
         "all runs",
         "rate log missing",
-        f"no run logs a rate; as if turned at {each} rad/s, with the usual scale factor {usual:.4g},"
-        f" χ² per degree of freedom falls from {before:.3g} to {after:.3g}",
+        f"no run logs a rate; as if turned at {each} rad/s, with the usual scale factor"
+        f" {usual:.4g}, χ² per degree of freedom falls from {before:.3g} to {after:.3g}",
         "import the runs with the rate of the table, or with --constant-rate-rad-s",
     )
     return SuspectFound((found,), len(waves), base, best, after)
