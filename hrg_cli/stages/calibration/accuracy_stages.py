@@ -1,5 +1,5 @@
-"""Models of growing detail: a constant scale factor, functions of the angle, functions of temperature
-and angle.
+"""Models of growing detail: a constant scale factor, functions of the angle, functions of
+temperature and angle.
 """
 
 from __future__ import annotations

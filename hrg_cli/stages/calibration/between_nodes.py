@@ -1,15 +1,17 @@
-"""What tables do not know between their nodes: how far drift and scale factor may bend there unseen.
+"""What tables do not know between their nodes: how far drift and scale factor may bend there
+unseen.
 
-Runs that dwell at a few nodes show orders T_k of the temperature (Chebyshev) below their number J, and
-none beyond; of those that they show, linear pieces and splines hold a part only. How the orders fall
-says how large the unseen ones may be: each is taken as Gaussian, ρ times the one before, with ρ
-anywhere from 0 to 1 and one size for all harmonics,
+Runs that dwell at a few nodes show orders T_k of the temperature (Chebyshev) below their number J,
+and none beyond; of those that they show, linear pieces and splines hold a part only. How the orders
+fall says how large the unseen ones may be: each is taken as Gaussian, ρ times the one before, with
+ρ anywhere from 0 to 1 and one size for all harmonics,
 
     c_k ~ N(0, s²ρ^{2k}),  p(ρ | c_1 … c_{J−1}) ∝ Π_k ρ^{−kh} (Σ_k |c_k|² ρ^{−2k})^{−h(J−1)/2},
 
 (h harmonics, s integrated out). What interpolation misses of each order is added in squares.
 
-Of many nodes, or where runs pass between them, each inner node is predicted from the others instead.
+Of many nodes, or where runs pass between them, each inner node is predicted from the others
+instead.
 """
 
 from __future__ import annotations
@@ -35,8 +37,8 @@ BETWEEN = 0.5
 PASSED = 0.1
 """Part of the rows between nodes from which the runs themselves judge the interpolation."""
 MOST_ORDERS = 6
-"""Nodes up to which their values are told by orders: of more, even ones, a small error at a node is a
-large one of the highest."""
+"""Nodes up to which their values are told by orders: of more, even ones, a small error at a node is
+a large one of the highest."""
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,10 @@ def solve_variants(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.choice import solve_variants
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
     >>> tried = solve_variants(fitted, folds, ["table", "parametric"], Wanted(1, 0, seed=0), None)
@@ -178,12 +181,17 @@ def solve_again(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.choice import solve_again
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
     >>> wanted = Wanted(1, 0, seed=0)
     >>> (answer,) = solve_variants(fitted, folds, ["table"], wanted, None)
-    >>> less = solve_again(fitted, folds, answer, Model("table", np.eye(layout.size)[:, [0, 3]]), wanted)
+    >>> less = solve_again(
+    ...     fitted, folds, answer, Model("table", np.eye(layout.size)[:, [0, 3]]), wanted
+    ... )
     >>> answer.tried.model.free, less.tried.model.free, less.fits
     (4, 2, True)
     """
@@ -216,14 +224,19 @@ def choose_best(tried: Sequence[TriedVariant]) -> TriedVariant:
 
     Examples
     --------
-    Two coefficients fewer that cost 3 of χ² are taken; one that fails is not, however well it predicts:
+    Two coefficients fewer that cost 3 of χ² are taken; one that fails is not, however well it
+    predicts:
 
     >>> from types import SimpleNamespace as Told
     >>> from hrg_cli.stages.calibration.choice import choose_best
     >>> def tell(name, free, chi2, fits=True):
     ...     tried = Told(model=Told(free=free), foreign=False)
     ...     return Told(name=name, held_out_chi2=chi2, tried=tried, fits=fits)
-    >>> tried = [tell("table", 8, 1000.0), tell("parametric", 6, 1003.0), tell("phase", 5, 900.0, False)]
+    >>> tried = [
+    ...     tell("table", 8, 1000.0),
+    ...     tell("parametric", 6, 1003.0),
+    ...     tell("phase", 5, 900.0, False),
+    ... ]
     >>> choose_best(tried).name, choose_best(tried[2:]).name
     ('parametric', 'phase')
     """

@@ -1,5 +1,5 @@
-"""The spaces that groups of a model's columns span, in the metric of the information matrix A: how much
-of a group is its own, what is left of a model without it, and which groups share a direction.
+"""The spaces that groups of a model's columns span, in the metric of the information matrix A: how
+much of a group is its own, what is left of a model without it, and which groups share a direction.
 """
 
 from __future__ import annotations
@@ -168,7 +168,10 @@ def find_correlated(joint: Fitted, groups: dict[str, tuple[Array, str]]) -> list
     >>> import numpy as np
     >>> from hrg_cli.stages.calibration.column_spaces import find_correlated
     >>> A = np.array([[1.0, 0.95], [0.95, 1.0]])
-    >>> groups = {"drive": (np.eye(2)[:, :1], "drive"), "quadrature": (np.eye(2)[:, 1:], "quadrature")}
+    >>> groups = {
+    ...     "drive": (np.eye(2)[:, :1], "drive"),
+    ...     "quadrature": (np.eye(2)[:, 1:], "quadrature"),
+    ... }
     >>> find_correlated(Told(pieces=Told(sum=lambda: (A, None, 0))), groups)
     [['drive', 'quadrature', 0.95]]
     """

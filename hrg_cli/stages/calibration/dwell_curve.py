@@ -195,10 +195,15 @@ def list_curve_figures(dwells: Dwells, curve: Curve, scale: float) -> dict[str, 
 
     Examples
     --------
-    A gain that differs by 1 % between left and right bends by ⅔ of half of that about its best line:
+    A gain that differs by 1 % between left and right bends by ⅔ of half of that about its best
+    line:
 
     >>> import numpy as np
-    >>> from hrg_cli.stages.calibration.dwell_curve import Dwells, fit_without_spikes, list_curve_figures
+    >>> from hrg_cli.stages.calibration.dwell_curve import (
+    ...     Dwells,
+    ...     fit_without_spikes,
+    ...     list_curve_figures,
+    ... )
     >>> rate = np.tile(np.linspace(-1.0, 1.0, 11), 20)
     >>> noise = 1e-6 * np.random.default_rng(0).standard_normal(220)
     >>> dwells = Dwells(rate + 0.005 * rate**2 + noise, rate, 0 * rate, np.zeros(1), "linear", True)

@@ -1,5 +1,5 @@
-"""Stage 7 of the ladder: what every group of coefficients buys: its significance, its own part, and the
-drift and scale-factor error on data not used that comes back without it.
+"""Stage 7 of the ladder: what every group of coefficients buys: its significance, its own part, and
+the drift and scale-factor error on data not used that comes back without it.
 """
 
 from __future__ import annotations
@@ -69,7 +69,10 @@ def analyse_factors(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.factor_use import analyse_factors
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
     >>> _, analysis = analyse_factors(fitted, [], LadderSettings(1, 0, 0.55, 99, 0), folds, 4)

@@ -267,8 +267,8 @@ def _build_late_unlogged_force(path: AnglePath) -> Array:
 
 
 def _carry_turn(path: AnglePath) -> Array:
-    """mθ' of a run's increments (n,) as a scale factor and a first harmonic of its own carry it: the
-    measured increments would put their noise into a column."""
+    """mθ' of a run's increments (n,) as a scale factor and a first harmonic of its own carry it:
+    the measured increments would put their noise into a column."""
     columns = np.column_stack([path.rotation, path.build_angle_basis(1) * path.interval_s[:, None]])
     own = fit_columns(columns, path.turn)
     return np.asarray(columns @ own / path.interval_s)

@@ -66,7 +66,10 @@ def choose_folds(fitted: Fitted, harmonics: int) -> tuple[Array, str]:
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.folds import choose_folds
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> choose_folds(fitted, 0)[1]
     'time'
@@ -130,7 +133,10 @@ def choose_limits(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.folds import choose_limits
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> choose_limits(fitted, 1, None)[:2]
     (1, 0)
@@ -182,7 +188,10 @@ def choose_smoothness(fitted: Fitted, model: Model) -> tuple[Array, float]:
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.folds import choose_smoothness
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> penalty, weight = choose_smoothness(fitted, Model("table", np.eye(layout.size)))
     >>> bool((penalty == 0).all())

@@ -100,12 +100,18 @@ def judge_variants(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.guards import judge_variants
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
     >>> models = [Model("table", np.eye(4)), Model("without scale factor", np.eye(4)[:, :3])]
     >>> tried = [solve_linear(fitted, folds, model) for model in models]
-    >>> [all(check.passed for check in checks) for checks, _ in judge_variants(fitted, folds, tried)]
+    >>> [
+    ...     all(check.passed for check in checks)
+    ...     for checks, _ in judge_variants(fitted, folds, tried)
+    ... ]
     [True, False]
     """
     A, b, _ = fitted.pieces.sum()
@@ -287,8 +293,8 @@ def _test_left_out(layout: TableLayout, A: Array, b: Array, tried: VariantSoluti
 def _list_doubtful_causes(
     layout: TableLayout, variant: str
 ) -> list[tuple[str, Array, Callable[[float], str]]]:
-    """(name, directions (size, g), sentence of the rms score) of every cause that the variant of this
-    name may leave out."""
+    """(name, directions (size, g), sentence of the rms score) of every cause that the variant of
+    this name may leave out."""
     out: list[tuple[str, Array, Callable[[float], str]]] = []
     for k in range(layout.drift_harmonics + 1):
         directions = layout.build_part_map("drift", k, lowest=k)

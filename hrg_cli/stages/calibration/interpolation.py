@@ -153,7 +153,9 @@ def build_coefficient_rows(
     ...     node=np.array([0.0, 40.0]), drift_harmonics=0 * one, scale_factor_harmonics=one,
     ...     covariance=np.eye(4), interpolation="linear", mode_number=2,
     ... )
-    >>> build_coefficient_rows(tables, np.array([10.0]), np.zeros(1), np.array([[1.0], [-0.2]])).tolist()
+    >>> build_coefficient_rows(
+    ...     tables, np.array([10.0]), np.zeros(1), np.array([[1.0], [-0.2]])
+    ... ).tolist()
     [[0.75, -0.15..., 0.25, -0.05]]
     """
     out = np.zeros((len(x), len(np.asarray(calibration.covariance))))
@@ -304,7 +306,8 @@ def check_between(calibration: Calibration) -> list[Check]:
 
 
 def _average_std(calibration: Calibration, x: Array) -> list[float]:
-    """Standard deviations of D [rad/s] and K at places x (n,), rms over these and the wave angle."""
+    """Standard deviations of D [rad/s] and K at places x (n,), rms over these and the wave
+    angle."""
     angle = np.linspace(0, np.pi / calibration.mode_number, ANGLES, endpoint=False)
     stds = compute_standard_deviations(calibration, np.repeat(x, ANGLES), np.tile(angle, len(x)))
     return [float(np.sqrt(np.mean(std**2))) for std in stds]

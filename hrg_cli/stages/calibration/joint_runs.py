@@ -1,5 +1,6 @@
-"""Stage 6 of the ladder: forced and free runs fitted jointly, with a drive matrix in the forced ones
-alone: what turns the wave without a drive is the resonator, what only a drive adds is the loops."""
+"""Stage 6 of the ladder: forced and free runs fitted jointly, with a drive matrix in the forced
+ones alone: what turns the wave without a drive is the resonator, what only a drive adds is the
+loops."""
 
 from __future__ import annotations
 
@@ -21,8 +22,8 @@ its own."""
 LEAST_INDEPENDENCE = 0.02
 """A factor with a smaller part of its columns outside the others' span is not told from them."""
 TURNING = 0.05
-"""Part of the forced runs' fastest mean rate from which a free run turns: at rest it does not know K,
-and a read-out's 4θ in K would pass for a delay."""
+"""Part of the forced runs' fastest mean rate from which a free run turns: at rest it does not know
+K, and a read-out's 4θ in K would pass for a delay."""
 
 
 def _turn(free: Sequence[AnglePath], forced: Sequence[AnglePath]) -> bool:
@@ -62,7 +63,10 @@ def fit_jointly(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.joint_runs import fit_jointly
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> free = [draw_path(rate, random, forced=False) for rate in (-0.2, 0.2)]
     >>> joint, factors = fit_jointly(fitted, free, LadderSettings(1, 0, 0.55, 99, 0))

@@ -1,4 +1,5 @@
-"""A rate log that runs late, or early, against the samples: told from turns that follow it too soon.
+"""A rate log that runs late, or early, against the samples: told from turns that follow it too
+soon.
 
 A log that is late by τ holds Ω_log(t) = Ω(t − τ), so the wave turns by
     m·dθ/dt = −KΩ_log(t + τ) + D = −KΩ_log − Kτ·dΩ_log/dt + D + O(τ²):
@@ -187,7 +188,10 @@ def follow(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.late_log import follow
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> same, others, late = follow(fitted, [])
     >>> same is fitted, others, late

@@ -2,11 +2,11 @@
 tables hold, moved by minimum variance.
 
 The state is all drift and scale-factor harmonics of all nodes, then the measured quadrature's two
-coefficients of all nodes. H x = Σ_j w_j c_j are the five coefficients at the resonator's place, E adds
-a change of them to every node. A group of coefficients that stood still is measured once more: the
-state has its covariance P, and the better known of the two weighs more. One that moved by an unknown
-amount has P + E Q Eᵀ with Q beyond all measure: the new coefficients replace what the tables knew of
-their level, the differences between nodes stay.
+coefficients of all nodes. H x = Σ_j w_j c_j are the five coefficients at the resonator's place, E
+adds a change of them to every node. A group of coefficients that stood still is measured once more:
+the state has its covariance P, and the better known of the two weighs more. One that moved by an
+unknown amount has P + E Q Eᵀ with Q beyond all measure: the new coefficients replace what the
+tables knew of their level, the differences between nodes stay.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""What a calibration says of loops and pick-offs in the catalogue's names: the drive matrix by what it
-does to drift, the read-out matrix by what it does to the scale factor.
+"""What a calibration says of loops and pick-offs in the catalogue's names: the drive matrix by what
+it does to drift, the read-out matrix by what it does to the scale factor.
 
 A rotation ρ, non-orthogonality ε and gain mismatch g of the drive turn the wave as
 mθ' = a_ΦA/a_A·(ρ + ε/2·cos 2mθ − g/2·sin 2mθ), loops that act τ late as −a_ΦA/a_A·τ·mθ'; those of

@@ -118,8 +118,8 @@ def say_noise(fitted: Fitted) -> dict[str, float | None]:
 
 
 def _estimate_angle_random_walk(fitted: Fitted) -> float:
-    """Angle random walk of mθ, rad/√s: where every run shows it in the Allan deviation of what the fit
-    leaves, that one's, mean square of the runs by their lengths; else the likelihood's.
+    """Angle random walk of mθ, rad/√s: where every run shows it in the Allan deviation of what the
+    fit leaves, that one's, mean square of the runs by their lengths; else the likelihood's.
 
     The walk that weighs the rows is the larger of a run's own and all runs' common one, with quick
     noise that is no walk in its white part: right for weights and for what is too faint for one

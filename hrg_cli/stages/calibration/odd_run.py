@@ -1,6 +1,7 @@
-"""Runs that the others contradict: another gyro's of nearly the same frequency, a rate log in another
-unit or of the wrong sign, a channel that is silent. They are left out and everything is fitted anew,
-for in the joint fit such a run makes the noise of all runs, and stands in for a fault of the loops.
+"""Runs that the others contradict: another gyro's of nearly the same frequency, a rate log in
+another unit or of the wrong sign, a channel that is silent. They are left out and everything is
+fitted anew, for in the joint fit such a run makes the noise of all runs, and stands in for a fault
+of the loops.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ from .turn_against_log import find_wrong_turns
 CANDIDATES = 3
 """Runs left out in turn, those first that the others predict worst."""
 GROSS = 1e3
-"""χ² per degree of freedom of a run against the others' prediction from which it is blamed, as where
-`diagnose` asks whose the runs are: less may be a cause that all share, of which one shows most."""
+"""χ² per degree of freedom of a run against the others' prediction from which it is blamed, as
+where `diagnose` asks whose the runs are: less may be a cause that all share, of which one shows
+most."""
 
 BETTER = 0.2
 """Part of the others' departure of K from node to node that a run must leave, to be the one that is
@@ -104,7 +106,10 @@ def find_odd_runs(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.odd_run import find_odd_runs
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> two = fit([draw_path(-0.2, random), draw_path(0.2, random)], layout)
     >>> runs = Told(forced=two.paths, free=[], nodes=layout.nodes)
@@ -136,8 +141,8 @@ def find_odd_runs(
 
 
 def _choose_by_scale_factor(found: Mapping[int, Rest], whole: FullFit | None) -> int | None:
-    """The one of runs, any of which may be wrong, without which K is that of one resonator; None where
-    several are. `whole`: all runs, where one that may be wrong leaves too few without it."""
+    """The one of runs, any of which may be wrong, without which K is that of one resonator; None
+    where several are. `whole`: all runs, where one that may be wrong leaves too few without it."""
     if len(found) == 1 and whole is None:
         return next(iter(found))
     apart = {

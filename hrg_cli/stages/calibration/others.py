@@ -1,5 +1,5 @@
-"""What the other runs say of runs that are left out: their own tables, fitted anew, and how far they
-contradict a run."""
+"""What the other runs say of runs that are left out: their own tables, fitted anew, and how far
+they contradict a run."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What of the runs given to `calibrate` can make tables: usable windows, forced and free runs, nodes,
-and what the programme lacks."""
+"""What of the runs given to `calibrate` can make tables: usable windows, forced and free runs,
+nodes, and what the programme lacks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class KnownRates:
-    """Rates that no log holds: constant ones by run_id, one for all others, and the Earth's, rad/s."""
+    """Rates that no log holds: constant ones by run_id, one for all others, and the Earth's,
+    rad/s."""
 
     of_runs: Mapping[str, float]
     of_all: float | None
@@ -109,7 +110,9 @@ def prepare(
     ...         "readout": {"noise": 1e-3},
     ...     }
     ... )
-    >>> found = prepare([make_wave(run)], KnownRates({}, None, 0.0), "temperature", [25.0], 1, (1, 1))
+    >>> found = prepare(
+    ...     [make_wave(run)], KnownRates({}, None, 0.0), "temperature", [25.0], 1, (1, 1)
+    ... )
     >>> len(found.forced), len(found.refusals) > 0
     (1, True)
     """

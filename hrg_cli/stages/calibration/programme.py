@@ -25,7 +25,8 @@ NODE_SPACING_DEGC = 15.0
 
 
 def _spread_over_sweep(low: float, high: float, spacing: float, narrowest: float) -> Array:
-    """Even nodes over a sweep, two to nine; one in the middle of a range too narrow to bend over."""
+    """Even nodes over a sweep, two to nine; one in the middle of a range too narrow to bend
+    over."""
     if high - low <= narrowest:
         return np.array([(low + high) / 2])
     return np.linspace(low, high, int(np.clip(round((high - low) / spacing) + 1, 2, 9)))
@@ -293,8 +294,8 @@ def _examine_angles(
 def _examine_rates_at_angles(
     angle: Array, travel: Array, rate: Array, scale_harmonics: int, m: int, at: str, names: str
 ) -> list[Finding]:
-    """The arc that is passed at one rate only, where it is longer than so many harmonics of K allow:
-    D − KΩ is told there, and neither of the two."""
+    """The arc that is passed at one rate only, where it is longer than so many harmonics of K
+    allow: D − KΩ is told there, and neither of the two."""
     if not scale_harmonics:
         return []
     passed = _list_bins_passed(angle, travel, m)
@@ -311,14 +312,16 @@ def _examine_rates_at_angles(
         Finding(
             f"{at}the runs ({names}) pass {np.degrees(start):.0f}° to"
             f" {np.degrees(start + length):.0f}° of the wave angle at one rate only, where K and D"
-            " cannot be told apart; turn the slow runs for longer, or give scale_factor_harmonics=0",
+            " cannot be told apart; turn the slow runs for longer, or give"
+            " scale_factor_harmonics=0",
             True,
         )
     ]
 
 
 def _list_bins_passed(angle: Array, travel: Array, m: int) -> list[Array]:
-    """Bins (n,) of the period π/m that increments pass: all of their travel, not only its middle."""
+    """Bins (n,) of the period π/m that increments pass: all of their travel, not only its
+    middle."""
     period = np.pi / m
     return [
         (np.mod(angle + part * travel, period) / period * ANGLE_BINS).astype(int) % ANGLE_BINS

@@ -63,10 +63,15 @@ def make_calibration_record(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.record import make_calibration_record
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> solution = fitted.solution
-    >>> record = make_calibration_record([], fitted, solution, 1.0, (1, 0), (17.0, 23.0), "table", {})
+    >>> record = make_calibration_record(
+    ...     [], fitted, solution, 1.0, (1, 0), (17.0, 23.0), "table", {}
+    ... )
     >>> record.drift_rad_s.shape, round(float(record.scale_factor[0, 0]), 6), record.node_max
     ((1, 72), 0.55, 23.0)
     """

@@ -1,5 +1,5 @@
-"""What the residuals of a calibration say: stray odd harmonics (a defect of the electronics), angles
-too noisy for the harmonics."""
+"""What the residuals of a calibration say: stray odd harmonics (a defect of the electronics),
+angles too noisy for the harmonics."""
 
 from __future__ import annotations
 
@@ -46,7 +46,10 @@ def find_stray_harmonics(fitted: Fitted, solution: TableSolution) -> list[dict[s
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.residual_checks import find_stray_harmonics
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> [stray["significant"] for stray in find_stray_harmonics(fitted, fitted.solution)]
     [False, False]
@@ -74,8 +77,8 @@ def find_stray_harmonics(fitted: Fitted, solution: TableSolution) -> list[dict[s
 def _odd_harmonic(
     fitted: Fitted, solution: TableSolution, r: int, n: int
 ) -> tuple[Array, Array] | None:
-    """Cosine and sine [rad/s] of nθ in run r's residual with their covariance (2, 2); None where the
-    wave turns too little to tell them from the even harmonics."""
+    """Cosine and sine [rad/s] of nθ in run r's residual with their covariance (2, 2); None where
+    the wave turns too little to tell them from the even harmonics."""
     layout, path = fitted.layout, fitted.paths[r]
     angle = path.average_neighbours(path.angle_rad)
     if np.ptp(angle) < 2 * np.pi / layout.mode_number:

@@ -150,7 +150,8 @@ def _cell_of_increments(fitted: Fitted, path: AnglePath, kind: Array) -> Array:
 def _cells_of_run(
     fitted: Fitted, r: int, residuals: tuple[Array, Array], limits: _RateLimits
 ) -> tuple[Array, ...]:
-    """Of run r: mean residual rates used and unseen (c, models), their noise variance, rate, run."""
+    """Of run r: mean residual rates used and unseen (c, models), their noise variance, rate,
+    run."""
     path = fitted.paths[r]
     kind = limits.classify(path.rate_rad_s)
     keys, place = np.unique(_cell_of_increments(fitted, path, kind), return_inverse=True)
@@ -210,7 +211,10 @@ def gather_cells(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.residual_errors import gather_cells
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
     >>> whole = np.array([[0.0, 0.0, 0.0, 0.55], [0.0, 0.0, 0.0, 0.56]]).T
@@ -318,7 +322,10 @@ def tabulate_model_figures(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.residual_errors import tabulate_model_figures
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
     >>> whole = np.array([[0.0, 0.0, 0.0, 0.56]]).T

@@ -187,7 +187,8 @@ class ResonatorCoefficients:
 
 
 def _need_usable(resonator: Resonator, widest_degc: float) -> None:
-    """HrgError: a resonator that is refused, or whose runs span more than its coefficients hold for."""
+    """HrgError: a resonator that is refused, or whose runs span more than its coefficients hold
+    for."""
     if resonator.status == "refused":
         raise HrgError(
             f"a resonator file is refused ({'; '.join(resonator.status_reasons)}); identify it from"
@@ -233,9 +234,9 @@ def pool_resonators(
     Raises
     ------
     HrgError
-        A refused resonator, one without its temperature where it matters, runs of a wide range in one
-        file, a range that the resonators do not span, a parameter held at one place and measured at
-        another.
+        A refused resonator, one without its temperature where it matters, runs of a wide range in
+        one file, a range that the resonators do not span, a parameter held at one place and
+        measured at another.
 
     Examples
     --------
@@ -245,7 +246,9 @@ def pool_resonators(
     >>> from hrg_cli.stages.calibration.resonators import pool_resonators
     >>> names, units = zip(*PARAMETERS)
     >>> value, std = np.array([1e3, 0.2, 0.01, 0.0, 0.02, 0.1, 0.55]), np.full(7, 1e-3)
-    >>> known = dict(name=np.array(names), units=np.array(units), std=std, covariance=np.diag(std**2))
+    >>> known = dict(
+    ...     name=np.array(names), units=np.array(units), std=std, covariance=np.diag(std**2)
+    ... )
     >>> file = Resonator(value=value, temperature_degc=20.0, **known)
     >>> pooled = pool_resonators([file] * 4, "temperature", np.array([20.0]), 20.0, 20.0, "linear")
     >>> round(float(pooled.value[0, 2]), 6), round(float(pooled.covariance[0, 2, 2] ** 0.5), 6)
@@ -336,9 +339,9 @@ def _groups(places: Array, margin: float) -> list[Array]:
 
 
 def _need_measured_alike(groups: Sequence[Sequence[Resonator]], elsewhere: str) -> None:
-    """HrgError: a parameter was measured at one place and only held at another, where it would stand
-    beside the measured one as if it were known without error; or files of one place hold it at
-    different values."""
+    """HrgError: a parameter was measured at one place and only held at another, where it would
+    stand beside the measured one as if it were known without error; or files of one place hold it
+    at different values."""
     for name in NEEDED:
         held = [all(name in list_held(one) for one in group) for group in groups]
         if any(held) and not all(held):

@@ -1,5 +1,5 @@
-"""The scale factor over the nodes: K is geometry and moves by parts per million a kelvin, so that a node
-of another K has a rate log of another scale."""
+"""The scale factor over the nodes: K is geometry and moves by parts per million a kelvin, so that a
+node of another K has a rate log of another scale."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ Array = np.ndarray
 MOST_APART = 0.01
 """Part of K by which that of one node may differ from the others'."""
 STANDS_OUT, LEAST = 10.0, 2e-4
-"""Times what all others differ by among themselves that one node's K stands out by, and the least that
-they differ by."""
+"""Times what all others differ by among themselves that one node's K stands out by, and the least
+that they differ by."""
 SURE = 5.0
 """Standard deviations that are no difference."""
 
@@ -85,8 +85,8 @@ class ScaleFactors:
             others = np.median(self._without(odd).values)
             alike = (
                 f"the scale factor is {self.values[odd]:.5g} at {self.nodes[odd]:.4g} {unit} and"
-                f" {others:.5g} elsewhere, as no resonator has it; look at the scale and unit of the"
-                " rate logs"
+                f" {others:.5g} elsewhere, as no resonator has it; look at the scale and unit of"
+                " the rate logs"
             )
         return [
             min(self._check_each(), key=lambda check: check.passed),

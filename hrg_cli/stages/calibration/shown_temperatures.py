@@ -1,5 +1,5 @@
-"""Runs that oscillate at another frequency than others logged at the same temperature: the resonator
-itself is a thermometer, so a log that stood still shows, or another gyro's run.
+"""Runs that oscillate at another frequency than others logged at the same temperature: the
+resonator itself is a thermometer, so a log that stood still shows, or another gyro's run.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ from ...fitting.tables.increments import AnglePath
 
 Array = np.ndarray
 SAME_DEGC = 1.5
-"""Mean temperatures that are the same dwell's, °C, and the least part of all runs' range that is."""
+"""Mean temperatures that are the same dwell's, °C, and the least part of all runs' range that
+is."""
 SAME_PART = 0.04
 LEAST_DEGC = 5.0
-"""Temperature by whose frequency two runs of a dwell must differ: a thermometer beside the resonator
-is less wrong."""
+"""Temperature by whose frequency two runs of a dwell must differ: a thermometer beside the
+resonator is less wrong."""
 LEAST_PART = 3e-4
 """The same as a part of the frequency, where no other temperature tells its slope."""
 OF_SCATTER = 10.0
@@ -26,8 +27,8 @@ OF_SCATTER = 10.0
 
 @dataclass(frozen=True)
 class ShownTemperature:
-    """A run's logged temperature [°C], that which the others have at its frequency (None: they tell no
-    slope), its frequency and theirs where they are as warm [Hz]."""
+    """A run's logged temperature [°C], that which the others have at its frequency (None: they tell
+    no slope), its frequency and theirs where they are as warm [Hz]."""
 
     logged_degc: float
     shown_degc: float | None
@@ -97,8 +98,8 @@ def _list_dwells(degc: Array) -> list[Array]:
 
 
 def _fit_line(degc: Array, hz: Array) -> tuple[float, float] | None:
-    """Slope [Hz/°C] and value at 0 °C of the line through most runs (Theil and Sen); None where they
-    are as warm."""
+    """Slope [Hz/°C] and value at 0 °C of the line through most runs (Theil and Sen); None where
+    they are as warm."""
     above, below = np.triu_indices(len(degc), 1)
     apart = degc[above] - degc[below]
     far = np.abs(apart) > max(SAME_DEGC, SAME_PART * float(np.ptp(degc)))

@@ -37,7 +37,9 @@ def summarise(record: Calibration) -> dict[str, Any]:
     >>> from hrg_cli.stages.calibration.summary import summarise
     >>> rate = np.tile([-1.0, 0.0, 1.0], 40)
     >>> output = 2.0 * rate + 1e-4 * np.random.default_rng(0).standard_normal(120)
-    >>> tables = rate_table({"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0)
+    >>> tables = rate_table(
+    ...     {"out": output, "rate": rate}, output="out", rate="rate", nominal_scale=2.0
+    ... )
     >>> sorted(summarise(tables)["drift_rms_rad_s"])
     ['after', 'before', 'held_out']
     """

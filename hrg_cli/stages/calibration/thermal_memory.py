@@ -28,8 +28,8 @@ INSEPARABLE = 0.98
 LEAST_INDEPENDENT = 0.02
 """Part of a factor's columns that the tables must leave for it to be told at all."""
 LEAST_KNOWN = 1e-3
-"""Part of a factor's columns left by the tables below which its size is rounding: of runs that follow
-one course of temperature free tables take all."""
+"""Part of a factor's columns left by the tables below which its size is rounding: of runs that
+follow one course of temperature free tables take all."""
 SHOWN = 6.0
 """Standard deviations from which a lag or a hysteresis is told: the tables hold neither."""
 STEP = 0.05
@@ -65,7 +65,10 @@ def compare_thermal_memory(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.thermal_memory import compare_thermal_memory
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> everything = Model("everything", np.eye(layout.size))
     >>> compare_thermal_memory(fitted, everything, fitted.solution.coefficients) is None
@@ -126,7 +129,9 @@ def find_shown_memory(memory: Mapping[str, Any] | None) -> list[str]:
     Examples
     --------
     >>> from hrg_cli.stages.calibration.thermal_memory import find_shown_memory
-    >>> memory = dict(lag=dict(value=12.0, std=0.5), hysteresis=dict(value=0.1, std=0.1), separable=True)
+    >>> memory = dict(
+    ...     lag=dict(value=12.0, std=0.5), hysteresis=dict(value=0.1, std=0.1), separable=True
+    ... )
     >>> find_shown_memory(memory)
     ['the thermometer lags by 12 ± 0.5 s, which the tables do not hold: sweep slower both ways, or dwell']
     """
@@ -145,7 +150,10 @@ def find_shown_memory(memory: Mapping[str, Any] | None) -> list[str]:
     ]
     rest = "" if memory["separable"] else " (lag or hysteresis is not told)"
     return [
-        f"the thermometer {one}{rest}, which the tables do not hold: sweep slower both ways, or dwell"
+        (
+            f"the thermometer {one}{rest}, which the tables do not hold: sweep slower both ways, or"
+            " dwell"
+        )
         for one in told
     ]
 
@@ -173,7 +181,10 @@ def tell_one_way(fitted: Fitted, coefficients: Array) -> list[str]:
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.thermal_memory import tell_one_way
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> tell_one_way(fitted, fitted.solution.coefficients)
     []
@@ -193,9 +204,9 @@ def tell_one_way(fitted: Fitted, coefficients: Array) -> list[str]:
     )
     rate = turn / max(abs(layout.compute_mean_scale_factor(coefficients)), 1e-300)
     return [
-        f"all runs {'warm' if moving.mean() > 0 else 'cool'}, where no lag of the thermometer shows:"
-        f" each second of it makes the drift wrong by up to {rate / DEGREE_PER_HOUR:.2g} °/h; sweep"
-        " both ways"
+        f"all runs {'warm' if moving.mean() > 0 else 'cool'}, where no lag of the thermometer"
+        f" shows: each second of it makes the drift wrong by up to {rate / DEGREE_PER_HOUR:.2g}"
+        " °/h; sweep both ways"
     ]
 
 

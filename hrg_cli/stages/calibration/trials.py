@@ -1,5 +1,5 @@
-"""What is tried on the prepared runs: everything at once, which tells the noise, then each model of the
-drift that the runs and resonators can give."""
+"""What is tried on the prepared runs: everything at once, which tells the noise, then each model of
+the drift that the runs and resonators can give."""
 
 from __future__ import annotations
 
@@ -71,10 +71,16 @@ def fit_everything(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.trials import fit_everything
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> runs = Told(
-    ...     forced=fitted.paths, free=[], nodes=layout.nodes, usable=Told(waves=[Told(mode_number=2)])
+    ...     forced=fitted.paths,
+    ...     free=[],
+    ...     nodes=layout.nodes,
+    ...     usable=Told(waves=[Told(mode_number=2)]),
     ... )
     >>> whole = fit_everything(runs, (1, 0), "temperature", "linear")
     >>> sorted(whole.factors), bool(abs(whole.fitted.solution.coefficients[3] - 0.55) < 1e-6)
@@ -109,7 +115,10 @@ def add_loop_columns(fitted: Fitted) -> Fitted:
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.trials import add_loop_columns
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> list(add_loop_columns(fitted).layout.factors)
     ['quadrature']
@@ -249,7 +258,10 @@ def try_models(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.trials import try_models
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> folds = np.tile(np.arange(fitted.pieces.rows.shape[1]) % 2, (4, 1))
     >>> whole, wanted = Told(fitted=fitted, layout=layout, factors={}), Wanted(1, 0, seed=0)
@@ -307,7 +319,10 @@ def try_again(
     >>> from hrg_cli.fitting.tables.joint import fit
     >>> from hrg_cli.fitting.tables.table_layout import Model, TableLayout
     >>> from hrg_cli.stages.calibration.trials import try_again
-    >>> random, layout = np.random.default_rng(1), TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> random, layout = (
+    ...     np.random.default_rng(1),
+    ...     TableLayout(np.array([20.0]), "temperature", 2, 1, 0),
+    ... )
     >>> fitted = fit([draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)], layout)
     >>> whole = Told(fitted=fitted, layout=layout, factors={})
     >>> try_again(whole, 0, Wanted(1, 0, seed=0), (None, None), "table").fits
