@@ -1,11 +1,11 @@
 """Causes that many gyros have in common, of a size that no single one of them need show.
 
 Every gyro's diagnosis holds one-step estimates x ± σ of all causes beside its own final fit, and
-how alike they are, ρ (`stages/diagnosis/report/scores.py`). They are pooled over every group of gyros
-(`pooling`, `groups`); the surest pair of cause and group is taken in, the other causes of these
-gyros are then told beside it, z_b → (z_b − ρ z_a)/√(1 − ρ²), and the next is looked for. The chance
-that a lot without a common cause is given one is `rate` at most: p is multiplied by the number of
-pairs looked at (Bonferroni).
+how alike they are, ρ (`stages/diagnosis/report/scores.py`). They are pooled over every group of
+gyros (`pooling`, `groups`); the surest pair of cause and group is taken in, the other causes of
+these gyros are then told beside it, z_b → (z_b − ρ z_a)/√(1 − ρ²), and the next is looked for. The
+chance that a lot without a common cause is given one is `rate` at most: p is multiplied by the
+number of pairs looked at (Bonferroni).
 """
 
 from __future__ import annotations
@@ -251,7 +251,8 @@ def _surest(
     price: Array,
     rate: float,
 ) -> tuple[int, int] | None:
-    """(cause, group) of the largest z² less the price of a smaller group, of those that are sure."""
+    """(cause, group) of the largest z² less the price of a smaller group, of those that are
+    sure."""
     best: tuple[float, int, int] | None = None
     for place, (table, group) in enumerate(zip(tables, groups, strict=True)):
         sure = np.isfinite(table.z) & (

@@ -66,8 +66,8 @@ def read_gyro_id(file: Path) -> Told | None:
     if not _may_be_hdf5(file):
         if file.suffix.lower() in HDF5_SUFFIXES:
             raise HrgError(
-                f"{file}: is no HDF5 file, as its name says it is; copy it again, or give a log a name"
-                " of its own kind (.csv)"
+                f"{file}: is no HDF5 file, as its name says it is; copy it again, or give a log"
+                " a name of its own kind (.csv)"
             )
         return None
     try:

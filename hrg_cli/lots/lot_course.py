@@ -31,8 +31,8 @@ class LotCourse:
         self._gyros: dict[str, dict[str, Any]] = {}
 
     def take_result(self, task: Task, result: dict[str, Any] | None) -> Sequence[Task]:
-        """Note what came of a task (None: its process was killed); a gyro's, where that was the last
-        of its recordings."""
+        """Note what came of a task (None: its process was killed); a gyro's, where that was the
+        last of its recordings."""
         following: list[Task] = []
         killed = {"gyro_id": task.gyro_id, "status": "failed", "error": KILLED}
         if isinstance(task, GyroTask):

@@ -106,7 +106,10 @@ def _cause(
     alone = [names[k] for k in one.alone]
     inside = set(one.group.members)
     others = [e for e in one.estimates if e[0] not in inside]
-    sentence = f"{one.group.describe()}: {say_in_words(effect)} {size_cause(parameter, one.value, one.std, one.units)}"
+    sentence = (
+        f"{one.group.describe()}: {say_in_words(effect)}"
+        f" {size_cause(parameter, one.value, one.std, one.units)}"
+    )
     return {
         "kind": "cause",
         "name": effect,

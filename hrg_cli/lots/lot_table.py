@@ -18,7 +18,8 @@ from .pooling import FEWEST, MAD, compute_far_limit
 ROUNDING = 1e-9
 """Part of a value to which gyros agree that were given it."""
 OWN_SIGMA = 2.0
-"""Standard deviations of a gyro's own value within which it may be the lot's: badly measured is not far off."""
+"""Standard deviations of a gyro's own value within which it may be the lot's: badly measured is not
+far off."""
 NO_ORDER = ("damping_axis_rad", "stiffness_axis_rad")
 """Axes lie at random; none of them stands out."""
 
@@ -126,8 +127,8 @@ def _row(gyro: Mapping[str, Any], recordings: Sequence[Mapping[str, Any]]) -> di
 
 
 def _figures(results: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
-    """Parameters and figures of a gyro as (value, σ): those beside the causes of its diagnosis where
-    it has one, else those identified."""
+    """Parameters and figures of a gyro as (value, σ): those beside the causes of its diagnosis
+    where it has one, else those identified."""
     figures: dict[str, tuple[float, float]] = {}
     parameters = {
         p["name"]: p
@@ -146,8 +147,8 @@ def _figures(results: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
 
 
 def _badness(row: Mapping[str, Any]) -> tuple[int, float, float]:
-    """How bad a gyro stands: limits missed or results refused; no result; a fault; a recording lost;
-    an outlier; then by its error and by how far it stands off the lot."""
+    """How bad a gyro stands: limits missed or results refused; no result; a fault; a recording
+    lost; an outlier; then by its error and by how far it stands off the lot."""
     kinds = (
         bool(row["broken"]),
         row["status"] == "failed",
@@ -165,8 +166,8 @@ def _badness(row: Mapping[str, Any]) -> tuple[int, float, float]:
 
 
 def _reason(row: Mapping[str, Any]) -> str:
-    """Why a gyro is not as it should be, shortest first: its cause, what failed, where it stands off
-    the lot; empty where all is well."""
+    """Why a gyro is not as it should be, shortest first: its cause, what failed, where it stands
+    off the lot; empty where all is well."""
     said = []
     if row["cause"]:
         of = f" of {row['cause_size']}" if row["cause_size"] else ""

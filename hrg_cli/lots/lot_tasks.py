@@ -25,7 +25,8 @@ BY_LOT = "by the lot's file"
 JUDGED = ("resonator", "calibration", "diagnosis")
 """Kinds of the results that a gyro passes or fails by."""
 VALID = {"status": "valid"}
-"""What is wanted of a kind for which the lot's file gives no limits, as where it gives no status."""
+"""What is wanted of a kind for which the lot's file gives no limits, as where it gives no
+status."""
 
 
 @dataclass(frozen=True)

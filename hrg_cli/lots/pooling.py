@@ -108,8 +108,8 @@ def pool_estimates(x: Array, std: Array, exact: float = MODEL_EXACT) -> Pooled:
 
 
 def _estimate_between(x: Array, variance: Array, used: Array) -> tuple[Array, Array, Array]:
-    """τ² (M,), weights (n, M) and means (M,): Newton's steps from τ² = 0, where the sum falls and is
-    convex, so that they never overshoot."""
+    """τ² (M,), weights (n, M) and means (M,): Newton's steps from τ² = 0, where the sum falls and
+    is convex, so that they never overshoot."""
     t2 = np.zeros(x.shape[1])
     wanted = used.sum(axis=0) - 1
     with np.errstate(all="ignore"):
@@ -216,8 +216,8 @@ def compute_far_limit(count: int, rate: float) -> float:
 def compute_equivalent_z(t: Array, dof: Array) -> Array:
     """|z| of a normal variable as improbable as Student's |t|.
 
-    By the approximation of Wallace, Ann. Math. Stat. 30 (1959) 1121: good to a hundredth from thirty
-    degrees of freedom; with few it is too small, which is the safe side.
+    By the approximation of Wallace, Ann. Math. Stat. 30 (1959) 1121: good to a hundredth from
+    thirty degrees of freedom; with few it is too small, which is the safe side.
 
     Parameters
     ----------

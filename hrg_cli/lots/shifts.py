@@ -1,5 +1,5 @@
-"""Groups of a lot whose gyros' parameters differ from those of all others: a station's scale factor,
-a damping that is lower since a day.
+"""Groups of a lot whose gyros' parameters differ from those of all others: a station's scale
+factor, a damping that is lower since a day.
 
 Of a group and the rest of the lot the common values are pooled each for itself with its own spread
 between gyros; their difference over √(σ₁² + σ₂²) is judged with the fewer degrees of freedom. The
