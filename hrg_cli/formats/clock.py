@@ -31,12 +31,17 @@ def find_clock_kind(text: str) -> str:
     Returns
     -------
     str
-        "clock" for HH:MM:SS.mmm, "date" for an ISO date-time, "" for anything else, plain seconds too.
+        "clock" for HH:MM:SS.mmm, "date" for an ISO date-time, "" for anything else, plain seconds
+        too.
 
     Examples
     --------
     >>> from hrg_cli.formats.clock import find_clock_kind
-    >>> find_clock_kind("14:03:22,125"), find_clock_kind("2026-05-04T14:03:22Z"), find_clock_kind("0.125")
+    >>> (
+    ...     find_clock_kind("14:03:22,125"),
+    ...     find_clock_kind("2026-05-04T14:03:22Z"),
+    ...     find_clock_kind("0.125"),
+    ... )
     ('clock', 'date', '')
     """
     if _CLOCK.match(text):
@@ -60,7 +65,12 @@ def find_quantum(text: str) -> float:
     Examples
     --------
     >>> from hrg_cli.formats.clock import find_quantum
-    >>> find_quantum("1.250"), find_quantum("1.5e3"), find_quantum("14:03:22,125"), find_quantum("14:03")
+    >>> (
+    ...     find_quantum("1.250"),
+    ...     find_quantum("1.5e3"),
+    ...     find_quantum("14:03:22,125"),
+    ...     find_quantum("14:03"),
+    ... )
     (0.001, 100.0, 0.001, 60.0)
     """
     text = text.strip().replace(",", ".")
@@ -72,11 +82,11 @@ def find_quantum(text: str) -> float:
 
 
 def find_floating_quantum(texts: Iterable[str]) -> float:
-    """The rounding step of the largest of numbers that are printed with so many significant digits, and an
-    exponent where it is shorter (`%.10g`, a language's own way).
+    """The rounding step of the largest of numbers that are printed with so many significant digits,
+    and an exponent where it is shorter (`%.10g`, a language's own way).
 
-    Zeros at the end may be left out, so that the longest number tells the digits; a bare 0 has none to
-    tell.
+    Zeros at the end may be left out, so that the longest number tells the digits; a bare 0 has none
+    to tell.
 
     Parameters
     ----------

@@ -17,9 +17,10 @@ def count_closing_lines(
 ) -> int:
     """How many of the last lines of a log close it, blank ones between them too.
 
-    A line closes a log whose first cell is a word, as of a key with its value, unless it is a row: its
-    columns of numbers hold values, or numbers alone follow the word. A cut row, and a row whose cell an instrument filled with a word for
-    "no value", are samples: they are not passed over here.
+    A line closes a log whose first cell is a word, as of a key with its value, unless it is a row:
+    its columns of numbers hold values, or numbers alone follow the word. A cut row, and a row whose
+    cell an instrument filled with a word for "no value", are samples: they are not passed over
+    here.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
-"""Logs in which a comma both separates the cells and marks the decimals: each number falls apart into
-two cells that read as integers, and nothing tells for certain which belong together."""
+"""Logs in which a comma both separates the cells and marks the decimals: each number falls apart
+into two cells that read as integers, and nothing tells for certain which belong together."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ ROWS = 200
 def need_one_meaning(path: Path, titles: int, rows: Sequence[Sequence[str]]) -> None:
     """Refuse a log whose commas both separate cells and mark decimals.
 
-    Each of its numbers falls apart into two cells of whole numbers. It is known by twice as many cells as
-    titles, or by every second cell being written as the digits behind a decimal mark are: of one length,
-    zeros in front.
+    Each of its numbers falls apart into two cells of whole numbers. It is known by twice as many
+    cells as titles, or by every second cell being written as the digits behind a decimal mark are:
+    of one length, zeros in front.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def need_one_meaning(path: Path, titles: int, rows: Sequence[Sequence[str]]) -> 
         return
     said = ",".join(rows[0])
     raise HrgError(
-        f"{path}: its commas both separate cells and mark decimals ({said[:60]!r} is {count} cells, or"
-        f" {count // 2} numbers); write decimals with points, or cells with semicolons"
+        f"{path}: its commas both separate cells and mark decimals ({said[:60]!r} is {count}"
+        f" cells, or {count // 2} numbers); write decimals with points, or cells with semicolons"
     )
 
 

@@ -127,8 +127,8 @@ def find_cell_kind(cell: str, decimal: str) -> str:
     Returns
     -------
     str
-        "number", "clock" or "date" as `find_clock_kind` has them, "" (empty) or "text"; NaN and infinity
-        in words are numbers.
+        "number", "clock" or "date" as `find_clock_kind` has them, "" (empty) or "text"; NaN and
+        infinity in words are numbers.
 
     Examples
     --------
@@ -187,8 +187,8 @@ def sniff(
 ) -> Dialect:
     r"""How a text log is written, from its first bytes.
 
-    Each pair of separator and decimal sign is tried on the lines; the one by which most cells of equally
-    long rows are numbers or times wins.
+    Each pair of separator and decimal sign is tried on the lines; the one by which most cells of
+    equally long rows are numbers or times wins.
 
     Parameters
     ----------

@@ -146,8 +146,8 @@ def import_envelope(
     Returns
     -------
     Periods or Iterator[Periods]
-        Windows (n,) with signals (n, 4) and their standard deviations in the log's unit, times in s;
-        `collect` joins a stream.
+        Windows (n,) with signals (n, 4) and their standard deviations in the log's unit, times in
+        s; `collect` joins a stream.
 
     Raises
     ------

@@ -213,7 +213,8 @@ def _need_whole_pairs(columns: dict[str, int], log: Log, path: Path) -> None:
         )
     if len(set(columns.values())) < len(columns):
         raise HrgError(
-            f"{path}: one column is named twice for the envelope; its columns are {list_columns(log)}"
+            f"{path}: one column is named twice for the envelope; its columns are"
+            f" {list_columns(log)}"
         )
 
 

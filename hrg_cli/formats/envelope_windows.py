@@ -115,7 +115,8 @@ class WindowPlan:
                 (
                     "valid",
                     f"the filter delays the signals by about {lag_s:.2g} s against the"
-                    f" logged columns: where a rate changes, estimate with --rate-late-s -{lag_s:.2g}",
+                    " logged columns: where a rate changes, estimate with --rate-late-s"
+                    f" -{lag_s:.2g}",
                 )
             )
         return found
@@ -207,8 +208,8 @@ def plan_windows(
 
 
 def _choose_rows(looks: list[Array], noise: RowNoise, total: int) -> int:
-    """Rows per window of so many by their noise: independent windows that show the wave clearly, and
-    as few that none bends."""
+    """Rows per window of so many by their noise: independent windows that show the wave clearly,
+    and as few that none bends."""
     kappa = noise.correlated_rows
     power = float(np.nanmedian(np.concatenate([(np.abs(look) ** 2).sum(0) for look in looks])))
     clear = CLEAR**2 * float(noise.density.sum()) / max(power, 1e-300)

@@ -31,8 +31,9 @@ QUIET = 0.01
 def count_settling_rows(start: Array, correlated_rows: float, turn: float, variance: float) -> int:
     """Rows of an envelope's start before the filter that made it has settled.
 
-    An exponential that dies away stands far out of what the second difference over a correlation shows
-    behind it. Where the bend is no longer seen it goes on to fall as it did, until it is below the noise.
+    An exponential that dies away stands far out of what the second difference over a correlation
+    shows behind it. Where the bend is no longer seen it goes on to fall as it did, until it is
+    below the noise.
 
     Parameters
     ----------

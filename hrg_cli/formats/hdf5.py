@@ -209,8 +209,8 @@ def _read(path: Path, places: Sequence[_Place]) -> Blocks:
 
 
 def _clock_base(nodes: list[tuple[str, Any]], scalars: dict[str, float]) -> float | None:
-    """Ticks per second of LabOne's time stamps, from the attributes or the clockbase node; None where
-    not written."""
+    """Ticks per second of LabOne's time stamps, from the attributes or the clockbase node; None
+    where not written."""
     for name, value in scalars.items():
         if "clockbase" in name.lower().split("/") and value > 0:
             return value

@@ -54,7 +54,8 @@ def import_log(
     c: Annotated[
         Column,
         Field(
-            description="column of channel C, by its title or 1-based number; found by its title where not given"
+            description="column of channel C, by its title or 1-based number; found by its title"
+            " where not given"
         ),
     ] = None,
     s: Annotated[
@@ -74,13 +75,15 @@ def import_log(
     temperature: Annotated[
         Column,
         Field(
-            description="column of the temperature; found by its title, or as the only one in such a unit, where not given"
+            description="column of the temperature; found by its title, or as the only one in"
+            " such a unit, where not given"
         ),
     ] = None,
     rate: Annotated[
         Column,
         Field(
-            description="column of the rate; found by its title, or as the only one in such a unit, where not given"
+            description="column of the rate; found by its title, or as the only one in such a"
+            " unit, where not given"
         ),
     ] = None,
     drive_main: Annotated[
@@ -93,7 +96,8 @@ def import_log(
     auxiliary_time: Annotated[
         Column,
         Field(
-            description="column of the slow columns' own times, where they have fewer rows than the channels"
+            description="column of the slow columns' own times, where they have fewer rows than"
+            " the channels"
         ),
     ] = None,
     sample_rate_hz: Annotated[
@@ -122,7 +126,8 @@ def import_log(
     readout: Annotated[
         Literal["direct", "carrier"],
         Field(
-            description="what the channels hold: the motion itself (direct), or a carrier it modulates"
+            description="what the channels hold: the motion itself (direct), or a carrier it"
+            " modulates"
         ),
     ] = "direct",
     carrier_hz: Annotated[
@@ -149,8 +154,8 @@ def import_log(
         ),
     ] = 100_000,
 ) -> Recording | Iterator[Recording]:
-    """A foreign log as a recording: one record when it fits one block, else a stream of them (memory
-    flat in its length).
+    """A foreign log as a recording: one record when it fits one block, else a stream of them
+    (memory flat in its length).
 
     Columns that are not named are found by their titles; units come from the titles, the log's own
     attributes, or the options.
@@ -163,8 +168,9 @@ def import_log(
     Returns
     -------
     Recording or Iterator[Recording]
-        Samples (n,) of both channels as they were written, with their scale factors and unit; times in
-        s from the first sample taken, temperature in °C, rate in rad/s. `collect` joins a stream.
+        Samples (n,) of both channels as they were written, with their scale factors and unit; times
+        in s from the first sample taken, temperature in °C, rate in rad/s. `collect` joins a
+        stream.
 
     Raises
     ------

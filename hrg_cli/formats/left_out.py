@@ -49,7 +49,8 @@ class LeftOut:
     otherwise: bool = False
     """Whole rows of numbers, but with another separator or decimal sign."""
     samples: bool = True
-    """Rows of samples that cannot be read, rather than words that an instrument closes a log with."""
+    """Rows of samples that cannot be read, rather than words that an instrument closes a log
+    with."""
 
     def describe(self) -> str:
         """What was left out, for a person."""

@@ -267,7 +267,8 @@ def find_roles(
     _fill_channels(log, path, taken, free, single="s" in left_out)
     if taken["c"] == taken["s"]:
         raise HrgError(
-            f"{path}: c and s are both column {(taken['c'] or 0) + 1}; name two of {list_columns(log)}"
+            f"{path}: c and s are both column {(taken['c'] or 0) + 1}; name two of"
+            f" {list_columns(log)}"
         )
     free = [i for i in free if i not in taken.values()]
     open_roles = [r for r in OF_UNIT if taken[r] is None and r not in left_out]
@@ -294,8 +295,8 @@ def _doubt(log: Log, role: str, several: list[int]) -> str:
 
 
 def _find_told(log: Log, role: str, free: list[int]) -> int | None:
-    """The free column that the log itself, its title or (a temperature, a rate) its unit alone gives
-    a role; None where there is none."""
+    """The free column that the log itself, its title or (a temperature, a rate) its unit alone
+    gives a role; None where there is none."""
     told = [i for i in free if log.channels[i].role == role]
     if told:
         return told[0]
@@ -379,8 +380,8 @@ def find_column_number(log: Log, path: str, role: str, wanted: str | int) -> int
         number = int(wanted)
         if not 1 <= number <= len(log.channels):
             raise HrgError(
-                f"{path}: {role} = {number}: it has {len(log.channels)} columns ({list_columns(log)});"
-                " name one of these"
+                f"{path}: {role} = {number}: it has {len(log.channels)} columns"
+                f" ({list_columns(log)}); name one of these"
             )
         index = number - 1
     else:
@@ -409,7 +410,8 @@ def find_column_number(log: Log, path: str, role: str, wanted: str | int) -> int
         if len(alike) != 1:
             raise HrgError(
                 f"{path}: {role} = {wanted!r} is the name of"
-                f" {'several columns' if alike else 'no column'}; its columns are {list_columns(log)}"
+                f" {'several columns' if alike else 'no column'}; its columns are"
+                f" {list_columns(log)}"
             )
         index = alike[0]
     kind = log.channels[index].kind

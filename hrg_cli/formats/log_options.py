@@ -1,5 +1,5 @@
-"""Options that every log has, whether it holds samples or demodulated signals: each declared once, with its
-meaning and bounds."""
+"""Options that every log has, whether it holds samples or demodulated signals: each declared once,
+with its meaning and bounds."""
 
 from __future__ import annotations
 
@@ -27,13 +27,15 @@ ClockHz = Annotated[
 RateUnits = Annotated[
     str | None,
     Field(
-        description="unit of the rates: rad/s, deg/s, deg/h or rpm; the title's, or rad/s, where not given"
+        description="unit of the rates: rad/s, deg/s, deg/h or rpm; the title's, or rad/s, where"
+        " not given"
     ),
 ]
 TemperatureUnits = Annotated[
     str | None,
     Field(
-        description="unit of the temperatures: degC, K or degF; the title's, or degC, where not given"
+        description="unit of the temperatures: degC, K or degF; the title's, or degC, where not"
+        " given"
     ),
 ]
 ConstantRate = Annotated[

@@ -1,8 +1,8 @@
 """Amplitudes that were recorded alone: the length of a phasor with noise is longer than the phasor.
 
-Rice (1944): of R = |a + n|, n with σ² in either direction, ⟨R²⟩ = a² + 2σ², and R itself scatters by σ
-where a stands clear of the noise, by 0.65 σ where a is gone. So a window's amplitude is
-√(⟨R²⟩ − 2σ²), and σ is what makes the scatter that was seen (Koay & Basser 2006).
+Rice (1944): of R = |a + n|, n with σ² in either direction, ⟨R²⟩ = a² + 2σ², and R itself scatters
+by σ where a stands clear of the noise, by 0.65 σ where a is gone. So a window's amplitude is √(⟨R²⟩
+− 2σ²), and σ is what makes the scatter that was seen (Koay & Basser 2006).
 """
 
 from __future__ import annotations
@@ -107,7 +107,9 @@ def find_amplitudes(power: Array, noise: RowNoise, rows: int) -> tuple[Array, Ar
     >>> from hrg_cli.formats.magnitudes import find_amplitudes
     >>> from hrg_cli.formats.row_noise import RowNoise
     >>> variance = np.array([[1.0, 0.0]])
-    >>> amplitude, std = find_amplitudes(np.array([11.0, 1.9]), RowNoise(variance, variance, True), 4)
+    >>> amplitude, std = find_amplitudes(
+    ...     np.array([11.0, 1.9]), RowNoise(variance, variance, True), 4
+    ... )
     >>> amplitude.tolist(), std.round(3).tolist()
     ([3.0, 0.0], [0.527, 0.5])
     """

@@ -1,5 +1,5 @@
-"""Arrays that numpy saved: `.npy` (one array, its columns or fields as channels) and `.npz` (a variable
-a channel), never a pickled object."""
+"""Arrays that numpy saved: `.npy` (one array, its columns or fields as channels) and `.npz` (a
+variable a channel), never a pickled object."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _open_numpy(path: Path) -> Log:
-    """Every vector, column, field and named variable as a channel; a complex one as two, `re` and `im`.
+    """Every vector, column, field and named variable as a channel; a complex one as two, `re` and
+    `im`.
 
     A bare array of several columns has no titles, as a table of text without them. Raises HrgError:
     no numbers, pickled objects, damaged, a member that claims more than the file holds.
@@ -42,8 +43,8 @@ def _open_numpy(path: Path) -> Log:
     columns = dict(column for name, array in arrays.items() for column in _columns_of(name, array))
     if not columns:
         raise HrgError(
-            f"{path}: holds no vector of numbers; save one variable a channel: np.savez(file, time=t,"
-            " c=c, s=s)"
+            f"{path}: holds no vector of numbers; save one variable a channel: np.savez(file,"
+            " time=t, c=c, s=s)"
         )
     titles = {name: split_name(name) for name in columns}
     scalars = {name: float(a.reshape(())) for name, a in arrays.items() if _is_number(a)}

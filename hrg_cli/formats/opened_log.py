@@ -229,7 +229,8 @@ def _need_same_length(log: Log, roles: Roles, where: str) -> None:
         return
     shown = name_some(f"{role} {rows}" for role, rows in (length | slow).items())
     raise HrgError(
-        f"{where}: its columns differ in length ({shown}), equal ones were expected; name the times of"
+        f"{where}: its columns differ in length ({shown}), equal ones were expected; name the"
+        " times of"
         ' slow columns with auxiliary_time, leave a column out with "none", or record again'
     )
 

@@ -1,9 +1,9 @@
-"""What the wave's own motion fills of a piece of demodulated rows: polynomials about the turns of both
-modes.
+"""What the wave's own motion fills of a piece of demodulated rows: polynomials about the turns of
+both modes.
 
-At a constant rate both envelopes are sums of two exponentials, u(t) = a e^{λ₁t} + b e^{λ₂t}, whose turns
-differ by the beat 2√((δω/2)² + (KΩ)²). A polynomial alone holds a beat of less than some three
-quarters of a turn a piece; rows of a lock-in at 1 Hz hold ten turns of a table at 10°/s.
+At a constant rate both envelopes are sums of two exponentials, u(t) = a e^{λ₁t} + b e^{λ₂t}, whose
+turns differ by the beat 2√((δω/2)² + (KΩ)²). A polynomial alone holds a beat of less than some
+three quarters of a turn a piece; rows of a lock-in at 1 Hz hold ten turns of a table at 10°/s.
 """
 
 from __future__ import annotations
@@ -16,15 +16,16 @@ DEGREE = 5
 """Of the polynomial by which the envelope may move within a piece."""
 
 FAR = 0.3
-"""Half the angle [rad] that the modes turn against each other from a piece's middle to its ends, from which a
-polynomial leaves more than 1e-8 of the wave, J₆(0.3)."""
+"""Half the angle [rad] that the modes turn against each other from a piece's middle to its ends,
+from which a polynomial leaves more than 1e-8 of the wave, J₆(0.3)."""
 
 LASTING = 0.9
-"""Part of its size that a mode keeps from row to row: what keeps less is noise that follows no row."""
+"""Part of its size that a mode keeps from row to row: what keeps less is noise that follows no
+row."""
 
 MUCH = 10.0
-"""Times more of the piece's power than polynomials alone that the turns must take off what these leave:
-noise behind a filter has modes of its own, which take several times."""
+"""Times more of the piece's power than polynomials alone that the turns must take off what these
+leave: noise behind a filter has modes of its own, which take several times."""
 
 LINEAR = 0.1
 """(a_A² − a_B²)/(a_A² + a_B²) above which an ellipse has a phase."""
@@ -130,9 +131,9 @@ def _measure_rest(u: Array, basis: Array) -> float:
 
 
 def find_phase(u: Array, turning: bool) -> Array:
-    """Phase of the oscillation at every row: of a wave that turns half the angle of uᵀu = (a_A² − a_B²)
-    e^{2jφ}, which the turn leaves as it is; of one that does not, or nearly a circle, that of the
-    stronger channel.
+    """Phase of the oscillation at every row: of a wave that turns half the angle of uᵀu = (a_A² −
+    a_B²) e^{2jφ}, which the turn leaves as it is; of one that does not, or nearly a circle, that of
+    the stronger channel.
 
     Parameters
     ----------
@@ -165,8 +166,8 @@ def find_phase(u: Array, turning: bool) -> Array:
 def find_noise_left(basis: Array, window: Array) -> Array | float:
     """Part of white noise's power in every bin of a windowed piece that the motion leaves.
 
-    Of the row vector W of a bin, the window times e^{−jωk}, it is 1 − |W Q|²/|W|²; of real parts the
-    mean of those at ω and −ω.
+    Of the row vector W of a bin, the window times e^{−jωk}, it is 1 − |W Q|²/|W|²; of real parts
+    the mean of those at ω and −ω.
 
     Parameters
     ----------
@@ -178,8 +179,8 @@ def find_noise_left(basis: Array, window: Array) -> Array | float:
     Returns
     -------
     ndarray or float
-        (rows // 2 + 1,), NaN where less than `LEAST_LEFT` is; 1 for plain polynomials, which take the
-        lowest bins alone.
+        (rows // 2 + 1,), NaN where less than `LEAST_LEFT` is; 1 for plain polynomials, which take
+        the lowest bins alone.
 
     Examples
     --------

@@ -47,7 +47,8 @@ that chance does not reach."""
 
 STRAIGHT, STRAIGHT_CHANCE = 1.3, 12.0
 """Variance of residuals over the differences' up to which a few rows' polynomial has taken all of
-their motion, and three times what the differences' median scatters by, over the root of the rows."""
+their motion, and three times what the differences' median scatters by, over the root of the
+rows."""
 
 MEDIAN_OF_ONE, ALONE = 0.4549, 1e-6
 """Median of the square of a normal number of variance 1, and the part of the other's variance below
@@ -80,10 +81,10 @@ class RowNoise:
 def estimate_row_noise(looks: Sequence[Array]) -> RowNoise:
     """Noise of demodulated rows by their own scatter.
 
-    Pieces of growing length look at ever lower frequencies. Of those whose spectrum is level there, the
-    shortest stands, unless a longer one shows clearly more; a filter's S ≈ S₀(1 − cf²) is continued to f =
-    0 from both octaves. Rows that are independent have the one variance of all their residuals, many
-    times better known, where the spectrum's low end agrees with it.
+    Pieces of growing length look at ever lower frequencies. Of those whose spectrum is level there,
+    the shortest stands, unless a longer one shows clearly more; a filter's S ≈ S₀(1 − cf²) is
+    continued to f = 0 from both octaves. Rows that are independent have the one variance of all
+    their residuals, many times better known, where the spectrum's low end agrees with it.
 
     Parameters
     ----------
@@ -305,8 +306,8 @@ def _fill_gaps(power: Array) -> Array:
 
 
 def _remember_taken() -> Callable[[Array], Array]:
-    """Re Σ (QQᴴ)_{j,j+k} at the lags k of an orthonormal basis; that of the plain polynomials, which most
-    pieces share, once."""
+    """Re Σ (QQᴴ)_{j,j+k} at the lags k of an orthonormal basis; that of the plain polynomials,
+    which most pieces share, once."""
     known: dict[int, Array] = {}
 
     def taken(basis: Array) -> Array:
@@ -331,8 +332,8 @@ def _pieces(looks: Sequence[Array], rows: int) -> Iterator[tuple[Array, Array | 
 
 
 def _residuals(look: Array, rows: int, every: int) -> Iterator[tuple[Array, Array]]:
-    """What its motion leaves of pieces (channel, rows), one in `every` rows, in the wave's own phase,
-    and the functions (rows, k) that were taken off."""
+    """What its motion leaves of pieces (channel, rows), one in `every` rows, in the wave's own
+    phase, and the functions (rows, k) that were taken off."""
     turn, polynomials = estimate_mean_turn(look), make_polynomials(rows)
     for start in range(0, look.shape[1] - rows + 1, every):
         u = look[:, start : start + rows] * np.exp(-1j * turn * np.arange(rows))

@@ -22,7 +22,8 @@ class RunHeading:
     start_time: str
 
     def make_fields(self, log: Log, path: Path) -> dict[str, Any]:
-        """Fields of the record: a run without a name has its file's, one without a start the log's."""
+        """Fields of the record: a run without a name has its file's, one without a start the
+        log's."""
         return {
             "mode": self.mode,
             "mode_number": self.mode_number,
