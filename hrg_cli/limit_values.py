@@ -13,8 +13,8 @@ from .units import DEGREE, DEGREE_PER_HOUR, to_file_unit
 
 TURN = 2 * math.pi
 RATES = {
-    "rad/s": 1.0, "mrad/s": 1e-3, "urad/s": 1e-6, "µrad/s": 1e-6, "deg/s": DEGREE, "°/s": DEGREE, "deg/h": DEGREE_PER_HOUR,
-    "deg/hr": DEGREE_PER_HOUR, "°/h": DEGREE_PER_HOUR, "rpm": TURN / 60,
+    "rad/s": 1.0, "mrad/s": 1e-3, "urad/s": 1e-6, "µrad/s": 1e-6, "deg/s": DEGREE, "°/s": DEGREE,
+    "deg/h": DEGREE_PER_HOUR, "deg/hr": DEGREE_PER_HOUR, "°/h": DEGREE_PER_HOUR, "rpm": TURN / 60,
 }  # fmt: skip
 FREQUENCIES = {"Hz": 1.0, "mHz": 1e-3, "uHz": 1e-6, "µHz": 1e-6, "kHz": 1e3}
 
@@ -26,17 +26,20 @@ def _scale_units(units: dict[str, float], factor: float) -> dict[str, float]:
 QUANTITIES: dict[str, dict[str, float]] = {
     "a rate": RATES | _scale_units(FREQUENCIES, TURN),
     "half the difference of two frequencies": RATES | _scale_units(FREQUENCIES, TURN / 2),
-    "an angle": {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "µrad": 1e-6, "deg": DEGREE, "°": DEGREE, "arcsec": DEGREE / 3600},
+    "an angle": {
+        "rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "µrad": 1e-6, "deg": DEGREE, "°": DEGREE,
+        "arcsec": DEGREE / 3600,
+    },
     "a frequency": FREQUENCIES | _scale_units(RATES, 1 / TURN),
     "a time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0},
     "a decay rate": {"1/s": 1.0, "1/min": 1 / 60, "1/h": 1 / 3600} | RATES,
     "an angle random walk": {
-        "rad/√s": 1.0, "rad/sqrt(s)": 1.0, "°/√h": DEGREE / 60, "deg/√h": DEGREE / 60, "deg/sqrt(h)": DEGREE / 60,
-        "deg/sqrt(hr)": DEGREE / 60, "deg/rt-h": DEGREE / 60,
+        "rad/√s": 1.0, "rad/sqrt(s)": 1.0, "°/√h": DEGREE / 60, "deg/√h": DEGREE / 60,
+        "deg/sqrt(h)": DEGREE / 60, "deg/sqrt(hr)": DEGREE / 60, "deg/rt-h": DEGREE / 60,
     },
     "a rate random walk": {
-        "rad/s/√s": 1.0, "rad/s/sqrt(s)": 1.0, "°/h/√h": DEGREE_PER_HOUR / 60, "deg/h/√h": DEGREE_PER_HOUR / 60,
-        "deg/h/sqrt(h)": DEGREE_PER_HOUR / 60,
+        "rad/s/√s": 1.0, "rad/s/sqrt(s)": 1.0, "°/h/√h": DEGREE_PER_HOUR / 60,
+        "deg/h/√h": DEGREE_PER_HOUR / 60, "deg/h/sqrt(h)": DEGREE_PER_HOUR / 60,
     },
     "a temperature": {"degC": 1.0, "°C": 1.0},
     "a ratio": {"": 1.0, "1": 1.0, "%": 1e-2, "ppm": 1e-6, "ppb": 1e-9},

@@ -88,7 +88,8 @@ class NotebookView:
         if self.status_reasons:  # type: ignore[attr-defined]
             rows["because"] = "; ".join(self.status_reasons)  # type: ignore[attr-defined]
         lines = "".join(_line(key, str(value)) for key, value in rows.items())
-        return f"<table><caption><b>{html.escape(type(self).__name__)}</b></caption>{lines}{_parameter_rows(self)}</table>"
+        caption = f"<caption><b>{html.escape(type(self).__name__)}</b></caption>"
+        return f"<table>{caption}{lines}{_parameter_rows(self)}</table>"
 
     def to_xarray(self) -> xarray.Dataset:
         """The record as a dataset, with time, angle, temperature and names as coordinates.

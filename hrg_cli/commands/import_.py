@@ -90,10 +90,8 @@ def _import_file(
     ]
     if strange:
         flag = strange[0].replace("_", "-")
-        raise UsageError(
-            f"--{flag} is for"
-            f" {'samples; leave it out with --envelope' if envelope else 'demodulated signals: add --envelope'}"
-        )
+        told = ("demodulated signals: add --envelope", "samples; leave it out with --envelope")
+        raise UsageError(f"--{flag} is for {told[envelope]}")
     values = run.resolve_settings(
         function,
         table,

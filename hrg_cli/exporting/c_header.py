@@ -208,18 +208,20 @@ def _c_text(
         for v, n in ((calibration.node_min, -1e308), (calibration.node_max, 1e308))
     )
     return _C.format(
-        gyro=escape_c_comment(calibration.gyro_id), model=escape_c_comment(calibration.model), status=calibration.status,
+        gyro=escape_c_comment(calibration.gyro_id), model=escape_c_comment(calibration.model),
+        status=calibration.status,
         mode=int(calibration.mode_number), correction=escape_c_comment(calibration.correction),
         axis_words="temperature, degC" if calibration.axis == "temperature" else "frequency, Hz",
-        low=low, high=high, rate_low=calibration.rate_min_rad_s, rate_high=calibration.rate_max_rad_s, e=errors,
-        nodes=len(nodes), angles=angles,
-        first=float(nodes[0]), step=float(nodes[1] - nodes[0]) if len(nodes) > 1 else 1.0, period=np.pi / calibration.mode_number,
+        low=low, high=high, rate_low=calibration.rate_min_rad_s,
+        rate_high=calibration.rate_max_rad_s, e=errors, nodes=len(nodes), angles=angles,
+        first=float(nodes[0]), step=float(nodes[1] - nodes[0]) if len(nodes) > 1 else 1.0,
+        period=np.pi / calibration.mode_number,
         drift_worst=errors["drift_rad_s_interpolation"] + errors["drift_rad_s_rounding"],
         scale_worst=errors["scale_factor_interpolation"] + errors["scale_factor_rounding"],
         tables="".join(_declare(*part, kind, bits) for part in parts),
         lookup=_LOOKUP_FIXED.replace("{type}", kind) if bits else _LOOKUP_FLOAT,
-        drift_call=calls["drift_rad_s"], scale_call=calls["scale_factor"], measured=make_c_measured(calibration, nodes),
-        deviations=make_c_deviations(calibration),
+        drift_call=calls["drift_rad_s"], scale_call=calls["scale_factor"],
+        measured=make_c_measured(calibration, nodes), deviations=make_c_deviations(calibration),
     )  # fmt: skip
 
 

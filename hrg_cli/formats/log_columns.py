@@ -385,28 +385,7 @@ def find_column_number(log: Log, path: str, role: str, wanted: str | int) -> int
             )
         index = number - 1
     else:
-        names = [channel.name for channel in log.channels]
-        exact = [i for i, name in enumerate(names) if name == wanted]
-        alike = exact or [
-            i for i, name in enumerate(names) if name.lower() == wanted.strip().lower()
-        ]
-        alike = alike or [
-            i
-            for i, c in enumerate(log.channels)
-            if c.units
-            and wanted.strip().lower()
-            in (
-                f"{c.name} [{c.units}]".lower(),
-                f"{c.name} ({c.units})".lower(),
-                f"{c.name} {c.units}".lower(),
-                f"{c.name}_{c.units}".lower().replace("/", "_"),
-            )
-        ]
-        alike = alike or [
-            i
-            for i, name in enumerate(names)
-            if name.lower().endswith("/" + wanted.strip("/ ").lower())
-        ]
+        alike = _list_alike(log, wanted)
         if len(alike) != 1:
             raise HrgError(
                 f"{path}: {role} = {wanted!r} is the name of"
@@ -422,6 +401,33 @@ def find_column_number(log: Log, path: str, role: str, wanted: str | int) -> int
             f" {list_columns(log)}"
         )
     return index
+
+
+def _list_alike(log: Log, wanted: str) -> list[int]:
+    """Columns of that title: as it is written, else whatever its case, else with its unit behind,
+    else as the end of a path of titles."""
+    names, told = [channel.name for channel in log.channels], wanted.strip().lower()
+    return (
+        [i for i, name in enumerate(names) if name == wanted]
+        or [i for i, name in enumerate(names) if name.lower() == told]
+        or [
+            i
+            for i, c in enumerate(log.channels)
+            if c.units
+            and told
+            in (
+                f"{c.name} [{c.units}]".lower(),
+                f"{c.name} ({c.units})".lower(),
+                f"{c.name} {c.units}".lower(),
+                f"{c.name}_{c.units}".lower().replace("/", "_"),
+            )
+        ]
+        or [
+            i
+            for i, name in enumerate(names)
+            if name.lower().endswith("/" + wanted.strip("/ ").lower())
+        ]
+    )
 
 
 def _tells_time(channel: Channel) -> bool:

@@ -1,7 +1,8 @@
 """The standing wave as an ellipse: envelopes (C0, S0) <-> main amplitude, quadrature, wave angle,
 phase <-> Stokes vector.
 
-C0 = e^{jφ}(a_A cos mθ + j a_B sin mθ), S0 = e^{jφ}(a_A sin mθ − j a_B cos mθ)   (PHYSICS §0; seed A before (6))
+C0 = e^{jφ}(a_A cos mθ + j a_B sin mθ), S0 = e^{jφ}(a_A sin mθ − j a_B cos mθ)
+(PHYSICS §0; seed A before (6))
 """
 
 import numpy as np

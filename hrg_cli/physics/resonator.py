@@ -1,8 +1,10 @@
 """The linear resonator: second-order equations of motion, their slow generator exact to second
 order, and its propagator.
 
-Fast, in the instrument axes z = (C, S)   (seed A (3) at θ_x = 0, with the Euler term of PHYSICS M14):
-    z'' + 2(N − KΩ J) z' + (W − KΩ' J) z = force,   N = ν I + ν δμ R(2mθ_μ),   W = (ω² + δω²) I + 2 ω δω R(2mθ_ω)
+Fast, in the instrument axes z = (C, S)
+(seed A (3) at θ_x = 0, with the Euler term of PHYSICS M14):
+    z'' + 2(N − KΩ J) z' + (W − KΩ' J) z = force,
+    N = ν I + ν δμ R(2mθ_μ),   W = (ω² + δω²) I + 2 ω δω R(2mθ_ω)
 Slow, z = Re[u e^{jω_r t}]: u' = L u, L the solvent of the quadratic eigenproblem near
     L₀ = −N + j δω R(2mθ_ω) + j(ω − ω_r) + KΩ J   (PHYSICS §0)
 R(α) = [[cos α, sin α], [sin α, −cos α]], J = [[0, 1], [−1, 0]].

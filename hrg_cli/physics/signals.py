@@ -4,7 +4,8 @@ form.
 The electrodes multiply the displacement by the carrier −sin(ω_c t + ψ); the cosine (a) and sine (b)
 coefficients at the difference and sum frequencies ω_c ∓ ω are, in the order a_c⁻, a_c⁺, b_c⁻, b_c⁺,
 a_s⁻, a_s⁺, b_s⁻, b_s⁺ (columns z₁ … z₈):
-    z^- = −b⁻ + j a⁻ = u e^{−jψ},    z^+ = −b⁺ − j a⁺ = u e^{+jψ},    u = (C0, S0) = e^{jφ}(A e_A − j B e_B)
+    z^- = −b⁻ + j a⁻ = u e^{−jψ},    z^+ = −b⁺ − j a⁺ = u e^{+jψ},
+    u = (C0, S0) = e^{jφ}(A e_A − j B e_B)
 with e_A = (cos θ, sin θ), e_B = (−sin θ, cos θ): seed B's wave angle θ is the electrical one, m
 times the physical angle, and its ellipse is the project's envelope. The product's factor ½ is not
 in the coefficients: A and B are the displacement's amplitudes.

@@ -61,7 +61,8 @@ def run(
     start_angle_rad
         mθ at the start, which tells the sign of e_A.
     averaged
-        The equation averaged over a period, without what is of second order in the slow rates over ω.
+        The equation averaged over a period, without what is of second order in the slow rates over
+        ω.
 
     Returns
     -------

@@ -65,8 +65,8 @@ class _Clock:
         temperature = np.interp(t, self._t, self._T)
         nothing = np.zeros(len(t))
         return SlowState(
-            self._plant.mechanics, t, temperature, self._slope[cell], self._branch[cell], rate, angle,
-            np.zeros((len(t), 2), complex), nothing, nothing, omega_r,
+            self._plant.mechanics, t, temperature, self._slope[cell], self._branch[cell], rate,
+            angle, np.zeros((len(t), 2), complex), nothing, nothing, omega_r,
         )  # fmt: skip
 
 

@@ -158,12 +158,18 @@ def tabulate_figures(found: Overview) -> list[PageTable]:
         ),
         PageTable(
             "gauge study (standard deviations; what is not told apart: –)",
-            ("figure", "gyros", found.by, "interaction", "repeats", "own σ", "gauge of variance", "wrongly accepted"),
+            (
+                "figure", "gyros", found.by, "interaction", "repeats", "own σ", "gauge of variance",
+                "wrongly accepted",
+            ),
             [_study(row, names) for row in found.figures if row.gauge is not None],
         ),
         PageTable(
             "golden unit",
-            ("figure", found.by, "n", "mean", "from the others", "since the first", "per day", "chart"),
+            (
+                "figure", found.by, "n", "mean", "from the others", "since the first", "per day",
+                "chart",
+            ),
             [_golden(row, of_golden) for row in found.golden],
         ),
     ]  # fmt: skip
@@ -204,7 +210,10 @@ def tabulate_results(found: History) -> PageTable:
         )
         for e in found.entries
     ]
-    head = ("processed", "kind", "status", "station", "operator", "fixture", "firmware", "order", "SHA-256", "left out")  # fmt: skip
+    head = (
+        "processed", "kind", "status", "station", "operator", "fixture", "firmware", "order",
+        "SHA-256", "left out",
+    )  # fmt: skip
     return PageTable("", head, rows)
 
 

@@ -56,10 +56,8 @@ def round_with_std(value: Any, std: Any) -> str:
     power = math.floor(math.log10(biggest))
     if -5 < power < 7 and last <= 1:
         return _concise(value, std, last).replace("-", "−")
-    shift = power
-    return f"{_concise(value / 10.0**shift, std / 10.0**shift, last - shift)}×{format_power_of_ten(shift)}".replace(
-        "-", "−"
-    )
+    scaled = _concise(value / 10.0**power, std / 10.0**power, last - power)
+    return f"{scaled}×{format_power_of_ten(power)}".replace("-", "−")
 
 
 def _last_digit(std: float) -> int:

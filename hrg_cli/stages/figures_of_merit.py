@@ -209,8 +209,8 @@ def _line_through(
     # two rates have a line through them, whatever the gyro does
     nonlinearity = float(np.abs(ppm).max()) if distinct > 2 else float("nan")
     return ScaleFactorFigures(
-        float(gain), float(std), float(offset / gain), float((gain / reference - 1) * 1e6), asymmetry, asymmetry_std,
-        nonlinearity, rate.tolist(), ppm.tolist(),
+        float(gain), float(std), float(offset / gain), float((gain / reference - 1) * 1e6),
+        asymmetry, asymmetry_std, nonlinearity, rate.tolist(), ppm.tolist(),
     )  # fmt: skip
 
 

@@ -162,14 +162,7 @@ def forecast(
         )
     run = Conditions(drive, quadrature_gain_1_s, wave_angle_rad, rate_rad_s, duration_s)
     table, error = follow_wave(gyros, mechanics, run)
-    checks = (
-        check_at_most(
-            "small_split", ratio, SMALL_SPLIT,
-            (f"δω/λ = {ratio:.3g}: seed A's (9) and D_max ask for δω ≪ λ; map and table are" " exact, bound and sin 8θ term are not"),
-        ),
-        check_at_most("integration", error, INTEGRATION, ("halving the Adams step still moves" f" the forecast by {error:.2g} of itself")),
-        check_covariance(covariance, "the resonator's covariance is none; identify it again"),
-    )  # fmt: skip
+    checks = _list_checks(ratio, error, covariance)
     reasons = [
         *list_failures(checks),
         *(f"the resonator is {resonator.status}: {why}" for why in resonator.status_reasons[:1]),
@@ -195,6 +188,26 @@ def _ends(table: dict[str, Array], run: Conditions) -> list[str]:
             " before"
         )
     return said
+
+
+def _list_checks(ratio: float, error: float, covariance: Array) -> tuple[Check, ...]:
+    """Whether the formulas' own condition holds, the steps are short enough, σ is one."""
+    return (
+        check_at_most(
+            "small_split",
+            ratio,
+            SMALL_SPLIT,
+            f"δω/λ = {ratio:.3g}: seed A's (9) and D_max ask for δω ≪ λ; map and table are exact,"
+            " bound and sin 8θ term are not",
+        ),
+        check_at_most(
+            "integration",
+            error,
+            INTEGRATION,
+            f"halving the Adams step still moves the forecast by {error:.2g} of itself",
+        ),
+        check_covariance(covariance, "the resonator's covariance is none; identify it again"),
+    )
 
 
 def summarise(made: Forecast) -> dict[str, Any]:

@@ -5,12 +5,12 @@ Facts of cubic splines through a rate, found on sinusoids of 1 to 15 periods, on
 steps over 21, 41 and 81 nodes. E is the variance of a node's error by interpolation over that by
 noise, g(k) the rise of χ² beyond chance a node that k nodes leave to twice as many.
 - E = 10.5 g(k), within a factor of two, whatever the rate.
-- g falls by 2¹² each time the nodes double where the rate is smooth, by 2⁴ where it walks at random or
-  steps.
-- So the fall from k/4 to k/2 nodes foretells g(k) from g(k/2). It has to be foretold: where the nodes'
-  error is as large as their noise, g(k) is two of twenty numbers' χ², which nobody can see.
-- A slow swing with a little walk on it takes the swing's fall for the walk's: then the gain of twice as
-  many nodes is the judge, as far as it sees.
+- g falls by 2¹² each time the nodes double where the rate is smooth, by 2⁴ where it walks at random
+  or steps.
+- So the fall from k/4 to k/2 nodes foretells g(k) from g(k/2). It has to be foretold: where the
+  nodes' error is as large as their noise, g(k) is two of twenty numbers' χ², which nobody can see.
+- A slow swing with a little walk on it takes the swing's fall for the walk's: then the gain of
+  twice as many nodes is the judge, as far as it sees.
 
 All this holds piece by piece: a run-down's first tenth may ask for nodes that its quiet end cannot
 use.

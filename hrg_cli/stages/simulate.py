@@ -214,8 +214,8 @@ def simulate_run(
     extra_effects
         Effects beside the catalogue's that its tables may name.
     model
-        "fast": sample by sample; "slow": by the envelopes' equations, as a device whose `equation` is
-        averaged always is.
+        "fast": sample by sample; "slow": by the envelopes' equations, as a device whose `equation`
+        is averaged always is.
     seed
         Of the noise; each run of a file has noise of its own.
     block_samples
@@ -289,7 +289,8 @@ def _fast(
     warn_of_plain_python()
     made = fast_engine.run(
         world, plant, control, start, step, _count(settings), angle,
-        electronics=make_electronics(settings, pickoff), noise=make_noise(settings, pickoff), random=random,
+        electronics=make_electronics(settings, pickoff), noise=make_noise(settings, pickoff),
+        random=random,
     )  # fmt: skip
     return made, pickoff, world
 

@@ -4,7 +4,8 @@ later.
 The tables hold the resonator's anisotropy, K_DC, K_DS (their first harmonic), its K (their
 constant) and, beside them, the measured quadrature's −2δω(cos, sin) 2mθ_ω. A resonator identified
 later, at one temperature x, gives the same five anew. What moved is
-    δ = c(new) − c(then),   c(then): the resonator of the calibration's time, else the tables' own coefficients at x
+    δ = c(new) − c(then),
+    c(then): the resonator of the calibration's time, else the tables' own coefficients at x
 with the covariance of both. What moved (damping split, K, frequency split, each by its own χ²) is
 put into every node, for nothing is known of how a change depends on temperature; what did not is
 combined with what the tables know, by minimum variance, or stays where a reference says so.

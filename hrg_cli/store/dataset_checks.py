@@ -303,7 +303,7 @@ def need_stored(dataset: h5py.Dataset, path: Path, place: str) -> None:
     ...     )
     Traceback (most recent call last):
     ...
-    hrg_cli.errors.HrgError: ...: dataset c claims 99 values but stores none; copy or record it again
+    hrg_cli.errors.HrgError: ...: dataset c claims 99 values but stores none; ...
     """
     layout = dataset.id.get_create_plist()
     if dataset.is_virtual or layout.get_external_count() or Path(dataset.file.filename) != path:

@@ -5,7 +5,6 @@ Each changes one thing: a sign, a factor of two, a dropped term, a swapped chann
 moved threshold, a missing guard.
 """
 
-# ruff: noqa: E501
 Change = tuple[str, str]
 
 MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {

@@ -4,7 +4,8 @@ signals.
 The unweighted least-squares estimate is to first order a sum of projections of the envelope's error
 δu and (carrier) of half the difference δd of the demodulated sidebands, with e_A = (cos θ, sin θ),
 e_B = (−sin θ, cos θ):
-    δA = Re e^{−jφ} e_Aᵀδu,   δB = −Im e^{−jφ} e_Bᵀδu,   P = Re e^{−jφ} e_Bᵀδu,   Q = Im e^{−jφ} e_Aᵀδu,
+    δA = Re e^{−jφ} e_Aᵀδu,   δB = −Im e^{−jφ} e_Bᵀδu,
+    P = Re e^{−jφ} e_Bᵀδu,   Q = Im e^{−jφ} e_Aᵀδu,
     δθ = (A P − B Q)/(A² − B²),   δφ = (A Q − B P)/(A² − B²),   δψ = Re (j u)†δd / (A² + B²)
 Signals of equal σ: direct σ_A = σ_B = σ, σ_θ = σ_φ = σ√(A²+B²)/|A²−B²|; carrier those over √2, and
 σ_ψ = σ/√(2(A²+B²)).

@@ -1,6 +1,7 @@
 """One mode seen in one channel, whose decay and frequency may follow its amplitude: z = a e^{jφ}.
 
-    −(ln a)' = ν + f/a + ν₁ a + ν₂ a²      dry friction f, drag ∝ speed² ν₁, and damping ∝ a² ν₂ beside the viscous ν
+    −(ln a)' = ν + f/a + ν₁ a + ν₂ a²
+    (dry friction f, drag ∝ speed² ν₁, and damping ∝ a² ν₂ beside the viscous ν)
     φ'       = δ + κ a² + κ₄ a⁴            a pendulum's own law: κ = −ω/16
 Both are linear in their coefficients once integrated along the measured amplitude from the run's
 first row, so there is no start to guess; terms are taken in one by one as long as χ² asks for them.

@@ -2,7 +2,8 @@
 control's contribution.
 
 Seed A (7), exact in r = a_B/a_A (PHYSICS §4): the last two give
-    KΩ = D − m·dθ/dt,   D = [νδμ sin χ (1 + r²) − 2rδω cos ζ − f_B + r f_A]/(1 − r²),   f = (a_Φ/a_A)·Δφ.
+    KΩ = D − m·dθ/dt,   f = (a_Φ/a_A)·Δφ,
+    D = [νδμ sin χ (1 + r²) − 2rδω cos ζ − f_B + r f_A]/(1 − r²).
 The control's forces a_ΦA, a_ΦB are those logged, else the first two: a_ΦA = ȧ_A + ν_A a_A + δω_s
 a_B, a_ΦB = ȧ_B + ν_B a_B − δω_s a_A; in phase (Δφ = 0), by force or by one ring electrode, they
 turn nothing. A main force that stands τ behind the wave turns it back by τ(a_ΦA/a_A)·m·dθ/dt: then

@@ -1,7 +1,10 @@
 """Monitoring a driven gyro: the frequency split from the quadrature equation, the damping split
 from the phase equation.
 
-Quadrature, seed A (15) with one electrode:   ȧ_B + λ a_B − νδμ cos χ a_B = a_A (δω_c sin 2mθ − δω_s cos 2mθ),
+Quadrature, seed A (15) with one electrode:
+
+    ȧ_B + λ a_B − νδμ cos χ a_B = a_A (δω_c sin 2mθ − δω_s cos 2mθ),
+
 λ = ν with a force drive, ν + p ≈ 2ν with a ring electrode's parametric drive, which pumps energy
 out of the quadrature (PHYSICS M3p): λ is fitted. A loop −k a_B(t − τ) adds k to λ and takes kτ of
 ȧ_B off: λ and δω then come out 1/(1 − kτ) too large. Where its force a_ΦB is logged, it stands on

@@ -1,14 +1,18 @@
-"""Noise coefficients fitted to an Allan variance, with intervals   (IEEE Std 952 annex C, IEEE Std 1431).
+"""Noise coefficients fitted to an Allan variance, with intervals
+(IEEE Std 952 annex C, IEEE Std 1431).
 
     σ²(τ) = 3Q²/τ² + N²/τ + B²·2 ln 2/π + K²τ/3
 quantization Q, angle random walk N, bias instability B, rate random walk K. The values at different
 averaging times come from one record and are strongly correlated: with the two-sided density S(f) of
 the terms found and the filter of n samples
-|H|² = 2 sin⁴(πfnτ₀)/(n sin πfτ₀)², cov(σ²_i, σ²_j) = (1/T)∫(2S)²|H_i|²|H_j|² df. The squares of the coefficients, not negative, are
-fitted by generalised least squares with it, iterated; the interval of a coefficient is that of its
-square. A term that is not told from zero is left out; its upper limit is that of a record which
-holds as much, and the others' intervals hold what they would be beside it at that limit. So of a
-flicker and a random walk neither is told where either would do.
+
+    |H|² = 2 sin⁴(πfnτ₀)/(n sin πfτ₀)²,   cov(σ²_i, σ²_j) = (1/T)∫(2S)²|H_i|²|H_j|² df.
+
+The squares of the coefficients, not negative, are fitted by generalised least squares with it,
+iterated; the interval of a coefficient is that of its square. A term that is not told from zero is
+left out; its upper limit is that of a record which holds as much, and the others' intervals hold
+what they would be beside it at that limit. So of a flicker and a random walk neither is told where
+either would do.
 
 Rates that are differences of angles averaged over windows of width w hold the noise of the rate
 through a further box, sinc²(πfw) in S: white rate noise leaves N²/τ·(1 − w/2τ), half of N²/τ where

@@ -3,10 +3,12 @@
 
 Windows are averaged to blocks; the equation is taken between neighbouring block averages, never as
 a derivative:
-    m(θ̄_{i+1} − θ̄_i) = ∫ w_i(t) [−K(T,θ)Ω + D(T,θ)] dt,   w_i the triangle of two neighbouring block averages.
+    m(θ̄_{i+1} − θ̄_i) = ∫ w_i(t) [−K(T,θ)Ω + D(T,θ)] dt,
+    w_i the triangle of two neighbouring block averages.
 White angle noise of variance s² a block and an angle random walk q (rad²/s, of mθ) give the
 increments a tridiagonal covariance:
-    var_i = s_i² + s_{i+1}² + q(Δt − (w_i + w_{i+1})/6),   cov_{i,i+1} = −s_{i+1}² + q w_{i+1}/6   (w: width of a block)
+    var_i = s_i² + s_{i+1}² + q(Δt − (w_i + w_{i+1})/6),   cov_{i,i+1} = −s_{i+1}² + q w_{i+1}/6
+    (w: width of a block)
 whose Cholesky factor whitens them in one sweep; neighbouring increments share a block, so they are
 anticorrelated. The basis functions are taken at the measured angle; averaging to blocks first keeps
 that error second-order small: a harmonic nθ is damped by exp(−n²s²/2m²).
@@ -36,8 +38,8 @@ BESIDE = 4
 """Rows beside a piece of a rate log that its course between rows hangs on."""
 SPEED_COLUMNS = ("time_s", "wave_angle_rad", "rate_rad_s")
 BLOCK_COLUMNS = (
-    *SPEED_COLUMNS, "wave_angle_rad_std", "main_amplitude", "quadrature_amplitude", "frequency_hz", "temperature_degc", "drive_main",
-    "drive_quadrature", "flags", "iterations",
+    *SPEED_COLUMNS, "wave_angle_rad_std", "main_amplitude", "quadrature_amplitude", "frequency_hz",
+    "temperature_degc", "drive_main", "drive_quadrature", "flags", "iterations",
 )  # fmt: skip
 """The columns of a wave that are read, so that nothing else of a long file is."""
 

@@ -196,10 +196,8 @@ def _compensated(record: Compensated) -> Plot:
                     lw=1.4,
                     label=f"{name} the tables",
                 )
-                words += (
-                    f"; residual {name}"
-                    f" {format_number(float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR)} °/h rms"
-                )
+                rms = float(np.sqrt(np.nanmean(np.square(y)))) / DEGREE_PER_HOUR
+                words += f"; residual {name} {format_number(rms)} °/h rms"
         set_labels(ax, y="°/h", title="Rate error and its running mean")
         draw_legend(ax, above=True)
     axes[-1, 0].set_xlabel(f"time, {unit}")

@@ -145,11 +145,8 @@ def _course(record: Wave, truth: Recording | None) -> Plot:
         deviation = getattr(record, f"{name}_std", None)
         if deviation is not None and np.isfinite(deviation[:]).any():
             unit_of = label.partition(", ")[2]
-            note(
-                ax,
-                "median σ"
-                f" {format_number(float(np.nanmedian(deviation[:])) * scale, 2)}{'' if unit_of == '°' else ' '}{unit_of}",
-            )
+            usual = format_number(float(np.nanmedian(deviation[:])) * scale, 2)
+            note(ax, f"median σ {usual}{'' if unit_of == '°' else ' '}{unit_of}")
         if truth is not None and _draw_truth(ax, record, truth, name, values, scale) and k == 0:
             draw_legend(ax, above=True, bbox_to_anchor=(0.8, 1.0))
         set_labels(ax, y=label, title=title)

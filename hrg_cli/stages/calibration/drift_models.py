@@ -1,8 +1,9 @@
 """The drift models of seed A as linear models inside one layout: table, parametric (10), quadrature
 (11), phase (12), combined, physical.
 
-(11), exact in r: D = νδμ sin χ (1 + r²)/(1 − r²) − 2rδω cos ζ/(1 − r²)            (PHYSICS §4, (8))
-(12), exact in r: D = νδμ sin χ (1 − r²)/(1 + r²) − 2r/(1 + r²)·(dφ/dt − 2πf(T))    (the same with dφ/dt for δω cos ζ)
+(11), exact in r: D = νδμ sin χ (1 + r²)/(1 − r²) − 2rδω cos ζ/(1 − r²)   (PHYSICS §4, (8))
+(12), exact in r: D = νδμ sin χ (1 − r²)/(1 + r²) − 2r/(1 + r²)·(dφ/dt − 2πf(T))
+(the same with dφ/dt for δω cos ζ)
 What r does to the damping is not free: its columns are tied to the first harmonic of the table.
 `combined` is the table over temperature and angle with the measured part of (11) beside it: seed
 A's fourth stage.

@@ -56,7 +56,7 @@ def need_range(calibration: Calibration, x: Array, where: str) -> None:
     >>> need_range(tables, [0.5, 70.0], "run 1")
     Traceback (most recent call last):
     ...
-    hrg_cli.errors.HrgError: run 1: its temperature goes from 0.5 to 70 °C, the tables hold from 0 to 50; ...
+    hrg_cli.errors.HrgError: run 1: its temperature goes from 0.5 to 70 °C, ...
     """
     name, unit = ("temperature", "°C") if calibration.axis == "temperature" else ("frequency", "Hz")
     if not np.isfinite([calibration.node_min, calibration.node_max]).all():
@@ -438,12 +438,12 @@ def read_angle_random_walk(calibration: Calibration) -> float:
     >>> read_angle_random_walk(Told(details='{"noise": "loud"}'))
     Traceback (most recent call last):
     ...
-    hrg_cli.errors.HrgError: the calibration's details are damaged (noise); make the calibration again
+    hrg_cli.errors.HrgError: the calibration's details are damaged (noise); ...
     """
     noise = json.loads(calibration.details).get("noise") or {}
     walk = noise.get("angle_random_walk_rad_sqrt_s") if isinstance(noise, dict) else noise
     if walk is not None and not (_is_number(walk) and walk >= 0):
-        raise HrgError("the calibration's details are damaged (noise); make the calibration again")
+        raise HrgError("the calibration's details are damaged (noise); ...")
     return float(walk or 0.0)
 
 
@@ -484,7 +484,7 @@ def read_measured_part(calibration: Calibration) -> dict[str, Any] | None:
     >>> read_measured_part(Told(details=details, node=[20.0, 60.0]))
     Traceback (most recent call last):
     ...
-    hrg_cli.errors.HrgError: the calibration's details are damaged (measured); make the calibration again
+    hrg_cli.errors.HrgError: the calibration's details are damaged (measured); ...
     """
     part = json.loads(calibration.details).get("measured")
     if not part:
@@ -500,7 +500,7 @@ def read_measured_part(calibration: Calibration) -> dict[str, Any] | None:
         shapes = ((2,), (1, 2), (nodes, 2)) if key == "coefficients" else ((nodes,),)
         if numbers.shape in shapes and np.all(np.isfinite(numbers)):
             return dict(part)
-    raise HrgError("the calibration's details are damaged (measured); make the calibration again")
+    raise HrgError("the calibration's details are damaged (measured); ...")
 
 
 def compute_corrections(calibration: Calibration, path: AnglePath) -> tuple[Array, Array]:

@@ -150,5 +150,6 @@ def name_readout_elements(
     std = np.sqrt(np.diag(mean @ covariance @ mean.T)) / abs(k0)
     return {
         "gain_mismatch": float(-c / k0), "gain_mismatch_std": float(std[1]),
-        "electrode_nonorthogonality_rad": float(-s / k0), "electrode_nonorthogonality_rad_std": float(std[2]),
+        "electrode_nonorthogonality_rad": float(-s / k0),
+        "electrode_nonorthogonality_rad_std": float(std[2]),
     }  # fmt: skip

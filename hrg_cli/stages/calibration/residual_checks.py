@@ -148,7 +148,7 @@ def find_noisy_angles(fitted: Fitted, drift_limit: int) -> list[str]:
     >>> find_noisy_angles(Told(layout=layout, paths=paths, noises=noises), 2)
     []
     >>> find_noisy_angles(Told(layout=layout, paths=paths, noises=[AngleNoise(1e-2, 0.0)]), 2)
-    ['run a: angle noise of 0.05 rad a block damps the harmonic 8θ by 7.7 %; demodulate with longer windows']
+    ['run a: angle noise of 0.05 rad a block damps the harmonic 8θ by 7.7 %; ...']
     """
     n = 2 * fitted.layout.mode_number * drift_limit
     out = []

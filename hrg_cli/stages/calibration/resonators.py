@@ -1,7 +1,8 @@
 """Coefficients of the drift from resonator files: K_DC, K_DS, K, and of the measured quadrature,
 over temperature or frequency.
 
-D = K_DC cos 2mθ + K_DS sin 2mθ − 2rδω cos 2m(θ − θ_ω), K_DC = −νδμ sin 2mθ_μ, K_DS = νδμ cos 2mθ_μ   (seed A (8), (10))
+D = K_DC cos 2mθ + K_DS sin 2mθ − 2rδω cos 2m(θ − θ_ω),
+K_DC = −νδμ sin 2mθ_μ, K_DS = νδμ cos 2mθ_μ   (seed A (8), (10)).
 Components, not sizes and axes, are interpolated: an axis turns round, a size has no sign.
 """
 

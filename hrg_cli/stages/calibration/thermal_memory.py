@@ -133,7 +133,7 @@ def find_shown_memory(memory: Mapping[str, Any] | None) -> list[str]:
     ...     lag=dict(value=12.0, std=0.5), hysteresis=dict(value=0.1, std=0.1), separable=True
     ... )
     >>> find_shown_memory(memory)
-    ['the thermometer lags by 12 ± 0.5 s, which the tables do not hold: sweep slower both ways, or dwell']
+    ['the thermometer lags by 12 ± 0.5 s, which the tables do not hold: ...']
     """
     if memory is None:
         return []

@@ -92,9 +92,11 @@ def compute_trim(
     left, spread = float(np.hypot(*trimmed[3:5])), float(np.sqrt(np.trace(covariance[3:5, 3:5])))
     after = from_vector(np.array([*x[:3], np.hypot(left, spread), 0.0, x[5]]), mechanics)
     trim = Trim(
-        float(np.hypot(*done)), float(find_deviation(sizes)), float(np.mod(np.arctan2(done[1], done[0]) / m2, 2 * np.pi / m2)),
-        float(min(find_deviation(angles / m2), 2 * np.pi / m2 / np.sqrt(12))), float(done[0]), float(done[1]),
-        float(-np.hypot(*done) / (2 * np.pi)), left, spread,
-        float(bound_drift(mechanics, drive, gain_1_s)), float(bound_drift(after, drive, gain_1_s)[0]),
+        float(np.hypot(*done)), float(find_deviation(sizes)),
+        float(np.mod(np.arctan2(done[1], done[0]) / m2, 2 * np.pi / m2)),
+        float(min(find_deviation(angles / m2), 2 * np.pi / m2 / np.sqrt(12))), float(done[0]),
+        float(done[1]), float(-np.hypot(*done) / (2 * np.pi)), left, spread,
+        float(bound_drift(mechanics, drive, gain_1_s)),
+        float(bound_drift(after, drive, gain_1_s)[0]),
     )  # fmt: skip
     return trim, trimmed

@@ -134,12 +134,16 @@ def make_wave(run: SimulationFile) -> Wave:
     forced = run.control.mode == "forced"
     zero = np.zeros(STEPS)
     return Wave(
-        time_s=t, main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle, phase_rad=phase, carrier_phase_rad=zero,
-        main_amplitude_std=std, quadrature_amplitude_std=std, wave_angle_rad_std=std / a_A / run.device.mode_number,
+        time_s=t, main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle,
+        phase_rad=phase, carrier_phase_rad=zero,
+        main_amplitude_std=std, quadrature_amplitude_std=std,
+        wave_angle_rad_std=std / a_A / run.device.mode_number,
         phase_rad_std=std / a_A, carrier_phase_rad_std=zero, residual_rms=zero, signal_std=std,
-        iterations=np.zeros(STEPS, "i2"), flags=np.zeros(STEPS, "u1"), temperature_degc=warm, rate_rad_s=rate,
+        iterations=np.zeros(STEPS, "i2"), flags=np.zeros(STEPS, "u1"), temperature_degc=warm,
+        rate_rad_s=rate,
         drive_main=command[0] if forced else None, drive_quadrature=command[1] if forced else None,
-        frequency_hz=np.full(STEPS, run.device.frequency_hz), reference_frequency_hz=run.device.frequency_hz, window_s=step,
+        frequency_hz=np.full(STEPS, run.device.frequency_hz),
+        reference_frequency_hz=run.device.frequency_hz, window_s=step,
         mode=run.control.mode, mode_number=run.device.mode_number, run_id=run.run_id,
     )  # fmt: skip
 

@@ -59,7 +59,8 @@ class Device(Table):
     mode_number: Annotated[int, Field(ge=1, le=64)] = 2
     """m: 2 for a shell, 1 for a pendulum."""
     equation: Literal["resonator", "averaged"] = "resonator"
-    """averaged: over a period, of first order in the slow rates over ω, as other simulators have it."""
+    """averaged: over a period, of first order in the slow rates over ω, as other simulators have
+    it."""
     temperature: DeviceTemperature = DeviceTemperature()
 
     @model_validator(mode="after")

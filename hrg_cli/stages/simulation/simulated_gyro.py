@@ -71,7 +71,8 @@ def make_mechanics(settings: SimulationFile) -> Mechanics:
     """
     d = settings.device
     return Mechanics(
-        d.frequency_hz, d.rate_1_s, d.split_1_s, d.damping_axis_rad, d.frequency_split, d.stiffness_axis_rad, d.scale_factor, d.mode_number
+        d.frequency_hz, d.rate_1_s, d.split_1_s, d.damping_axis_rad, d.frequency_split,
+        d.stiffness_axis_rad, d.scale_factor, d.mode_number
     )  # fmt: skip
 
 

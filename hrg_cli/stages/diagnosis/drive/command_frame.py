@@ -7,12 +7,13 @@ frame stands beside the wave by ε in angle and η in phase:
 
     F + ε e^{jφ}(f_A e_B + j f_B e_A) + jη F.
 
-- Late by τ: ε = −τ d(mθ)/dt, η = −τ dφ/dt. The mean force then turns the wave by ντ of its own turn, as
-  another scale factor K/(1 + ντ) does; driven runs alone show that one. Beside it a force that follows
-  the damping along the wave makes harmonics 4θ that no K holds.
-- Followed by a loop of second order (natural frequency ω_n, damping 1/√2): ε and η are the wave's angle
-  and phase through −s²/(s² + √2 ω_n s + ω_n²), which passes all that is quicker than ω_n. A frequency
-  split moves the phase in 4θ, and a loop of 1 Hz leaves a quarter of it where mθ turns by 1.65 rad/s.
+- Late by τ: ε = −τ d(mθ)/dt, η = −τ dφ/dt. The mean force then turns the wave by ντ of its own
+  turn, as another scale factor K/(1 + ντ) does; driven runs alone show that one. Beside it a force
+  that follows the damping along the wave makes harmonics 4θ that no K holds.
+- Followed by a loop of second order (natural frequency ω_n, damping 1/√2): ε and η are the wave's
+  angle and phase through −s²/(s² + √2 ω_n s + ω_n²), which passes all that is quicker than ω_n. A
+  frequency split moves the phase in 4θ, and a loop of 1 Hz leaves a quarter of it where mθ turns by
+  1.65 rad/s.
 
 No log holds τ or ω_n. Any lateness that still lets loops hold the wave, and loops of any bandwidth
 between a run's length and a row, are therefore allowed for, the same in all runs together: one

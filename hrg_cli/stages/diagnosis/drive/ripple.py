@@ -9,10 +9,11 @@ the instant state answers with its part A = ∂F/∂u, and the mean of the produ
 - The direction: with F = e^{jφ}(f_A e_A − j f_B e_B), A = (P + jQJ)/2(a² − b²), P = a f_A − b f_B,
   Q = a f_B − b f_A: of a held amplitude that is ν/4ω of the wave's own motion. Loops that look at
   demodulated envelopes have none of it, so it is as uncertain as it is large.
-- The sizes: a loop of gain k that holds a_A answers the ripple of a_A by q e_A e_Aᵀ v̇/4ω, one that nulls
-  a_B likewise by q e_B e_Bᵀ v̇/4ω, |q| ≤ k, with a phase that its delay, its filter and its sampling make
-  and nobody knows. Of the second q the imaginary part makes quadrature, which the waves show; the
-  real part turns the wave in proportion to its rate, as the scale factor does, and may be as large.
+- The sizes: a loop of gain k that holds a_A answers the ripple of a_A by q e_A e_Aᵀ v̇/4ω, one that
+  nulls a_B likewise by q e_B e_Bᵀ v̇/4ω, |q| ≤ k, with a phase that its delay, its filter and its
+  sampling make and nobody knows. Of the second q the imaginary part makes quadrature, which the
+  waves show; the real part turns the wave in proportion to its rate, as the scale factor does, and
+  may be as large.
 """
 
 from __future__ import annotations
