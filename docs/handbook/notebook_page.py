@@ -1,9 +1,7 @@
-"""The documentation's notebooks: `python -m docs.handbook.notebook_page docs/tutorials/python.ipynb`
-runs one from its first cell to its last, keeps what the cells show, and writes the page of the site
-beside it.
+"""The documentation's notebooks.
 
-A cell shows what it prints, the value of its last expression and the figures it draws, as Jupyter
-does; no kernel is needed.
+`python -m docs.handbook.notebook_page docs/tutorials/python.ipynb` runs one from its first cell to
+its last, keeps what the cells show, and writes the page of the site beside it.
 """
 
 from __future__ import annotations
