@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 from warm_hrg import warm_hrg
 
 from docs.handbook import pages
@@ -216,6 +217,25 @@ def test_links_lead_somewhere(page):
 def test_flow_chart_is_fresh():
     made = runpy.run_path(str(ROOT / "docs" / "explanation" / "verdict_flow.py"))["chart"]()
     assert (ROOT / "docs" / "explanation" / "verdict.svg").read_text(encoding="utf-8") == made
+
+
+@pytest.mark.slow
+def test_picture_of_the_demonstration_is_todays(tmp_path):
+    """README and index show what `make run` draws; some fifty pixels may differ, a changed number has
+    more."""
+    hrg = tmp_path / "bin" / "hrg"
+    hrg.parent.mkdir()
+    hrg.write_text(PLAIN_HRG)
+    hrg.chmod(0o755)
+    path = {"PATH": f"{hrg.parent}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
+    chain = ["bash", "configs/run_chain.sh", str(tmp_path / "run")]
+    subprocess.run(chain, cwd=ROOT, env=os.environ | path, check=True, capture_output=True)
+    made, shown = (
+        imread(picture) for picture in (tmp_path / "run" / "answer.png", ROOT / "docs/answer.png")
+    )
+    renew = "run `make run` and copy build/run/answer.png to docs"
+    assert made.shape == shown.shape, renew
+    assert np.mean(np.abs(made - shown).max(axis=-1) > 0.2) < 1e-4, renew
 
 
 def test_readme_is_short():
