@@ -58,15 +58,19 @@ def _turn_drive(
     c: complex, s: complex, v0: complex, v1: complex, of: Instants, r: int, k: int
 ) -> tuple[complex, complex]:
     """The drive along the axes of envelopes (c, s) that move as (v0, v1) do."""
+    # mθ of the main axis: tan 2mθ = 2 Re(C S*)/(|C|² − |S|²)
     electrical = 0.5 * math.atan2(
         2 * (c.real * s.real + c.imag * s.imag),
         c.real * c.real + c.imag * c.imag - s.real * s.real - s.imag * s.imag,
     )
     cos, sin = math.cos(electrical), math.sin(electrical)
     wave = cos * c + sin * s
+
+    # (mθ, φ) and (mθ + π, φ + π) are one wave: the one whose phase is near the measured one
     near = of.phase_rad[r, k]
     if wave.real * math.cos(near) + wave.imag * math.sin(near) < 0:
         cos, sin, wave = -cos, -sin, -wave
+
     size = math.hypot(wave.real, wave.imag)
     turn = wave / size if size > 0 else wave
     main = of.main[r, k]
@@ -74,13 +78,19 @@ def _turn_drive(
         lost = (of.L[r, k, 0, 0] * v0 + of.L[r, k, 0, 1] * v1) * cos + (
             of.L[r, k, 1, 0] * v0 + of.L[r, k, 1, 1] * v1
         ) * sin
+        # ȧ_A = loss + force, solved for the force that gives the measured slope; a slow pull on
+        # top of it to where a_A was measured
         loss = lost.real * turn.real + lost.imag * turn.imag
         main = of.held_slope[r, k] - loss + of.follow_1_s * (of.held[r, k] - size)
+
+    # loops that act late, or look askew, push along axes beside the wave's
     angle, phase = of.turned[r, k, 0], of.turned[r, k, 1]
     if angle != 0 or phase != 0:
         x, y = math.cos(angle), math.sin(angle)
         cos, sin = x * cos - y * sin, x * sin + y * cos
         turn = turn * complex(math.cos(phase), math.sin(phase))
+
+    # e^{jφ}(a_ΦA e_A − j a_ΦB e_B), with e_B = (−sin, cos) of the angle
     across = 1j * of.quadrature[r, k]
     return turn * (main * cos + across * sin), turn * (main * sin - across * cos)
 
@@ -140,6 +150,8 @@ def march(
     1.0
     0.60653
     """
+    # the classical rule's slopes of weights 1, 2, 2, 1, each carried by the steady part over what
+    # is left of the step (Lawson 1967): at its start two halves, in its middle one, at its end none
     for r in range(out.shape[0]):
         for k in range(out.shape[1] - 1):
             h, E = steps.h[r, k], steps.half[r, k]

@@ -29,6 +29,7 @@ class HeldOut:
     @property
     def std(self) -> float:
         """Standard deviation of the ratio, from the scatter over the folds."""
+        # folds scatter by factors; σ of a ratio is the ratio times σ of its logarithm
         logs = 0.5 * np.log(np.maximum(self.before, 1e-300) / np.maximum(self.after, 1e-300))
         return (
             float(self.ratio * logs.std(ddof=1) / np.sqrt(len(logs)))
@@ -90,6 +91,7 @@ def predict_folds(
     for number, (fold, basis) in enumerate(zip(folds, bases, strict=True)):
         step = _step(_leave_out(parts, pull, number), size, least_information)
         left = residual[fold] - shared[fold] @ step
+        # what belongs to this fold alone no other fold tells: it is fitted to the fold itself
         out[fold] = left - basis @ (basis.T @ left)
     return out
 
@@ -140,6 +142,8 @@ def score_folds(
     """
     parts, pull, size = _condense(residual, shared, _bases(own, folds), folds, prior)
     least, known = _least(np.concatenate(parts + pull), size, least_information)
+    # p(fold | others) = p(all)/p(others); −2 ln of either, its numbers integrated out, is the least
+    # χ² and ln of the information's determinant
     total = 0.0
     for number in range(len(parts)):
         without, left = _least(_leave_out(parts, pull, number), size, least_information)
@@ -151,6 +155,8 @@ def _least(equations: Array, size: Array, least_information: float) -> tuple[flo
     """(Smallest χ², ln of the determinant of the information) of equations (n, k + 1); size (k,):
     of the columns in all folds."""
     along, power, _ = _seen(equations, size, least_information)
+    # what is not seen counts with the least information: all folds and all but one then have
+    # determinants of as many factors
     least = np.full(len(size) - len(power), least_information)
     chi2 = float(equations[:, -1] @ equations[:, -1] - along @ along)
     return chi2, float(np.sum(np.log(np.concatenate([power, least]))))
@@ -187,6 +193,7 @@ def _condense(
 ) -> tuple[list[Array], list[Array], Array]:
     """(Columns and residual of every fold less what belongs to it alone, condensed to few rows; the
     prior's rows; length of the columns in all of them)."""
+    # R of a QR has the normal equations of the rows themselves: a fold of thousands becomes k + 1
     both = np.column_stack([shared, residual])
     parts = [
         np.asarray(np.linalg.qr(both[rows] - basis @ (basis.T @ both[rows]), mode="r"))

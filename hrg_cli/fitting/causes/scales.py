@@ -206,6 +206,7 @@ def measure_strength(
         )
     if effect.slow_environment is not same_state:
         moved = effect.slow_environment(values, state)
+        # another rate moves the envelopes by KΔΩ, which compares with a slow term's change over ω
         turn = np.sqrt(np.mean((moved.rate_rad_s - state.rate_rad_s) ** 2)) * abs(
             state.mechanics.scale_factor
         )

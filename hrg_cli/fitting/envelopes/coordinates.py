@@ -109,13 +109,18 @@ def compute_entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:
     >>> [float(np.real(part)) for part in compute_entries(p, np.array(1.0), np.array(6283.0))]
     [-0.2, 0.5, -0.5, -0.2]
     """
+    # L₁ = [[−ν + along, across + KΩ], [across − KΩ, −ν − along]]
     along, across, turning = -p[1] + 1j * p[3], -p[2] + 1j * p[4], p[5] * rate_rad_s
     first = (along - p[0], across + turning, across - turning, -along - p[0])
     if p[6] == 0:
         return first
+
+    # the stiffness is (ω² + δω²) I + 2ωδω R: its δω² adds jδω²/2ω to both diagonal entries
     factor = p[6] / (2j * omega)
     shift = (p[3] ** 2 + p[4] ** 2) * factor
     first = (first[0] - shift, first[1], first[2], first[3] - shift)
+
+    # L = L₁ − (L + 2Γ)L/2jω, Γ = −Re L₁: each round adds an order in the slow rates over ω
     twice = tuple(-2 * np.real(m) for m in first)
     L = first
     for _ in range(3):
@@ -332,6 +337,7 @@ def compute_axis_spread(components: Array, covariance: Array, mode_number: int) 
         np.meshgrid(nodes, nodes, indexing="ij")
     )
     x, y = components[:, None, None] + np.tensordot(vector, offset, 1)
+    # angles from the split's own direction: the cut at ±π is where it points least
     turned = np.angle((x + 1j * y) * complex(components[0], -components[1]))
     weight = np.outer(weights, weights) / np.sum(weights) ** 2
     return float(min(np.sqrt(np.sum(weight * turned**2)) / (2 * mode_number), uniform))

@@ -184,6 +184,7 @@ def compute_slope_covariance(resonator: Resonator) -> Array:
     for size, axis, components in SPLITS:
         if not {size, axis} <= set(values):
             continue
+        # the split points along 2mθ: an axis off by dθ moves it across itself by 2m·size·dθ
         lever = 2 * resonator.mode_number * abs(values[size][0])
         stated = lever * values[axis][1]
         slope = stated
@@ -192,8 +193,10 @@ def compute_slope_covariance(resonator: Resonator) -> Array:
         along = values[size][1] if along < 0 else min(along, values[size][1])
         more[names.index(size)] = values[size][1] ** 2 - along**2
         if trace is not None:
+            # both components' variances are those along and across the split, whatever its axis
             slope = np.sqrt(max(0.0, trace - along**2))
         elif values[axis][1] >= UNIFORM * np.pi / resonator.mode_number / np.sqrt(12):
+            # any axis is as likely: across, the split is known no better than along
             slope = values[size][1]
         if slope > 0 and 0 < stated < np.inf:
             narrower[names.index(axis)] = slope / stated
@@ -246,6 +249,8 @@ def compute_vector_covariance(resonator: Resonator) -> Array:
     for (size, axis, components), first in zip(SPLITS, (1, 3), strict=True):
         if not {size, axis} <= set(order) or _stated_trace(resonator, components) is not None:
             continue
+        # a split within its noise points nowhere: either component has the size's deviation, or the
+        # tangent's where that is more
         if abs(values[size][0]) < CLEAR * values[size][1]:
             tangent2 = (2 * m * values[size][0]) ** 2 * covariance[
                 order.index(axis), order.index(axis)
@@ -300,6 +305,7 @@ def spread_points(x: Array, covariance: Array) -> Array:
     >>> spread_points(np.array([1.0]), np.array([[0.25]])).ravel().tolist()
     [1.0, 1.5, 0.5]
     """
+    # rounding may leave a covariance of lower rank an eigenvalue just below 0
     size, direction = np.linalg.eigh((covariance + covariance.T) / 2)
     step = (direction * np.sqrt(np.maximum(size, 0.0))).T
     return np.concatenate([x[None], x + step, x - step])
@@ -329,6 +335,8 @@ def find_deviation(values: Array) -> Array:
     """
     half = (len(values) - 1) // 2
     plus, minus, centre = values[1 : 1 + half], values[1 + half :], values[0]
+    # f₊ − f₋ = 2f'σ and f₊ + f₋ − 2f₀ = f''σ²: var(f'x) = f'²σ², var(½f''x²) = ½f''²σ⁴ of a normal
+    # x
     return np.asarray(
         np.sqrt(np.sum((plus - minus) ** 2 / 4 + (plus + minus - 2 * centre) ** 2 / 2, axis=0))
     )

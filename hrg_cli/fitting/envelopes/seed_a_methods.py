@@ -233,6 +233,7 @@ def build_fixed_axes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equation
         known, rate = -build_ellipse(run).angle_dot, np.zeros_like(rate)
     parts = []
     for this, other, sign in ((0, 1, 1.0), (1, 0, -1.0)):
+        # turned back by the channel's own phase: the real part of u̇ is ȧ, the imaginary one a φ̇
         turn = np.exp(-1j * np.angle(u[:, this]))
         x, y = u[:, this] * turn, u[:, other] * turn
         terms = [-x, -sign * x, -y, 1j * sign * x, 1j * y, sign * rate * y, 0 * y]
@@ -397,10 +398,12 @@ class _Products:
         x, y, t, zero = self.x, self.y, self.run.time_s, np.zeros_like(self.x)
         product = np.sqrt(np.maximum(x**2 + y**2, 1e-300))
         sin, cos = y / product, x / product
+        # x + jy = a_C a_S e^{jΔφ}: turned back by Δφ, the imaginary part of its derivative
         left = cos * differentiate(y, t) - sin * differentiate(x, t)
         used = self
         if grouped:
             size = np.where(np.minimum(np.abs(sin), np.abs(cos)) < GROUP, self.size, np.inf)
+            # Δφ near a multiple of π/2 is taken for it; rows between have an infinite size
             sin, cos = np.round(sin), np.round(cos)
             used = replace(self, x=product * cos, y=product * sin, size=size)
         total, difference = self.c2 + self.s2, self.s2 - self.c2
@@ -544,6 +547,7 @@ def build_stokes(run: EnvelopeRun, eliminate_rate: bool = False) -> Equations:
     [0.1, 0.02, 0.01, 0.05, 0.03, 0.5, 0.0]
     """
     s0, s1, s2, s3 = np.moveaxis(ellipse.compute_stokes(run.envelope), -1, 0)
+    # σ is of a real part: |C|² and |S|² hold 2σ² of noise each
     s0 = s0 - 4 * run.std**2
     rate, zero = find_table_rate(run), np.zeros_like(s0)
     std = 2 * run.std * np.sqrt(np.maximum(s0, 4 * run.std**2))

@@ -87,6 +87,8 @@ def estimate_from_neighbours(
         return motion(u)
     found: list[Array] | None = None
     for rows in find_stretches(known):
+        # from window to window envelopes turn by how far the frequency is from the reference: in a
+        # frame that turns as well, the spline sees what is slow
         turn = np.exp(1j * np.multiply(local_less_reference_rad_s, window_s))
         part = motion(bridge_unknown(u[:, rows], known[rows], turn))
         if part is None:
@@ -124,6 +126,7 @@ def find_stretches(known: Array) -> Iterator[slice]:
     rows = np.flatnonzero(known)
     if not len(rows):
         return
+    # n unknown rows lie between known ones that are n + 1 apart
     ends = np.flatnonzero(np.diff(rows) > MOST_BRIDGED + 1)
     for first, last in zip(
         np.concatenate([rows[:1], rows[ends + 1]]),

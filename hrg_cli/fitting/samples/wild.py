@@ -48,6 +48,8 @@ class TameChannel:
             part.max() <= self._middle + limit and part.min() >= self._middle - limit
         ):
             return part
+        # samples beyond the slice decide as well which within it stand alone: what is wild must not
+        # hang on how a recording is cut into blocks
         first, last, _ = rows.indices(len(self))
         start = max(0, first - ABOUT)
         about = np.asarray(self._values[start : last + ABOUT], dtype=float)

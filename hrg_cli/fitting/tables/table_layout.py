@@ -165,12 +165,14 @@ def compute_roughness(layout: TableLayout) -> Array:
     if J < 3:
         return penalty
     x = layout.nodes
+    # rows f''√Δx: the difference of the slopes beside a node over Δx, times √Δx
     second = np.zeros((J - 2, J))
     for i in range(J - 2):
         left, right = x[i + 1] - x[i], x[i + 2] - x[i + 1]
         second[i, i : i + 3] = np.array([1 / left, -1 / left - 1 / right, 1 / right]) / np.sqrt(
             (left + right) / 2
         )
+    # ∫ f''² dx times the span's cube has no unit of the axis
     one = second.T @ second * float(np.ptp(x)) ** 3 / J
     for h in range(layout.node_size):
         places = h + layout.node_size * np.arange(J)
