@@ -205,6 +205,7 @@ def list_motions(
 def _carry(p: Array, omega: float) -> Carry:
     def carry(dt: Array, turn: Array) -> Matrix:
         rate = np.divide(turn, dt, out=np.zeros(len(dt)), where=dt != 0)
+        # exp(Lt) has a closed form once the trace is apart, which is a growth of both envelopes
         mean, L = matrices.split_trace(coordinates.compute_entries(p, rate, np.array([omega])))
         growth, m = np.exp(mean * dt), matrices.exponentiate(L, dt)
         return m[0] * growth, m[1] * growth, m[2] * growth, m[3] * growth
@@ -214,6 +215,7 @@ def _carry(p: Array, omega: float) -> Carry:
 
 def _phase(coefficients: Array, first_s: float, span_s: float) -> Callable[[Array], Array]:
     def phase(time_s: Array) -> Array:
+        # from 0 at the first row: the phase there is the start envelope's own
         x = (time_s - first_s) / span_s
         return np.asarray(x * np.polynomial.polynomial.polyval(x, coefficients))
 

@@ -64,6 +64,7 @@ def compute_whitening(
     ratio = float(np.median(variance[known, 0] / variance[known, 1]))
     if envelope is not None:
         ratio = _unless_spoilt(ratio, np.median(variance[known], axis=0), envelope)
+    # Σ with tr Σ = 2: a row's σ² is the mean of both variances
     of_c, of_s = 2 * ratio / (1 + ratio), 2 / (1 + ratio)
     common = (correlation or 0.0) * np.sqrt(of_c * of_s)
     level, axes = np.linalg.eigh(np.array([[of_c, common], [common, of_s]]))
@@ -117,6 +118,8 @@ def _unless_spoilt(ratio: float, stated: Array, u: Array) -> float:
     """
     if len(u) < FEWEST:
         return ratio
+    # third differences have 1² + 3² + 3² + 1² = 20 times the variance; |n|² of complex noise, σ² in
+    # either part, is exponential with the median 2σ² ln 2
     rough = np.median(np.abs(np.diff(u, n=3, axis=0)) ** 2, axis=0) / (20 * 2 * np.log(2))
     if (rough > MOVING * stated).any() or not (rough > 0).all():
         return ratio
@@ -251,4 +254,5 @@ def compute_spread(matrices: Array | None) -> Array:
     """
     if matrices is None:
         return np.ones((1, 2))
+    # W⁻¹ is the root of Σ, whose rows have the length √Σ_kk
     return np.asarray(np.linalg.norm(np.linalg.inv(matrices), axis=-1))

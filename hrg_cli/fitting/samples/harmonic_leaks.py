@@ -79,6 +79,7 @@ def find_leaking_harmonics(
     if survey.carrier_hz is not None or not len(survey.line_hz):
         return ()
     rate = 1 / survey.step_s
+    # a one-sided density reaches to half the sampling rate: the variance of a sample
     noise2 = survey.average_floor() * rate / 2
     leaking: list[tuple[float, float]] = []
     for hz, amplitude in _find_harmonics(survey):
@@ -183,6 +184,7 @@ def _find_harmonics(survey: Survey) -> list[tuple[float, Array]]:
     found: dict[float, Array] = {}
     for hz in _fold_harmonics(survey):
         line = int(np.argmin(np.abs(survey.line_hz - hz)))
+        # two harmonics that fold onto one place are one line
         near = [other for other in found if abs(other - hz) < width]
         if abs(survey.line_hz[line] - hz) < width and not near:
             found[float(hz)] = survey.line_amplitude[line]
@@ -194,4 +196,5 @@ def _respond(basis: WindowBasis, samples: int, hz: float, rate: float) -> Array:
     (2F,)."""
     tau = (np.arange(samples) - (samples - 1) / 2) / rate
     rows = basis.orthonormal @ basis.triangle
+    # cos(ωt + ψ) gives Re(e^{jψ}H), of which the mean square over ψ is |H|²/2
     return np.asarray(np.abs(np.exp(-2j * np.pi * hz * tau) @ rows) / np.sqrt(2))
