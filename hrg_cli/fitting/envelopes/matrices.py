@@ -241,6 +241,7 @@ def compute_exponential_slopes(m: Matrix, time_s: Array) -> tuple[Matrix, Array,
     x = np.where(small, 0.0, d * time_s)  # the series stands there, in any unit of time
     even = np.where(small, 1 + x2 / 2 + x2**2 / 24, np.cosh(x))
     slope = np.where(small, time_s * (1 + x2 / 6 + x2**2 / 120), np.sinh(x) / d)
+    # t(cosh x − sinh x/x)/2d², in whose series the ones cancel
     third = np.where(
         small, time_s**3 * (1 / 6 + x2 / 60 + x2**2 / 1680), (time_s * even - slope) / (2 * safe)
     )
@@ -272,6 +273,9 @@ def chain(steps: Matrix) -> Matrix:
     runs, count = steps[0].shape
     size = max(1, int(np.sqrt(count)))
     blocks = -(-count // size)
+
+    # blocks of √n steps side by side: the products within all of them at once; what fills up the
+    # last block are unit matrices
     inner = np.zeros((4, size, runs, blocks), complex)
     inner[0], inner[3] = 1.0, 1.0
     for part, values in zip(inner, steps, strict=True):
@@ -280,6 +284,8 @@ def chain(steps: Matrix) -> Matrix:
         part[:rest, :, whole:] = values[:, whole * size :].T[:, :, None]
     for i in range(1, size):
         inner[:, i] = multiply(tuple(inner[:, i]), tuple(inner[:, i - 1]))
+
+    # then each block behind the product of all blocks before it
     before = np.empty((4, runs, blocks), complex)
     before[:, :, 0] = np.array([1, 0, 0, 1])[:, None]
     for i in range(1, blocks):

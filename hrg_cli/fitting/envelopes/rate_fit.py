@@ -139,6 +139,7 @@ def fit_rate(
     """
     result, moved = None, np.inf
     for _ in range(AVERAGINGS):
+        # rows are averaged along the motion that the rate of the last round makes
         turn = integrate(build_cardinals(whole.time_s, grid).T @ rate, whole.time_s)
         run = replace(whole, turn_rad=turn)
         offset = estimate_mean_offset(run, known.p)
