@@ -255,6 +255,7 @@ def choose_different(runs: Sequence[EnvelopeRun], count: int) -> list[int]:
         features.append([*(s[1:] / s[0]), rate])
     table = np.array(features)
     table[:, 3] /= max(1e-300, np.abs(table[:, 3]).max())
+    # farthest first: the next run is the one whose nearest chosen neighbour is farthest away
     chosen = [int(np.argmax([r.duration_s for r in runs]))]
     while len(chosen) < min(count, len(runs)):
         distance = np.min(np.linalg.norm(table[:, None] - table[chosen][None], axis=2), axis=1)

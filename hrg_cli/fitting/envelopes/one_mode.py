@@ -123,6 +123,8 @@ def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
     a = np.abs(z)
     level = _smooth_level(a, run.std)
     clear = level > CLEAR * run.std
+    # a run-down that has sunk into its noise does not rise again: all rows before the first that is
+    # not clear; where these are few, every clear one
     last = len(a) if clear.all() else int(np.argmin(clear)) if clear[0] else 0
     rows = np.arange(last) if last >= max(8, len(a) // 4) else np.flatnonzero(clear)
     if len(rows) < FEWEST_ROWS:
@@ -133,6 +135,7 @@ def identify(run: EnvelopeRun, z: Array, nonlinear: bool = True) -> OneMode:
         )
     t, a, std = run.time_s[rows], a[rows], run.std[rows]
     phase = np.unwrap(np.angle(z[rows]))
+    # ln a and φ of a row both have the standard deviation σ/a
     weight = level[rows] / std
     decay = _law(-np.log(a), t, a, weight, DECAY_POWERS, nonlinear)
     frequency = (
@@ -197,6 +200,7 @@ def measure_misfit(run: EnvelopeRun, z: Array, rows: slice) -> tuple[Array, Arra
             value * integrate(a ** powers[name], run.time_s)
             for name, value in zip(law.names, law.value, strict=True)
         )
+        # the law's free constant, as the rows that it was fitted to have it
         apart = target - model
         left.append(apart - np.average(apart[inside], weights=(a / run.std)[inside] ** 2))
     larger = a * np.exp(

@@ -261,6 +261,7 @@ def combine_axes(
         return None
     axes, stds = np.array(crossings).T
     weight = 1 / np.maximum(stds, 1e-12) ** 2
+    # axes that differ by π/m are one: 2mθ is averaged, as a direction
     m2 = 2 * mode_number
     axis = float(np.angle(np.sum(weight * np.exp(1j * m2 * axes)))) / m2
     off = np.angle(np.exp(1j * m2 * (axes - axis))) / m2

@@ -37,6 +37,8 @@ class Coarse:
         """Covariance (2, n) of neighbouring increments for a random walk of density q: diagonal and
         first off-diagonal."""
         bands = np.zeros((2, len(self.interval_s)))
+        # between averages over a width w the walk has lost w/3 of its interval, and neighbouring
+        # increments share w/6 of it
         bands[0] = 2 * self.white + q * (self.interval_s - self.width_s / 3)
         bands[1, :-1] = -self.white + q * self.width_s / 6
         return bands
@@ -168,6 +170,7 @@ def estimate_common_walk(coarse: Sequence[Coarse], length_s: float) -> float:
     seen = vectors[:, kept] / scale[:, None] / np.sqrt(values[kept])
 
     def cost(q: float) -> float:
+        # ln|V| and the least χ² beside the columns, and ln|A| of what these have taken up
         A, b, total = normal(q)
         A, b = seen.T @ A @ seen, seen.T @ b
         return total - float(b @ np.linalg.solve(A, b)) + float(np.linalg.slogdet(A)[1])

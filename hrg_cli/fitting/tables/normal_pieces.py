@@ -211,6 +211,7 @@ def solve(
     seen = values > LEAST_SEEN
     inverse = np.where(seen, 1 / np.where(seen, values, 1.0), 0.0)
     covariance = (vectors * inverse) @ vectors.T / np.outer(scale, scale)
+    # trace of the hat matrix: fewer than the coefficients where a penalty holds some of them
     return TableSolution(
         start + M @ (covariance @ b), M @ covariance @ M.T, float(np.trace(covariance @ data))
     )
