@@ -92,6 +92,8 @@ def estimate_stokes_start(run: EnvelopeRun, grid: Array, p: Array) -> Array:
     s0, s1, s2, s3 = np.moveaxis(ellipse.compute_stokes(run.envelope), -1, 0)
     nu, dc, ds, wc, ws, factor = p[:6]
     shape = 2 * factor * build_cardinals(t, grid)
+    # σ of S₁ = |C|² − |S|², as of S₂, is 2σ√S₀; where the wave is lost, S₀ is what noise alone
+    # makes
     std = 2 * run.std * np.sqrt(np.maximum(s0, 4 * run.std**2))
     design, target = [], []
     for value, known, turning in (
@@ -151,6 +153,7 @@ def estimate_mean_offset(run: EnvelopeRun, p: Array) -> float:
     run = run.select_rows(slice(None, None, -(-len(run) // START_ROWS)))
     data = make_batch([run])
     model = respond(data, State(p, run.envelope[:1], np.zeros((1, 1)))).model[0]
+    # its phase is how far the run is ahead of the model; products of neighbours need no unwrapping
     ahead = np.sum(run.envelope * model.conj(), axis=1)
     step = np.diff(run.time_s)
     near = step < 1.5 * np.median(step)
