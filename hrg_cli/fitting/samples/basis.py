@@ -194,6 +194,7 @@ def compute_pull(coefficients: Array, left: Array) -> Pull:
     1.0 0.0
     0.0 1.0
     """
+    # with p = (M + M*)/2 and q = j(M − M*)/2 a real map of (p, q) reads αM + βM*
     m00, m01 = coefficients[..., 0::2, 0::2], coefficients[..., 0::2, 1::2]
     m10, m11 = coefficients[..., 1::2, 0::2], coefficients[..., 1::2, 1::2]
     return Pull((m00 + m11 + 1j * (m01 - m10)) / 2, (m00 - m11 - 1j * (m10 + m01)) / 2, left)
@@ -250,6 +251,9 @@ def build_window_basis(
     q, r = np.linalg.qr(matrix)
     inverse = np.linalg.inv(r)[: 2 * len(frequency_hz)]
     tones = 2 * len(frequency_hz)
+
+    # a slope and a curvature of 1: what each puts into the coefficients, and what of its square the
+    # basis leaves over
     pulls = []
     for motion in (tau[:, None] * matrix[:, :tones], tau[:, None] ** 2 / 2 * matrix[:, :tones]):
         taken = q.T @ motion
