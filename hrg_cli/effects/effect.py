@@ -74,6 +74,9 @@ class Parameter:
         that of the secant to a value tried.
     fitted_then
         It changes what others do and nothing else, so that it is fitted once these are found.
+    higher_order
+        The next order of what the effect does: held at its neutral value until the effect stands and
+        the data ask for it more than for any other cause.
     """
 
     name: str
@@ -86,6 +89,7 @@ class Parameter:
     minimum: float = -np.inf
     sets_in: bool = False
     fitted_then: bool = False
+    higher_order: bool = False
 
 
 def make_reference_temperature(

@@ -1,9 +1,9 @@
-"""Cubic nonlinearity of the capacitive pick-off.
+"""Cubic nonlinearity of the capacitive pick-off, and its fifth order where it shows.
 
-Physics: the gap's capacitance is not linear in displacement; each channel measures c + γ c³ (γ in
-1/amplitude²; for amplitudes in units of the gap γ = 1 for a charge 2c/(1 − c²), 3 for the literal
-read-out of seed B).
-Equation: C → C (1 + ¾γ|C|²); m = 2: δθ = −(3γ/32) a² sin 8θ, amplitude × (1 + (3γ/16) a² (3 + cos 8θ))   (PHYSICS R7).
+Physics: the gap's capacitance is not linear in displacement; each channel measures c + γ c³ + ε c⁵ (γ
+in 1/amplitude²; for amplitudes in units of the gap γ = ε = 1 for a charge 2c/(1 − c²), 3 and 5 for the
+literal read-out of seed B; an amplifier's tanh has γ = −1/3, ε = 2/15).
+Equation: C → C (1 + ¾γ|C|² + ⅝ε|C|⁴); m = 2: δθ = −(3γ/32) a² sin 8θ, amplitude × (1 + (3γ/16) a² (3 + cos 8θ))   (PHYSICS R7).
 Size: γ a² of 1e-4 … 1e-2. Mistaken for: anisotropic cubic stiffness (8θ), second order of the
 frequency split (8θ, but not proportional to a²). What separates it: two amplitudes; the third
 harmonic of the raw signal, γ|C|³/4, which a linear pick-off does not have.
@@ -14,23 +14,38 @@ import numpy as np
 from ..physics.plant import Readout, SlowState
 from .effect import Array, Effect, Parameter, Values
 
+FIFTH = "quintic"
+"""Name of the fifth order's parameter; reports in which it was not fitted do not have it."""
+
 
 def readout(p: Values, readout: Readout) -> None:
-    """y + γ y³ in each channel."""
-    gamma = p["cubic"]
-    readout.steps.append(lambda block, y: y + gamma * y**3)
+    """y + γ y³ + ε y⁵ in each channel."""
+    gamma, epsilon = p["cubic"], p.get(FIFTH, 0.0)
+    readout.steps.append(lambda block, y: y * (1 + y**2 * (gamma + epsilon * y**2)))
 
 
 def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
-    """u_k (1 + ¾γ|u_k|²)."""
-    return u * (1 + 0.75 * p["cubic"] * np.abs(u) ** 2)
+    """u_k (1 + ¾γ|u_k|² + ⅝ε|u_k|⁴): the parts of cos³ and cos⁵ that are cos."""
+    squared = np.abs(u) ** 2
+    return u * (1 + squared * (0.75 * p["cubic"] + 0.625 * p.get(FIFTH, 0.0) * squared))
 
 
 EFFECT = Effect(
     name="pickoff_nonlinearity",
     family="read-out",
     page=__doc__,
-    parameters=(Parameter("cubic", "amplitude-2", 2e-3, "γ of c + γ c³", amplitude_power=-2),),
+    parameters=(
+        Parameter("cubic", "amplitude-2", 2e-3, "γ of c + γ c³", amplitude_power=-2),
+        Parameter(
+            FIFTH,
+            "amplitude-4",
+            1e-5,
+            "ε of ε c⁵ beside it",
+            amplitude_power=-4,
+            fitted=False,
+            higher_order=True,
+        ),
+    ),
     mistaken_for=("anisotropic_cubic_stiffness", "saturation"),
     next_experiment=(
         "ring-downs at two amplitudes or a longer one, sampled fast enough to see the third"

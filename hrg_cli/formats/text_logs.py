@@ -19,6 +19,7 @@ import numpy as np
 from ..errors import HrgError
 from .clock import Clock, find_floating_quantum, find_quantum
 from .closing_lines import count_closing_lines, describe_closing
+from .cut_row import describe_cut, is_cut_short
 from .dialect import HEAD_BYTES, Dialect, find_cell_kind, is_text, sniff, split_line
 from .instruments import find_layout
 from .log import Array, Blocks, Channel, Log, Reader
@@ -41,6 +42,8 @@ def _open_text(path: Path, separator: str | None = None, decimal: str | None = N
     dialect = sniff(path, head, separator, decimal)
     last = _last_lines(head, tail, dialect)
     dialect = _end_before_closing(path, dialect, last)
+    if dialect.end_line is None and not tail.endswith((b"\n", b"\r", b"\n\0", b"\r\0")):
+        dialect = _end_before_cut(path, dialect, last)
     rising = _rising(dialect)
     channels = tuple(
         Channel(name, unit, kind={"date": "clock"}.get(kind, kind), rising=rising[i])  # type: ignore[arg-type]
@@ -96,11 +99,30 @@ def _end_before_closing(path: Path, dialect: Dialect, last: Sequence[str]) -> Di
     closing = count_closing_lines(last, dialect.kinds, cells_of, is_value)
     if not closing:
         return dialect
+    lines = _count_lines(path, dialect)
+    told = describe_closing(last[-closing:], lines - closing + 1)
+    return replace(dialect, left_out=(*dialect.left_out, told), end_line=lines - closing)
+
+
+def _end_before_cut(path: Path, dialect: Dialect, last: Sequence[str]) -> Dialect:
+    """The dialect with its end above the last line, where the file ends within a number of it."""
+    rows = [split_line(line, dialect.separator) for line in last]
+    whole = [row for row in rows if len(row) == len(dialect.kinds)]
+    if not whole or whole[-1] is not rows[-1] or dialect.kinds[-1] == "text":
+        return dialect
+    if not is_cut_short(whole[-1][-1], [row[-1] for row in whole[:-1]]):
+        return dialect
+    lines = _count_lines(path, dialect)
+    told = describe_cut(last[-1], lines)
+    return replace(dialect, left_out=(*dialect.left_out, told), end_line=lines - 1)
+
+
+def _count_lines(path: Path, dialect: Dialect) -> int:
+    """Lines of the file, the last one whole or not."""
     lines = 0
     for number, block in _lines(path, dialect):
         lines = number + block.count(b"\n") + (not block.endswith(b"\n"))
-    told = describe_closing(last[-closing:], lines - closing + 1)
-    return replace(dialect, left_out=(*dialect.left_out, told), end_line=lines - closing)
+    return lines
 
 
 def _rising(dialect: Dialect) -> list[bool]:

@@ -71,6 +71,7 @@ from .diagnosis.suspects.rivals import fit_nearest
 from .diagnosis.thresholds import GROSS
 from .identification.modes import has_dead_channel, thin_run
 from .one_gyro import need_each_once, need_same_gyro
+from .shared_noise import need_own_noise
 from .usable import (
     ESTIMATE_AGAIN,
     drop_refused,
@@ -156,6 +157,7 @@ def diagnose(
     """
     need_same_gyro(waves, "diagnose")
     need_each_once(waves)
+    need_own_noise(waves)
     usable = restrict_to_known_rates(drop_refused(waves))
     with usable.blame_refusals():
         _need_both_channels(usable.waves)

@@ -28,6 +28,7 @@ from .identification.rate_cuts import cut_at_rate_steps
 from .identification.resampled_errors import profile_intervals, resample_errors
 from .identification.unknown_rate import identify_with_unknown_rate
 from .one_gyro import need_each_once, need_same_gyro
+from .shared_noise import need_own_noise
 from .usable import Usable, drop_refused, restrict_to_known_rates
 
 Array = np.ndarray
@@ -137,6 +138,7 @@ def identify(
         raise HrgError("there is no run; give at least one wave file of a free run-down")
     need_same_gyro(waves, "identify")
     need_each_once(waves)
+    need_own_noise(waves)
     usable = _cut_to_usable(waves, rate_rad_s, method, window)
     waves = usable.waves
     with usable.blame_refusals():

@@ -153,13 +153,15 @@ class ExtendedFit:
         off = np.array([now[name] - neutral[name] for name in self.layout.parameters(effect.name)])
         return off, square_over_covariance(off, self.covariance[columns, columns])
 
+    def frees(self, effect: str, name: str) -> bool:
+        """Whether an effect's parameter is fitted."""
+        return name in self.layout.parameters(effect)
+
     def parameter_std(self, effect: str, name: str) -> float:
         """Standard deviation of an effect's parameter, 0 where it is not fitted."""
-        return (
-            self.std_at(self.layout.parameter(effect, name))
-            if name in self.layout.parameters(effect)
-            else 0.0
-        )
+        if not self.frees(effect, name):
+            return 0.0
+        return self.std_at(self.layout.parameter(effect, name))
 
 
 def place_on_rows(fit: ExtendedFit, values: Array) -> Array:

@@ -11,7 +11,9 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting.tables.increments import AnglePath, build_path
 from ...records import Calibration, Resonator, Wave
+from ..kelvin_logs import KELVIN_DEGC, find_kelvin_logs
 from ..one_gyro import find_two_gyros, need_each_once, need_same_gyro
+from ..shared_noise import need_own_noise
 from ..usable import Usable, drop_refused, restrict_to_known_rates
 from .programme import choose_nodes, examine
 
@@ -130,6 +132,7 @@ def prepare(
     forced, free, remarks = _split_by_drive(paths)
     table_nodes, low, high, words = choose_nodes(forced, axis, nodes)
     findings = examine(forced, table_nodes, axis, *needed)
+    kelvin, kelvin_alone = _find_kelvin(paths)
     return PreparedRuns(
         usable,
         forced,
@@ -139,9 +142,10 @@ def prepare(
         refusals=[
             *usable.refusals,
             *_refuse_two_gyros(paths),
+            *kelvin,
             *(f.sentence for f in findings if f.refuses),
         ],
-        remarks=[*remarks, *words, *(f.sentence for f in findings if not f.refuses)],
+        remarks=[*remarks, *words, *kelvin_alone, *(f.sentence for f in findings if not f.refuses)],
     )
 
 
@@ -172,6 +176,22 @@ def _refuse_two_gyros(paths: Sequence[AnglePath]) -> list[str]:
     ]
 
 
+def _find_kelvin(paths: Sequence[AnglePath]) -> tuple[list[str], list[str]]:
+    """Runs with thermometers in K: why there are no tables where others are in °C, since they would be
+    a node apart, and a remark where all are as hot."""
+    names = [path.run_id or f"number {i + 1}" for i, path in enumerate(paths)]
+    levels = np.array([_mean_of_known(path.temperature_degc) for path in paths])
+    hz = np.array([np.median(path.frequency_hz) for path in paths])
+    said = [one.sentence for one in find_kelvin_logs(names, levels, hz)]
+    return (said, []) if (levels <= KELVIN_DEGC).any() else ([], said[:1])
+
+
+def _mean_of_known(values: Array) -> float:
+    """NaN where none is known."""
+    known = np.asarray(values, float)[np.isfinite(values)]
+    return float(known.mean()) if len(known) else np.nan
+
+
 def need_one_gyro(waves: Sequence[Wave], resonators: Sequence[Resonator]) -> None:
     """Refuse runs and resonators that are not of one gyro.
 
@@ -199,6 +219,7 @@ def need_one_gyro(waves: Sequence[Wave], resonators: Sequence[Resonator]) -> Non
         raise HrgError("calibrate needs at least one wave file of a forced run; none was given")
     need_same_gyro(waves, "calibrate")
     need_each_once(waves)
+    need_own_noise(waves)
     for resonator in resonators:
         need_same_gyro(waves, "calibrate", resonator)
     modes = sorted({w.mode_number for w in waves})

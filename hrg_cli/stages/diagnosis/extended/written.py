@@ -16,10 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from ....effects.effect import Effect
+from ....effects.effect import INSTANT, OF_EVERY_RUN, RUN, Effect
 from ....errors import HrgError
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.slow_equation import find_jump_times
 from ....fitting.causes.wave_frame import to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....fitting.envelopes.coordinates import SCALE_FACTOR, SECOND_ORDER
@@ -366,10 +365,11 @@ def _course_of(wave: Wave, fit: ExtendedFit, tone: Tone | None, k: int) -> Simul
 
 
 def _jumping(fit: ExtendedFit, k: int) -> Array:
-    """Rows of a run (n,) next to an instant at which the motion jumps, where windows see both
-    sides."""
+    """Rows of a run (n,) next to an instant at which its motion or a gain jumps, where windows see
+    both sides."""
     t = fit.series.time_s[k]
     near = np.zeros(len(t), bool)
-    for instant in find_jump_times(fit.series, fit.point):
-        near |= np.abs(t - instant) < NEXT_ROWS * _row_s(fit, k)
+    for _, values in fit.point.active:
+        if INSTANT in values and values.get(RUN, OF_EVERY_RUN) in (OF_EVERY_RUN, k):
+            near |= np.abs(t - values[INSTANT]) < NEXT_ROWS * _row_s(fit, k)
     return near

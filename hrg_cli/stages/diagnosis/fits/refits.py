@@ -517,6 +517,50 @@ def free_second_order(
     return free if fit.chi2 - free.chi2 > max(CLEARLY, best) else None
 
 
+def free_higher_orders(
+    fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]]
+) -> ExtendedFit | None:
+    """The fit with the next order of one of its causes free, where the data ask for that more than for
+    any other cause: a pick-off's fifth order beside its cubic.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    ranked
+        Scores and variants of the causes, best first.
+
+    Returns
+    -------
+    ExtendedFit or None
+        None where the data do not ask for it.
+
+    Examples
+    --------
+    No cause, no order of one:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.fits.refits import free_higher_orders
+    >>> free_higher_orders(draw_fit(), []) is None
+    True
+    """
+    best = max((score.gain for score, _ in ranked if score.visible), default=0.0)
+    for effect, values in fit.point.active:
+        if all(p.fitted or not p.higher_order for p in effect.parameters):
+            continue
+        freed = replace(
+            effect,
+            parameters=tuple(
+                replace(p, fitted=p.fitted or p.higher_order) for p in effect.parameters
+            ),
+        )
+        point = fit_point.add_effect(fit.point, freed, dict(values))
+        free = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
+        if free.converged and fit.chi2 - free.chi2 > max(CLEARLY, best):
+            return free
+    return None
+
+
 def leave_out(fit: ExtendedFit, *names: str, base: ExtendedFit | None = None) -> ExtendedFit | None:
     """The fit again without some effects; None where no motion is left: the model cannot do without
     them.

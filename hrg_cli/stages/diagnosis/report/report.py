@@ -100,6 +100,7 @@ def _figures(fit: ExtendedFit) -> dict[str, float]:
 def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[str, Any]:
     effect, fit = one.variant.effect, sized.fit
     active = fit.values(effect.name)
+    higher = [p for p in effect.parameters if p.higher_order and fit.frees(effect.name, p.name)]
     score = _test_beside_others(one, fit, sized.factor)
     stds = {name: std for name, (_, std) in (one.sizes or {}).items()}
     sentences = [effect.next_experiment] + [
@@ -122,12 +123,13 @@ def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[st
                 ),
                 "units": p.units,
             }
-            for p in effect.fitted()
+            for p in effect.parameters
+            if p.fitted or p in higher
         },
         "held": {
             p.name: {"value": float(active[p.name]), "units": p.units}
             for p in effect.parameters
-            if not p.fitted
+            if not (p.fitted or p.higher_order)
         },
         "indistinguishable_from": list(one.rivals),
         "next_experiment": (

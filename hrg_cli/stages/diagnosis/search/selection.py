@@ -17,6 +17,7 @@ from ..fits.refits import (
     Trial,
     adopt_hopeful,
     compute_bic,
+    free_higher_orders,
     free_second_order,
     hold_unseen,
     leave_out,
@@ -139,6 +140,9 @@ def _take_forward(selected: Selected, inquiry: Inquiry) -> Selected:
         if freed is not None:
             fit, ranked = freed, score_effects(freed, inquiry.candidates)
             base = base if found else fit
+        higher = free_higher_orders(fit, ranked)
+        if higher is not None:
+            fit, ranked = higher, score_effects(higher, inquiry.candidates)
         if len(found) >= inquiry.most:
             break
         step = find_best_step(fit, ranked, inquiry.noise)

@@ -11,6 +11,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.base_freedom import choose_scale_factor
 from ....records import Wave
 from ....units import RATE_UNITS
+from ...kelvin_logs import find_kelvin_logs
 from ...suspicion import Suspicion
 from ..samples.lines import find_median_frequency
 from ..thresholds import GROSS
@@ -22,10 +23,6 @@ MISTAKEN = ("°/s", "°/h")
 """Units of a rate log that a scale factor without any misfit shows."""
 RANGE = 2.5
 """Times above and below its usual value that a scale factor may be."""
-KELVIN_DEGC = 150.0
-"""Temperature that no gyro has in °C and every gyro has in K."""
-SETTLED = 1e-3
-"""Relative distance of two frequencies that a difference of 273 °C would exceed."""
 
 
 def find_wrong_logs(waves: Sequence[Wave], fit: ExtendedFit) -> list[Suspicion]:
@@ -141,34 +138,17 @@ def _several_rates(fit: ExtendedFit) -> bool:
 
 def _temperatures(waves: Sequence[Wave]) -> list[Suspicion]:
     """Kelvin beside °C, where the frequencies say that the runs were as warm."""
-    logged = {
-        k: float(np.nanmean(np.asarray(w.temperature_degc, float)))
-        for k, w in enumerate(waves)
-        if _logs_temperature(w)
-    }
-    others = {k: level for k, level in logged.items() if level <= KELVIN_DEGC}
-    hz = float(np.median([find_median_frequency(waves[k]) for k in others])) if others else 0.0
-    out = []
-    for k, level in logged.items():
-        own = find_median_frequency(waves[k])
-        if level <= KELVIN_DEGC or (others and abs(own / hz - 1) > SETTLED):
-            continue
-        evidence = f"{level:.4g} is logged"
-        if others:
-            low, high = min(others.values()), max(others.values())
-            evidence += (
-                f", {low:.4g} to {high:.4g} °C in the other runs, and it oscillates as they do"
-                f" ({own:.6g} and {hz:.6g} Hz)"
-            )
-        out.append(
-            Suspicion(
-                waves[k].run_id,
-                "thermometer in K",
-                evidence,
-                "import this run's temperature with its unit, K",
-            )
-        )
-    return out
+    levels = [
+        float(np.nanmean(np.asarray(wave.temperature_degc, float)))
+        if _logs_temperature(wave)
+        else np.nan
+        for wave in waves
+    ]
+    return find_kelvin_logs(
+        [wave.run_id for wave in waves],
+        np.array(levels),
+        np.array([find_median_frequency(wave) for wave in waves]),
+    )
 
 
 def _logs_temperature(wave: Wave) -> bool:

@@ -1,0 +1,210 @@
+"""One recording under two names, told by its noise: two runs may move alike, and never share noise.
+
+Of every run the rows' main amplitude and wave angle, less a polynomial along them, are noise; the cross-correlation
+of two runs' has a single peak where one is the other, exported again, rounded or cut. Runs that a simulator gave
+the same noise move otherwise, and lines that all recordings have make no single peak.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from ..errors import EACH_RUN_ONCE, HrgError
+from ..records import Wave
+
+Array = np.ndarray
+MOST_ROWS, FEWEST_ROWS = 8192, 64
+"""Rows of a run that are compared, from its first; with fewer nothing is said."""
+SMOOTHED, DEGREE = 15, 4
+"""Rows along which, and degree with which, the motion is taken off."""
+NOISE_RANGE = (0.2, 2.0)
+"""Of what is left over the stated noise: beyond it the motion is still in it, or the noise is not white."""
+STEPS = 0.02
+"""Relative difference of the rows' distance in time up to which two runs have the same windows."""
+SHARED = 0.25
+"""Correlation from which noise is shared: windows of a cut copy that lie across the first's share half of it at
+least, and the polynomial takes some."""
+SURE = 9.0
+"""Peak over the rms of all other shifts: 1e-18, with all pairs and shifts of a lot below 1e-10."""
+ALONE, BESIDE = 0.5, 3
+"""Any other peak over the highest, and shifts on either side that belong to that."""
+MOVES_ALIKE = 10.0
+"""Standard deviations within which copies move alike, beside what they move from row to row."""
+
+
+@dataclass(frozen=True)
+class SharedNoise:
+    """Two runs by their places, the part of the noise that they share, and the second's start less
+    the first's in the first's time."""
+
+    first: int
+    second: int
+    correlation: float
+    shift_s: float
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of a run from its first: noise (n,) complex in its own σ, amplitude and angle (n,) with their σ."""
+
+    step_s: float
+    noise: Array
+    transform: Array
+    amplitude: Array
+    angle: Array
+    std: tuple[float, float]
+    period_rad: float
+
+
+def need_own_noise(waves: Sequence[Wave]) -> None:
+    """Refuse runs of which two are one recording, exported again, rounded or cut: its rows would count
+    twice.
+
+    Parameters
+    ----------
+    waves
+        The runs.
+
+    Raises
+    ------
+    HrgError
+        Two of them share their noise, and move alike.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.shared_noise import need_own_noise
+    >>> need_own_noise(draw_waves())
+    """
+    found = find_shared_noise(waves)
+    if found is None:
+        return
+    one, other = (
+        waves[place].run_id or f"number {place + 1}" for place in (found.first, found.second)
+    )
+    cut = f", {abs(found.shift_s):.3g} s cut off" if found.shift_s else ""
+    raise HrgError(
+        f"runs {one} and {other} share {found.correlation:.0%} of their noise and move alike: one"
+        f" recording under two names{cut}; {EACH_RUN_ONCE}"
+    )
+
+
+def find_shared_noise(waves: Sequence[Wave]) -> SharedNoise | None:
+    """The first two runs that are one recording.
+
+    Parameters
+    ----------
+    waves
+        The runs.
+
+    Returns
+    -------
+    SharedNoise or None
+        None where all have noise of their own.
+
+    Examples
+    --------
+    A copy of which the first five rows are cut off:
+
+    >>> from hrg_cli.records import collect
+    >>> from hrg_cli.stages.demodulate import demodulate
+    >>> from hrg_cli.stages.estimate import estimate
+    >>> from hrg_cli.stages.shared_noise import find_shared_noise
+    >>> from hrg_cli.stages.simulate import simulate
+    >>> def measure(seed):
+    ...     config = {
+    ...         "device": {"frequency_hz": 1000.0, "quality_factor": 1e4},
+    ...         "recording": {"sample_rate_hz": 8000.0, "duration_s": 2.0},
+    ...         "readout": {"noise": 1e-3},
+    ...     }
+    ...     samples = collect(simulate(config, seed=seed))
+    ...     return collect(estimate(collect(demodulate(samples, periods_per_window=10))))
+    >>> one, other = measure(1), measure(2)
+    >>> find_shared_noise([one, other]) is None
+    True
+    >>> found = find_shared_noise([one, other, other.rows(5, len(other))])
+    >>> found.first, found.second, bool(found.correlation > 0.9)
+    (1, 2, True)
+    """
+    rows = [_rows_of(wave) for wave in waves]
+    for (i, one), (k, other) in combinations(enumerate(rows), 2):
+        if one is None or other is None or abs(other.step_s / one.step_s - 1) > STEPS:
+            continue
+        found = _compare(one, other)
+        if found is not None:
+            correlation, shift = found
+            return SharedNoise(i, k, correlation, shift * one.step_s)
+    return None
+
+
+def _rows_of(wave: Wave) -> _Rows | None:
+    """None where there are too few rows, they state no noise, or what is left is not noise."""
+    from scipy.signal import savgol_filter
+
+    n = min(len(wave), MOST_ROWS)
+    good = wave.good()[:n]
+    if np.count_nonzero(good) < max(FEWEST_ROWS, n // 2):
+        return None
+    t = np.asarray(wave.time_s[:n], float)
+    columns, stds, noise = [], [], []
+    for value, std in (
+        (wave.main_amplitude, wave.main_amplitude_std),
+        (wave.wave_angle_rad, wave.wave_angle_rad_std),
+    ):
+        known = np.interp(t, t[good], np.asarray(value[:n], float)[good])
+        own = np.interp(t, t[good], np.asarray(std[:n], float)[good])
+        if not own.min() > 0:
+            return None
+        left = np.where(good, known - savgol_filter(known, SMOOTHED, DEGREE), 0.0) / own
+        least, most = NOISE_RANGE
+        if not least < np.sqrt(np.mean(left[good] ** 2)) < most:
+            return None
+        columns.append(known)
+        stds.append(float(np.median(own)))
+        noise.append(left)
+    both = noise[0] + 1j * noise[1]
+    transform = np.fft.fft(both, 2 * MOST_ROWS)
+    step, period = float(np.median(np.diff(t))), np.pi / wave.mode_number
+    return _Rows(step, both, transform, columns[0], columns[1], (stds[0], stds[1]), period)
+
+
+def _compare(one: _Rows, other: _Rows) -> tuple[float, int] | None:
+    """(correlation, rows by which the other begins later) of one recording; None: they are two."""
+    # Re Σ conj(z₁[k]) z₂[k − shift]: both columns at once
+    course = np.fft.ifft(np.conj(other.transform) * one.transform).real
+    place = int(np.argmax(course))
+    peak, size = float(course[place]), len(course)
+    away = np.abs((np.arange(size) - place + size // 2) % size - size // 2) > BESIDE
+    rest = course[away]
+    if peak < SURE * float(np.sqrt(np.mean(rest**2))) or float(rest.max()) > ALONE * peak:
+        return None
+    shift = place if place < size // 2 else place - size
+    a, b = max(shift, 0), max(-shift, 0)
+    n = min(len(one.noise) - a, len(other.noise) - b)
+    if n < FEWEST_ROWS:
+        return None
+    mine, its = slice(a, a + n), slice(b, b + n)
+    power = np.sum(np.abs(one.noise[mine]) ** 2) * np.sum(np.abs(other.noise[its]) ** 2)
+    correlation = peak / float(np.sqrt(power))
+    if correlation < SHARED or not _move_alike(one, other, mine, its):
+        return None
+    return correlation, shift
+
+
+def _move_alike(one: _Rows, other: _Rows, mine: slice, its: slice) -> bool:
+    """Whether both runs go through the same amplitudes and angles, but for noise and a part of a row."""
+    apart = one.amplitude[mine] - other.amplitude[its]
+    turned = one.angle[mine] - other.angle[its]
+    turned = turned - one.period_rad * np.round(turned / one.period_rad)
+    for values, difference, std in (
+        (one.amplitude[mine], apart, one.std[0]),
+        (one.angle[mine], turned, one.std[1]),
+    ):
+        moved = float(np.median(np.abs(np.diff(values))))
+        if float(np.median(np.abs(difference))) > MOVES_ALIKE * std + moved:
+            return False
+    return True
