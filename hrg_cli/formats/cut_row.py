@@ -1,4 +1,4 @@
-"""A log whose last line was cut within its last number: a row whose cells are all there, and one wrong."""
+"""A log whose last line was cut within its last number: a row with all its cells, and one wrong."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from .left_out import LeftOut
 FEWEST_OTHERS = 8
 """Rows above the last from which the digits of a log's numbers are known."""
 SPARED = 1
-"""Digits by which a number written without trailing zeros may be shorter than all others: a hundredth are by two."""
+"""Digits by which a number written without trailing zeros may be shorter than all others: one of a
+hundred is by two."""
 
 
 def is_cut_short(last: str, others: Sequence[str]) -> bool:

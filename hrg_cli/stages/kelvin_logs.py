@@ -1,4 +1,5 @@
-"""Thermometers logged in K among ones in °C, where the runs' frequencies say that all were as warm."""
+"""Thermometers logged in K among ones in °C, where the runs' frequencies say that all were as
+warm."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ Array = np.ndarray
 KELVIN_DEGC = 150.0
 """Temperature that no gyro has in °C and every gyro has in K."""
 SETTLED = 1e-3
-"""Relative distance of two frequencies that a difference of 273 °C would exceed."""
+"""Relative distance from the other runs' frequencies that a difference of 273 °C would exceed."""
 
 
 def find_kelvin_logs(
@@ -42,19 +43,19 @@ def find_kelvin_logs(
     >>> [one.run_id for one in find_kelvin_logs(["a", "b", "c"], logged, hz)]
     ['b']
     """
-    level = np.asarray(temperature_degc, float)
+    level, hz = np.asarray(temperature_degc, float), np.asarray(frequency_hz, float)
     usual = level <= KELVIN_DEGC
-    hz = float(np.median(frequency_hz[usual])) if usual.any() else np.nan
 
     out = []
     for k in np.flatnonzero(level > KELVIN_DEGC):
         evidence = f"{level[k]:.4g} is logged"
         if usual.any():
-            if abs(frequency_hz[k] / hz - 1) > SETTLED:
+            nearest = float(np.clip(hz[k], hz[usual].min(), hz[usual].max()))
+            if abs(hz[k] / nearest - 1) > SETTLED:
                 continue
             evidence += (
-                f", {level[usual].min():.4g} to {level[usual].max():.4g} °C in the other runs, and it"
-                f" oscillates as they do ({frequency_hz[k]:.6g} and {hz:.6g} Hz)"
+                f", {level[usual].min():.4g} to {level[usual].max():.4g} °C in the other runs, and"
+                f" it oscillates as they do ({hz[k]:.6g} and {nearest:.6g} Hz)"
             )
         out.append(
             Suspicion(

@@ -1,8 +1,9 @@
 """One recording under two names, told by its noise: two runs may move alike, and never share noise.
 
-Of every run the rows' main amplitude and wave angle, less a polynomial along them, are noise; the cross-correlation
-of two runs' has a single peak where one is the other, exported again, rounded or cut. Runs that a simulator gave
-the same noise move otherwise, and lines that all recordings have make no single peak.
+Of every run the rows' main amplitude and wave angle, less a polynomial along them, are noise; the
+cross-correlation of two runs' has a single peak where one is the other, exported again, rounded or
+cut. Runs that a simulator gave the same noise move otherwise, and lines that all recordings have
+make no single peak.
 """
 
 from __future__ import annotations
@@ -22,12 +23,13 @@ MOST_ROWS, FEWEST_ROWS = 8192, 64
 SMOOTHED, DEGREE = 15, 4
 """Rows along which, and degree with which, the motion is taken off."""
 NOISE_RANGE = (0.2, 2.0)
-"""Of what is left over the stated noise: beyond it the motion is still in it, or the noise is not white."""
+"""Of what is left over the stated noise: beyond it the motion is still in it, or the noise is not
+white."""
 STEPS = 0.02
 """Relative difference of the rows' distance in time up to which two runs have the same windows."""
 SHARED = 0.25
-"""Correlation from which noise is shared: windows of a cut copy that lie across the first's share half of it at
-least, and the polynomial takes some."""
+"""Correlation from which noise is shared: windows of a cut copy that lie across the first's share
+half of it at least, and the polynomial takes some."""
 SURE = 9.0
 """Peak over the rms of all other shifts: 1e-18, with all pairs and shifts of a lot below 1e-10."""
 ALONE, BESIDE = 0.5, 3
@@ -49,7 +51,8 @@ class SharedNoise:
 
 @dataclass(frozen=True)
 class _Rows:
-    """Rows of a run from its first: noise (n,) complex in its own σ, amplitude and angle (n,) with their σ."""
+    """Rows of a run from its first: noise (n,) complex in its own σ, amplitude and angle (n,) with
+    their σ."""
 
     step_s: float
     noise: Array
@@ -61,8 +64,8 @@ class _Rows:
 
 
 def need_own_noise(waves: Sequence[Wave]) -> None:
-    """Refuse runs of which two are one recording, exported again, rounded or cut: its rows would count
-    twice.
+    """Refuse runs of which two are one recording, exported again, rounded or cut: its rows would
+    count twice.
 
     Parameters
     ----------
@@ -196,7 +199,7 @@ def _compare(one: _Rows, other: _Rows) -> tuple[float, int] | None:
 
 
 def _move_alike(one: _Rows, other: _Rows, mine: slice, its: slice) -> bool:
-    """Whether both runs go through the same amplitudes and angles, but for noise and a part of a row."""
+    """Whether both go through the same amplitudes and angles, but for noise and a part of a row."""
     apart = one.amplitude[mine] - other.amplitude[its]
     turned = one.angle[mine] - other.angle[its]
     turned = turned - one.period_rad * np.round(turned / one.period_rad)

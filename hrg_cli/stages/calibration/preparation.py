@@ -15,6 +15,7 @@ from ..kelvin_logs import KELVIN_DEGC, find_kelvin_logs
 from ..one_gyro import find_two_gyros, need_each_once, need_same_gyro
 from ..shared_noise import need_own_noise
 from ..usable import Usable, drop_refused, restrict_to_known_rates
+from .free_runs import tell_free_runs
 from .programme import choose_nodes, examine
 
 Array = np.ndarray
@@ -46,6 +47,7 @@ class PreparedRuns:
     """(j,) of `axis`."""
     valid: tuple[float, float]
     """Range of the nodes' quantity."""
+    notes: list[str]
     refusals: list[str]
     """Why the programme cannot give the tables."""
     remarks: list[str]
@@ -54,7 +56,8 @@ class PreparedRuns:
         self, record: Calibration, refusals: Sequence[str], remarks: Sequence[str]
     ) -> Calibration:
         """The record with everything there is to say in its status."""
-        noted = record.judged(self.usable.notes, "valid").judged(self.usable.doubts, "suspect")
+        notes = [*self.usable.notes, *self.notes]
+        noted = record.judged(notes, "valid").judged(self.usable.doubts, "suspect")
         judged = noted.judged(refusals, "refused").judged(remarks, "suspect")
         return judged.judged(self.usable.inherited, "suspect")
 
@@ -129,16 +132,19 @@ def prepare(
             )
             for wave in usable.waves
         ]
-    forced, free, remarks = _split_by_drive(paths)
+    forced, free, notes, remarks = _split_by_drive(paths)
     table_nodes, low, high, words = choose_nodes(forced, axis, nodes)
     findings = examine(forced, table_nodes, axis, *needed)
     kelvin, kelvin_alone = _find_kelvin(paths)
+    if kelvin:  # what a programme with a node of its own for them lacks is no other fault
+        findings = []
     return PreparedRuns(
         usable,
         forced,
         free,
         table_nodes,
         (low, high),
+        notes,
         refusals=[
             *usable.refusals,
             *_refuse_two_gyros(paths),
@@ -151,14 +157,15 @@ def prepare(
 
 def _split_by_drive(
     paths: Sequence[AnglePath],
-) -> tuple[list[AnglePath], list[AnglePath], list[str]]:
-    """Forced runs, free runs, and what to say: where no run is forced, the free ones take their
-    place."""
+) -> tuple[list[AnglePath], list[AnglePath], list[str], list[str]]:
+    """Forced runs, free runs, what to note and what to doubt: where no run is forced, the free ones
+    take their place."""
     forced, free = [p for p in paths if p.forced], [p for p in paths if not p.forced]
     if forced:
-        return forced, free, []
+        return forced, free, *tell_free_runs(free)
     return (
         free,
+        [],
         [],
         ["no run is forced: the tables are those of free runs, without the drive's own errors"],
     )
@@ -177,8 +184,8 @@ def _refuse_two_gyros(paths: Sequence[AnglePath]) -> list[str]:
 
 
 def _find_kelvin(paths: Sequence[AnglePath]) -> tuple[list[str], list[str]]:
-    """Runs with thermometers in K: why there are no tables where others are in °C, since they would be
-    a node apart, and a remark where all are as hot."""
+    """Runs with thermometers in K: why there are no tables where others are in °C, since they would
+    be a node apart, and a remark where all are as hot."""
     names = [path.run_id or f"number {i + 1}" for i, path in enumerate(paths)]
     levels = np.array([_mean_of_known(path.temperature_degc) for path in paths])
     hz = np.array([np.median(path.frequency_hz) for path in paths])

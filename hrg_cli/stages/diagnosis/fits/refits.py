@@ -520,8 +520,8 @@ def free_second_order(
 def free_higher_orders(
     fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]]
 ) -> ExtendedFit | None:
-    """The fit with the next order of one of its causes free, where the data ask for that more than for
-    any other cause: a pick-off's fifth order beside its cubic.
+    """The fit with the next order of one of its causes free, where the data ask for that more than
+    for any other cause: a pick-off's fifth order beside its cubic.
 
     Parameters
     ----------
