@@ -157,6 +157,8 @@ def recording_to_wave(
     except (DiskFullError, UsageError):
         raise
     except HrgError as error:
+        if not any(output.exists() for output in outputs):  # nothing was made, nothing to remember
+            note.unlink(missing_ok=True)
         yield Step(first[0], tuple(p.name for p in inputs), first[1].name, "failed", (str(error),))
 
 

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import typer
 
 from .. import pipeline, settings, store
-from ..errors import UsageError
+from ..errors import HrgError, UsageError
 from ..formats import find_second_file, import_envelope, import_log
 from ..records import Record, Recording
 from ..reporting.console import print_table
@@ -216,4 +216,9 @@ def _on_disk(log: Path) -> Iterator[Path]:
         source = sys.stdin.buffer if str(log) == "-" else opened.enter_context(open(log, "rb"))
         with open(path, "wb") as file:
             shutil.copyfileobj(source, file)
-        yield path
+        try:
+            yield path
+        except HrgError as error:  # the copy's place is nothing that a person knows
+            told = "standard input" if str(log) == "-" else str(log)
+            error.args = (str(error).replace(str(path), told),)
+            raise

@@ -21,7 +21,9 @@ class Compensated(Record):
     rate_estimate_rad_s_std: Array | None = column(
         "rad s-1", "its standard deviation, NaN where it is not known", optional=True, valid=SCATTER
     )
-    angle_estimate_rad: Array = column("rad", "its integral from the run's start")
+    angle_estimate_rad: Array = column(
+        "rad", "its integral from the middle of the first windows that make an increment"
+    )
     angle_estimate_rad_std: Array | None = column(
         "rad", "its standard deviation, NaN where it is not known", optional=True, valid=SCATTER
     )

@@ -1,5 +1,7 @@
 """What a person gets who mistypes: one line that names the command, what is wrong and what to do."""
 
+import io
+
 import pytest
 import records_by_hand
 import typer.main
@@ -68,3 +70,15 @@ def test_a_column_that_there_is_not_is_answered_with_those_there_are(hrg, tmp_pa
     result = hrg(*log, "--s", 9)
     assert result.status == 1 and "it has 3 columns" in result.err
     assert result.err.rstrip().endswith("name one of these")
+
+
+def test_what_came_by_standard_input_is_called_that(hrg, tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"a,b\n1,x\n")))
+    result = hrg("import", "-", "-o", tmp_path / "x.h5")
+    assert result.status == 1 and result.err.startswith("hrg: standard input: "), result.err
+
+
+def test_a_run_of_nothing_leaves_nothing(hrg, tmp_path):
+    (tmp_path / "empty.h5").touch()
+    assert hrg("run", tmp_path / "empty.h5", "-o", tmp_path / "out").status == 1
+    assert not (tmp_path / "out").exists()

@@ -49,8 +49,8 @@ def tell_free_runs(free: Sequence[AnglePath]) -> tuple[list[str], list[str]]:
     if held:
         its = ("is", "its file", "its") if len(held) == 1 else ("are", "their files", "their")
         doubts.append(
-            f"{_name(held)} {its[0]} free by {its[1]}, and {its[2]} amplitude holds as only a driven"
-            " one does: left out of the tables; import with --mode forced"
+            f"{_name(held)} {its[0]} free by {its[1]}, and {its[2]} amplitude holds as only"
+            " a driven one does: left out of the tables; import with --mode forced"
         )
     fall = [path for path in free if not _holds(path)]
     notes = [f"free, and not in the tables of forced runs: {_name(fall)}"] if fall else []
