@@ -30,8 +30,10 @@ class Sources:
         self._part = name_part(taken or {})
 
     def __enter__(self) -> Sources:
-        for path in self._paths:
+        for place, path in enumerate(self._paths):
             store.need_readable(path)
+            if path in self._paths[:place]:
+                raise HrgError(f"{path}: is the same data as {path}; {_say_once(path)}")
         self._before = [self._stamp(p) for p in self._paths]
         self._hashes: list[Future[str]] = [
             self._pool.submit(store.compute_sha256, p, self._failed) for p in self._paths

@@ -135,13 +135,17 @@ def find_shared_noise(waves: Sequence[Wave]) -> SharedNoise | None:
     """
     rows = [_rows_of(wave) for wave in waves]
     for (i, one), (k, other) in combinations(enumerate(rows), 2):
-        if one is None or other is None or abs(other.step_s / one.step_s - 1) > STEPS:
+        if one is None or other is None or not _windowed_alike(one, other):
             continue
         found = _compare(one, other)
         if found is not None:
             correlation, shift = found
             return SharedNoise(i, k, correlation, shift * one.step_s)
     return None
+
+
+def _windowed_alike(one: _Rows, other: _Rows) -> bool:
+    return one.period_rad == other.period_rad and abs(other.step_s / one.step_s - 1) < STEPS
 
 
 def _rows_of(wave: Wave) -> _Rows | None:

@@ -19,7 +19,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.least_squares import square_over_covariance
 from ..thresholds import CLEARLY, OUTDONE, WORTH
 from .scoring import compute_worth, is_gross, is_possible, price_place
-from .strike_instants import settle_instants
+from .strike_instants import is_gross_elsewhere, settle_instants
 from .variants import Variant
 
 SHORTLIST = 3
@@ -385,6 +385,9 @@ def _refitted(
             trial = settle(trial)
             level = compute_bic(trial)
         effect, _ = trial.point.active[-1]
+        # what happens in one run may not stand beside a gross misfit, wherever in its row
+        if effect.of_one_run and is_gross_elsewhere(trial, effect):
+            continue
         if (placed := settle_instants(trial, {effect.name})) is not trial:
             trial, level = placed, compute_bic(placed)
             instant = placed.point.active[-1][1][INSTANT]

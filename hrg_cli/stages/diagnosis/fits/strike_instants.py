@@ -17,10 +17,13 @@ from ....effects.effect import INSTANT, RUN, Effect
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.parabola import fit_parabola
+from ..thresholds import GROSS
 
 PARTS = (1 / 4, 1 / 4, 1 / 12, 1 / 36, 1 / 108)
 """Parts of a row by which the instant is moved to see the parabola, which bends anew at every row's
 end."""
+OWN_ROWS = 2.0
+"""Rows on either side of an instant in which its place within the row may show."""
 FLAT = 0.5
 """Rise of χ² to either side that is none: no smaller move shows more."""
 
@@ -64,6 +67,42 @@ def settle_instants(fit: ExtendedFit, names: Collection[str]) -> ExtendedFit:
                 if rise < FLAT:
                     break
     return fit
+
+
+def is_gross_elsewhere(fit: ExtendedFit, effect: Effect) -> bool:
+    """Whether the misfit is gross in rows that no move of an effect's instant within its own row
+    could mend.
+
+    Parameters
+    ----------
+    fit
+        With the effect.
+    effect
+        That strikes, or not.
+
+    Returns
+    -------
+    bool
+        False of an effect without an instant.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_knocked_fit
+    >>> from hrg_cli.stages.diagnosis.fits.strike_instants import is_gross_elsewhere
+    >>> is_gross_elsewhere(draw_knocked_fit(), find("momentum_kick"))
+    False
+    """
+    values = next((v for one, v in fit.point.active if one.name == effect.name), {})
+    if INSTANT not in values or RUN not in values:
+        return False
+    left = np.sum(extended_fit.place_on_rows(fit, fit.residual) ** 2, axis=-1)
+    runs = np.flatnonzero(fit.series.numbers == values[RUN])
+    for k in runs:
+        t = fit.series.time_s[k]
+        row_s = float(np.median(np.diff(t[fit.series.weight[k] > 0])))
+        left[k, np.abs(t - values[INSTANT]) < OWN_ROWS * row_s] = 0.0
+    return float(left.sum()) > GROSS * fit.dof
 
 
 def _settle_instant(fit: ExtendedFit, effect: Effect, part: float) -> tuple[ExtendedFit, float]:
