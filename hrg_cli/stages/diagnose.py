@@ -17,13 +17,13 @@ import numpy as np
 from pydantic import Field
 
 from ..effects import EFFECTS, find
-from ..effects.effect import INSTANT, Effect
+from ..effects.effect import Effect
 from ..errors import HrgError, name_some
 from ..fitting import checks
 from ..fitting.causes import extended_fit, motion_budget
 from ..fitting.causes.extended_fit import ExtendedFit
 from ..fitting.causes.fit_point import Active
-from ..fitting.causes.slow_equation import find_jump_times
+from ..fitting.causes.slow_equation import find_strikes
 from ..fitting.checks import Check
 from ..fitting.envelopes import envelope_runs
 from ..records import Diagnosis, Resonator, Wave
@@ -407,8 +407,7 @@ def _untouched(case: Case, cut: Cut) -> ExtendedFit:
 
 def _instants(fit: ExtendedFit, cut: Cut) -> list[tuple[int, float]]:
     """(wave, time) of every instant at which samples were lost or a cause of the fit strikes."""
-    strikes = find_jump_times(fit.series, fit.point)
-    strikes += [values[INSTANT] for effect, values in fit.point.active if effect.of_one_run]
+    strikes = [instant for _, instant in find_strikes(fit.series, fit.point)]
     return [
         *((step.run, step.time_s) for step in cut.steps),
         *((run, time_s) for run in cut.origin for time_s in strikes),

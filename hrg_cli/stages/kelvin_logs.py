@@ -16,6 +16,31 @@ SETTLED = 1e-3
 """Relative distance from the other runs' frequencies that a difference of 273 °C would exceed."""
 
 
+def average_log(temperature_degc: Array | None) -> float:
+    """Mean of what a thermometer's log knows.
+
+    Parameters
+    ----------
+    temperature_degc
+        Its rows, (n,), NaN where none is known; None: no log.
+
+    Returns
+    -------
+    float
+        [°C]; NaN where nothing is known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.kelvin_logs import average_log
+    >>> average_log(np.array([20.0, np.nan, 22.0])), average_log(None)
+    (21.0, nan)
+    """
+    log = np.asarray([] if temperature_degc is None else temperature_degc, float)
+    known = log[np.isfinite(log)]
+    return float(known.mean()) if len(known) else np.nan
+
+
 def find_kelvin_logs(
     run_ids: Sequence[str], temperature_degc: Array, frequency_hz: Array
 ) -> list[Suspicion]:

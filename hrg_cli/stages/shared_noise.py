@@ -187,7 +187,12 @@ def _compare(one: _Rows, other: _Rows) -> tuple[float, int] | None:
     peak, size = float(course[place]), len(course)
     away = np.abs((np.arange(size) - place + size // 2) % size - size // 2) > BESIDE
     rest = course[away]
-    if peak < SURE * float(np.sqrt(np.mean(rest**2))) or float(rest.max()) > ALONE * peak:
+    # shifts without any row in common have nothing, and lower no rms
+    overlapping = max(1, len(one.noise) + len(other.noise) - 1 - (2 * BESIDE + 1))
+    if (
+        peak < SURE * float(np.sqrt(np.sum(rest**2) / overlapping))
+        or float(rest.max()) > ALONE * peak
+    ):
         return None
     shift = place if place < size // 2 else place - size
     a, b = max(shift, 0), max(-shift, 0)

@@ -21,7 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...effects.effect import Effect, find_frame, no_term
+from ...effects.effect import INSTANT, OF_EVERY_RUN, RUN, Effect, find_frame, no_term
 from ...effects.envelope_jumps import find_part_after
 from ...physics.plant import SlowState
 from ...physics.resonator import exponentiate
@@ -483,8 +483,8 @@ def _plain(series: MeasuredRuns, point: Point) -> Array:
     return coordinates.build_generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
 
 
-def find_jump_times(series: MeasuredRuns, point: Point) -> list[float]:
-    """Instants at which effects of a point make the motion jump.
+def find_strikes(series: MeasuredRuns, point: Point) -> list[tuple[float, float]]:
+    """Instants at which effects of a point make the motion, or what one run shows of it, jump.
 
     Parameters
     ----------
@@ -495,8 +495,8 @@ def find_jump_times(series: MeasuredRuns, point: Point) -> list[float]:
 
     Returns
     -------
-    list of float
-        [s], in the order of the effects that jump.
+    list of tuple
+        Number of the run, `OF_EVERY_RUN` for all, and the instant [s], in the order of the effects.
 
     Examples
     --------
@@ -507,7 +507,7 @@ def find_jump_times(series: MeasuredRuns, point: Point) -> list[float]:
     >>> from hrg_cli.effects import EFFECTS
     >>> from hrg_cli.fitting.causes.fit_point import Point
     >>> from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
-    >>> from hrg_cli.fitting.causes.slow_equation import find_jump_times
+    >>> from hrg_cli.fitting.causes.slow_equation import find_strikes
     >>> needed = [f.name for f in fields(MeasuredRuns) if f.default is MISSING]
     >>> t, none = np.linspace(0.0, 10.0, 101)[None], np.zeros((1, 101))
     >>> series = MeasuredRuns(**dict.fromkeys(needed, none) | dict(
@@ -517,15 +517,20 @@ def find_jump_times(series: MeasuredRuns, point: Point) -> list[float]:
     >>> knock = next(one for one in EFFECTS if one.slow_jump is not None)
     >>> values = {one.name: one.neutral for one in knock.parameters} | {"time_s": 4.0}
     >>> point = Point(np.zeros(7), np.ones((1, 2)), np.zeros(1), ((knock, values),))
-    >>> find_jump_times(series, point)
-    [4.0]
+    >>> find_strikes(series, point)
+    [(-1.0, 4.0)]
     """
     state = build_state(series, point)
-    return [
-        float(effect.slow_jump(values, state)[0])
-        for effect, values in point.active
-        if effect.slow_jump is not None
-    ]
+    found = []
+    for effect, values in point.active:
+        if effect.slow_jump is not None:
+            instant = float(effect.slow_jump(values, state)[0])
+        elif effect.of_one_run:
+            instant = float(values[INSTANT])
+        else:
+            continue
+        found.append((float(values.get(RUN, OF_EVERY_RUN)), instant))
+    return found
 
 
 def predict_jumps(

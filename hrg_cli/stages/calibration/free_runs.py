@@ -44,7 +44,9 @@ def tell_free_runs(free: Sequence[AnglePath]) -> tuple[list[str], list[str]]:
     >>> doubts[0].split(":")[0]
     'r1 is free by its file, and its amplitude holds as only a driven one does'
     """
-    held = [path for path in free if _holds(path)]
+    holds = [_holds(path) for path in free]
+    held = [path for path, one in zip(free, holds, strict=True) if one]
+    fall = [path for path, one in zip(free, holds, strict=True) if not one]
     doubts = []
     if held:
         its = ("is", "its file", "its") if len(held) == 1 else ("are", "their files", "their")
@@ -52,7 +54,6 @@ def tell_free_runs(free: Sequence[AnglePath]) -> tuple[list[str], list[str]]:
             f"{_name(held)} {its[0]} free by {its[1]}, and {its[2]} amplitude holds as only"
             " a driven one does: left out of the tables; import with --mode forced"
         )
-    fall = [path for path in free if not _holds(path)]
     notes = [f"free, and not in the tables of forced runs: {_name(fall)}"] if fall else []
     return notes, doubts
 

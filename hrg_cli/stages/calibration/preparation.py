@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting.tables.increments import AnglePath, build_path
 from ...records import Calibration, Resonator, Wave
-from ..kelvin_logs import KELVIN_DEGC, find_kelvin_logs
+from ..kelvin_logs import KELVIN_DEGC, average_log, find_kelvin_logs
 from ..one_gyro import find_two_gyros, need_each_once, need_same_gyro
 from ..shared_noise import need_own_noise
 from ..usable import Usable, drop_refused, restrict_to_known_rates
@@ -187,16 +187,10 @@ def _find_kelvin(paths: Sequence[AnglePath]) -> tuple[list[str], list[str]]:
     """Runs with thermometers in K: why there are no tables where others are in °C, since they would
     be a node apart, and a remark where all are as hot."""
     names = [path.run_id or f"number {i + 1}" for i, path in enumerate(paths)]
-    levels = np.array([_mean_of_known(path.temperature_degc) for path in paths])
+    levels = np.array([average_log(path.temperature_degc) for path in paths])
     hz = np.array([np.median(path.frequency_hz) for path in paths])
     said = [one.sentence for one in find_kelvin_logs(names, levels, hz)]
     return (said, []) if (levels <= KELVIN_DEGC).any() else ([], said[:1])
-
-
-def _mean_of_known(values: Array) -> float:
-    """NaN where none is known."""
-    known = np.asarray(values, float)[np.isfinite(values)]
-    return float(known.mean()) if len(known) else np.nan
 
 
 def need_one_gyro(waves: Sequence[Wave], resonators: Sequence[Resonator]) -> None:

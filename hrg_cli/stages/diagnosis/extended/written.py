@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from ....effects.effect import INSTANT, OF_EVERY_RUN, RUN, Effect
+from ....effects.effect import OF_EVERY_RUN, Effect
 from ....errors import HrgError
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.slow_equation import find_strikes
 from ....fitting.causes.wave_frame import to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....fitting.envelopes.coordinates import SCALE_FACTOR, SECOND_ORDER
@@ -369,7 +370,7 @@ def _jumping(fit: ExtendedFit, k: int) -> Array:
     both sides."""
     t = fit.series.time_s[k]
     near = np.zeros(len(t), bool)
-    for _, values in fit.point.active:
-        if INSTANT in values and values.get(RUN, OF_EVERY_RUN) in (OF_EVERY_RUN, k):
-            near |= np.abs(t - values[INSTANT]) < NEXT_ROWS * _row_s(fit, k)
+    for number, instant in find_strikes(fit.series, fit.point):
+        if number in (OF_EVERY_RUN, fit.series.numbers[k]):
+            near |= np.abs(t - instant) < NEXT_ROWS * _row_s(fit, k)
     return near

@@ -6,7 +6,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import replace
 from functools import reduce
 
@@ -53,6 +53,12 @@ def hold_effect(effect: Effect) -> Effect:
     """
     held = (replace(p, fitted=False, fitted_then=False) for p in effect.parameters)
     return replace(effect, parameters=tuple(held))
+
+
+def _free_also(effect: Effect, names: Set[str]) -> Effect:
+    """The effect with these parameters fitted too."""
+    freed = (replace(p, fitted=p.fitted or p.name in names) for p in effect.parameters)
+    return replace(effect, parameters=tuple(freed))
 
 
 def adopt(
@@ -114,10 +120,7 @@ def adopt(
     # what changes others and does nothing alone (an instant) has no slope before these have a size
     if not any(p.fitted_then for p in effect.parameters):
         return first
-    effect = replace(
-        effect,
-        parameters=tuple(replace(p, fitted=p.fitted or p.fitted_then) for p in effect.parameters),
-    )
+    effect = _free_also(effect, {p.name for p in effect.parameters if p.fitted_then})
     values = next(dict(given) for one, given in first.point.active if one.name == effect.name)
     return extended_fit.fit(
         first.series,
@@ -551,12 +554,7 @@ def free_higher_orders(
     for effect, values in fit.point.active:
         if all(p.fitted or not p.higher_order for p in effect.parameters):
             continue
-        freed = replace(
-            effect,
-            parameters=tuple(
-                replace(p, fitted=p.fitted or p.higher_order) for p in effect.parameters
-            ),
-        )
+        freed = _free_also(effect, {p.name for p in effect.parameters if p.higher_order})
         point = fit_point.add_effect(fit.point, freed, dict(values))
         free = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
         if free.converged and fit.chi2 - free.chi2 > max(CLEARLY, best):

@@ -11,7 +11,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.base_freedom import choose_scale_factor
 from ....records import Wave
 from ....units import RATE_UNITS
-from ...kelvin_logs import find_kelvin_logs
+from ...kelvin_logs import average_log, find_kelvin_logs
 from ...suspicion import Suspicion
 from ..samples.lines import find_median_frequency
 from ..thresholds import GROSS
@@ -138,18 +138,9 @@ def _several_rates(fit: ExtendedFit) -> bool:
 
 def _temperatures(waves: Sequence[Wave]) -> list[Suspicion]:
     """Kelvin beside °C, where the frequencies say that the runs were as warm."""
-    levels = [
-        float(np.nanmean(np.asarray(wave.temperature_degc, float)))
-        if _logs_temperature(wave)
-        else np.nan
-        for wave in waves
-    ]
+    levels = [average_log(wave.temperature_degc) for wave in waves]
     return find_kelvin_logs(
         [wave.run_id for wave in waves],
         np.array(levels),
         np.array([find_median_frequency(wave) for wave in waves]),
     )
-
-
-def _logs_temperature(wave: Wave) -> bool:
-    return wave.temperature_degc is not None and bool(np.isfinite(wave.temperature_degc).any())
