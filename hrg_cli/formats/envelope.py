@@ -54,6 +54,7 @@ from .run_heading import RunHeading, UnitsTold
 from .slow import SlowLog
 from .taken import Taken, check_range
 from .timing import get_timing
+from .unix_time import recognise_unix_time
 
 
 def import_envelope(
@@ -188,8 +189,9 @@ def import_envelope(
         "phase": phase,
     }
     signal = EnvelopeSignal.find(log, path, named, decibel, phase_units, quadrature_sign)
-    timed = TimingTold(sample_rate_hz is not None, clock_hz is not None)
+    timed = TimingTold(sample_rate_hz is not None, clock_hz is not None, time_units)
     roles = _find_beside(log, path, signal, time, temperature, rate, timed)
+    log = recognise_unix_time(log, roles, path, timed)
     timing = get_timing(log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
     told = UnitsTold(time_units, rate_units, temperature_units)
     slow = SlowLog(

@@ -206,7 +206,7 @@ def import_log(
         "drive_quadrature": drive_quadrature,
         "auxiliary_time": auxiliary_time,
     }
-    timed = TimingTold(sample_rate_hz is not None, clock_hz is not None)
+    timed = TimingTold(sample_rate_hz is not None, clock_hz is not None, time_units)
     opened = open_channels(Path(path), s_file, asked, format, separator, decimal, timed)
     log, roles, where = opened.log, opened.roles, opened.files[0]
     unit = find_channel_unit(log, roles, units, str(where))

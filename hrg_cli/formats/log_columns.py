@@ -194,10 +194,11 @@ def list_columns(log: Log) -> str:
 @dataclass(frozen=True)
 class TimingTold:
     """What was said of the times: the sampling rate, so that no nameless column need hold them; the
-    clock, so that a column of its ticks does."""
+    clock, so that a column of its ticks does; their unit."""
 
     rate: bool = False
     clock: bool = False
+    units: str | None = None
 
 
 def find_roles(

@@ -18,6 +18,7 @@ from .pairing import find_second_file, pair_logs
 from .readers import open_log
 from .timing import Timing
 from .unit_spellings import is_level, spell_channel_unit
+from .unix_time import recognise_unix_time
 
 States = tuple[tuple[int, int], ...] | None
 
@@ -91,6 +92,7 @@ def open_channels(
         log, asked = pair_logs(path, log, files[1], other, asked)
     roles = find_roles(log, str(path), asked, timing)
     _need_same_length(log, roles, str(path))
+    log = recognise_unix_time(log, roles, path, timing)
     return OpenedLog(files, log, roles, before)
 
 

@@ -23,7 +23,7 @@ from ..records import Calibration, Compensated, Resonator, Wave, list_doubts, na
 from ..units import DEGREE_PER_HOUR
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, find_earth_rate
 from .rate_by_tables import TableRate, rate_by_tables
-from .rate_nodes import DOUBTFUL, follow
+from .rate_nodes import DOUBTFUL, DOUBTFUL_PIECE, Bends, follow
 
 Array = np.ndarray
 APART = 5.0
@@ -135,12 +135,12 @@ def rate(
         def fit(count: int | None) -> RateEstimate:
             return fit_free_rate(wave, resonator, count)
 
-    found, foretold = follow(fit(nodes), fit, nodes is None)
+    found, bends = follow(fit(nodes), fit, nodes is None)
     earth = find_earth_rate(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
     found = dataclasses.replace(
         found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth
     )
-    impossible, doubtful = _make_closing_checks(found, foretold)
+    impossible, doubtful = _make_closing_checks(found, bends)
     beside = None
     if calibration is not None:
         where = (earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
@@ -148,6 +148,7 @@ def rate(
         doubtful += _check_tables(found, beside, wave, resonator)
     notes = _tell_granted_delay(wave, resonator) if loop_delay_s is None else []
     notes += [] if quadrature_phase_error_rad else _tell_granted_phase(wave, resonator)
+    notes += _tell_unseen_nodes(wave, found)
     result = _record_of(wave, found, beside, [*impossible, *doubtful], notes)
     refusals = checks.list_failures(impossible)
     doubts = [why for why in checks.list_failures(doubtful) if why not in refusals]
@@ -244,6 +245,21 @@ def _tell_granted_phase(wave: Wave, resonator: Resonator) -> list[str]:
     ]
 
 
+def _tell_unseen_nodes(wave: Wave, found: RateEstimate) -> list[str]:
+    """Which nodes stand in a gap of the windows, where only their neighbours hold them."""
+    seen = np.asarray(wave.time_s, float)[wave.good()]
+    after = np.clip(np.searchsorted(seen, found.time_s), 1, len(seen) - 1)
+    apart = np.minimum(np.abs(found.time_s - seen[after - 1]), np.abs(found.time_s - seen[after]))
+    unseen = apart > max(wave.window_s, (found.time_s[1] - found.time_s[0]) / 2)
+    if not unseen.any():
+        return []
+    at, worst = found.time_s[unseen], float(found.rate_rad_s_std[unseen].max())
+    return [
+        f"no window shows the rate at {int(unseen.sum())} nodes between {at[0]:.4g} and"
+        f" {at[-1]:.4g} s: their standard deviations reach {worst:.2g} rad/s"
+    ]
+
+
 def _tell_granted_delay(wave: Wave, resonator: Resonator) -> list[str]:
     """What is taken for granted of a driven run's loops, and what it would be worth: K/(1 + ντ)
     stands for K where they act τ late, which no wave shows."""
@@ -275,10 +291,10 @@ def _need_resonator_of(wave: Wave, resonator: Resonator, name: str) -> None:
 
 
 def _make_closing_checks(
-    found: RateEstimate, foretold: float = 0.0
+    found: RateEstimate, bends: Bends | None = None
 ) -> tuple[list[Check], list[Check]]:
-    """The closing checks of a rate: (what refuses it, what makes it suspect); foretold: variance of
-    the nodes by interpolation over that by noise."""
+    """The closing checks of a rate: (what refuses it, what makes it suspect); bends: what its nodes
+    are foretold to lose between them."""
     count, more = len(found.time_s), _more_nodes(found)
     poor = (
         f"χ²/dof = {found.chi2_per_dof:.3g}: the reference model leaves more than the noise"
@@ -304,10 +320,10 @@ def _make_closing_checks(
             " white noise"
         ),
     )
-    return impossible, [*noise, *_check_nodes(found, foretold)]
+    return impossible, [*noise, *_check_nodes(found, bends or Bends())]
 
 
-def _check_nodes(found: RateEstimate, foretold: float) -> list[Check]:
+def _check_nodes(found: RateEstimate, bends: Bends) -> list[Check]:
     """Whether rows and nodes are close enough for the rate that was found."""
     count, more = len(found.time_s), _more_nodes(found)
     gained = found.finer.z if found.finer is not None else 0.0
@@ -332,14 +348,31 @@ def _check_nodes(found: RateEstimate, foretold: float) -> list[Check]:
             f" {gained:.2g} of its standard deviations more than by chance, so the errors"
             f" hold at smooth places only; {more}",
         ),
-        checks.check_at_most(
-            "nodes_are_dense",
-            foretold,
-            DOUBTFUL,
-            f"the rate bends between {count} nodes: by what fewer lose, the errors are"
-            f" {np.sqrt(1 + foretold):.2g} times those stated; {more}",
-        ),
+        *_check_bends(bends, count, more),
     ]
+
+
+def _check_bends(bends: Bends, count: int, more: str) -> list[Check]:
+    """Whether the rate bends less between its nodes than their errors say: all along the run, and
+    where that holds at the place where it bends most."""
+    along = checks.check_at_most(
+        "nodes_are_dense",
+        bends.whole,
+        DOUBTFUL,
+        f"the rate bends between {count} nodes: by what fewer lose, the errors are"
+        f" {np.sqrt(1 + bends.whole):.2g} times those stated, most between {bends.begin_s:.4g}"
+        f" and {bends.end_s:.4g} s; {more}",
+    )
+    if not along.passed:
+        return [along]
+    somewhere = checks.check_at_most(
+        "nodes_are_dense_everywhere",
+        bends.worst,
+        DOUBTFUL_PIECE,
+        f"the rate jumps or bends sharply between {bends.begin_s:.4g} and {bends.end_s:.4g} s:"
+        f" the errors there are {np.sqrt(1 + bends.worst):.2g} times those stated; {more}",
+    )
+    return [along, somewhere]
 
 
 def _more_nodes(found: RateEstimate) -> str:

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,25 +36,43 @@ NEGLIGIBLE = 0.1
 """Such a variance that a node's standard deviation need not hold: 5 % of it."""
 DOUBTFUL = 0.5
 """Such a variance from which the standard deviations are too small by more than a fifth."""
+DOUBTFUL_PIECE = 3.0
+"""Such a variance of a piece of four nodes or more: twice the errors stated, and there only."""
 
 
 WHOLE = (0.0, 1.0)
 
 
-def _predict_by_neighbours(found: RateEstimate) -> tuple[float, float]:
-    """E, the variance of the nodes' error by interpolation over that of noise: of the whole run,
-    and of its worst piece."""
+@dataclass(frozen=True)
+class Bends:
+    """E, the variance of the nodes' error by interpolation over that of noise, as foretold: of the
+    whole run, and of its worst piece, from `begin_s` to `end_s`."""
+
+    whole: float = 0.0
+    worst: float = 0.0
+    begin_s: float = 0.0
+    end_s: float = 0.0
+
+
+def _predict_by_neighbours(found: RateEstimate) -> Bends:
+    """What the nodes lose between them, by what fewer lose and more gain."""
     count = len(found.time_s)
     half, quarter = (count + 1) // 2, (count + 3) // 4
     if not found.converged or not 2 <= quarter < half < count:
-        return 0.0, 0.0
+        return Bends()
     by_half = found.measure_loss(half)
     left = 2.0 ** -_measure_fall(by_half, found.measure_loss(quarter))
-    of_pieces = [
-        _judge(left * _measure_variance(by_half, *piece), found.finer, *piece)
-        for piece in [WHOLE, *_cut_pieces(count)]
-    ]
-    return of_pieces[0], max(of_pieces)
+    pieces = [WHOLE, *_cut_pieces(count)]
+
+    def judge(piece: tuple[float, float]) -> float:
+        foretold = left * _measure_variance(by_half, *piece, len(pieces))
+        return _judge(foretold, found.finer, *piece, len(pieces))
+
+    of_pieces = [judge(piece) for piece in pieces]
+    worst = int(np.argmax(of_pieces))
+    first, last = found.time_s[0], found.time_s[-1]
+    begin, end = (float(first + part * (last - first)) for part in pieces[worst])
+    return Bends(of_pieces[0], of_pieces[worst], begin, end)
 
 
 def _measure_fall(by_half: Loss, by_quarter: Loss) -> float:
@@ -81,29 +100,29 @@ def _find_nodes(loss: Loss, begin: float, end: float) -> slice:
     return slice(int(np.ceil(begin * count)), int(np.ceil(end * count)))
 
 
-def _measure_variance(loss: Loss, begin: float, end: float) -> float:
+def _measure_variance(loss: Loss, begin: float, end: float, pieces: int) -> float:
     """E of a piece's fewer nodes by what they are seen to lose, 10.5 of it a node."""
     where = _find_nodes(loss, begin, end)
-    if not loss.is_seen(where):
+    if not loss.is_seen(where, pieces):
         return 0.0
     lost, _ = loss.measure(where)
     return A_GAIN * lost / (where.stop - where.start)
 
 
-def _judge(foretold: float, finer: Loss | None, begin: float, end: float) -> float:
-    """E of a piece as foretold, held between what twice as many nodes are seen to gain and what
-    they gain at most."""
+def _judge(foretold: float, finer: Loss | None, begin: float, end: float, pieces: int) -> float:
+    """E of a piece, one of so many, as foretold, held between what twice as many nodes are seen to
+    gain and what they gain at most."""
     if finer is None:
         return foretold
     where = _find_nodes(finer, begin, end)
     gained, spread = finer.measure(where)
     most = A_GAIN * (max(gained, 0.0) + 2 * spread) / (where.stop - where.start)
-    return max(_measure_variance(finer, begin, end), min(foretold, most))
+    return max(_measure_variance(finer, begin, end, pieces), min(foretold, most))
 
 
 def follow(
     found: RateEstimate, fit: Callable[[int], RateEstimate], may_grow: bool
-) -> tuple[RateEstimate, float]:
+) -> tuple[RateEstimate, Bends]:
     """A rate on as many nodes as leave its curvature within the noise, as far as the run carries
     them.
 
@@ -119,26 +138,25 @@ def follow(
     Returns
     -------
     tuple
-        The rate, and the variance that its nodes are foretold to leave of the curvature, over that
-        of noise.
+        The rate, and what its nodes are foretold to leave of the curvature.
 
     Examples
     --------
     A rate that did not settle is not refined:
 
     >>> from types import SimpleNamespace as Told
-    >>> from hrg_cli.stages.rate_nodes import follow
+    >>> from hrg_cli.stages.rate_nodes import Bends, follow
     >>> found = Told(converged=False, time_s=[0.0, 1.0, 2.0])
-    >>> follow(found, None, may_grow=True) == (found, 0.0)
+    >>> follow(found, None, may_grow=True) == (found, Bends())
     True
     """
-    left, worst = _predict_by_neighbours(found)
-    while may_grow and worst > NEGLIGIBLE:
+    bends = _predict_by_neighbours(found)
+    while may_grow and bends.worst > NEGLIGIBLE:
         count = 2 * len(found.time_s) - 1
         if count > found.most_nodes:
             break
         finer = fit(count)
         if not finer.converged:
             break
-        found, (left, worst) = finer, _predict_by_neighbours(finer)
-    return found, left
+        found, bends = finer, _predict_by_neighbours(finer)
+    return found, bends

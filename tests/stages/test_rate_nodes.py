@@ -2,6 +2,7 @@
 but not quite, follow."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -118,3 +119,24 @@ def test_a_gap_leaves_rates_that_no_row_tells(gap, nodes):
     # 38 σ off in the middle of the gap at 40 nodes, and the fit says that it has not settled
     assert found.status == ("valid" if (gap, nodes) == (0.2, None) else "suspect")
     assert found.status == "suspect" or error.max() < 4
+    assert any("no window shows the rate at" in why for why in found.status_reasons)
+
+
+def step_of(size, at_s=2.513):
+    """A rate that jumps, at no node."""
+    return lambda t: 0.2 + size * (t > at_s)
+
+
+@pytest.mark.parametrize(("size", "doubted"), [(0.3, True), (0.0, False)])
+def test_a_jump_of_the_rate_is_doubted_where_it_is(size, doubted):
+    """A jump of some 25 σ of a node: the whole run's χ² is that of its noise."""
+    seconds, window_s = 6.0, 0.005
+    fine = np.arange(1, int(seconds / window_s) * FINE + 1) * window_s / FINE
+    for seed in range(3):
+        u = envelope(GYRO, 0.2, step_of(size), fine)[FINE - 1 :: FINE]
+        wave = as_wave(u, fine[FINE - 1 :: FINE], 1e-4, GYRO, np.random.default_rng(seed))
+        found = rate(wave, known_resonator())
+        assert (found.status == "suspect") is doubted, found.status_reasons
+        if doubted:
+            place = re.search(r"between ([\d.]+) and ([\d.]+) s", found.status_reasons[0])
+            assert float(place[1]) < 2.513 < float(place[2]) < float(place[1]) + 0.5

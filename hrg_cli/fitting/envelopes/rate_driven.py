@@ -196,7 +196,8 @@ def _fit_nodes(
     drift = np.atleast_2d(_drift(g, run, errors))
     data = mean(run.turned + run.taken_back - _cumulate(drift, t))[:, 0] / std
     x = operator @ data
-    chi2 = float(np.sum((data - design @ x) ** 2))
+    left = data - design @ x
+    chi2 = float(left @ left)
     dof = max(1, len(size) - nodes - 1)
     covariance = (operator @ operator.T)[1:, 1:] * max(1.0, chi2 / dof)
     covariance = (
@@ -205,7 +206,7 @@ def _fit_nodes(
         + _propagate_resonator(run, resonator, g, operator, mean, std, errors)
     )
     plain = (operator @ (mean(run.turned)[:, 0] / std))[1:]
-    return RateEstimate(grid, x[1:], covariance, plain, chi2 / dof, dof)
+    return RateEstimate(grid, x[1:], covariance, plain, chi2 / dof, dof, residual=left[:, None])
 
 
 def _drift(g: Mechanics, run: _Run, errors: tuple[float, float]) -> Array:

@@ -39,8 +39,8 @@ class Loss:
         rise = float(np.sum(self.left[where] ** 2) - np.trace(share))
         return rise, float(np.sqrt(2 * np.sum(share**2)))
 
-    def is_seen(self, where: slice) -> bool:
-        """Whether that rise is more than chance."""
+    def is_seen(self, where: slice, pieces: int = 1) -> bool:
+        """Whether that rise is more than chance, of one of so many pieces that are looked at."""
         from scipy.stats import chi2
 
         share = self.projection[where, where]
@@ -50,7 +50,7 @@ class Loss:
         # as many equal parts of a χ² as have this mean and spread (Satterthwaite 1946)
         parts = mean**2 / spread
         square = float(np.sum(self.left[where] ** 2))
-        return bool(chi2.sf(square * parts / mean, parts) < CHANCE)
+        return bool(chi2.sf(square * parts / mean, parts) < CHANCE / pieces)
 
 
 @dataclass(frozen=True)
