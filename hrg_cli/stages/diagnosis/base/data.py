@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,12 @@ EXACT = 1e-6
 """Misfit, as a part of its range, below which a temperature log is the polynomial."""
 WELL = 0.1
 """σ by which the averages of all rows' windows together may miss the rows' middles."""
+DIFFERENCES = (2, 3, 4, 5)
+"""Orders of differences by which a thermometer's noise is told from its course."""
+FEWEST_SMOOTHED = 80
+"""Rows from which a noisy temperature log is smoothed."""
+LEAST_PIECES, MOST_PIECES = 24, 40
+"""Pieces of a held amplitude at least, and those of which each has two rows or more."""
 QUIET = 1e-3
 """Roughness of the temperature log, as a part of its range, up to which it is taken as it is."""
 
@@ -377,7 +384,10 @@ def _held_amplitude(run: EnvelopeRun, wave: Wave) -> Array:
     t = run.time_s
     if wave.mode != "forced" or _has(wave.drive_main):
         return np.full(len(t), np.nan)
-    return _smoothed(t, _amplitude(run.envelope), pieces=max(24, len(t) // 3), always=True)
+    amplitude, pieces = _amplitude(run.envelope), max(LEAST_PIECES, len(t) // 3)
+    if len(t) < 2 * min(pieces, MOST_PIECES):
+        return amplitude
+    return _lines_through_means(t, amplitude, pieces)
 
 
 def _has(values: Array | None) -> bool:
@@ -499,27 +509,63 @@ def _amplitude(u: Array) -> Array:
     return ellipse.find_wave(u, 1)[0]
 
 
-def _smoothed(t: Array, values: Array, pieces: int = 40, always: bool = False) -> Array:
-    """Temperature by a line or a low polynomial, else by lines through about `pieces` local means
-    where the thermometer is noisy.
+def _smoothed(t: Array, values: Array) -> Array:
+    """Temperature by a line or a low polynomial, else by a smoothing spline where the thermometer
+    is noisy.
 
-    Its slope is then not the noise's.
+    Its slope is then not the noise's, and what bends is not straightened.
     """
-    if np.ptp(values) == 0:
+    if np.ptp(values) == 0 or len(t) <= 4 * ENDS:
         return values
-    rough = float(np.median(np.abs(np.diff(values, n=2)))) if len(t) > 3 else 0.0
-    if not always and len(t) > 4 * ENDS:
-        curve = _polynomial_through(t, values, rough)
-        if curve is not None:
-            return curve
-    if len(t) < 2 * min(pieces, 40) or (not always and rough < QUIET * float(np.ptp(values))):
+    rough = measure_roughness(values)
+    curve = _polynomial_through(t, values, rough)
+    if curve is not None:
+        return curve
+    if len(t) < FEWEST_SMOOTHED or rough < QUIET * float(np.ptp(values)):
         return values
-    return _lines_through_means(t, values, pieces)
+    from scipy.interpolate import make_smoothing_spline
+
+    # as stiff as foretells each row best from the others (generalised cross-validation)
+    return np.asarray(make_smoothing_spline(t, values)(t))
+
+
+def measure_roughness(values: Array) -> float:
+    """Median of the second differences that a log's noise makes.
+
+    A course that bends has second differences too. Those of the k-th order of white noise have
+    C(2k, k) times its variance, of a smooth course ever less: the least of them is the noise's.
+
+    Parameters
+    ----------
+    values
+        (n,), evenly spaced.
+
+    Returns
+    -------
+    float
+        In their unit; 0 for fewer than four.
+
+    Examples
+    --------
+    A swing, and the same with a noise of 0.01, whose second differences are √6 times as large:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.base.data import measure_roughness
+    >>> swing = np.sin(np.linspace(0, 12, 2000))
+    >>> noise = 0.01 * np.random.default_rng(0).standard_normal(2000)
+    >>> measure_roughness(swing) < 1e-9, round(measure_roughness(swing + noise), 3)
+    (True, 0.017)
+    """
+    orders = [k for k in DIFFERENCES if len(values) > k + 1]
+    sizes = (
+        float(np.median(np.abs(np.diff(values, n=k)))) * np.sqrt(6 / comb(2 * k, k)) for k in orders
+    )
+    return min(sizes, default=0.0)
 
 
 def _polynomial_through(t: Array, values: Array, rough: float) -> Array | None:
     """The lowest polynomial of time that leaves of a log no more than its noise; None where none of
-    a low degree does. `rough`: the median of its second differences."""
+    a low degree does. `rough`: the median of its noise's second differences."""
     x = (t - t.mean()) / np.ptp(t)
     # a log's first and last value may have been held beyond it
     inner = slice(ENDS, -ENDS)

@@ -13,6 +13,7 @@ from ....errors import HrgError
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Array, Wave
+from ..base.data import measure_roughness
 from . import transformations as change
 from .readings import DAMPING, FINEST, Reading, find_least_misfit, fit_held
 
@@ -21,6 +22,9 @@ COURSE_ROUNDS = 4
 anything."""
 PLAUSIBLE_DEGC = 200.0
 """Distance from the other runs' temperatures that a run may have had."""
+COURSE_NUMBERS, BEYOND_NOISE = 20, 3.0
+"""Numbers that a smoothed course has, about, and standard deviations of it by which a log in
+another place must differ."""
 LONGEST_LAG = 0.5
 """Part of the run by which a thermometer may be behind."""
 
@@ -65,7 +69,7 @@ def find_thermometer_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Readi
                 _measure_distance(turned, others),
             )
         lag = _lag(wave, others)
-        if lag is not None:
+        if lag is not None and _is_beyond_noise(wave, change.undo_lag(wave, lag)):
             yield Reading(
                 "thermometer in another place",
                 (change.undo_lag(wave, lag),),
@@ -112,6 +116,17 @@ def _measure_distance(wave: Wave, others: ExtendedFit) -> float:
     """By how much a run's mean temperature, °C, is beside that of the others."""
     own = float(np.nanmean(np.asarray(wave.temperature_degc, float)))
     return abs(own - _average_degc(others))
+
+
+def _is_beyond_noise(wave: Wave, moved: Wave) -> bool:
+    """Whether a log differs from another by more than its own noise leaves of a smoothed course."""
+    good = wave.good()
+    logged, other = (np.asarray(w.temperature_degc, float)[good] for w in (wave, moved))
+    known = np.isfinite(logged) & np.isfinite(other)
+    # the median of |second differences| of white noise is 0.6745 √6 of it
+    noise = measure_roughness(logged[known]) / (0.6745 * np.sqrt(6))
+    left = noise * np.sqrt(min(1.0, COURSE_NUMBERS / max(1, known.sum())))
+    return bool(np.sqrt(np.mean((other - logged)[known] ** 2)) > BEYOND_NOISE * left)
 
 
 def _lag(wave: Wave, others: ExtendedFit) -> float | None:
