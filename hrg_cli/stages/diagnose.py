@@ -52,6 +52,7 @@ from .diagnosis.samples.harmonics import measure_motion_harmonics
 from .diagnosis.samples.heard import find_unheard
 from .diagnosis.samples.lines import describe_folded, find_common_step
 from .diagnosis.samples.odd_windows import say_odd_windows as odd_ones
+from .diagnosis.samples.own_clipping import count_common_clipping
 from .diagnosis.samples.tone import Tone
 from .diagnosis.samples.tones import confirm_tones, remove_tones, take_out_tones
 from .diagnosis.samples.waveform import find_waveform_causes, list_near_tones, list_unnamed_tones
@@ -161,15 +162,17 @@ def diagnose(
     usable = restrict_to_known_rates(drop_refused(waves))
     with usable.blame_refusals():
         _need_both_channels(usable.waves)
+    counted, clipped = count_common_clipping(name_apart(usable.waves))
     asked = Asked(
-        tuple(_with_clipped(w) for w in name_apart(usable.waves)),
+        tuple(counted),
         resonator,
         tuple(e for e in (*EFFECTS, *extra_effects) if e.seen_in == "dynamics"),
         tuple(extra_effects),
         most_effects,
         partial(fit_base, scale_factor=scale_factor, blocks=blocks, free_phase=free_phase),
     )
-    return replace(usable, refusals=()).judge(_diagnose_usable(asked))
+    notes = (*usable.notes, *clipped)
+    return replace(usable, refusals=(), notes=notes).judge(_diagnose_usable(asked))
 
 
 def _diagnose_usable(asked: Asked) -> Diagnosis:
@@ -446,8 +449,3 @@ def summarise(diagnosis: Diagnosis) -> dict[str, Any]:
     'adequate'
     """
     return diagnosis.read_report()
-
-
-def _with_clipped(wave: Wave) -> Wave:
-    """Windows flagged as clipped alone count: clipping is one of the causes."""
-    return wave.replace(flags=np.where(wave.flags == 1, 0, wave.flags).astype(wave.flags.dtype))

@@ -3,6 +3,7 @@ mains, aliases, leakage)."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -183,8 +184,15 @@ class AveragedSpectrum:
         return self.density / max(1, self.segments)
 
 
+BLIND = 1e-9
+"""Density, over the median one, up to which a bin holds no noise but rounding."""
+
+
 def find_floor(density: Array, bins: int = 65) -> Array:
     """Running median over frequency, of blocks of bins, joined linearly.
+
+    Where the oscillation was taken out nothing is left but rounding: such bins tell of no noise,
+    however many of a block they are.
 
     Parameters
     ----------
@@ -200,22 +208,28 @@ def find_floor(density: Array, bins: int = 65) -> Array:
 
     Examples
     --------
-    A single line is not in the floor:
+    A single line is not in the floor, nor is the gap that an oscillation left:
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.samples.spectrum import find_floor
     >>> density = np.ones((500, 2))
     >>> density[200] = 1e6
-    >>> float(find_floor(density).max())
-    1.0
+    >>> density[90:150] = 0.0
+    >>> float(find_floor(density).max()), float(find_floor(density).min())
+    (1.0, 1.0)
     """
     n = len(density)
     starts = np.arange(0, max(1, n - bins // 2), bins)
     centres = np.array([(a + min(a + bins, n) - 1) / 2 for a in starts.tolist()])
-    medians = np.array([np.median(density[a : a + bins], axis=0) for a in starts])
-    return np.stack(
-        [np.interp(np.arange(n), centres, medians[:, k]) for k in range(density.shape[1])], -1
-    )
+    told = density > BLIND * np.median(density, axis=0)
+    out = np.empty(density.shape)
+    for k in range(density.shape[1]):
+        blocks = [density[a : a + bins, k][told[a : a + bins, k]] for a in starts]
+        # a block that is blind but for a corner lies between its neighbours
+        seen = np.array([4 * len(block) >= min(bins, n) for block in blocks])
+        medians = [float(np.median(block)) for block in itertools.compress(blocks, seen)]
+        out[:, k] = np.interp(np.arange(n), centres[seen], medians) if medians else 0.0
+    return out
 
 
 COMMON_LINE = 8.0

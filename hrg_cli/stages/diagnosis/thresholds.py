@@ -36,6 +36,9 @@ halved once more, where scores err by as much as they promise."""
 FREQUENCIES_APART = 0.02
 """Relative difference of two runs' frequencies that no temperature makes (85 ppm/K: 235 K): a run
 so far from the others is doubted whatever χ² is."""
+CLOCKS_APART = 1e-5
+"""Relative difference of one run's frequency from the others' from which its clock is asked whether
+it mends all else of that run, where χ² is more than the noise."""
 NEVER_LESS = 1.2
 """Variance over that of white noise from which a slow residual counts as wandering noise rather
 than as the noise itself."""

@@ -18,6 +18,9 @@ from .tone_search import find_strongest_tone
 Array = np.ndarray
 LINE = 8.0
 """Power over a spectrum's floor from which a bin is a line's and no noise."""
+NOTCH = 1.5
+"""Distance from the oscillation, over the inverse of a window's length, within which the residual's
+spectrum lacks what the windows' fits took: a third of it at half that distance."""
 MOST_TONES = 4
 
 
@@ -92,7 +95,11 @@ def _std_without(wave: Wave, vector: Array) -> dict[str, Array]:
     if wave.spectrum_density is None or wave.spectrum_frequency_hz is None:
         return {}
     frequency = np.asarray(wave.spectrum_frequency_hz, float)
-    density = np.asarray(wave.spectrum_density, float)
+    # within 1.5/T of the oscillation every window's own fit has taken of the noise
+    beside = np.abs(frequency - wave.reference_frequency_hz) > NOTCH / wave.window_s
+    if np.count_nonzero(beside) < len(frequency) / 4:
+        return {}
+    density = np.where(beside[:, None], np.asarray(wave.spectrum_density, float), 0.0)
     level = find_floor(density)
     at = int(np.argmin(np.abs(frequency - wave.reference_frequency_hz)))
     white = level[at] * _mean_over_median(density / level) / wave.window_s
@@ -111,7 +118,7 @@ def _std_without(wave: Wave, vector: Array) -> dict[str, Array]:
 def _mean_over_median(ratio: Array) -> Array:
     """Mean of a noise spectrum over its running median, of each channel, lines left out: an average
     of few segments has its median below its mean."""
-    return np.array([one[one < LINE].mean() for one in ratio.T])
+    return np.array([one[(one > 0) & (one < LINE)].mean() for one in ratio.T])
 
 
 def take_out_tones(

@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from ....effects.effect import RELATIVE_TO_TEMPERATURE
 from ....fitting.causes import evidence, extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.refits import hold_effect
 from .inquiry import NoiseLevel
-from .offsets import Offsets, judge_scatter, read_offsets
+from .offsets import Offsets, find_lone_run, judge_scatter, read_offsets
 from .run_patterns import QUIET, SPARE, Pattern, find_patterns
 from .search_case import Case
 from .selection import Found, prune_causes
@@ -178,6 +179,9 @@ def _describe_frequencies(
     if fitting:
         names = [one.variant.effect.name for one in fitting]
         return out | {"would_follow": names, "sentence": differ + _say_chance(fitting, tried)}
+    lone = find_lone_run(offsets, SCATTER)
+    if lone is not None:
+        return out | {"sentence": _say_lone_run(free, offsets, lone, z)}
     return out | {"sentence": differ + _say_unfollowed(fit.series.has_temperature)}
 
 
@@ -204,6 +208,30 @@ def _say_chance(fitting: Sequence[Pattern], tried: int) -> str:
     return (
         f"{names} would make them so, but so few runs line up with one of {tried} causes by chance"
         f" with p = {chance:.2g}: record more runs; {fitting[0].variant.effect.next_experiment}"
+    )
+
+
+def _say_lone_run(fit: ExtendedFit, offsets: Offsets, run: int, z: float) -> str:
+    """The one run whose frequency stands beside the others', and what would make it so."""
+    others = np.delete(np.arange(len(offsets.value)), run)
+    beside = float(offsets.value[run] - np.median(offsets.value[others]))
+    omega = 2 * np.pi * float(np.median(np.asarray(fit.frequency_hz)[others]))
+    follows = [
+        values[RELATIVE_TO_TEMPERATURE]
+        for effect, values in fit.point.active
+        if effect.scales == "frequency_hz"
+    ]
+    thermometer = "its temperature was another than logged"
+    if follows and follows[0]:
+        kelvin = -beside / (omega * follows[0])
+        thermometer = (
+            f"its thermometer reads {abs(kelvin):.3g} K too {'high' if kelvin > 0 else 'low'}"
+        )
+    return (
+        f"{fit.series.names[run]} alone oscillates {beside / (2 * np.pi):+.3g} Hz"
+        f" ({1e6 * beside / omega:.3g} ppm, {z:.3g} sigma) beside the others, which agree:"
+        f" {thermometer}, its sampling rate is to be divided by {1 + beside / omega:.9g}, or it is"
+        " another gyro's"
     )
 
 

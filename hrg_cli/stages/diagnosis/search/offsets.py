@@ -131,3 +131,41 @@ def judge_scatter(offsets: Offsets) -> tuple[float, float]:
     chi2, basis = offsets.compute_misfit(0.0)
     dof = len(offsets.value) - basis.shape[1]
     return evidence.find_significance(chi2, dof) if dof > 0 else (0.0, 1.0)
+
+
+def find_lone_run(offsets: Offsets, chance: float) -> int | None:
+    """The one run without which the others' offsets agree.
+
+    Parameters
+    ----------
+    offsets
+        Of the runs.
+    chance
+        Of the others' scatter being noise down to which they agree.
+
+    Returns
+    -------
+    int or None
+        Its place; None where there is none, or where more than one would do.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.search.offsets import Offsets, find_lone_run
+    >>> far = np.array([0.0, 1.0, 0.01, -0.01])
+    >>> find_lone_run(Offsets(far, 1e-4 * np.eye(4), np.ones((4, 1))), 1e-6)
+    1
+    """
+    runs = len(offsets.value)
+    lone = []
+    for run in range(runs):
+        rest = np.flatnonzero(np.arange(runs) != run)
+        means = offsets.means[rest]
+        if len(rest) <= np.count_nonzero(means.any(axis=0)):
+            return None
+        others = Offsets(
+            offsets.value[rest], offsets.covariance[np.ix_(rest, rest)], means[:, means.any(axis=0)]
+        )
+        if judge_scatter(others)[1] > chance:
+            lone.append(run)
+    return lone[0] if len(lone) == 1 else None

@@ -21,6 +21,7 @@ from ..fits.refits import hold_effect
 from ..samples.jumps import find_jumps
 from . import transformations as change
 
+CLOCK = "sampling rate wrong"
 DAMPING, SCALE_FACTOR = "damping", "scale_factor"
 KNOCK = 6
 """Numbers that a knock takes: a state and a frequency after it, and its instant."""
@@ -291,7 +292,9 @@ def find_amplifier_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading
         )
 
 
-def find_time_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+def find_time_mistakes(
+    wave: Wave, others: ExtendedFit, least: float = TIME_LEAST
+) -> Iterator[Reading]:
     """A sampling rate that is not the recording's.
 
     Parameters
@@ -300,6 +303,8 @@ def find_time_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
         Of the run that is doubted.
     others
         The others' fit, whose coordinates are held.
+    least
+        Relative difference of the frequencies from which it is asked for.
 
     Returns
     -------
@@ -320,12 +325,12 @@ def find_time_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     hz = float(np.median(others.frequency_hz))
     own = wave.reference_frequency_hz + float(np.median(_turning_hz(wave)))
     factor = own / hz
-    if abs(factor - 1) < TIME_LEAST or not 1e-2 < factor < 1e2:
+    if abs(factor - 1) < least or not 1e-2 < factor < 1e2:
         return
     # logs of the samples' own clock go with them; those of another keep their times
     ways = [change.scale_times(wave, factor), change.scale_times_of_samples(wave, factor)]
     yield Reading(
-        "sampling rate wrong",
+        CLOCK,
         (ways[int(np.argmin([_misfit_of_row(way, others) for way in ways]))],),
         1,
         f"with all its times multiplied by {factor:.6g} (it oscillates at {own:.6g} Hz, the others"

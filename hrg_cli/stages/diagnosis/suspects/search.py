@@ -3,22 +3,31 @@ agree with them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.checks import check_goodness
 from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
 from ....records import Array, Wave
 from ...suspicion import Suspicion
 from ..fits.variants import Variant
-from ..thresholds import FREQUENCIES_APART, GROSS
+from ..thresholds import CLOCKS_APART, FREQUENCIES_APART, GROSS
 from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
 from .common_clock import find_common_lateness
 from .leaks import find_leaks
 from .logs import find_wrong_logs
 from .mistakes import Maker, find_every_mistake, find_mistakes
-from .readings import DAMPING, KNOCK, Reading, find_knock_mistakes, find_time_mistakes, fit_held
+from .readings import (
+    CLOCK,
+    DAMPING,
+    KNOCK,
+    Reading,
+    find_knock_mistakes,
+    find_time_mistakes,
+    fit_held,
+)
 from .rivals import fit_catalogue, fit_warming
 from .unlogged_rates import find_unlogged_rates
 
@@ -77,10 +86,19 @@ def suspect_runs(
     >>> [(one.run_id, one.what) for one in suspect_runs(waves, fit_waves, fit_waves(waves))]
     [('all runs', 'rate log in °/s')]
     """
-    if strange := _find_strange_frequencies(base):
+    if strange := _find_strange_frequencies(base, FREQUENCIES_APART):
         alone = _strange_runs(waves, fitted, base, strange)
         # a frequency that follows the amplitude does so within each run too, and explains more
         if alone is not None and fit_catalogue(base, candidates, 1.0) > alone.chi2_per_dof / EVEN:
+            return [*find_wrong_logs(waves, alone.fit), *alone.suspicions]
+    if not _is_adequate(base) and (strange := _find_strange_frequencies(base, CLOCKS_APART)):
+        # temperatures part frequencies so far as well, but mend nothing else of a run with them
+        alone = _strange_runs(waves, fitted, base, strange)
+        if (
+            alone is not None
+            and all(one.what == CLOCK for one in alone.suspicions)
+            and _is_adequate(alone.fit)
+        ):
             return [*find_wrong_logs(waves, alone.fit), *alone.suspicions]
     if base.chi2 / base.dof < GROSS or (physics := fit_catalogue(base, candidates, RIVAL)) < RIVAL:
         return find_wrong_logs(waves, base)
@@ -110,15 +128,25 @@ def _find_mistakes_of_runs(
     return cold
 
 
-def _find_strange_frequencies(fit: ExtendedFit) -> list[int]:
-    """The runs that oscillate beside what most of them do; none where no two are far apart, or no
-    more than half are together: then no run tells which of the others is wrong."""
+def _is_adequate(fit: ExtendedFit) -> bool:
+    """Whether χ² agrees with the noise that the windows state."""
+    return check_goodness(fit.chi2, fit.dof).passed
+
+
+def _find_strange_frequencies(fit: ExtendedFit, apart: float) -> list[int]:
+    """The runs that oscillate beside what most of them do, by that part; none where no two are far
+    apart, or no more than half are together: then no run tells which of the others is wrong."""
     hz = np.asarray(fit.frequency_hz, float)
-    near = np.abs(hz[:, None] / hz - 1) < FREQUENCIES_APART
+    near = np.abs(hz[:, None] / hz - 1) < apart
     most = near[int(np.argmax(near.sum(axis=1)))]
     if 2 * most.sum() <= len(hz):
         return []
     return [int(k) for k in np.flatnonzero(~most)]
+
+
+def _find_any_clock(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
+    """The mistake of a run's clock, of any size that its frequency shows."""
+    return find_time_mistakes(wave, others, CLOCKS_APART)
 
 
 def _strange_runs(
@@ -135,7 +163,7 @@ def _strange_runs(
         return None
     told, fit, numbers = [], others, 0
     for run in strange:
-        cases = find_cases(pieces, waves[run], run, others, fitted, find_time_mistakes)
+        cases = find_cases(pieces, waves[run], run, others, fitted, _find_any_clock)
         if not cases:
             return None
         case, beside = choose_case(cases)

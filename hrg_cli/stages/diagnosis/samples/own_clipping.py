@@ -1,0 +1,75 @@
+"""Windows with clipped samples: those of a level that all runs share count, since clipping is one
+of the causes; those of one run's own level are left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ....records import FLAG_CLIPPED, FLAG_GAP, Array, Wave
+from .odd_windows import find_channel_amplitudes
+
+PASSED = 1.02
+"""Largest amplitude that was not clipped, over the least that was in another run, from which the
+two have no level in common."""
+
+
+def count_common_clipping(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str, ...]]:
+    """The runs with windows that are flagged as clipped alone made to count, where the level can be
+    that of all runs.
+
+    Where another run passes that level unharmed the amplifier or range was this run's own: no
+    cause of all runs clips it, and its clipped windows would be blamed on one.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    tuple
+        The runs, and a sentence on each whose clipped windows stay left out.
+
+    Examples
+    --------
+    One run clipped at half of what the others reach:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.own_clipping import count_common_clipping
+    >>> waves = draw_waves()
+    >>> low = waves[0].replace(
+    ...     main_amplitude=0.5 * waves[0].main_amplitude, flags=np.ones(50, "u1")
+    ... )
+    >>> taken, told = count_common_clipping([low, *waves[1:]])
+    >>> int(taken[0].flags.sum()), told[0].split(": ")[1][:44]
+    (100, '50 windows are clipped at a level that other')
+    """
+    clipped = [np.asarray(w.flags) & FLAG_CLIPPED != 0 for w in waves]
+    if not any(mask.any() for mask in clipped):
+        return list(waves), ()
+    free = [_find_largest_unclipped(w, mask) for w, mask in zip(waves, clipped, strict=True)]
+    taken, told = [], []
+    for k, (wave, mask) in enumerate(zip(waves, clipped, strict=True)):
+        level = float(np.min(find_channel_amplitudes(wave)[mask], initial=np.inf))
+        passed = max([*free[:k], *free[k + 1 :]], default=0.0)
+        if passed > PASSED * level:
+            told.append(
+                f"{wave.run_id}: {int(mask.sum())} windows are clipped at a level that other runs"
+                f" pass unharmed ({level:.4g} against {passed:.4g}) and left out; look at this"
+                " run's amplifier and range"
+            )
+            # as good as missing: they tell nothing of a level that all runs would share
+            flags = np.where(mask, FLAG_GAP, wave.flags)
+        else:
+            flags = np.where(np.asarray(wave.flags) == FLAG_CLIPPED, 0, wave.flags)
+        taken.append(wave.replace(flags=flags.astype(wave.flags.dtype)))
+    return taken, tuple(told)
+
+
+def _find_largest_unclipped(wave: Wave, clipped: Array) -> float:
+    """The largest amplitude of either channel that a run shows without being clipped."""
+    whole = wave.good() & ~clipped
+    return float(np.max(find_channel_amplitudes(wave)[whole], initial=0.0))
