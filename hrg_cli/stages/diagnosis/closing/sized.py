@@ -20,6 +20,8 @@ from ..search.stand_in import takes_nearly_all
 from ..thresholds import OWN_SIGMA
 from .held_shapes import refit_one_sigma_off
 
+Array = np.ndarray
+
 
 @dataclass(frozen=True)
 class Sized:
@@ -59,14 +61,28 @@ class Sized:
         """How many of the standard deviations that are told an effect of the fit stands off
         neutral: aᵀ C⁻¹ a with what is left over and the other fits in C (Wald), as a square
         root."""
+        off, covariance = self._measure_off(effect)
+        wald = square_over_covariance(off, covariance)
+        return float(np.sqrt(max(wald, 0.0))) if np.isfinite(wald) else float("nan")
+
+    def measure_clearest_sigma(self, effect: Effect) -> float:
+        """How many σ the clearest number of an effect stands off neutral by itself, at most what
+        they all do: numbers that only together are off zero, none of them known, are what a rest
+        bends first."""
+        off, covariance = self._measure_off(effect)
+        alone = np.abs(off) / np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        return float(min(self.measure_sigma_off(effect), np.max(alone, initial=0.0)))
+
+    def _measure_off(self, effect: Effect) -> tuple[Array, Array]:
+        """An effect's distance from neutral (k,) and its covariance (k, k) with what is left over
+        and the other fits in it."""
         columns = self.fit.layout.effect(effect.name)
         covariance = self.factor * self.fit.covariance[columns, columns]
         off, _ = self.fit.measure_distance(effect)
         for other in self.find_others(effect.name):
             moved = off - other.measure_distance(effect)[0]
             covariance = covariance + np.outer(moved, moved)
-        wald = square_over_covariance(off, covariance)
-        return float(np.sqrt(max(wald, 0.0))) if np.isfinite(wald) else float("nan")
+        return off, covariance
 
     @property
     def others(self) -> list[ExtendedFit]:
@@ -112,10 +128,10 @@ def give_up_unsized(case: Case) -> tuple[Case, Sized]:
 
 
 def _find_weakest(case: Case, sized: Sized) -> tuple[Found, ExtendedFit] | None:
-    """The cause that stands off zero least, by less than `OWN_SIGMA`, and the fit without it; None
-    where there is none."""
+    """The cause whose clearest number stands off zero least, by less than `OWN_SIGMA`, and the fit
+    without it; None where there is none."""
     judged = [
-        (sized.measure_sigma_off(one.variant.effect), number, one)
+        (sized.measure_clearest_sigma(one.variant.effect), number, one)
         for number, one in enumerate(case.search.found)
         if one.sizes is None
     ]
