@@ -12,8 +12,8 @@ from ....fitting.checks import check_goodness
 from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
 from ....records import Array, Wave
 from ...suspicion import Suspicion
-from ..fits.variants import Variant
-from ..thresholds import CLOCKS_APART, FREQUENCIES_APART, GROSS
+from ..fits.variants import Variant, list_variants
+from ..thresholds import CLOCKS_APART, FREQUENCIES_APART, GROSS, NEARLY_ALL
 from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
 from .common_clock import find_common_lateness
 from .leaks import find_leaks
@@ -36,6 +36,9 @@ STEP = 1.4
 RIVAL = 3.0
 """χ² per degree of freedom that causes of the catalogue may leave over that of the best mistake:
 then no run is blamed."""
+UNLIKE, UNLIKE_RIVAL = "unlike the others", 10.0
+"""A run of which no mistake is found, and `RIVAL` beside it: with all of its motion its own
+something must fall."""
 EVEN = 1.05
 """Times by which causes of the catalogue must leave less than a run of strange frequency,
 undone."""
@@ -106,7 +109,7 @@ def suspect_runs(
     if found is None or found.chi2_per_dof > RIVAL:
         own = _find_mistakes_of_runs(waves, fitted, base, candidates)
         found = min(filter(None, (found, own)), key=lambda f: f.chi2_per_dof, default=None)
-    if found is None or physics < RIVAL * max(1.0, found.chi2_per_dof) or found.follow_a_law:
+    if found is None or found.follow_a_law or _is_cleared(found, base, candidates, physics):
         return find_wrong_logs(waves, base)
     return [*find_wrong_logs(waves, found.fit), *found.suspicions]
 
@@ -126,6 +129,27 @@ def _find_mistakes_of_runs(
     if cold is None or (warmed is not None and warmed.chi2_per_dof * STEP < cold.chi2_per_dof):
         return warmed
     return cold
+
+
+def _is_cleared(
+    found: SuspectFound, base: ExtendedFit, candidates: Sequence[Variant], physics: float
+) -> bool:
+    """Whether the runs are not shown to be wrong: the catalogue leaves hardly more, `physics`, than
+    the mistakes undone.
+
+    A run of which no mistake is found, merely left out, is blamed on harder terms: what nobody
+    understands bends one run more than the others.
+    """
+    left = found.chi2_per_dof
+    if all(one.what != UNLIKE for one in found.suspicions):
+        return physics < RIVAL * max(1.0, left)
+    if physics < UNLIKE_RIVAL * max(1.0, left):
+        return True
+    if left < GROSS or base.chi2 / base.dof > NEARLY_ALL * left:
+        return False
+    # a gross misfit stays: the catalogue has to explain what is left, as it would of a sound lot
+    effects = list(dict.fromkeys(one.effect for one in candidates))
+    return fit_catalogue(found.fit, list_variants(effects, found.fit), RIVAL) > GROSS
 
 
 def _is_adequate(fit: ExtendedFit) -> bool:
@@ -343,7 +367,7 @@ def find_cases(
             f"alone it shows {_figures(apart)}, the others {_figures(others)}: with all of that"
             " its own"
         )
-        what = "another gyro" if own else "unlike the others"
+        what = "another gyro" if own else UNLIKE
         todo = (
             "diagnose this run apart; look whose it is"
             if own
