@@ -17,7 +17,7 @@ from ..thresholds import CLOCKS_APART, FREQUENCIES_APART, GROSS, NEARLY_ALL
 from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
 from .common_clock import find_common_lateness
 from .leaks import find_leaks
-from .logs import find_wrong_logs
+from .logs import find_wrong_logs, has_usual_scale_factor
 from .mistakes import Maker, find_every_mistake, find_mistakes
 from .readings import (
     CLOCK,
@@ -361,7 +361,8 @@ def find_cases(
             [wave], lambda own: fit_held(own, others, COORDINATES[:-1], causes_free=True)
         )
     )
-    if apart is not None:
+    # no gyro has a scale factor of the other sign: with one of its own the run is read otherwise
+    if apart is not None and (not out or has_usual_scale_factor(apart)):
         own = apart.chi2 / apart.dof < CLEAR * max(1.0, others.chi2 / others.dof)
         figures = (
             f"alone it shows {_figures(apart)}, the others {_figures(others)}: with all of that"

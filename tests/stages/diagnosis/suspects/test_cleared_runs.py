@@ -2,8 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from wrong_runs import estimated, recordings, table_of
 
+from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.diagnosis.drawn_case import draw_fit
 from hrg_cli.stages.diagnosis.suspects.cases import SuspectFound
 from hrg_cli.stages.diagnosis.suspects.search import UNLIKE, _is_cleared
@@ -35,3 +38,15 @@ def fit_at(chi2_per_dof):
 )
 def test_what_clears_a_run(what, left, before, physics, cleared):
     assert _is_cleared(found_with(what, left), fit_at(before), (), physics) is cleared
+
+
+def test_a_scale_factor_of_the_other_sign_is_no_other_gyros():
+    """Beside a gain mismatch in all runs, which a run fitted alone takes up, a rate log of the
+    wrong sign was "another gyro" with the same frequency, damping and split."""
+    table = table_of(4, {"gain_mismatch": {"gain": 2e-3}}, turning=1, noise=1e-5)
+    records = recordings(table, 4)
+    records[2] = records[2].replace(rate_rad_s=-np.asarray(records[2].rate_rad_s))
+    out = summarise(diagnose(estimated(records)))
+    (one,) = out["suspect_runs"]
+    assert one["run_id"] == "run2" and one["what"].startswith("rate log of wrong s")
+    assert "sign" in one["correction"] or "by -1," in one["correction"]
