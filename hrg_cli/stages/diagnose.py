@@ -28,6 +28,7 @@ from ..fitting.checks import Check
 from ..fitting.envelopes import envelope_runs
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.base.contradiction import find_strangers
+from .diagnosis.base.data import is_coarse
 from .diagnosis.base.joint_fit import Cut, cut_at_losses, fit_base, fit_together
 from .diagnosis.closing.closing_checks import choose_word, make_closing_checks
 from .diagnosis.closing.sized import Sized, give_up_unsized
@@ -171,8 +172,19 @@ def diagnose(
         most_effects,
         partial(fit_base, scale_factor=scale_factor, blocks=blocks, free_phase=free_phase),
     )
-    notes = (*usable.notes, *clipped)
+    notes = (*usable.notes, *clipped, *map(_say_coarse, filter(is_coarse, counted)))
     return replace(usable, refusals=(), notes=notes).judge(_diagnose_usable(asked))
+
+
+def _say_coarse(wave: Wave) -> str:
+    """What few codes do to a run."""
+    codes = float(np.median(np.asarray(wave.main_amplitude, float)[wave.good()])) / float(
+        wave.least_count or np.nan
+    )
+    return (
+        f"{wave.run_id}: rounding makes most of its noise, its amplitude being {codes:.2g} codes of"
+        f" {wave.least_count:.3g}: what it leaves may be the converter's; record it with more bits"
+    )
 
 
 def _diagnose_usable(asked: Asked) -> Diagnosis:

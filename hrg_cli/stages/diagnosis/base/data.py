@@ -40,6 +40,9 @@ EXACT = 1e-6
 """Misfit, as a part of its range, below which a temperature log is the polynomial."""
 WELL = 0.1
 """σ by which the averages of all rows' windows together may miss the rows' middles."""
+MOSTLY_ROUNDING, FEW_CODES = 0.5, 100.0
+"""Part of the noise that rounding makes, and codes that the amplitude spans, from which and up to
+which a run is coarse."""
 DIFFERENCES = (2, 3, 4, 5)
 """Orders of differences by which a thermometer's noise is told from its course."""
 FEWEST_SMOOTHED = 80
@@ -327,7 +330,39 @@ def align_runs(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> MeasuredRu
         mode_number=int(waves[0].mode_number),
         has_temperature=any(_has(w.temperature_degc) for w in waves),
         whitening=channel_noise.stack_matrices([r.whitening for r in runs]),
+        coarse=np.array([is_coarse(w) for w in waves]),
     )
+
+
+def is_coarse(wave: Wave) -> bool:
+    """Whether rounding to few codes makes most of a run's noise: what it leaves repeats with the
+    wave and moves with its angle, where white noise would not.
+
+    Parameters
+    ----------
+    wave
+        Of the run.
+
+    Returns
+    -------
+    bool
+        False where no converter's step is known.
+
+    Examples
+    --------
+    Amplitude 1 on steps of 0.02, without other noise:
+
+    >>> from hrg_cli.stages.diagnosis.base.data import is_coarse
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> wave = draw_waves()[0]
+    >>> is_coarse(wave), is_coarse(wave.replace(least_count=0.02, quantisation_share=1.0))
+    (False, True)
+    """
+    step, share = wave.least_count, wave.quantisation_share
+    if not step or share is None or share < MOSTLY_ROUNDING:
+        return False
+    amplitude = np.asarray(wave.main_amplitude, float)[wave.good()]
+    return bool(len(amplitude) and np.median(amplitude) < FEW_CODES * step)
 
 
 def _columns_of(run: EnvelopeRun, wave: Wave, reference_hz: float) -> dict[str, Array]:
@@ -553,14 +588,12 @@ def measure_roughness(values: Array) -> float:
     >>> from hrg_cli.stages.diagnosis.base.data import measure_roughness
     >>> swing = np.sin(np.linspace(0, 12, 2000))
     >>> noise = 0.01 * np.random.default_rng(0).standard_normal(2000)
-    >>> measure_roughness(swing) < 1e-9, round(measure_roughness(swing + noise), 3)
-    (True, 0.017)
+    >>> round(measure_roughness(swing), 6), round(measure_roughness(swing + noise), 3)
+    (0.0, 0.016)
     """
     orders = [k for k in DIFFERENCES if len(values) > k + 1]
-    sizes = (
-        float(np.median(np.abs(np.diff(values, n=k)))) * np.sqrt(6 / comb(2 * k, k)) for k in orders
-    )
-    return min(sizes, default=0.0)
+    sizes = [np.median(np.abs(np.diff(values, n=k))) * np.sqrt(6 / comb(2 * k, k)) for k in orders]
+    return float(min(sizes, default=0.0))
 
 
 def _polynomial_through(t: Array, values: Array, rough: float) -> Array | None:

@@ -64,3 +64,19 @@ def test_a_run_clipped_below_what_others_reach_is_told_and_left_out():
     out = summarise(out_record)
     assert out["verdict"] == "adequate" and out["effects"] == []
     assert any("run0: " in why and "clipped" in why for why in out_record.status_reasons)
+
+
+def test_a_run_of_few_codes_is_told_and_struck_by_nothing():
+    """7 bits without dither in one of four: a step of a gain of 11 σ and a knock of 8 σ."""
+    records = recordings(programme(75, runs=4, noise=2e-5), 75)
+    step = float(np.abs(records[2].c).max()) / 40
+    coarse = {
+        name: np.round(np.asarray(getattr(records[2], name), float) / step).astype("i2")
+        for name in ("c", "s")
+    }
+    records[2] = records[2].replace(
+        **coarse, c_scale_factor=step, s_scale_factor=step, least_count=step
+    )
+    record = diagnose(estimated(records))
+    assert any(why.startswith("run2: rounding makes most") for why in record.status_reasons)
+    assert summarise(record)["effects"] == []
