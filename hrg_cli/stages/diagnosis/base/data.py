@@ -3,6 +3,7 @@ base model."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import comb
@@ -45,8 +46,11 @@ MOSTLY_ROUNDING, FEW_CODES = 0.5, 100.0
 which a run is coarse."""
 DIFFERENCES = (2, 3, 4, 5)
 """Orders of differences by which a thermometer's noise is told from its course."""
-FEWEST_SMOOTHED = 80
-"""Rows from which a noisy temperature log is smoothed."""
+FEWEST_SMOOTHED, STEP_OF_KNOTS = 80, 0.5
+"""Rows from which a noisy temperature log is smoothed, and powers of two between the numbers of
+knots that are tried."""
+BENT = 2.0
+"""Misfit of the smoothed log, over its noise, from which it bends faster than rows can tell."""
 LEAST_PIECES, MOST_PIECES = 24, 40
 """Pieces of a held amplitude at least, and those of which each has two rows or more."""
 QUIET = 1e-3
@@ -545,8 +549,8 @@ def _amplitude(u: Array) -> Array:
 
 
 def _smoothed(t: Array, values: Array) -> Array:
-    """Temperature by a line or a low polynomial, else by a smoothing spline where the thermometer
-    is noisy.
+    """Temperature by a line or a low polynomial, else by a spline of few knots where the
+    thermometer is noisy.
 
     Its slope is then not the noise's, and what bends is not straightened.
     """
@@ -558,10 +562,28 @@ def _smoothed(t: Array, values: Array) -> Array:
         return curve
     if len(t) < FEWEST_SMOOTHED or rough < QUIET * float(np.ptp(values)):
         return values
-    from scipy.interpolate import make_smoothing_spline
+    curve = _smooth_by_spline(t, values)
+    # second differences of white noise are √6 times as large, their median 0.6745 of that
+    noise = rough / (0.6745 * np.sqrt(6))
+    return curve if np.std(values - curve) < BENT * noise else values
 
-    # as stiff as foretells each row best from the others (generalised cross-validation)
-    return np.asarray(make_smoothing_spline(t, values)(t))
+
+def _smooth_by_spline(t: Array, values: Array) -> Array:
+    """A log by a cubic spline of even knots, of the number n that foretells each row best from the
+    others: least RSS/(1 − n/N)² (Craven and Wahba 1978, generalised cross-validation)."""
+    from scipy.interpolate import make_lsq_spline
+
+    rows, best, smooth = len(t), np.inf, values
+    x = (t - t[0]) / (t[-1] - t[0])
+    for power in np.arange(2.0, np.log2(rows / 2), STEP_OF_KNOTS):
+        count = int(2**power)
+        knots = np.r_[np.zeros(3), np.linspace(0, 1, count - 2), np.ones(3)]
+        with contextlib.suppress(ValueError, np.linalg.LinAlgError):  # no row between two knots
+            curve = make_lsq_spline(x, values, knots)(x)
+            score = float(np.sum((values - curve) ** 2)) / (1 - count / rows) ** 2
+            if score < best:
+                best, smooth = score, np.asarray(curve)
+    return smooth
 
 
 def measure_roughness(values: Array) -> float:
