@@ -41,7 +41,11 @@ def find_unix_unit(time: float) -> str:
     >>> find_unix_unit(1.76e9), find_unix_unit(1.76e12), find_unix_unit(12.5)
     ('s', 'ms', '')
     """
-    return next((unit for unit in UNITS if FIRST_S <= time * find_time_factor(unit) < LAST_S), "")
+    return next((unit for unit in UNITS if _is_of_a_recording(time * find_time_factor(unit))), "")
+
+
+def _is_of_a_recording(since_1970_s: float) -> bool:
+    return FIRST_S <= since_1970_s < LAST_S
 
 
 def recognise_unix_time(log: Log, roles: Roles, path: Path, told: TimingTold) -> Log:
@@ -87,9 +91,11 @@ def recognise_unix_time(log: Log, roles: Roles, path: Path, told: TimingTold) ->
         if index is None or channels[index].kind != "number":
             continue
         channel = channels[index]
+        if (told.units or channel.units) and (start or index != roles.time):
+            continue  # unit and start are known
         first = _read_first(log, index, path) * channel.scale_factor
         unit = told.units or channel.units or find_unix_unit(first)
-        if not (is_time(unit) and FIRST_S <= first * find_time_factor(unit) < LAST_S):
+        if not is_time(unit) or not _is_of_a_recording(first * find_time_factor(unit)):
             continue
         if unit != "s":  # which a column without a unit is read in anyway
             channels[index] = dataclasses.replace(channel, units=channel.units or unit)

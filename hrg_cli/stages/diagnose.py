@@ -28,7 +28,7 @@ from ..fitting.checks import Check
 from ..fitting.envelopes import envelope_runs
 from ..records import Diagnosis, Resonator, Wave
 from .diagnosis.base.contradiction import find_strangers
-from .diagnosis.base.data import is_coarse
+from .diagnosis.base.data import count_codes, is_coarse
 from .diagnosis.base.joint_fit import Cut, cut_at_losses, fit_base, fit_together
 from .diagnosis.closing.closing_checks import choose_word, make_closing_checks
 from .diagnosis.closing.sized import Sized, give_up_unsized
@@ -178,11 +178,9 @@ def diagnose(
 
 def _say_coarse(wave: Wave) -> str:
     """What few codes do to a run."""
-    codes = float(np.median(np.asarray(wave.main_amplitude, float)[wave.good()])) / float(
-        wave.least_count or np.nan
-    )
     return (
-        f"{wave.run_id}: rounding makes most of its noise, its amplitude being {codes:.2g} codes of"
+        f"{wave.run_id}: rounding makes most of its noise, its amplitude being"
+        f" {count_codes(wave):.2g} codes of"
         f" {wave.least_count:.3g}: what it leaves may be the converter's; record it with more bits"
     )
 

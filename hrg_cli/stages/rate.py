@@ -290,9 +290,7 @@ def _need_resonator_of(wave: Wave, resonator: Resonator, name: str) -> None:
         raise HrgError(f"the resonator is refused ({why}); identify it from better runs")
 
 
-def _make_closing_checks(
-    found: RateEstimate, bends: Bends | None = None
-) -> tuple[list[Check], list[Check]]:
+def _make_closing_checks(found: RateEstimate, bends: Bends) -> tuple[list[Check], list[Check]]:
     """The closing checks of a rate: (what refuses it, what makes it suspect); bends: what its nodes
     are foretold to lose between them."""
     count, more = len(found.time_s), _more_nodes(found)
@@ -320,7 +318,7 @@ def _make_closing_checks(
             " white noise"
         ),
     )
-    return impossible, [*noise, *_check_nodes(found, bends or Bends())]
+    return impossible, [*noise, *_check_nodes(found, bends)]
 
 
 def _check_nodes(found: RateEstimate, bends: Bends) -> list[Check]:

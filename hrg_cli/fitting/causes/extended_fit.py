@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...effects.effect import Effect
+from ..checks import check_goodness
 from ..envelopes.coordinates import COORDINATES, COUNT
 from ..least_squares import square_over_covariance
 from ..noise import channel_noise
@@ -86,6 +87,11 @@ class ExtendedFit:
         given_up = int(np.sum(self.series.weight > 0)) if self.series.free_phase else 0
         unknown = self.series.unsettled.free if self.series.unsettled is not None else 0
         return max(1, len(self.residual) - given_up - unknown - self.layout.count)
+
+    @property
+    def is_adequate(self) -> bool:
+        """Whether χ² agrees with the noise that the windows state."""
+        return check_goodness(self.chi2, self.dof).passed
 
     @property
     def frequency_hz(self) -> Array:

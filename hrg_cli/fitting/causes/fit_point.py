@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...effects.effect import Effect
+from ...effects.effect import RELATIVE_TO_TEMPERATURE, Effect
 from ...physics.plant import SlowState
 from ...physics.resonator import Mechanics
 from ..envelopes import coordinates
@@ -27,6 +27,15 @@ class Point:
     start: Array
     offset_rad_s: Array
     active: Active = ()
+
+    def find_temperature_slopes(self) -> dict[str, float]:
+        """What its effects scale of the resonator by the temperature: name -> relative change per
+        kelvin [1/K]."""
+        return {
+            effect.scales: values[RELATIVE_TO_TEMPERATURE]
+            for effect, values in self.active
+            if effect.scales
+        }
 
 
 def add_effect(point: Point, effect: Effect, values: Mapping[str, float]) -> Point:

@@ -97,9 +97,9 @@ class MeasuredRuns:
     averaged_along: Array | None = None
     """Coordinates (7,) of the motion along which windows were averaged to rows; None: they were
     not."""
-    coarse: Array | None = None
-    """Runs (R,) of so few codes that rounding is most of their noise, which is then none from row
-    to row; None: of none is that known."""
+    coarse: tuple[int, ...] = ()
+    """Numbers of the runs of so few codes that rounding is most of their noise, which is then none
+    from row to row."""
     unsettled: Basis | None = None
     """What nobody knows of these runs, on the rows with weight: residuals and sensitivities are
     taken off it."""
@@ -121,7 +121,6 @@ class MeasuredRuns:
             turn_rad_s=self.turn_rad_s[index],
             number=self.numbers[index],
             whitening=None if self.whitening is None else self.whitening[index],
-            coarse=None if self.coarse is None else self.coarse[index],
             unsettled=self._select_unsettled(there) if in_order else None,
             **cut,
         )

@@ -6,7 +6,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import comb
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from ....fitting.envelopes.envelope_runs import EnvelopeRun
 from ....fitting.envelopes.matrices import Matrix
 from ....fitting.envelopes.phase_course import follow_phase, straighten_phases
 from ....fitting.noise import channel_noise
+from ....fitting.noise.difference_noise import MEDIAN, measure_difference_noise
 from ....fitting.samples.course import Impulse, average_over_windows, build_course, integrate_means
 from ....physics import ellipse
 from ....records import Wave
@@ -53,8 +53,9 @@ BENT = 2.0
 """Misfit of the smoothed log, over its noise, from which it bends faster than rows can tell."""
 LEAST_PIECES, MOST_PIECES = 24, 40
 """Pieces of a held amplitude at least, and those of which each has two rows or more."""
-QUIET = 1e-3
-"""Roughness of the temperature log, as a part of its range, up to which it is taken as it is."""
+QUIET = 1e-3 / (MEDIAN * 6**0.5)
+"""Noise of the temperature log, as a part of its range, up to which it is taken as it is: its
+second differences are 1e-3 of that range."""
 
 
 def prepare(
@@ -334,7 +335,7 @@ def align_runs(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> MeasuredRu
         mode_number=int(waves[0].mode_number),
         has_temperature=any(_has(w.temperature_degc) for w in waves),
         whitening=channel_noise.stack_matrices([r.whitening for r in runs]),
-        coarse=np.array([is_coarse(w) for w in waves]),
+        coarse=tuple(k for k, wave in enumerate(waves) if is_coarse(wave)),
     )
 
 
@@ -362,11 +363,35 @@ def is_coarse(wave: Wave) -> bool:
     >>> is_coarse(wave), is_coarse(wave.replace(least_count=0.02, quantisation_share=1.0))
     (False, True)
     """
-    step, share = wave.least_count, wave.quantisation_share
-    if not step or share is None or share < MOSTLY_ROUNDING:
-        return False
+    share = wave.quantisation_share
+    return share is not None and share >= MOSTLY_ROUNDING and count_codes(wave) < FEW_CODES
+
+
+def count_codes(wave: Wave) -> float:
+    """Codes of the converter that a run's amplitude spans.
+
+    Parameters
+    ----------
+    wave
+        Of the run.
+
+    Returns
+    -------
+    float
+        Infinite where no converter's step is known, or no window is good.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.data import count_codes
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> wave = draw_waves()[0]
+    >>> count_codes(wave), round(count_codes(wave.replace(least_count=0.02)))
+    (inf, 38)
+    """
     amplitude = np.asarray(wave.main_amplitude, float)[wave.good()]
-    return bool(len(amplitude) and np.median(amplitude) < FEW_CODES * step)
+    if not wave.least_count or not len(amplitude):
+        return float("inf")
+    return float(np.median(amplitude) / wave.least_count)
 
 
 def _columns_of(run: EnvelopeRun, wave: Wave, reference_hz: float) -> dict[str, Array]:
@@ -556,15 +581,13 @@ def _smoothed(t: Array, values: Array) -> Array:
     """
     if np.ptp(values) == 0 or len(t) <= 4 * ENDS:
         return values
-    rough = measure_roughness(values)
-    curve = _polynomial_through(t, values, rough)
+    noise = estimate_log_noise(values)
+    curve = _polynomial_through(t, values, noise)
     if curve is not None:
         return curve
-    if len(t) < FEWEST_SMOOTHED or rough < QUIET * float(np.ptp(values)):
+    if len(t) < FEWEST_SMOOTHED or noise < QUIET * float(np.ptp(values)):
         return values
     curve = _smooth_by_spline(t, values)
-    # second differences of white noise are √6 times as large, their median 0.6745 of that
-    noise = rough / (0.6745 * np.sqrt(6))
     return curve if np.std(values - curve) < BENT * noise else values
 
 
@@ -586,11 +609,11 @@ def _smooth_by_spline(t: Array, values: Array) -> Array:
     return smooth
 
 
-def measure_roughness(values: Array) -> float:
-    """Median of the second differences that a log's noise makes.
+def estimate_log_noise(values: Array) -> float:
+    """Standard deviation of a log's white noise, told from its course.
 
-    A course that bends has second differences too. Those of the k-th order of white noise have
-    C(2k, k) times its variance, of a smooth course ever less: the least of them is the noise's.
+    A course that bends has second differences too, of higher orders ever less: the least of several
+    orders is the noise's.
 
     Parameters
     ----------
@@ -604,28 +627,26 @@ def measure_roughness(values: Array) -> float:
 
     Examples
     --------
-    A swing, and the same with a noise of 0.01, whose second differences are √6 times as large:
+    A swing, and the same with a noise of 0.01:
 
     >>> import numpy as np
-    >>> from hrg_cli.stages.diagnosis.base.data import measure_roughness
+    >>> from hrg_cli.stages.diagnosis.base.data import estimate_log_noise
     >>> swing = np.sin(np.linspace(0, 12, 2000))
     >>> noise = 0.01 * np.random.default_rng(0).standard_normal(2000)
-    >>> round(measure_roughness(swing), 6), round(measure_roughness(swing + noise), 3)
-    (0.0, 0.016)
+    >>> round(estimate_log_noise(swing), 6), round(estimate_log_noise(swing + noise), 3)
+    (0.0, 0.01)
     """
     orders = [k for k in DIFFERENCES if len(values) > k + 1]
-    sizes = [np.median(np.abs(np.diff(values, n=k))) * np.sqrt(6 / comb(2 * k, k)) for k in orders]
-    return float(min(sizes, default=0.0))
+    return min((float(measure_difference_noise(values, k)) for k in orders), default=0.0)
 
 
-def _polynomial_through(t: Array, values: Array, rough: float) -> Array | None:
+def _polynomial_through(t: Array, values: Array, noise: float) -> Array | None:
     """The lowest polynomial of time that leaves of a log no more than its noise; None where none of
-    a low degree does. `rough`: the median of its noise's second differences."""
+    a low degree does. `noise`: its standard deviation."""
     x = (t - t.mean()) / np.ptp(t)
     # a log's first and last value may have been held beyond it
     inner = slice(ENDS, -ENDS)
-    # second differences of white noise are √6 times as large as the noise
-    least = max(1.2 * rough / np.sqrt(6), EXACT * float(np.ptp(values)))
+    least = max(1.2 * MEDIAN * noise, EXACT * float(np.ptp(values)))
     for degree in range(1, DEGREES + 1):
         polynomial = np.polynomial.polynomial.polyfit(x[inner], values[inner], degree)
         curve = np.polynomial.polynomial.polyval(x, polynomial)

@@ -11,7 +11,6 @@ from functools import partial
 import numpy as np
 
 from ....errors import HrgError, name_some
-from ....fitting import checks
 from ....fitting.causes import extended_fit
 from ....fitting.causes.coordinate_priors import CoordinatePriors
 from ....fitting.causes.extended_fit import ExtendedFit
@@ -178,17 +177,13 @@ def _fit_beside_steps(
     """The settled fit; where that leaves more than noise, the same beside the steps of commands
     that are held in time with the oscillation, if these leave nothing but noise."""
     beside = settled(fit)
-    if fit.series.held_beat_rad_s is not None or _is_noise(beside):
+    if fit.series.held_beat_rad_s is not None or beside.is_adequate:
         return beside
     for beat in find_likely_beats(beside):
         held = settled(allow_steps(fit, beat))
-        if _is_noise(held):
+        if held.is_adequate:
             return held
     return beside
-
-
-def _is_noise(fit: ExtendedFit) -> bool:
-    return checks.check_goodness(fit.chi2, fit.dof).passed
 
 
 def _fit_beside_frames(fit: ExtendedFit) -> ExtendedFit:

@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....fitting import checks
 from ....fitting.causes import extended_fit, whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
@@ -111,7 +110,7 @@ def is_thinkable(fit: ExtendedFit) -> bool:
     True
     """
     late, usual = abs(fit.series.drive_late_s), REACH * find_row_length_s(fit.series)
-    return late <= THINKABLE * usual or checks.check_goodness(fit.chi2, fit.dof).passed
+    return late <= THINKABLE * usual or fit.is_adequate
 
 
 def _is_beside_the_point(fit: ExtendedFit, column: Array) -> bool:

@@ -33,6 +33,7 @@ from ....fitting.causes.sensitivities import find_base_sensitivities
 from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.walks import LogPieces, Walk, WalkPart
 from ....fitting.causes.wave_frame import find_directions, to_reals
+from ....fitting.noise.difference_noise import measure_difference_noise
 
 Array = np.ndarray
 SLOW = 4
@@ -54,8 +55,6 @@ PARTS = MOST * np.linspace(0, 1, 81) ** 2
 WEAKEST = 1e-2
 """Variance over that of the windows below which a direction is left alone."""
 INDEPENDENT = 1e-8
-OF_FOURTH_DIFFERENCES = 0.6745 * 70**0.5
-"""Median of |fourth differences| of white scatter, over its standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +75,8 @@ class Scatter:
             if rows < FEWEST or not series.forced[k].any():
                 continue
             commands = np.stack([series.main_drive[k][good], series.quadrature_drive[k][good]])
-            # (1, −4, 6, −4, 1): a course of third degree leaves none, white scatter √70 of itself;
-            # the median bears rows in which the command was switched
-            rough = np.abs(np.diff(commands, n=4, axis=1))
-            size[k] = np.median(rough, axis=1) / OF_FOURTH_DIFFERENCES
+            # rows in which the command was switched are few
+            size[k] = measure_difference_noise(commands, 4)
             step = float(np.median(np.diff(series.time_s[k][good])))
             walk[k] = size[k].max() * step * np.sqrt(rows) * float(np.median(weight[good]))
         return cls(size, walk)

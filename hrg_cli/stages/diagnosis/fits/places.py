@@ -172,9 +172,9 @@ def _times(fit: ExtendedFit, run: int) -> Array:
 def _place(variant: Variant, fit: ExtendedFit) -> StrikePlace | None:
     """The clearest place of all runs, where chance makes none; None where the other runs together
     show as much: what strikes does so in one of them, what all of them show is no strike."""
-    coarse = fit.series.coarse
+    series = fit.series
     # what few codes leave of a run moves from row to row as though something had struck
-    runs = [k for k in range(len(fit.series.names)) if coarse is None or not coarse[k]]
+    runs = [k for k, number in enumerate(series.numbers) if number not in series.coarse]
     found = [_clearest(_own_columns(variant, fit, run), fit, run) for run in runs]
     clear = [one for one in found if one is not None and one.chance < SIGNIFICANT]
     best = max(clear, key=lambda one: one.gain, default=None)

@@ -78,7 +78,7 @@ def list_variants(effects: Sequence[Effect], fit: ExtendedFit) -> list[Variant]:
             continue
         secants = tuple(p.name for p in effect.fitted() if p.sets_in)
         for start in effect.starts(series):
-            if _is_in_coarse_run(start, series):
+            if start.get(RUN) in series.coarse:
                 continue
             held = {name: value for name, value in start.items() if name not in secants}
             levels = {name: start[name] - values[name] for name in secants if name in start}
@@ -86,13 +86,6 @@ def list_variants(effects: Sequence[Effect], fit: ExtendedFit) -> list[Variant]:
         if effect.strikes:
             out.append(Variant(effect, values, steps, secants, anywhere=True))
     return out
-
-
-def _is_in_coarse_run(start: Mapping[str, float], series: MeasuredRuns) -> bool:
-    """Whether it is of one run alone whose rows jump by rounding as it is."""
-    if series.coarse is None or RUN not in start:
-        return False
-    return bool(np.any(series.coarse[series.numbers == start[RUN]]))
 
 
 def _list_available(series: MeasuredRuns) -> set[str]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ....records import FLAG_CLIPPED, FLAG_GAP, Array, Wave
+from ....records import FLAG_CLIPPED, FLAG_GAP, Wave
 from .odd_windows import find_channel_amplitudes
 
 PASSED = 1.02
@@ -50,7 +50,7 @@ def count_common_clipping(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str,
     clipped = [np.asarray(w.flags) & FLAG_CLIPPED != 0 for w in waves]
     if not any(mask.any() for mask in clipped):
         return list(waves), ()
-    free = [_find_largest_unclipped(w, mask) for w, mask in zip(waves, clipped, strict=True)]
+    free = [_find_largest_unclipped(wave) for wave in waves]
     taken, told = [], []
     for k, (wave, mask) in enumerate(zip(waves, clipped, strict=True)):
         level = float(np.min(find_channel_amplitudes(wave)[mask], initial=np.inf))
@@ -69,7 +69,6 @@ def count_common_clipping(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str,
     return taken, tuple(told)
 
 
-def _find_largest_unclipped(wave: Wave, clipped: Array) -> float:
-    """The largest amplitude of either channel that a run shows without being clipped."""
-    whole = wave.good() & ~clipped
-    return float(np.max(find_channel_amplitudes(wave)[whole], initial=0.0))
+def _find_largest_unclipped(wave: Wave) -> float:
+    """The largest amplitude of either channel that a run shows in windows that nothing flags."""
+    return float(np.max(find_channel_amplitudes(wave)[wave.good()], initial=0.0))

@@ -16,12 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from ....effects.effect import RELATIVE_TO_TEMPERATURE
 from ....fitting.causes import evidence, extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.refits import hold_effect
 from .inquiry import NoiseLevel
-from .offsets import Offsets, find_lone_run, judge_scatter, read_offsets
+from .offsets import Offsets, find_lone_run, judge_scatter, point_at, read_offsets
 from .run_patterns import QUIET, SPARE, Pattern, find_patterns
 from .search_case import Case
 from .selection import Found, prune_causes
@@ -213,17 +212,13 @@ def _say_chance(fitting: Sequence[Pattern], tried: int) -> str:
 
 def _say_lone_run(fit: ExtendedFit, offsets: Offsets, run: int, z: float) -> str:
     """The one run whose frequency stands beside the others', and what would make it so."""
-    others = np.delete(np.arange(len(offsets.value)), run)
-    beside = float(offsets.value[run] - np.median(offsets.value[others]))
-    omega = 2 * np.pi * float(np.median(np.asarray(fit.frequency_hz)[others]))
-    follows = [
-        values[RELATIVE_TO_TEMPERATURE]
-        for effect, values in fit.point.active
-        if effect.scales == "frequency_hz"
-    ]
+    size, _ = offsets.fit_response(point_at(run, offsets), 0.0)
+    beside = float(size[0])
+    omega = 2 * np.pi * float(fit.frequency_hz[run]) - beside
+    slope = fit.point.find_temperature_slopes().get("frequency_hz", 0.0)
     thermometer = "its temperature was another than logged"
-    if follows and follows[0]:
-        kelvin = -beside / (omega * follows[0])
+    if slope:
+        kelvin = -beside / (omega * slope)
         thermometer = (
             f"its thermometer reads {abs(kelvin):.3g} K too {'high' if kelvin > 0 else 'low'}"
         )

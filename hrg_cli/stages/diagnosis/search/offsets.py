@@ -106,13 +106,15 @@ def read_offsets(fit: ExtendedFit, noise: NoiseLevel) -> tuple[Offsets, list[int
     )
 
 
-def judge_scatter(offsets: Offsets) -> tuple[float, float]:
+def judge_scatter(offsets: Offsets, beside: Array | None = None) -> tuple[float, float]:
     """(equivalent z, p) of the offsets' scatter about their means against their own noise.
 
     Parameters
     ----------
     offsets
         Of the runs.
+    beside
+        What else of them is free, (R, q).
 
     Returns
     -------
@@ -128,7 +130,7 @@ def judge_scatter(offsets: Offsets) -> tuple[float, float]:
     >>> z < 2, p > 0.05
     (True, True)
     """
-    chi2, basis = offsets.compute_misfit(0.0)
+    chi2, basis = offsets.compute_misfit(0.0, beside)
     dof = len(offsets.value) - basis.shape[1]
     return evidence.find_significance(chi2, dof) if dof > 0 else (0.0, 1.0)
 
@@ -156,16 +158,33 @@ def find_lone_run(offsets: Offsets, chance: float) -> int | None:
     >>> find_lone_run(Offsets(far, 1e-4 * np.eye(4), np.ones((4, 1))), 1e-6)
     1
     """
-    runs = len(offsets.value)
-    lone = []
-    for run in range(runs):
-        rest = np.flatnonzero(np.arange(runs) != run)
-        means = offsets.means[rest]
-        if len(rest) <= np.count_nonzero(means.any(axis=0)):
-            return None
-        others = Offsets(
-            offsets.value[rest], offsets.covariance[np.ix_(rest, rest)], means[:, means.any(axis=0)]
-        )
-        if judge_scatter(others)[1] > chance:
-            lone.append(run)
-    return lone[0] if len(lone) == 1 else None
+    runs = range(len(offsets.value))
+    if len(runs) <= offsets.means.shape[1] + 1:
+        return None
+    agreeing = [run for run in runs if judge_scatter(offsets, point_at(run, offsets))[1] > chance]
+    return agreeing[0] if len(agreeing) == 1 else None
+
+
+def point_at(run: int, offsets: Offsets) -> Array:
+    """What moves one run's offset alone: free beside the means, it leaves that run out.
+
+    Parameters
+    ----------
+    run
+        Its place.
+    offsets
+        Of the runs.
+
+    Returns
+    -------
+    ndarray
+        (R, 1).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.search.offsets import Offsets, point_at
+    >>> point_at(1, Offsets(np.zeros(3), np.eye(3), np.ones((3, 1))))[:, 0].tolist()
+    [0.0, 1.0, 0.0]
+    """
+    return np.eye(len(offsets.value))[:, [run]]

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from ....errors import name_some
-from ....fitting import checks
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from ...suspicion import Suspicion
@@ -166,7 +165,7 @@ def _find_late_logs(
 def _stand_in(found: SuspectFound, base: ExtendedFit, final: ExtendedFit) -> QuietMistake | None:
     """The mistakes that leave the stated noise for less than the causes that they do without, and
     than the base model; None where they do not."""
-    if not _is_noise(found.fit):
+    if not found.fit.is_adequate:
         return None
     own = found.numbers * float(np.log(len(base.residual)))
     gained = min(_price(final), _price(base)) - _price(found.fit) - own
@@ -180,7 +179,7 @@ def _stand_in(found: SuspectFound, base: ExtendedFit, final: ExtendedFit) -> Qui
 def _worth_asking(driven: ExtendedFit) -> bool:
     """Whether driven runs, whose fits take long, are asked: those grossly misfitted were so before,
     and of those with none no mistake can be seen beside what the drive's log may miss."""
-    return driven.chi2 / driven.dof < GROSS and not _is_noise(driven)
+    return driven.chi2 / driven.dof < GROSS and not driven.is_adequate
 
 
 @dataclass(frozen=True)
@@ -235,7 +234,7 @@ def _find_mistake(
 ) -> tuple[SuspectCase, tuple[SuspectCase, ...]] | None:
     """The mistake of one run that leaves the stated noise, and those as good; None where there is
     none, or where a run is merely unlike the others."""
-    agreeing = [pair for pair in fit_without_each(waves, [], fitted, before) if _is_noise(pair[1])]
+    agreeing = [pair for pair in fit_without_each(waves, [], fitted, before) if pair[1].is_adequate]
     cases = [
         case
         for run, others in agreeing[:DOUBTED]
@@ -246,8 +245,4 @@ def _find_mistake(
     if not cases:
         return None
     case, beside = choose_case(cases)
-    return (case, beside) if case.apart is None and _is_noise(case.fit) else None
-
-
-def _is_noise(fit: ExtendedFit) -> bool:
-    return checks.check_goodness(fit.chi2, fit.dof).passed
+    return (case, beside) if case.apart is None and case.fit.is_adequate else None

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.checks import check_goodness
 from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
 from ....records import Array, Wave
 from ...suspicion import Suspicion
@@ -94,13 +93,13 @@ def suspect_runs(
         # a frequency that follows the amplitude does so within each run too, and explains more
         if alone is not None and fit_catalogue(base, candidates, 1.0) > alone.chi2_per_dof / EVEN:
             return [*find_wrong_logs(waves, alone.fit), *alone.suspicions]
-    if not _is_adequate(base) and (strange := _find_strange_frequencies(base, CLOCKS_APART)):
+    if not base.is_adequate and (strange := _find_strange_frequencies(base, CLOCKS_APART)):
         # temperatures part frequencies so far as well, but mend nothing else of a run with them
         alone = _strange_runs(waves, fitted, base, strange)
         if (
             alone is not None
             and all(one.what == CLOCK for one in alone.suspicions)
-            and _is_adequate(alone.fit)
+            and alone.fit.is_adequate
         ):
             return [*find_wrong_logs(waves, alone.fit), *alone.suspicions]
     if base.chi2 / base.dof < GROSS or (physics := fit_catalogue(base, candidates, RIVAL)) < RIVAL:
@@ -150,11 +149,6 @@ def _is_cleared(
     # a gross misfit stays: the catalogue has to explain what is left, as it would of a sound lot
     effects = list(dict.fromkeys(one.effect for one in candidates))
     return fit_catalogue(found.fit, list_variants(effects, found.fit), RIVAL) > GROSS
-
-
-def _is_adequate(fit: ExtendedFit) -> bool:
-    """Whether χ² agrees with the noise that the windows state."""
-    return check_goodness(fit.chi2, fit.dof).passed
 
 
 def _find_strange_frequencies(fit: ExtendedFit, apart: float) -> list[int]:

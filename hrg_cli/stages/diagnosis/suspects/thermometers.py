@@ -8,12 +8,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ....effects.effect import RELATIVE_TO_TEMPERATURE
 from ....errors import HrgError
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Array, Wave
-from ..base.data import measure_roughness
+from ..base.data import estimate_log_noise
 from . import transformations as change
 from .readings import DAMPING, FINEST, Reading, find_least_misfit, fit_held
 
@@ -123,9 +122,9 @@ def _is_beyond_noise(wave: Wave, moved: Wave) -> bool:
     good = wave.good()
     logged, other = (np.asarray(w.temperature_degc, float)[good] for w in (wave, moved))
     known = np.isfinite(logged) & np.isfinite(other)
-    # the median of |second differences| of white noise is 0.6745 √6 of it
-    noise = measure_roughness(logged[known]) / (0.6745 * np.sqrt(6))
-    left = noise * np.sqrt(min(1.0, COURSE_NUMBERS / max(1, known.sum())))
+    left = estimate_log_noise(logged[known]) * np.sqrt(
+        min(1.0, COURSE_NUMBERS / max(1, known.sum()))
+    )
     return bool(np.sqrt(np.mean((other - logged)[known] ** 2)) > BEYOND_NOISE * left)
 
 
@@ -140,11 +139,7 @@ def _lag(wave: Wave, others: ExtendedFit) -> float | None:
 def _shown_course(wave: Wave, others: ExtendedFit) -> Wave | None:
     """The wave with the quadratic course of temperature that its phase shows beside the others'
     model, at the level of its damping."""
-    relative = {
-        effect.scales: values[RELATIVE_TO_TEMPERATURE]
-        for effect, values in others.point.active
-        if effect.scales
-    }
+    relative = others.point.find_temperature_slopes()
     slope, loss = relative.get("frequency_hz", 0.0), relative.get("damping_rate_1_s", 0.0)
     if slope == 0:
         return None
