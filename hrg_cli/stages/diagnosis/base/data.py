@@ -386,7 +386,7 @@ def count_codes(wave: Wave) -> float:
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
     >>> wave = draw_waves()[0]
     >>> count_codes(wave), round(count_codes(wave.replace(least_count=0.02)))
-    (inf, 38)
+    (inf, 39)
     """
     amplitude = np.asarray(wave.main_amplitude, float)[wave.good()]
     if not wave.least_count or not len(amplitude):
