@@ -94,6 +94,9 @@ class MeasuredRuns:
     held_beat_rad_s: float | None = None
     """Beat with the oscillation of a board's steps from command to command; None where none is
     allowed for."""
+    quadrature_answer_1_s: float = 0.0
+    """Standard deviation that `unsettled` gives the quadrature loop's answer to the oscillation's
+    ripple."""
     averaged_along: Array | None = None
     """Coordinates (7,) of the motion along which windows were averaged to rows; None: they were
     not."""
@@ -152,7 +155,14 @@ class MeasuredRuns:
     def drop_shared_doubt(self) -> MeasuredRuns:
         """The rows without what is said of all of them together: what is unsettled, and what may
         scatter."""
-        return replace(self, unsettled=None, scatter=None, walk=None, frame_turn=None)
+        return replace(
+            self,
+            unsettled=None,
+            quadrature_answer_1_s=0.0,
+            scatter=None,
+            walk=None,
+            frame_turn=None,
+        )
 
     def whiten(self, change: Array) -> Array:
         """Changes of the envelopes (R, n, 2) over their noise: of unit variance in either channel,

@@ -227,13 +227,9 @@ def fit_beside_delay(fit: ExtendedFit) -> ExtendedFit | None:
 def _allow_answers(fit: ExtendedFit, of_frames: Array) -> ExtendedFit:
     """The fit beside what loops may have answered, these columns (N, k) of their frame's among
     it."""
-    answers = [
-        Ripple.from_fit(fit).spread,
-        of_frames,
-        predict_lateness(fit),
-        predict_command_scatter(fit),
-    ]
-    return allow(fit, np.concatenate(answers, axis=1))
+    ripple = Ripple.from_fit(fit)
+    answers = [ripple.spread, of_frames, predict_lateness(fit), predict_command_scatter(fit)]
+    return allow(fit, np.concatenate(answers, axis=1), ripple.quadrature_1_s)
 
 
 def _is_lost_in_phases(fit: ExtendedFit) -> bool:

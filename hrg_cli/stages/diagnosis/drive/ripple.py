@@ -14,6 +14,10 @@ the instant state answers with its part A = ∂F/∂u, and the mean of the produ
   sampling make and nobody knows. Of the second q the imaginary part makes quadrature, which the
   waves show; the real part turns the wave in proportion to its rate, as the scale factor does, and
   may be as large.
+- Of another frequency ω' than the ω that a loop takes it for, the oscillation is an ellipse of z
+  and ż/ω: a ripple of (ω' − ω)/2ω of the amplitude, answered by q (ω' − ω)a/4ω along the wave, that
+  looks as damping of driven runs alone. Nobody says which ω a loop takes: one within what the split
+  and the runs' own frequencies differ by.
 """
 
 from __future__ import annotations
@@ -32,24 +36,30 @@ from ....fitting.causes.slow_equation import (
     build_mean_turns,
 )
 from ....fitting.causes.wave_frame import to_reals
+from ....fitting.envelopes import coordinates
 from ..fits.scoring import is_gross
 from .loop_gain import bound_gains
 
 Array = np.ndarray
 ANY_PHASE = 2.0
 """Size that either part of an answer of unknown phase may have, over what is seen of one part."""
+HELD = 2.0
+"""Damping rates that a drive which holds the amplitude answers another frequency by without any
+gain: its force's direction, and the amplitude that its loop sees beside the displacement's."""
 DIRECTION, QUADRATURE = 0, 2
 
 
 @dataclass(frozen=True)
 class Ripple:
-    """What a ripple's answers do to the waves over σ (N, 5): of the direction, of the quadrature
-    loop in its two parts and of the amplitude loop, those for 1/s; and how large the answers of
-    either loop may be, 1/s."""
+    """What a ripple's answers do to the waves over σ (N, 7): of the direction, of the quadrature
+    loop in its two parts, of the amplitude loop in its two parts, and of both to the frequency
+    they take the wave's for, in all runs and from run to run, those for 1/s; and how large the
+    answers of the loops may be, 1/s."""
 
     doings: Array
     amplitude_1_s: float
     quadrature_1_s: float
+    reference_1_s: float
 
     @classmethod
     def from_fit(cls, fit: ExtendedFit) -> Ripple:
@@ -61,39 +71,57 @@ class Ripple:
         """
         doings = whitened_rows.flatten_own(fit.series, _doings(fit))
         if not fit.series.quadrature_drive.any():
-            return cls(doings, 0.0, 0.0)
-        seen = np.inf if is_gross(fit) else ANY_PHASE * _seen(fit, doings)
-        sizes = (min(seen, gain) for gain in bound_gains(fit.series))
-        return cls(doings, *(size if np.isfinite(size) else 0.0 for size in sizes))
+            return cls(doings, 0.0, 0.0, 0.0)
+        amplitude, quadrature = bound_gains(fit.series)
+        answered = quadrature if is_gross(fit) else min(_find_seen_size(fit, doings), quadrature)
+        sizes = [min(ANY_PHASE * answered, gain) for gain in (amplitude, quadrature)]
+        of_amplitude, of_quadrature = (size if np.isfinite(size) else 0.0 for size in sizes)
+        of_reference = of_amplitude + HELD * abs(fit.point.p[coordinates.DAMPING])
+        return cls(doings, of_amplitude, of_quadrature, of_reference)
 
     @property
     def spread(self) -> Array:
-        """What one standard deviation of each does, over σ (N, 5)."""
-        sizes = [self.quadrature_1_s] * 2 + [self.amplitude_1_s] * 2
+        """What one standard deviation of each does, over σ (N, 7)."""
+        sizes = [self.quadrature_1_s] * 2 + [self.amplitude_1_s] * 2 + [self.reference_1_s] * 2
         return self.doings * np.array([1.0, *sizes])
 
 
-def _seen(fit: ExtendedFit, doings: Array) -> float:
+def _find_seen_size(fit: ExtendedFit, doings: Array) -> float:
     """Size, with its σ, of the part that makes quadrature: the larger, with or without that of the
-    direction, which does nearly the same and may hide it."""
+    direction, which does nearly the same and may hide it.
+
+    A fit that allows for such a part of standard deviation s already has the same estimate, and s²
+    too much in its variance (Sherman and Morrison 1950)."""
     column = fit.basis.project_out(doings[:, QUADRATURE])
     size = max(float(column @ column), np.finfo(float).tiny)
     left = (fit.residual, fit.residual - doings[:, DIRECTION])
     seen = max(abs(float(column @ residual)) / size for residual in left)
-    return float(np.hypot(seen, size**-0.5))
+    allowed = fit.series.quadrature_answer_1_s
+    return float(np.hypot(seen, max(1 / size - allowed**2, 0.0) ** 0.5))
 
 
 def _doings(fit: ExtendedFit) -> Array:
-    """Of the direction's answer, and of q = 1 and q = j 1/s of the sizes', (R, n, 4, 5)."""
+    """Of the direction's answer, and of q = 1 and q = j 1/s of the sizes', (R, n, 4, 7)."""
     flow, series, point = fit.flow, fit.series, fit.point
-    turn = build_mean_turns(series)[:, None]
-    at_rows = _forces(flow.rows, build_generators(series, point) - turn, fit.prediction.motion)
-    between = _forces(flow.halves, build_generators(flow.centre, point) - turn, flow.middle)
+    turn, apart = build_mean_turns(series)[:, None], _find_references(fit)
+    at_rows = _forces(
+        flow.rows, build_generators(series, point) - turn, fit.prediction.motion, apart
+    )
+    between = _forces(flow.halves, build_generators(flow.centre, point) - turn, flow.middle, apart)
     return flow.whiten_read_out(flow.propagate(at_rows, between))
 
 
-def _forces(stage: RungeKuttaStage, L: Array, v: Array) -> Array:
-    """The five forces on the envelopes v, as reals (R, n, 4, 5)."""
+def _find_references(fit: ExtendedFit) -> tuple[float, Array]:
+    """By how much the oscillation may be beside the frequency that loops take it for, in all runs
+    and in every single one (R, 1), rad/s."""
+    turn = fit.series.turn_rad_s
+    differences = np.where(fit.series.forced.any(axis=1), turn - turn.mean(), 0.0)
+    split = np.linalg.norm(fit.point.p[coordinates.FREQUENCY_SPLIT])
+    return float(np.hypot(split, np.std(turn))), differences[:, None]
+
+
+def _forces(stage: RungeKuttaStage, L: Array, v: Array, apart: tuple[float, Array]) -> Array:
+    """The seven forces on the envelopes v, of references so far `apart`, as reals (R, n, 4, 7)."""
     G = apply_generators(L, v) + stage.compute_source(v)
     turn, e_A, e_B, _ = find_frame(v, stage.state.phase_rad)
     seen = [np.conj(turn) * np.sum(axis * w, axis=-1) for w in (v, G) for axis in (e_A, e_B)]
@@ -119,6 +147,7 @@ def _forces(stage: RungeKuttaStage, L: Array, v: Array) -> Array:
             [0 * G_B, 1j * over * G_B],
             [over * G_A, 0 * G_A],
             [1j * over * G_A, 0 * G_A],
+            *([1j * over * 1j * difference * a, 0 * G_A] for difference in apart),
         ],
         axis=-1,
     )

@@ -3,6 +3,7 @@ along the instant state, and what the fit of the slow model makes of its rows an
 """
 
 import numpy as np
+import pytest
 
 from hrg_cli.effects.effect import find_frame
 from hrg_cli.fitting.causes import extended_fit
@@ -23,70 +24,79 @@ NOISE = 2e-5
 OMEGA = 2 * np.pi * HZ
 
 
-def recorded(gain_1_s):
+def recorded(gain_1_s, amplitude_gain_1_s=0.0, apart_rad_s=(0.0, 0.0, 0.0)):
     """Envelopes that demodulation shows (R, n, 2) of u̇ = G − G* e^{−2jωt}, which z'' = −2Nz' + 2KΩJz' −
-    2ωδωRz − ω²z + drive is in u = (z − jz'/ω) e^{−jωt}, and the quadrature loop's command of every step.
+    2ωδωRz − ω²z + drive is in u = (z − jz'/ω) e^{−jωt}, and both loops' commands of every step (2, R, m).
 
-    The drive holds the amplitude by what it loses and nulls the quadrature with a gain, both along
-    the state of the instant, the command held over a step.
+    The drive holds the amplitude by what it loses and with a gain, and nulls the quadrature with
+    another, along the state of the instant, the commands held over a step; each run's frequency is
+    so far from the ω that the loops know.
     """
-    L = coordinates.build_generator(P, RATES, 1.0)
+    apart = 1j * np.array(apart_rad_s)[:, None, None] * np.eye(2)
+    L = coordinates.build_generator(P, RATES, 1.0) + apart
     angle, near = np.array([0.1, 0.7, 1.3]), np.zeros(len(RATES))
     u = np.stack([np.cos(angle), np.sin(angle)], -1).astype(complex)
     seen = np.zeros((len(RATES), ROWS, 2), complex)
-    log = np.zeros((len(RATES), ROWS * PERIODS * STEPS))
+    log = np.zeros((2, len(RATES), ROWS * PERIODS * STEPS))
     t, h = 0.0, 1 / HZ / STEPS
 
-    def slow(u, quadrature):
+    def slow(u, commands):
         turn, e_A, e_B, _ = find_frame(u, near)
-        force = turn[:, None] * (P[0] * e_A - 1j * quadrature[:, None] * e_B)
+        main, quadrature = commands[..., None]
+        force = turn[:, None] * (main * e_A - 1j * quadrature * e_B)
         return np.einsum("rij,rj->ri", L, u) + force
 
-    def rate(t, u, quadrature):
-        G = slow(u, quadrature)
+    def rate(t, u, commands):
+        G = slow(u, commands)
         return G - np.conj(G) * np.exp(-2j * OMEGA * t)
 
-    for k in range(log.shape[1]):
-        quadrature = log[:, k] = -gain_1_s * find_wave(u, 1)[1]
+    for k in range(log.shape[2]):
+        a_A, a_B, *_ = find_wave(u, 1)
+        commands = np.array([P[0] + amplitude_gain_1_s * (1 - a_A), -gain_1_s * a_B])
+        log[:, :, k] = commands
         row, place = divmod(k, PERIODS * STEPS)
         if place == PERIODS * STEPS // 2:
             v = u
             for _ in range(3):  # less its own ripple
-                ripple = -1j / (2 * OMEGA) * np.conj(slow(v, quadrature)) * np.exp(-2j * OMEGA * t)
+                ripple = -1j / (2 * OMEGA) * np.conj(slow(v, commands)) * np.exp(-2j * OMEGA * t)
                 v = u - ripple
-            seen[:, row] = v + 1j / (2 * OMEGA) * slow(v, quadrature)
-        k1 = rate(t, u, quadrature)
-        k2 = rate(t + h / 2, u + h / 2 * k1, quadrature)
-        k3 = rate(t + h / 2, u + h / 2 * k2, quadrature)
-        k4 = rate(t + h, u + h * k3, quadrature)
+            seen[:, row] = v + 1j / (2 * OMEGA) * slow(v, commands)
+        k1 = rate(t, u, commands)
+        k2 = rate(t + h / 2, u + h / 2 * k1, commands)
+        k3 = rate(t + h / 2, u + h / 2 * k2, commands)
+        k4 = rate(t + h, u + h * k3, commands)
         u, t = u + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), t + h
     return seen, log
 
 
-def measured(seen, log, seed):
+def measured(seen, log, seed, turn_rad_s=(0.0, 0.0, 0.0)):
     """The rows with noise and the means of the commands."""
     length, h = PERIODS / HZ, 1 / HZ / STEPS
     t = (np.arange(ROWS) + 0.5) * length
-    times = (np.arange(log.shape[1]) + 0.5) * h
-    courses = [integrate_means(times, one) for one in log]
-    mean = np.stack([average_over_windows(one, t, length) for one in courses])
-    area = np.stack([one.integrate_to(t) for one in courses])
+    times = (np.arange(log.shape[2]) + 0.5) * h
+    courses = [[integrate_means(times, one) for one in command] for command in log]
+    main, quadrature = (
+        np.stack([average_over_windows(one, t, length) for one in course]) for course in courses
+    )
+    areas = [np.stack([one.integrate_to(t) for one in course]) for course in courses]
+    turn = np.array(turn_rad_s)
     random = np.random.default_rng(seed)
     noise = random.normal(size=seen.shape) + 1j * random.normal(size=seen.shape)
     one = np.ones((len(RATES), ROWS))
     return MeasuredRuns(
         names=("a", "b", "c"), time_s=t * one, envelope=seen + NOISE * noise, weight=one / NOISE,
         rate_rad_s=RATES[:, None] * one, temperature_degc=25 * one, temperature_rate_degc_s=0 * one,
-        branch=one, table_angle_rad=RATES[:, None] * t, phase_rad=0 * one, main_drive=P[0] * one,
-        quadrature_drive=mean, main_impulse=P[0] * t * one, quadrature_impulse=area, forced=one,
-        held_amplitude=np.nan * one, held_slope=0 * one, turn_rad_s=np.zeros(len(RATES)),
+        branch=one, table_angle_rad=RATES[:, None] * t, phase_rad=turn[:, None] * t,
+        main_drive=main, quadrature_drive=quadrature, main_impulse=areas[0],
+        quadrature_impulse=areas[1], forced=one, held_amplitude=np.nan * one, held_slope=0 * one,
+        turn_rad_s=turn,
         reference_frequency_hz=HZ, mode_number=2,
     )  # fmt: skip
 
 
 def fitted(series):
     std = np.array([np.inf, 3.0, 3.0, 9.0, 9.0, 3.0, 0.0])
-    start = Point(np.append(P[:6], 1.0), series.envelope[:, 0].copy(), np.zeros(len(RATES)))
+    start = Point(np.append(P[:6], 1.0), series.envelope[:, 0].copy(), series.turn_rad_s.copy())
     return extended_fit.fit(series, start, CoordinatePriors(np.eye(7)[6], std))
 
 
@@ -118,6 +128,35 @@ def test_what_loops_answer_to_the_ripple_is_in_every_standard_deviation():
     assert np.abs(after).max() < 4 and 0.9 < np.mean(left) < 1.1
     # what a loop of that gain can do to K at most, k/4ω, is the size of what is not known of it
     assert max(std) < 15.0 / (4 * OMEGA)
+
+
+@pytest.mark.parametrize(
+    ("amplitude_gain", "apart"),
+    [(20.0, (0.3, 0.3, 0.3)), (20.0, (0.1, -0.1, 0.05)), (0.0, (0.1, -0.1, 0.05))],
+)
+def test_loops_that_know_another_frequency_than_the_wave_s_leave_the_damping_open(
+    amplitude_gain, apart
+):
+    seen, log = recorded(15.0, amplitude_gain, apart)
+    without, after, left = [], [], []
+    for seed in range(4):
+        plain = fitted(measured(seen, log, seed, apart))
+        spread = Ripple.from_fit(plain).spread
+        beside = drive_scatter.allow(plain, spread)
+        without.append(errors(drive_scatter.allow(plain, spread[:, :5])))
+        after.append(errors(beside))
+        left.append(beside.chi2 / beside.dof)
+    assert np.abs(without).max() > 5
+    assert np.abs(after).max() < 4 and 0.9 < np.mean(left) < 1.1
+
+
+def test_what_is_seen_of_an_answer_is_the_same_where_it_is_allowed_for():
+    seen, log = recorded(15.0)
+    plain = fitted(measured(seen, log, seed=3))
+    alone = Ripple.from_fit(plain)
+    beside = drive_scatter.allow(plain, alone.spread, alone.quadrature_1_s)
+    again = Ripple.from_fit(beside)
+    assert again.quadrature_1_s == pytest.approx(alone.quadrature_1_s, rel=0.2)
 
 
 def test_without_a_quadrature_loop_no_answer_is_allowed_for():
