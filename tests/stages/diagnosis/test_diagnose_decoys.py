@@ -277,6 +277,16 @@ def test_a_wrong_table_rate_is_said_to_be_the_scale_factor():
     assert next(t for t in out["tested"] if t["name"] == "table_rate_error")["upper_limit"] is None
 
 
+@pytest.mark.parametrize("name", ["table_rate_error", "clock_error"])
+def test_beside_a_known_scale_factor_the_clock_and_the_table_are_one(name):
+    table = programme(43, {name: {"relative": 2e-3}})
+    _, out = verdict(table, scale_factor=table["device"]["scale_factor"])
+    (found,) = out["effects"]
+    assert {found["name"], *found["indistinguishable_from"]} == {"table_rate_error", "clock_error"}
+    size = found["parameters"]["relative"]
+    assert abs(size["value"] - 2e-3) < 4 * size["std"] and out["verdict"] == "explained"
+
+
 @pytest.mark.slow
 def test_the_papers_traps_leave_no_mark():
     """No half of the damping split, no axis 45° off, no factor π: every value of a clean gyro is

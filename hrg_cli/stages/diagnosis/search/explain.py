@@ -22,6 +22,7 @@ from .open_rivals import give_way_to_open_terms
 from .remainder import Remainder, judge_adequacy, search_rest
 from .search_case import Case
 from .selection import select
+from .separability import name_doubles
 
 LEAST_CHANGE = 0.03
 """Relative difference of the noise from the stated one that is let be."""
@@ -88,6 +89,7 @@ def explain(
         place_strikes,
         take_strikes,
         drop_indistinct,
+        name_doubles,
     ):
         case = step(case)
     return case

@@ -4,7 +4,7 @@ another."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -18,6 +18,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....physics import ellipse
 from ..fits.variants import Variant
 from .search_case import Case
+from .selection import Found
 
 Array = np.ndarray
 FAINT = 0.02
@@ -83,6 +84,42 @@ def list_not_separable(case: Case) -> list[dict[str, Any]]:
         )
         out.append(_entry(group, None, "; ".join(e for e in experiments if e)))
     return out
+
+
+def name_doubles(case: Case) -> Case:
+    """The case where a cause that is a change of the base model, seen by a number that is known, is
+    told from no other such cause: that number says how large the change is, and not whose.
+
+    Parameters
+    ----------
+    case
+        The causes and what they leave over.
+
+    Returns
+    -------
+    Case
+        With the rivals of such causes.
+
+    Examples
+    --------
+    A gain mismatch is none:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.separability import name_doubles
+    >>> name_doubles(draw_found_case()).search.found[0].rivals
+    ()
+    """
+    doubles = [effect.name for effect in EFFECTS if effect.same_as_base]
+
+    def named(one: Found) -> Found:
+        name = one.variant.effect.name
+        if name not in doubles:
+            return one
+        others = [double for double in doubles if double != name]
+        return replace(one, rivals=tuple(dict.fromkeys([*one.rivals, *others])))
+
+    found = tuple(named(one) for one in case.search.found)
+    return replace(case, search=replace(case.search, found=found))
 
 
 def _entry(effects: list[str], base: str | None, next_experiment: str) -> dict[str, Any]:
