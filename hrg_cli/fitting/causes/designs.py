@@ -15,6 +15,8 @@ import numpy as np
 from ..least_squares import solve
 
 Array = np.ndarray
+TOLERANCE = 1e-10
+"""Part of the strongest direction, the columns at unit length, below which one is none."""
 CLEAR_RANK = 1e-6
 """Ratio of a triangle's pivots above which the rank is full beyond doubt; below it singular values
 decide."""
@@ -115,19 +117,50 @@ class Basis:
     shared: Array
     variance: Array | None = None
     """None: infinite."""
+    beside: Array | None = None
+    """Orthonormal combinations (k, b) of the columns that stand here for the sake of their order
+    alone and are no part of what is spanned; None: all are."""
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(N, k)."""
-        return len(self.shared), self.shared.shape[1] + sum(Q.shape[1] for _, Q in self.own)
+        """(N, k) of what is spanned."""
+        count = self.shared.shape[1] + sum(Q.shape[1] for _, Q in self.own)
+        return len(self.shared), count - (0 if self.beside is None else self.beside.shape[1])
 
     def project(self, S: Array) -> Array:
-        """Components (k, …) of columns (N, …)."""
-        return np.concatenate([*(Q.T @ S[rows] for rows, Q in self.own), self.shared.T @ S])
+        """Components (k, …) of columns (N, …) along all columns here."""
+        return self.keep(
+            np.concatenate([*(Q.T @ S[rows] for rows, Q in self.own), self.shared.T @ S])
+        )
+
+    def keep(self, components: Array) -> Array:
+        """Components (k, …) less those that are no part of what is spanned."""
+        if self.beside is None:
+            return components
+        return np.asarray(components - self.beside @ (self.beside.T @ components))
 
     def project_out(self, S: Array) -> Array:
-        """Columns (N, …) less their part along the basis."""
-        return self.project_out_shared(self.project_out_own(S))
+        """Columns (N, …) less their part along what is spanned."""
+        out = self.project_out_shared(self.project_out_own(S))
+        if self.beside is None:
+            return out
+        along = np.concatenate([*(Q.T @ S[rows] for rows, Q in self.own), self.shared.T @ S])
+        return np.asarray(out + self.expand(self.beside @ (self.beside.T @ along)))
+
+    def expand(self, components: Array) -> Array:
+        """Columns (N, …) of components (k, …)."""
+        place, out = 0, np.zeros((len(self.shared), *components.shape[1:]))
+        for rows, Q in self.own:
+            out[rows] += Q @ components[place : place + Q.shape[1]]
+            place += Q.shape[1]
+        return np.asarray(out + self.shared @ components[place:])
+
+    def select_beside(self, run: int) -> Array:
+        """Rows (k', b) of `beside` for the columns of one own part and the shared ones."""
+        ends = np.cumsum([0, *(Q.shape[1] for _, Q in self.own)])
+        if self.beside is None:
+            return np.zeros((self.own[run][1].shape[1] + self.shared.shape[1], 0))
+        return np.concatenate([self.beside[ends[run] : ends[run + 1]], self.beside[ends[-1] :]])
 
     @property
     def weight(self) -> Array:
@@ -138,10 +171,16 @@ class Basis:
         return 1 - 1 / np.sqrt(1 + self.variance)
 
     @property
+    def unlimited(self) -> Array:
+        """Which of the shared ones may have any size, (s,)."""
+        if self.variance is None:
+            return np.ones(self.shared.shape[1], bool)
+        return ~np.isfinite(self.variance)
+
+    @property
     def free(self) -> int:
         """How many of them may have any size."""
-        known = 0 if self.variance is None else int(np.count_nonzero(np.isfinite(self.variance)))
-        return self.shape[1] - known
+        return self.shape[1] - int(np.count_nonzero(~self.unlimited))
 
     def scale_noise(self, level: float) -> Basis:
         """The same where every σ is `level` times as large."""
@@ -204,7 +243,7 @@ class Softened:
 @dataclass(frozen=True)
 class Factored:
     """A design J (N, k) = Q T: T (rank, k), in whose few rows all is solved that asks for J alone,
-    and an orthonormal basis Q of J and of what is unknown."""
+    and an orthonormal basis Q of J, whose columns hold those of what is unknown beside it."""
 
     basis: Basis
     triangle: Array
@@ -233,7 +272,7 @@ class Factored:
         return first + along @ step, along @ covariance @ along.T
 
 
-def factor_design(design: Design, tolerance: float = 1e-10) -> Factored:
+def factor_design(design: Design, tolerance: float = TOLERANCE) -> Factored:
     """The design as basis times triangle, its blocks of rows and columns first.
 
     Parameters
@@ -287,10 +326,19 @@ def factor_design(design: Design, tolerance: float = 1e-10) -> Factored:
     triangle = np.concatenate([*upper, np.zeros((len(part), count))])
     triangle[:, design.places] = reach[:, unknown.shape[1] :]
     off = reach[:, : unknown.shape[1]]
+    outside = None
     if design.unknown is not None:
         triangle -= off @ weigh_rows(design.unknown.weight, off.T @ triangle)
+        outside = _find_outside(np.column_stack([triangle, off[:, design.unknown.unlimited]]))
     # a column of nothing stays so: its rounding would be taken for a direction
-    return Factored(Basis(tuple(own), Q), np.where(nothing, 0.0, triangle * size))
+    return Factored(Basis(tuple(own), Q, beside=outside), np.where(nothing, 0.0, triangle * size))
+
+
+def _find_outside(T: Array) -> Array:
+    """Orthonormal combinations (rank, b) of rows that no column of T (rank, k) has a part along."""
+    U, s, _ = np.linalg.svd(T)
+    there = int(np.count_nonzero(s > TOLERANCE * s.max(initial=0.0)))
+    return np.asarray(U[:, there:])
 
 
 def weigh_rows(weight: Array, values: Array) -> Array:

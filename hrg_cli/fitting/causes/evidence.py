@@ -153,7 +153,8 @@ class Ledger:
         """Candidates' columns side by side, (N, Σ widths)."""
         with np.errstate(over="ignore", invalid="ignore"):
             shared = self.beside.T @ S
-            B = np.concatenate([*(Q.T @ S[rows] for rows, Q in self.basis.own), shared[:-1]])
+            alone = [Q.T @ S[rows] for rows, Q in self.basis.own]
+            B = self.basis.keep(np.concatenate([*alone, shared[:-1]]))
             c = shared[-1] - self.known @ B
         ends = np.cumsum([0, *widths])
         start = 0
@@ -557,8 +558,11 @@ def measure_smooth_power(
         A = S @ (V[:, keep] / np.sqrt(power[keep]))
         a.append(A.T @ residual[rows])
         C.append(basis.shared[rows].T @ A)
-    together = np.concatenate(C, axis=1)
-    left = np.concatenate(a) - together.T @ (basis.shared.T @ residual)
+    shared = np.concatenate(C, axis=1)
+    # of the parts that live on some rows the columns have nothing
+    alone = np.zeros((sum(Q.shape[1] for _, Q in basis.own), shared.shape[1]))
+    together = basis.keep(np.concatenate([alone, shared]))
+    left = np.concatenate(a) - together.T @ basis.project(residual)
     _, s, Vt = np.linalg.svd(together, full_matrices=False)
     power = 1 - s**2
     hidden = power < BLIND**2

@@ -43,6 +43,9 @@ from .loop_gain import bound_gains
 Array = np.ndarray
 ANY_PHASE = 2.0
 """Size that either part of an answer of unknown phase may have, over what is seen of one part."""
+FASTEST = 0.1
+"""Greatest gain of a loop over the oscillation's frequency: one that settles within ten periods,
+which its electronics need to see an amplitude."""
 HELD = 2.0
 """Damping rates that a drive which holds the amplitude answers another frequency by without any
 gain: its force's direction, and the amplitude that its loop sees beside the displacement's."""
@@ -66,16 +69,16 @@ class Ripple:
         """Beside a fit, from its residual and from the loops' own gains; without a quadrature loop
         nothing is seen, and nothing answers.
 
-        Any gross misfit might be taken for an answer: beside one the gains alone tell, and a loop
-        whose gain is not known answers nothing.
+        Any gross misfit might be taken for an answer: beside one the gains alone tell.
         """
         doings = whitened_rows.flatten_own(fit.series, _doings(fit))
         if not fit.series.quadrature_drive.any():
             return cls(doings, 0.0, 0.0, 0.0)
-        amplitude, quadrature = bound_gains(fit.series)
+        fastest = FASTEST * fit.series.reference_frequency_hz
+        amplitude, quadrature = (min(gain, fastest) for gain in bound_gains(fit.series))
         answered = quadrature if is_gross(fit) else min(_find_seen_size(fit, doings), quadrature)
-        sizes = [min(ANY_PHASE * answered, gain) for gain in (amplitude, quadrature)]
-        of_amplitude, of_quadrature = (size if np.isfinite(size) else 0.0 for size in sizes)
+        of_amplitude = min(ANY_PHASE * answered, amplitude)
+        of_quadrature = min(ANY_PHASE * answered, quadrature)
         of_reference = of_amplitude + HELD * abs(fit.point.p[coordinates.DAMPING])
         return cls(doings, of_amplitude, of_quadrature, of_reference)
 
@@ -92,9 +95,11 @@ def _find_seen_size(fit: ExtendedFit, doings: Array) -> float:
 
     A fit that allows for such a part of standard deviation s already has the same estimate, and s²
     too much in its variance (Sherman and Morrison 1950)."""
-    column = fit.basis.project_out(doings[:, QUADRATURE])
+    unsettled = fit.series.unsettled
+    done = doings if unsettled is None else unsettled.project_out_shared(doings)
+    column = fit.basis.project_out(done[:, QUADRATURE])
     size = max(float(column @ column), np.finfo(float).tiny)
-    left = (fit.residual, fit.residual - doings[:, DIRECTION])
+    left = (fit.residual, fit.residual - done[:, DIRECTION])
     seen = max(abs(float(column @ residual)) / size for residual in left)
     allowed = fit.series.quadrature_answer_1_s
     return float(np.hypot(seen, max(1 / size - allowed**2, 0.0) ** 0.5))

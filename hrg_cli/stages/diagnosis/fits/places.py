@@ -240,7 +240,9 @@ def compute_place_gains(S: Array, fit: ExtendedFit, run: int) -> tuple[Array, Ar
     S, Q = S.reshape(*by_row, -1), Q.reshape(*by_row, -1)
     size = np.sqrt(_from_row_on(np.sum(S**2, axis=1)))
     B = _from_row_on(np.einsum("niq,nim->nqm", Q, S))
-    square = _from_row_on(np.einsum("nij,nik->njk", S, S)) - np.swapaxes(B, 1, 2) @ B
+    M = fit.basis.select_beside(run).T @ B
+    beside = np.swapaxes(B, 1, 2) @ B - np.swapaxes(M, 1, 2) @ M
+    square = _from_row_on(np.einsum("nij,nik->njk", S, S)) - beside
     along = _from_row_on(np.einsum("nim,ni->nm", S, left.reshape(by_row)))
     unit = np.where(size > 0, size, 1.0)
     return evidence.compute_gains(square / unit[:, :, None] / unit[:, None, :], along / unit)
