@@ -117,14 +117,11 @@ def fit_base(
         if GROSS * by_shape.chi2 / by_shape.dof < first.chi2 / first.dof:
             first = _fit_phases(by_shape, *prepared(by_shape.point))
     # the log's time first: what else the log may have missed is allowed for beside it, and would
-    # take part of a lateness up
+    # take part of a lateness up. A gross misfit would be laid on it, but not on what the log's own
+    # scatter and the loops' own gains may do, among which its cause is looked for
     late = fit_lateness(first)
-    if not is_gross(late) and is_thinkable(late):
-        return _fit_beside_log(fit_rate_steps(late))
-    # a gross misfit would be laid on the log's time, but not on what the log's own scatter and the
-    # loops' own gains may do
-    beside = _fit_beside_log(first)
-    return fit_rate_steps(first) if is_gross(beside) else beside
+    known = late if not is_gross(late) and is_thinkable(late) else first
+    return _fit_beside_log(fit_rate_steps(known))
 
 
 def settle_log(fit: ExtendedFit) -> ExtendedFit:
@@ -188,10 +185,13 @@ def _fit_beside_steps(
 
 def _fit_beside_frames(fit: ExtendedFit) -> ExtendedFit:
     """The fit beside what is the same in all runs of one instrument, in the frame that the waves
-    make likely beside the causes there are: what these have done would be laid on it."""
+    make likely beside the causes there are: what these have done would be laid on it, and so would
+    be a gross misfit."""
     for _ in range(FRAMES_AGAIN):
         frames = FrameAnswers.from_fit(fit)
         beside = _allow_answers(fit, frames.compute_spread(fit))
+        if is_gross(beside):
+            return beside
         fit = follow_frames(beside, frames)
         if fit is beside:
             break
