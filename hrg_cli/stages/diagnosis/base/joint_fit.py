@@ -136,8 +136,8 @@ def settle_log(fit: ExtendedFit) -> ExtendedFit:
     Returns
     -------
     ExtendedFit
-        The same where nothing is logged, or where a misfit is left that is gross beside all of that
-        too: it would be laid on it.
+        The same where nothing is logged, or where a misfit is left that is gross beside all of
+        that.
 
     Examples
     --------
@@ -150,7 +150,7 @@ def settle_log(fit: ExtendedFit) -> ExtendedFit:
         return fit
     if fit.series.scatter is None:
         beside = _fit_beside_log(fit if is_gross(fit) else fit_lateness(fit))
-        return fit if is_gross(beside) else follow_walk(beside)
+        return beside if is_gross(beside) else follow_walk(beside)
     return fit if is_gross(fit) else _fit_beside_steps(fit, _fit_along_walk)
 
 

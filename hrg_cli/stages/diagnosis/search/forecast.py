@@ -30,6 +30,7 @@ from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.causes.whitened_rows import build_layout, compute_design
 from ....fitting.noise import channel_noise
 from ....physics import ellipse
+from ..base.joint_fit import settle_log
 from ..fits.refits import hold_effect, leave_out
 from ..thresholds import WORTH
 from .search_case import Case
@@ -260,9 +261,10 @@ def train(base: ExtendedFit, fold: Fold) -> ExtendedFit:
     >>> len(train(search.base, folds[0]).series.names)
     2
     """
-    return extended_fit.fit(
-        fold.train, replace(fold.select_taught(base.point), active=()), base.freedom
-    )
+    point = replace(fold.select_taught(base.point), active=())
+    # what a drive's log leaves unknown is said of all runs together, and is judged anew in part of
+    # them
+    return settle_log(extended_fit.fit(fold.train, point, base.freedom))
 
 
 def find_forecast_errors(fit: ExtendedFit, base: ExtendedFit, fold: Fold) -> Errors:
