@@ -94,9 +94,9 @@ class MeasuredRuns:
     held_beat_rad_s: float | None = None
     """Beat with the oscillation of a board's steps from command to command; None where none is
     allowed for."""
-    quadrature_answer_1_s: float = 0.0
-    """Standard deviation that `unsettled` gives the quadrature loop's answer to the oscillation's
-    ripple."""
+    answers_1_s: tuple[float, float] | None = None
+    """Standard deviations that `unsettled` gives the amplitude and the quadrature loop's answers to
+    the oscillation's ripple; None: not judged."""
     averaged_along: Array | None = None
     """Coordinates (7,) of the motion along which windows were averaged to rows; None: they were
     not."""
@@ -158,7 +158,7 @@ class MeasuredRuns:
         return replace(
             self,
             unsettled=None,
-            quadrature_answer_1_s=0.0,
+            answers_1_s=None,
             scatter=None,
             walk=None,
             frame_turn=None,

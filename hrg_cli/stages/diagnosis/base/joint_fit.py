@@ -229,7 +229,8 @@ def _allow_answers(fit: ExtendedFit, of_frames: Array) -> ExtendedFit:
     it."""
     ripple = Ripple.from_fit(fit)
     answers = [ripple.spread, of_frames, predict_lateness(fit), predict_command_scatter(fit)]
-    return allow(fit, np.concatenate(answers, axis=1), ripple.quadrature_1_s)
+    sizes = (ripple.amplitude_1_s, ripple.quadrature_1_s)
+    return allow(fit, np.concatenate(answers, axis=1), sizes)
 
 
 def _is_lost_in_phases(fit: ExtendedFit) -> bool:

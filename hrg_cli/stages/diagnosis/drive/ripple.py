@@ -69,16 +69,13 @@ class Ripple:
         """Beside a fit, from its residual and from the loops' own gains; without a quadrature loop
         nothing is seen, and nothing answers.
 
-        Any gross misfit might be taken for an answer: beside one the gains alone tell.
+        Any gross misfit might be taken for an answer: beside one the gains alone tell. What was
+        judged once stays: fits of the same runs are compared at the same doubt.
         """
         doings = whitened_rows.flatten_own(fit.series, _doings(fit))
         if not fit.series.quadrature_drive.any():
             return cls(doings, 0.0, 0.0, 0.0)
-        fastest = FASTEST * fit.series.reference_frequency_hz
-        amplitude, quadrature = (min(gain, fastest) for gain in bound_gains(fit.series))
-        answered = quadrature if is_gross(fit) else min(_find_seen_size(fit, doings), quadrature)
-        of_amplitude = min(ANY_PHASE * answered, amplitude)
-        of_quadrature = min(ANY_PHASE * answered, quadrature)
+        of_amplitude, of_quadrature = fit.series.answers_1_s or _judge_answers(fit, doings)
         of_reference = of_amplitude + HELD * abs(fit.point.p[coordinates.DAMPING])
         return cls(doings, of_amplitude, of_quadrature, of_reference)
 
@@ -89,20 +86,22 @@ class Ripple:
         return self.doings * np.array([1.0, *sizes])
 
 
+def _judge_answers(fit: ExtendedFit, doings: Array) -> tuple[float, float]:
+    """How large the answers of the amplitude loop and of the quadrature loop may be, 1/s."""
+    fastest = FASTEST * fit.series.reference_frequency_hz
+    amplitude, quadrature = (min(gain, fastest) for gain in bound_gains(fit.series))
+    seen = quadrature if is_gross(fit) else min(_find_seen_size(fit, doings), quadrature)
+    return min(ANY_PHASE * seen, amplitude), min(ANY_PHASE * seen, quadrature)
+
+
 def _find_seen_size(fit: ExtendedFit, doings: Array) -> float:
     """Size, with its σ, of the part that makes quadrature: the larger, with or without that of the
-    direction, which does nearly the same and may hide it.
-
-    A fit that allows for such a part of standard deviation s already has the same estimate, and s²
-    too much in its variance (Sherman and Morrison 1950)."""
-    unsettled = fit.series.unsettled
-    done = doings if unsettled is None else unsettled.project_out_shared(doings)
-    column = fit.basis.project_out(done[:, QUADRATURE])
+    direction, which does nearly the same and may hide it."""
+    column = fit.basis.project_out(doings[:, QUADRATURE])
     size = max(float(column @ column), np.finfo(float).tiny)
-    left = (fit.residual, fit.residual - done[:, DIRECTION])
+    left = (fit.residual, fit.residual - doings[:, DIRECTION])
     seen = max(abs(float(column @ residual)) / size for residual in left)
-    allowed = fit.series.quadrature_answer_1_s
-    return float(np.hypot(seen, max(1 / size - allowed**2, 0.0) ** 0.5))
+    return float(np.hypot(seen, size**-0.5))
 
 
 def _doings(fit: ExtendedFit) -> Array:

@@ -305,7 +305,9 @@ def _soften(
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
-def allow(fit: ExtendedFit, columns: Array, quadrature_answer_1_s: float = 0.0) -> ExtendedFit:
+def allow(
+    fit: ExtendedFit, columns: Array, answers_1_s: tuple[float, float] | None = None
+) -> ExtendedFit:
     """The fit again where columns may stand beside all runs together, in place of what else was
     allowed so.
 
@@ -316,8 +318,8 @@ def allow(fit: ExtendedFit, columns: Array, quadrature_answer_1_s: float = 0.0) 
     columns
         Over σ, of standard deviation 1 each, (N, k); those that move the waves by less than could
         be seen are left.
-    quadrature_answer_1_s
-        Standard deviation of the quadrature loop's answer to a ripple that is among them [1/s].
+    answers_1_s
+        Standard deviations of the loops' answers to a ripple that are among them.
 
     Returns
     -------
@@ -338,7 +340,7 @@ def allow(fit: ExtendedFit, columns: Array, quadrature_answer_1_s: float = 0.0) 
         return fit
     known = fit.series.unsettled
     basis = Basis(() if known is None else known.own, U[:, seen], size[seen] ** 2)
-    series = replace(fit.series, unsettled=basis, quadrature_answer_1_s=quadrature_answer_1_s)
+    series = replace(fit.series, unsettled=basis, answers_1_s=answers_1_s)
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
