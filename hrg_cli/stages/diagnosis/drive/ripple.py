@@ -16,8 +16,8 @@ the instant state answers with its part A = ∂F/∂u, and the mean of the produ
   may be as large.
 - Of another frequency ω' than the ω that a loop takes it for, the oscillation is an ellipse of z
   and ż/ω: a ripple of (ω' − ω)/2ω of the amplitude, answered by q (ω' − ω)a/4ω along the wave, that
-  looks as damping of driven runs alone. Nobody says which ω a loop takes: one within what the split
-  and the runs' own frequencies differ by.
+  looks as damping of driven runs alone; the force itself is off by (ω' − ω)/2ω. Nobody says which ω
+  a loop takes: one within what the split does to the run's own frequency.
 """
 
 from __future__ import annotations
@@ -46,23 +46,22 @@ ANY_PHASE = 2.0
 FASTEST = 0.1
 """Greatest gain of a loop over the oscillation's frequency: one that settles within ten periods,
 which its electronics need to see an amplitude."""
-HELD = 2.0
-"""Damping rates that a drive which holds the amplitude answers another frequency by without any
-gain: its force's direction, and the amplitude that its loop sees beside the displacement's."""
+OF_FORCE = 2.0
+"""Part of its force, over (ω' − ω)/4ω, that a drive answers another frequency by without any gain:
+once by its direction, once by the amplitude that its loop sees beside the displacement's."""
 DIRECTION, QUADRATURE = 0, 2
 
 
 @dataclass(frozen=True)
 class Ripple:
-    """What a ripple's answers do to the waves over σ (N, 7): of the direction, of the quadrature
-    loop in its two parts, of the amplitude loop in its two parts, and of both to the frequency
-    they take the wave's for, in all runs and from run to run, those for 1/s; and how large the
-    answers of the loops may be, 1/s."""
+    """What a ripple's answers do to the waves over σ (N, 8): of the direction, of the quadrature
+    loop and of the amplitude loop in two parts each, of the amplitude loop to the frequency that it
+    takes the wave's for, in all runs and from run to run, and of the force's direction to that; of
+    the loops for 1/s, and how large their answers may be, 1/s."""
 
     doings: Array
     amplitude_1_s: float
     quadrature_1_s: float
-    reference_1_s: float
 
     @classmethod
     def from_fit(cls, fit: ExtendedFit) -> Ripple:
@@ -74,16 +73,14 @@ class Ripple:
         """
         doings = whitened_rows.flatten_own(fit.series, _doings(fit))
         if not fit.series.quadrature_drive.any():
-            return cls(doings, 0.0, 0.0, 0.0)
-        of_amplitude, of_quadrature = fit.series.answers_1_s or _judge_answers(fit, doings)
-        of_reference = of_amplitude + HELD * abs(fit.point.p[coordinates.DAMPING])
-        return cls(doings, of_amplitude, of_quadrature, of_reference)
+            return cls(doings, 0.0, 0.0)
+        return cls(doings, *(fit.series.answers_1_s or _judge_answers(fit, doings)))
 
     @property
     def spread(self) -> Array:
-        """What one standard deviation of each does, over σ (N, 7)."""
-        sizes = [self.quadrature_1_s] * 2 + [self.amplitude_1_s] * 2 + [self.reference_1_s] * 2
-        return self.doings * np.array([1.0, *sizes])
+        """What one standard deviation of each does, over σ (N, 8)."""
+        sizes = [self.quadrature_1_s] * 2 + [self.amplitude_1_s] * 4
+        return self.doings * np.array([1.0, *sizes, 1.0])
 
 
 def _judge_answers(fit: ExtendedFit, doings: Array) -> tuple[float, float]:
@@ -105,7 +102,7 @@ def _find_seen_size(fit: ExtendedFit, doings: Array) -> float:
 
 
 def _doings(fit: ExtendedFit) -> Array:
-    """Of the direction's answer, and of q = 1 and q = j 1/s of the sizes', (R, n, 4, 7)."""
+    """Of the direction's answer, and of q = 1 and q = j 1/s of the sizes', (R, n, 4, 8)."""
     flow, series, point = fit.flow, fit.series, fit.point
     turn, apart = build_mean_turns(series)[:, None], _find_references(fit)
     at_rows = _forces(
@@ -117,15 +114,18 @@ def _doings(fit: ExtendedFit) -> Array:
 
 def _find_references(fit: ExtendedFit) -> tuple[float, Array]:
     """By how much the oscillation may be beside the frequency that loops take it for, in all runs
-    and in every single one (R, 1), rad/s."""
-    turn = fit.series.turn_rad_s
-    differences = np.where(fit.series.forced.any(axis=1), turn - turn.mean(), 0.0)
-    split = np.linalg.norm(fit.point.p[coordinates.FREQUENCY_SPLIT])
-    return float(np.hypot(split, np.std(turn))), differences[:, None]
+    and in every single one (R, 1), rad/s: by what the split does, since a frequency that follows
+    the temperature is followed."""
+    by_split = fit.series.turn_rad_s - fit.point.offset_rad_s
+    forced = fit.series.forced.any(axis=1)
+    differences = np.where(forced, by_split - by_split[forced].mean(), 0.0)
+    split = float(np.linalg.norm(fit.point.p[coordinates.FREQUENCY_SPLIT]))
+    # a fit that is far off knows a run's frequency no better than that
+    return split, np.clip(differences, -split, split)[:, None]
 
 
 def _forces(stage: RungeKuttaStage, L: Array, v: Array, apart: tuple[float, Array]) -> Array:
-    """The seven forces on the envelopes v, of references so far `apart`, as reals (R, n, 4, 7)."""
+    """The eight forces on the envelopes v, of references so far `apart`, as reals (R, n, 4, 8)."""
     G = apply_generators(L, v) + stage.compute_source(v)
     turn, e_A, e_B, _ = find_frame(v, stage.state.phase_rad)
     seen = [np.conj(turn) * np.sum(axis * w, axis=-1) for w in (v, G) for axis in (e_A, e_B)]
@@ -151,7 +151,8 @@ def _forces(stage: RungeKuttaStage, L: Array, v: Array, apart: tuple[float, Arra
             [0 * G_B, 1j * over * G_B],
             [over * G_A, 0 * G_A],
             [1j * over * G_A, 0 * G_A],
-            *([1j * over * 1j * difference * a, 0 * G_A] for difference in apart),
+            *([-over * difference * a, 0 * G_A] for difference in apart),
+            [over * OF_FORCE * apart[0] * f_A, -1j * over * OF_FORCE * apart[0] * f_B],
         ],
         axis=-1,
     )

@@ -132,7 +132,7 @@ def test_what_loops_answer_to_the_ripple_is_in_every_standard_deviation():
 
 @pytest.mark.parametrize(
     ("amplitude_gain", "apart"),
-    [(20.0, (0.3, 0.3, 0.3)), (20.0, (0.1, -0.1, 0.05)), (0.0, (0.1, -0.1, 0.05))],
+    [(20.0, (0.3, 0.3, 0.3)), (20.0, (0.1, 0.1, 0.1)), (0.0, (0.1, 0.1, 0.1))],
 )
 def test_loops_that_know_another_frequency_than_the_wave_s_leave_the_damping_open(
     amplitude_gain, apart
@@ -146,8 +146,9 @@ def test_loops_that_know_another_frequency_than_the_wave_s_leave_the_damping_ope
         without.append(errors(drive_scatter.allow(plain, spread[:, :5])))
         after.append(errors(beside))
         left.append(beside.chi2 / beside.dof)
-    assert np.abs(without).max() > 5
-    assert np.abs(after).max() < 4 and 0.9 < np.mean(left) < 1.1
+    assert np.abs(without).max() > 12
+    # not the frequency split, which is one of ω² here: δω ω/ω'
+    assert np.abs(np.array(after)[:, [0, 1, 2, 5]]).max() < 4 and 0.9 < np.mean(left) < 1.1
 
 
 def test_how_large_an_answer_may_be_is_judged_once():
@@ -161,4 +162,4 @@ def test_how_large_an_answer_may_be_is_judged_once():
 
 def test_without_a_quadrature_loop_no_answer_is_allowed_for():
     ripple = Ripple.from_fit(fitted(measured(*recorded(0.0), seed=2)))
-    assert ripple.quadrature_1_s == 0.0 and not ripple.spread[:, 1:].any()
+    assert ripple.quadrature_1_s == 0.0 and not ripple.spread[:, 1:-1].any()
