@@ -111,7 +111,12 @@ class Design:
 @dataclass(frozen=True)
 class Basis:
     """An orthonormal basis (N, k): parts that live on some rows alone, and `shared` ones (N, s)
-    perpendicular to these, of known `variance` (s,) or, where that is infinite, of any size."""
+    perpendicular to these, of known `variance` (s,) or, where that is infinite, of any size.
+
+    What is known by its size takes a part of a column off, and the design's own columns with it: of
+    (1 + Q Λ Qᵀ)^{−1/2} J the runs' columns live on their rows no more. The basis then holds Q too,
+    and `beside` says which combinations of its columns J does not span.
+    """
 
     own: tuple[tuple[slice, Array], ...]
     shared: Array
@@ -128,10 +133,12 @@ class Basis:
         return len(self.shared), count - (0 if self.beside is None else self.beside.shape[1])
 
     def project(self, S: Array) -> Array:
-        """Components (k, …) of columns (N, …) along all columns here."""
-        return self.keep(
-            np.concatenate([*(Q.T @ S[rows] for rows, Q in self.own), self.shared.T @ S])
-        )
+        """Components (k, …) of columns (N, …) in what is spanned."""
+        return self.keep(self._compare(S))
+
+    def _compare(self, S: Array) -> Array:
+        """Products (k, …) of all columns here with others (N, …)."""
+        return np.concatenate([*(Q.T @ S[rows] for rows, Q in self.own), self.shared.T @ S])
 
     def keep(self, components: Array) -> Array:
         """Components (k, …) less those that are no part of what is spanned."""
@@ -144,8 +151,7 @@ class Basis:
         out = self.project_out_shared(self.project_out_own(S))
         if self.beside is None:
             return out
-        along = np.concatenate([*(Q.T @ S[rows] for rows, Q in self.own), self.shared.T @ S])
-        return np.asarray(out + self.expand(self.beside @ (self.beside.T @ along)))
+        return np.asarray(out + self.expand(self.beside @ (self.beside.T @ self._compare(S))))
 
     def expand(self, components: Array) -> Array:
         """Columns (N, …) of components (k, …)."""
