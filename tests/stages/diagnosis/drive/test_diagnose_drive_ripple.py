@@ -5,6 +5,7 @@ along the instant state, and what the fit of the slow model makes of its rows an
 import numpy as np
 import pytest
 
+from hrg_cli.effects import EFFECTS
 from hrg_cli.effects.effect import find_frame
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
@@ -15,6 +16,9 @@ from hrg_cli.fitting.samples.course import average_over_windows, integrate_means
 from hrg_cli.physics.ellipse import find_wave
 from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
 from hrg_cli.stages.diagnosis.drive.ripple import Ripple
+from hrg_cli.stages.diagnosis.fits.refits import adopt
+from hrg_cli.stages.diagnosis.fits.scoring import is_gross, score_effects
+from hrg_cli.stages.diagnosis.fits.variants import list_variants
 
 HZ, STEPS = 250.0, 24
 P = np.array([1.5, 0.1, 0.05, 0.9, -0.4, 0.55, 0.0])
@@ -24,26 +28,32 @@ NOISE = 2e-5
 OMEGA = 2 * np.pi * HZ
 
 
-def recorded(gain_1_s, amplitude_gain_1_s=0.0, apart_rad_s=(0.0, 0.0, 0.0)):
+def recorded(
+    gain_1_s, amplitude_gain_1_s=0.0, apart_rad_s=(0.0, 0.0, 0.0), mismatch=0.0, free_beside=False
+):
     """Envelopes that demodulation shows (R, n, 2) of u̇ = G − G* e^{−2jωt}, which z'' = −2Nz' + 2KΩJz' −
     2ωδωRz − ω²z + drive is in u = (z − jz'/ω) e^{−jωt}, and both loops' commands of every step (2, R, m).
 
     The drive holds the amplitude by what it loses and with a gain, and nulls the quadrature with
     another, along the state of the instant, the commands held over a step; each run's frequency is
-    so far from the ω that the loops know.
+    so far from the ω that the loops know. The forcers differ by a mismatch. Free runs beside them
+    turn the same way.
     """
-    apart = 1j * np.array(apart_rad_s)[:, None, None] * np.eye(2)
-    L = coordinates.build_generator(P, RATES, 1.0) + apart
-    angle, near = np.array([0.1, 0.7, 1.3]), np.zeros(len(RATES))
+    rates = np.tile(RATES, 1 + free_beside)
+    driven = np.arange(len(rates)) < len(RATES)
+    apart = 1j * np.resize(apart_rad_s, len(rates))[:, None, None] * np.eye(2)
+    L = coordinates.build_generator(P, rates, 1.0) + apart
+    angle, near = np.resize([0.1, 0.7, 1.3], len(rates)), np.zeros(len(rates))
     u = np.stack([np.cos(angle), np.sin(angle)], -1).astype(complex)
-    seen = np.zeros((len(RATES), ROWS, 2), complex)
-    log = np.zeros((2, len(RATES), ROWS * PERIODS * STEPS))
+    seen = np.zeros((len(rates), ROWS, 2), complex)
+    log = np.zeros((2, len(rates), ROWS * PERIODS * STEPS))
     t, h = 0.0, 1 / HZ / STEPS
 
     def slow(u, commands):
         turn, e_A, e_B, _ = find_frame(u, near)
         main, quadrature = commands[..., None]
         force = turn[:, None] * (main * e_A - 1j * quadrature * e_B)
+        force = force * np.array([1 + mismatch / 2, 1 - mismatch / 2])
         return np.einsum("rij,rj->ri", L, u) + force
 
     def rate(t, u, commands):
@@ -52,7 +62,7 @@ def recorded(gain_1_s, amplitude_gain_1_s=0.0, apart_rad_s=(0.0, 0.0, 0.0)):
 
     for k in range(log.shape[2]):
         a_A, a_B, *_ = find_wave(u, 1)
-        commands = np.array([P[0] + amplitude_gain_1_s * (1 - a_A), -gain_1_s * a_B])
+        commands = np.array([P[0] + amplitude_gain_1_s * (1 - a_A), -gain_1_s * a_B]) * driven
         log[:, :, k] = commands
         row, place = divmod(k, PERIODS * STEPS)
         if place == PERIODS * STEPS // 2:
@@ -79,16 +89,16 @@ def measured(seen, log, seed, turn_rad_s=(0.0, 0.0, 0.0)):
         np.stack([average_over_windows(one, t, length) for one in course]) for course in courses
     )
     areas = [np.stack([one.integrate_to(t) for one in course]) for course in courses]
-    turn = np.array(turn_rad_s)
+    rates, turn = np.resize(RATES, len(seen)), np.resize(turn_rad_s, len(seen))
     random = np.random.default_rng(seed)
     noise = random.normal(size=seen.shape) + 1j * random.normal(size=seen.shape)
-    one = np.ones((len(RATES), ROWS))
+    one, forced = np.ones((len(rates), ROWS)), main.any(axis=1, keepdims=True)
     return MeasuredRuns(
-        names=("a", "b", "c"), time_s=t * one, envelope=seen + NOISE * noise, weight=one / NOISE,
-        rate_rad_s=RATES[:, None] * one, temperature_degc=25 * one, temperature_rate_degc_s=0 * one,
-        branch=one, table_angle_rad=RATES[:, None] * t, phase_rad=turn[:, None] * t,
+        names=tuple("abcdef"[: len(rates)]), time_s=t * one, envelope=seen + NOISE * noise, weight=one / NOISE,
+        rate_rad_s=rates[:, None] * one, temperature_degc=25 * one, temperature_rate_degc_s=0 * one,
+        branch=one, table_angle_rad=rates[:, None] * t, phase_rad=turn[:, None] * t,
         main_drive=main, quadrature_drive=quadrature, main_impulse=areas[0],
-        quadrature_impulse=areas[1], forced=one, held_amplitude=np.nan * one, held_slope=0 * one,
+        quadrature_impulse=areas[1], forced=forced * one, held_amplitude=np.nan * one, held_slope=0 * one,
         turn_rad_s=turn,
         reference_frequency_hz=HZ, mode_number=2,
     )  # fmt: skip
@@ -149,6 +159,24 @@ def test_loops_that_know_another_frequency_than_the_wave_s_leave_the_damping_ope
     assert np.abs(without).max() > 12
     # not the frequency split, which is one of ω² here: δω ω/ω'
     assert np.abs(np.array(after)[:, [0, 1, 2, 5]]).max() < 4 and 0.9 < np.mean(left) < 1.1
+
+
+def test_the_cause_of_a_gross_misfit_is_found_beside_what_loops_answer():
+    mismatch = 0.02
+    seen, log = recorded(15.0, amplitude_gain_1_s=20.0, mismatch=mismatch, free_beside=True)
+    plain = fitted(measured(seen, log, seed=5))
+    beside = drive_scatter.allow(plain, Ripple.from_fit(plain).spread)
+    assert is_gross(beside)
+    variants = list_variants([e for e in EFFECTS if e.seen_in == "dynamics"], beside)
+    score, variant = score_effects(beside, variants)[0]
+    assert score.name == "drive_gain_mismatch"
+    found = adopt(beside, score, variant)
+    (value,) = found.point.active[0][1].values()
+    assert 0.9 < found.chi2 / found.dof < 1.1
+    assert abs(value - mismatch) < 4 * found.parameter_std("drive_gain_mismatch", "gain")
+    # without the answers it is not enough, and wrong
+    alone = adopt(plain, *score_effects(plain, variants)[0])
+    assert is_gross(alone)
 
 
 def test_how_large_an_answer_may_be_is_judged_once():
