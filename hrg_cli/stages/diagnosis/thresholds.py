@@ -25,6 +25,9 @@ GROSS = 10.0
 """χ² per degree of freedom above which the model is so far from the data that scores mislead: more
 causes are refitted before one is chosen, and what the misfit could bend (the second order's scale)
 is held where physics has it."""
+FAR = 1e4
+"""χ² per degree of freedom, beside all that loops may have answered, from which a cause is looked
+for without that: what they answer is a thousand, and each fit beside it takes ten times as long."""
 NEARLY_ALL = 100.0
 """Times that one cause brings a gross misfit's χ² down from which no open term outdoes it: nine
 tenths of the misfit's size, which another cause shows of it only where the two correlate by

@@ -32,7 +32,7 @@ from ..fits.refits import loosen
 from ..fits.scoring import is_gross
 from ..samples.lost_samples import PhaseStep
 from ..samples.waveform import find_phase_steps, split_at
-from ..thresholds import GROSS, WORTH
+from ..thresholds import FAR, GROSS, WORTH
 from .base_priors import choose_freedom
 from .data import is_averaged_well, prepare
 from .rate_step_fit import fit_rate_steps
@@ -120,8 +120,9 @@ def fit_base(
     # take part of a lateness up. A gross misfit would be laid on it, but not on what the log's own
     # scatter and the loops' own gains may do, among which its cause is looked for
     late = fit_lateness(first)
-    known = late if not is_gross(late) and is_thinkable(late) else first
-    return _fit_beside_log(fit_rate_steps(known))
+    known = fit_rate_steps(late if not is_gross(late) and is_thinkable(late) else first)
+    beside = _fit_beside_log(known)
+    return known if beside.chi2 > FAR * beside.dof else beside
 
 
 def settle_log(fit: ExtendedFit) -> ExtendedFit:
@@ -137,7 +138,7 @@ def settle_log(fit: ExtendedFit) -> ExtendedFit:
     -------
     ExtendedFit
         The same where nothing is logged, or where a misfit is left that is gross beside all of
-        that.
+        that already, or far beyond what it could do.
 
     Examples
     --------
@@ -150,7 +151,9 @@ def settle_log(fit: ExtendedFit) -> ExtendedFit:
         return fit
     if fit.series.scatter is None:
         beside = _fit_beside_log(fit if is_gross(fit) else fit_lateness(fit))
-        return beside if is_gross(beside) else follow_walk(beside)
+        if is_gross(beside):
+            return fit if beside.chi2 > FAR * beside.dof else beside
+        return follow_walk(beside)
     return fit if is_gross(fit) else _fit_beside_steps(fit, _fit_along_walk)
 
 
