@@ -134,11 +134,8 @@ class Basis:
 
     def project(self, S: Array) -> Array:
         """Components (k, …) of columns (N, …) in what is spanned."""
-        return self.keep(self._compare(S))
-
-    def _compare(self, S: Array) -> Array:
-        """Products (k, …) of all columns here with others (N, …)."""
-        return np.concatenate([*(Q.T @ S[rows] for rows, Q in self.own), self.shared.T @ S])
+        own = [Q.T @ S[rows] for rows, Q in self.own]
+        return self.keep(np.concatenate([*own, self.shared.T @ S]))
 
     def keep(self, components: Array) -> Array:
         """Components (k, …) less those that are no part of what is spanned."""
@@ -148,10 +145,9 @@ class Basis:
 
     def project_out(self, S: Array) -> Array:
         """Columns (N, …) less their part along what is spanned."""
-        out = self.project_out_shared(self.project_out_own(S))
         if self.beside is None:
-            return out
-        return np.asarray(out + self.expand(self.beside @ (self.beside.T @ self._compare(S))))
+            return self.project_out_shared(self.project_out_own(S))
+        return np.asarray(S - self.expand(self.project(S)))
 
     def expand(self, components: Array) -> Array:
         """Columns (N, …) of components (k, …)."""

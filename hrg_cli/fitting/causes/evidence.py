@@ -563,7 +563,7 @@ def measure_smooth_power(
     alone = np.zeros((sum(Q.shape[1] for _, Q in basis.own), shared.shape[1]))
     together = basis.keep(np.concatenate([alone, shared]))
     left = np.concatenate(a) - together.T @ basis.project(residual)
-    _, s, Vt = np.linalg.svd(together, full_matrices=False)
+    _, s, Vt = np.linalg.svd(together[together.any(axis=1)], full_matrices=False)
     power = 1 - s**2
     hidden = power < BLIND**2
     beside = Vt @ left

@@ -120,9 +120,8 @@ def fit_base(
     # take part of a lateness up. A gross misfit would be laid on it, but not on what the log's own
     # scatter and the loops' own gains may do, among which its cause is looked for
     late = fit_lateness(first)
-    known = fit_rate_steps(late if not is_gross(late) and is_thinkable(late) else first)
-    beside = _fit_beside_log(known)
-    return known if beside.chi2 > FAR * beside.dof else beside
+    known = late if not is_gross(late) and is_thinkable(late) else first
+    return _fit_beside_log(fit_rate_steps(known))
 
 
 def settle_log(fit: ExtendedFit) -> ExtendedFit:
@@ -151,19 +150,18 @@ def settle_log(fit: ExtendedFit) -> ExtendedFit:
         return fit
     if fit.series.scatter is None:
         beside = _fit_beside_log(fit if is_gross(fit) else fit_lateness(fit))
-        if is_gross(beside):
-            return fit if beside.chi2 > FAR * beside.dof else beside
-        return follow_walk(beside)
+        return beside if is_gross(beside) else follow_walk(beside)
     return fit if is_gross(fit) else _fit_beside_steps(fit, _fit_along_walk)
 
 
 def _fit_beside_log(fit: ExtendedFit) -> ExtendedFit:
     """The fit beside what the log's rows, the frame that its commands are turned to, and the ripple
     that loops answer may have done: white in every run, or the same in all of one instrument; and
-    beside the steps of held commands."""
+    beside the steps of held commands. The same where the misfit is far beyond all of that."""
     if not has_log(fit.series):
         return fit
-    return _fit_beside_steps(fit, lambda fit: _fit_along_walk(allow_starts(allow_scatter(fit))))
+    beside = _fit_beside_steps(fit, lambda fit: _fit_along_walk(allow_starts(allow_scatter(fit))))
+    return fit if beside.chi2 > FAR * beside.dof else beside
 
 
 def _fit_along_walk(fit: ExtendedFit) -> ExtendedFit:

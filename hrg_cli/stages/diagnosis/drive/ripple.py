@@ -14,10 +14,10 @@ the instant state answers with its part A = ∂F/∂u, and the mean of the produ
   sampling make and nobody knows. Of the second q the imaginary part makes quadrature, which the
   waves show; the real part turns the wave in proportion to its rate, as the scale factor does, and
   may be as large.
-- Of another frequency ω' than the ω that a loop takes it for, the oscillation is an ellipse of z
-  and ż/ω: a ripple of (ω' − ω)/2ω of the amplitude, answered by q (ω' − ω)a/4ω along the wave, that
-  looks as damping of driven runs alone; the force itself is off by (ω' − ω)/2ω. Nobody says which ω
-  a loop takes: one within what the split does to the run's own frequency.
+- To a loop that takes its frequency for another, ω', the oscillation is an ellipse of z and ż/ω': a
+  ripple of (ω − ω')/2ω of the amplitude, answered by q (ω − ω')a/4ω along the wave, that looks as
+  damping of driven runs alone; the force itself is off by (ω − ω')/2ω. Nobody says which ω' a loop
+  takes: one within what the split does to the run's own frequency.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ FASTEST = 0.1
 """Greatest gain of a loop over the oscillation's frequency: one that settles within ten periods,
 which its electronics need to see an amplitude."""
 OF_FORCE = 2.0
-"""Part of its force, over (ω' − ω)/4ω, that a drive answers another frequency by without any gain:
+"""Part of its force, over (ω − ω')/4ω, that a drive answers another frequency by without any gain:
 once by its direction, once by the amplitude that its loop sees beside the displacement's."""
 DIRECTION, QUADRATURE = 0, 2
 
@@ -117,11 +117,10 @@ def _find_references(fit: ExtendedFit) -> tuple[float, Array]:
     and in every single one (R, 1), rad/s: by what the split does, since a frequency that follows
     the temperature is followed."""
     by_split = fit.series.turn_rad_s - fit.point.offset_rad_s
-    forced = fit.series.forced.any(axis=1)
-    differences = np.where(forced, by_split - by_split[forced].mean(), 0.0)
+    driven = by_split[fit.series.forced.any(axis=1)]
     split = float(np.linalg.norm(fit.point.p[coordinates.FREQUENCY_SPLIT]))
     # a fit that is far off knows a run's frequency no better than that
-    return split, np.clip(differences, -split, split)[:, None]
+    return split, np.clip(by_split - driven.mean(), -split, split)[:, None]
 
 
 def _forces(stage: RungeKuttaStage, L: Array, v: Array, apart: tuple[float, Array]) -> Array:

@@ -134,7 +134,7 @@ def _settle_rivals(case: Case, judged: Sequence[JudgedCause]) -> tuple[Case, boo
             return simpler, False
         if not stands or len(others) > MOST_RIVALS:
             return case.give_up(one.cause, one.without), False
-        named = replace(one.cause, rivals=tuple(dict.fromkeys([*one.cause.rivals, *others])))
+        named = one.cause.add_rivals(others)
         found = tuple(named if f.variant is one.cause.variant else f for f in case.search.found)
         case = replace(case, search=replace(case.search, found=found))
     return case, True

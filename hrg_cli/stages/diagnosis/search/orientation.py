@@ -146,10 +146,7 @@ def _with_rivals_of(case: Case, other: Case) -> Case:
     others = [one.variant.effect.name for one in other.search.found if one.variant.effect.coherent]
     more = [name for name in others if name not in named]
     found = tuple(
-        replace(one, rivals=tuple(dict.fromkeys([*one.rivals, *more])))
-        if one.variant.effect.coherent
-        else one
-        for one in case.search.found
+        one.add_rivals(more) if one.variant.effect.coherent else one for one in case.search.found
     )
     return replace(case, search=replace(case.search, found=found))
 

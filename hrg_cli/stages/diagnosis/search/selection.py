@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,6 +55,12 @@ class Found:
     delta_bic: float
     rivals: tuple[str, ...]
     sizes: Mapping[str, tuple[float, float]] | None = None
+
+    def add_rivals(self, names: Iterable[str]) -> Found:
+        """The same, not told from these either; nothing is its own rival."""
+        rivals = dict.fromkeys([*self.rivals, *names])
+        rivals.pop(self.variant.effect.name, None)
+        return replace(self, rivals=tuple(rivals))
 
 
 @dataclass(frozen=True)
@@ -358,9 +364,7 @@ def exchange_causes(
         else:
             one, level = old, compute_bic(fit)
         limit = level + WORTH * noise.slow
-        near = [t.cause.variant.effect.name for t in trials if t.level < limit]
-        named = [rival for rival in one.rivals if rival != one.variant.effect.name]
-        one = replace(one, rivals=tuple(dict.fromkeys([*named, *near])))
+        one = one.add_rivals(t.cause.variant.effect.name for t in trials if t.level < limit)
         found = [*found[:k], one, *found[k + 1 :]]
     return fit, found
 

@@ -18,7 +18,6 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....physics import ellipse
 from ..fits.variants import Variant
 from .search_case import Case
-from .selection import Found
 
 Array = np.ndarray
 FAINT = 0.02
@@ -111,14 +110,10 @@ def name_doubles(case: Case) -> Case:
     """
     doubles = [effect.name for effect in EFFECTS if effect.same_as_base]
 
-    def named(one: Found) -> Found:
-        name = one.variant.effect.name
-        if name not in doubles:
-            return one
-        others = [double for double in doubles if double != name]
-        return replace(one, rivals=tuple(dict.fromkeys([*one.rivals, *others])))
-
-    found = tuple(named(one) for one in case.search.found)
+    found = tuple(
+        one.add_rivals(doubles) if one.variant.effect.name in doubles else one
+        for one in case.search.found
+    )
     return replace(case, search=replace(case.search, found=found))
 
 
