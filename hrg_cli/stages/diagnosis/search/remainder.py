@@ -20,6 +20,7 @@ from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.causes.sensitivities import multiply_out
 from ....fitting.causes.wave_frame import find_directions, to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
+from ..drive.followed_walk import correct_for_walk
 from ..fits.open_terms import (
     PLACES,
     Covariate,
@@ -521,7 +522,6 @@ def select_terms(
     >>> [len(select_terms(fit, STATED, 2, 1e-3, by_run=False).terms) for fit in fits]
     [0, 1]
     """
-    rows = len(fit.residual)
     chosen: list[tuple[str, Term]] = []
     start, tried = fit.basis.shape[1], 0
     while len(chosen) < most:
@@ -530,12 +530,8 @@ def select_terms(
             break
         # the spectrum's other cells were looked at too
         tried = len(ranked) + (CELLS - PEAKS) * len(PLACES)
-        best = find_best_term(fit, ranked)
-        _, p = evidence.find_significance(best.score.gain / noise.slow, best.score.rank)
-        if (
-            evidence.correct_for_tries(p, tried) > significant
-            or best.compute_bic_gain(rows, noise) < WORTH
-        ):
+        best = _find_standing_term(fit, ranked, noise, significant, tried)
+        if best is None:
             break
         again = add_term(fit, best, name := f"open term {len(chosen)}")
         if again is None or not again.chi2 < fit.chi2 - WORTH * noise.slow:
@@ -549,6 +545,31 @@ def select_terms(
         tried,
         fit.basis.shape[1] - start,
     )
+
+
+def _find_standing_term(
+    fit: ExtendedFit, ranked: Sequence[Term], noise: NoiseLevel, significant: float, tried: int
+) -> Term | None:
+    """The best term that is more than chance, and worth its price, without what it earns by
+    following the runs' likely walk; None where there is none."""
+
+    def stands(term: Term) -> bool:
+        _, p = evidence.find_significance(term.score.gain / noise.slow, term.score.rank)
+        chance = evidence.correct_for_tries(p, tried)
+        return chance <= significant and term.compute_bic_gain(len(fit.residual), noise) >= WORTH
+
+    left = list(ranked)
+    while left and stands(best := find_best_term(fit, left)):
+        make = partial(_build_term, pair=(best.place, best.covariate))
+        if stands(replace(best, score=correct_for_walk(fit, best.score, make))):
+            return best
+        left = [one for one in left if not _is_same_term(one, best)]
+    return None
+
+
+def _is_same_term(one: Term, other: Term) -> bool:
+    """Whether two terms are at one place and follow one thing, whatever their shape."""
+    return (one.place.name, one.covariate.name) == (other.place.name, other.covariate.name)
 
 
 def add_term(fit: ExtendedFit, term: Term, name: str) -> ExtendedFit | None:

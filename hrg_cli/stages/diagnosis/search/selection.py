@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from ....fitting.causes import evidence, extended_fit
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..base.joint_fit import settle_log
+from ..drive.followed_walk import correct_for_walk, is_along_walk
 from ..fits.refits import (
     HOPELESS,
     Trial,
@@ -33,6 +35,7 @@ from .gain import predicts_better
 from .inquiry import Inquiry, NoiseLevel
 from .pairs import TRIED, find_better_pair, fit_pair, list_promising_pairs
 
+Array = np.ndarray
 GROSS_SHORTLIST = 10
 """Candidates refitted while the misfit is gross, when a score says little of the refit."""
 PART_OF_BEST, BELOW_BEST = 0.6, 30.0
@@ -230,7 +233,8 @@ def find_best_step(
     ('gain_mismatch', 0.02)
     """
     tried = sum(score.visible for score, _ in ranked)
-    if tried == 0 or not _is_significant(fit, *ranked[0], noise, tried):
+    ranked = _drop_followers(fit, ranked, noise, tried)
+    if not ranked or not _is_significant(fit, *ranked[0], noise, tried):
         return None
     close, trials = _refit_near_best(fit, ranked, noise)
     gain = (compute_bic(fit) - trials[0][0]) / noise.slow if trials else -np.inf
@@ -246,6 +250,27 @@ def find_best_step(
     rivals = _rivals_of_best(trials, ranked, noise)
     tried *= count_places(variant.effect, fit)
     return chosen, Found(hold_unseen(variant, chosen), score, tried, gain, rivals)
+
+
+def _drop_followers(
+    fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]], noise: NoiseLevel, tried: int
+) -> Sequence[tuple[Score, Variant]]:
+    """Without the causes, of those in front of the first that stands, which are significant by what
+    they earn in following the runs' likely walk alone."""
+    if not is_along_walk(fit):
+        return ranked
+    for k, (score, variant) in enumerate(ranked):
+        corrected = score
+        if _is_significant(fit, score, variant, noise, tried):
+            corrected = correct_for_walk(fit, score, partial(_make_columns, variant=variant))
+        if corrected is score or _is_significant(fit, corrected, variant, noise, tried):
+            return ranked[k:]
+    return []
+
+
+def _make_columns(fit: ExtendedFit, variant: Variant) -> Array:
+    """Sensitivities of a cause beside a fit."""
+    return fit.find_sensitivities([variant.wanted])[0]
 
 
 def _is_significant(

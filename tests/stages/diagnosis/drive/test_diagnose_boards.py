@@ -39,17 +39,17 @@ def diagnosed(seed, log_rate_hz, effects=None, noise=None):
 
 @pytest.mark.parametrize(
     ("seed", "log_rate_hz"),
-    [(1, 100.0)]
+    [(1, 100.0), (0, 100.0)]
     + [
         pytest.param(seed, hz, marks=pytest.mark.slow)
-        for seed in (0, *range(2, 14))
-        for hz in (21e3, 1e2)
+        for seed, hz in ((0, 21e3), *((seed, hz) for seed in range(2, 14) for hz in (21e3, 1e2)))
     ],
 )
 def test_a_board_is_no_fault(seed, log_rate_hz):
     """Clean on 0 of 6 before, by false mismatches of 5 to 8 σ: the fit was made blind to a lateness of
     the log along its noise too, which laid a lateness on what the commands do in 4θ. Board 12 had a
-    gain by amplitude of 6 σ, as long as that followed a motion without the walk that loops take back."""
+    gain by amplitude of 6 σ, as long as that followed a motion without the walk that loops take back;
+    board 0 one of 5.8 σ by following that walk, which the residual itself had made likely."""
     record, said = diagnosed(seed, log_rate_hz)
     failed = [check["name"] for check in said["checks"] if not check["passed"]]
     assert record.verdict == "adequate" and record.status == "valid", (failed, said["effects"])
