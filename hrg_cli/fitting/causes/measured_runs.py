@@ -139,7 +139,9 @@ class MeasuredRuns:
     def _select_unsettled(self, kept: Array) -> Basis | None:
         """What is unsettled of some rows (R, n) or runs (R, 1); None where that is said of all rows
         together."""
-        if self.unsettled is None or self.scatter is not None or self.walk is not None:
+        walks = self.walk is not None and bool(self.walk.parts)
+        of_all = walks or self.scatter is not None or self.frame_turn is not None
+        if self.unsettled is None or of_all:
             return None
         kept = np.broadcast_to(kept, self.weight.shape)
         return self.unsettled.select_rows(np.repeat(kept[self.weight > 0], 4))

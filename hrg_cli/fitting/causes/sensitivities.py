@@ -100,14 +100,23 @@ class Propagation:
 
         in_steps: what jumps within the steps, (R, n−1, 4, K).
         """
+        source = self.gather_in_steps(at_rows, at_middle)
+        if in_steps is not None:
+            source += in_steps
+        return accumulate_steps(self.step, np.zeros(4)[:, None] if start is None else start, source)
+
+    def carry_jumps(self, jumps: Array) -> Array:
+        """Changes (R, n, 4, K) of the motion by jumps at the steps' ends, (R, n−1, 4, K)."""
+        return accumulate_steps(self.step, np.zeros((4, 1)), jumps)
+
+    def gather_in_steps(self, at_rows: Array, at_middle: Array) -> Array:
+        """What such source terms have added at every step's end, (R, n−1, 4, K)."""
         h = self.prediction.series.step_s[..., None, None]
         # Simpson's rule, each term carried to the step's end by the flow from where it acts
         source = (h / 6 * self.step) @ at_rows[:, :-1]
         source += (h * (4 / 6) * self.half) @ at_middle
         source += h / 6 * at_rows[:, 1:]
-        if in_steps is not None:
-            source += in_steps
-        return accumulate_steps(self.step, np.zeros(4)[:, None] if start is None else start, source)
+        return np.asarray(source)
 
     def propagate_products(
         self, at_rows: Array, at_middle: Array, g_rows: Array, g_middle: Array
@@ -299,6 +308,39 @@ def find_base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     carried = prediction.whiten_judged(carried)
     own = np.concatenate([carried[..., COUNT + 1 :], carried[..., COUNT : COUNT + 1]], axis=-1)
     return carried[..., :COUNT], own
+
+
+def gather_base_in_steps(flow: Propagation) -> Array:
+    """What the shared coordinates add at the end of every step of the motion.
+
+    Parameters
+    ----------
+    flow
+        Along a prediction of R runs of n rows.
+
+    Returns
+    -------
+    ndarray
+        Per unit of each, (R, n − 1, 4, 7).
+
+    Examples
+    --------
+    Carried on they are the coordinates' sensitivities:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.sensitivities import (
+    ...     find_base_sensitivities,
+    ...     gather_base_in_steps,
+    ... )
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> flow = draw_fit().flow
+    >>> carried = flow.whiten_read_out(flow.carry_jumps(gather_base_in_steps(flow)))
+    >>> bool(np.allclose(carried, find_base_sensitivities(flow)[0]))
+    True
+    """
+    rows = _base_sources(flow, flow.prediction.series, flow.prediction.motion, flow.rows)
+    mids = _base_sources(flow, flow.centre, flow.middle, flow.halves)
+    return flow.gather_in_steps(rows, mids)[..., :COUNT]
 
 
 _Pair = tuple[Mapping[str, float], Mapping[str, float], float]

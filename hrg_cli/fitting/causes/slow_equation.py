@@ -219,6 +219,18 @@ class RungeKuttaStage:
             second -= apply_generators(np.conj(self.plain), force)
         return force + self.lead * second
 
+    def pass_forcers(self, v: Array, command: Array) -> Array:
+        """The force (R, n, 2) of a command beside the logged ones, with what the fitted causes make
+        of it: the forcers' own are proportional to the drive."""
+        force = command
+        for effect, values in self.active:
+            if effect.family != "control" or effect.slow is no_term:
+                continue
+            with_it, without = copy.copy(self.state), copy.copy(self.state)
+            with_it.drive, without.drive = command, np.zeros_like(command)
+            force = force + effect.slow(values, v, with_it) - effect.slow(values, v, without)
+        return force
+
     def choose_envelopes(
         self, effect: Effect, v: Array, state: SlowState
     ) -> tuple[Array, SlowState]:

@@ -137,7 +137,7 @@ class Rule:
             np.zeros_like(self.h),
         )
         if series.walk is not None:
-            self.jumps = self.jumps + series.walk.jumps
+            self.jumps = self.jumps + series.walk.all_jumps
         self.fast = (
             fast_march.compile_march() if self.rows.driven and not self.rows.active else None
         )

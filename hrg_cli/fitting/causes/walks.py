@@ -7,7 +7,7 @@ rows (`designs.Softened`); from a residual it takes the likeliest walk.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -87,23 +87,35 @@ class WalkPart:
 class Walk:
     """The likely part of what may scatter: jumps of the motion in every step (R, n − 1, 2), and by
     how much they moved what is seen (R, n, 2) where they were found; the parts stand in the order
-    of those of the scatter. Likewise of what the commands' frame, which the runs hold, `turned` of
-    what is seen, to first order: so much of it is known with its covariance."""
+    of those of the scatter. Likewise of what loops answered, in jumps too, or by the commands'
+    frame, which the runs hold: by how much it moved what is seen, `answered`, to first order about
+    a motion, `along` (R, n, 2), since so much of it is known with its covariance."""
 
     parts: tuple[WalkPart, ...]
     jumps: Array
     seen: Array
-    turned: Array | None = None
+    answers: Array | None = None
+    answered: Array | None = None
+    along: Array | None = None
 
     @classmethod
     def make_still(cls, motion: Array) -> Walk:
         """That of runs (R, n, 2) which do not walk."""
         return cls((), np.zeros_like(motion[:, 1:]), np.zeros_like(motion))
 
+    def stand_still(self) -> Walk:
+        """The same of the answers alone, before it is asked anew."""
+        return replace(self, jumps=np.zeros_like(self.jumps), seen=np.zeros_like(self.seen))
+
     @property
     def moved(self) -> Array:
         """All that it moved of what is seen, (R, n, 2)."""
-        return self.seen if self.turned is None else self.seen + self.turned
+        return self.seen if self.answered is None else self.seen + self.answered
+
+    @property
+    def all_jumps(self) -> Array:
+        """Those of the answers among them."""
+        return self.jumps if self.answers is None else self.jumps + self.answers
 
     def estimate_jumps(self, residual: Array, scatter: Softened) -> Array:
         """Jumps (R, n − 1, 2) by the likeliest values of all pieces, w = Dᵀ C⁻¹ r, of a residual

@@ -17,13 +17,14 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import Point
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ....records import Wave
-from ..drive.command_frame import FrameAnswers, are_all_driven, follow_frames
+from ..drive.command_frame import FrameAnswers, are_all_driven
 from ..drive.command_log import (
     fit_lateness,
     is_thinkable,
     predict_command_scatter,
     predict_lateness,
 )
+from ..drive.followed_answers import follow_answers, follow_whole_answers
 from ..drive.held_commands import allow_steps, find_likely_beats
 from ..drive.ripple import Ripple
 from ..drive.scatter import allow, allow_scatter, follow_walk, has_log
@@ -43,8 +44,8 @@ AVERAGED_AGAIN = 2
 
 LOST_RAD = 1.0
 """Turn of a run's phase about the foretold one from which a fit of phases may have lost its way."""
-FRAMES_AGAIN = 3
-"""Times that the commands are turned anew to the frame that the waves make likely."""
+FOLLOWED_AGAIN = 4
+"""Times that the motion is laid anew along what loops are likely to have answered."""
 
 
 def fit_base(
@@ -166,7 +167,7 @@ def _fit_beside_log(fit: ExtendedFit) -> ExtendedFit:
 
 def _fit_along_walk(fit: ExtendedFit) -> ExtendedFit:
     """The fit beside what is the same in all runs, along the likely walk where it is not gross."""
-    return _fit_beside_frames(fit if is_gross(fit) else follow_walk(fit))
+    return fit_beside_answers(fit if is_gross(fit) else follow_walk(fit))
 
 
 def _fit_beside_steps(
@@ -184,19 +185,53 @@ def _fit_beside_steps(
     return beside
 
 
-def _fit_beside_frames(fit: ExtendedFit) -> ExtendedFit:
-    """The fit beside what is the same in all runs of one instrument, in the frame that the waves
-    make likely beside the causes there are: what these have done would be laid on it, and so would
-    be a gross misfit."""
-    for _ in range(FRAMES_AGAIN):
-        frames = FrameAnswers.from_fit(fit)
-        beside = _allow_answers(fit, frames.compute_spread(fit))
-        if is_gross(beside):
-            return beside
-        fit = follow_frames(beside, frames)
-        if fit is beside:
+def fit_beside_answers(fit: ExtendedFit) -> ExtendedFit:
+    """The fit beside what is the same in all runs of one instrument, along the motion that it makes
+    likely beside the causes there are: what these have done would be laid on it, and so would be a
+    gross misfit.
+
+    What driven runs alone do not tell from the base model's coordinates is left out until the
+    motion stands: along it both would change by more than columns about one motion hold.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+
+    Returns
+    -------
+    ExtendedFit
+        Beside the frame, the ripple and the log that loops may have answered.
+
+    Examples
+    --------
+    Free runs have no loops:
+
+    >>> from hrg_cli.stages.diagnosis.base.joint_fit import fit_beside_answers
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> fit_beside_answers(draw_fit()) is draw_fit()
+    True
+    """
+    if not has_log(fit.series):
+        return fit
+
+    def allowed(fit: ExtendedFit) -> tuple[ExtendedFit, FrameAnswers, Ripple]:
+        frames, ripple = FrameAnswers.from_fit(fit), Ripple.from_fit(fit)
+        beside = _allow_answers(fit, ripple, ripple.spread_apart, frames.compute_spread(fit))
+        return beside, frames, ripple
+
+    beside, frames, ripple = allowed(fit)
+    for _ in range(FOLLOWED_AGAIN):
+        # columns about where a far fit began may keep it from settling, those about its end do not
+        along = beside if is_gross(beside) else follow_answers(beside, frames, ripple)
+        if along is beside and (beside.converged or not is_gross(beside)):
             break
-    return fit
+        beside, frames, ripple = allowed(along)
+    if not are_all_driven(beside.series):
+        return beside
+    whole = beside if is_gross(beside) else follow_whole_answers(beside, ripple)
+    ripple, frames = Ripple.from_fit(whole), FrameAnswers.from_fit(whole)
+    return _allow_answers(whole, ripple, ripple.spread, frames.compute_spread(whole))
 
 
 def fit_beside_delay(fit: ExtendedFit) -> ExtendedFit | None:
@@ -222,14 +257,16 @@ def fit_beside_delay(fit: ExtendedFit) -> ExtendedFit | None:
     """
     if fit.series.unsettled is None or not are_all_driven(fit.series):
         return None
-    return _allow_answers(fit, FrameAnswers.from_fit(fit).doings)
-
-
-def _allow_answers(fit: ExtendedFit, of_frames: Array) -> ExtendedFit:
-    """The fit beside what loops may have answered, these columns (N, k) of their frame's among
-    it."""
     ripple = Ripple.from_fit(fit)
-    answers = [ripple.spread, of_frames, predict_lateness(fit), predict_command_scatter(fit)]
+    return _allow_answers(fit, ripple, ripple.spread, FrameAnswers.from_fit(fit).doings)
+
+
+def _allow_answers(
+    fit: ExtendedFit, ripple: Ripple, of_ripple: Array, of_frames: Array
+) -> ExtendedFit:
+    """The fit beside what loops may have answered, these columns (N, k) of the ripple and of their
+    frame among it."""
+    answers = [of_ripple, of_frames, predict_lateness(fit), predict_command_scatter(fit)]
     sizes = (ripple.amplitude_1_s, ripple.quadrature_1_s)
     return allow(fit, np.concatenate(answers, axis=1), sizes)
 

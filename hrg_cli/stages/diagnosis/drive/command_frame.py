@@ -22,18 +22,16 @@ board has one lateness, so that a force turned alike at every rate stays a rotat
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ....effects.effect import find_frame
-from ....fitting.causes import extended_fit, whitened_rows
+from ....fitting.causes import whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.sensitivities import Propagation, find_base_sensitivities, linearise_flow
-from ....fitting.causes.slow_prediction import predict
-from ....fitting.causes.walks import Walk
-from ....fitting.causes.wave_frame import to_complex, to_reals
+from ....fitting.causes.sensitivities import Propagation, find_base_sensitivities
+from ....fitting.causes.wave_frame import to_reals
 from ....fitting.envelopes.coordinates import SCALE_FACTOR
 from .scatter import find_row_length_s, turn_forces
 
@@ -46,10 +44,6 @@ APART = 1.25
 combination of what all leave, to a thousandth. At a ratio of 2, to 4 %: of a phase that a split
 turns by 0.05 rad that was 20 σ over a run, and eight clean gyros of ten had an "angle that changes
 with wave angle"."""
-MOST_TURNED_RAD = 1.0
-"""Turn of the commands' frame beyond which they would not hold the wave that they were made for."""
-SETTLED_RAD = 1e-4
-"""Turn of the commands' frame that is none: a hundredth of that is missed of the force."""
 FINER = 4
 """Instants a row at which a loop's answer is followed."""
 DAMPING = 0.5**0.5
@@ -78,63 +72,12 @@ class FrameAnswers:
     def compute_spread(self, fit: ExtendedFit) -> Array:
         """What one standard deviation of each does, over σ (N, 2k); driven runs alone show that
         scale factor which their loops make of it."""
-        return (
-            _project_scale_factor(fit, self.doings) if are_all_driven(fit.series) else self.doings
-        )
+        return _set_scale_factor_apart(fit, self.doings)
 
     def compute_turn(self, size: Array) -> Array:
         """Turn of the frame by answers of these sizes (2k,), rad (R, n, 2)."""
         angle, phase = np.split(size, 2)
         return np.stack([self.angle @ angle, self.phase @ phase], axis=-1)
-
-
-def follow_frames(fit: ExtendedFit, answers: FrameAnswers) -> ExtendedFit:
-    """The fit again with the commands in the frame that the waves make likely.
-
-    Of a frame late by 80 ms, in which the wave turns by 0.06 rad, the force along the wave lacks
-    two thousandths: more than columns of first order hold. So the frame is turned by the likely
-    answers' whole angle, c = Dᵀ C⁻¹ r, and columns stand about that. Driven runs alone do not know
-    the late part of it from their scale factor.
-
-    Parameters
-    ----------
-    fit
-        Beside these answers.
-    answers
-        Of late frames, one standard deviation each.
-
-    Returns
-    -------
-    ExtendedFit
-        The same where the frame is settled, or where no frame of loops that hold a wave is likely:
-        a gross misfit would be laid on it.
-
-    Examples
-    --------
-    Without driven runs nothing is unsettled:
-
-    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
-    >>> from hrg_cli.stages.diagnosis.drive.command_frame import follow_frames
-    >>> follow_frames(draw_fit(), None) is draw_fit()
-    True
-    """
-    series = fit.series
-    if series.unsettled is None or are_all_driven(series):
-        return fit
-    size = answers.doings.T @ series.unsettled.project_out(fit.residual)
-    turn = answers.compute_turn(size)
-    if np.abs(turn).max() > MOST_TURNED_RAD:
-        return fit
-    before = 0.0 if series.frame_turn is None else series.frame_turn
-    if np.abs(turn - before).max() < SETTLED_RAD:
-        return fit
-    series = replace(series, frame_turn=turn)
-    flow = linearise_flow(predict(series, fit.point, fit.flow.near))
-    carried = carry_turns(flow, series, answers.angle, answers.phase)
-    walk = Walk.make_still(flow.prediction.motion) if series.walk is None else series.walk
-    turned = to_complex(flow.read_out(carried) @ size)
-    series = replace(series, walk=replace(walk, turned=turned))
-    return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
 
 
 def are_all_driven(series: MeasuredRuns) -> bool:
@@ -160,9 +103,11 @@ def are_all_driven(series: MeasuredRuns) -> bool:
     return bool(np.all(np.any(series.forced > 0, axis=1)))
 
 
-def _project_scale_factor(fit: ExtendedFit, doings: Array) -> Array:
-    """Columns (N, k) less what another scale factor does: driven runs alone show the one that their
-    loops make of it."""
+def _set_scale_factor_apart(fit: ExtendedFit, doings: Array) -> Array:
+    """Columns (N, k) less what another scale factor does, where no run is free: driven runs alone
+    show the one that their loops make of it."""
+    if not are_all_driven(fit.series):
+        return doings
     shared = whitened_rows.flatten_own(fit.series, find_base_sensitivities(fit.flow)[0])
     column = shared[:, SCALE_FACTOR]
     size = float(column @ column)
@@ -204,14 +149,14 @@ def carry_turns(flow: Propagation, series: MeasuredRuns, angle: Array, phase: Ar
     at_rows, at_middle = (
         np.concatenate(
             [
-                to_reals(force)[..., None] * answer[..., None, :]
+                to_reals(stage.pass_forcers(motion, force))[..., None] * answer[..., None, :]
                 for force, answer in zip(turn_forces(runs, motion), beside, strict=True)
             ],
             axis=-1,
         )
-        for runs, motion, beside in (
-            (series, flow.prediction.motion, answers),
-            (flow.centre, flow.middle, between),
+        for runs, stage, motion, beside in (
+            (series, flow.rows, flow.prediction.motion, answers),
+            (flow.centre, flow.halves, flow.middle, between),
         )
     )
     return flow.propagate(at_rows, at_middle)

@@ -29,6 +29,7 @@ import numpy as np
 from ....effects.effect import find_frame
 from ....fitting.causes import whitened_rows
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.sensitivities import Propagation, gather_base_in_steps
 from ....fitting.causes.slow_equation import (
     RungeKuttaStage,
     apply_generators,
@@ -38,6 +39,7 @@ from ....fitting.causes.slow_equation import (
 from ....fitting.causes.wave_frame import to_reals
 from ....fitting.envelopes import coordinates
 from ..fits.scoring import is_gross
+from .command_frame import are_all_driven
 from .loop_gain import bound_gains
 
 Array = np.ndarray
@@ -57,9 +59,15 @@ class Ripple:
     """What a ripple's answers do to the waves over σ (N, 8): of the direction, of the quadrature
     loop and of the amplitude loop in two parts each, of the amplitude loop to the frequency that it
     takes the wave's for, in all runs and from run to run, and of the force's direction to that; of
-    the loops for 1/s, and how large their answers may be, 1/s."""
+    the loops for 1/s; and how large the answers of the loops may be, 1/s."""
 
     doings: Array
+    apart: Array
+    """The same less what coordinates of the base model do of it, where no run is free."""
+    shares: Array
+    """Of these, what one of each answer is like (6, 8)."""
+    jumps: Array
+    """What the part apart adds at the end of every step, (R, n − 1, 4, 8)."""
     amplitude_1_s: float
     quadrature_1_s: float
 
@@ -71,16 +79,40 @@ class Ripple:
         Any gross misfit might be taken for an answer: beside one the gains alone tell. What was
         judged once stays: fits of the same runs are compared at the same doubt.
         """
-        doings = whitened_rows.flatten_own(fit.series, _doings(fit))
-        if not fit.series.quadrature_drive.any():
-            return cls(doings, 0.0, 0.0)
-        return cls(doings, *(fit.series.answers_1_s or _judge_answers(fit, doings)))
+        flow = fit.flow
+        jumps, base = gather_answers(fit, flow), _gather_coordinates(flow)
+        doings, shared = (
+            whitened_rows.flatten_own(fit.series, flow.whiten_read_out(flow.carry_jumps(one)))
+            for one in (jumps, base)
+        )
+        shares = np.zeros((base.shape[-1], jumps.shape[-1]))
+        if are_all_driven(fit.series):
+            shares = np.linalg.lstsq(shared, doings, rcond=None)[0]
+        sizes = 0.0, 0.0
+        if fit.series.quadrature_drive.any():
+            sizes = fit.series.answers_1_s or _judge_answers(fit, doings)
+        return cls(doings, doings - shared @ shares, shares, jumps - base @ shares, *sizes)
+
+    def gather_along(self, fit: ExtendedFit, flow: Propagation) -> Array:
+        """What the answers add at the end of every step (R, n − 1, 4, 8) of another motion, less
+        what the same shares of the coordinates do."""
+        return gather_answers(fit, flow) - _gather_coordinates(flow) @ self.shares
 
     @property
     def spread(self) -> Array:
         """What one standard deviation of each does, over σ (N, 8)."""
+        return self.doings * self.std
+
+    @property
+    def spread_apart(self) -> Array:
+        """The same less what coordinates of the base model do, where no run is free."""
+        return self.apart * self.std
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations of the eight."""
         sizes = [self.quadrature_1_s] * 2 + [self.amplitude_1_s] * 4
-        return self.doings * np.array([1.0, *sizes, 1.0])
+        return np.array([1.0, *sizes, 1.0])
 
 
 def _judge_answers(fit: ExtendedFit, doings: Array) -> tuple[float, float]:
@@ -101,15 +133,44 @@ def _find_seen_size(fit: ExtendedFit, doings: Array) -> float:
     return float(np.hypot(seen, size**-0.5))
 
 
-def _doings(fit: ExtendedFit) -> Array:
-    """Of the direction's answer, and of q = 1 and q = j 1/s of the sizes', (R, n, 4, 8)."""
-    flow, series, point = fit.flow, fit.series, fit.point
+def _gather_coordinates(flow: Propagation) -> Array:
+    """What the base model's coordinates add at the end of every step, (R, n − 1, 4, 6)."""
+    return gather_base_in_steps(flow)[..., : coordinates.SECOND_ORDER]
+
+
+def gather_answers(fit: ExtendedFit, flow: Propagation) -> Array:
+    """What the direction's answer adds at the end of every step, and of the sizes' q = 1 and q = j
+    1/s.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    flow
+        Along their motion.
+
+    Returns
+    -------
+    ndarray
+        (R, n − 1, 4, 8)
+
+    Examples
+    --------
+    No loop holds a free run:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.ripple import gather_answers
+    >>> added = gather_answers(draw_fit(), draw_fit().flow)
+    >>> added.shape, bool(added.any())
+    ((3, 49, 4, 8), False)
+    """
+    series, point = fit.series, fit.point
     turn, apart = build_mean_turns(series)[:, None], _find_references(fit)
     at_rows = _forces(
-        flow.rows, build_generators(series, point) - turn, fit.prediction.motion, apart
+        flow.rows, build_generators(series, point) - turn, flow.prediction.motion, apart
     )
     between = _forces(flow.halves, build_generators(flow.centre, point) - turn, flow.middle, apart)
-    return flow.whiten_read_out(flow.propagate(at_rows, between))
+    return flow.gather_in_steps(at_rows, between)
 
 
 def _find_references(fit: ExtendedFit) -> tuple[float, Array]:
@@ -120,7 +181,8 @@ def _find_references(fit: ExtendedFit) -> tuple[float, Array]:
     driven = by_split[fit.series.forced.any(axis=1)]
     split = float(np.linalg.norm(fit.point.p[coordinates.FREQUENCY_SPLIT]))
     # a fit that is far off knows a run's frequency no better than that
-    return split, np.clip(by_split - driven.mean(), -split, split)[:, None]
+    mean = driven.mean() if driven.size else 0.0
+    return split, np.clip(by_split - mean, -split, split)[:, None]
 
 
 def _forces(stage: RungeKuttaStage, L: Array, v: Array, apart: tuple[float, Array]) -> Array:
@@ -156,5 +218,6 @@ def _forces(stage: RungeKuttaStage, L: Array, v: Array, apart: tuple[float, Arra
         axis=-1,
     )
     answers = turn[..., None] * answers
-    forces = answers[0][..., None, :] * e_A[..., None] + answers[1][..., None, :] * e_B[..., None]
-    return np.moveaxis(to_reals(np.moveaxis(forces, -1, -2)), -1, -2)
+    commands = answers[0][..., None, :] * e_A[..., None] + answers[1][..., None, :] * e_B[..., None]
+    forces = [stage.pass_forcers(v, command) for command in np.moveaxis(commands, -1, 0)]
+    return np.stack([to_reals(force) for force in forces], axis=-1)

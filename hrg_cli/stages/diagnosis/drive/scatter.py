@@ -33,7 +33,7 @@ from ....fitting.causes.sensitivities import find_base_sensitivities
 from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.walks import LogPieces, Walk, WalkPart
 from ....fitting.causes.wave_frame import find_directions, to_reals
-from ....fitting.noise.difference_noise import measure_difference_noise
+from ....fitting.noise.difference_noise import measure_noise_of_means
 
 Array = np.ndarray
 SLOW = 4
@@ -74,10 +74,11 @@ class Scatter:
             rows = int(np.count_nonzero(good))
             if rows < FEWEST or not series.forced[k].any():
                 continue
-            commands = np.stack([series.main_drive[k][good], series.quadrature_drive[k][good]])
+            time_s = series.time_s[k][good]
+            done = np.stack([series.main_impulse[k][good], series.quadrature_impulse[k][good]])
             # rows in which the command was switched are few
-            size[k] = measure_difference_noise(commands, 4)
-            step = float(np.median(np.diff(series.time_s[k][good])))
+            size[k] = measure_noise_of_means(time_s, done, 4)
+            step = float(np.median(np.diff(time_s)))
             walk[k] = size[k].max() * step * np.sqrt(rows) * float(np.median(weight[good]))
         return cls(size, walk)
 
@@ -295,9 +296,8 @@ def _soften(
         fit.series,
         scatter=Softened((*(() if known is None else known.own), *new.own)),
         walk=replace(
-            Walk.make_still(motion),
+            Walk.make_still(motion) if walk is None else walk.stand_still(),
             parts=(*(() if walk is None else walk.parts), *turns),
-            turned=None if walk is None else walk.turned,
         ),
         scatter_part=told,
         unsettled=_whitened(fit.series.unsettled, new),

@@ -14,6 +14,7 @@ from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.fitting.samples.course import average_over_windows, integrate_means
 from hrg_cli.physics.ellipse import find_wave
+from hrg_cli.stages.diagnosis.base.joint_fit import fit_beside_answers
 from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
 from hrg_cli.stages.diagnosis.drive.ripple import Ripple
 from hrg_cli.stages.diagnosis.fits.refits import adopt
@@ -79,7 +80,7 @@ def recorded(
     return seen, log
 
 
-def measured(seen, log, seed, turn_rad_s=(0.0, 0.0, 0.0)):
+def measured(seen, log, seed, turn_rad_s=(0.0, 0.0, 0.0), sigma=NOISE):
     """The rows with noise and the means of the commands."""
     length, h = PERIODS / HZ, 1 / HZ / STEPS
     t = (np.arange(ROWS) + 0.5) * length
@@ -94,7 +95,7 @@ def measured(seen, log, seed, turn_rad_s=(0.0, 0.0, 0.0)):
     noise = random.normal(size=seen.shape) + 1j * random.normal(size=seen.shape)
     one, forced = np.ones((len(rates), ROWS)), main.any(axis=1, keepdims=True)
     return MeasuredRuns(
-        names=tuple("abcdef"[: len(rates)]), time_s=t * one, envelope=seen + NOISE * noise, weight=one / NOISE,
+        names=tuple("abcdef"[: len(rates)]), time_s=t * one, envelope=seen + sigma * noise, weight=one / sigma,
         rate_rad_s=rates[:, None] * one, temperature_degc=25 * one, temperature_rate_degc_s=0 * one,
         branch=one, table_angle_rad=rates[:, None] * t, phase_rad=turn[:, None] * t,
         main_drive=main, quadrature_drive=quadrature, main_impulse=areas[0],
@@ -177,6 +178,19 @@ def test_the_cause_of_a_gross_misfit_is_found_beside_what_loops_answer():
     # without the answers it is not enough, and wrong
     alone = adopt(plain, *score_effects(plain, variants)[0])
     assert is_gross(alone)
+
+
+@pytest.mark.parametrize("free_beside", [False, True])
+def test_answers_of_thousands_of_sigma_are_followed(free_beside):
+    """Columns about a motion without them miss as large a part of what they do as that is off."""
+    seen, log = recorded(15.0, 20.0, (0.1, 0.1, 0.1), free_beside=free_beside)
+    plain = fitted(measured(seen, log, 7, (0.1, 0.1, 0.1), sigma=1e-6))
+    about = drive_scatter.allow(plain, Ripple.from_fit(plain).spread)
+    along = fit_beside_answers(plain)
+    # not the frequency split, which is one of ω²
+    known = [0, 1, 2, 5]
+    assert np.abs(errors(about)[known]).max() > 6 and about.chi2 / about.dof > 1.1
+    assert np.abs(errors(along)[known]).max() < 4.5 and 0.9 < along.chi2 / along.dof < 1.07
 
 
 def test_how_large_an_answer_may_be_is_judged_once():

@@ -182,7 +182,8 @@ def test_the_walk_of_a_scatter_is_that_of_independent_commands():
     series = measured(seen[0], commands[0], MEANS, 1)
     random, size = np.random.default_rng(6), 0.05
     noise = size * random.normal(size=series.time_s.shape)
-    scatter = Scatter.from_commands(replace(series, main_drive=series.main_drive + noise))
+    done = series.main_impulse + np.cumsum(noise * ROW_S, axis=1)
+    scatter = Scatter.from_commands(replace(series, main_impulse=done))
     ends = (size * ROW_S * random.normal(size=(4000, ROWS))).sum(axis=1).std() / NOISE
     assert abs(scatter.size[scatter.worst].max() / size - 1) < 0.3
     assert abs(scatter.walk.max() / ends - 1) < 0.3
