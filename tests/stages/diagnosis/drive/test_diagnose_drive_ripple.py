@@ -2,10 +2,12 @@
 along the instant state, and what the fit of the slow model makes of its rows and its drive's log.
 """
 
+import sys
+
 import numpy as np
 import pytest
 
-from hrg_cli.effects import EFFECTS
+from hrg_cli.effects import EFFECTS, find
 from hrg_cli.effects.effect import find_frame
 from hrg_cli.fitting.causes import extended_fit
 from hrg_cli.fitting.causes.coordinate_priors import CoordinatePriors
@@ -14,12 +16,19 @@ from hrg_cli.fitting.causes.measured_runs import MeasuredRuns
 from hrg_cli.fitting.envelopes import coordinates
 from hrg_cli.fitting.samples.course import average_over_windows, integrate_means
 from hrg_cli.physics.ellipse import find_wave
+from hrg_cli.physics.resonator import OF_GENERATOR
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_beside_answers
+from hrg_cli.stages.diagnosis.closing.forcers import estimate_moves_of_forcers
+from hrg_cli.stages.diagnosis.closing.sized import Sized
 from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
 from hrg_cli.stages.diagnosis.drive.ripple import Ripple
 from hrg_cli.stages.diagnosis.fits.refits import adopt
 from hrg_cli.stages.diagnosis.fits.scoring import is_gross, score_effects
 from hrg_cli.stages.diagnosis.fits.variants import list_variants
+from hrg_cli.stages.diagnosis.report.base_values import list_base_values
+from hrg_cli.stages.diagnosis.search.inquiry import Inquiry
+from hrg_cli.stages.diagnosis.search.search_case import Case
+from hrg_cli.stages.diagnosis.search.selection import Search
 
 HZ, STEPS = 250.0, 24
 P = np.array([1.5, 0.1, 0.05, 0.9, -0.4, 0.55, 0.0])
@@ -191,6 +200,28 @@ def test_answers_of_thousands_of_sigma_are_followed(free_beside):
     known = [0, 1, 2, 5]
     assert np.abs(errors(about)[known]).max() > 6 and about.chi2 / about.dof > 1.1
     assert np.abs(errors(along)[known]).max() < 4.5 and 0.9 < along.chi2 / along.dof < 1.07
+
+
+def test_a_small_excess_of_all_forces_is_in_the_sigma_of_quiet_runs(monkeypatch):
+    """It would be named at its typical size, of one percent; of a tenth of that these runs know no
+    more than its sum with the damping and with the frequency split."""
+    excess, little = 1e-3, P * np.array([0.1, 0.1, 0.1, 0.02, 0.02, 1.0, 1.0])
+    monkeypatch.setattr(sys.modules[__name__], "P", little)
+    seen, log = recorded(15.0, 20.0)
+    fit = fit_beside_answers(fitted(measured(seen, log / (1 + excess), 7, sigma=1e-6)))
+    candidates = tuple(list_variants([find("drive_gain")], fit))
+    last = tuple(score for score, _ in score_effects(fit, candidates))
+    case = Case(Inquiry(candidates, 1), Search(fit, fit, (), last, last), None)
+    true = dict(zip(OF_GENERATOR, coordinates.to_parameters(little, 2)[0], strict=True))
+    told, alone = (
+        {row["name"]: row for row in list_base_values(Sized(fit, fit, 1.0), None, moves)[1:]}
+        for moves in (estimate_moves_of_forcers(case), {})
+    )
+    off = {name: row["value"] - true[name] for name, row in told.items()}
+    assert max(abs(off[name]) / row["std"] for name, row in alone.items()) > 20
+    assert max(abs(off[name]) / row["std"] for name, row in told.items()) < 4
+    for name in ("damping_rate_1_s", "frequency_split_rad_s"):
+        assert told[name]["sum_with"] == ["drive_gain"]
 
 
 def test_how_large_an_answer_may_be_is_judged_once():
