@@ -69,7 +69,7 @@ def stream_windows(
     >>> source = Told(
     ...     path="lock-in", read_blocks=lambda: iter([(t, u, [])]),
     ...     signal=Told(columns={"s_in_phase": 2}, phase_known=True),
-    ...     slow=Told(list_fields=list, list_constant_fields=dict),
+    ...     slow=Told(list_fields=list, list_constant_fields=dict, judge=list),
     ... )
     >>> plan, taken = plan_windows(Path(), [(t, u)], 100), Taken(Log("", (), iter), {}, {}, 100.0)
     >>> (windows,) = stream_windows(source, _no_windows(5e3, 1.0), plan, taken)
@@ -105,7 +105,7 @@ def stream_windows(
             f"{source.path}: holds fewer rows than one window of {plan.rows}; record longer or"
             " lower rows_per_window"
         )
-    for status, reason in taken.judge():
+    for status, reason in [*taken.judge(), *source.slow.judge()]:
         held = held.judged([reason], status)
     facts = taken.list_facts()
     facts["rows"] = facts.pop("samples")

@@ -96,7 +96,7 @@ def stream_blocks(
             )
             if timing.sample_rate_hz is None:
                 block = block.replace(time_s=times)
-            yield block if following is not None else _close(block, opened, taken)
+            yield block if following is not None else _close(block, opened, taken, slow)
             held, first = following, False
     taken.check_range(str(path))
     if first:
@@ -111,14 +111,14 @@ def _count_not_finite(c: Array, s: Array, row: int, taken: Taken) -> None:
             taken.count_not_finite(bad, row)
 
 
-def _close(block: Recording, opened: OpenedLog, taken: Taken) -> Recording:
+def _close(block: Recording, opened: OpenedLog, taken: Taken, slow: SlowLog) -> Recording:
     """The last block with what the whole log tells. HrgError: the file changed meanwhile."""
     if read_states(opened.files) != opened.before:
         raise HrgError(
             f"{opened.files[0]}: changed while it was read; wait until it is written and import it"
             " again"
         )
-    for status, reason in taken.judge():
+    for status, reason in [*taken.judge(), *slow.judge()]:
         block = block.judged([reason], status)
     return block.replace(details=taken.dump_facts())
 

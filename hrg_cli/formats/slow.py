@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import HrgError
+from ..records import Status
+from ..units import KELVIN_DEGC
 from .column_units import find_column_unit
 from .log import Array, Log
 from .log_columns import Roles
@@ -53,6 +55,9 @@ class SlowLog:
                     f"a {role} column and constant_{FIELD[role]} were both given; leave one out"
                 )
         self.scales: dict[str, tuple[float, float]] = {}
+        self.unnamed = False
+        """Whether nobody says in what unit the temperature is."""
+        self.warmth, self.warm_rows = 0.0, 0
         for role, index in roles.list_auxiliary().items():
             channel = log.channels[index]
             factor, offset = 1.0, 0.0
@@ -61,6 +66,7 @@ class SlowLog:
                 factor = rate_scale_factor * find_rate_factor(unit)
             if role == "temperature":
                 unit = find_column_unit(where, role, index, channel, told.temperature)
+                self.unnamed = told.temperature is None and not channel.units
                 factor, offset = find_temperature_scale(unit)
             self.scales[role] = (
                 factor * channel.scale_factor,
@@ -117,10 +123,23 @@ class SlowLog:
 
     def convert(self, columns: list[Array]) -> list[Array]:
         """Slow columns in SI units."""
-        return [
+        found = [
             np.asarray(values, float) * factor + offset
             for values, (factor, offset) in zip(columns, self.scales.values())
         ]
+        if self.unnamed:
+            warm = found[list(self.scales).index("temperature")]
+            self.warmth += float(np.nansum(warm))
+            self.warm_rows += int(np.count_nonzero(np.isfinite(warm)))
+        return found
+
+    def judge(self) -> list[tuple[Status, str]]:
+        """After the last block: a temperature of no unit that no gyro has in °C."""
+        mean = self.warmth / self.warm_rows if self.warm_rows else 0.0
+        if mean < KELVIN_DEGC:
+            return []
+        told = f"its temperature column names no unit and holds {mean:.4g} on the average, no"
+        return [("suspect", f'{told} temperature of a gyro in °C; give temperature_units = "K"')]
 
     def _with_constants(self, stacked: list[Array]) -> dict[str, Array]:
         found = {

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..units import KELVIN_DEGC
 from .suspicion import Suspicion
 
 Array = np.ndarray
-KELVIN_DEGC = 150.0
-"""Temperature that no gyro has in °C and every gyro has in K."""
 SETTLED = 1e-3
 """Relative distance from the other runs' frequencies that a difference of 273 °C would exceed."""
 

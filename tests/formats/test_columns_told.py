@@ -71,6 +71,19 @@ def test_temperatures_become_degrees_celsius(tmp_path, title, value):
         assert not told(made)["columns_left"]
 
 
+def test_a_temperature_of_no_unit_that_no_gyro_has_in_degrees_celsius_is_told(tmp_path):
+    """298 was taken for °C in silence: a resonator's values would stand at that temperature."""
+    path = log(tmp_path, {"temperature": 298.15})
+    made = collect(import_log(path))
+    assert made.status == "suspect" and 'give temperature_units = "K"' in made.status_reasons[0]
+    right = collect(import_log(path, temperature_units="K"))
+    assert right.status == "valid" and abs(right.temperature_degc.mean() - 25) < 1e-9
+    warm = collect(import_log(log(tmp_path, {"temperature": 85.0})))
+    assert warm.status == "valid"
+    # a unit that is named is the lab's word
+    assert collect(import_log(path, temperature_units="degC")).status == "valid"
+
+
 @pytest.mark.parametrize(
     "title", ["rate (Hz)", "rate_hz", "rate [mV]", "rate (V)", "rate (furlong)"]
 )

@@ -11,7 +11,8 @@ import numpy as np
 from ...errors import HrgError
 from ...fitting.tables.increments import AnglePath, build_path
 from ...records import Calibration, Resonator, Wave
-from ..kelvin_logs import KELVIN_DEGC, average_log, find_kelvin_logs
+from ...units import KELVIN_DEGC
+from ..kelvin_logs import average_log, find_kelvin_logs
 from ..one_gyro import find_two_gyros, need_each_once, need_same_gyro
 from ..shared_noise import need_own_noise
 from ..usable import Usable, drop_refused, restrict_to_known_rates
